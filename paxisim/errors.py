@@ -1,0 +1,61 @@
+"""The errors paxisim raises: each says what was expected, what came, and what to do about it.
+
+Every one inherits `PaxisimError` and the builtin that fits, so `except ValueError` works as well.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class PaxisimError(Exception):
+    """Base of every error that paxisim raises on purpose."""
+
+
+class InvalidValueError(PaxisimError, ValueError):
+    """A value, shape or file that cannot be used as given."""
+
+
+class UnknownNameError(PaxisimError, LookupError):
+    """A name that is not among the known ones; the message offers the near matches."""
+
+    def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
+        """Build the message.
+
+        Args:
+            kind: What the name should have named, e.g. ``"sensor"``.
+            name: The name that came.
+            known: The names there are.
+        """
+        known = sorted(known)
+        near = difflib.get_close_matches(name.lower(), known, n=3, cutoff=0.4)
+        if near:
+            hint = "did you mean " + " or ".join(repr(n) for n in near) + "?"
+        elif known:
+            hint = "known: " + ", ".join(known)
+        else:
+            hint = "there is none"
+        super().__init__(f"unknown {kind} {name!r}; {hint}")
+
+
+class MissingExtraError(PaxisimError, ImportError):
+    """An optional dependency is not installed; the message names the extra to install."""
+
+    def __init__(self, module: str, extra: str, purpose: str) -> None:
+        """Build the message.
+
+        Args:
+            module: The module that could not be imported.
+            extra: The extra of paxisim that brings it.
+            purpose: What needs it, e.g. ``"plot_tactile"``.
+        """
+        super().__init__(f"{purpose} needs {module}, which is not installed: pip install 'paxisim[{extra}]'")
+
+
+class OutputExistsError(PaxisimError, FileExistsError):
+    """An output file exists already and overwriting was not asked for."""
+
+
+class UnsupportedError(PaxisimError, RuntimeError):
+    """The request is sound but cannot be met here: a version, a geometry or a missing display."""

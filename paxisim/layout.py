@@ -1,0 +1,284 @@
+"""TaxelLayout: where a sensor's taxels sit, and the one place that knows how the force tensor is laid out.
+
+Shape conventions, used by every module of paxisim:
+
+- A reading is ``(..., pads, 3, rows, cols)`` float32 in newtons, or ``(..., 3, rows, cols)`` for one pad.
+- Axis order is x, y, z in the **pad frame**. Seen from outside, facing the sensing surface, row 0 is at the
+  top and column 0 at the left; x points right (columns grow), y points down (rows grow), z points away from
+  the viewer, into the pad. The frame is right-handed; its origin is the centre of the flat sensing surface.
+- A value is the force the object exerts on the pad: compression is positive z.
+- ``N = rows * cols`` taxels count row by row (row-major): taxel ``i`` is row ``i // cols``, column ``i % cols``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from paxisim.errors import InvalidValueError
+
+
+@dataclass(frozen=True, eq=False)
+class TaxelLayout:
+    """The taxels of one pad: a grid of `rows` x `cols`, or any set of points as ``rows=1, cols=N``.
+
+    Attributes:
+        rows: Number of rows, along y.
+        cols: Number of columns, along x.
+        pitch: Size of a taxel (m) as (row pitch along y, column pitch along x). For explicit positions it is
+            the footprint of one taxel.
+        positions: ``(N, 3)`` taxel centres on the sensing surface (m, pad frame), row-major. Default: the
+            flat grid, centred, at z = 0.
+        normals: ``(N, 3)`` unit normals pointing **out of** the pad (pad frame). Default: ``(0, 0, -1)``.
+        vendor_order: Permutation of ``range(N)``: the row-major index of each taxel in the order in which the
+            vendor's flat readings list them. Default: row-major.
+
+    Raises:
+        InvalidValueError: A count below one, a pitch that is not positive and finite, positions or normals of
+            the wrong shape, a normal of zero length, or an order that is no permutation.
+    """
+
+    rows: int
+    cols: int
+    pitch: tuple[float, float]
+    positions: NDArray[np.float64] = field(default=None)  # type: ignore[assignment]
+    normals: NDArray[np.float64] = field(default=None)  # type: ignore[assignment]
+    vendor_order: tuple[int, ...] | None = None
+
+    def __post_init__(self) -> None:
+        """Check the fields and fill in the flat grid."""
+        for name in ("rows", "cols"):
+            value = getattr(self, name)
+            if int(value) != value or value < 1:
+                raise InvalidValueError(f"{name} must be a whole number of at least 1, got {value!r}")
+            object.__setattr__(self, name, int(value))
+        pitch = tuple(float(p) for p in np.broadcast_to(np.asarray(self.pitch, dtype=float), (2,)))
+        if not all(np.isfinite(p) and p > 0 for p in pitch):
+            raise InvalidValueError(f"pitch must be two positive finite lengths in m, got {self.pitch!r}")
+        object.__setattr__(self, "pitch", pitch)
+        explicit = self.positions is not None
+        object.__setattr__(self, "_explicit", explicit or self.normals is not None)
+        positions = self.positions if explicit else _grid_positions(self.rows, self.cols, pitch)
+        normals = self.normals if self.normals is not None else np.tile([0.0, 0.0, -1.0], (self.taxels, 1))
+        object.__setattr__(self, "positions", self._points("positions", positions))
+        normals = self._points("normals", normals)
+        length = np.linalg.norm(normals, axis=1, keepdims=True)
+        if np.any(length < 1e-9):
+            raise InvalidValueError(f"normals must have a length, taxel {int(length.argmin())} has none")
+        normals = normals / length
+        normals.setflags(write=False)
+        object.__setattr__(self, "normals", normals)
+        if self.vendor_order is not None:
+            order = tuple(int(i) for i in self.vendor_order)
+            if sorted(order) != list(range(self.taxels)):
+                raise InvalidValueError(f"vendor_order must be a permutation of 0..{self.taxels - 1}")
+            object.__setattr__(self, "vendor_order", order)
+
+    def _points(self, name: str, value: ArrayLike) -> NDArray[np.float64]:
+        points = np.array(value, dtype=np.float64)
+        if points.shape != (self.taxels, 3):
+            raise InvalidValueError(
+                f"{name} must have shape ({self.taxels}, 3) for {self.rows}x{self.cols} taxels, got {points.shape}"
+            )
+        if not np.all(np.isfinite(points)):
+            raise InvalidValueError(f"{name} must be finite")
+        points.setflags(write=False)
+        return points
+
+    def __eq__(self, other: object) -> bool:
+        """Equal when every field is, arrays included."""
+        if not isinstance(other, TaxelLayout):
+            return NotImplemented
+        mine = (self.rows, self.cols, self.pitch, self.vendor_order)
+        theirs = (other.rows, other.cols, other.pitch, other.vendor_order)
+        return (
+            mine == theirs
+            and np.array_equal(self.positions, other.positions)
+            and np.array_equal(self.normals, other.normals)
+        )
+
+    def __hash__(self) -> int:
+        """Hash of the fields that equality compares."""
+        return hash(
+            (self.rows, self.cols, self.pitch, self.vendor_order, self.positions.tobytes(), self.normals.tobytes())
+        )
+
+    @property
+    def taxels(self) -> int:
+        """Number of taxels, rows x cols."""
+        return self.rows * self.cols
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Shape of one pad's reading, ``(3, rows, cols)``."""
+        return (3, self.rows, self.cols)
+
+    @property
+    def is_grid(self) -> bool:
+        """True for the flat regular grid, False where positions or normals were given."""
+        return not self._explicit  # type: ignore[attr-defined]
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """Extent of the pad (m) as (height along y, width along x), the outer taxels' footprints included."""
+        span = np.ptp(self.positions[:, :2], axis=0)
+        return (float(span[1] + self.pitch[0]), float(span[0] + self.pitch[1]))
+
+    @property
+    def frames(self) -> NDArray[np.float64]:
+        """``(N, 3, 3)`` taxel frames: columns are each taxel's x, y, z in the pad frame.
+
+        z is the inward normal, x the pad's x (its y where the taxel faces along x) projected on the surface.
+        """
+        z = -self.normals
+        x = np.tile([1.0, 0.0, 0.0], (self.taxels, 1))
+        x -= np.sum(x * z, axis=1, keepdims=True) * z
+        length = np.linalg.norm(x, axis=1)
+        steep = length < 0.1
+        if np.any(steep):
+            y = np.tile([0.0, 1.0, 0.0], (int(steep.sum()), 1))
+            x[steep] = np.cross(y, z[steep])
+        x /= np.linalg.norm(x, axis=1, keepdims=True)
+        return np.stack([x, np.cross(z, x), z], axis=-1)
+
+    def pool(self, rows: int, cols: int) -> TaxelLayout:
+        """The coarser layout in which each block of `rows` x `cols` taxels is one taxel.
+
+        Args:
+            rows: Taxels pooled along y; must divide `self.rows`.
+            cols: Taxels pooled along x; must divide `self.cols`.
+
+        Returns:
+            The pooled layout; a block sits at the mean of its members. The vendor's order does not survive.
+
+        Raises:
+            InvalidValueError: The block does not divide the grid.
+        """
+        out_rows, out_cols = self._pooled_shape(rows, cols)
+        pitch = (self.pitch[0] * rows, self.pitch[1] * cols)
+        if self.is_grid:
+            return TaxelLayout(out_rows, out_cols, pitch)
+
+        def mean(points: NDArray[np.float64]) -> NDArray[np.float64]:
+            return points.reshape(out_rows, rows, out_cols, cols, 3).mean(axis=(1, 3)).reshape(-1, 3)
+
+        return TaxelLayout(out_rows, out_cols, pitch, mean(self.positions), mean(self.normals))
+
+    def pool_force(self, force: Any, rows: int, cols: int) -> Any:
+        """Sum a reading over blocks of `rows` x `cols` taxels; the total force is conserved.
+
+        Args:
+            force: ``(..., 3, self.rows, self.cols)``, numpy or torch, newtons.
+            rows: Taxels pooled along y.
+            cols: Taxels pooled along x.
+
+        Returns:
+            ``(..., 3, self.rows / rows, self.cols / cols)``, of the same kind and dtype, readable with
+            `self.pool(rows, cols)`.
+
+        Raises:
+            InvalidValueError: The block does not divide the grid, or `force` is not of this layout.
+        """
+        out_rows, out_cols = self._pooled_shape(rows, cols)
+        self.check(force)
+        blocks = force.reshape((*force.shape[:-2], out_rows, rows, out_cols, cols))
+        return blocks.sum(-1).sum(-2)
+
+    def _pooled_shape(self, rows: int, cols: int) -> tuple[int, int]:
+        if rows < 1 or cols < 1 or self.rows % rows or self.cols % cols:
+            raise InvalidValueError(f"cannot pool {self.rows}x{self.cols} taxels in blocks of {rows}x{cols}")
+        return self.rows // rows, self.cols // cols
+
+    def check(self, force: Any, pads: int | None = None) -> None:
+        """Raise unless `force` ends in this layout's shape.
+
+        Args:
+            force: Anything with a ``shape``.
+            pads: If given, the number of pads expected in front of ``(3, rows, cols)``.
+
+        Raises:
+            InvalidValueError: The shape does not fit.
+        """
+        expected = self.shape if pads is None else (pads, *self.shape)
+        shape = tuple(force.shape)
+        if shape[-len(expected) :] != expected:
+            text = ", ".join(str(n) for n in expected)
+            raise InvalidValueError(f"expected a tensor of shape (..., {text}), got {shape}")
+
+    def to_image(self, force: Any) -> Any:
+        """``(..., 3, rows, cols)`` -> ``(..., rows, cols, 3)``, a view; numpy or torch."""
+        self.check(force)
+        return _move_axis(force, -3, -1)
+
+    def from_image(self, image: Any) -> Any:
+        """``(..., rows, cols, 3)`` -> ``(..., 3, rows, cols)``, a view; numpy or torch.
+
+        Raises:
+            InvalidValueError: The shape does not fit.
+        """
+        if tuple(image.shape[-3:]) != (self.rows, self.cols, 3):
+            raise InvalidValueError(
+                f"expected an array of shape (..., {self.rows}, {self.cols}, 3), got {tuple(image.shape)}"
+            )
+        return _move_axis(image, -1, -3)
+
+    def to_policy(self, history: Any) -> Any:
+        """``(..., history, pads, 3, rows, cols)``, oldest first -> ``(..., history * pads * 3, rows, cols)``."""
+        self.check(history)
+        if len(history.shape) < 5:
+            raise InvalidValueError(
+                f"expected a tensor of shape (..., history, pads, 3, rows, cols), got {tuple(history.shape)}"
+            )
+        return history.reshape((*history.shape[:-5], -1, self.rows, self.cols))
+
+    def from_policy(self, channels: Any, pads: int) -> Any:
+        """The inverse of `to_policy`: ``(..., C, rows, cols)`` -> ``(..., C / (3 pads), pads, 3, rows, cols)``.
+
+        Raises:
+            InvalidValueError: The shape does not fit, or C is no multiple of ``3 * pads``.
+        """
+        shape = tuple(channels.shape)
+        if len(shape) < 3 or shape[-2:] != (self.rows, self.cols) or shape[-3] % (3 * pads):
+            raise InvalidValueError(
+                f"expected a tensor of shape (..., k * {3 * pads}, {self.rows}, {self.cols}), got {shape}"
+            )
+        return channels.reshape((*shape[:-3], -1, pads, *self.shape))
+
+    def to_flat(self, force: Any) -> Any:
+        """``(..., 3, rows, cols)`` -> ``(..., 3 N)``: x, y, z of each taxel in the vendor's order."""
+        self.check(force)
+        lead = tuple(force.shape[:-3])
+        taxels = _move_axis(force.reshape((*lead, 3, self.taxels)), -2, -1)
+        if self.vendor_order is not None:
+            taxels = taxels[..., np.asarray(self.vendor_order), :]
+        return taxels.reshape((*lead, 3 * self.taxels))
+
+    def from_flat(self, values: Any) -> Any:
+        """The inverse of `to_flat`: ``(..., 3 N)`` in the vendor's order -> ``(..., 3, rows, cols)``.
+
+        Raises:
+            InvalidValueError: The last axis is not 3 N long.
+        """
+        shape = tuple(values.shape)
+        if not shape or shape[-1] != 3 * self.taxels:
+            raise InvalidValueError(f"expected flat values of shape (..., {3 * self.taxels}), got {shape}")
+        taxels = values.reshape((*shape[:-1], self.taxels, 3))
+        if self.vendor_order is not None:
+            taxels = taxels[..., np.argsort(np.asarray(self.vendor_order)), :]
+        return _move_axis(taxels, -1, -2).reshape((*shape[:-1], *self.shape))
+
+
+def _grid_positions(rows: int, cols: int, pitch: tuple[float, float]) -> NDArray[np.float64]:
+    y = (np.arange(rows) - (rows - 1) / 2) * pitch[0]
+    x = (np.arange(cols) - (cols - 1) / 2) * pitch[1]
+    grid_y, grid_x = np.meshgrid(y, x, indexing="ij")
+    return np.stack([grid_x, grid_y, np.zeros_like(grid_x)], axis=-1).reshape(-1, 3)
+
+
+def _move_axis(array: Any, source: int, target: int) -> Any:
+    from array_api_compat import array_namespace
+
+    return array_namespace(array).moveaxis(array, source, target)
