@@ -59,9 +59,7 @@ class TaxelLayout:
         if not all(np.isfinite(p) and p > 0 for p in pitch):
             raise InvalidValueError(f"pitch must be two positive finite lengths in m, got {self.pitch!r}")
         object.__setattr__(self, "pitch", pitch)
-        explicit = self.positions is not None
-        object.__setattr__(self, "_explicit", explicit or self.normals is not None)
-        positions = self.positions if explicit else _grid_positions(self.rows, self.cols, pitch)
+        positions = self.positions if self.positions is not None else self._grid_positions()
         normals = self.normals if self.normals is not None else np.tile([0.0, 0.0, -1.0], (self.taxels, 1))
         object.__setattr__(self, "positions", self._points("positions", positions))
         normals = self._points("normals", normals)
@@ -76,6 +74,12 @@ class TaxelLayout:
             if sorted(order) != list(range(self.taxels)):
                 raise InvalidValueError(f"vendor_order must be a permutation of 0..{self.taxels - 1}")
             object.__setattr__(self, "vendor_order", order)
+
+    def _grid_positions(self) -> NDArray[np.float64]:
+        y = (np.arange(self.rows) - (self.rows - 1) / 2) * self.pitch[0]
+        x = (np.arange(self.cols) - (self.cols - 1) / 2) * self.pitch[1]
+        grid_y, grid_x = np.meshgrid(y, x, indexing="ij")
+        return np.stack([grid_x, grid_y, np.zeros_like(grid_x)], axis=-1).reshape(-1, 3)
 
     def _points(self, name: str, value: ArrayLike) -> NDArray[np.float64]:
         points = np.array(value, dtype=np.float64)
@@ -118,8 +122,8 @@ class TaxelLayout:
 
     @property
     def is_grid(self) -> bool:
-        """True for the flat regular grid, False where positions or normals were given."""
-        return not self._explicit  # type: ignore[attr-defined]
+        """True for the flat regular grid, False where other positions or normals were given."""
+        return np.array_equal(self.positions, self._grid_positions()) and bool(np.all(self.normals[:, 2] == -1))
 
     @property
     def size(self) -> tuple[float, float]:
@@ -269,13 +273,6 @@ class TaxelLayout:
         if self.vendor_order is not None:
             taxels = taxels[..., np.argsort(np.asarray(self.vendor_order)), :]
         return _move_axis(taxels, -1, -2).reshape((*shape[:-1], *self.shape))
-
-
-def _grid_positions(rows: int, cols: int, pitch: tuple[float, float]) -> NDArray[np.float64]:
-    y = (np.arange(rows) - (rows - 1) / 2) * pitch[0]
-    x = (np.arange(cols) - (cols - 1) / 2) * pitch[1]
-    grid_y, grid_x = np.meshgrid(y, x, indexing="ij")
-    return np.stack([grid_x, grid_y, np.zeros_like(grid_x)], axis=-1).reshape(-1, 3)
 
 
 def _move_axis(array: Any, source: int, target: int) -> Any:

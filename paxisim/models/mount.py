@@ -1,0 +1,51 @@
+"""Mount: where on a gripper a pad goes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from paxisim.errors import InvalidValueError
+
+
+@dataclass(frozen=True)
+class Mount:
+    """A place for one pad: a body, the pad frame's pose on it, and the collision geoms the pad replaces.
+
+    Attributes:
+        body: Name of the gripper's body that carries the pad.
+        pos: Position (m, body frame) of the centre of the sensing surface, the origin of the pad frame.
+        quat: Orientation of the pad frame in the body frame, (w, x, y, z): x along the columns, y along the
+            rows, z into the pad, so away from what is touched. Normalised here.
+        replaces: Collision geoms to switch off, by name or, where they have none, by index among the body's
+            own geoms. Switched off, not deleted: names and looks stay.
+        name: Name of the pad; default: the body's name.
+
+    Raises:
+        InvalidValueError: A position or quaternion that is not finite or of the wrong length, or a quaternion
+            of zero length.
+    """
+
+    body: str
+    pos: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    quat: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
+    replaces: tuple[str | int, ...] = ()
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        """Check and normalise."""
+        for field, length in (("pos", 3), ("quat", 4)):
+            value = np.asarray(getattr(self, field), dtype=float)
+            if value.shape != (length,) or not np.all(np.isfinite(value)):
+                raise InvalidValueError(
+                    f"a mount's {field} must be {length} finite numbers, got {getattr(self, field)!r}"
+                )
+            object.__setattr__(self, field, tuple(float(v) for v in value))
+        norm = float(np.linalg.norm(self.quat))
+        if norm < 1e-9:
+            raise InvalidValueError("a mount's quat must not be zero")
+        object.__setattr__(self, "quat", tuple(v / norm for v in self.quat))
+        object.__setattr__(self, "replaces", tuple(self.replaces))
+        if not self.name:
+            object.__setattr__(self, "name", self.body)
