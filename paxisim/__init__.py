@@ -1,0 +1,64 @@
+"""paxisim: magnet-based tactile sensors in MuJoCo, and the force tensor they read.
+
+The public names are listed in `__all__` and imported when first used, so that ``import paxisim`` costs nothing:
+no torch, no serial, no matplotlib, no trimesh.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+from paxisim._version import __version__ as __version__
+
+if TYPE_CHECKING:
+    from paxisim.errors import InvalidValueError as InvalidValueError
+    from paxisim.errors import MissingExtraError as MissingExtraError
+    from paxisim.errors import OutputExistsError as OutputExistsError
+    from paxisim.errors import PaxisimError as PaxisimError
+    from paxisim.errors import UnknownNameError as UnknownNameError
+    from paxisim.errors import UnsupportedError as UnsupportedError
+    from paxisim.layout import TaxelLayout as TaxelLayout
+    from paxisim.models.gel import Gel as Gel
+    from paxisim.models.mount import Mount as Mount
+    from paxisim.models.pad import Pad as Pad
+    from paxisim.models.pads import Pads as Pads
+    from paxisim.models.pads import find_pads as find_pads
+    from paxisim.models.pads import set_surface as set_surface
+    from paxisim.models.readout import TactileReadout as TactileReadout
+    from paxisim.models.surface import GaussianBump as GaussianBump
+    from paxisim.models.touch_grid import TouchGridReadout as TouchGridReadout
+
+_HOMES = {
+    "paxisim.errors": (
+        "InvalidValueError",
+        "MissingExtraError",
+        "OutputExistsError",
+        "PaxisimError",
+        "UnknownNameError",
+        "UnsupportedError",
+    ),
+    "paxisim.layout": ("TaxelLayout",),
+    "paxisim.models.gel": ("Gel",),
+    "paxisim.models.mount": ("Mount",),
+    "paxisim.models.pad": ("Pad",),
+    "paxisim.models.pads": ("Pads", "find_pads", "set_surface"),
+    "paxisim.models.readout": ("TactileReadout",),
+    "paxisim.models.surface": ("GaussianBump",),
+    "paxisim.models.touch_grid": ("TouchGridReadout",),
+}
+_HOME_OF = {name: module for module, members in _HOMES.items() for name in members}
+
+__all__ = sorted([*_HOME_OF, "__version__"])  # noqa: PLE0605
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME_OF:
+        raise AttributeError(f"module 'paxisim' has no attribute {name!r}")
+    value = getattr(importlib.import_module(_HOME_OF[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

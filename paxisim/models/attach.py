@@ -1,0 +1,179 @@
+"""Attach: pads onto a gripper, leaving everything the gripper already has in place."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from paxisim.errors import InvalidValueError, UnknownNameError
+from paxisim.layout import TaxelLayout
+from paxisim.models.gel import Gel
+from paxisim.models.load import compile_spec, load_spec
+from paxisim.models.mount import Mount
+from paxisim.models.pad import Pad
+from paxisim.models.pads import Pads, find_pads
+from paxisim.sensors import sensor as find_sensor
+
+
+@dataclass(frozen=True, eq=False)
+class TactileGripper:
+    """A gripper with pads, not yet compiled.
+
+    Attributes:
+        spec: The gripper's spec with the pads in it; attach it to an arm, edit it, compile it.
+        mounts: Where the pads went, in the order of the ``pads`` axis.
+        pad_names: Their names in `spec`.
+        gel: The gel that `bind` gives them.
+        report: How the mounts were chosen, where they were; else empty.
+    """
+
+    spec: mujoco.MjSpec
+    mounts: tuple[Mount, ...]
+    pad_names: tuple[str, ...]
+    gel: Gel
+    report: str = ""
+
+    def compile(self) -> mujoco.MjModel:
+        """Compile the gripper by itself.
+
+        Raises:
+            InvalidValueError: MuJoCo cannot compile it.
+        """
+        return compile_spec(self.spec, "the gripper with pads")
+
+    def bind(self, model: mujoco.MjModel, prefix: str = "") -> Pads:
+        """Find this gripper's pads in a compiled model and give them their gel.
+
+        Args:
+            model: Compiled from `spec`, or from an arm that it was attached to. Its taxels' contact parameters
+                are set (`Gel.apply`).
+            prefix: The prefix that attaching put in front of the gripper's names.
+
+        Returns:
+            The handle, pads in the order of `mounts`.
+
+        Raises:
+            InvalidValueError: The model does not have these pads.
+        """
+        pads = find_pads(model, names=[prefix + name for name in self.pad_names])
+        self.gel.apply(model, pads)
+        return pads
+
+    def to_xml(self, folder: str | Path | None = None) -> str:
+        """The gripper as MJCF text.
+
+        Args:
+            folder: Where the text will be saved: paths of meshes and textures are made relative to it. Default:
+                absolute paths.
+
+        Raises:
+            InvalidValueError: MuJoCo cannot compile the gripper.
+        """
+        self.compile()
+        spec = self.spec.copy()
+        source = Path(spec.modelfiledir or ".").resolve()
+        for attribute in ("meshdir", "texturedir"):
+            target = source / (getattr(spec, attribute) or "")
+            setattr(spec, attribute, str(target if folder is None else os.path.relpath(target, Path(folder).resolve())))
+        return spec.to_xml()
+
+
+def attach(
+    gripper: mujoco.MjSpec | str | Path,
+    sensor: Pad | TaxelLayout | str,
+    mounts: Iterable[Mount] | None = None,
+) -> TactileGripper:
+    """Put tactile pads on a gripper, an arm or a hand.
+
+    The gripper keeps every name, actuator, sensor, default, tendon, equality and keyframe. Each pad becomes a
+    child body of its mount's body, with its own mass. Collision geoms it replaces are switched off; it takes over
+    their contact bits, less those with which pads would meet each other, and the body's contact exclusions.
+
+    Args:
+        gripper: A spec (left unchanged), an MJCF file or MJCF text.
+        sensor: The pad to build, a layout, or the name of a sensor in the catalogue.
+        mounts: Where the pads go. Default: those of `known_mounts` for a gripper file of robosuite's, else
+            those that `find_mounts` proposes; the result's `report` says which.
+
+    Returns:
+        The gripper with its pads. It is not compiled yet: ``result.compile()`` and then ``result.bind(model)``.
+
+    Raises:
+        InvalidValueError: The gripper cannot be parsed, no mount was given or found, or two pads share a name.
+        UnknownNameError: An unknown sensor, or a mount on a body or geom that the gripper does not have.
+    """
+    spec = load_spec(gripper)
+    pad = _as_pad(sensor)
+    report = ""
+    if mounts is None:
+        from paxisim.models.find_mounts import choose_mounts
+
+        mounts, report = choose_mounts(gripper)
+    mounts = tuple(mounts)
+    if not mounts:
+        raise InvalidValueError("expected at least one mount, got none")
+    bodies = {body.name: body for body in spec.bodies}
+    replaced = []
+    for mount in mounts:
+        if mount.body not in bodies:
+            raise UnknownNameError("body", mount.body, [name for name in bodies if name])
+        replaced.append([_geom(bodies[mount.body], which) for which in mount.replaces])
+    if pad.contype == Pad.contype and pad.conaffinity == Pad.conaffinity:
+        pad = replace(pad, **_bits([geom for geoms in replaced for geom in geoms]))
+    pad_names = tuple(f"{mount.name}_{pad.name}" for mount in mounts)
+    taken = [name for name in pad_names if name in bodies or pad_names.count(name) > 1]
+    if taken:
+        raise InvalidValueError(f"there would be two bodies named {taken[0]!r}: give the mounts names of their own")
+    child = pad.to_xml()
+    for mount, geoms in zip(mounts, replaced, strict=True):
+        for geom in geoms:
+            geom.contype = geom.conaffinity = 0
+        frame = bodies[mount.body].add_frame(pos=mount.pos, quat=mount.quat)
+        frame.attach_body(mujoco.MjSpec.from_string(child).body(pad.name), f"{mount.name}_", "")
+    _inherit_exclusions(spec, dict(zip(pad_names, (mount.body for mount in mounts), strict=True)))
+    result = TactileGripper(spec, mounts, pad_names, pad.gel, report)
+    result.compile()
+    return result
+
+
+def _as_pad(sensor: Pad | TaxelLayout | str) -> Pad:
+    if isinstance(sensor, Pad):
+        return sensor
+    if isinstance(sensor, TaxelLayout):
+        return Pad(sensor)
+    return Pad(find_sensor(sensor).layout)
+
+
+def _geom(body: mujoco.MjsBody, which: str | int) -> mujoco.MjsGeom:
+    geoms = list(body.geoms)
+    if isinstance(which, int):
+        if not 0 <= which < len(geoms):
+            raise InvalidValueError(f"body {body.name!r} has {len(geoms)} geoms, there is no geom {which}")
+        return geoms[which]
+    for geom in geoms:
+        if geom.name == which:
+            return geom
+    raise UnknownNameError(f"geom of body {body.name!r}", which, [geom.name for geom in geoms if geom.name])
+
+
+def _bits(replaced: list[mujoco.MjsGeom]) -> dict[str, int]:
+    """The contact bits of the replaced geoms, such that the pads meet what those met but not each other."""
+    conaffinity = int(np.bitwise_or.reduce([0, *(geom.conaffinity for geom in replaced)]))
+    contype = int(np.bitwise_or.reduce([0, *(geom.contype for geom in replaced)])) & ~conaffinity
+    if contype == conaffinity == 0:
+        return {"contype": Pad.contype, "conaffinity": Pad.conaffinity}
+    return {"contype": contype, "conaffinity": conaffinity}
+
+
+def _inherit_exclusions(spec: mujoco.MjSpec, bodies_of_pads: dict[str, str]) -> None:
+    """MuJoCo excludes by body, and a pad is a body of its own."""
+    pairs = [(exclude.bodyname1, exclude.bodyname2) for exclude in spec.excludes]
+    for pad, body in bodies_of_pads.items():
+        for first, second in pairs:
+            if body in (first, second):
+                spec.add_exclude(bodyname1=pad, bodyname2=second if body == first else first)

@@ -1,0 +1,36 @@
+"""How the parts of a pad are named in MJCF: the thread by which a saved model finds its pads again.
+
+The pad's body bears the name of the pad itself.
+"""
+
+from __future__ import annotations
+
+import re
+
+TAXEL = re.compile(r"^(?P<pad>.+)_taxel_(?P<row>\d+)_(?P<col>\d+)$")
+"""Matches the name of a taxel geom; ``pad`` includes any prefix that attaching put in front."""
+
+
+def taxel(pad: str, row: int, col: int) -> str:
+    """Name of a taxel's geom."""
+    return f"{pad}_taxel_{row}_{col}"
+
+
+def base(pad: str) -> str:
+    """Name of the geom drawn behind the taxels."""
+    return f"{pad}_base"
+
+
+def gel(pad: str) -> str:
+    """Name of the box site around the gel; half its z size is half the nominal thickness."""
+    return f"{pad}_gel"
+
+
+def force(pad: str, row: int, col: int) -> str:
+    """Name of a taxel's contact sensor."""
+    return f"{pad}_force_{row}_{col}"
+
+
+def touch_grid(pad: str) -> str:
+    """Name of the pad's touch_grid sensor and of its site."""
+    return f"{pad}_touch_grid"

@@ -1,0 +1,232 @@
+"""Pad: one sensor pad as MJCF, a grid of contiguous taxel cubes on a base that cannot be touched.
+
+The pad's body frame is the pad frame of `paxisim.layout`: the flat sensing surface is the plane z = 0, the
+cubes reach from there to z = thickness, the base lies behind them. What touches the pad comes from -z.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from lxml import etree
+from numpy.typing import NDArray
+
+from paxisim.errors import InvalidValueError
+from paxisim.layout import TaxelLayout
+from paxisim.models import names, touch_grid
+from paxisim.models.gel import Gel
+
+DENSITY = 1200.0
+"""Density (kg/m^3) behind the default mass: between silicone (1100) and a thin circuit board (1850)."""
+
+_GROUP = "1"  # drawn by MuJoCo's viewer and by robosuite's renderers, which hide their collision group 0
+
+
+@dataclass(frozen=True, eq=False)
+class Pad:
+    """One pad to be built.
+
+    Attributes:
+        layout: The taxels.
+        name: Name of the pad and of its body; the first part of every other name in its MJCF.
+        thickness: Nominal thickness of the taxel cubes (m); the paper's is 1 mm (Method).
+        heights: ``(rows, cols)`` thickness of each cube (m), from `paxisim.models.surface`; default: flat at
+            `thickness`. A cube keeps its back and grows towards the object.
+        gel: The compliance of the surface.
+        base: Thickness (m) of the base drawn behind a flat pad; it has mass but touches nothing.
+        mass: Mass of the pad (kg); default: that of cubes and base at `DENSITY`.
+        sensors: MuJoCo sensors to embed: ``"contact"`` (one contact sensor a taxel, which GPU ports of MuJoCo
+            support), ``"touch_grid"`` (the plugin the paper used; leaves gaps of 50 um between the cubes,
+            see `paxisim.models.touch_grid`) or none. `TactileReadout` needs none.
+        contype: Contact type bits of the taxels.
+        conaffinity: Contact affinity bits of the taxels. The defaults meet every ordinary geom but no other
+            pad: two pads that touch each other are slow and mean nothing.
+
+    Raises:
+        InvalidValueError: A value that is not finite, a length or mass that is not positive, heights of the
+            wrong shape, bits with which pads would meet each other, or an unknown kind of sensor.
+    """
+
+    layout: TaxelLayout
+    name: str = "pad"
+    thickness: float = 1e-3
+    heights: NDArray[np.float64] | None = None
+    gel: Gel = field(default_factory=Gel)
+    base: float = 2e-3
+    mass: float | None = None
+    sensors: Literal["contact", "touch_grid"] | None = None
+    contype: int = 0
+    conaffinity: int = 1
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        for what in ("thickness", "base", "mass"):
+            value = getattr(self, what)
+            if value is not None and not (np.isfinite(value) and value > 0):
+                raise InvalidValueError(f"a pad's {what} must be positive and finite, got {value!r}")
+        if self.heights is not None:
+            object.__setattr__(self, "heights", check_heights(self.heights, self.layout))
+        if self.contype & self.conaffinity:
+            raise InvalidValueError(
+                f"contype {self.contype} and conaffinity {self.conaffinity} share bits: pads would meet each other"
+            )
+        if self.sensors not in (None, "contact", "touch_grid"):
+            raise InvalidValueError(f"sensors must be 'contact', 'touch_grid' or None, got {self.sensors!r}")
+        if self.sensors == "touch_grid":
+            touch_grid.check_layout(self.layout)
+
+    def to_xml(self) -> str:
+        """The pad as an MJCF document that loads by itself; the same pad gives the same bytes."""
+        root = etree.Element("mujoco", model=self.name)
+        if self.sensors == "touch_grid":
+            touch_grid.add_extension(root)
+        self._add_body(etree.SubElement(root, "worldbody"))
+        if self.sensors is not None:
+            self._add_sensors(etree.SubElement(root, "sensor"))
+        return etree.tostring(root, pretty_print=True, encoding="unicode")
+
+    def _add_body(self, world: etree._Element) -> None:
+        layout = self.layout
+        body = etree.SubElement(world, "body", name=self.name)
+        self._add_inertial(body)
+        low, high = _bounds(layout)
+        centre, half = (low + high) / 2, (high - low) / 2
+        gel_centre, gel_half = centre + [0, 0, self.thickness / 2], half + [0, 0, self.thickness / 2]
+        site = {"type": "box", "pos": numbers(gel_centre), "size": numbers([*gel_half[:2], self.thickness / 2])}
+        etree.SubElement(body, "site", name=names.gel(self.name), group="4", rgba="0 0 0 0", **site)
+        if self.sensors == "touch_grid":
+            touch_grid.add_site(body, self.name, layout)
+        if layout.is_grid:
+            behind = centre + [0, 0, self.thickness + self.base / 2]
+            # its mass counts only where a model asks for inertiafromgeom
+            look = {"mass": numbers([self._mass()]), "rgba": "0.2 0.2 0.22 1"}
+            self._add_box(body, names.base(self.name), behind, [*half[:2], self.base / 2], **look)
+        solref, solimp = self.gel.file_parameters(layout)
+        touched = {
+            "contype": str(self.contype),
+            "conaffinity": str(self.conaffinity),
+            "condim": "3",
+            "priority": "1",
+            "friction": numbers([self.gel.friction, 0.005, 0.0001]),
+            "solref": numbers(solref),
+            "solimp": numbers(solimp),
+        }
+        positions, halves, quats = cubes(layout, self.thickness, self.heights)
+        if self.sensors == "touch_grid":
+            halves[:, :2] -= touch_grid.GAP / 2
+        for index in range(layout.taxels):
+            row, col = divmod(index, layout.cols)
+            if not layout.is_grid:
+                touched["quat"] = numbers(quats[index])
+            # two shades, so that the taxels can be told apart
+            rgba = "0.75 0.75 0.75 1" if (row + col) % 2 else "0.85 0.85 0.85 1"
+            name = names.taxel(self.name, row, col)
+            self._add_box(body, name, positions[index], halves[index], rgba=rgba, **touched)
+
+    def _extent(self) -> NDArray[np.float64]:
+        low, high = _bounds(self.layout)
+        return high - low + [0, 0, self.thickness + self.base]
+
+    def _mass(self) -> float:
+        return self.mass if self.mass is not None else DENSITY * float(np.prod(self._extent()))
+
+    def _add_inertial(self, body: etree._Element) -> None:
+        # explicit, so that neither the surface nor the visible base changes the gripper's dynamics
+        low, high = _bounds(self.layout)
+        extent = self._extent()
+        mass = self._mass()
+        squares = extent**2
+        inertia = mass / 12 * (squares.sum() - squares)
+        centre = (low + high) / 2 + [0, 0, (self.thickness + self.base) / 2]
+        etree.SubElement(
+            body, "inertial", pos=numbers(centre), mass=numbers([mass]), diaginertia=numbers(inertia)
+        )
+
+    def _add_box(self, body: etree._Element, name: str, pos, size, **attributes: str) -> None:
+        shape = {"type": "box", "pos": numbers(pos), "size": numbers(size), "mass": "0", "group": _GROUP}
+        bits = {"contype": "0", "conaffinity": "0"}
+        etree.SubElement(body, "geom", name=name, **(shape | bits | attributes))
+
+    def _add_sensors(self, parent: etree._Element) -> None:
+        if self.sensors == "touch_grid":
+            touch_grid.add_sensor(parent, self.name, self.layout)
+            return
+        for index in range(self.layout.taxels):
+            row, col = divmod(index, self.layout.cols)
+            etree.SubElement(
+                parent,
+                "contact",
+                name=names.force(self.name, row, col),
+                geom1=names.taxel(self.name, row, col),
+                data="force",
+                reduce="netforce",
+            )
+
+
+def cubes(
+    layout: TaxelLayout, thickness: float, heights: NDArray[np.float64] | None = None
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Centres, half sizes and orientations of the taxel cubes in the pad frame.
+
+    Args:
+        layout: The taxels.
+        thickness: Nominal thickness (m), the depth of the cubes' backs below the sensing surface.
+        heights: ``(rows, cols)`` thickness of each cube (m); default: `thickness`.
+
+    Returns:
+        Centres ``(N, 3)`` (m), half sizes ``(N, 3)`` (m) and quaternions ``(N, 4)`` (w, x, y, z).
+    """
+    from scipy.spatial.transform import Rotation
+
+    height = np.full(layout.taxels, thickness) if heights is None else heights.reshape(-1)
+    frames = layout.frames
+    inward = frames[:, :, 2]
+    centres = layout.positions + inward * (thickness - height / 2)[:, None]
+    footprint = _footprints(layout)
+    halves = np.column_stack([footprint[:, 1] / 2, footprint[:, 0] / 2, height / 2])
+    quats = Rotation.from_matrix(frames).as_quat()[:, [3, 0, 1, 2]]
+    return centres, halves, quats
+
+
+def check_heights(heights: NDArray[np.float64], layout: TaxelLayout) -> NDArray[np.float64]:
+    """`heights` as ``(..., rows, cols)`` floats (m), or an `InvalidValueError` that says what is wrong."""
+    heights = np.asarray(heights, dtype=np.float64)
+    if heights.shape[-2:] != (layout.rows, layout.cols):
+        raise InvalidValueError(
+            f"heights must have shape (..., {layout.rows}, {layout.cols}), got {heights.shape}"
+        )
+    if not np.all(np.isfinite(heights)) or np.any(heights <= 0):
+        raise InvalidValueError("heights must be positive and finite: they are the cubes' thickness in m")
+    return heights
+
+
+def numbers(values) -> str:
+    """Numbers as MJCF text: nine significant digits, no negative zero."""
+    return " ".join(f"{float(value) + 0.0:.9g}" for value in values)
+
+
+def _footprints(layout: TaxelLayout) -> NDArray[np.float64]:
+    """``(N, 2)`` footprint of each cube (m) as (along its y, along its x).
+
+    On a surface that is not flat, neighbours of a grid are further apart than the pitch; the cubes grow to stay
+    contiguous, because an object that catches in a gap meets large spurious shear.
+    """
+    footprint = np.tile(layout.pitch, (layout.taxels, 1))
+    if layout.is_grid or 1 in (layout.rows, layout.cols):
+        return footprint
+    grid = layout.positions.reshape(layout.rows, layout.cols, 3)
+    for axis in (0, 1):
+        gap = np.linalg.norm(np.diff(grid, axis=axis), axis=-1)
+        ends = [(1, 1) if a == axis else (0, 0) for a in (0, 1)]
+        padded = np.pad(gap, ends, mode="edge")
+        either = np.maximum(np.delete(padded, 0, axis), np.delete(padded, -1, axis))
+        footprint[:, axis] = np.maximum(footprint[:, axis], either.reshape(-1))
+    return footprint
+
+
+def _bounds(layout: TaxelLayout) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Corners of the box around the sensing surface (m, pad frame)."""
+    margin = np.array([layout.pitch[1] / 2, layout.pitch[0] / 2, 0])
+    return layout.positions.min(axis=0) - margin, layout.positions.max(axis=0) + margin

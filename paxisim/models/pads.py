@@ -1,0 +1,213 @@
+"""Pads: the handle of a compiled model's pads, with ids in taxel order; and their surface, changed in place."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from paxisim.errors import InvalidValueError
+from paxisim.layout import TaxelLayout
+from paxisim.models import names
+
+
+@dataclass(frozen=True, eq=False)
+class Pads:
+    """The pads of one compiled model, in the order of a reading's ``pads`` axis.
+
+    Attributes:
+        names: ``(pads,)`` names, any prefix included.
+        layouts: ``(pads,)`` layouts; all have the same rows and columns.
+        thickness: ``(pads,)`` nominal thickness of the taxel cubes (m).
+        bodies: ``(pads,)`` ids of the bodies whose frames are the pad frames.
+        geoms: ``(pads, N)`` ids of the taxel geoms, row-major.
+
+    Raises:
+        InvalidValueError: The pads differ in rows or columns, so that no one tensor can hold them.
+    """
+
+    names: tuple[str, ...]
+    layouts: tuple[TaxelLayout, ...]
+    thickness: tuple[float, ...]
+    bodies: NDArray[np.int64]
+    geoms: NDArray[np.int64]
+
+    def __post_init__(self) -> None:
+        """Check that one tensor can hold the pads."""
+        shapes = {(layout.rows, layout.cols) for layout in self.layouts}
+        if len(shapes) > 1:
+            found = ", ".join(
+                f"{n} {a.rows}x{a.cols}" for n, a in zip(self.names, self.layouts, strict=True)
+            )
+            raise InvalidValueError(f"pads of different shapes do not fit one tensor ({found}): name those wanted")
+
+    @property
+    def layout(self) -> TaxelLayout:
+        """The layout of the first pad; of all of them, unless they conform to different surfaces."""
+        return self.layouts[0]
+
+    @property
+    def shape(self) -> tuple[int, int, int, int]:
+        """Shape of a reading, ``(pads, 3, rows, cols)``."""
+        return (len(self.names), *self.layout.shape)
+
+    def __len__(self) -> int:
+        """Number of pads."""
+        return len(self.names)
+
+
+def find_pads(
+    model: mujoco.MjModel, *, prefix: str = "", names: tuple[str, ...] | list[str] | None = None
+) -> Pads:
+    """Find the pads of a compiled model, also of one that was saved and loaded again.
+
+    Args:
+        model: The compiled model.
+        prefix: Only pads whose name begins with it, as ``MjSpec.attach(..., prefix=...)`` made them.
+        names: Only these pads, in this order (prefix included). Default: all, in the order of their bodies.
+
+    Returns:
+        The handle.
+
+    Raises:
+        InvalidValueError: There are no such pads, a pad lacks taxels, or they differ in shape.
+    """
+    found = _taxels_by_pad(model)
+    selected = sorted((n for n in found if n.startswith(prefix)), key=lambda n: _body_of(model, found[n]))
+    if names is not None:
+        missing = [n for n in names if n not in selected]
+        if missing:
+            raise InvalidValueError(f"no pad {missing[0]!r} in the model; its pads: {', '.join(selected) or 'none'}")
+        selected = list(names)
+    if not selected:
+        begins = f" whose name begins with {prefix!r}" if prefix else ""
+        raise InvalidValueError(f"the model has no pads{begins}; make one with paxisim.attach or `paxisim attach`")
+    parts = [_describe(model, name, found[name]) for name in selected]
+    return Pads(
+        names=tuple(selected),
+        layouts=tuple(layout for layout, _, _ in parts),
+        thickness=tuple(thickness for _, thickness, _ in parts),
+        bodies=np.array([_body_of(model, found[name]) for name in selected]),
+        geoms=_stack([geoms for _, _, geoms in parts], selected, [layout for layout, _, _ in parts]),
+    )
+
+
+def _stack(geoms: list[NDArray[np.int64]], names: list[str], layouts: list[TaxelLayout]) -> NDArray[np.int64]:
+    # the shape check of Pads speaks of rows and columns, numpy's would not
+    if len({len(g) for g in geoms}) > 1:
+        found = ", ".join(f"{n} {a.rows}x{a.cols}" for n, a in zip(names, layouts, strict=True))
+        raise InvalidValueError(f"pads of different shapes do not fit one tensor ({found}): name those wanted")
+    return np.stack(geoms)
+
+
+def _taxels_by_pad(model: mujoco.MjModel) -> dict[str, dict[tuple[int, int], int]]:
+    found: dict[str, dict[tuple[int, int], int]] = defaultdict(dict)
+    for geom in range(model.ngeom):
+        match = names.TAXEL.match(model.geom(geom).name)
+        if match:
+            found[match["pad"]][int(match["row"]), int(match["col"])] = geom
+    return {pad: taxels for pad, taxels in found.items() if _site(model, pad) >= 0}
+
+
+def _site(model: mujoco.MjModel, pad: str) -> int:
+    return mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, names.gel(pad))
+
+
+def _body_of(model: mujoco.MjModel, taxels: dict[tuple[int, int], int]) -> int:
+    return int(model.geom_bodyid[next(iter(taxels.values()))])
+
+
+def _describe(
+    model: mujoco.MjModel, name: str, taxels: dict[tuple[int, int], int]
+) -> tuple[TaxelLayout, float, NDArray[np.int64]]:
+    rows, cols = (1 + max(cell[axis] for cell in taxels) for axis in (0, 1))
+    cells = [(row, col) for row in range(rows) for col in range(cols)]
+    missing = [cell for cell in cells if cell not in taxels]
+    if missing:
+        raise InvalidValueError(
+            f"pad {name!r} has no taxel at row {missing[0][0]}, column {missing[0][1]} of {rows}x{cols}"
+        )
+    geoms = np.array([taxels[cell] for cell in cells])
+    site = model.site_size[_site(model, name)]
+    thickness = 2 * float(site[2])
+    inward = _inward(model, geoms)
+    backs = model.geom_pos[geoms] + inward * model.geom_size[geoms, 2:3]
+    positions = backs - inward * thickness
+    pitch = (2 * site[:2] - np.ptp(positions[:, :2], axis=0))[::-1]
+    # a file keeps some nine digits: snap to the grid that was meant
+    pitch = tuple(float(round(p, 9)) for p in pitch)
+    grid = TaxelLayout(rows, cols, pitch)
+    if np.allclose(positions, grid.positions, atol=1e-6) and np.allclose(-inward, grid.normals, atol=1e-4):
+        return grid, thickness, geoms
+    return TaxelLayout(rows, cols, pitch, positions, -inward), thickness, geoms
+
+
+def _inward(model: mujoco.MjModel, geoms: NDArray[np.int64]) -> NDArray[np.float64]:
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_quat(model.geom_quat[geoms][:, [1, 2, 3, 0]]).as_matrix()[:, :, 2]
+
+
+def set_surface(model: mujoco.MjModel, pads: Pads, heights: NDArray[np.float64]) -> None:
+    """Give the taxels new heights without recompiling; contacts and forces are those of a fresh compile.
+
+    MuJoCo's collision detection prunes with bounding boxes made at compile time: of each geom (``geom_aabb``,
+    ``geom_rbound``) and of each body's tree (``bvh_aabb``). They are brought up to date here, without which a
+    taxel raised above its compiled height silently loses its contacts. No I/O.
+
+    Args:
+        model: The compiled model; changed in place.
+        pads: Its pads.
+        heights: Thickness of the cubes (m), ``(pads, rows, cols)`` or ``(rows, cols)`` for all pads.
+
+    Raises:
+        InvalidValueError: Heights of another shape, not finite or not positive.
+    """
+    from paxisim.models.pad import check_heights
+
+    heights = check_heights(heights, pads.layout)
+    pads_shape = (len(pads), pads.layout.rows, pads.layout.cols)
+    if heights.ndim > 2 and heights.shape != pads_shape:
+        raise InvalidValueError(f"heights must have shape {pads_shape} or {pads_shape[1:]}, got {heights.shape}")
+    half = np.broadcast_to(heights, pads_shape).reshape(len(pads), -1) / 2
+    geoms = pads.geoms.reshape(-1)
+    half = half.reshape(-1)
+    model.geom_pos[geoms] += _inward(model, geoms) * (model.geom_size[geoms, 2] - half)[:, None]
+    model.geom_size[geoms, 2] = half
+    model.geom_aabb[geoms, 3:] = model.geom_size[geoms]
+    model.geom_rbound[geoms] = np.linalg.norm(model.geom_size[geoms], axis=1)
+    for body in pads.bodies:
+        _refit_tree(model, int(body))
+
+
+def _refit_tree(model: mujoco.MjModel, body: int) -> None:
+    """Recompute the bounding boxes of a body's tree, which live in the frame of its inertia."""
+    start, count = int(model.body_bvhadr[body]), int(model.body_bvhnum[body])
+    if count == 0:
+        return
+    nodes = slice(start, start + count)
+    geoms, depth, children = model.bvh_nodeid[nodes], model.bvh_depth[nodes], model.bvh_child[nodes]
+    leaves = geoms >= 0
+    rotation = _matrices(model.body_iquat[body])
+    geom_rotation = rotation.T @ _matrices(model.geom_quat[geoms[leaves]])
+    boxes = model.geom_aabb[geoms[leaves]]
+    offset = model.geom_pos[geoms[leaves]] - model.body_ipos[body]
+    centre = offset @ rotation + np.einsum("nij,nj->ni", geom_rotation, boxes[:, :3])
+    extent = np.einsum("nij,nj->ni", np.abs(geom_rotation), boxes[:, 3:])
+    low, high = np.empty((count, 3)), np.empty((count, 3))
+    low[leaves], high[leaves] = centre - extent, centre + extent
+    for level in range(int(depth.max()) - 1, -1, -1):
+        parents = np.flatnonzero((depth == level) & ~leaves)
+        first, second = children[parents].T
+        low[parents] = np.minimum(low[first], low[second])
+        high[parents] = np.maximum(high[first], high[second])
+    model.bvh_aabb[nodes] = np.hstack([(low + high) / 2, (high - low) / 2])
+
+
+def _matrices(quat: NDArray[np.float64]) -> NDArray[np.float64]:
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_quat(np.roll(quat, -1, axis=-1)).as_matrix()

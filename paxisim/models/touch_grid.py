@@ -1,0 +1,153 @@
+"""MuJoCo's touch_grid plugin on a pad, as the paper used it: built, read as the same tensor, or refused.
+
+What the plugin does, found by comparing it with the contacts (MuJoCo 3.5, 3.9 and 4.0):
+
+- It sorts contact points into bins of equal angle. With contiguous cubes the corner contacts lie on the bins'
+  edges and about half of the force lands in a neighbour's bin. `GAP` between the cubes and a site `STANDOFF` behind
+  them bring every contact well inside its own bin; then each taxel agrees. (A round object catches in gaps.)
+- Before MuJoCo 4.0 its sign is right only for contacts whose *first* geom is the taxel, which depends on the
+  types and order of the geoms: a cylinder on a cube is always the wrong way round.
+- It sums every contact of everything welded to the pad, a finger's own geoms included.
+"""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+from lxml import etree
+from numpy.typing import NDArray
+
+from paxisim.errors import InvalidValueError, UnsupportedError
+from paxisim.layout import TaxelLayout
+from paxisim.models import names
+from paxisim.models.pads import Pads
+
+PLUGIN = "mujoco.sensor.touch_grid"
+GAP = 50e-6
+"""Gap between the cubes of a pad with this sensor (m)."""
+STANDOFF = 0.5
+"""Distance (m) of the sensor's site behind the surface: equal angles are equal lengths to 3 um, and a taxel
+0.4 mm out of the plane keeps its bin."""
+
+_CHANNELS = [1, 2, 0]  # the plugin's are normal, x, y
+_SIGN_IS_SOUND = tuple(int(part) for part in mujoco.__version__.split(".")[:2]) >= (4, 0)
+
+
+def check_layout(layout: TaxelLayout) -> None:
+    """Raise `UnsupportedError` unless the plugin can bin this layout: a flat grid."""
+    if not layout.is_grid:
+        raise UnsupportedError(
+            "touch_grid bins by angle over a flat grid; this layout has positions of its own: use TactileReadout"
+        )
+
+
+def add_extension(root: etree._Element) -> None:
+    """Declare the plugin in an MJCF document."""
+    etree.SubElement(etree.SubElement(root, "extension"), "plugin", plugin=PLUGIN)
+
+
+def add_site(body: etree._Element, pad: str, layout: TaxelLayout) -> None:
+    """Add the sensor's site: behind the pad, looking out of it along its own -z."""
+    etree.SubElement(
+        body, "site", name=names.touch_grid(pad), pos=f"0 0 {STANDOFF}", size="0.001", group="4", rgba="0 0 0 0"
+    )
+
+
+def add_sensor(parent: etree._Element, pad: str, layout: TaxelLayout) -> None:
+    """Add the plugin's sensor with one bin a taxel and three channels."""
+    height, width = layout.size
+    fov = np.degrees(np.arctan2([width / 2, height / 2], STANDOFF))  # half angles
+    name = names.touch_grid(pad)
+    plugin = etree.SubElement(parent, "plugin", name=name, plugin=PLUGIN, objtype="site", objname=name)
+    config = {
+        "size": f"{layout.cols} {layout.rows}",
+        "fov": f"{fov[0]:.9g} {fov[1]:.9g}",
+        "gamma": "0",
+        "nchannel": "3",
+    }
+    for key, value in config.items():
+        etree.SubElement(plugin, "config", key=key, value=value)
+
+
+class TouchGridReadout:
+    """Reads the force tensor from the pads' touch_grid sensors, to reproduce the paper's setting.
+
+    For anything else `TactileReadout` is exact everywhere and cheaper.
+    """
+
+    def __init__(self, model: mujoco.MjModel, pads: Pads) -> None:
+        """Find the sensors.
+
+        Args:
+            model: The compiled model.
+            pads: Its pads, built with ``Pad(sensors="touch_grid")``.
+
+        Raises:
+            InvalidValueError: A pad has no touch_grid sensor.
+            UnsupportedError: The plugin would sort forces into the wrong taxels: no flat grid, or contiguous
+                cubes.
+        """
+        self._model, self._pads = model, pads
+        self._slices = [self._sensor(pad) for pad in pads.names]
+        for pad, layout, geoms in zip(pads.names, pads.layouts, pads.geoms, strict=True):
+            check_layout(layout)
+            cube = 2 * model.geom_size[geoms, :2].max(axis=0)
+            gap = np.array([layout.pitch[1], layout.pitch[0]]) - cube
+            if np.any(gap < 0.9 * GAP):
+                raise UnsupportedError(
+                    f"pad {pad!r} has contiguous cubes, whose corner contacts lie on touch_grid's bin edges: build "
+                    f"it with Pad(sensors='touch_grid'), which leaves {GAP * 1e6:.0f} um, or use TactileReadout"
+                )
+        self._taxel = np.zeros(model.ngeom, dtype=bool)
+        self._taxel[pads.geoms.reshape(-1)] = True
+        self._welded = np.isin(model.body_weldid[model.geom_bodyid], model.body_weldid[pads.bodies])
+
+    def _sensor(self, pad: str) -> slice:
+        sensor = mujoco.mj_name2id(self._model, mujoco.mjtObj.mjOBJ_SENSOR, names.touch_grid(pad))
+        if sensor < 0:
+            raise InvalidValueError(
+                f"pad {pad!r} has no touch_grid sensor: build it with Pad(sensors='touch_grid')"
+            )
+        start = int(self._model.sensor_adr[sensor])
+        return slice(start, start + int(self._model.sensor_dim[sensor]))
+
+    def read(self, data: mujoco.MjData, out: NDArray[np.float32] | None = None) -> NDArray[np.float32]:
+        """The forces on the taxels at the last step, as `TactileReadout.read` gives them.
+
+        Args:
+            data: State of the model, after ``mj_step`` or ``mj_forward``.
+            out: Array to write into instead of a new one.
+
+        Returns:
+            ``(pads, 3, rows, cols)`` float32, newtons, pad frame.
+
+        Raises:
+            UnsupportedError: The plugin has the sign of a present contact wrong (MuJoCo before 4.0), or counts
+                one that is not the taxels'.
+            InvalidValueError: `out` has another shape or dtype.
+        """
+        self._check_contacts(data)
+        if out is None:
+            out = np.empty(self._pads.shape, dtype=np.float32)
+        elif out.shape != self._pads.shape or out.dtype != np.float32:
+            raise InvalidValueError(
+                f"out must be float32 of shape {self._pads.shape}, got {out.dtype} of shape {out.shape}"
+            )
+        for pad, where in enumerate(self._slices):
+            out[pad] = data.sensordata[where].reshape(self._pads.layout.shape)[_CHANNELS]
+        return out
+
+    def _check_contacts(self, data: mujoco.MjData) -> None:
+        geoms = data.contact.geom[data.contact.efc_address >= 0]
+        taxel = self._taxel[geoms]
+        if np.any(self._welded[geoms] & ~taxel):
+            raise UnsupportedError(
+                "touch_grid also counts contacts of other geoms on the pad's finger, and there is one: "
+                "switch their collision off or use TactileReadout"
+            )
+        if not _SIGN_IS_SOUND and np.any(taxel[:, 1]):
+            first, second = (self._model.geom(int(g)).name for g in geoms[taxel[:, 1]][0])
+            raise UnsupportedError(
+                f"touch_grid has the sign wrong before MuJoCo 4.0 (this is {mujoco.__version__}) where the taxel is "
+                f"a contact's second geom, as in {first or 'a geom'!r} on {second!r}: use TactileReadout"
+            )
