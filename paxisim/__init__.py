@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from paxisim.errors import UnknownNameError as UnknownNameError
     from paxisim.errors import UnsupportedError as UnsupportedError
     from paxisim.layout import TaxelLayout as TaxelLayout
+    from paxisim.models.attach import TactileGripper as TactileGripper
+    from paxisim.models.attach import attach as attach
     from paxisim.models.gel import Gel as Gel
     from paxisim.models.mount import Mount as Mount
     from paxisim.models.pad import Pad as Pad
@@ -27,7 +29,14 @@ if TYPE_CHECKING:
     from paxisim.models.pads import set_surface as set_surface
     from paxisim.models.readout import TactileReadout as TactileReadout
     from paxisim.models.surface import GaussianBump as GaussianBump
+    from paxisim.models.surface import conform as conform
+    from paxisim.models.surface import measured as measured
     from paxisim.models.touch_grid import TouchGridReadout as TouchGridReadout
+    from paxisim.sensors import Sensor as Sensor
+    from paxisim.sensors import sensor as sensor
+    from paxisim.sensors import sensors as sensors
+    from paxisim.viz.plot import plot_pads as plot_pads
+    from paxisim.viz.plot import plot_tactile as plot_tactile
 
 _HOMES = {
     "paxisim.errors": (
@@ -39,17 +48,20 @@ _HOMES = {
         "UnsupportedError",
     ),
     "paxisim.layout": ("TaxelLayout",),
+    "paxisim.models.attach": ("TactileGripper", "attach"),
     "paxisim.models.gel": ("Gel",),
     "paxisim.models.mount": ("Mount",),
     "paxisim.models.pad": ("Pad",),
     "paxisim.models.pads": ("Pads", "find_pads", "set_surface"),
     "paxisim.models.readout": ("TactileReadout",),
-    "paxisim.models.surface": ("GaussianBump",),
+    "paxisim.models.surface": ("GaussianBump", "conform", "measured"),
     "paxisim.models.touch_grid": ("TouchGridReadout",),
+    "paxisim.sensors": ("Sensor", "sensor", "sensors"),
+    "paxisim.viz.plot": ("plot_pads", "plot_tactile"),
 }
 _HOME_OF = {name: module for module, members in _HOMES.items() for name in members}
 
-__all__ = sorted([*_HOME_OF, "__version__"])  # noqa: PLE0605
+__all__ = sorted([*_HOME_OF, "__version__"])
 
 
 def __getattr__(name: str) -> Any:

@@ -44,8 +44,8 @@ class TaxelLayout:
     rows: int
     cols: int
     pitch: tuple[float, float]
-    positions: NDArray[np.float64] = field(default=None)  # type: ignore[assignment]
-    normals: NDArray[np.float64] = field(default=None)  # type: ignore[assignment]
+    positions: NDArray[np.floating] = field(default=None)  # type: ignore[assignment]
+    normals: NDArray[np.floating] = field(default=None)  # type: ignore[assignment]
     vendor_order: tuple[int, ...] | None = None
 
     def __post_init__(self) -> None:
@@ -75,13 +75,13 @@ class TaxelLayout:
                 raise InvalidValueError(f"vendor_order must be a permutation of 0..{self.taxels - 1}")
             object.__setattr__(self, "vendor_order", order)
 
-    def _grid_positions(self) -> NDArray[np.float64]:
+    def _grid_positions(self) -> NDArray[np.floating]:
         y = (np.arange(self.rows) - (self.rows - 1) / 2) * self.pitch[0]
         x = (np.arange(self.cols) - (self.cols - 1) / 2) * self.pitch[1]
         grid_y, grid_x = np.meshgrid(y, x, indexing="ij")
         return np.stack([grid_x, grid_y, np.zeros_like(grid_x)], axis=-1).reshape(-1, 3)
 
-    def _points(self, name: str, value: ArrayLike) -> NDArray[np.float64]:
+    def _points(self, name: str, value: ArrayLike) -> NDArray[np.floating]:
         points = np.array(value, dtype=np.float64)
         if points.shape != (self.taxels, 3):
             raise InvalidValueError(
@@ -132,7 +132,7 @@ class TaxelLayout:
         return (float(span[1] + self.pitch[0]), float(span[0] + self.pitch[1]))
 
     @property
-    def frames(self) -> NDArray[np.float64]:
+    def frames(self) -> NDArray[np.floating]:
         """``(N, 3, 3)`` taxel frames: columns are each taxel's x, y, z in the pad frame.
 
         z is the inward normal, x the pad's x (its y where the taxel faces along x) projected on the surface.
@@ -166,7 +166,7 @@ class TaxelLayout:
         if self.is_grid:
             return TaxelLayout(out_rows, out_cols, pitch)
 
-        def mean(points: NDArray[np.float64]) -> NDArray[np.float64]:
+        def mean(points: NDArray[np.floating]) -> NDArray[np.floating]:
             return points.reshape(out_rows, rows, out_cols, cols, 3).mean(axis=(1, 3)).reshape(-1, 3)
 
         return TaxelLayout(out_rows, out_cols, pitch, mean(self.positions), mean(self.normals))

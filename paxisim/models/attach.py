@@ -9,11 +9,12 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+from lxml import etree
 
 from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.layout import TaxelLayout
 from paxisim.models.gel import Gel
-from paxisim.models.load import compile_spec, load_spec
+from paxisim.models.load import compile_spec, load_spec, one_line
 from paxisim.models.mount import Mount
 from paxisim.models.pad import Pad
 from paxisim.models.pads import Pads, find_pads
@@ -26,7 +27,7 @@ class TactileGripper:
 
     Attributes:
         spec: The gripper's spec with the pads in it; attach it to an arm, edit it, compile it.
-        mounts: Where the pads went, in the order of the ``pads`` axis.
+        mounts: Where the pads went, in the order of the ``pads`` axis, which is that of the pads' bodies.
         pad_names: Their names in `spec`.
         gel: The gel that `bind` gives them.
         report: How the mounts were chosen, where they were; else empty.
@@ -74,13 +75,26 @@ class TactileGripper:
         Raises:
             InvalidValueError: MuJoCo cannot compile the gripper.
         """
-        self.compile()
         spec = self.spec.copy()
         source = Path(spec.modelfiledir or ".").resolve()
-        for attribute in ("meshdir", "texturedir"):
-            target = source / (getattr(spec, attribute) or "")
-            setattr(spec, attribute, str(target if folder is None else os.path.relpath(target, Path(folder).resolve())))
-        return spec.to_xml()
+        directories = {name: source / getattr(spec, name) for name in ("meshdir", "texturedir")}
+        for name, directory in directories.items():
+            setattr(spec, name, str(directory))
+        try:
+            spec.compile()
+        except ValueError as error:
+            raise InvalidValueError(f"MuJoCo cannot compile the gripper with pads: {one_line(error)}") from error
+        root = etree.fromstring(spec.to_xml())
+        has_files = spec.meshes or spec.textures or spec.hfields or spec.skins
+        for compiler in root.iter("compiler"):
+            for name, directory in directories.items():
+                compiler.attrib.pop(name, None)
+                if has_files:
+                    relative = folder is not None
+                    compiler.set(
+                        name, os.path.relpath(directory, Path(folder).resolve()) if relative else str(directory)
+                    )
+        return etree.tostring(root, pretty_print=True, encoding="unicode")
 
 
 def attach(
@@ -97,8 +111,9 @@ def attach(
     Args:
         gripper: A spec (left unchanged), an MJCF file or MJCF text.
         sensor: The pad to build, a layout, or the name of a sensor in the catalogue.
-        mounts: Where the pads go. Default: those of `known_mounts` for a gripper file of robosuite's, else
-            those that `find_mounts` proposes; the result's `report` says which.
+        mounts: Where the pads go, in any order: pads count in the order of their bodies. Default: those known for
+            a gripper file that robosuite ships, else those that `find_mounts` proposes; the result's `report`
+            says which.
 
     Returns:
         The gripper with its pads. It is not compiled yet: ``result.compile()`` and then ``result.bind(model)``.
@@ -136,9 +151,11 @@ def attach(
         frame = bodies[mount.body].add_frame(pos=mount.pos, quat=mount.quat)
         frame.attach_body(mujoco.MjSpec.from_string(child).body(pad.name), f"{mount.name}_", "")
     _inherit_exclusions(spec, dict(zip(pad_names, (mount.body for mount in mounts), strict=True)))
-    result = TactileGripper(spec, mounts, pad_names, pad.gel, report)
-    result.compile()
-    return result
+    model = compile_spec(spec, "the gripper with pads")
+    # one order for `bind` and for `find_pads` in a saved file, or a policy could meet its pads swapped
+    order = sorted(range(len(mounts)), key=lambda i: model.body(pad_names[i]).id)
+    mounts, pad_names = (tuple(items[i] for i in order) for items in (mounts, pad_names))
+    return TactileGripper(spec, mounts, pad_names, pad.gel, report)
 
 
 def _as_pad(sensor: Pad | TaxelLayout | str) -> Pad:
@@ -146,7 +163,8 @@ def _as_pad(sensor: Pad | TaxelLayout | str) -> Pad:
         return sensor
     if isinstance(sensor, TaxelLayout):
         return Pad(sensor)
-    return Pad(find_sensor(sensor).layout)
+    product = find_sensor(sensor)
+    return Pad(product.layout, mass=product.mass)
 
 
 def _geom(body: mujoco.MjsBody, which: str | int) -> mujoco.MjsGeom:

@@ -139,7 +139,5 @@ class Gel:
         return kappa * CONTACTS_PER_TAXEL / self.stiffness(layout)
 
 
-def _solver_parameters(
-    kappa: float, beta: float, impedance: float
-) -> tuple[tuple[float, float], tuple[float, ...]]:
+def _solver_parameters(kappa: float, beta: float, impedance: float) -> tuple[tuple[float, float], tuple[float, ...]]:
     return (-kappa * impedance, -beta * impedance), (impedance, impedance, 1e-3, 0.5, 2.0)

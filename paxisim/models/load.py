@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 
 import mujoco
+from lxml import etree
 
 from paxisim.errors import InvalidValueError
 
@@ -34,17 +36,56 @@ def load_spec(model: mujoco.MjSpec | str | Path) -> mujoco.MjSpec:
     try:
         return parse(argument)
     except ValueError as error:
-        raise InvalidValueError(f"MuJoCo cannot parse {source}: {one_line(error)}") from error
+        try:
+            repaired, repairs = _repaired(source, parse is mujoco.MjSpec.from_file)
+            spec = mujoco.MjSpec.from_string(repaired)
+        except (ValueError, etree.XMLSyntaxError):
+            raise InvalidValueError(f"MuJoCo cannot parse {source}: {one_line(error)}") from error
+    warnings.warn(f"{Path(source).name} is not sound MJCF, read without {'; '.join(repairs)}", stacklevel=2)
+    return spec
+
+
+def _repaired(path: str, is_file: bool) -> tuple[str, list[str]]:
+    """A file's text without two faults that robosuite forgives and grippers it ships have.
+
+    Raises:
+        ValueError: Neither fault is there.
+    """
+    if not is_file:
+        raise ValueError
+    root = etree.parse(path, etree.XMLParser(remove_comments=True)).getroot()
+    repairs, seen = [], set()
+    for asset in root.findall("asset/*"):
+        key = (asset.tag, asset.get("name"))
+        if key in seen and key[1]:
+            repairs.append(f"the second {asset.tag} {key[1]!r}")
+            asset.getparent().remove(asset)
+        seen.add(key)
+    for default in root.iter("default"):
+        for name in set(default.attrib) - {"class"}:
+            repairs.append(f"the attribute {name!r} of default class {default.get('class')!r}")
+            del default.attrib[name]
+    if not repairs:
+        raise ValueError
+    compiler = root.find("compiler")
+    if compiler is None:
+        compiler = etree.SubElement(root, "compiler")
+    for name in ("meshdir", "texturedir"):
+        compiler.set(name, str(Path(path).resolve().parent / compiler.get(name, "")))
+    return etree.tostring(root, encoding="unicode"), repairs
 
 
 def compile_spec(spec: mujoco.MjSpec, what: str) -> mujoco.MjModel:
-    """Compile, with MuJoCo's complaint in one line if it has one.
+    """Compile a copy, with MuJoCo's complaint in one line if it has one.
+
+    A copy, because a spec that was compiled loses its sites' materials when it is attached to another
+    (MuJoCo 3.5 and 3.9).
 
     Raises:
         InvalidValueError: MuJoCo cannot compile the model.
     """
     try:
-        return spec.compile()
+        return spec.copy().compile()
     except ValueError as error:
         raise InvalidValueError(f"MuJoCo cannot compile {what}: {one_line(error)}") from error
 

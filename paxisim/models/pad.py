@@ -52,7 +52,7 @@ class Pad:
     layout: TaxelLayout
     name: str = "pad"
     thickness: float = 1e-3
-    heights: NDArray[np.float64] | None = None
+    heights: NDArray[np.floating] | None = None
     gel: Gel = field(default_factory=Gel)
     base: float = 2e-3
     mass: float | None = None
@@ -125,7 +125,7 @@ class Pad:
             name = names.taxel(self.name, row, col)
             self._add_box(body, name, positions[index], halves[index], rgba=rgba, **touched)
 
-    def _extent(self) -> NDArray[np.float64]:
+    def _extent(self) -> NDArray[np.floating]:
         low, high = _bounds(self.layout)
         return high - low + [0, 0, self.thickness + self.base]
 
@@ -140,9 +140,7 @@ class Pad:
         squares = extent**2
         inertia = mass / 12 * (squares.sum() - squares)
         centre = (low + high) / 2 + [0, 0, (self.thickness + self.base) / 2]
-        etree.SubElement(
-            body, "inertial", pos=numbers(centre), mass=numbers([mass]), diaginertia=numbers(inertia)
-        )
+        etree.SubElement(body, "inertial", pos=numbers(centre), mass=numbers([mass]), diaginertia=numbers(inertia))
 
     def _add_box(self, body: etree._Element, name: str, pos, size, **attributes: str) -> None:
         shape = {"type": "box", "pos": numbers(pos), "size": numbers(size), "mass": "0", "group": _GROUP}
@@ -166,8 +164,8 @@ class Pad:
 
 
 def cubes(
-    layout: TaxelLayout, thickness: float, heights: NDArray[np.float64] | None = None
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    layout: TaxelLayout, thickness: float, heights: NDArray[np.floating] | None = None
+) -> tuple[NDArray[np.floating], NDArray[np.floating], NDArray[np.floating]]:
     """Centres, half sizes and orientations of the taxel cubes in the pad frame.
 
     Args:
@@ -190,13 +188,11 @@ def cubes(
     return centres, halves, quats
 
 
-def check_heights(heights: NDArray[np.float64], layout: TaxelLayout) -> NDArray[np.float64]:
+def check_heights(heights: NDArray[np.floating], layout: TaxelLayout) -> NDArray[np.floating]:
     """`heights` as ``(..., rows, cols)`` floats (m), or an `InvalidValueError` that says what is wrong."""
     heights = np.asarray(heights, dtype=np.float64)
     if heights.shape[-2:] != (layout.rows, layout.cols):
-        raise InvalidValueError(
-            f"heights must have shape (..., {layout.rows}, {layout.cols}), got {heights.shape}"
-        )
+        raise InvalidValueError(f"heights must have shape (..., {layout.rows}, {layout.cols}), got {heights.shape}")
     if not np.all(np.isfinite(heights)) or np.any(heights <= 0):
         raise InvalidValueError("heights must be positive and finite: they are the cubes' thickness in m")
     return heights
@@ -207,7 +203,7 @@ def numbers(values) -> str:
     return " ".join(f"{float(value) + 0.0:.9g}" for value in values)
 
 
-def _footprints(layout: TaxelLayout) -> NDArray[np.float64]:
+def _footprints(layout: TaxelLayout) -> NDArray[np.floating]:
     """``(N, 2)`` footprint of each cube (m) as (along its y, along its x).
 
     On a surface that is not flat, neighbours of a grid are further apart than the pitch; the cubes grow to stay
@@ -226,7 +222,7 @@ def _footprints(layout: TaxelLayout) -> NDArray[np.float64]:
     return footprint
 
 
-def _bounds(layout: TaxelLayout) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _bounds(layout: TaxelLayout) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
     """Corners of the box around the sensing surface (m, pad frame)."""
     margin = np.array([layout.pitch[1] / 2, layout.pitch[0] / 2, 0])
     return layout.positions.min(axis=0) - margin, layout.positions.max(axis=0) + margin

@@ -39,9 +39,7 @@ class Pads:
         """Check that one tensor can hold the pads."""
         shapes = {(layout.rows, layout.cols) for layout in self.layouts}
         if len(shapes) > 1:
-            found = ", ".join(
-                f"{n} {a.rows}x{a.cols}" for n, a in zip(self.names, self.layouts, strict=True)
-            )
+            found = ", ".join(f"{n} {a.rows}x{a.cols}" for n, a in zip(self.names, self.layouts, strict=True))
             raise InvalidValueError(f"pads of different shapes do not fit one tensor ({found}): name those wanted")
 
     @property
@@ -59,9 +57,7 @@ class Pads:
         return len(self.names)
 
 
-def find_pads(
-    model: mujoco.MjModel, *, prefix: str = "", names: tuple[str, ...] | list[str] | None = None
-) -> Pads:
+def find_pads(model: mujoco.MjModel, *, prefix: str = "", names: tuple[str, ...] | list[str] | None = None) -> Pads:
     """Find the pads of a compiled model, also of one that was saved and loaded again.
 
     Args:
@@ -145,13 +141,13 @@ def _describe(
     return TaxelLayout(rows, cols, pitch, positions, -inward), thickness, geoms
 
 
-def _inward(model: mujoco.MjModel, geoms: NDArray[np.int64]) -> NDArray[np.float64]:
+def _inward(model: mujoco.MjModel, geoms: NDArray[np.int64]) -> NDArray[np.floating]:
     from scipy.spatial.transform import Rotation
 
     return Rotation.from_quat(model.geom_quat[geoms][:, [1, 2, 3, 0]]).as_matrix()[:, :, 2]
 
 
-def set_surface(model: mujoco.MjModel, pads: Pads, heights: NDArray[np.float64]) -> None:
+def set_surface(model: mujoco.MjModel, pads: Pads, heights: NDArray[np.floating]) -> None:
     """Give the taxels new heights without recompiling; contacts and forces are those of a fresh compile.
 
     MuJoCo's collision detection prunes with bounding boxes made at compile time: of each geom (``geom_aabb``,
@@ -207,7 +203,7 @@ def _refit_tree(model: mujoco.MjModel, body: int) -> None:
     model.bvh_aabb[nodes] = np.hstack([(low + high) / 2, (high - low) / 2])
 
 
-def _matrices(quat: NDArray[np.float64]) -> NDArray[np.float64]:
+def _matrices(quat: NDArray[np.floating]) -> NDArray[np.floating]:
     from scipy.spatial.transform import Rotation
 
     return Rotation.from_quat(np.roll(quat, -1, axis=-1)).as_matrix()

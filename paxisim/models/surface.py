@@ -20,7 +20,7 @@ DEVIATION_RANGE = (1.0, 3.0)
 """Range of the bump's deviations, in taxels (paper, Table I)."""
 
 
-def flat(layout: TaxelLayout, thickness: float = 1e-3) -> NDArray[np.float64]:
+def flat(layout: TaxelLayout, thickness: float = 1e-3) -> NDArray[np.floating]:
     """Every cube `thickness` (m) thick: ``(rows, cols)``."""
     return np.full((layout.rows, layout.cols), float(thickness))
 
@@ -89,7 +89,7 @@ class GaussianBump:
         }
         return cls(**(drawn | fixed))
 
-    def heights(self, layout: TaxelLayout) -> NDArray[np.float64]:
+    def heights(self, layout: TaxelLayout) -> NDArray[np.floating]:
         """Cube thickness (m), ``(rows, cols)``.
 
         Layouts without a grid use their positions, in units of the pitch from the upper left corner, and have
@@ -111,7 +111,7 @@ class GaussianBump:
         return self.h_min + self.h_max - depth
 
 
-def _taxel_coordinates(layout: TaxelLayout, is_grid: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _taxel_coordinates(layout: TaxelLayout, is_grid: bool) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
     if is_grid:
         rows, cols = np.indices((layout.rows, layout.cols))
         return cols + 0.5, rows + 0.5
@@ -121,7 +121,7 @@ def _taxel_coordinates(layout: TaxelLayout, is_grid: bool) -> tuple[NDArray[np.f
     return x.reshape(shape), y.reshape(shape)
 
 
-def measured(layout: TaxelLayout, height_map: ArrayLike, thickness: float = 1e-3) -> NDArray[np.float64]:
+def measured(layout: TaxelLayout, height_map: ArrayLike, thickness: float = 1e-3) -> NDArray[np.floating]:
     """Cube thickness (m), ``(rows, cols)``, from a measured height map of the sensing surface.
 
     Args:
@@ -151,7 +151,7 @@ def measured(layout: TaxelLayout, height_map: ArrayLike, thickness: float = 1e-3
     return result
 
 
-def _area_means(values: NDArray[np.float64], bins: int) -> NDArray[np.float64]:
+def _area_means(values: NDArray[np.floating], bins: int) -> NDArray[np.floating]:
     """Means of ``(n, ...)`` over `bins` equal stretches of the first axis, fractions of a sample included."""
     total = np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
     edges = np.linspace(0, len(values), bins + 1)
@@ -203,7 +203,7 @@ def conform(layout: TaxelLayout, mesh, *, max_angle: float = 75.0) -> TaxelLayou
     return TaxelLayout(layout.rows, layout.cols, layout.pitch, positions, normals, layout.vendor_order)
 
 
-def _first_facing(points: NDArray[np.float64], mesh) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def _first_facing(points: NDArray[np.floating], mesh) -> tuple[NDArray[np.floating], NDArray[np.int64]]:
     """Where rays along +z through ``(N, 2)`` points first meet a triangle that faces them.
 
     Returns:
@@ -226,7 +226,7 @@ def _first_facing(points: NDArray[np.float64], mesh) -> tuple[NDArray[np.float64
     return depth, triangle
 
 
-def _smooth_normals(mesh, points: NDArray[np.float64], triangles: NDArray[np.int64]) -> NDArray[np.float64]:
+def _smooth_normals(mesh, points: NDArray[np.floating], triangles: NDArray[np.int64]) -> NDArray[np.floating]:
     """Normals interpolated between a triangle's corners, so that a coarse mesh does not show as steps."""
     import trimesh
 

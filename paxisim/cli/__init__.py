@@ -1,0 +1,97 @@
+"""The shell command: ``paxisim VERB``, one file a verb."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import io
+import sys
+import warnings
+from collections.abc import Callable
+
+import tyro
+
+from paxisim.cli.attach import attach
+from paxisim.cli.demo import demo
+from paxisim.cli.pad import pad
+from paxisim.cli.sensors import sensors
+from paxisim.cli.view import view
+from paxisim.errors import PaxisimError
+
+VERBS = {"demo": demo, "sensors": sensors, "pad": pad, "attach": attach, "view": view}
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run a verb.
+
+    Args:
+        arguments: The words after ``paxisim``; default: those of the process.
+
+    Returns:
+        The exit status: 0, or 2 after one line on stderr that says what was wrong.
+    """
+    warnings.showwarning = _show_warning
+    try:
+        verb = _parse(arguments)
+        verb()
+    except (PaxisimError, OSError) as error:
+        return _complain(str(error))
+    except KeyboardInterrupt:
+        print("paxisim: interrupted", file=sys.stderr)
+        return 130
+    except SystemExit as stop:
+        return _complain(stop.code) if isinstance(stop.code, str) else int(stop.code or 0)
+    return 0
+
+
+def _parse(arguments: list[str] | None) -> Callable[[], None]:
+    """The verb with its options, ready to be called.
+
+    Raises:
+        SystemExit: Help was asked for and given (0), or the words do not parse (a sentence that says why).
+    """
+    said = io.StringIO()
+    try:
+        with contextlib.redirect_stderr(said):
+            return tyro.extras.subcommand_cli_from_dict(
+                {name: _deferred(verb) for name, verb in VERBS.items()},
+                prog="paxisim",
+                description="Magnet-based tactile sensors in MuJoCo. `paxisim VERB --help` explains a verb.",
+                args=arguments,
+                sort_subcommands=False,
+                config=(tyro.conf.FlagCreatePairsOff,),
+            )
+    except SystemExit as stop:
+        if stop.code in (0, None):
+            raise
+        raise SystemExit(_first_paragraph(said.getvalue())) from None
+
+
+def _deferred(verb: Callable[..., None]) -> Callable[..., Callable[[], None]]:
+    """Has the options of `verb`, but only returns the call: parsing and running fail differently."""
+
+    @functools.wraps(verb)
+    def bind(*args, **options) -> Callable[[], None]:
+        return functools.partial(verb, *args, **options)
+
+    return bind
+
+
+def _first_paragraph(boxed: str) -> str:
+    """What tyro says in a box, without the box, up to the first rule or empty line."""
+    words: list[str] = []
+    for line in boxed.splitlines()[1:]:
+        text = line.strip("│╭╮╰╯ \n")
+        if not text.strip("─ "):
+            break
+        words += text.split()
+    return " ".join(words).removesuffix(".") + "; see paxisim --help"
+
+
+def _complain(message: str) -> int:
+    print(f"paxisim: error: {' '.join(message.split())}", file=sys.stderr)
+    return 2
+
+
+def _show_warning(message, category, filename, lineno, file=None, line=None) -> None:
+    print(f"paxisim: warning: {' '.join(str(message).split())}", file=sys.stderr)

@@ -1,0 +1,63 @@
+"""``paxisim attach``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+from paxisim.cli.output import check_output, png, write_output
+from paxisim.cli.taxels import Taxels
+
+
+def attach(
+    gripper: Annotated[Path, tyro.conf.Positional],
+    taxels: tyro.conf.OmitArgPrefixes[Taxels],
+    output: Annotated[Path, tyro.conf.arg(aliases=["-o"])],
+    *,
+    picture: Path | None = None,
+    thickness_mm: float = 1.0,
+    sensors: Literal["none", "contact", "touch_grid"] = "none",
+    force: bool = False,
+) -> None:
+    """Put tactile pads on a gripper and write the result as MJCF.
+
+    Grippers that robosuite ships are known by their file name. For any other, the pads go where its fingers meet
+    when its actuators close; what was done is printed and drawn.
+
+    For example:
+
+    paxisim attach my_gripper.xml --sensor paxini-gen1-l4629 --pool 2 -o tactile_gripper.xml
+
+    Args:
+        gripper: The gripper's MJCF file.
+        taxels: Which taxels.
+        output: The MJCF file to write.
+        picture: Where to draw the gripper with its pads; default: beside the output, as .png.
+        thickness_mm: Thickness of the taxel cubes in mm.
+        sensors: MuJoCo sensors to embed; paxisim's own reader needs none.
+        force: Overwrite the outputs if they exist.
+    """
+    import paxisim
+
+    picture = output.with_suffix(".png") if picture is None else picture
+    check_output(output, force)
+    check_output(picture, force)
+    pad = paxisim.Pad(
+        taxels.layout(),
+        thickness=thickness_mm * 1e-3,
+        mass=taxels.mass,
+        sensors=None if sensors == "none" else sensors,
+    )
+    tactile = paxisim.attach(gripper, pad)
+    write_output(output, tactile.to_xml(output.absolute().parent), force)
+    print(tactile.report)
+    print(f"{output}: {len(tactile.pad_names)} pads of {pad.layout.rows}x{pad.layout.cols} taxels")
+    try:
+        drawn = paxisim.plot_mounts(tactile)
+    except paxisim.MissingExtraError as error:
+        print(f"no picture: {error}")
+        return
+    write_output(picture, png(drawn), force)
+    print(f"{picture}: the gripper with its pads")

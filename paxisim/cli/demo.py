@@ -1,0 +1,105 @@
+"""``paxisim demo``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from paxisim.cli.output import check_output, png, write_output
+
+PEG = """
+<mujoco>
+  <option timestep="0.002" cone="elliptic" impratio="10"/>
+  <worldbody>
+    <light pos="0.3 -0.3 0.5" dir="-1 1 -1.5"/>
+    <site name="hand" pos="0 0 0.2"/>
+    <body name="peg" pos="0 0 0.125">
+      <freejoint/>
+      <geom name="peg" type="box" size="0.012 0.01 0.03" mass="0.06" rgba="0.8 0.65 0.4 1"/>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
+
+def demo(
+    *,
+    squeeze: float = 8.0,
+    seed: int = 0,
+    output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None,
+    force: bool = False,
+) -> None:
+    """Squeeze a peg between two pads, compare what they read with the known load, and draw it.
+
+    Two pads of the paper's sensor, pooled to 6x5 and each with a random bump, go onto a two-finger gripper that
+    holds a 60 g peg. At rest each pad must read the squeeze, and both together the peg's weight.
+
+    Args:
+        squeeze: Force of each finger in N, up to 20.
+        seed: Seed of the two pads' bumps.
+        output: Where to write the picture; default: paxisim-demo.png, or the next free name.
+        force: Overwrite the output if it exists.
+    """
+    from importlib.resources import files
+
+    import mujoco
+    import numpy as np
+
+    import paxisim
+
+    if not 2 <= squeeze <= 20:
+        raise paxisim.InvalidValueError(f"--squeeze must lie between 2 N, to hold the peg, and 20 N, got {squeeze:g}")
+    output = _free_name("paxisim-demo", ".png") if output is None else output
+    check_output(output, force)
+
+    layout = paxisim.sensor("paxini-gen1-l4629").layout.pool(2, 2)
+    inwards = {"left_finger": "left_fingertip", "right_finger": "right_fingertip"}
+    # the pad frame on a fingertip: x along the hand's depth, y down to the tip, z into the finger
+    mounts = [
+        paxisim.Mount(body, pos=(0, 0, -0.019), quat=(0.5, -0.5, -0.5, 0.5), replaces=(tip,), name=body.split("_")[0])
+        for body, tip in inwards.items()
+    ]
+    gripper = files("paxisim").joinpath("data/two_finger_gripper.xml").read_text(encoding="utf-8")
+    tactile = paxisim.attach(gripper, layout, mounts)
+    scene = mujoco.MjSpec.from_string(PEG)
+    scene.attach(tactile.spec, site=scene.site("hand"), prefix="gripper/")
+    model = scene.compile()
+    pads = tactile.bind(model, prefix="gripper/")
+    rng = np.random.default_rng(seed)
+    bumps = [paxisim.GaussianBump.sample(layout, rng).heights(layout) for _ in pads.names]
+    paxisim.set_surface(model, pads, np.stack(bumps))
+
+    data = mujoco.MjData(model)
+    data.ctrl[0] = squeeze
+    readout = paxisim.TactileReadout(model, pads)
+    peg = model.body("peg").id
+    weight = float(model.body_mass[peg] * -model.opt.gravity[2])
+    data.xfrc_applied[peg, 2] = weight  # held until the fingers have it
+    mujoco.mj_step(model, data, 500)
+    data.xfrc_applied[peg, 2] = 0
+    mujoco.mj_step(model, data, 1000)
+    force_tensor = readout.read(data)
+
+    print(f"two pads of {layout.rows}x{layout.cols} taxels squeeze a peg; MuJoCo {mujoco.__version__}, seed {seed}\n")
+    print(f"{'':36}{'known':>9}{'tensor':>9}{'error':>9}")
+    total = force_tensor.sum(axis=(-2, -1))
+    rows = [(f"squeeze, {mount.name} pad (sum of z)", squeeze, total[i, 2]) for i, mount in enumerate(tactile.mounts)]
+    rows.append(("weight, both pads (sum of y)", weight, total[:, 1].sum()))
+    for what, known, measured in rows:
+        print(f"{what:34}{known:7.3f} N{measured:7.3f} N{abs(measured / known - 1):8.2%}")
+    lit = int((force_tensor[:, 2] > 0.02).sum())
+    print(f"\ntensor {force_tensor.shape} {force_tensor.dtype}, {lit} of {2 * layout.taxels} taxels above 0.02 N")
+
+    figure = paxisim.plot_pads(force_tensor, layout, names=[f"{mount.name} finger" for mount in tactile.mounts])
+    write_output(output, png(figure), force)
+    print(f"picture: {output}")
+
+
+def _free_name(stem: str, suffix: str) -> Path:
+    """The first of stem.suffix, stem-2.suffix ... that does not exist."""
+    path, number = Path(stem + suffix), 2
+    while path.exists():
+        path, number = Path(f"{stem}-{number}{suffix}"), number + 1
+    return path

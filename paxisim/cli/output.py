@@ -1,0 +1,58 @@
+"""Writing what a verb makes: never over a file unasked, never half."""
+
+from __future__ import annotations
+
+import io
+import os
+import tempfile
+from pathlib import Path
+
+from paxisim.errors import InvalidValueError, OutputExistsError
+
+
+def check_output(path: Path, force: bool) -> None:
+    """Refuse an output path before any work is done.
+
+    Raises:
+        OutputExistsError: The file exists and `force` is off.
+        InvalidValueError: The path is a folder, or its folder does not exist.
+    """
+    if path.is_dir():
+        raise InvalidValueError(f"the output path must be a file, {path} is a folder")
+    if not path.absolute().parent.is_dir():
+        raise InvalidValueError(f"the output's folder does not exist: {path.absolute().parent}")
+    if path.exists() and not force:
+        raise OutputExistsError(f"{path} exists; --force overwrites it")
+
+
+def write_output(path: Path, content: str | bytes, force: bool) -> None:
+    """Write a file whole or not at all.
+
+    Raises:
+        OutputExistsError: The file exists and `force` is off.
+        InvalidValueError: The path cannot be an output.
+    """
+    check_output(path, force)
+    data = content.encode() if isinstance(content, str) else content
+    descriptor, temporary = tempfile.mkstemp(dir=path.absolute().parent, prefix=f".{path.name}.")
+    try:
+        with os.fdopen(descriptor, "wb") as file:
+            file.write(data)
+        os.chmod(temporary, 0o666 & ~_umask())
+        os.replace(temporary, path)
+    except BaseException:
+        os.unlink(temporary)
+        raise
+
+
+def png(figure) -> bytes:
+    """A matplotlib figure as the bytes of a PNG file."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=150, bbox_inches="tight")
+    return buffer.getvalue()
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask

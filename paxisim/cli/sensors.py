@@ -1,0 +1,25 @@
+"""``paxisim sensors``."""
+
+from __future__ import annotations
+
+
+def sensors(*, sources: bool = False) -> None:
+    """List the sensor products paxisim knows.
+
+    Args:
+        sources: Also say where each figure comes from.
+    """
+    import textwrap
+
+    import paxisim.sensors
+
+    print(paxisim.sensors.format_table())
+    if not sources:
+        print("Where each figure comes from: paxisim sensors --sources")
+        return
+    for product in paxisim.sensors.sensors():
+        print(f"\n{product.name}")
+        for figure, source in product.sources.items():
+            print(textwrap.fill(f"{figure}: {source}", 78, initial_indent="  ", subsequent_indent="    "))
+        if product.notes:
+            print(textwrap.fill(f"note: {product.notes}", 78, initial_indent="  ", subsequent_indent="    "))

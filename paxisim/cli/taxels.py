@@ -1,0 +1,64 @@
+"""The options that say which taxels a pad has, shared by the verbs that make pads."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import tyro
+
+from paxisim.errors import InvalidValueError
+from paxisim.layout import TaxelLayout
+
+
+@dataclass
+class Taxels:
+    """Which taxels: either a product of the catalogue or any grid."""
+
+    sensor: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None
+    """A product by its name in `paxisim sensors`, e.g. paxini-gen1-l4629."""
+    pool: int = 1
+    """Make one taxel of each POOL x POOL; 2 turns the paper's 12x10 pad into its 6x5."""
+    rows: Annotated[int | None, tyro.conf.arg(metavar="INT")] = None
+    """Rows of a grid, along the pad's y."""
+    cols: Annotated[int | None, tyro.conf.arg(metavar="INT")] = None
+    """Columns of a grid, along the pad's x."""
+    pitch_mm: Annotated[str | None, tyro.conf.arg(metavar="MM[,MM]")] = None
+    """Pitch of a grid in mm, as ROW,COLUMN or one number for both, e.g. 4.35,4.52."""
+
+    def layout(self) -> TaxelLayout:
+        """The layout.
+
+        Raises:
+            UnknownNameError: There is no such sensor.
+            InvalidValueError: Both or neither were given, or a number is not usable.
+        """
+        grid = (self.rows, self.cols, self.pitch_mm)
+        if (self.sensor is None) == (grid == (None, None, None)):
+            raise InvalidValueError("expected either --sensor NAME or --rows R --cols C --pitch-mm P")
+        if self.sensor is not None:
+            from paxisim.sensors import sensor
+
+            layout = sensor(self.sensor).layout
+        elif self.rows is None or self.cols is None or self.pitch_mm is None:
+            raise InvalidValueError("a grid needs all of --rows, --cols and --pitch-mm")
+        else:
+            layout = TaxelLayout(self.rows, self.cols, _pitch(self.pitch_mm))
+        return layout if self.pool == 1 else layout.pool(self.pool, self.pool)
+
+    @property
+    def mass(self) -> float | None:
+        """Mass of the product (kg), where the catalogue knows it."""
+        from paxisim.sensors import sensor
+
+        return None if self.sensor is None else sensor(self.sensor).mass
+
+
+def _pitch(text: str) -> tuple[float, float]:
+    try:
+        values = [float(part) * 1e-3 for part in text.split(",")]
+    except ValueError:
+        values = []
+    if len(values) not in (1, 2):
+        raise InvalidValueError(f"--pitch-mm must be one or two numbers, as in 4.35,4.52, got {text!r}")
+    return (values[0], values[-1])

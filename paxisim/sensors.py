@@ -1,0 +1,207 @@
+"""The catalogue of sensor products: layout, rate, mass and ranges, each figure with its source.
+
+The figures live in ``paxisim/data/sensors.toml``, read on first use. Curved sensors take their taxel
+positions from an optional package, and only when their layout is asked for: listing the catalogue needs numpy
+alone.
+"""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cache, cached_property
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from paxisim.errors import InvalidValueError, MissingExtraError, UnknownNameError, UnsupportedError
+from paxisim.layout import TaxelLayout
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib  # pyright: ignore[reportMissingImports]
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """One sensor product. What no public source states is None.
+
+    Attributes:
+        name: Name in the catalogue, lower case.
+        maker: Company that makes it.
+        model: The maker's designation.
+        rows: Rows of taxels; 1 for a curved sensor.
+        cols: Columns of taxels; all of them for a curved sensor.
+        pitch: Size of a taxel (m) as (row pitch along y, column pitch along x); None for a curved sensor.
+        coordinates: ``"PACKAGE:PART"``, where a curved sensor's positions come from; None for a flat grid.
+        rate: Readings per second (Hz).
+        mass: Mass of one pad (kg).
+        resolution: One count of a taxel's reading (N).
+        shear_range: Lowest and highest x or y force (N) that the reading of one taxel can express.
+        normal_range: The same for the z force (N).
+        notes: What to know before using it.
+        sources: For each figure, by attribute (``taxels`` for rows and cols, ``positions`` for coordinates),
+            where it comes from and what is said there.
+    """
+
+    name: str
+    maker: str
+    model: str
+    rows: int
+    cols: int
+    pitch: tuple[float, float] | None = None
+    coordinates: str | None = None
+    rate: float | None = None
+    mass: float | None = None
+    resolution: float | None = None
+    shear_range: tuple[float, float] | None = None
+    normal_range: tuple[float, float] | None = None
+    notes: str = ""
+    sources: Mapping[str, str] = field(default_factory=dict, hash=False)
+
+    @property
+    def taxels(self) -> int:
+        """Number of taxels. No I/O."""
+        return self.rows * self.cols
+
+    @cached_property
+    def layout(self) -> TaxelLayout:
+        """Where the taxels sit; made on first use, which for a curved sensor reads its coordinates.
+
+        Raises:
+            MissingExtraError: The optional package with the coordinates is not installed.
+            UnsupportedError: That package does not have them as the catalogue expects.
+        """
+        if self.coordinates is not None:
+            return surface_layout(_read_coordinates(self))
+        if self.pitch is None:
+            raise InvalidValueError(f"sensor {self.name!r} has neither a pitch nor coordinates")
+        return TaxelLayout(self.rows, self.cols, self.pitch)
+
+
+def sensor(name: str) -> Sensor:
+    """The product of that name.
+
+    Args:
+        name: A name from `sensors`, in any case, e.g. ``"paxini-gen1-l4629"``.
+
+    Raises:
+        UnknownNameError: There is no such product; the message offers the near matches.
+    """
+    try:
+        return _catalogue()[name.lower()]
+    except KeyError:
+        raise UnknownNameError("sensor", name, _catalogue()) from None
+
+
+def sensors() -> tuple[Sensor, ...]:
+    """All products, in the order of the data file. Needs no optional package."""
+    return tuple(_catalogue().values())
+
+
+def format_table() -> str:
+    """The catalogue as a plain text table, at most 80 columns wide, without a final newline."""
+    rows: list[tuple[str, ...]] = [("name", "model", "taxels", "pitch (mm)", "Hz")]
+    for item in sensors():
+        flat = item.pitch is not None
+        taxels = f"{item.rows} x {item.cols}" if flat else str(item.taxels)
+        pitch = " x ".join(f"{1e3 * p:.4g}" for p in item.pitch) if item.pitch else "curved"
+        rows.append((item.name, item.model, taxels, pitch, "-" if item.rate is None else f"{item.rate:g}"))
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    rows.insert(1, tuple("-" * width for width in widths))
+    lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+    return "\n".join([*lines, "", "Layouts of curved sensors need paxini-sdk: pip install 'paxisim[paxini]'"])
+
+
+def surface_layout(points: ArrayLike) -> TaxelLayout:
+    """The layout of taxels on a convex curved surface, from a vendor's table of points.
+
+    The table's frame is taken to be right-handed with x across the finger, y from its root to its tip and z
+    out of the surface, which is how the tables of PaXini's fingertips look. Turned about x by 180 degrees it
+    has the axes of the pad frame, tip at the top. The origin is the middle of the extent along x and y, at
+    the height of the outermost taxel, so no position has a negative z. The order of the table is kept.
+
+    The tables list no normals. Each is estimated from a sphere through the taxel that fits its six nearest
+    neighbours best: exact on planes and spheres, on an ellipsoid of a fingertip's size off by 4 degrees on
+    average and up to 17 at the rim. It points away from the middle of all points. The footprint is a square,
+    its side the median distance between nearest neighbours.
+
+    Args:
+        points: ``(N, 3)`` taxel positions (mm, the table's frame); N at least 7.
+
+    Returns:
+        A layout of one row and N columns.
+
+    Raises:
+        InvalidValueError: The points have the wrong shape, or are too few or not finite.
+    """
+    table = np.asarray(points, dtype=np.float64)
+    if table.ndim != 2 or table.shape[1] != 3 or len(table) < 7 or not np.all(np.isfinite(table)):
+        raise InvalidValueError(f"expected at least 7 finite points of shape (N, 3), got {table.shape}")
+    turned = 1e-3 * table * [1.0, -1.0, -1.0]
+    low, high = turned.min(axis=0), turned.max(axis=0)
+    positions = turned - [(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]]
+    squared = np.sum((positions[:, None] - positions[None]) ** 2, axis=-1)
+    order = np.argsort(squared, axis=1)
+    pitch = float(np.median(np.sqrt(np.take_along_axis(squared, order[:, 1:2], axis=1))))
+    normals = _sphere_normals(positions, order[:, 1:7])
+    inside = positions.mean(axis=0) + [0.0, 0.0, 0.1 * pitch]  # so that a flat table has an inside, too
+    normals[np.sum((positions - inside) * normals, axis=1) < 0] *= -1
+    return TaxelLayout(1, len(positions), (pitch, pitch), positions, normals)
+
+
+def _sphere_normals(positions: NDArray[np.float64], neighbours: NDArray[np.intp]) -> NDArray[np.float64]:
+    """Unit normals, of either sign, of spheres through the positions: ``n . q = c |q|^2`` at neighbours q."""
+    q = positions[neighbours] - positions[:, None]
+    bulge = np.sum(q**2, axis=-1, keepdims=True)
+    # eliminate the curvature c; what is left over is smallest along the normal
+    q = q - bulge * np.sum(bulge * q, axis=1, keepdims=True) / np.sum(bulge**2, axis=1, keepdims=True)
+    return np.linalg.eigh(np.swapaxes(q, 1, 2) @ q)[1][..., 0]
+
+
+def _read_coordinates(item: Sensor) -> ArrayLike:
+    """The ``(N, 3)`` table of points (mm) that `item` names."""
+    package, _, part = str(item.coordinates).partition(":")
+    if package != "paxini-sdk":
+        raise UnsupportedError(f"sensor {item.name!r} has coordinates of an unknown kind: {item.coordinates!r}")
+    try:
+        registry = importlib.import_module("paxini_sdk.sensor_registry")
+    except ImportError as error:
+        raise MissingExtraError(package, "paxini", f"the layout of sensor {item.name!r}") from error
+    try:
+        points = registry.load_points(part)
+    except (KeyError, FileNotFoundError) as error:
+        raise UnsupportedError(f"the installed {package} has no coordinates of {part}") from error
+    if len(points) != item.taxels:
+        raise UnsupportedError(f"expected {item.taxels} points of {part} from {package}, got {len(points)}")
+    return points
+
+
+@cache
+def _catalogue() -> dict[str, Sensor]:
+    text = files("paxisim").joinpath("data/sensors.toml").read_text(encoding="utf-8")
+    return {name: _parse(name, entry) for name, entry in tomllib.loads(text).items()}
+
+
+def _parse(name: str, entry: dict[str, Any]) -> Sensor:
+    """A product from its table in the data file, in SI units."""
+    mass = entry.pop("mass_g", None)
+    pitch = entry.pop("pitch_mm", None)
+    shear, normal = entry.pop("shear_n", None), entry.pop("normal_n", None)
+    return Sensor(
+        name=name,
+        pitch=None if pitch is None else (1e-3 * pitch[0], 1e-3 * pitch[1]),
+        rate=entry.pop("rate_hz", None),
+        mass=None if mass is None else 1e-3 * mass,
+        resolution=entry.pop("resolution_n", None),
+        shear_range=None if shear is None else (shear[0], shear[1]),
+        normal_range=None if normal is None else (normal[0], normal[1]),
+        notes=entry.pop("notes", "").strip(),
+        sources={key: text.strip() for key, text in entry.pop("sources").items()},
+        **entry,
+    )
