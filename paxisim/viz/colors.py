@@ -1,0 +1,35 @@
+"""The one colour scale of every picture: red for compression, blue for tension, the redder the harder."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+STOPS: tuple[tuple[float, tuple[float, float, float]], ...] = (
+    (-1.0, (0.07, 0.27, 0.60)),
+    (-0.5, (0.36, 0.59, 0.85)),
+    (0.0, (0.95, 0.95, 0.94)),
+    (0.5, (0.96, 0.50, 0.42)),
+    (1.0, (0.76, 0.03, 0.10)),
+)
+"""(normal force / vmax, RGB): light grey at rest, red where pressed, blue where the normal force is negative."""
+
+UNKNOWN = (0.55, 0.55, 0.55)
+"""RGB of a taxel whose reading is not a number."""
+
+
+def taxel_colors(force: ArrayLike, vmax: float) -> NDArray[np.float64]:
+    """Colour taxels by their normal force.
+
+    Args:
+        force: ``(..., 3, rows, cols)`` newtons, pad frame. Only z, the normal force, counts.
+        vmax: Normal force (N) of full red, positive; at ``-vmax`` a taxel is full blue, beyond it stays so.
+
+    Returns:
+        ``(..., rows, cols, 4)`` opaque RGBA in 0..1; where the force is not a number, grey.
+    """
+    level = np.asarray(force, dtype=np.float64)[..., 2, :, :] / vmax
+    levels = [stop for stop, _ in STOPS]
+    rgb = np.stack([np.interp(level, levels, channel) for channel in zip(*(c for _, c in STOPS), strict=True)], -1)
+    rgb = np.where(np.isnan(level)[..., None], UNKNOWN, rgb)
+    return np.concatenate([rgb, np.ones_like(rgb[..., :1])], axis=-1)

@@ -1,0 +1,120 @@
+"""How one pad, its shear arrows and the scales are put into matplotlib axes; `paxisim.viz.plot` is the front."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from paxisim.layout import TaxelLayout
+from paxisim.viz.colors import STOPS, UNKNOWN
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.collections import PolyCollection
+    from matplotlib.quiver import Quiver
+
+_GREEN, _INK = "#0b8a3a", "#444444"
+_SHORTEST = 0.02  # arrows shorter than this part of a pitch are left out
+
+
+def draw_pad(
+    ax: Axes, force: NDArray[np.float64], layout: TaxelLayout, vmax: float, shear_max: float, title: str
+) -> tuple[PolyCollection, Quiver]:
+    """Draw one pad, without scales.
+
+    Args:
+        ax: Axes to draw in; their limits, aspect, title and labels are set. Lengths in mm.
+        force: ``(3, rows, cols)`` newtons, pad frame.
+        layout: The pad's taxels.
+        vmax: Normal force (N) of full red.
+        shear_max: Shear force (N) whose arrow is one pitch long.
+        title: Title of the axes.
+
+    Returns:
+        The taxels, one polygon each in row-major order, and the arrows, which are masked where there is no shear.
+    """
+    from matplotlib.collections import PolyCollection
+    from matplotlib.colors import LinearSegmentedColormap, Normalize
+
+    ramp = [((stop + 1) / 2, rgb) for stop, rgb in STOPS]
+    colors = LinearSegmentedColormap.from_list("paxisim", ramp, N=512).with_extremes(bad=UNKNOWN)
+    x, y = 1e3 * layout.positions[:, :2].T
+    half_y, half_x = (500 * pitch for pitch in layout.pitch)
+    offsets = np.array([[-half_x, -half_y], [half_x, -half_y], [half_x, half_y], [-half_x, half_y]])
+    taxels = PolyCollection(
+        list(np.stack([x, y], axis=-1)[:, None] + offsets),
+        array=np.ma.masked_invalid(force[2].reshape(-1)),
+        cmap=colors,
+        norm=Normalize(-vmax, vmax),
+        edgecolors="white",
+        linewidths=1.0,
+    )
+    ax.add_collection(taxels)
+    ax.set_aspect("equal")
+    ax.set_xlim(x.min() - half_x, x.max() + half_x)
+    ax.set_ylim(y.max() + half_y, y.min() - half_y)
+    # an empty title keeps the room that the reference arrow needs; beside it, a narrow pad has none for a title
+    raised = 26 if layout.size[0] > 1.8 * layout.size[1] else 8
+    ax.set_title(title or " ", loc="left", fontsize="large", pad=raised)
+    ax.set_xlabel("x (mm)", color=_INK)
+    ax.set_ylabel("y (mm)", color=_INK)
+    longest = max(layout.size)
+    ax.locator_params(axis="x", nbins=max(1, int(5 * layout.size[1] / longest)), min_n_ticks=1)
+    ax.locator_params(axis="y", nbins=max(1, int(5 * layout.size[0] / longest)), min_n_ticks=1)
+    ax.tick_params(length=0, colors=_INK, labelsize="small")
+    ax.spines[:].set_visible(False)
+    return taxels, _draw_shear(ax, force[:2].reshape(2, -1), layout, shear_max)
+
+
+def _draw_shear(ax: Axes, shear: NDArray[np.float64], layout: TaxelLayout, top: float) -> Quiver:
+    pitch = 1e3 * min(layout.pitch)
+    thickness = min(0.1 * pitch, 0.025 * 1e3 * max(layout.size))
+    size = np.hypot(*shear)
+    invisible = ~(size > _SHORTEST * top)  # also where it is not a number
+    # "xy" takes length and direction in data units, so that positive y points down the inverted axis
+    u, v = np.ma.array(shear, mask=[invisible, invisible])
+    x, y = 1e3 * layout.positions[:, :2].T
+    arrows = ax.quiver(
+        *(x, y, u, v),
+        **{"angles": "xy", "scale_units": "xy", "scale": top / pitch, "units": "xy", "pivot": "mid"},
+        **{"width": thickness, "headwidth": 3.2, "headlength": 3.4, "headaxislength": 3.0, "minlength": 0.0},
+        **{"color": _GREEN, "edgecolor": "white", "linewidth": 0.6, "clip_on": False, "zorder": 3},
+    )
+    arrows.set_in_layout(False)  # constrained layout misjudges their size
+    return arrows
+
+
+def draw_scales(
+    ax: Axes, drawn: tuple[PolyCollection, Quiver], layout: TaxelLayout, lowest: float, vmax: float, shear_max: float
+) -> None:
+    """Draw the colour bar right of the axes and the reference arrow above them.
+
+    Args:
+        ax: Axes in which `draw_pad` has drawn.
+        drawn: What it returned.
+        layout: The pad's taxels.
+        lowest: Smallest normal force (N) that the colour bar shows, at least ``-vmax``.
+        vmax: Normal force (N) of full red, the largest it shows.
+        shear_max: Shear force (N) whose arrow is one pitch long.
+    """
+    taxels, arrows = drawn
+    height, width = (1e3 * length for length in layout.size)
+    bar_width = max(0.045 * height / width, 0.02)
+    bar = ax.figure.colorbar(taxels, cax=ax.inset_axes((1 + bar_width, 0, bar_width, 1)))
+    bar.ax.set_ylim(lowest, vmax)
+    bar.set_label("normal force (N)", color=_INK)
+    bar.ax.tick_params(length=0, colors=_INK, labelsize="small")
+    bar.outline.set_visible(False)  # type: ignore[operator]
+    value = round_down(shear_max)
+    tail = 1 - value / shear_max * 1e3 * min(layout.pitch) / width
+    points = 72 / ax.figure.dpi * min(ax.bbox.height, ax.bbox.width * height / width)
+    look = {"labelpos": "W", "labelsep": 0.08, "labelcolor": _INK, "fontproperties": {"size": "small"}}
+    ax.quiverkey(arrows, tail, 1 + 10 / points, value, f"shear {value:g} N", **look)
+
+
+def round_down(value: float) -> float:
+    """The largest of 1, 2, 5 times a power of ten that is not above `value`."""
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(f"{max(step for step in (1, 2, 5, 10) if step * power <= value * (1 + 1e-9)) * power:.1g}")
