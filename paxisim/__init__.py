@@ -11,6 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 from paxisim._version import __version__ as __version__
 
+# not lazily: whatever imports the module paxisim.sensors first would leave it in the place of the function
+from paxisim.sensors import known_sensors as known_sensors
+
 if TYPE_CHECKING:
     from paxisim.errors import InvalidValueError as InvalidValueError
     from paxisim.errors import MissingExtraError as MissingExtraError
@@ -21,7 +24,12 @@ if TYPE_CHECKING:
     from paxisim.layout import TaxelLayout as TaxelLayout
     from paxisim.models.attach import TactileGripper as TactileGripper
     from paxisim.models.attach import attach as attach
+    from paxisim.models.find_mounts import FoundMounts as FoundMounts
+    from paxisim.models.find_mounts import find_mounts as find_mounts
     from paxisim.models.gel import Gel as Gel
+    from paxisim.models.grippers import known_grippers as known_grippers
+    from paxisim.models.grippers import mounts_for as mounts_for
+    from paxisim.models.grippers import robosuite_gripper_path as robosuite_gripper_path
     from paxisim.models.mount import Mount as Mount
     from paxisim.models.pad import Pad as Pad
     from paxisim.models.pads import Pads as Pads
@@ -30,13 +38,15 @@ if TYPE_CHECKING:
     from paxisim.models.readout import TactileReadout as TactileReadout
     from paxisim.models.surface import GaussianBump as GaussianBump
     from paxisim.models.surface import conform as conform
+    from paxisim.models.surface import flat as flat
     from paxisim.models.surface import measured as measured
     from paxisim.models.touch_grid import TouchGridReadout as TouchGridReadout
     from paxisim.sensors import Sensor as Sensor
     from paxisim.sensors import sensor as sensor
-    from paxisim.sensors import sensors as sensors
+    from paxisim.viz.mounts import plot_mounts as plot_mounts
     from paxisim.viz.plot import plot_pads as plot_pads
     from paxisim.viz.plot import plot_tactile as plot_tactile
+    from paxisim.viz.view import view as view
 
 _HOMES = {
     "paxisim.errors": (
@@ -49,15 +59,19 @@ _HOMES = {
     ),
     "paxisim.layout": ("TaxelLayout",),
     "paxisim.models.attach": ("TactileGripper", "attach"),
+    "paxisim.models.find_mounts": ("FoundMounts", "find_mounts"),
     "paxisim.models.gel": ("Gel",),
+    "paxisim.models.grippers": ("known_grippers", "mounts_for", "robosuite_gripper_path"),
     "paxisim.models.mount": ("Mount",),
     "paxisim.models.pad": ("Pad",),
     "paxisim.models.pads": ("Pads", "find_pads", "set_surface"),
     "paxisim.models.readout": ("TactileReadout",),
-    "paxisim.models.surface": ("GaussianBump", "conform", "measured"),
+    "paxisim.models.surface": ("GaussianBump", "conform", "flat", "measured"),
     "paxisim.models.touch_grid": ("TouchGridReadout",),
-    "paxisim.sensors": ("Sensor", "sensor", "sensors"),
+    "paxisim.sensors": ("Sensor", "known_sensors", "sensor"),
+    "paxisim.viz.mounts": ("plot_mounts",),
     "paxisim.viz.plot": ("plot_pads", "plot_tactile"),
+    "paxisim.viz.view": ("view",),
 }
 _HOME_OF = {name: module for module, members in _HOMES.items() for name in members}
 

@@ -88,7 +88,7 @@ def sensor(name: str) -> Sensor:
     """The product of that name.
 
     Args:
-        name: A name from `sensors`, in any case, e.g. ``"paxini-gen1-l4629"``.
+        name: A name from `known_sensors`, in any case, e.g. ``"paxini-gen1-l4629"``.
 
     Raises:
         UnknownNameError: There is no such product; the message offers the near matches.
@@ -99,7 +99,7 @@ def sensor(name: str) -> Sensor:
         raise UnknownNameError("sensor", name, _catalogue()) from None
 
 
-def sensors() -> tuple[Sensor, ...]:
+def known_sensors() -> tuple[Sensor, ...]:
     """All products, in the order of the data file. Needs no optional package."""
     return tuple(_catalogue().values())
 
@@ -107,7 +107,7 @@ def sensors() -> tuple[Sensor, ...]:
 def format_table() -> str:
     """The catalogue as a plain text table, at most 80 columns wide, without a final newline."""
     rows: list[tuple[str, ...]] = [("name", "model", "taxels", "pitch (mm)", "Hz")]
-    for item in sensors():
+    for item in known_sensors():
         flat = item.pitch is not None
         taxels = f"{item.rows} x {item.cols}" if flat else str(item.taxels)
         pitch = " x ".join(f"{1e3 * p:.4g}" for p in item.pitch) if item.pitch else "curved"

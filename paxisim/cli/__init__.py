@@ -5,7 +5,9 @@ from __future__ import annotations
 import contextlib
 import functools
 import io
+import shutil
 import sys
+import textwrap
 import warnings
 from collections.abc import Callable
 
@@ -50,9 +52,9 @@ def _parse(arguments: list[str] | None) -> Callable[[], None]:
     Raises:
         SystemExit: Help was asked for and given (0), or the words do not parse (a sentence that says why).
     """
-    said = io.StringIO()
+    said, helped = io.StringIO(), io.StringIO()
     try:
-        with contextlib.redirect_stderr(said):
+        with contextlib.redirect_stderr(said), contextlib.redirect_stdout(helped):
             return tyro.extras.subcommand_cli_from_dict(
                 {name: _deferred(verb) for name, verb in VERBS.items()},
                 prog="paxisim",
@@ -63,6 +65,7 @@ def _parse(arguments: list[str] | None) -> Callable[[], None]:
             )
     except SystemExit as stop:
         if stop.code in (0, None):
+            print(_wrapped(helped.getvalue()))
             raise
         raise SystemExit(_first_paragraph(said.getvalue())) from None
 
@@ -75,6 +78,12 @@ def _deferred(verb: Callable[..., None]) -> Callable[..., Callable[[], None]]:
         return functools.partial(verb, *args, **options)
 
     return bind
+
+
+def _wrapped(text: str) -> str:
+    """Lines no longer than the terminal; tyro wraps its boxes but not a verb's description."""
+    width = shutil.get_terminal_size().columns
+    return "\n".join(textwrap.fill(line, width) if len(line) > width else line for line in text.rstrip().splitlines())
 
 
 def _first_paragraph(boxed: str) -> str:

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 import tyro
 
+from paxisim.cli.mounts import format_mount, parse_mount
 from paxisim.cli.output import check_output, png, write_output
 from paxisim.cli.taxels import Taxels
 
@@ -16,6 +17,7 @@ def attach(
     taxels: tyro.conf.OmitArgPrefixes[Taxels],
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])],
     *,
+    mount: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
     picture: Path | None = None,
     thickness_mm: float = 1.0,
     sensors: Literal["none", "contact", "touch_grid"] = "none",
@@ -34,6 +36,8 @@ def attach(
         gripper: The gripper's MJCF file.
         taxels: Which taxels.
         output: The MJCF file to write.
+        mount: Where a pad goes, once for each pad, as
+            'BODY pos-mm=X,Y,Z quat=W,X,Y,Z replaces=GEOM,GEOM name=NAME'; what was chosen is printed in this form.
         picture: Where to draw the gripper with its pads; default: beside the output, as .png.
         thickness_mm: Thickness of the taxel cubes in mm.
         sensors: MuJoCo sensors to embed; paxisim's own reader needs none.
@@ -50,10 +54,17 @@ def attach(
         mass=taxels.mass,
         sensors=None if sensors == "none" else sensors,
     )
-    tactile = paxisim.attach(gripper, pad)
+    tactile = paxisim.attach(gripper, pad, [parse_mount(text) for text in mount] or None)
     write_output(output, tactile.to_xml(output.absolute().parent), force)
-    print(tactile.report)
-    print(f"{output}: {len(tactile.pad_names)} pads of {pad.layout.rows}x{pad.layout.cols} taxels")
+    if tactile.report:
+        print(tactile.report)
+        print("\nTo change it, edit and give:")
+        for chosen in tactile.mounts:
+            print(f"  --mount '{format_mount(chosen)}'")
+        print()
+    print(
+        f"{output}: {len(tactile.pad_names)} pad{'s' * (len(tactile.pad_names) > 1)} of {pad.layout.rows}x{pad.layout.cols} taxels"
+    )
     try:
         drawn = paxisim.plot_mounts(tactile)
     except paxisim.MissingExtraError as error:

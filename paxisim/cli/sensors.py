@@ -11,13 +11,13 @@ def sensors(*, sources: bool = False) -> None:
     """
     import textwrap
 
-    import paxisim.sensors
+    from paxisim.sensors import format_table, known_sensors
 
-    print(paxisim.sensors.format_table())
+    print(format_table())
     if not sources:
         print("Where each figure comes from: paxisim sensors --sources")
         return
-    for product in paxisim.sensors.sensors():
+    for product in known_sensors():
         print(f"\n{product.name}")
         for figure, source in product.sources.items():
             print(textwrap.fill(f"{figure}: {source}", 78, initial_indent="  ", subsequent_indent="    "))

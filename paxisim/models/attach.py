@@ -137,7 +137,7 @@ def attach(
     for mount in mounts:
         if mount.body not in bodies:
             raise UnknownNameError("body", mount.body, [name for name in bodies if name])
-        replaced.append([_geom(bodies[mount.body], which) for which in mount.replaces])
+        replaced.append([_geom(spec, bodies[mount.body], which) for which in mount.replaces])
     if pad.contype == Pad.contype and pad.conaffinity == Pad.conaffinity:
         pad = replace(pad, **_bits([geom for geoms in replaced for geom in geoms]))
     pad_names = tuple(f"{mount.name}_{pad.name}" for mount in mounts)
@@ -167,16 +167,16 @@ def _as_pad(sensor: Pad | TaxelLayout | str) -> Pad:
     return Pad(product.layout, mass=product.mass)
 
 
-def _geom(body: mujoco.MjsBody, which: str | int) -> mujoco.MjsGeom:
-    geoms = list(body.geoms)
+def _geom(spec: mujoco.MjSpec, body: mujoco.MjsBody, which: str | int) -> mujoco.MjsGeom:
     if isinstance(which, int):
+        geoms = list(body.geoms)
         if not 0 <= which < len(geoms):
             raise InvalidValueError(f"body {body.name!r} has {len(geoms)} geoms, there is no geom {which}")
         return geoms[which]
-    for geom in geoms:
-        if geom.name == which:
-            return geom
-    raise UnknownNameError(f"geom of body {body.name!r}", which, [geom.name for geom in geoms if geom.name])
+    named = {geom.name: geom for geom in spec.geoms}
+    if which not in named:
+        raise UnknownNameError("geom", which, [name for name in named if name])
+    return named[which]
 
 
 def _bits(replaced: list[mujoco.MjsGeom]) -> dict[str, int]:

@@ -18,8 +18,8 @@ class Mount:
         pos: Position (m, body frame) of the centre of the sensing surface, the origin of the pad frame.
         quat: Orientation of the pad frame in the body frame, (w, x, y, z): x along the columns, y along the
             rows, z into the pad, so away from what is touched. Normalised here.
-        replaces: Collision geoms to switch off, by name or, where they have none, by index among the body's
-            own geoms. Switched off, not deleted: names and looks stay.
+        replaces: Collision geoms to switch off, by name (on any body) or, where they have none, by index among
+            the body's own geoms. Switched off, not deleted: names and looks stay.
         name: Name of the pad; default: the body's name.
 
     Raises:

@@ -1,0 +1,162 @@
+"""The shell as its users use it: every verb, and every bad input that ends in one line and status 2."""
+
+import os
+import re
+import subprocess
+import sys
+from importlib.resources import files
+from pathlib import Path
+
+import mujoco
+import pytest
+
+import paxisim
+from paxisim.cli import main
+from paxisim.cli.mounts import format_mount, parse_mount
+
+GRIPPER = files("paxisim").joinpath("data/two_finger_gripper.xml").read_text(encoding="utf-8")
+GRID = ["--rows", "6", "--cols", "5", "--pitch-mm", "4.35,4.52"]
+MOUNTS = [
+    f"{side}_finger pos-mm=0,0,-19 quat=0.5,-0.5,-0.5,0.5 replaces={side}_fingertip name={side}"
+    for side in ("left", "right")
+]
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "gripper.xml").write_text(GRIPPER)
+    return tmp_path
+
+
+def test_pad_from_a_grid_loads_by_itself_and_is_the_same_to_the_byte():
+    assert main(["pad", *GRID, "-o", "a.xml"]) == 0
+    assert main(["pad", *GRID, "-o", "b.xml"]) == 0
+    assert Path("a.xml").read_bytes() == Path("b.xml").read_bytes()
+    pads = paxisim.find_pads(mujoco.MjModel.from_xml_path("a.xml"))
+    assert pads.layout == paxisim.TaxelLayout(6, 5, (0.00435, 0.00452))
+
+
+def test_pad_from_a_product_pooled():
+    assert main(["pad", "--sensor", "paxini-gen1-l4629", "--pool", "2", "--sensors", "contact", "-o", "a.xml"]) == 0
+    model = mujoco.MjModel.from_xml_path("a.xml")
+    assert model.nsensor == 30
+    assert paxisim.find_pads(model).layout == paxisim.sensor("paxini-gen1-l4629").layout.pool(2, 2)
+
+
+def test_attach_with_mounts_writes_a_model_that_gives_its_pads_back(capsys):
+    assert main(["attach", "gripper.xml", *GRID, "--mount", MOUNTS[0], "--mount", MOUNTS[1], "-o", "out.xml"]) == 0
+    pads = paxisim.find_pads(mujoco.MjModel.from_xml_path("out.xml"))
+    assert pads.names == ("left_pad", "right_pad")
+    assert Path("out.png").read_bytes()[:4] == b"\x89PNG"
+    assert "2 pads of 6x5 taxels" in capsys.readouterr().out
+
+
+def test_attach_finds_mounts_says_so_and_its_words_can_be_given_back(capsys):
+    assert main(["attach", "gripper.xml", *GRID, "-o", "found.xml"]) == 0
+    out = capsys.readouterr().out
+    words = re.findall(r"--mount '(.*)'", out)
+    assert len(words) == 2
+    given = [word for text in words for word in ("--mount", text)]
+    assert main(["attach", "gripper.xml", *GRID, *given, "-o", "given.xml"]) == 0
+    found, again = (mujoco.MjModel.from_xml_path(name) for name in ("found.xml", "given.xml"))
+    pads, pads_again = paxisim.find_pads(found), paxisim.find_pads(again)
+    assert pads.names == pads_again.names
+    assert found.body_pos[pads.bodies] == pytest.approx(again.body_pos[pads_again.bodies], abs=2e-6)
+
+
+def test_a_mount_survives_its_words():
+    mount = paxisim.Mount("a body", (0.0012, -0.3, 0), (1, 2, -3, 0.5), ("tip", 3), "left")
+    again = parse_mount(format_mount(mount))
+    assert again.pos == pytest.approx(mount.pos, abs=1e-6)
+    assert again.quat == pytest.approx(mount.quat, abs=1e-5)
+    assert (again.body, again.replaces, again.name) == (mount.body, mount.replaces, mount.name)
+
+
+def test_sensors_lists_products_and_sources(capsys):
+    assert main(["sensors"]) == 0
+    assert "paxini-gen1-l4629" in capsys.readouterr().out
+    assert main(["sensors", "--sources"]) == 0
+    out = capsys.readouterr().out
+    assert "arXiv" in out
+    assert max(map(len, out.splitlines())) <= 80
+
+
+def test_demo_agrees_with_the_known_load_and_finds_a_free_name(capsys):
+    assert main(["demo"]) == 0
+    errors = [float(e) for e in re.findall(r"([\d.]+)%", capsys.readouterr().out)]
+    assert len(errors) == 3
+    assert max(errors) < 1
+    assert main(["demo", "--squeeze", "12", "--seed", "3"]) == 0
+    assert Path("paxisim-demo.png").exists()
+    assert Path("paxisim-demo-2.png").exists()
+
+
+def test_overwriting_is_asked_for():
+    Path("a.xml").write_text("precious")
+    assert main(["pad", *GRID, "-o", "a.xml"]) == 2
+    assert Path("a.xml").read_text() == "precious"
+    assert main(["pad", *GRID, "-o", "a.xml", "--force"]) == 0
+    assert Path("a.xml").read_text().startswith("<mujoco")
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["pad", "--rows", "nan", "--cols", "5", "--pitch-mm", "1", "-o", "a.xml"], "--rows"),
+        (["pad", "--rows", "0", "--cols", "5", "--pitch-mm", "1", "-o", "a.xml"], "rows must be .* at least 1, got 0"),
+        (["pad", "--rows", "6", "--cols", "-5", "--pitch-mm", "1", "-o", "a.xml"], "cols must be"),
+        (["pad", "--rows", "6", "--cols", "5", "--pitch-mm", "1,nan", "-o", "a.xml"], "pitch must be .*finite"),
+        (["pad", "--rows", "6", "--cols", "5", "--pitch-mm", "1,2,3", "-o", "a.xml"], "one or two numbers"),
+        (["pad", "--rows", "6", "--cols", "5", "-o", "a.xml"], "all of --rows, --cols and --pitch-mm"),
+        (["pad", "-o", "a.xml"], "either --sensor NAME or"),
+        (["pad", *GRID, "--sensor", "paxini-gen1-l4629", "-o", "a.xml"], "either --sensor NAME or"),
+        (["pad", *GRID, "--pool", "4", "-o", "a.xml"], "cannot pool 6x5 taxels in blocks of 4x4"),
+        (["pad", *GRID, "--thickness-mm", "0", "-o", "a.xml"], "thickness must be positive"),
+        (["pad", "--sensor", "paxini-gen1-14629", "-o", "a.xml"], "did you mean 'paxini-gen1-l4629'"),
+        (["pad", *GRID, "-o", "no/such/folder/a.xml"], "folder does not exist"),
+        (["pad", *GRID, "-o", "."], "is a folder"),
+        (["pad", *GRID], "--output"),
+        (["attach", "missing.xml", *GRID, "-o", "a.xml"], "no such model file: missing.xml"),
+        (["attach", "broken.xml", *GRID, "-o", "a.xml"], "MuJoCo cannot parse broken.xml"),
+        (["attach", "gripper.xml", *GRID, "--mount", "left_fingr", "-o", "a.xml"], "did you mean 'left_finger'"),
+        (["attach", "gripper.xml", *GRID, "--mount", "hand pos-mm=a", "-o", "a.xml"], "numbers with commas"),
+        (["attach", "gripper.xml", *GRID, "--mount", "hand at=1", "-o", "a.xml"], "unknown key of a mount 'at'"),
+        (["attach", "gripper.xml", *GRID, "--mount", "hand replaces=x", "-o", "a.xml"], "unknown geom 'x'"),
+        (["attach", "gripper.xml", *GRID, "--mount", "hand quat=0,0,0,0", "-o", "a.xml"], "quat must not be zero"),
+        (["view", "gripper.xml"], "no pads|no display|window"),
+        (["demo", "--squeeze", "inf"], "--squeeze must lie between"),
+        (["grip"], "demo, sensors, pad"),
+        ([], "demo, sensors, pad"),
+    ],
+)
+def test_bad_input_is_one_line_and_status_2(words, says, capsys, folder):
+    Path("broken.xml").write_text("<mujoco><worldbody><geom/></mujoco>")
+    before = sorted(folder.iterdir())
+    assert main(words) == 2
+    error = capsys.readouterr().err
+    assert re.search(says, error), error
+    assert error.count("\n") == 1
+    assert sorted(folder.iterdir()) == before
+
+
+@pytest.mark.parametrize("verb", [[], ["demo"], ["sensors"], ["pad"], ["attach"], ["view"]])
+def test_help_fits_a_terminal(verb, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    assert main([*verb, "--help"]) == 0
+    assert max(map(len, capsys.readouterr().out.splitlines())) <= 80
+
+
+def test_the_installed_command_reports_in_the_shell():
+    done = subprocess.run(
+        [sys.executable, "-m", "paxisim.cli", "pad", *GRID, "-o", "/"], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 2
+    assert done.stderr == "paxisim: error: the output path must be a file, / is a folder\n"
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write anywhere")
+def test_a_folder_without_permission_is_one_line(capsys, folder):
+    folder.chmod(0o500)
+    assert main(["pad", *GRID, "-o", "a.xml"]) == 2
+    assert "Permission denied" in capsys.readouterr().err
