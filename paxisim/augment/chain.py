@@ -1,0 +1,245 @@
+"""Chain: transforms one after the other, as one transform, and its JSON."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib
+import itertools
+import json
+import re
+import warnings
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from paxisim.augment.parameter import is_torch
+from paxisim.augment.transform import STAGES, Covariates, State, Transform
+from paxisim.errors import InvalidValueError, UnknownNameError
+from paxisim.layout import TaxelLayout
+
+FORMAT = "paxisim-chain/1"
+
+
+@dataclass(frozen=True, eq=False)
+class Chain(Transform):
+    """Transforms applied in order. A chain is a transform, with memory if one of its members has any.
+
+    Members are had by position, slice (a chain) or name: ``chain[0]``, ``chain[1:]``, ``chain["poisson"]``. An
+    order in which, say, the electronics come before the gel is warned of, not refused.
+
+    Attributes:
+        members: The transforms.
+        names: Their names; default: their classes', in snake case and numbered where they repeat.
+
+    Raises:
+        InvalidValueError: A member that is no transform, or names that are not unique or not one for each.
+    """
+
+    members: tuple[Transform, ...] = ()
+    names: tuple[str, ...] = ()
+
+    def __init__(self, members: Iterable[Transform] = (), names: Iterable[str] = ()) -> None:
+        """Check the members and name them."""
+        members, names = tuple(members), tuple(names)
+        for member in members:
+            if not isinstance(member, Transform):
+                raise InvalidValueError(f"Chain: members must be transforms, got {member!r}")
+        names = names or _default_names(members)
+        if len(names) != len(members) or len(set(names)) != len(names):
+            raise InvalidValueError(f"Chain: expected {len(members)} names, each its own, got {names}")
+        object.__setattr__(self, "members", members)
+        object.__setattr__(self, "names", names)
+        _warn_of_order(members)
+
+    @property
+    def has_memory(self) -> bool:  # type: ignore[override]
+        """Whether a member remembers earlier frames."""
+        return any(member.has_memory for member in self.members)
+
+    @property
+    def covariate_names(self) -> tuple[str, ...]:
+        """The covariates its members need."""
+        return tuple(dict.fromkeys(name for member in self.members for name in member.covariate_names))
+
+    def __len__(self) -> int:
+        """Number of members."""
+        return len(self.members)
+
+    def __iter__(self) -> Iterator[Transform]:
+        """The members in order."""
+        return iter(self.members)
+
+    def __getitem__(self, which: int | slice | str) -> Any:
+        """A member by position or name, or a chain of some of them by slice.
+
+        Raises:
+            UnknownNameError: No member has that name.
+        """
+        if isinstance(which, slice):
+            return Chain(self.members[which], self.names[which])
+        if isinstance(which, str):
+            if which not in self.names:
+                raise UnknownNameError("member of the chain", which, self.names)
+            which = self.names.index(which)
+        return self.members[which]
+
+    def replace(self, **members: Transform) -> Chain:
+        """The chain with some members, by name, replaced.
+
+        Raises:
+            UnknownNameError: No member has that name.
+        """
+        for name in members:
+            self[name]
+        return Chain([members.get(n, m) for n, m in zip(self.names, self.members, strict=True)], self.names)
+
+    def apply(self, x: Any, covariates: Covariates) -> Any:
+        """See `Transform.apply`."""
+        for member in self.members:
+            x = member(x, covariates)
+        return x
+
+    def initial_state(self, x: Any, covariates: Covariates | None = None) -> State:
+        """The members' states, a tuple each."""
+        states = []
+        for member in self.members:
+            state = member.initial_state(x, covariates)
+            states.append(state)
+            x, _ = member.step(x, state, 0.0, covariates)
+        return tuple(states)
+
+    def step(self, x: Any, state: State, dt: Any, covariates: Covariates | None = None) -> tuple[Any, State]:
+        """See `Transform.step`."""
+        states = []
+        for member, old in zip(self.members, state, strict=True):
+            x, new = member.step(x, old, dt, covariates)
+            states.append(new)
+        return x, tuple(states)
+
+    def run(self, x: Any, time: Any, covariates: Covariates | None = None) -> Any:
+        """See `Transform.run`."""
+        for member in self.members:
+            x = member.run(x, time, covariates)
+        return x
+
+    def reset(self, state: State, mask: Any, x: Any, covariates: Covariates | None = None) -> State:
+        """See `Transform.reset`."""
+        states = []
+        for member, old in zip(self.members, state, strict=True):
+            states.append(member.reset(old, mask, x, covariates))
+            x, _ = member.step(x, member.initial_state(x, covariates), 0.0, covariates)
+        return tuple(states)
+
+    def to_json(self) -> str:
+        """The chain as JSON text, from which `from_json` makes it again bit for bit (torch parameters as numpy's)."""
+        members = [_encode(member, name) for name, member in zip(self.names, self.members, strict=True)]
+        return json.dumps({"format": FORMAT, "members": members}, indent=1)
+
+    @classmethod
+    def from_json(cls, text: str) -> Chain:
+        """The chain that `to_json` wrote.
+
+        Raises:
+            InvalidValueError: The text is no JSON, of another format, or a parameter is not usable.
+            UnknownNameError: A transform or parameter that this version does not know.
+        """
+        try:
+            document = json.loads(text)
+        except json.JSONDecodeError as error:
+            raise InvalidValueError(f"Chain: not JSON: {error}") from error
+        if not isinstance(document, dict) or document.get("format") != FORMAT:
+            raise InvalidValueError(f"Chain: expected a JSON object of format {FORMAT!r}")
+        members = document.get("members", [])
+        try:
+            return cls([_decode(member) for member in members], [member["name"] for member in members])
+        except (KeyError, TypeError) as error:
+            raise InvalidValueError(f"Chain: a member of the JSON lacks or misuses {error}") from error
+
+    def save(self, path: str | Path) -> None:
+        """Write `to_json` to a file."""
+        Path(path).write_text(self.to_json() + "\n", encoding="utf-8")
+
+    @classmethod
+    def load(cls, path: str | Path) -> Chain:
+        """Read a file that `save` wrote; raises as `from_json` does."""
+        return cls.from_json(Path(path).read_text(encoding="utf-8"))
+
+
+def _default_names(members: tuple[Transform, ...]) -> tuple[str, ...]:
+    names: list[str] = []
+    for member in members:
+        name = re.sub(r"(?<!^)(?=[A-Z])", "_", member.name).lower()
+        count = sum(isinstance(other, type(member)) for other in members[: len(names)])
+        names.append(f"{name}_{count + 1}" if count else name)
+    return tuple(names)
+
+
+def _warn_of_order(members: tuple[Transform, ...]) -> None:
+    ranked = [(STAGES.index(member.stage), member.name) for member in members if not isinstance(member, Chain)]
+    for (before, first), (after, second) in itertools.pairwise(ranked):
+        if after < before:
+            warnings.warn(
+                f"Chain: {second} ({STAGES[after]}) comes after {first} ({STAGES[before]}); in a sensor it is the "
+                "other way round",
+                stacklevel=4,
+            )
+
+
+def _encode(member: Transform, name: str) -> dict[str, Any]:
+    if isinstance(member, Chain):
+        return {"name": name, "type": "Chain", "chain": json.loads(member.to_json())}
+    values = {f.name: _encode_value(getattr(member, f.name)) for f in dataclasses.fields(member)}  # type: ignore[arg-type]
+    return {"name": name, "type": member.name, "parameters": values}
+
+
+def _encode_value(value: Any) -> Any:
+    if isinstance(value, TaxelLayout):
+        return {"layout": value.to_dict()}
+    if is_torch(value):
+        value = value.detach().cpu().numpy()
+    if isinstance(value, (np.ndarray, np.generic)):
+        value = np.asarray(value)
+        return {"dtype": str(value.dtype), "shape": list(value.shape), "data": value.reshape(-1).tolist()}
+    return value
+
+
+def _decode(document: Mapping[str, Any]) -> Transform:
+    kind = document["type"]
+    if kind == "Chain":
+        return Chain.from_json(json.dumps(document["chain"]))
+    known = _known_transforms()
+    if kind not in known:
+        raise UnknownNameError("transform", kind, known)
+    values = {name: _decode_value(value) for name, value in document["parameters"].items()}
+    fields = [f.name for f in dataclasses.fields(known[kind])]  # type: ignore[arg-type]
+    for name in values:
+        if name not in fields:
+            raise UnknownNameError(f"parameter of {kind}", name, fields)
+    return known[kind](**values)
+
+
+def _decode_value(value: Any) -> Any:
+    if isinstance(value, dict) and "layout" in value:
+        return TaxelLayout.from_dict(value["layout"])
+    if isinstance(value, dict):
+        return np.array(value["data"], dtype=value["dtype"]).reshape(value["shape"])
+    if isinstance(value, list):
+        return tuple(_decode_value(item) for item in value)
+    return value
+
+
+def _known_transforms() -> dict[str, type[Transform]]:
+    """Every transform by its class's name: those of paxisim, and those that users derived from `Transform`."""
+    package = importlib.import_module("paxisim.augment")
+    for module in package.MODULES:
+        importlib.import_module(f"paxisim.augment.{module}")
+    found: dict[str, type[Transform]] = {}
+    waiting = [Transform]
+    while waiting:
+        for kind in waiting.pop().__subclasses__():
+            found[kind.__name__] = kind
+            waiting.append(kind)
+    return found

@@ -1,0 +1,45 @@
+"""Gains: the sensor's scale is off, per axis and per taxel (the S of the paper's GCS)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from paxisim.augment.parameter import parameter
+from paxisim.augment.transform import Covariates, Transform
+
+
+@dataclass(frozen=True, eq=False)
+class AxisGain(Transform):
+    """One gain for each axis, the same at every taxel: ``y_k = gain_k x_k``.
+
+    Simulated contact forces and a sensor's newtons differ in scale, and differently in shear and normal direction
+    (paper, Method, "Domain Randomization of Force Scaling": alpha_k; Table I draws it from U(0.5, 1.5)).
+
+    Attributes:
+        gain: ``(..., 3)`` gains of x, y and z.
+    """
+
+    gain: Any = parameter((1.0, 1.0, 1.0), "k", low=0.0, typical=(0.5, 1.5))
+
+    def apply(self, x: Any, covariates: Covariates) -> Any:
+        """See `Transform.apply`."""
+        return x * self.fit("gain", x)
+
+
+@dataclass(frozen=True, eq=False)
+class TaxelGain(Transform):
+    """One gain for each taxel, the same on its three axes: ``y(i,j) = gain(i,j) x(i,j)``.
+
+    No two magnets are placed alike (paper, Method, "Domain Randomization of Force Scaling": beta_ij; Table I draws
+    it from N(1, 0.25) with 20 % dropout). A gain of 0 is a dropped taxel.
+
+    Attributes:
+        gain: ``(..., pads, rows, cols)`` gains.
+    """
+
+    gain: Any = parameter(((((1.0,),),)), "prc", low=0.0, typical=(0.25, 1.75))
+
+    def apply(self, x: Any, covariates: Covariates) -> Any:
+        """See `Transform.apply`."""
+        return x * self.fit("gain", x)

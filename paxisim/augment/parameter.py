@@ -1,0 +1,148 @@
+"""Parameters of transforms: what they mean, what values they may have, and how they line up with the tensor.
+
+Shape convention: a parameter has leading batch dimensions, which broadcast against those of the tensor, followed by
+its own core dimensions, some of pads, axis, rows, cols in this order. A gain per axis has core "k" and so shape
+``(..., 3)``; a scalar parameter for each of 4096 environments has shape ``(4096,)``.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import sys
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from array_api_compat import array_namespace, is_array_api_obj
+
+from paxisim.errors import InvalidValueError
+
+AXES = "pkrc"
+"""The tensor's last four dimensions: pads, axis (k), rows, cols."""
+
+
+def is_torch(value: Any) -> bool:
+    """Whether `value` is a torch tensor; never imports torch."""
+    torch = sys.modules.get("torch")
+    return torch is not None and isinstance(value, torch.Tensor)
+
+
+def namespace(x: Any) -> Any:
+    """The array API namespace of `x`, in a way that ``torch.compile`` can trace without complaint."""
+    if is_torch(x):
+        import array_api_compat.torch
+
+        return array_api_compat.torch
+    return array_namespace(x)
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """What is known about one parameter of a transform.
+
+    Attributes:
+        core: Its core dimensions, a subsequence of `AXES`; each may also have length 1.
+        unit: SI unit, "1" for a pure number.
+        low: Smallest physical value.
+        high: Largest physical value.
+        typical: Sensible range to draw from at random.
+    """
+
+    core: str = ""
+    unit: str = "1"
+    low: float = -math.inf
+    high: float = math.inf
+    typical: tuple[float, float] | None = None
+
+
+def parameter(neutral: Any, core: str = "", unit: str = "1", **about: Any) -> Any:
+    """A dataclass field for a parameter whose default `neutral` leaves the tensor as it is.
+
+    Args:
+        neutral: The default.
+        core: See `Parameter`.
+        unit: See `Parameter`.
+        **about: The other attributes of `Parameter`.
+    """
+    return dataclasses.field(default=neutral, metadata={"parameter": Parameter(core, unit, **about)})
+
+
+def parameters(transform: Any) -> dict[str, Parameter]:
+    """The parameters of a transform or of its class, by field name."""
+    return {f.name: f.metadata["parameter"] for f in dataclasses.fields(transform) if "parameter" in f.metadata}
+
+
+def check(owner: str, name: str, value: Any, about: Parameter) -> None:
+    """Raise unless `value` can be this parameter.
+
+    Torch tensors on an accelerator, or traced by ``torch.compile`` or ``vmap``, are not looked into: that would
+    wait for the device.
+
+    Raises:
+        InvalidValueError: Not real numbers, not finite, too few dimensions or outside the physical range.
+    """
+    what = f"{owner}: {name}"
+    value = _as_array(value)
+    if isinstance(value, np.ndarray) and value.dtype.kind not in "fiub":
+        raise InvalidValueError(f"{what} must be real numbers, got {value.dtype}")
+    if value.ndim < len(about.core):
+        raise InvalidValueError(f"{what} must have shape {_expected(about)}, got {tuple(value.shape)}")
+    if "k" in about.core:
+        length = value.shape[value.ndim - len(about.core) + about.core.index("k")]
+        if length not in (1, 3):
+            raise InvalidValueError(f"{what} must have shape {_expected(about)}, got {tuple(value.shape)}")
+    if not _can_look(value):
+        return
+    xp = namespace(value)
+    numbers = xp.astype(value, xp.float64)
+    if not bool(xp.all(xp.isfinite(numbers))):
+        raise InvalidValueError(f"{what} must be finite")
+    if math.prod(value.shape):
+        least, most = float(xp.min(numbers)), float(xp.max(numbers))
+        if least < about.low or most > about.high:
+            came = f"{least:g}" if least == most else f"{least:g} to {most:g}"
+            raise InvalidValueError(f"{what} must lie in [{about.low:g}, {about.high:g}] {about.unit}, got {came}")
+
+
+def lift(value: Any, core: str, x: Any) -> Any:
+    """A parameter as an array that broadcasts against `x`, of its kind, dtype and device.
+
+    Args:
+        value: ``(*batch, *core)``.
+        core: Its core dimensions.
+        x: The tensor, ``(*batch, pads, 3, rows, cols)``.
+
+    Returns:
+        ``(*batch, pads or 1, 3 or 1, rows or 1, cols or 1)``.
+    """
+    xp = namespace(x)
+    array = as_like(value, x)
+    batch = array.shape[: array.ndim - len(core)]
+    lengths = iter(array.shape[array.ndim - len(core) :])
+    return xp.reshape(array, (*batch, *(next(lengths) if axis in core else 1 for axis in AXES)))
+
+
+def as_like(value: Any, x: Any) -> Any:
+    """`value` as an array of the kind, dtype and device of `x`; gradients pass."""
+    if is_torch(value) and is_torch(x):
+        return value.to(device=x.device, dtype=x.dtype)
+    return namespace(x).asarray(value, dtype=x.dtype, device=x.device if is_torch(x) else None)
+
+
+def _as_array(value: Any) -> Any:
+    return value if is_torch(value) or is_array_api_obj(value) else np.asarray(value)
+
+
+def _expected(about: Parameter) -> str:
+    lengths = {"p": "pads", "k": "3", "r": "rows", "c": "cols"}
+    return "(" + ", ".join(["...", *(lengths[axis] for axis in about.core)]) + ")"
+
+
+def _can_look(value: Any) -> bool:
+    if not is_torch(value):
+        return True
+    import torch
+
+    traced = torch.compiler.is_compiling() or torch._C._functorch.is_functorch_wrapped_tensor(value)  # type: ignore[attr-defined]
+    return not traced and value.device.type == "cpu"

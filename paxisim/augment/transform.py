@@ -1,0 +1,218 @@
+"""Transform: the base of all. A frozen dataclass of parameters, a pure call, and, for some, a memory.
+
+Shape conventions: a frame is ``(*batch, pads, 3, rows, cols)`` in newtons; a sequence has time in front,
+``(time, *batch, pads, 3, rows, cols)``, with its times ``(time,)`` in seconds. numpy in, numpy out; torch in, torch
+out, on its device, differentiable where the physics is.
+
+| | a frame | a stream, frame by frame | a whole sequence |
+|---|---|---|---|
+| without memory | ``t(x)`` | ``t.step(x, state, dt)`` | ``t.run(x, time)`` |
+| with memory | an error | ``t.step(x, state, dt)`` | ``t.run(x, time)`` |
+
+The state of a stream is a tuple of arrays whose leading dimensions are the batch, from ``t.initial_state(x)``: the
+first frame is taken to have been there forever. ``t.reset(state, mask, x)`` restarts single environments of a batch.
+``run`` is stepping, so both give the same numbers, and ``dt`` may change from frame to frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any, ClassVar
+
+import numpy as np
+
+from paxisim.augment.parameter import Parameter, as_like, check, lift, namespace, parameters
+from paxisim.errors import InvalidValueError
+
+State = tuple[Any, ...]
+Covariates = Mapping[str, Any]
+
+STAGES = ("gel", "magnets", "electronics", "firmware")
+"""The physical order of a chain: what the gel does comes before what the magnets and Hall sensors do, and so on."""
+
+
+class Transform:
+    """Base of the transforms; see the module's text for the shapes and the three ways to apply one.
+
+    Subclasses are frozen dataclasses. Those without memory implement `apply`, those with one derive from `Memory`.
+
+    Attributes:
+        stage: Where in the physical chain it belongs, one of `STAGES`.
+        covariate_names: Names of the covariates it needs.
+        has_memory: Whether the output depends on earlier frames.
+    """
+
+    stage: ClassVar[str] = "magnets"
+    has_memory: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        """Check every parameter."""
+        for name, about in parameters(self).items():
+            check(type(self).__name__, name, getattr(self, name), about)
+
+    @property
+    def name(self) -> str:
+        """The class's name."""
+        return type(self).__name__
+
+    @property
+    def covariate_names(self) -> tuple[str, ...]:
+        """The covariates it needs, by the values of its fields ``covariate``."""
+        return tuple(getattr(self, f.name) for f in fields(self) if f.name == "covariate" and getattr(self, f.name))  # type: ignore[arg-type]
+
+    def apply(self, x: Any, covariates: Covariates) -> Any:
+        """The transform of a checked frame: ``(*batch, pads, 3, rows, cols)`` in and out."""
+        raise NotImplementedError
+
+    def __call__(self, x: Any, covariates: Covariates | None = None) -> Any:
+        """Transform a frame, or any stack of frames.
+
+        Args:
+            x: ``(*batch, pads, 3, rows, cols)`` newtons, floating point.
+            covariates: Values by name, each of the batch's shape or broadcast to it.
+
+        Returns:
+            The same shape, kind and dtype.
+
+        Raises:
+            InvalidValueError: Another shape, integers, a parameter that does not fit, a missing covariate, or a
+                transform with memory, which needs `step` or `run`.
+        """
+        if self.has_memory:
+            raise InvalidValueError(f"{self.name} remembers earlier frames: use step(x, state, dt) or run(x, time)")
+        self._check_frame(x)
+        return self.apply(x, covariates or {})
+
+    def initial_state(self, x: Any, covariates: Covariates | None = None) -> State:
+        """The state of a stream of which frame `x` is the first, taken to have been there forever."""
+        return ()
+
+    def step(self, x: Any, state: State, dt: Any, covariates: Covariates | None = None) -> tuple[Any, State]:
+        """Transform the next frame of a stream.
+
+        Args:
+            x: ``(*batch, pads, 3, rows, cols)`` newtons.
+            state: From `initial_state` or the step before.
+            dt: Time since the step before (s), a number or of the batch's shape; 0 for the first frame.
+            covariates: Values by name at this frame.
+
+        Returns:
+            The frame and the state for the next step.
+
+        Raises:
+            InvalidValueError: As for a call; or time runs backwards.
+        """
+        return self(x, covariates), state
+
+    def run(self, x: Any, time: Any, covariates: Covariates | None = None) -> Any:
+        """Transform a whole sequence.
+
+        Args:
+            x: ``(time, *batch, pads, 3, rows, cols)`` newtons.
+            time: ``(time,)`` seconds, not decreasing.
+            covariates: Sequences by name, ``(time, ...)`` each.
+
+        Returns:
+            The same shape, kind and dtype; equal to stepping frame by frame from ``initial_state(x[0])``.
+
+        Raises:
+            InvalidValueError: As for a call; or `time` has another length or runs backwards.
+        """
+        xp = namespace(x)
+        steps = self._time_steps(x, time)
+        series = {name: as_like(values, x) for name, values in (covariates or {}).items()}
+        if not self.has_memory:
+            self._check_frame(x[0])
+            batch = x.ndim - 5
+            lifted = {name: xp.reshape(v, (*v.shape, *[1] * (1 + batch - v.ndim))) for name, v in series.items()}
+            return self(x, lifted)
+        state = self.initial_state(x[0], {name: values[0] for name, values in series.items()})
+        frames = []
+        for index, dt in enumerate(steps):
+            frame, state = self.step(x[index], state, dt, {name: values[index] for name, values in series.items()})
+            frames.append(frame)
+        return xp.stack(frames)
+
+    def reset(self, state: State, mask: Any, x: Any, covariates: Covariates | None = None) -> State:
+        """Restart some environments of a batch.
+
+        Args:
+            state: The state.
+            mask: Booleans of the batch's shape, True where a stream begins anew.
+            x: ``(*batch, pads, 3, rows, cols)`` the frames with which they begin; only the masked ones are used.
+            covariates: Values by name at those frames.
+
+        Returns:
+            The state in which the masked environments are as after ``initial_state(x)``.
+        """
+        xp = namespace(x)
+        mask = xp.asarray(mask)
+
+        def choose(new: Any, old: Any) -> Any:
+            return xp.where(xp.reshape(mask, (*mask.shape, *[1] * (old.ndim - mask.ndim))), new, old)
+
+        return tuple(choose(new, old) for new, old in zip(self.initial_state(x, covariates), state, strict=True))
+
+    def fit(self, name: str, x: Any) -> Any:
+        """Parameter `name` as an array that broadcasts against frame `x`.
+
+        Raises:
+            InvalidValueError: Its shape and that of `x` do not broadcast.
+        """
+        about: Parameter = parameters(self)[name]
+        lifted = lift(getattr(self, name), about.core, x)
+        for ours, theirs in zip(reversed(lifted.shape), reversed(x.shape), strict=False):
+            if ours != theirs and ours != 1 and (theirs != 1 or ours == 0):
+                raise InvalidValueError(
+                    f"{self.name}: {name} of shape {tuple(np.shape(getattr(self, name)))} does not fit a tensor of "
+                    f"shape {tuple(x.shape)}"
+                )
+        return lifted
+
+    def covariate(self, name: str, covariates: Covariates, x: Any) -> Any:
+        """Covariate `name` as an array that broadcasts against frame `x`.
+
+        Raises:
+            InvalidValueError: It is missing.
+        """
+        if name not in covariates:
+            have = ", ".join(covariates) or "none"
+            raise InvalidValueError(f"{self.name} needs the covariate {name!r}; there is {have}")
+        return lift(covariates[name], "", x)
+
+    def _check_frame(self, x: Any) -> None:
+        shape = tuple(getattr(x, "shape", ()))
+        if len(shape) < 4 or shape[-3] != 3:
+            raise InvalidValueError(f"{self.name} expected a tensor of shape (..., pads, 3, rows, cols), got {shape}")
+        xp = namespace(x)
+        if not xp.isdtype(x.dtype, "real floating"):
+            raise InvalidValueError(f"{self.name} expected a floating point tensor in newtons, got {x.dtype}")
+
+    def _time_steps(self, x: Any, time: Any) -> list[float]:
+        times = np.asarray(time, dtype=np.float64)
+        if times.ndim != 1 or len(times) != x.shape[0] or not len(times):
+            raise InvalidValueError(
+                f"{self.name} expected one time for each of {x.shape[0]} frames, got shape {times.shape}"
+            )
+        steps = np.diff(times, prepend=times[:1])
+        if not np.all(np.isfinite(times)) or steps.min() < 0:
+            raise InvalidValueError(f"{self.name}: time must be finite and must not run backwards")
+        return steps.tolist()
+
+
+class Memory(Transform):
+    """Base of the transforms with memory: they implement `initial_state` and `advance`."""
+
+    has_memory: ClassVar[bool] = True
+
+    def advance(self, x: Any, state: State, dt: Any, covariates: Covariates) -> tuple[Any, State]:
+        """One step of a checked frame; `dt` broadcasts against it."""
+        raise NotImplementedError
+
+    def step(self, x: Any, state: State, dt: Any, covariates: Covariates | None = None) -> tuple[Any, State]:
+        """See `Transform.step`."""
+        self._check_frame(x)
+        if isinstance(dt, (int, float)) and not 0 <= dt < float("inf"):
+            raise InvalidValueError(f"{self.name}: dt must be finite and must not be negative, got {dt!r}")
+        return self.advance(x, state, lift(dt, "", x), covariates or {})
