@@ -11,10 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from paxisim._version import __version__ as __version__
 
-# not lazily: whatever imports the module paxisim.sensors first would leave it in the place of the function
-from paxisim.sensors import known_sensors as known_sensors
-
 if TYPE_CHECKING:
+    from paxisim.bump import GaussianBump as GaussianBump
     from paxisim.errors import InvalidValueError as InvalidValueError
     from paxisim.errors import MissingExtraError as MissingExtraError
     from paxisim.errors import OutputExistsError as OutputExistsError
@@ -26,6 +24,7 @@ if TYPE_CHECKING:
     from paxisim.models.attach import attach as attach
     from paxisim.models.find_mounts import FoundMounts as FoundMounts
     from paxisim.models.find_mounts import find_mounts as find_mounts
+    from paxisim.models.finger_surface import finger_surface as finger_surface
     from paxisim.models.gel import Gel as Gel
     from paxisim.models.grippers import known_grippers as known_grippers
     from paxisim.models.grippers import mounts_for as mounts_for
@@ -36,12 +35,12 @@ if TYPE_CHECKING:
     from paxisim.models.pads import find_pads as find_pads
     from paxisim.models.pads import set_surface as set_surface
     from paxisim.models.readout import TactileReadout as TactileReadout
-    from paxisim.models.surface import GaussianBump as GaussianBump
     from paxisim.models.surface import conform as conform
     from paxisim.models.surface import flat as flat
     from paxisim.models.surface import measured as measured
     from paxisim.models.touch_grid import TouchGridReadout as TouchGridReadout
     from paxisim.sensors import Sensor as Sensor
+    from paxisim.sensors import known_sensors as known_sensors
     from paxisim.sensors import sensor as sensor
     from paxisim.viz.mounts import plot_mounts as plot_mounts
     from paxisim.viz.plot import plot_pads as plot_pads
@@ -49,6 +48,7 @@ if TYPE_CHECKING:
     from paxisim.viz.view import view as view
 
 _HOMES = {
+    "paxisim.bump": ("GaussianBump",),
     "paxisim.errors": (
         "InvalidValueError",
         "MissingExtraError",
@@ -60,13 +60,14 @@ _HOMES = {
     "paxisim.layout": ("TaxelLayout",),
     "paxisim.models.attach": ("TactileGripper", "attach"),
     "paxisim.models.find_mounts": ("FoundMounts", "find_mounts"),
+    "paxisim.models.finger_surface": ("finger_surface",),
     "paxisim.models.gel": ("Gel",),
     "paxisim.models.grippers": ("known_grippers", "mounts_for", "robosuite_gripper_path"),
     "paxisim.models.mount": ("Mount",),
     "paxisim.models.pad": ("Pad",),
     "paxisim.models.pads": ("Pads", "find_pads", "set_surface"),
     "paxisim.models.readout": ("TactileReadout",),
-    "paxisim.models.surface": ("GaussianBump", "conform", "flat", "measured"),
+    "paxisim.models.surface": ("conform", "flat", "measured"),
     "paxisim.models.touch_grid": ("TouchGridReadout",),
     "paxisim.sensors": ("Sensor", "known_sensors", "sensor"),
     "paxisim.viz.mounts": ("plot_mounts",),
