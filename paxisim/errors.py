@@ -29,7 +29,8 @@ class UnknownNameError(PaxisimError, LookupError):
             known: The names there are.
         """
         known = sorted(known)
-        near = difflib.get_close_matches(name.lower(), known, n=3, cutoff=0.4)
+        in_lower_case = {n.lower(): n for n in known}
+        near = [in_lower_case[n] for n in difflib.get_close_matches(name.lower(), in_lower_case, n=3, cutoff=0.4)]
         if near:
             hint = "did you mean " + " or ".join(repr(n) for n in near) + "?"
         elif known:

@@ -52,10 +52,14 @@ class TaxelLayout:
         """Check the fields and fill in the flat grid."""
         for name in ("rows", "cols"):
             value = getattr(self, name)
-            if int(value) != value or value < 1:
+            is_number = isinstance(value, (int, float, np.number)) and np.isfinite(value)
+            if not is_number or value < 1 or value % 1 != 0:
                 raise InvalidValueError(f"{name} must be a whole number of at least 1, got {value!r}")
             object.__setattr__(self, name, int(value))
-        pitch = tuple(float(p) for p in np.broadcast_to(np.asarray(self.pitch, dtype=float), (2,)))
+        try:
+            pitch = tuple(float(p) for p in np.broadcast_to(np.asarray(self.pitch, dtype=float), (2,)))
+        except (TypeError, ValueError):
+            pitch = (np.nan, np.nan)
         if not all(np.isfinite(p) and p > 0 for p in pitch):
             raise InvalidValueError(f"pitch must be two positive finite lengths in m, got {self.pitch!r}")
         object.__setattr__(self, "pitch", pitch)
@@ -66,7 +70,8 @@ class TaxelLayout:
         length = np.linalg.norm(normals, axis=1, keepdims=True)
         if np.any(length < 1e-9):
             raise InvalidValueError(f"normals must have a length, taxel {int(length.argmin())} has none")
-        normals = normals / length
+        # one that has the length already keeps its digits, so that a copy is equal
+        normals = np.where(np.abs(length - 1) < 1e-12, normals, normals / length)
         normals.setflags(write=False)
         object.__setattr__(self, "normals", normals)
         if self.vendor_order is not None:
@@ -82,7 +87,10 @@ class TaxelLayout:
         return np.stack([grid_x, grid_y, np.zeros_like(grid_x)], axis=-1).reshape(-1, 3)
 
     def _points(self, name: str, value: ArrayLike) -> NDArray[np.floating]:
-        points = np.array(value, dtype=np.float64)
+        try:
+            points = np.array(value, dtype=np.float64) + 0.0  # no negative zeros, which equal zero but hash apart
+        except (TypeError, ValueError) as error:
+            raise InvalidValueError(f"{name} must be {self.taxels} points of three numbers") from error
         if points.shape != (self.taxels, 3):
             raise InvalidValueError(
                 f"{name} must have shape ({self.taxels}, 3) for {self.rows}x{self.cols} taxels, got {points.shape}"
@@ -212,6 +220,27 @@ class TaxelLayout:
             text = ", ".join(str(n) for n in expected)
             raise InvalidValueError(f"expected a tensor of shape (..., {text}), got {shape}")
 
+    def to_dict(self) -> dict[str, Any]:
+        """The layout as plain lists and numbers, for JSON; `from_dict` makes it again bit for bit."""
+        document: dict[str, Any] = {"rows": self.rows, "cols": self.cols, "pitch": list(self.pitch)}
+        if not self.is_grid:
+            document |= {"positions": self.positions.tolist(), "normals": self.normals.tolist()}
+        if self.vendor_order is not None:
+            document["vendor_order"] = list(self.vendor_order)
+        return document
+
+    @classmethod
+    def from_dict(cls, document: dict[str, Any]) -> TaxelLayout:
+        """The layout that `to_dict` wrote.
+
+        Raises:
+            InvalidValueError: A field is missing, unknown or not usable.
+        """
+        try:
+            return cls(**document)
+        except TypeError as error:
+            raise InvalidValueError(f"expected the fields of a TaxelLayout, got {sorted(document)}") from error
+
     def to_image(self, force: Any) -> Any:
         """``(..., 3, rows, cols)`` -> ``(..., rows, cols, 3)``, a view; numpy or torch."""
         self.check(force)
@@ -245,6 +274,8 @@ class TaxelLayout:
             InvalidValueError: The shape does not fit, or C is no multiple of ``3 * pads``.
         """
         shape = tuple(channels.shape)
+        if pads < 1:
+            raise InvalidValueError(f"expected at least one pad, got {pads}")
         if len(shape) < 3 or shape[-2:] != (self.rows, self.cols) or shape[-3] % (3 * pads):
             raise InvalidValueError(
                 f"expected a tensor of shape (..., k * {3 * pads}, {self.rows}, {self.cols}), got {shape}"

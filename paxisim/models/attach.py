@@ -189,9 +189,13 @@ def _bits(replaced: list[mujoco.MjsGeom]) -> dict[str, int]:
 
 
 def _inherit_exclusions(spec: mujoco.MjSpec, bodies_of_pads: dict[str, str]) -> None:
-    """MuJoCo excludes by body, and a pad is a body of its own."""
+    """MuJoCo excludes by body, and a pad is a body of its own.
+
+    It never touches the body that it is welded to, but naming it here keeps ``fusestatic`` from merging the two.
+    """
     pairs = [(exclude.bodyname1, exclude.bodyname2) for exclude in spec.excludes]
     for pad, body in bodies_of_pads.items():
+        spec.add_exclude(bodyname1=pad, bodyname2=body)
         for first, second in pairs:
             if body in (first, second):
                 spec.add_exclude(bodyname1=pad, bodyname2=second if body == first else first)

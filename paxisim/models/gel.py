@@ -130,7 +130,7 @@ class Gel:
             model.body_invweight0[body, 0] = regularisation * odds
 
     def _oscillator(self, timestep: float) -> tuple[float, float]:
-        """kappa (1/s^2) and beta (1/s)."""
+        """Kappa (1/s^2) and beta (1/s)."""
         beta = _DAMPING_PER_STEP / timestep
         return beta / self.relaxation, beta
 

@@ -36,7 +36,10 @@ class Mount:
     def __post_init__(self) -> None:
         """Check and normalise."""
         for field, length in (("pos", 3), ("quat", 4)):
-            value = np.asarray(getattr(self, field), dtype=float)
+            try:
+                value = np.asarray(getattr(self, field), dtype=float)
+            except (TypeError, ValueError):
+                value = np.array(np.nan)
             if value.shape != (length,) or not np.all(np.isfinite(value)):
                 raise InvalidValueError(
                     f"a mount's {field} must be {length} finite numbers, got {getattr(self, field)!r}"

@@ -45,8 +45,8 @@ class Pad:
             pad: two pads that touch each other are slow and mean nothing.
 
     Raises:
-        InvalidValueError: A value that is not finite, a length or mass that is not positive, heights of the
-            wrong shape, bits with which pads would meet each other, or an unknown kind of sensor.
+        InvalidValueError: An empty name, a value that is not finite, a length or mass that is not positive, heights
+            of the wrong shape, bits with which pads would meet each other, or an unknown kind of sensor.
     """
 
     layout: TaxelLayout
@@ -62,12 +62,18 @@ class Pad:
 
     def __post_init__(self) -> None:
         """Check the values."""
+        if not self.name:
+            raise InvalidValueError("a pad needs a name, by which it is found again")
         for what in ("thickness", "base", "mass"):
             value = getattr(self, what)
             if value is not None and not (np.isfinite(value) and value > 0):
                 raise InvalidValueError(f"a pad's {what} must be positive and finite, got {value!r}")
         if self.heights is not None:
-            object.__setattr__(self, "heights", check_heights(self.heights, self.layout))
+            heights = check_heights(self.heights, self.layout)
+            if heights.ndim != 2:
+                shape = (self.layout.rows, self.layout.cols)
+                raise InvalidValueError(f"a pad's heights must have shape {shape}, got {heights.shape}")
+            object.__setattr__(self, "heights", heights)
         if self.contype & self.conaffinity:
             raise InvalidValueError(
                 f"contype {self.contype} and conaffinity {self.conaffinity} share bits: pads would meet each other"
@@ -98,11 +104,17 @@ class Pad:
         etree.SubElement(body, "site", name=names.gel(self.name), group="4", rgba="0 0 0 0", **site)
         if self.sensors == "touch_grid":
             touch_grid.add_site(body, self.name, layout)
+        # its mass counts only where a model asks for inertiafromgeom
+        mass = numbers([self._mass()])
         if layout.is_grid:
             behind = centre + [0, 0, self.thickness + self.base / 2]
-            # its mass counts only where a model asks for inertiafromgeom
-            look = {"mass": numbers([self._mass()]), "rgba": "0.2 0.2 0.22 1"}
-            self._add_box(body, names.base(self.name), behind, [*half[:2], self.base / 2], **look)
+            size = [*half[:2], self.base / 2]
+            self._add_box(body, names.base(self.name), behind, size, mass=mass, rgba="0.2 0.2 0.22 1")
+        else:
+            around = centre + [0, 0, (self.thickness + self.base) / 2]
+            self._add_box(
+                body, names.base(self.name), around, self._extent() / 2, mass=mass, rgba="0 0 0 0", group="4"
+            )
         solref, solimp = self.gel.file_parameters(layout)
         touched = {
             "contype": str(self.contype),

@@ -69,7 +69,7 @@ def find_pads(model: mujoco.MjModel, *, prefix: str = "", names: tuple[str, ...]
         The handle.
 
     Raises:
-        InvalidValueError: There are no such pads, a pad lacks taxels, or they differ in shape.
+        InvalidValueError: There are no such pads, a pad lacks taxels or its body, or they differ in shape.
     """
     found = _taxels_by_pad(model)
     selected = sorted((n for n in found if n.startswith(prefix)), key=lambda n: _body_of(model, found[n]))
@@ -119,6 +119,8 @@ def _body_of(model: mujoco.MjModel, taxels: dict[tuple[int, int], int]) -> int:
 def _describe(
     model: mujoco.MjModel, name: str, taxels: dict[tuple[int, int], int]
 ) -> tuple[TaxelLayout, float, NDArray[np.int64]]:
+    if model.body(_body_of(model, taxels)).name != name:
+        raise InvalidValueError(f"the body of pad {name!r} was merged with its parent: compile without fusestatic")
     rows, cols = (1 + max(cell[axis] for cell in taxels) for axis in (0, 1))
     cells = [(row, col) for row in range(rows) for col in range(cols)]
     missing = [cell for cell in cells if cell not in taxels]

@@ -9,6 +9,10 @@ from numpy.typing import NDArray
 from paxisim.errors import InvalidValueError
 from paxisim.models.pads import Pads
 
+_ELLIPTIC = int(mujoco.mjtCone.mjCONE_ELLIPTIC)
+_SIGN_OF_SIDE = np.array([[-1.0], [1.0]])
+_ROWS = np.arange(10)[:, None]  # a contact has at most ten constraints: five pairs of edges
+
 
 class TactileReadout:
     """Reads the force tensor of a model's pads from the contacts of its last step.
@@ -34,10 +38,13 @@ class TactileReadout:
         self._model = model
         self._pads = pads
         self._taxels = pads.geoms.size
-        # taxel number of each geom; all others count into one bin behind the last taxel
-        self._taxel_of_geom = np.full(model.ngeom, self._taxels)
-        self._taxel_of_geom[pads.geoms.reshape(-1)] = np.arange(self._taxels)
-        self._sum = np.zeros(pads.shape)
+        # where each geom's forces along the world's x, y, z are summed: a bin a taxel, and one more for all other
+        # geoms and for -1, which stands in the place of a geom where a flex touches
+        bins = np.full((3, model.ngeom + 1), self._taxels)
+        bins[:, pads.geoms.reshape(-1)] = np.arange(self._taxels)
+        self._bins = bins + np.arange(3)[:, None] * (self._taxels + 1)
+        self._shape = pads.shape
+        self._sum = np.zeros(self._shape)
         self._count = 0
 
     @property
@@ -60,7 +67,7 @@ class TactileReadout:
         """
         return self._deliver(self.read_exact(data), out)
 
-    def read_exact(self, data: mujoco.MjData) -> NDArray[np.float64]:
+    def read_exact(self, data: mujoco.MjData) -> NDArray[np.floating]:
         """As `read`, in float64."""
         return self._in_pad_frames(self._world_forces(data), data)
 
@@ -92,53 +99,51 @@ class TactileReadout:
         self._sum[...] = 0
         self._count = 0
 
-    def _deliver(self, force: NDArray[np.float64], out: NDArray[np.float32] | None) -> NDArray[np.float32]:
+    def _deliver(self, force: NDArray[np.floating], out: NDArray[np.float32] | None) -> NDArray[np.float32]:
         if out is None:
             return force.astype(np.float32)
-        if out.shape != self._pads.shape or out.dtype != np.float32:
-            raise InvalidValueError(
-                f"out must be float32 of shape {self._pads.shape}, got {out.dtype} of shape {out.shape}"
-            )
+        if out.shape != self._shape or out.dtype != np.float32:
+            raise InvalidValueError(f"out must be float32 of shape {self._shape}, got {out.dtype} of shape {out.shape}")
         out[...] = force
         return out
 
-    def _world_forces(self, data: mujoco.MjData) -> NDArray[np.float64]:
+    def _world_forces(self, data: mujoco.MjData) -> NDArray[np.floating]:
         """``(3, taxels)`` forces on the taxels in the world frame."""
-        contacts = data.contact
-        address = contacts.efc_address
-        taxels = self._taxel_of_geom[contacts.geom]
-        touched = (taxels < self._taxels) & (address >= 0)[:, None]
-        # a contact between two taxels counts for both
-        index, side = np.nonzero(touched)
-        if index.size == 0:
+        if data.ncon == 0 or data.nefc == 0:
             return np.zeros((3, self._taxels))
-        force = self._contact_forces(data, contacts, index)
-        frames = contacts.frame.reshape(-1, 3, 3)[index]
-        # the contact frame's first axis points from the first geom to the second, which the force pushes on
-        world = np.matmul(force[:, None, :], frames)[:, 0] * (2.0 * side - 1.0)[:, None]
-        bins = taxels[index, side]
-        return np.stack([np.bincount(bins, world[:, axis], self._taxels) for axis in range(3)])
+        contacts = data.contact
+        # the rows of a contact's frame are its normal, from the first geom to the second, and its tangents
+        frames = contacts.frame.reshape(-1, 3, 3)
+        force = np.einsum("kn,nkj->jn", self._contact_forces(data, contacts), frames)
+        # it pushes the second geom along and the first one back; a contact between two taxels counts for both
+        force = force[:, None] * _SIGN_OF_SIDE
+        bins = self._bins.take(contacts.geom.T, axis=1)
+        sums = np.bincount(bins.reshape(-1), force.reshape(-1), 3 * (self._taxels + 1))
+        return sums.reshape(3, -1)[:, :-1]
 
-    def _contact_forces(self, data: mujoco.MjData, contacts, index: NDArray[np.int64]) -> NDArray[np.float64]:
-        """``(n, 3)`` forces in the contact frames: normal, tangent, tangent."""
-        address, dim = contacts.efc_address[index], contacts.dim[index]
-        efc = np.append(data.efc_force, 0.0)
-        tangential = dim > 1
-        if int(self._model.opt.cone) == int(mujoco.mjtCone.mjCONE_ELLIPTIC):
-            rows = address[:, None] + np.arange(3)
-            rows[:, 1:][~tangential] = -1
-            return efc[rows]
-        # pyramidal: each tangent has two edges, the normal force is the sum over all edges
-        edges = address[:, None] + np.arange(10)
-        count = np.where(tangential, 2 * (dim - 1), 1)
-        edges[np.arange(10) >= count[:, None]] = -1
-        force = efc[edges]
-        friction = contacts.friction[index, :2] * tangential[:, None]
-        tangents = (force[:, 0:4:2] - force[:, 1:4:2]) * friction
-        return np.column_stack([force.sum(axis=1), tangents])
+    def _contact_forces(self, data: mujoco.MjData, contacts) -> NDArray[np.floating]:
+        """``(3, contacts)`` forces in the contact frames: normal, tangent, tangent."""
+        dim, address = contacts.dim, contacts.efc_address
+        if self._model.opt.cone == _ELLIPTIC:
+            first, last = int(address[0]), int(address[-1])
+            if first >= 0 and last - first == 3 * (len(dim) - 1) and np.count_nonzero(dim != 3) == 0:
+                # the usual case, three rows each in the order of the contacts: nothing to gather
+                return data.efc_force[first : last + 3].reshape(-1, 3).T
+            # of the rows that a contact lacks, those beyond the last constraint are clipped, all become 0
+            force = data.efc_force.take(address + _ROWS[:3], mode="clip")
+            force[1:, dim < 3] = 0
+            force[:, address < 0] = 0  # within its gap a contact has no constraint
+            return force
+        # pyramidal: two edges a tangent; their sum is the normal force, their difference times mu the tangent's
+        own = np.maximum(2 * (dim - 1), 1)
+        rows = _ROWS[: max(4, int(own.max()))]
+        edges = data.efc_force.take(address + rows, mode="clip")
+        if own.min() < len(rows) or address.min() < 0:
+            edges[(rows >= own) | (address < 0)] = 0
+        tangents = (edges[0:4:2] - edges[1:4:2]) * contacts.friction[:, :2].T
+        tangents[:, dim == 1] = 0
+        return np.concatenate([edges.sum(axis=0, keepdims=True), tangents])
 
-    def _in_pad_frames(self, world: NDArray[np.float64], data: mujoco.MjData) -> NDArray[np.float64]:
-        pads, _, rows, cols = self._pads.shape
-        per_pad = world.reshape(3, pads, -1).transpose(1, 0, 2)
-        rotation = data.xmat[self._pads.bodies].reshape(-1, 3, 3).transpose(0, 2, 1)
-        return (rotation @ per_pad).reshape(pads, 3, rows, cols)
+    def _in_pad_frames(self, world: NDArray[np.floating], data: mujoco.MjData) -> NDArray[np.floating]:
+        to_pad = data.xmat.take(self._pads.bodies, axis=0).reshape(-1, 3, 3).transpose(0, 2, 1)
+        return (to_pad @ world.reshape(3, len(to_pad), -1).transpose(1, 0, 2)).reshape(self._shape)

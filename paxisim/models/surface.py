@@ -6,119 +6,21 @@ compilation or `set_surface` after it. A cube keeps its back; a thicker one stan
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from paxisim.bump import GaussianBump as GaussianBump
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
 
-DEVIATION_RANGE = (1.0, 3.0)
-"""Range of the bump's deviations, in taxels (paper, Table I)."""
+_SHARP_EDGE = 30.0  # deg between two triangles of a finger's mesh, above which their edge is not a rounding
 
 
 def flat(layout: TaxelLayout, thickness: float = 1e-3) -> NDArray[np.floating]:
     """Every cube `thickness` (m) thick: ``(rows, cols)``."""
     return np.full((layout.rows, layout.cols), float(thickness))
-
-
-@dataclass(frozen=True)
-class GaussianBump:
-    """The paper's surface: cube depth grows with the distance from a centre (Method, "Surface with Gaussian Bumps").
-
-    ``h = h_min + D / max(D) * (h_max - h_min)`` with
-    ``D = sqrt((g_x - x)^2 / s_x^2 + (g_y - y)^2 / s_y^2)``; then taxels on the grid's edge lose `boundary`.
-    Taxel (row, col) has ``x = col + 0.5, y = row + 0.5``, so that [0, cols] x [0, rows] is the paper's
-    domain (its [0, 5] x [0, 6] on the 6x5 grid) with the taxels centred in it. As D is divided by its maximum,
-    only the ratio of the deviations matters.
-
-    Attributes:
-        center: ``(g_x, g_y)`` in taxels, x along the columns.
-        deviation: ``(s_x, s_y)`` in taxels.
-        h_min: Depth at the centre (m). The paper leaves `h_min`, `h_max` and `boundary` open. Ours: 0.2 mm of
-            bump around its nominal 1 mm, of the order of the indentation of the default gel (0.3 mm under 5 N
-            on the paper's pad), so that a flat load reaches most taxels, very unevenly.
-        h_max: Depth at the taxel furthest from the centre (m).
-        boundary: What edge taxels lose (m); half the bump, so that the edge reads less, as the paper observes.
-        depth_is: What the paper's "depth" means: ``"thickness"`` of the cube (its cubes are W x H x D), so that
-            the centre is a dip, or ``"recess"`` below the highest point, so that the centre is a bump of the
-            same range.
-
-    Raises:
-        InvalidValueError: A value that is not finite, a depth or deviation that is not positive, `h_max` below
-            `h_min`, a `boundary` outside ``[0, h_min)``, or an unknown reading of depth.
-    """
-
-    center: tuple[float, float]
-    deviation: tuple[float, float] = (2.0, 2.0)
-    h_min: float = 0.9e-3
-    h_max: float = 1.1e-3
-    boundary: float = 0.1e-3
-    depth_is: Literal["thickness", "recess"] = "thickness"
-
-    def __post_init__(self) -> None:
-        """Check the values."""
-        values = [*self.center, *self.deviation, self.h_min, self.h_max, self.boundary]
-        if not np.all(np.isfinite(values)):
-            raise InvalidValueError(f"a bump's parameters must be finite, got {self}")
-        if min(self.deviation) <= 0 or not 0 < self.h_min <= self.h_max:
-            raise InvalidValueError(
-                f"a bump needs positive deviations and 0 < h_min <= h_max, got {self.deviation}, "
-                f"{self.h_min:g} and {self.h_max:g}"
-            )
-        if not 0 <= self.boundary < self.h_min:
-            raise InvalidValueError(f"boundary must lie in [0, h_min), got {self.boundary:g}")
-        if self.depth_is not in ("thickness", "recess"):
-            raise InvalidValueError(f"depth_is must be 'thickness' or 'recess', got {self.depth_is!r}")
-
-    @classmethod
-    def sample(cls, layout: TaxelLayout, rng: np.random.Generator, **fixed) -> GaussianBump:
-        """Draw a bump as the paper does: the centre uniform over the grid, the deviations from U(1, 3) (Table I).
-
-        Args:
-            layout: The taxels.
-            rng: Source of randomness.
-            **fixed: Fields to set instead, e.g. ``h_max=1.2e-3``.
-        """
-        drawn = {
-            "center": tuple(rng.uniform(0, [layout.cols, layout.rows])),
-            "deviation": tuple(rng.uniform(*DEVIATION_RANGE, size=2)),
-        }
-        return cls(**(drawn | fixed))
-
-    def heights(self, layout: TaxelLayout) -> NDArray[np.floating]:
-        """Cube thickness (m), ``(rows, cols)``.
-
-        Layouts without a grid use their positions, in units of the pitch from the upper left corner, and have
-        no boundary.
-        """
-        is_grid = layout.rows > 1 and layout.cols > 1
-        x, y = _taxel_coordinates(layout, is_grid)
-        (gx, gy), (sx, sy) = self.center, self.deviation
-        distance = np.sqrt((gx - x) ** 2 / sx**2 + (gy - y) ** 2 / sy**2)
-        furthest = distance.max()
-        share = distance / furthest if furthest > 0 else np.zeros_like(distance)
-        depth = self.h_min + share * (self.h_max - self.h_min)
-        if is_grid:
-            edge = np.ones(depth.shape, dtype=bool)
-            edge[1:-1, 1:-1] = False
-            depth[edge] -= self.boundary
-        if self.depth_is == "thickness":
-            return depth
-        return self.h_min + self.h_max - depth
-
-
-def _taxel_coordinates(layout: TaxelLayout, is_grid: bool) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
-    if is_grid:
-        rows, cols = np.indices((layout.rows, layout.cols))
-        return cols + 0.5, rows + 0.5
-    corner = layout.positions.min(axis=0)
-    x, y = ((layout.positions - corner)[:, :2] / [layout.pitch[1], layout.pitch[0]] + 0.5).T
-    shape = (layout.rows, layout.cols)
-    return x.reshape(shape), y.reshape(shape)
 
 
 def measured(layout: TaxelLayout, height_map: ArrayLike, thickness: float = 1e-3) -> NDArray[np.floating]:
@@ -174,7 +76,7 @@ def conform(layout: TaxelLayout, mesh, *, max_angle: float = 75.0) -> TaxelLayou
         A layout of the same rows, columns and pitch with explicit positions and normals, in the pad frame.
 
     Raises:
-        InvalidValueError: The file cannot be read, or a taxel misses the surface or meets it too steeply.
+        InvalidValueError: The file cannot be read or has no triangles, or a taxel misses the surface or meets it too steeply.
     """
     import trimesh
 
@@ -183,6 +85,8 @@ def conform(layout: TaxelLayout, mesh, *, max_angle: float = 75.0) -> TaxelLayou
             mesh = trimesh.load_mesh(mesh)
         except Exception as error:  # trimesh raises whatever the format's parser does
             raise InvalidValueError(f"cannot read the mesh {mesh}: {error}") from error
+    if not len(getattr(mesh, "faces", ())):
+        raise InvalidValueError("the mesh has no triangles")
     depth, triangles = _first_facing(layout.positions[:, :2], mesh)
     if np.any(triangles < 0):
         missed = int(np.argmin(triangles))
@@ -227,13 +131,21 @@ def _first_facing(points: NDArray[np.floating], mesh) -> tuple[NDArray[np.floati
 
 
 def _smooth_normals(mesh, points: NDArray[np.floating], triangles: NDArray[np.int64]) -> NDArray[np.floating]:
-    """Normals interpolated between a triangle's corners, so that a coarse mesh does not show as steps."""
+    """Normals interpolated between a triangle's corners, so that a coarse mesh does not show as steps.
+
+    A corner's normal is the mean over the triangles that meet there, weighted by their angles, less those across
+    a sharp edge: a flat face stays flat up to its rim.
+    """
     import trimesh
 
+    corners = mesh.faces[triangles]
+    around = mesh.vertex_faces[corners]  # (taxels, 3, most triangles at a vertex), padded with -1
+    at_corner = mesh.faces[around] == corners[:, :, None, None]
+    cosine = np.einsum("ncki,ni->nck", mesh.face_normals[around], mesh.face_normals[triangles])
+    meets = (around >= 0) & (cosine > np.cos(np.radians(_SHARP_EDGE)))
+    angles = np.sum(mesh.face_angles[around] * at_corner, axis=-1) * meets
+    of_corners = np.einsum("nck,ncki->nci", angles, mesh.face_normals[around])
+    of_corners /= np.linalg.norm(of_corners, axis=-1, keepdims=True)
     weights = trimesh.triangles.points_to_barycentric(mesh.triangles[triangles], points)
-    normals = np.einsum("nk,nki->ni", weights, mesh.vertex_normals[mesh.faces[triangles]])
-    # across a sharp edge the corners' normals lie, the face's own does not
-    flat_normals = mesh.face_normals[triangles]
-    sharp = np.sum(normals * flat_normals, axis=1) < np.cos(np.radians(30)) * np.linalg.norm(normals, axis=1)
-    normals[sharp] = flat_normals[sharp]
+    normals = np.einsum("nc,nci->ni", weights, of_corners)
     return normals / np.linalg.norm(normals, axis=1, keepdims=True)

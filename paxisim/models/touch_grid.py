@@ -4,10 +4,11 @@ What the plugin does, found by comparing it with the contacts (MuJoCo 3.5, 3.9 a
 
 - It sorts contact points into bins of equal angle. With contiguous cubes the corner contacts lie on the bins'
   edges and about half of the force lands in a neighbour's bin. `GAP` between the cubes and a site `STANDOFF` behind
-  them bring every contact well inside its own bin; then each taxel agrees. (A round object catches in gaps.)
+  them bring contacts well inside their own bin; then each taxel agrees. (A round object catches in gaps.) A contact
+  deep in a cube's side, or far out of the plane, can still stray; each reading is checked for it.
 - Before MuJoCo 4.0 its sign is right only for contacts whose *first* geom is the taxel, which depends on the
   types and order of the geoms: a cylinder on a cube is always the wrong way round.
-- It sums every contact of everything welded to the pad, a finger's own geoms included.
+- It sums every contact of everything welded to the pad: a finger's own geoms, a second pad.
 """
 
 from __future__ import annotations
@@ -55,8 +56,7 @@ def add_site(body: etree._Element, pad: str, layout: TaxelLayout) -> None:
 
 def add_sensor(parent: etree._Element, pad: str, layout: TaxelLayout) -> None:
     """Add the plugin's sensor with one bin a taxel and three channels."""
-    height, width = layout.size
-    fov = np.degrees(np.arctan2([width / 2, height / 2], STANDOFF))  # half angles
+    fov = np.degrees(_half_angles(layout))[::-1]
     name = names.touch_grid(pad)
     plugin = etree.SubElement(parent, "plugin", name=name, plugin=PLUGIN, objtype="site", objname=name)
     config = {
@@ -98,16 +98,20 @@ class TouchGridReadout:
                     f"pad {pad!r} has contiguous cubes, whose corner contacts lie on touch_grid's bin edges: build "
                     f"it with Pad(sensors='touch_grid'), which leaves {GAP * 1e6:.0f} um, or use TactileReadout"
                 )
-        self._taxel = np.zeros(model.ngeom, dtype=bool)
-        self._taxel[pads.geoms.reshape(-1)] = True
-        self._welded = np.isin(model.body_weldid[model.geom_bodyid], model.body_weldid[pads.bodies])
+        self._sites = [self._id(mujoco.mjtObj.mjOBJ_SITE, pad) for pad in pads.names]
+        self._weld_of_geom = model.body_weldid[model.geom_bodyid]
+        # place of each geom's taxel in `pads.geoms`, -1 where it is none
+        self._taxel_of_geom = np.full(model.ngeom, -1)
+        self._taxel_of_geom[pads.geoms.reshape(-1)] = np.arange(pads.geoms.size)
+
+    def _id(self, kind: mujoco.mjtObj, pad: str) -> int:
+        found = mujoco.mj_name2id(self._model, kind, names.touch_grid(pad))
+        if found < 0:
+            raise InvalidValueError(f"pad {pad!r} has no touch_grid sensor: build it with Pad(sensors='touch_grid')")
+        return found
 
     def _sensor(self, pad: str) -> slice:
-        sensor = mujoco.mj_name2id(self._model, mujoco.mjtObj.mjOBJ_SENSOR, names.touch_grid(pad))
-        if sensor < 0:
-            raise InvalidValueError(
-                f"pad {pad!r} has no touch_grid sensor: build it with Pad(sensors='touch_grid')"
-            )
+        sensor = self._id(mujoco.mjtObj.mjOBJ_SENSOR, pad)
         start = int(self._model.sensor_adr[sensor])
         return slice(start, start + int(self._model.sensor_dim[sensor]))
 
@@ -122,8 +126,9 @@ class TouchGridReadout:
             ``(pads, 3, rows, cols)`` float32, newtons, pad frame.
 
         Raises:
-            UnsupportedError: The plugin has the sign of a present contact wrong (MuJoCo before 4.0), or counts
-                one that is not the taxels'.
+            UnsupportedError: The plugin has the sign of a present contact wrong (MuJoCo before 4.0), counts one
+                that is not the pad's, or counts one for another taxel than the touched one; or sensors are
+                disabled.
             InvalidValueError: `out` has another shape or dtype.
         """
         self._check_contacts(data)
@@ -138,16 +143,46 @@ class TouchGridReadout:
         return out
 
     def _check_contacts(self, data: mujoco.MjData) -> None:
-        geoms = data.contact.geom[data.contact.efc_address >= 0]
-        taxel = self._taxel[geoms]
-        if np.any(self._welded[geoms] & ~taxel):
-            raise UnsupportedError(
-                "touch_grid also counts contacts of other geoms on the pad's finger, and there is one: "
-                "switch their collision off or use TactileReadout"
-            )
-        if not _SIGN_IS_SOUND and np.any(taxel[:, 1]):
-            first, second = (self._model.geom(int(g)).name for g in geoms[taxel[:, 1]][0])
+        if self._model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_SENSOR):
+            raise UnsupportedError("this model's sensors are disabled: enable them or use TactileReadout")
+        active = data.contact.efc_address >= 0
+        geoms, points = data.contact.geom[active], data.contact.pos[active]
+        if np.any(geoms < 0):
+            raise UnsupportedError("touch_grid knows no contacts of flexes, and there is one: use TactileReadout")
+        taxels, welds = self._taxel_of_geom[geoms], self._weld_of_geom[geoms]
+        if not _SIGN_IS_SOUND and np.any(taxels[:, 1] >= 0):
+            first, second = (self._model.geom(int(g)).name for g in geoms[taxels[:, 1] >= 0][0])
             raise UnsupportedError(
                 f"touch_grid has the sign wrong before MuJoCo 4.0 (this is {mujoco.__version__}) where the taxel is "
                 f"a contact's second geom, as in {first or 'a geom'!r} on {second!r}: use TactileReadout"
             )
+        for pad, body in enumerate(self._pads.bodies):
+            # the plugin counts whatever touches the body that the pad is welded to
+            contact, side = np.nonzero(welds == self._model.body_weldid[body])
+            place = taxels[contact, side] - pad * self._pads.layout.taxels
+            if np.any((place < 0) | (place >= self._pads.layout.taxels)):
+                raise UnsupportedError(
+                    "touch_grid also counts contacts of other geoms on the pad's finger, another pad's included, and "
+                    "there is one: switch their collision off or use TactileReadout"
+                )
+            wrong = np.flatnonzero(self._bins(data, pad, points[contact]) != place)
+            if wrong.size:
+                row, col = divmod(int(place[wrong[0]]), self._pads.layout.cols)
+                raise UnsupportedError(
+                    f"touch_grid sorts a contact of taxel ({row}, {col}) of pad {self._pads.names[pad]!r} by its place "
+                    "into another taxel's bin, as it lies too deep, too far out or at a distance: use TactileReadout"
+                )
+
+    def _bins(self, data: mujoco.MjData, pad: int, points: NDArray[np.floating]) -> NDArray[np.int64]:
+        """The taxel in whose bin the plugin counts contacts at these points (world frame), -1 for none."""
+        layout, site = self._pads.layouts[pad], self._sites[pad]
+        x, y, z = ((points - data.site_xpos[site]) @ data.site_xmat[site].reshape(3, 3)).T
+        angles = np.stack([np.arctan2(y, np.hypot(x, z)), np.arctan2(x, -z)])
+        count = np.array([[layout.rows], [layout.cols]])
+        row, col = index = np.floor((angles / _half_angles(layout)[:, None] + 1) / 2 * count).astype(int)
+        return np.where(np.all((index >= 0) & (index < count), axis=0), row * layout.cols + col, -1)
+
+
+def _half_angles(layout: TaxelLayout) -> NDArray[np.floating]:
+    """Half of the sensor's field of view (rad), along the rows and along the columns."""
+    return np.arctan2(np.array(layout.size) / 2, STANDOFF)

@@ -57,7 +57,7 @@ def test_the_pad_reads_what_presses_on_it():
     force = paxisim.TactileReadout(model, pads).read(data)
     assert np.abs(data.qvel).max() < 1e-6
     assert force[0].sum(axis=(1, 2)) == pytest.approx([0, 0, 3], abs=0.03)
-    assert force[0, 2, :, 1:3].sum() > 0.9 * force[0, 2].sum()
+    assert force[0, 2, :, 1:3].min() > 5 * force[0, 2, :, [0, 3]].max()
     assert (force[0, 2] > 0.05).sum() >= 5
 
 
