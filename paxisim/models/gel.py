@@ -1,13 +1,14 @@
 """Gel: the compliance of the sensor's soft layer in physical units, turned into MuJoCo contact parameters.
 
 The layer is a bed of independent Kelvin-Voigt springs (a Winkler foundation): a taxel of area A pushed in by r
-answers with ``F = modulus * A / thickness * (r + relaxation * dr/dt)``.
+answers with ``F = modulus * A / thickness * (r + relaxation * dr/dt)``. That holds to 2 % for r up to 0.4 of the
+thickness; from there the spring stiffens, `STIFFENING` times at the full thickness, as a compressed layer does.
 
-How MuJoCo gets there. With constant impedance d, a frictional contact at rest carries ``f = kappa * r / R``,
-with ``kappa = k / d`` for ``solref = (-k, -b)`` and, for the elliptic cone, ``R = (1 - d) / d * W``; W is the
+How MuJoCo gets there. A frictional contact at rest with impedance d carries ``f = kappa * r / R``, with
+``kappa = k d / d_max^2`` for ``solref = (-k, -b)`` and, for the elliptic cone, ``R = (1 - d) / d * W``; W is the
 sum of the two bodies' ``body_invweight0``. The pyramidal cone divides R by
 ``2 * impratio / (mu^2 * (1 + mu^2))``. (Read off MuJoCo's constraint model and checked by pressing.) Whatever
-is touched, the contact moves no faster than a damped oscillator with ``kappa`` and ``beta = b / d`` per unit mass.
+is touched, the contact moves no faster than a damped oscillator with ``kappa`` and ``beta = b / d_max`` per unit mass.
 So beta is set as high as the time step resolves, kappa = beta / relaxation, and R then makes the stiffness.
 
 W contains the mass of whatever is touched, so the same numbers in a file would be stiff for a heavy object and
@@ -36,7 +37,11 @@ CONTACTS_PER_TAXEL = 4
 NOMINAL_INVERSE_WEIGHT = 10.0
 """Inverse weight (1/kg) assumed in files: an object of 0.1 kg held against a heavy finger."""
 
-_APPLIED_IMPEDANCE = 0.999  # the pad's inverse weight is then 1000 R: 10^4 1/kg, an object of 0.1 kg adds 0.1 %
+STIFFENING = 100.0
+"""How much stiffer the layer is when it is pressed through its whole thickness."""
+
+_STIFFENS_FROM = (0.5, 16.0)  # solimp's midpoint and power: the impedance is constant to 0.4 of the thickness
+_APPLIED_IMPEDANCE = 0.99  # the pad's inverse weight is then 99 R, for the default gel 4000 1/kg: 0.1 kg adds 0.3 %
 _DAMPING_PER_STEP = 0.5  # beta * timestep: the share of an impact's speed that one step may take away
 _STEPS_PER_RELAXATION = 2
 _NOMINAL_TIMESTEP = 2e-3
@@ -46,13 +51,16 @@ _NOMINAL_TIMESTEP = 2e-3
 class Gel:
     """The soft layer under the taxels.
 
-    The default, 30 kPa over 1 mm, is 590 N/m for a taxel of 4.35 x 4.52 mm: soft enough that most taxels of a
+    The default, 100 kPa over 3.3 mm, is 596 N/m for a taxel of 4.35 x 4.52 mm: soft enough that most taxels of a
     pad with 0.2 mm of unevenness take part under 5 N, as they do on the real sensor (paper, Fig. 1).
     The paper gives no material data; this is our choice.
 
+    The stiffness is that of a taxel under a flat face, on which MuJoCo's box collider makes four contacts. Where
+    an object makes but one, as a sphere does, a taxel is four times softer, until the layer stiffens.
+
     Attributes:
         modulus: Stiffness of the layer (Pa): pressure = modulus * indentation / thickness.
-        thickness: Thickness (m) the modulus refers to.
+        thickness: Thickness of the layer (m), not of the taxel cubes, which only carry the contacts.
         relaxation: Damping over stiffness (s), the Kelvin-Voigt time constant. MuJoCo's friction creeps at a
             rate inversely proportional to it, so very short times let a held object slide.
         friction: Sliding friction coefficient of the surface; it wins over the object's own.
@@ -61,8 +69,8 @@ class Gel:
         InvalidValueError: A value that is not positive and finite.
     """
 
-    modulus: float = 30e3
-    thickness: float = 1e-3
+    modulus: float = 100e3
+    thickness: float = 3.3e-3
     relaxation: float = 0.04
     friction: float = 1.0
 
@@ -90,7 +98,7 @@ class Gel:
         kappa, beta = self._oscillator(_NOMINAL_TIMESTEP)
         regularisation = self._regularisation(layout, kappa)
         impedance = NOMINAL_INVERSE_WEIGHT / (NOMINAL_INVERSE_WEIGHT + regularisation)
-        return _solver_parameters(kappa, beta, float(np.clip(impedance, 1e-4, 0.9999)))
+        return self._solver_parameters(kappa, beta, impedance)
 
     def apply(self, model: mujoco.MjModel, pads: Pads) -> None:
         """Give the taxels of a compiled model this gel, whatever they touch.
@@ -115,7 +123,7 @@ class Gel:
                 f"({shortest:g} s here), got {self.relaxation:g} s"
             )
         kappa, beta = self._oscillator(model.opt.timestep)
-        solref, solimp = _solver_parameters(kappa, beta, _APPLIED_IMPEDANCE)
+        solref, solimp = self._solver_parameters(kappa, beta, _APPLIED_IMPEDANCE)
         model.geom_solref[pads.geoms] = solref
         model.geom_solimp[pads.geoms] = solimp
         model.geom_friction[pads.geoms, 0] = self.friction
@@ -138,6 +146,11 @@ class Gel:
         """R of one contact (1/kg)."""
         return kappa * CONTACTS_PER_TAXEL / self.stiffness(layout)
 
-
-def _solver_parameters(kappa: float, beta: float, impedance: float) -> tuple[tuple[float, float], tuple[float, ...]]:
-    return (-kappa * impedance, -beta * impedance), (impedance, impedance, 1e-3, 0.5, 2.0)
+    def _solver_parameters(
+        self, kappa: float, beta: float, impedance: float
+    ) -> tuple[tuple[float, float], tuple[float, ...]]:
+        impedance = float(np.clip(impedance, 1e-4, 0.99))
+        odds = STIFFENING * impedance / (1 - impedance)
+        stiffest = odds / (1 + odds)
+        solref = (-kappa * stiffest**2 / impedance, -beta * stiffest)
+        return solref, (impedance, stiffest, self.thickness, *_STIFFENS_FROM)

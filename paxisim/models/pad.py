@@ -112,9 +112,7 @@ class Pad:
             self._add_box(body, names.base(self.name), behind, size, mass=mass, rgba="0.2 0.2 0.22 1")
         else:
             around = centre + [0, 0, (self.thickness + self.base) / 2]
-            self._add_box(
-                body, names.base(self.name), around, self._extent() / 2, mass=mass, rgba="0 0 0 0", group="4"
-            )
+            self._add_box(body, names.base(self.name), around, self._extent() / 2, mass=mass, rgba="0 0 0 0", group="4")
         solref, solimp = self.gel.file_parameters(layout)
         touched = {
             "contype": str(self.contype),

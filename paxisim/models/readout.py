@@ -119,7 +119,7 @@ class TactileReadout:
         force = force[:, None] * _SIGN_OF_SIDE
         bins = self._bins.take(contacts.geom.T, axis=1)
         sums = np.bincount(bins.reshape(-1), force.reshape(-1), 3 * (self._taxels + 1))
-        return sums.reshape(3, -1)[:, :-1]
+        return sums.reshape(3, -1)[:, :-1].view(np.float64)  # as it is: numpy's annotations say int
 
     def _contact_forces(self, data: mujoco.MjData, contacts) -> NDArray[np.floating]:
         """``(3, contacts)`` forces in the contact frames: normal, tangent, tangent."""

@@ -76,7 +76,8 @@ def conform(layout: TaxelLayout, mesh, *, max_angle: float = 75.0) -> TaxelLayou
         A layout of the same rows, columns and pitch with explicit positions and normals, in the pad frame.
 
     Raises:
-        InvalidValueError: The file cannot be read or has no triangles, or a taxel misses the surface or meets it too steeply.
+        InvalidValueError: The file cannot be read or has no triangles, or a taxel misses the surface or meets it
+            too steeply.
     """
     import trimesh
 

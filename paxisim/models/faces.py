@@ -1,0 +1,388 @@
+"""Faces: the flat part of a finger that looks in a given direction, found on its collision geoms.
+
+MuJoCo collides every mesh as its convex hull, so the hull is what is looked at here. Each geom becomes a cloud
+of small triangles (`surface_of`); seen from one direction only the foremost triangle of each cell counts, like in
+a depth image, and the face is the plane with the largest connected area within `DEPTH` of it (`find_face`).
+
+Conventions: lengths in m; points and normals in the frame of the link, which is a body together with the bodies
+welded to it; "height" is measured along the face's outward normal.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+from scipy.spatial import ConvexHull
+
+DEPTH = 1e-3
+"""Depth (m) within which a curved surface counts as one face: the thickness of the gel."""
+
+_STEP = 0.15e-3  # a parallel surface further back than this is another face
+_COS_PARALLEL = np.cos(np.radians(3))
+_SHARE = 0.2  # the foremost plane with this share of the largest plane's area is the face
+_COS_TILT = np.cos(np.radians(40))  # a triangle tilted further does not belong to the face
+_COS_SEARCH = np.cos(np.radians(55))  # how far from the asked direction a face may look
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """The collision surface of a link as small triangles.
+
+    Attributes:
+        triangles: ``(N, 3, 3)`` corners, link frame.
+        normals: ``(N, 3)`` unit normals pointing out of the geom, link frame.
+        geoms: ``(N,)`` geom id of each triangle.
+        edge: Longest edge of a triangle.
+    """
+
+    triangles: NDArray[np.float64]
+    normals: NDArray[np.float64]
+    geoms: NDArray[np.int64]
+    edge: float
+
+    @cached_property
+    def points(self) -> NDArray[np.float64]:
+        """``(N, 3)`` centres of the triangles."""
+        return self.triangles.mean(axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class Face:
+    """A face of a link.
+
+    Attributes:
+        center: Centre of the face on its plane, link frame.
+        frame: ``(3, 3)`` columns x, y, z of the pad frame in the link frame; z points into the link.
+        size: Extent along y and along x.
+        fill: Share of that rectangle which lies within `DEPTH` of the plane.
+        flatness: How far the face falls back from its plane, at most `DEPTH`.
+        geoms: Geoms that would shadow a pad on the face (`shadowing`): first those that are seen on it, the one
+            with the largest area first, then those hidden close behind.
+    """
+
+    center: NDArray[np.float64]
+    frame: NDArray[np.float64]
+    size: tuple[float, float]
+    fill: float
+    flatness: float
+    geoms: tuple[int, ...]
+
+
+def surface_of(model: mujoco.MjModel, data: mujoco.MjData, geoms: Sequence[int], link: int, cells: int = 80) -> Surface:
+    """The surface of `geoms` in the frame of body `link`.
+
+    Args:
+        model: Compiled model.
+        data: Its data, with the kinematics computed.
+        geoms: Geom ids; planes and height fields are left out.
+        link: Body id of the link.
+        cells: The largest link dimension is divided into so many triangle edges, of 0.5 mm at least.
+    """
+    import trimesh
+
+    meshes = [(g, shape) for g in geoms if (shape := shape_of(model, g)) is not None]
+    origin, axes = data.xpos[link], data.xmat[link].reshape(3, 3)
+    placed = []
+    for geom, (vertices, faces) in meshes:
+        world = vertices @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
+        placed.append((geom, (world - origin) @ axes, faces))
+    if not placed:
+        empty = np.zeros((0, 3))
+        return Surface(np.zeros((0, 3, 3)), empty, np.zeros(0, dtype=np.int64), 1e-3)
+    everything = np.concatenate([v for _, v, _ in placed])
+    edge = max(float(np.ptp(everything, axis=0).max()) / cells, 0.5e-3)
+    triangles, ids = [], []
+    for geom, vertices, faces in placed:
+        fine_v, fine_f = trimesh.remesh.subdivide_to_size(vertices, faces, edge, max_iter=30)  # type: ignore[misc]
+        triangles.append(fine_v[fine_f])
+        ids.append(np.full(len(fine_f), geom, dtype=np.int64))
+    corners, owner = np.concatenate(triangles), np.concatenate(ids)
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(normal, axis=1)
+    whole = length > 1e-16
+    return Surface(corners[whole], normal[whole] / length[whole, None], owner[whole], edge)
+
+
+def shape_of(model: mujoco.MjModel, geom: int) -> tuple[NDArray[np.float64], NDArray[np.int64]] | None:
+    """Vertices and outward faces of a geom in its own frame, or None where it has no closed surface."""
+    from trimesh import creation
+
+    kind, size = int(model.geom_type[geom]), model.geom_size[geom]
+    kinds = mujoco.mjtGeom
+    if kind == int(kinds.mjGEOM_MESH):
+        mesh = int(model.geom_dataid[geom])
+        first = int(model.mesh_vertadr[mesh])
+        vertices = np.array(model.mesh_vert[first : first + int(model.mesh_vertnum[mesh])], dtype=float)
+        return _hull(vertices)
+    if kind == int(kinds.mjGEOM_BOX):
+        solid = creation.box(extents=2 * size)
+    elif kind == int(kinds.mjGEOM_SPHERE):
+        solid = creation.icosphere(subdivisions=4, radius=float(size[0]))
+    elif kind == int(kinds.mjGEOM_ELLIPSOID):
+        solid = creation.icosphere(subdivisions=4, radius=1.0)
+        solid.apply_scale(size)
+    elif kind == int(kinds.mjGEOM_CYLINDER):
+        # rings as far apart as the sections are wide: long thin triangles would be split into very many
+        radius, half = float(size[0]), float(size[1])
+        rings = np.linspace(-half, half, int(np.clip(2 * half * 64 / (2 * np.pi * radius), 1, 200)) + 1)
+        outline = np.vstack([[0.0, -half], np.column_stack([np.full_like(rings, radius), rings]), [0.0, half]])
+        solid = creation.revolve(outline, sections=64)
+    elif kind == int(kinds.mjGEOM_CAPSULE):
+        solid = creation.capsule(height=float(2 * size[1]), radius=float(size[0]), count=[64, 64])
+        solid.apply_translation(-solid.bounds.mean(axis=0))
+    else:
+        return None
+    return np.asarray(solid.vertices, dtype=float), np.asarray(solid.faces, dtype=np.int64)
+
+
+def _hull(vertices: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    hull = ConvexHull(vertices, qhull_options="QJ Pp")
+    faces = hull.simplices.astype(np.int64)
+    corners = vertices[faces]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    inward = np.sum(normal * hull.equations[:, :3], axis=1) < 0
+    faces[inward] = faces[inward][:, ::-1]
+    return vertices, faces
+
+
+def find_face(
+    surface: Surface,
+    direction: NDArray[np.float64],
+    base: NDArray[np.float64],
+    near: tuple[NDArray[np.float64], float] | None = None,
+) -> Face | None:
+    """The face of `surface` that looks along `direction`.
+
+    Among the directions in which the surface has area, and within 55 degrees of `direction`, the one whose plane
+    has the largest connected area wins. Area counts more the further it is from the finger's base, and is
+    weighted by the squared cosine of the angle to `direction`; `direction` itself has a small
+    advantage, which decides on round fingers. Then the normal is refined to the mean normal of that area.
+
+    Args:
+        surface: The link's surface.
+        direction: ``(3,)`` where the face should look, link frame; need not be of unit length.
+        base: ``(3,)`` a point at the finger's base: y points from there to the face.
+        near: A point and a radius: only the part of the surface within that distance of the line through the
+            point along `direction` is considered.
+
+    Returns:
+        The face, or None where nothing looks that way.
+    """
+    goal = _unit(direction)
+    if near is not None:
+        offset = surface.points - near[0]
+        offset -= np.outer(offset @ goal, goal)
+        surface = _part(surface, np.linalg.norm(offset, axis=1) < near[1])
+    if not len(surface.normals):
+        return None
+    distance = np.linalg.norm(surface.points - base, axis=1)
+    weights = 0.1 + (distance - distance.min()) / max(float(np.ptp(distance)), 1e-9)
+    regions = [
+        (region.area * float(normal @ goal) ** 2 * (1.0 if k == 0 else 0.8), k, normal, region)
+        for k, normal in enumerate(_candidates(surface, goal))
+        if (region := _region(surface, normal, weights)) is not None
+    ]
+    if not regions:
+        return None
+    score, _, normal, region = max(regions, key=lambda r: (r[0], -r[1]))
+    for _ in range(6):
+        mean = _unit(surface.normals[region.members].mean(axis=0))
+        refined = _region(surface, mean, weights)
+        if refined is None or refined.area * float(mean @ goal) ** 2 < 0.7 * score:
+            break
+        converged = float(mean @ normal) > np.cos(np.radians(0.05))
+        normal, region = mean, refined
+        score = max(score, region.area * float(mean @ goal) ** 2)
+        if converged:
+            break
+    return _fit(surface, normal, region, base)
+
+
+@dataclass(frozen=True, eq=False)
+class _Region:
+    """Cells of a depth image that make up one plane: their triangles, weighted area, and the plane's height."""
+
+    members: NDArray[np.int64]
+    area: float
+    height: float
+
+
+def _part(surface: Surface, keep: NDArray[np.bool_]) -> Surface:
+    return replace(surface, triangles=surface.triangles[keep], normals=surface.normals[keep], geoms=surface.geoms[keep])
+
+
+def _areas(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
+    cross = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    return np.linalg.norm(cross, axis=1) / 2
+
+
+def _candidates(surface: Surface, goal: NDArray[np.float64], most: int = 10) -> Iterator[NDArray[np.float64]]:
+    """`goal` itself and the normals of the largest facets within 55 degrees of it, 8 degrees apart."""
+    yield goal
+    facing = surface.normals @ goal > _COS_SEARCH
+    normals, weights = surface.normals[facing], _areas(surface.triangles[facing])
+    for _ in range(most):
+        if not weights.sum() > 0:
+            return
+        keys, index = np.unique(np.round(normals, 2), axis=0, return_inverse=True)
+        totals = np.bincount(index.ravel(), weights=weights, minlength=len(keys))
+        facet = index.ravel() == int(totals.argmax())
+        mean = _unit(np.sum(normals[facet] * weights[facet, None], axis=0))
+        yield mean
+        rest = normals @ mean < np.cos(np.radians(8))
+        normals, weights = normals[rest], weights[rest]
+
+
+def _unit(vector: NDArray[np.float64]) -> NDArray[np.float64]:
+    return vector / np.linalg.norm(vector)
+
+
+def _plane_axes(normal: NDArray[np.float64]) -> NDArray[np.float64]:
+    """``(3, 2)`` two unit vectors that span the plane."""
+    a = np.eye(3)[int(np.abs(normal).argmin())]
+    u = _unit(np.cross(normal, a))
+    return np.stack([u, np.cross(normal, u)], axis=1)
+
+
+def _region(surface: Surface, normal: NDArray[np.float64], weights: NDArray[np.float64]) -> _Region | None:
+    """The foremost plane across `normal` that has a good share of the largest plane's visible area.
+
+    A plane that is mostly flat ends where it bends; a curved one reaches `DEPTH` back.
+    """
+    cell = 1.5 * surface.edge
+    points = surface.points
+    heights, flat = points @ normal, points @ _plane_axes(normal)
+    low, high = flat.min(axis=0), flat.max(axis=0)
+    index = np.floor((flat - (low + high) / 2) / cell).astype(np.int64)  # symmetric, so that normals do not drift
+    index -= index.min(axis=0)
+    shape = (int(index[:, 0].max()) + 1, int(index[:, 1].max()) + 1)
+    key = index[:, 0] * shape[1] + index[:, 1]
+    order = np.lexsort((heights, key))
+    top = order[np.append(np.diff(key[order]) > 0, True)]  # the foremost triangle of each cell
+    top = top[surface.normals[top] @ normal > _COS_TILT]
+    if not len(top):
+        return None
+    parallel = surface.normals[top] @ normal > _COS_PARALLEL
+
+    def largest_patch(chosen: NDArray[np.int64]) -> NDArray[np.int64]:
+        image = np.zeros(shape)
+        image.flat[key[chosen]] = weights[chosen]
+        labels, count = ndimage.label(image, structure=np.ones((3, 3)))  # type: ignore[misc]
+        winner = int(np.argmax(ndimage.sum_labels(image, labels, np.arange(1, count + 1)))) + 1
+        return chosen[labels.flat[key[chosen]] == winner]
+
+    levels: list[tuple[float, NDArray[np.int64]]] = []  # weighted area and members, foremost first
+    most = 0.0
+    for ceiling in np.unique(np.ceil(heights[top] / 5e-5))[::-1] * 5e-5:
+        behind = ceiling - heights[top]
+        inside = top[(behind >= 0) & (behind < np.where(parallel, _STEP, DEPTH))]
+        if weights[inside].sum() <= most:
+            continue
+        members = largest_patch(inside)
+        area = float(weights[members].sum())
+        if area > most * 1.001:
+            most = area
+            levels.append((area, members))
+    members = next(members for area, members in levels if area >= _SHARE * most)
+    straight = surface.normals[members] @ normal > _COS_PARALLEL
+    if straight.mean() > 0.5:
+        members = largest_patch(members[straight])
+    height = float((surface.triangles[members] @ normal).max())
+    return _Region(members, float(weights[members].sum()) * cell**2, height)
+
+
+def _fit(surface: Surface, normal: NDArray[np.float64], region: _Region, base: NDArray[np.float64]) -> Face:
+    """Turn a region into a rectangle with a frame."""
+    corners = surface.triangles[region.members].reshape(-1, 3)
+    # the depth image has rounded edges off by up to a cell: take in the neighbours on the same plane
+    tops = surface.triangles @ normal
+    facing = surface.normals @ normal
+    depth = np.where(facing > _COS_PARALLEL, _STEP, DEPTH)
+    straight = bool(np.all(facing[region.members] > _COS_PARALLEL))
+    level = (facing > (_COS_PARALLEL if straight else _COS_TILT)) & (tops.min(axis=1) > region.height - depth)
+    level &= tops.max(axis=1) < region.height + 1e-9
+    axes = _plane_axes(normal)
+    flat = corners @ axes
+    margin = 1.5 * surface.edge
+    inside = np.all(
+        np.abs(surface.points @ axes - (flat.max(0) + flat.min(0)) / 2) < np.ptp(flat, axis=0) / 2 + margin, 1
+    )
+    corners = np.concatenate([corners, surface.triangles[level & inside].reshape(-1, 3)])
+    y = _row_axis(corners @ axes, (corners.mean(axis=0) - base) @ axes)
+    y = axes @ y
+    frame = np.stack([np.cross(y, -normal), y, -normal], axis=1)
+    local = corners @ frame
+    low, high = local[:, :2].min(axis=0), local[:, :2].max(axis=0)
+    extent = high - low
+    middle = frame @ np.array([*(low + high) / 2, -region.height])
+    size = (float(extent[1]), float(extent[0]))
+    seen, areas = np.unique(surface.geoms[region.members], return_counts=True)
+    visible = [int(g) for g in seen[np.lexsort((seen, -areas))]]
+    hidden = [g for g in shadowing(surface, middle, frame, size) if g not in visible]
+    return Face(
+        center=middle,
+        frame=frame,
+        size=size,
+        fill=min(1.0, len(region.members) * (1.5 * surface.edge) ** 2 / (size[0] * size[1])),
+        flatness=float(region.height - (corners @ normal).min()),
+        geoms=(*visible, *hidden),
+    )
+
+
+def _row_axis(flat: NDArray[np.float64], outward: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The axis of the smallest rectangle around `flat` that is nearest to `outward`, within 45 degrees.
+
+    Where all rectangles are about as small, `outward` itself. Where that has next to no length, the rectangle's
+    longer side.
+    """
+    points = flat[ConvexHull(flat, qhull_options="QJ Pp").vertices]
+    edges = np.roll(points, -1, axis=0) - points
+    angles = np.unique(np.round(np.arctan2(edges[:, 1], edges[:, 0]) % (np.pi / 2), 6))
+
+    def extents(angle: NDArray[np.float64]) -> NDArray[np.float64]:
+        axes = np.stack([np.cos(angle), np.sin(angle), -np.sin(angle), np.cos(angle)]).T.reshape(-1, 2, 2)
+        return np.ptp(axes @ points.T, axis=-1)
+
+    spans = extents(angles)
+    best = int(spans.prod(axis=1).argmin())
+    angle, span = angles[best], spans[best]
+    length = float(np.linalg.norm(outward))
+    if length < 0.2 * float(span.max()):
+        angle += np.pi / 2 if span[1] > span[0] else 0.0
+        axis = np.array([np.cos(angle), np.sin(angle)])
+        return axis if axis @ outward >= 0 else -axis
+    if extents(np.linspace(0, np.pi / 2, 16)).prod(axis=1).max() < 1.15 * span.prod():
+        return outward / length
+    along = np.arctan2(outward[1], outward[0])
+    angle += np.round((along - angle) / (np.pi / 2)) * np.pi / 2
+    return np.array([np.cos(angle), np.sin(angle)])
+
+
+def shadowing(
+    surface: Surface,
+    center: NDArray[np.float64],
+    frame: NDArray[np.float64],
+    size: tuple[float, float],
+    depth: float = DEPTH + 0.3e-3,
+) -> tuple[int, ...]:
+    """Geoms that reach further out than `depth` behind the plane of a pad, under its area.
+
+    Args:
+        surface: The link's surface.
+        center: ``(3,)`` centre of the pad, link frame.
+        frame: ``(3, 3)`` pad frame in the link frame, columns x, y, z.
+        size: Extent of the pad along y and along x.
+        depth: How far behind its plane a pad needs room: the gel and the bumps of its surface.
+
+    Returns:
+        Geom ids in ascending order.
+    """
+    local = (surface.triangles.reshape(-1, 3) - center) @ frame
+    hit = (np.abs(local[:, 0]) < size[1] / 2) & (np.abs(local[:, 1]) < size[0] / 2) & (local[:, 2] < depth)
+    return tuple(int(g) for g in np.unique(surface.geoms[hit.reshape(-1, 3).any(axis=1)]))

@@ -1,0 +1,166 @@
+from __future__ import annotations
+
+import importlib.util
+import sys
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from paxisim.errors import InvalidValueError, MissingExtraError, UnknownNameError
+from paxisim.models.closing import links_of
+from paxisim.models.faces import shadowing, surface_of
+from paxisim.models.find_mounts import choose_mounts, find_mounts
+from paxisim.models.grippers import (
+    known_gripper,
+    known_grippers,
+    mounts_for,
+    mounts_for_file,
+    robosuite_gripper_path,
+)
+from paxisim.models.load import load_spec
+
+# two of robosuite's files are read with a repair
+pytestmark = pytest.mark.filterwarnings("ignore:.*is not sound MJCF")
+every_gripper = pytest.mark.parametrize("name", known_grippers())
+
+
+def gripper_table():
+    """The benchmark, which holds the scenes."""
+    if "gripper_table" not in sys.modules:
+        path = Path(__file__).parents[2] / "benchmarks" / "gripper_table.py"
+        spec = importlib.util.spec_from_file_location("gripper_table", path)
+        sys.modules["gripper_table"] = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(sys.modules["gripper_table"])
+    return sys.modules["gripper_table"]
+
+
+def rotation(quat):
+    matrix = np.zeros(9)
+    mujoco.mju_quat2Mat(matrix, np.asarray(quat))
+    return matrix.reshape(3, 3)
+
+
+def test_every_gripper_that_robosuite_ships_is_known():
+    assert len(known_grippers()) == 13
+    assert [len(mounts_for(name)) for name in ("panda", "robotiq_s", "inspire_left", "wiping")] == [2, 3, 5, 1]
+
+
+def test_unknown_name_offers_the_near_one():
+    with pytest.raises(UnknownNameError, match="did you mean 'panda'"):
+        mounts_for("pnada")
+
+
+def test_known_by_the_name_of_the_file():
+    assert mounts_for_file("anywhere/panda_gripper.xml") == mounts_for("panda")
+    assert mounts_for_file(Path("robotiq_gripper_85.xml")) == mounts_for("robotiq_85")
+    assert mounts_for_file("my_gripper.xml") is None
+
+
+def test_without_robosuite(monkeypatch):
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(MissingExtraError, match=r"paxisim\[robosuite\]"):
+        robosuite_gripper_path("panda")
+
+
+@pytest.mark.robosuite
+@every_gripper
+def test_files_are_there_and_robosuite_is_not_imported(name):
+    imported = "robosuite" in sys.modules
+    assert robosuite_gripper_path(name).is_file()
+    assert ("robosuite" in sys.modules) == imported
+
+
+@pytest.mark.robosuite
+@every_gripper
+def test_nothing_in_front_of_the_pads_is_left_on(name):
+    gripper = known_gripper(name)
+    model = load_spec(robosuite_gripper_path(name)).compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    for mount in gripper.mounts:
+        body = model.body(mount.body).id
+        first = int(model.body_geomadr[body])
+        off = {model.geom(g).id if isinstance(g, str) else first + g for g in mount.replaces}
+        assert all(model.geom_contype[g] | model.geom_conaffinity[g] for g in off)
+        link = int(model.body_weldid[body])
+        surface = surface_of(model, data, links_of(model)[link], body)
+        size = (gripper.face_mm[0] * 1e-3, gripper.face_mm[1] * 1e-3)
+        assert set(shadowing(surface, np.array(mount.pos), rotation(mount.quat), size)) <= off
+
+
+@pytest.mark.robosuite
+@pytest.mark.parametrize("name", ["panda", "rethink", "robotiq_85", "robotiq_140", "xarm7"])
+def test_opposing_pads_face_each_other_and_agree_on_their_rows(name):
+    model = load_spec(robosuite_gripper_path(name)).compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    frames, centres = [], []
+    for mount in mounts_for(name):
+        body = data.body(mount.body)
+        frames.append(body.xmat.reshape(3, 3) @ rotation(mount.quat))
+        centres.append(body.xpos + body.xmat.reshape(3, 3) @ mount.pos)
+    left, right = frames
+    np.testing.assert_allclose(left[:, 1], right[:, 1], atol=2e-3)
+    np.testing.assert_allclose(left[:, 2], -right[:, 2], atol=2e-3)
+    apart = centres[1] - centres[0]
+    if np.linalg.norm(apart) > 5e-3:
+        assert -left[:, 2] @ apart > 0.99 * np.linalg.norm(apart)
+
+
+@pytest.mark.robosuite
+@pytest.mark.parametrize(
+    "name", ["panda", "rethink", "robotiq_85", "robotiq_140", "robotiq_s", "xarm7", "jaco_three_finger"]
+)
+def test_find_mounts_finds_the_known_ones(name):
+    found = find_mounts(robosuite_gripper_path(name)).mounts
+    known = mounts_for(name)
+    assert {m.body for m in found} == {m.body for m in known}
+    for mount in known:
+        other = next(m for m in found if m.body == mount.body)
+        distance, angle = gripper_table().difference(mount, other)
+        assert distance < 3e-3
+        assert angle < np.radians(10)
+        assert set(mount.replaces) == set(other.replaces)
+
+
+@pytest.mark.robosuite
+def test_find_mounts_on_a_hand():
+    found = find_mounts(robosuite_gripper_path("inspire_right"))
+    assert {m.body for m in found.mounts} == {m.body for m in mounts_for("inspire_right")}
+    assert found.faces[0].mount.body == "r_thumb_distal"
+    assert len(found.faces[0].opposite) == 4
+
+
+@pytest.mark.robosuite
+def test_actuator_that_spreads_is_held():
+    report = find_mounts(robosuite_gripper_path("robotiq_s")).report
+    assert "finger_scissor: held at 0, only spreads fingers" in report
+
+
+@pytest.mark.robosuite
+def test_a_tool_that_cannot_close():
+    path = robosuite_gripper_path("wiping")
+    with pytest.raises(InvalidValueError, match="no actuators"):
+        find_mounts(path)
+    assert choose_mounts(path)[0] == mounts_for("wiping")
+
+
+@pytest.mark.robosuite
+def test_choose_mounts_takes_the_known_ones():
+    path = robosuite_gripper_path("panda")
+    mounts, report = choose_mounts(path)
+    assert mounts == mounts_for("panda")
+    assert "panda_gripper.xml is known" in report
+    assert choose_mounts(str(path))[0] == mounts
+
+
+@pytest.mark.robosuite
+@every_gripper
+def test_taxels_carry_what_the_object_needs(name):
+    balance = gripper_table().hold(name)
+    assert balance.others == 0
+    assert balance.speed < 5e-3
+    assert np.all(balance.pressed > 0.1)
+    assert balance.error < 0.01

@@ -1,0 +1,135 @@
+"""What `import paxisim` costs, and which part of paxisim may import which."""
+
+import ast
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import paxisim
+
+PACKAGE = Path(paxisim.__file__).parent
+# what is heavy or optional; what a name needs is imported when that name is first used
+OPTIONAL = {"torch", "serial", "matplotlib", "trimesh", "robosuite"}
+HEAVY = OPTIONAL | {"mujoco", "numpy", "scipy", "lxml", "tyro"}
+
+# imports run one way, towards the lower number; parts with the same number do not import one another
+LEVELS = {
+    "errors": 0,
+    "layout": 0,
+    "bump": 1,
+    "sensors": 1,
+    "recording": 1,
+    "models": 2,
+    "augment": 2,
+    "reference": 2,
+    "hw": 2,
+    "diagnose": 3,
+    "viz": 3,
+    "cli": 4,
+}
+ANYWHERE = {"errors", "_version"}
+
+
+def modules_after(code: str) -> set[str]:
+    """Top-level names of the modules that a fresh interpreter has imported after running `code`."""
+    path = os.pathsep.join([str(PACKAGE.parent), *filter(None, [os.environ.get("PYTHONPATH")])])
+    done = subprocess.run(
+        [sys.executable, "-c", f"{code}\nimport sys\nprint(*sys.modules)"],
+        env=os.environ | {"PYTHONPATH": path},
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=60,
+    )
+    return {name.split(".")[0] for name in done.stdout.split()}
+
+
+def test_import_paxisim_imports_nothing_heavy():
+    assert modules_after("import paxisim").isdisjoint(HEAVY)
+
+
+def test_the_layout_and_the_catalogue_need_numpy_alone():
+    code = "import paxisim\npaxisim.sensor('paxini-gen1-l4629').layout.pool(2, 2)\npaxisim.known_sensors()"
+    assert modules_after(code).isdisjoint(HEAVY - {"numpy"})
+
+
+def test_every_public_name_can_be_used_without_the_optional_packages():
+    code = "import paxisim\nfor name in paxisim.__all__: getattr(paxisim, name)"
+    assert modules_after(code).isdisjoint(OPTIONAL)
+
+
+def test_pads_are_built_attached_and_read_without_the_optional_packages():
+    code = """
+import mujoco, paxisim
+pad = paxisim.Pad(paxisim.TaxelLayout(2, 2, 2e-3))
+gripper = paxisim.attach("<mujoco><worldbody><body name='b'/></worldbody></mujoco>", pad, [paxisim.Mount("b")])
+model = gripper.compile()
+pads = gripper.bind(model)
+paxisim.set_surface(model, pads, paxisim.GaussianBump((1, 1)).heights(pads.layout))
+data = mujoco.MjData(model)
+mujoco.mj_step(model, data)
+paxisim.TactileReadout(model, pads).read(data)
+"""
+    assert modules_after(code).isdisjoint(OPTIONAL)
+
+
+def imported_from(path: Path) -> set[str]:
+    """The parts of paxisim that a file imports anywhere in it, inside functions and for type checkers included."""
+    found = set()
+    inside = (path.relative_to(PACKAGE) if path.is_relative_to(PACKAGE) else path).parts
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            base = ["paxisim", *inside[: len(inside) - node.level]] if node.level else []
+            module = ".".join([*base, *filter(None, [node.module])])
+            # `from paxisim import viz` imports a part, and `from paxisim import Pad` reaches back to the top
+            names = [f"{module}.{alias.name}" for alias in node.names] if module == "paxisim" else [module]
+        else:
+            continue
+        found |= {(name.split(".") + [""])[1] for name in names if name.split(".")[0] == "paxisim"}
+    return found
+
+
+FILES = sorted(
+    p for p in PACKAGE.rglob("*.py") if p.relative_to(PACKAGE).as_posix() not in ("__init__.py", "_version.py")
+)
+
+
+def part_of(path: Path) -> str:
+    return path.relative_to(PACKAGE).parts[0].removesuffix(".py")
+
+
+def test_the_files_are_found():
+    assert {"errors", "layout", "sensors", "models", "viz", "cli"} <= {part_of(path) for path in FILES}
+    assert imported_from(PACKAGE / "models" / "pad.py") == {"errors", "layout", "models"}
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.relative_to(PACKAGE).as_posix())
+def test_imports_run_one_way(path):
+    part = part_of(path)
+    assert part in LEVELS, f"{part} has no place in the design yet"
+    # the command line is a user of the library, and may see it as one
+    for other in imported_from(path) - ANYWHERE - {part} - ({""} if part == "cli" else set()):
+        assert other in LEVELS, f"{path.name} imports paxisim.{other}: import from the part that defines it"
+        assert LEVELS[other] < LEVELS[part], f"{part} must not import {other}"
+
+
+INTEGRATIONS = PACKAGE.parent / "integrations"
+
+
+@pytest.mark.skipif(not INTEGRATIONS.exists(), reason="no integrations yet")
+def test_integrations_see_only_the_public_names():
+    for path in INTEGRATIONS.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            names = []
+            if isinstance(node, ast.Import):
+                names = [alias.name for alias in node.names]
+            elif isinstance(node, ast.ImportFrom) and not node.level:
+                names = [node.module or ""]
+                if node.module == "paxisim":
+                    assert {alias.name for alias in node.names} <= set(paxisim.__all__), path
+            assert not any(name.startswith("paxisim.") for name in names), path

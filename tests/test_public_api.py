@@ -1,0 +1,117 @@
+"""The public names: a change to this list is a change to what users rely on."""
+
+import ast
+import inspect
+import pkgutil
+from pathlib import Path
+
+import pytest
+
+import paxisim
+
+PUBLIC = [
+    "GaussianBump",
+    "FoundMounts",
+    "Gel",
+    "InvalidValueError",
+    "MissingExtraError",
+    "Mount",
+    "OutputExistsError",
+    "Pad",
+    "Pads",
+    "PaxisimError",
+    "Sensor",
+    "TactileGripper",
+    "TactileReadout",
+    "TaxelLayout",
+    "TouchGridReadout",
+    "UnknownNameError",
+    "UnsupportedError",
+    "__version__",
+    "attach",
+    "conform",
+    "find_mounts",
+    "find_pads",
+    "finger_surface",
+    "flat",
+    "known_grippers",
+    "known_sensors",
+    "measured",
+    "mounts_for",
+    "plot_mounts",
+    "plot_pads",
+    "plot_tactile",
+    "robosuite_gripper_path",
+    "sensor",
+    "set_surface",
+    "view",
+]
+
+
+def test_the_public_names_are_these():
+    assert sorted(PUBLIC) == paxisim.__all__
+
+
+@pytest.mark.parametrize("name", [n for n in PUBLIC if n != "__version__"])
+def test_every_public_name_is_documented_under_its_own_name(name):
+    thing = getattr(paxisim, name)
+    assert thing.__name__ == name
+    assert inspect.getdoc(thing), f"{name} has no docstring"
+    assert not inspect.getdoc(thing).startswith(f"{name}("), "the docstring that dataclasses make up says nothing"
+
+
+@pytest.mark.parametrize("name", [n for n in PUBLIC if n != "__version__"])
+def test_every_public_method_is_documented(name):
+    thing = getattr(paxisim, name)
+    if not inspect.isclass(thing):
+        return
+    for member, value in vars(thing).items():
+        if not member.startswith("_") and (callable(value) or isinstance(value, (property, classmethod, staticmethod))):
+            assert inspect.getdoc(getattr(thing, member)), f"{name}.{member} has no docstring"
+
+
+def test_star_import_and_dir():
+    names: dict = {}
+    exec("from paxisim import *", names)
+    assert set(PUBLIC) <= set(names)
+    assert set(PUBLIC) <= set(dir(paxisim))
+
+
+def test_type_checkers_see_the_names_that_are_imported_lazily():
+    tree = ast.parse(Path(paxisim.__file__).read_text(encoding="utf-8"))
+    for_checkers = {}
+    for node in tree.body:
+        lazily = isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
+        for statement in node.body if lazily else [node]:
+            if isinstance(statement, ast.ImportFrom) and statement.module.startswith("paxisim."):
+                for alias in statement.names:
+                    assert alias.asname == alias.name, "without `as` a type checker takes the name for private"
+                    for_checkers[alias.name] = statement.module
+    del for_checkers["__version__"]
+    assert for_checkers == paxisim._HOME_OF
+    assert for_checkers.keys() == set(PUBLIC) - {"__version__"}
+
+
+def test_a_public_name_is_what_its_home_defines():
+    from paxisim.layout import TaxelLayout
+    from paxisim.models.attach import attach
+
+    assert paxisim.TaxelLayout is TaxelLayout
+    assert paxisim.attach is attach
+
+
+def test_no_public_name_is_that_of_a_module():
+    """Whatever imports such a module would put it in the place of the name."""
+    modules = {module.name for module in pkgutil.iter_modules(paxisim.__path__)}
+    assert modules.isdisjoint(PUBLIC)
+
+
+def test_an_unknown_name():
+    with pytest.raises(AttributeError, match="module 'paxisim' has no attribute 'atach'"):
+        _ = paxisim.atach
+    with pytest.raises(ImportError):
+        exec("from paxisim import atach")
+
+
+def test_the_version():
+    assert paxisim.__version__.split(".")[0].isdigit()
