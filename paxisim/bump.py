@@ -85,20 +85,37 @@ class GaussianBump:
         Layouts without a grid use their positions, in units of the pitch from the upper left corner, and have
         no boundary.
         """
-        is_grid = layout.rows > 1 and layout.cols > 1
-        x, y = _taxel_coordinates(layout, is_grid)
-        (gx, gy), (sx, sy) = self.center, self.deviation
-        distance = np.sqrt((gx - x) ** 2 / sx**2 + (gy - y) ** 2 / sy**2)
-        furthest = distance.max()
-        share = distance / furthest if furthest > 0 else np.zeros_like(distance)
-        depth = self.h_min + share * (self.h_max - self.h_min)
-        if is_grid:
-            edge = np.ones(depth.shape, dtype=bool)
-            edge[1:-1, 1:-1] = False
-            depth[edge] -= self.boundary
-        if self.depth_is == "thickness":
-            return depth
-        return self.h_min + self.h_max - depth
+        return bump_heights(self, layout, np.array(self.center), np.array(self.deviation))
+
+
+def bump_heights(
+    bump: GaussianBump, layout: TaxelLayout, center: NDArray[np.floating], deviation: NDArray[np.floating]
+) -> NDArray[np.floating]:
+    """Heights of many bumps that differ in centre and deviation and share all else with `bump`.
+
+    Args:
+        bump: The depths.
+        layout: The taxels.
+        center: ``(..., 2)`` centres in taxels.
+        deviation: ``(..., 2)`` deviations in taxels.
+
+    Returns:
+        ``(..., rows, cols)`` m, as `GaussianBump.heights`.
+    """
+    is_grid = layout.rows > 1 and layout.cols > 1
+    x, y = _taxel_coordinates(layout, is_grid)
+    (gx, gy), (sx, sy) = (np.moveaxis(values, -1, 0)[..., None, None] for values in (center, deviation))
+    distance = np.sqrt((gx - x) ** 2 / sx**2 + (gy - y) ** 2 / sy**2)
+    furthest = distance.max(axis=(-2, -1), keepdims=True)
+    share = distance / np.where(furthest > 0, furthest, 1.0)
+    depth = bump.h_min + share * (bump.h_max - bump.h_min)
+    if is_grid:
+        edge = np.ones(depth.shape[-2:], dtype=bool)
+        edge[1:-1, 1:-1] = False
+        depth[..., edge] -= bump.boundary
+    if bump.depth_is == "thickness":
+        return depth
+    return bump.h_min + bump.h_max - depth
 
 
 def _taxel_coordinates(layout: TaxelLayout, is_grid: bool) -> tuple[NDArray[np.floating], NDArray[np.floating]]:

@@ -52,8 +52,8 @@ class TaxelLayout:
         """Check the fields and fill in the flat grid."""
         for name in ("rows", "cols"):
             value = getattr(self, name)
-            is_number = isinstance(value, (int, float, np.number)) and np.isfinite(value)
-            if not is_number or value < 1 or value % 1 != 0:
+            is_number = isinstance(value, (int, float, np.integer, np.floating)) and np.isfinite(value)
+            if not is_number or value < 1 or int(value) != value:
                 raise InvalidValueError(f"{name} must be a whole number of at least 1, got {value!r}")
             object.__setattr__(self, name, int(value))
         try:

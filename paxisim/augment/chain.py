@@ -6,6 +6,7 @@ import dataclasses
 import importlib
 import itertools
 import json
+import math
 import re
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
@@ -136,7 +137,7 @@ class Chain(Transform):
     def to_json(self) -> str:
         """The chain as JSON text, from which `from_json` makes it again bit for bit (torch parameters as numpy's)."""
         members = [_encode(member, name) for name, member in zip(self.names, self.members, strict=True)]
-        return json.dumps({"format": FORMAT, "members": members}, indent=1)
+        return json.dumps({"format": FORMAT, "members": members}, indent=1, allow_nan=False)
 
     @classmethod
     def from_json(cls, text: str) -> Chain:
@@ -202,8 +203,17 @@ def _encode_value(value: Any) -> Any:
         value = value.detach().cpu().numpy()
     if isinstance(value, (np.ndarray, np.generic)):
         value = np.asarray(value)
-        return {"dtype": str(value.dtype), "shape": list(value.shape), "data": value.reshape(-1).tolist()}
-    return value
+        data = [_encode_number(number) for number in value.reshape(-1).tolist()]
+        return {"dtype": str(value.dtype), "shape": list(value.shape), "data": data}
+    if isinstance(value, (tuple, list)):
+        return [_encode_value(item) for item in value]
+    number = _encode_number(value)
+    return value if number is value else {"number": number}
+
+
+def _encode_number(value: Any) -> Any:
+    """Infinity as text: JSON has no such number."""
+    return str(value) if isinstance(value, float) and math.isinf(value) else value
 
 
 def _decode(document: Mapping[str, Any]) -> Transform:
@@ -224,6 +234,8 @@ def _decode(document: Mapping[str, Any]) -> Transform:
 def _decode_value(value: Any) -> Any:
     if isinstance(value, dict) and "layout" in value:
         return TaxelLayout.from_dict(value["layout"])
+    if isinstance(value, dict) and "number" in value:
+        return float(value["number"])
     if isinstance(value, dict):
         return np.array(value["data"], dtype=value["dtype"]).reshape(value["shape"])
     if isinstance(value, list):

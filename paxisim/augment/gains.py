@@ -28,6 +28,21 @@ class AxisGain(Transform):
 
 
 @dataclass(frozen=True, eq=False)
+class PadAxisGain(Transform):
+    """One gain for each axis of each pad, the same at every taxel of a pad: as `AxisGain`, for pads that differ.
+
+    Attributes:
+        gain: ``(..., pads, 3)`` gains of x, y and z.
+    """
+
+    gain: Any = parameter(((1.0, 1.0, 1.0),), "pk", low=0.0, typical=(0.5, 1.5))
+
+    def apply(self, x: Any, covariates: Covariates) -> Any:
+        """See `Transform.apply`."""
+        return x * self.fit("gain", x)
+
+
+@dataclass(frozen=True, eq=False)
 class TaxelGain(Transform):
     """One gain for each taxel, the same on its three axes: ``y(i,j) = gain(i,j) x(i,j)``.
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from paxisim.augment.parameter import namespace, parameter
-from paxisim.augment.transform import Covariates, Memory, State
+from paxisim.augment.transform import Covariates, Memory, State, keep
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,18 +25,33 @@ class LowPass(Memory):
     tau: Any = parameter(0.0, unit="s", low=0.0, typical=(0.01, 0.16))
 
     def initial_state(self, x: Any, covariates: Covariates | None = None) -> State:
-        """``(x, y)`` of the frame before."""
-        return (x, x)
+        """The frame before, and by how much the output was ahead of it."""
+        return (keep(x), namespace(x).zeros_like(x))
 
     def advance(self, x: Any, state: State, dt: Any, covariates: Covariates) -> tuple[Any, State]:
         """See `Memory.advance`."""
-        xp = namespace(x)
-        before, y = state
-        tau = self.fit("tau", x)
-        lag = xp.where(tau > 0, tau, xp.ones_like(tau))
-        decay = xp.exp(-dt / lag)
-        # exact for x(t) = before + (x - before) t / dt
-        share = lag * -xp.expm1(-dt / lag) / xp.where(dt > 0, dt, xp.ones_like(dt))
-        filtered = decay * y + (share - decay) * before + (1 - share) * x
-        y = xp.where((tau > 0) & (dt > 0), filtered, xp.where(tau > 0, y, x))
-        return y, (x, y)
+        before, ahead = state
+        ahead = lag(x - before, ahead, self.fit("tau", x), dt)
+        return x + ahead, (keep(x), ahead)
+
+
+def lag(change: Any, ahead: Any, tau: Any, dt: Any) -> Any:
+    """One step of ``tau dq/dt = x - q`` for ``q - x``, exact for an x that runs straight.
+
+    In this form an x that stands still costs no digits, however small `dt` is against `tau`.
+
+    Args:
+        change: By how much x changed in the step.
+        ahead: q - x before the step.
+        tau: Time constant (s); 0: q is x.
+        dt: Time (s); 0: x jumps.
+
+    Returns:
+        q - x after the step.
+    """
+    xp = namespace(change)
+    lags = tau > 1e-30 * dt  # else it would divide by zero, or by next to nothing
+    z = dt / xp.where(lags, tau, xp.ones_like(tau))
+    run = xp.where(z > 0, z, xp.ones_like(z))
+    share = xp.where(z > 0, -xp.expm1(-run) / run, xp.ones_like(z))
+    return xp.where(lags, xp.exp(-z) * ahead - share * change, xp.zeros_like(ahead))

@@ -13,6 +13,7 @@ import sys
 from dataclasses import dataclass
 from typing import Any
 
+import array_api_compat.numpy as numpy_namespace
 import numpy as np
 from array_api_compat import array_namespace, is_array_api_obj
 
@@ -30,11 +31,20 @@ def is_torch(value: Any) -> bool:
 
 def namespace(x: Any) -> Any:
     """The array API namespace of `x`, in a way that ``torch.compile`` can trace without complaint."""
+    if type(x) is np.ndarray:  # most of the cost of a small frame was in finding that out
+        return numpy_namespace
     if is_torch(x):
-        import array_api_compat.torch
+        import array_api_compat.torch as torch_namespace
 
-        return array_api_compat.torch
+        return torch_namespace
     return array_namespace(x)
+
+
+def is_floating(x: Any) -> bool:
+    """Whether `x` holds real floating point numbers."""
+    if type(x) is np.ndarray:
+        return x.dtype.kind == "f"
+    return x.dtype.is_floating_point if is_torch(x) else namespace(x).isdtype(x.dtype, "real floating")
 
 
 @dataclass(frozen=True)
@@ -42,11 +52,15 @@ class Parameter:
     """What is known about one parameter of a transform.
 
     Attributes:
-        core: Its core dimensions, a subsequence of `AXES`; each may also have length 1.
+        core: Its core dimensions, a subsequence of `AXES`; each may also have length 1. A "j" after "k" is the axis
+            of the input, where a parameter maps axes to axes; such a one cannot be lifted. An "m" in front is not of
+            the tensor but the transform's own, e.g. the modes of a sum.
         unit: SI unit, "1" for a pure number.
         low: Smallest physical value.
         high: Largest physical value.
         typical: Sensible range to draw from at random.
+        infinite: Whether it may be infinite, as a limit that is not there.
+        whole: Whether only whole numbers make sense.
     """
 
     core: str = ""
@@ -54,6 +68,8 @@ class Parameter:
     low: float = -math.inf
     high: float = math.inf
     typical: tuple[float, float] | None = None
+    infinite: bool = False
+    whole: bool = False
 
 
 def parameter(neutral: Any, core: str = "", unit: str = "1", **about: Any) -> Any:
@@ -70,7 +86,15 @@ def parameter(neutral: Any, core: str = "", unit: str = "1", **about: Any) -> An
 
 def parameters(transform: Any) -> dict[str, Parameter]:
     """The parameters of a transform or of its class, by field name."""
-    return {f.name: f.metadata["parameter"] for f in dataclasses.fields(transform) if "parameter" in f.metadata}
+    kind = transform if isinstance(transform, type) else type(transform)
+    if kind not in _PARAMETERS:
+        _PARAMETERS[kind] = {
+            f.name: f.metadata["parameter"] for f in dataclasses.fields(kind) if "parameter" in f.metadata
+        }
+    return _PARAMETERS[kind]
+
+
+_PARAMETERS: dict[type, dict[str, Parameter]] = {}  # by class; dataclasses.fields is slow
 
 
 def check(owner: str, name: str, value: Any, about: Parameter) -> None:
@@ -83,21 +107,26 @@ def check(owner: str, name: str, value: Any, about: Parameter) -> None:
         InvalidValueError: Not real numbers, not finite, too few dimensions or outside the physical range.
     """
     what = f"{owner}: {name}"
-    value = _as_array(value)
+    try:
+        value = _as_array(value)
+    except ValueError:  # a ragged list
+        raise InvalidValueError(f"{what} must have shape {_expected(about)}, got {value!r}") from None
     if isinstance(value, np.ndarray) and value.dtype.kind not in "fiub":
         raise InvalidValueError(f"{what} must be real numbers, got {value.dtype}")
     if value.ndim < len(about.core):
         raise InvalidValueError(f"{what} must have shape {_expected(about)}, got {tuple(value.shape)}")
-    if "k" in about.core:
-        length = value.shape[value.ndim - len(about.core) + about.core.index("k")]
-        if length not in (1, 3):
+    for axis in set(about.core) & {"k", "j"}:
+        length = value.shape[value.ndim - len(about.core) + about.core.index(axis)]
+        if length != 3 and (length != 1 or "j" in about.core):
             raise InvalidValueError(f"{what} must have shape {_expected(about)}, got {tuple(value.shape)}")
     if not _can_look(value):
         return
     xp = namespace(value)
-    numbers = xp.astype(value, xp.float64)
-    if not bool(xp.all(xp.isfinite(numbers))):
-        raise InvalidValueError(f"{what} must be finite")
+    numbers = xp.astype(value.detach() if is_torch(value) else value, xp.float64)  # type: ignore[attr-defined]
+    if bool(xp.any(xp.isnan(numbers))) or not (about.infinite or bool(xp.all(xp.isfinite(numbers)))):
+        raise InvalidValueError(f"{what} must be finite" if not about.infinite else f"{what} must be a number, got nan")
+    if about.whole and not bool(xp.all(numbers == xp.round(numbers))):
+        raise InvalidValueError(f"{what} must be whole numbers")
     if math.prod(value.shape):
         least, most = float(xp.min(numbers)), float(xp.max(numbers))
         if least < about.low or most > about.high:
@@ -114,19 +143,23 @@ def lift(value: Any, core: str, x: Any) -> Any:
         x: The tensor, ``(*batch, pads, 3, rows, cols)``.
 
     Returns:
-        ``(*batch, pads or 1, 3 or 1, rows or 1, cols or 1)``.
+        ``(*batch, pads or 1, 3 or 1, rows or 1, cols or 1)``, with a core dimension "m" between batch and pads.
     """
-    xp = namespace(x)
     array = as_like(value, x)
-    batch = array.shape[: array.ndim - len(core)]
-    lengths = iter(array.shape[array.ndim - len(core) :])
-    return xp.reshape(array, (*batch, *(next(lengths) if axis in core else 1 for axis in AXES)))
+    core = core.removeprefix("m")
+    batch = array.ndim - len(core)
+    lengths = [1, 1, 1, 1]
+    for position, axis in enumerate(core):
+        lengths[AXES.index(axis)] = array.shape[batch + position]
+    return array.reshape((*array.shape[:batch], *lengths))
 
 
 def as_like(value: Any, x: Any) -> Any:
     """`value` as an array of the kind, dtype and device of `x`; gradients pass."""
     if is_torch(value) and is_torch(x):
         return value.to(device=x.device, dtype=x.dtype)
+    if type(x) is np.ndarray:
+        return np.asarray(value, dtype=x.dtype)
     return namespace(x).asarray(value, dtype=x.dtype, device=x.device if is_torch(x) else None)
 
 
@@ -135,7 +168,7 @@ def _as_array(value: Any) -> Any:
 
 
 def _expected(about: Parameter) -> str:
-    lengths = {"p": "pads", "k": "3", "r": "rows", "c": "cols"}
+    lengths = {"m": "modes", "p": "pads", "k": "3", "j": "3", "r": "rows", "c": "cols"}
     return "(" + ", ".join(["...", *(lengths[axis] for axis in about.core)]) + ")"
 
 

@@ -22,7 +22,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from paxisim.augment.parameter import Parameter, as_like, check, lift, namespace, parameters
+from paxisim.augment.parameter import Parameter, as_like, check, is_floating, is_torch, lift, namespace, parameters
 from paxisim.errors import InvalidValueError
 
 State = tuple[Any, ...]
@@ -103,6 +103,7 @@ class Transform:
         Raises:
             InvalidValueError: As for a call; or time runs backwards.
         """
+        self._check_dt(dt)
         return self(x, covariates), state
 
     def run(self, x: Any, time: Any, covariates: Covariates | None = None) -> Any:
@@ -114,19 +115,28 @@ class Transform:
             covariates: Sequences by name, ``(time, ...)`` each.
 
         Returns:
-            The same shape, kind and dtype; equal to stepping frame by frame from ``initial_state(x[0])``.
+            The same shape, kind and dtype, with the parameters' batch after time where `x` has none; equal to stepping
+            frame by frame from ``initial_state(x[0])``.
 
         Raises:
             InvalidValueError: As for a call; or `time` has another length or runs backwards.
         """
         xp = namespace(x)
         steps = self._time_steps(x, time)
+        self._check_frame(x[0])
         series = {name: as_like(values, x) for name, values in (covariates or {}).items()}
+        for name, values in series.items():
+            if values.ndim < 1 or values.shape[0] != x.shape[0]:
+                raise InvalidValueError(
+                    f"{self.name} expected the covariate {name!r} at each of {x.shape[0]} frames, got shape "
+                    f"{tuple(values.shape)}"
+                )
         if not self.has_memory:
-            self._check_frame(x[0])
-            batch = x.ndim - 5
-            lifted = {name: xp.reshape(v, (*v.shape, *[1] * (1 + batch - v.ndim))) for name, v in series.items()}
-            return self(x, lifted)
+            # one sequence for many parameters: their batch comes between time and pads
+            dims = [np.ndim(getattr(self, name)) - len(about.core) for name, about in parameters(self).items()]
+            batch = max([x.ndim - 5, *dims, *(values.ndim - 1 for values in series.values())])
+            widened = {name: _widen(values, 1 + batch) for name, values in series.items()}
+            return self(_widen(x, 5 + batch), widened)
         state = self.initial_state(x[0], {name: values[0] for name, values in series.items()})
         frames = []
         for index, dt in enumerate(steps):
@@ -162,32 +172,42 @@ class Transform:
         """
         about: Parameter = parameters(self)[name]
         lifted = lift(getattr(self, name), about.core, x)
-        for ours, theirs in zip(reversed(lifted.shape), reversed(x.shape), strict=False):
-            if ours != theirs and ours != 1 and (theirs != 1 or ours == 0):
-                raise InvalidValueError(
-                    f"{self.name}: {name} of shape {tuple(np.shape(getattr(self, name)))} does not fit a tensor of "
-                    f"shape {tuple(x.shape)}"
-                )
+        if not _fits(lifted.shape, x.shape):
+            raise InvalidValueError(
+                f"{self.name}: {name} of shape {tuple(np.shape(getattr(self, name)))} does not fit a tensor of "
+                f"shape {tuple(x.shape)}"
+            )
         return lifted
 
-    def covariate(self, name: str, covariates: Covariates, x: Any) -> Any:
+    def fit_covariate(self, name: str, covariates: Covariates, x: Any) -> Any:
         """Covariate `name` as an array that broadcasts against frame `x`.
 
         Raises:
-            InvalidValueError: It is missing.
+            InvalidValueError: It is missing, or its shape and that of `x` do not broadcast.
         """
         if name not in covariates:
             have = ", ".join(covariates) or "none"
             raise InvalidValueError(f"{self.name} needs the covariate {name!r}; there is {have}")
-        return lift(covariates[name], "", x)
+        lifted = lift(covariates[name], "", x)
+        if not _fits(lifted.shape, x.shape):
+            raise InvalidValueError(
+                f"{self.name}: the covariate {name!r} of shape {tuple(np.shape(covariates[name]))} does not fit a "
+                f"tensor of shape {tuple(x.shape)}"
+            )
+        return lifted
 
     def _check_frame(self, x: Any) -> None:
         shape = tuple(getattr(x, "shape", ()))
         if len(shape) < 4 or shape[-3] != 3:
             raise InvalidValueError(f"{self.name} expected a tensor of shape (..., pads, 3, rows, cols), got {shape}")
-        xp = namespace(x)
-        if not xp.isdtype(x.dtype, "real floating"):
+        if not is_floating(x):
             raise InvalidValueError(f"{self.name} expected a floating point tensor in newtons, got {x.dtype}")
+
+    def _check_dt(self, dt: Any) -> None:
+        if not isinstance(dt, (int, float)):
+            check(self.name, "dt", dt, _DT)
+        elif not 0 <= dt < float("inf"):
+            raise InvalidValueError(f"{self.name}: dt must be finite and must not be negative, got {dt!r}")
 
     def _time_steps(self, x: Any, time: Any) -> list[float]:
         times = np.asarray(time, dtype=np.float64)
@@ -201,8 +221,14 @@ class Transform:
         return steps.tolist()
 
 
+_DT = Parameter(unit="s", low=0.0)
+
+
 class Memory(Transform):
-    """Base of the transforms with memory: they implement `initial_state` and `advance`."""
+    """Base of the transforms with memory: they implement `initial_state` and `advance`.
+
+    A frame that goes into a state is to be copied with `keep`.
+    """
 
     has_memory: ClassVar[bool] = True
 
@@ -213,6 +239,21 @@ class Memory(Transform):
     def step(self, x: Any, state: State, dt: Any, covariates: Covariates | None = None) -> tuple[Any, State]:
         """See `Transform.step`."""
         self._check_frame(x)
-        if isinstance(dt, (int, float)) and not 0 <= dt < float("inf"):
-            raise InvalidValueError(f"{self.name}: dt must be finite and must not be negative, got {dt!r}")
+        self._check_dt(dt)
         return self.advance(x, state, lift(dt, "", x), covariates or {})
+
+
+def keep(x: Any) -> Any:
+    """A copy of `x` for a state, as the caller may read the next frame into the same memory."""
+    return x.clone() if is_torch(x) else x.copy()
+
+
+def _widen(x: Any, ndim: int) -> Any:
+    """`x` with dimensions of length 1 after the first one, `ndim` in all."""
+    return x.reshape((x.shape[0], *[1] * (ndim - x.ndim), *x.shape[1:]))
+
+
+def _fits(ours: tuple[int, ...], theirs: tuple[int, ...]) -> bool:
+    """Whether a lifted parameter broadcasts against a tensor: batches do either way, frames are not widened."""
+    pairs = list(zip(ours[::-1], theirs[::-1], strict=False))
+    return all(a in (1, b) for a, b in pairs[:4]) and all(a == b or a == 1 or (b == 1 and a) for a, b in pairs[4:])

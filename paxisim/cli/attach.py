@@ -62,9 +62,8 @@ def attach(
         for chosen in tactile.mounts:
             print(f"  --mount '{format_mount(chosen)}'")
         print()
-    print(
-        f"{output}: {len(tactile.pad_names)} pad{'s' * (len(tactile.pad_names) > 1)} of {pad.layout.rows}x{pad.layout.cols} taxels"
-    )
+    pads = len(tactile.pad_names)
+    print(f"{output}: {pads} pad{'s' * (pads > 1)} of {pad.layout.rows}x{pad.layout.cols} taxels")
     try:
         drawn = paxisim.plot_mounts(tactile)
     except paxisim.MissingExtraError as error:

@@ -88,7 +88,7 @@ class TactileGripper:
         has_files = spec.meshes or spec.textures or spec.hfields or spec.skins
         for compiler in root.iter("compiler"):
             for name, directory in directories.items():
-                compiler.attrib.pop(name, None)
+                compiler.attrib.pop(name, "")
                 if has_files:
                     relative = folder is not None
                     compiler.set(
@@ -128,34 +128,34 @@ def attach(
     if mounts is None:
         from paxisim.models.find_mounts import choose_mounts
 
-        mounts, report = choose_mounts(gripper)
-    mounts = tuple(mounts)
-    if not mounts:
+        is_file = isinstance(gripper, Path) or (isinstance(gripper, str) and not gripper.lstrip().startswith("<"))
+        mounts, report = choose_mounts(spec, str(gripper) if is_file else "")
+    chosen = tuple(mounts)
+    if not chosen:
         raise InvalidValueError("expected at least one mount, got none")
     bodies = {body.name: body for body in spec.bodies}
     replaced = []
-    for mount in mounts:
+    for mount in chosen:
         if mount.body not in bodies:
             raise UnknownNameError("body", mount.body, [name for name in bodies if name])
         replaced.append([_geom(spec, bodies[mount.body], which) for which in mount.replaces])
     if pad.contype == Pad.contype and pad.conaffinity == Pad.conaffinity:
         pad = replace(pad, **_bits([geom for geoms in replaced for geom in geoms]))
-    pad_names = tuple(f"{mount.name}_{pad.name}" for mount in mounts)
+    pad_names = tuple(f"{mount.name}_{pad.name}" for mount in chosen)
     taken = [name for name in pad_names if name in bodies or pad_names.count(name) > 1]
     if taken:
         raise InvalidValueError(f"there would be two bodies named {taken[0]!r}: give the mounts names of their own")
     child = pad.to_xml()
-    for mount, geoms in zip(mounts, replaced, strict=True):
+    for mount, geoms in zip(chosen, replaced, strict=True):
         for geom in geoms:
             geom.contype = geom.conaffinity = 0
         frame = bodies[mount.body].add_frame(pos=mount.pos, quat=mount.quat)
         frame.attach_body(mujoco.MjSpec.from_string(child).body(pad.name), f"{mount.name}_", "")
-    _inherit_exclusions(spec, dict(zip(pad_names, (mount.body for mount in mounts), strict=True)))
+    _inherit_exclusions(spec, dict(zip(pad_names, (mount.body for mount in chosen), strict=True)))
     model = compile_spec(spec, "the gripper with pads")
     # one order for `bind` and for `find_pads` in a saved file, or a policy could meet its pads swapped
-    order = sorted(range(len(mounts)), key=lambda i: model.body(pad_names[i]).id)
-    mounts, pad_names = (tuple(items[i] for i in order) for items in (mounts, pad_names))
-    return TactileGripper(spec, mounts, pad_names, pad.gel, report)
+    order = sorted(range(len(chosen)), key=lambda i: model.body(pad_names[i]).id)
+    return TactileGripper(spec, tuple(chosen[i] for i in order), tuple(pad_names[i] for i in order), pad.gel, report)
 
 
 def _as_pad(sensor: Pad | TaxelLayout | str) -> Pad:

@@ -95,10 +95,14 @@ def find_mounts(gripper: mujoco.MjSpec | str | Path) -> FoundMounts:
     return _Search(Fingers(model, close_gripper(model))).result()
 
 
-def choose_mounts(gripper: mujoco.MjSpec | str | Path) -> tuple[tuple[Mount, ...], str]:
+def choose_mounts(spec: mujoco.MjSpec, file: str = "") -> tuple[tuple[Mount, ...], str]:
     """The known mounts of a gripper file that robosuite ships, else those that `find_mounts` proposes.
 
     A file counts as known if it has the name of one and the bodies and geoms that its mounts need.
+
+    Args:
+        spec: The gripper (left as it is).
+        file: Name of the file it came from, if it did.
 
     Returns:
         The mounts, and for people how they were chosen.
@@ -106,11 +110,10 @@ def choose_mounts(gripper: mujoco.MjSpec | str | Path) -> tuple[tuple[Mount, ...
     Raises:
         InvalidValueError: The gripper is not known, and nothing closes or opposes.
     """
-    is_text = isinstance(gripper, str) and gripper.lstrip().startswith("<")
-    known = None if isinstance(gripper, mujoco.MjSpec) or is_text else mounts_for_file(gripper)
-    if known is not None and _fits(load_spec(gripper), known):
-        return known, f"{Path(str(gripper)).name} is known: pads on {', '.join(m.body for m in known)}"
-    found = find_mounts(gripper)
+    known = mounts_for_file(file)
+    if known is not None and _fits(spec, known):
+        return known, f"{Path(file).name} is known: pads on {', '.join(m.body for m in known)}"
+    found = find_mounts(spec)
     return found.mounts, found.report
 
 

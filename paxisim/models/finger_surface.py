@@ -61,7 +61,7 @@ def finger_surface(gripper: mujoco.MjSpec | str | Path, mount: Mount) -> trimesh
             parts.append(trimesh.Trimesh((world - origin) @ pad_rotation, faces))
     if not parts:
         raise InvalidValueError(f"the mount on {mount.body!r} replaces no geom that has a surface")
-    return trimesh.util.concatenate(parts)
+    return trimesh.util.concatenate(parts)  # type: ignore[return-value]
 
 
 def _geom(model: mujoco.MjModel, body: int, which: str | int) -> int:

@@ -24,7 +24,7 @@ def load_spec(model: mujoco.MjSpec | str | Path) -> mujoco.MjSpec:
     Raises:
         InvalidValueError: There is no such file, or MuJoCo cannot parse it.
     """
-    if isinstance(model, mujoco.MjSpec):
+    if not isinstance(model, (str, Path)):
         return model.copy()
     if isinstance(model, str) and model.lstrip().startswith("<"):
         source, parse, argument = "the XML text", mujoco.MjSpec.from_string, model
@@ -55,12 +55,13 @@ def _repaired(path: str, is_file: bool) -> tuple[str, list[str]]:
         raise ValueError
     root = etree.parse(path, etree.XMLParser(remove_comments=True)).getroot()
     repairs, seen = [], set()
-    for asset in root.findall("asset/*"):
-        key = (asset.tag, asset.get("name"))
-        if key in seen and key[1]:
-            repairs.append(f"the second {asset.tag} {key[1]!r}")
-            asset.getparent().remove(asset)
-        seen.add(key)
+    for section in root.findall("asset"):
+        for asset in section.findall("*"):
+            key = (asset.tag, asset.get("name"))
+            if key in seen and key[1]:
+                repairs.append(f"the second {asset.tag} {key[1]!r}")
+                section.remove(asset)
+            seen.add(key)
     for default in root.iter("default"):
         for name in set(default.attrib) - {"class"}:
             repairs.append(f"the attribute {name!r} of default class {default.get('class')!r}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from dataclasses import dataclass
 
 import numpy as np
@@ -49,6 +50,9 @@ class Mount:
         if norm < 1e-9:
             raise InvalidValueError("a mount's quat must not be zero")
         object.__setattr__(self, "quat", tuple(v / norm for v in self.quat))
-        object.__setattr__(self, "replaces", tuple(self.replaces))
+        if isinstance(self.replaces, str):
+            raise InvalidValueError(f"a mount's replaces must be a sequence of geoms, got {self.replaces!r}")
+        replaces = (geom if isinstance(geom, str) else operator.index(geom) for geom in self.replaces)
+        object.__setattr__(self, "replaces", tuple(replaces))
         if not self.name:
             object.__setattr__(self, "name", self.body)

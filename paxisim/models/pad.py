@@ -101,7 +101,7 @@ class Pad:
         centre, half = (low + high) / 2, (high - low) / 2
         gel_centre, gel_half = centre + [0, 0, self.thickness / 2], half + [0, 0, self.thickness / 2]
         site = {"type": "box", "pos": numbers(gel_centre), "size": numbers([*gel_half[:2], self.thickness / 2])}
-        etree.SubElement(body, "site", name=names.gel(self.name), group="4", rgba="0 0 0 0", **site)
+        etree.SubElement(body, "site", {"name": names.gel(self.name), "group": "4", "rgba": "0 0 0 0", **site})
         if self.sensors == "touch_grid":
             touch_grid.add_site(body, self.name, layout)
         # its mass counts only where a model asks for inertiafromgeom
@@ -155,7 +155,7 @@ class Pad:
     def _add_box(self, body: etree._Element, name: str, pos, size, **attributes: str) -> None:
         shape = {"type": "box", "pos": numbers(pos), "size": numbers(size), "mass": "0", "group": _GROUP}
         bits = {"contype": "0", "conaffinity": "0"}
-        etree.SubElement(body, "geom", name=name, **(shape | bits | attributes))
+        etree.SubElement(body, "geom", {"name": name, **shape, **bits, **attributes})
 
     def _add_sensors(self, parent: etree._Element) -> None:
         if self.sensors == "touch_grid":

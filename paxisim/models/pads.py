@@ -73,6 +73,8 @@ def find_pads(model: mujoco.MjModel, *, prefix: str = "", names: tuple[str, ...]
     """
     found = _taxels_by_pad(model)
     selected = sorted((n for n in found if n.startswith(prefix)), key=lambda n: _body_of(model, found[n]))
+    if isinstance(names, str):
+        raise InvalidValueError(f"names must be a sequence of pads' names, got {names!r}")
     if names is not None:
         missing = [n for n in names if n not in selected]
         if missing:
@@ -134,9 +136,9 @@ def _describe(
     inward = _inward(model, geoms)
     backs = model.geom_pos[geoms] + inward * model.geom_size[geoms, 2:3]
     positions = backs - inward * thickness
-    pitch = (2 * site[:2] - np.ptp(positions[:, :2], axis=0))[::-1]
-    # a file keeps some nine digits: snap to the grid that was meant
-    pitch = tuple(float(round(p, 9)) for p in pitch)
+    width, height = 2 * site[:2] - np.ptp(positions[:, :2], axis=0)
+    # MuJoCo writes six digits: snap to the grid that was meant
+    pitch = (round(float(height), 9), round(float(width), 9))
     grid = TaxelLayout(rows, cols, pitch)
     if np.allclose(positions, grid.positions, atol=1e-6) and np.allclose(-inward, grid.normals, atol=1e-4):
         return grid, thickness, geoms

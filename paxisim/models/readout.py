@@ -10,8 +10,7 @@ from paxisim.errors import InvalidValueError
 from paxisim.models.pads import Pads
 
 _ELLIPTIC = int(mujoco.mjtCone.mjCONE_ELLIPTIC)
-_SIGN_OF_SIDE = np.array([[-1.0], [1.0]])
-_ROWS = np.arange(10)[:, None]  # a contact has at most ten constraints: five pairs of edges
+_THREE = np.int32(3).tobytes()
 
 
 class TactileReadout:
@@ -37,12 +36,12 @@ class TactileReadout:
         """
         self._model = model
         self._pads = pads
-        self._taxels = pads.geoms.size
-        # where each geom's forces along the world's x, y, z are summed: a bin a taxel, and one more for all other
-        # geoms and for -1, which stands in the place of a geom where a flex touches
-        bins = np.full((3, model.ngeom + 1), self._taxels)
-        bins[:, pads.geoms.reshape(-1)] = np.arange(self._taxels)
-        self._bins = bins + np.arange(3)[:, None] * (self._taxels + 1)
+        # a bin for x, y and z of each taxel, and three more for all other geoms and for -1, which stands in the
+        # place of a geom where a flex touches
+        taxel = np.full(model.ngeom + 1, pads.geoms.size)
+        taxel[pads.geoms.reshape(-1)] = np.arange(pads.geoms.size)
+        self._bins = 3 * taxel[:, None] + np.arange(3)
+        self._all_bins = 3 * (pads.geoms.size + 1)
         self._shape = pads.shape
         self._sum = np.zeros(self._shape)
         self._count = 0
@@ -69,7 +68,7 @@ class TactileReadout:
 
     def read_exact(self, data: mujoco.MjData) -> NDArray[np.floating]:
         """As `read`, in float64."""
-        return self._in_pad_frames(self._world_forces(data), data)
+        return self._in_pad_frames(self._taxel_forces(data), data)
 
     def accumulate(self, data: mujoco.MjData) -> None:
         """Add the forces of this substep to the mean; call once after each ``mj_step``."""
@@ -107,43 +106,41 @@ class TactileReadout:
         out[...] = force
         return out
 
-    def _world_forces(self, data: mujoco.MjData) -> NDArray[np.floating]:
-        """``(3, taxels)`` forces on the taxels in the world frame."""
+    def _taxel_forces(self, data: mujoco.MjData) -> NDArray[np.floating]:
+        """``(pads, N, 3)`` forces on the taxels in the world frame."""
         if data.ncon == 0 or data.nefc == 0:
-            return np.zeros((3, self._taxels))
+            return np.zeros((*self._pads.geoms.shape, 3))
         contacts = data.contact
         # the rows of a contact's frame are its normal, from the first geom to the second, and its tangents
         frames = contacts.frame.reshape(-1, 3, 3)
-        force = np.einsum("kn,nkj->jn", self._contact_forces(data, contacts), frames)
+        force = np.matmul(self._contact_forces(data, contacts)[:, None], frames).reshape(-1)
         # it pushes the second geom along and the first one back; a contact between two taxels counts for both
-        force = force[:, None] * _SIGN_OF_SIDE
-        bins = self._bins.take(contacts.geom.T, axis=1)
-        sums = np.bincount(bins.reshape(-1), force.reshape(-1), 3 * (self._taxels + 1))
-        return sums.reshape(3, -1)[:, :-1].view(np.float64)  # as it is: numpy's annotations say int
+        first, second = (self._bins.take(geoms, axis=0).reshape(-1) for geoms in contacts.geom.T)
+        sums = np.bincount(second, force, self._all_bins) - np.bincount(first, force, self._all_bins)
+        return sums[:-3].view(np.float64).reshape(*self._pads.geoms.shape, 3)  # a view: bincount's type says int
 
     def _contact_forces(self, data: mujoco.MjData, contacts) -> NDArray[np.floating]:
-        """``(3, contacts)`` forces in the contact frames: normal, tangent, tangent."""
+        """``(contacts, 3)`` forces in the contact frames: normal, tangent, tangent."""
         dim, address = contacts.dim, contacts.efc_address
         if self._model.opt.cone == _ELLIPTIC:
-            first, last = int(address[0]), int(address[-1])
-            if first >= 0 and last - first == 3 * (len(dim) - 1) and np.count_nonzero(dim != 3) == 0:
+            first, last, count = int(address[0]), int(address[-1]), len(dim)
+            if first >= 0 and last - first == 3 * (count - 1) and dim.tobytes() == _THREE * count:
                 # the usual case, three rows each in the order of the contacts: nothing to gather
-                return data.efc_force[first : last + 3].reshape(-1, 3).T
+                return data.efc_force[first : last + 3].reshape(count, 3)
             # of the rows that a contact lacks, those beyond the last constraint are clipped, all become 0
-            force = data.efc_force.take(address + _ROWS[:3], mode="clip")
-            force[1:, dim < 3] = 0
-            force[:, address < 0] = 0  # within its gap a contact has no constraint
+            force = data.efc_force.take(address[:, None] + np.arange(3), mode="clip")
+            force[dim < 3, 1:] = 0
+            force[address < 0] = 0  # within its gap a contact has no constraint
             return force
         # pyramidal: two edges a tangent; their sum is the normal force, their difference times mu the tangent's
-        own = np.maximum(2 * (dim - 1), 1)
-        rows = _ROWS[: max(4, int(own.max()))]
-        edges = data.efc_force.take(address + rows, mode="clip")
-        if own.min() < len(rows) or address.min() < 0:
-            edges[(rows >= own) | (address < 0)] = 0
-        tangents = (edges[0:4:2] - edges[1:4:2]) * contacts.friction[:, :2].T
-        tangents[:, dim == 1] = 0
-        return np.concatenate([edges.sum(axis=0, keepdims=True), tangents])
+        own = np.maximum(2 * (dim - 1), 1)[:, None]
+        rows = np.arange(max(4, int(own.max())))
+        edges = data.efc_force.take(address[:, None] + rows, mode="clip")
+        edges[(rows >= own) | (address < 0)[:, None]] = 0
+        tangents = (edges[:, 0:4:2] - edges[:, 1:4:2]) * contacts.friction[:, :2]
+        tangents[dim == 1] = 0
+        return np.column_stack([edges.sum(axis=1), tangents])
 
     def _in_pad_frames(self, world: NDArray[np.floating], data: mujoco.MjData) -> NDArray[np.floating]:
-        to_pad = data.xmat.take(self._pads.bodies, axis=0).reshape(-1, 3, 3).transpose(0, 2, 1)
-        return (to_pad @ world.reshape(3, len(to_pad), -1).transpose(1, 0, 2)).reshape(self._shape)
+        to_pad = data.xmat.take(self._pads.bodies, axis=0).reshape(-1, 3, 3)
+        return (world @ to_pad).transpose(0, 2, 1).reshape(self._shape)

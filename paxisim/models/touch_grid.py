@@ -145,7 +145,7 @@ class TouchGridReadout:
     def _check_contacts(self, data: mujoco.MjData) -> None:
         if self._model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_SENSOR):
             raise UnsupportedError("this model's sensors are disabled: enable them or use TactileReadout")
-        active = data.contact.efc_address >= 0
+        active = self._pushing(data)
         geoms, points = data.contact.geom[active], data.contact.pos[active]
         if np.any(geoms < 0):
             raise UnsupportedError("touch_grid knows no contacts of flexes, and there is one: use TactileReadout")
@@ -172,6 +172,14 @@ class TouchGridReadout:
                     f"touch_grid sorts a contact of taxel ({row}, {col}) of pad {self._pads.names[pad]!r} by its place "
                     "into another taxel's bin, as it lies too deep, too far out or at a distance: use TactileReadout"
                 )
+
+    def _pushing(self, data: mujoco.MjData) -> NDArray[np.bool_]:
+        """``(contacts,)`` whether a contact carries force; what the plugin does with the others is all the same."""
+        address = data.contact.efc_address
+        rows = np.arange(1 if int(self._model.opt.cone) == int(mujoco.mjtCone.mjCONE_ELLIPTIC) else 4)
+        if data.nefc == 0:
+            return np.zeros(len(address), dtype=bool)
+        return (address >= 0) & np.any(data.efc_force.take(address[:, None] + rows, mode="clip") != 0, axis=1)
 
     def _bins(self, data: mujoco.MjData, pad: int, points: NDArray[np.floating]) -> NDArray[np.int64]:
         """The taxel in whose bin the plugin counts contacts at these points (world frame), -1 for none."""

@@ -114,7 +114,7 @@ def squeezed(shape: str, *, cone="elliptic", grip=4.0, pad=None, order=("fixed",
         Mount("moving", pos=(0, 0, 0.2e-3 - 2 * reach), quat=tuple(turned(quat))),
     ]
     # stiff enough for a sphere, which a single taxel may have to carry
-    gripper = attach(world, pad or Pad(LAYOUT, gel=Gel(modulus=3e6)), mounts)
+    gripper = attach(world, pad or Pad(LAYOUT, gel=Gel(modulus=3e6, thickness=1e-3)), mounts)
     model = gripper.compile()
     # gravity across the pads: friction carries half of the weight
     model.opt.gravity = Rotation.from_euler("xy", [50, 20], degrees=True).apply([0, 0, -9.81])

@@ -6,6 +6,7 @@ import pytest
 
 from paxisim.errors import InvalidValueError
 from paxisim.models.find_mounts import choose_mounts, find_mounts
+from paxisim.models.load import load_spec
 
 # two fingers on slides along x, 80 mm apart when open; their inner faces are at x = -+40 mm, centre 40 mm up
 TWO_FINGERS = """
@@ -326,9 +327,9 @@ def test_nothing_opposes():
 
 
 def test_choose_mounts_finds_for_an_unknown_gripper(tmp_path):
-    mounts, report = choose_mounts(two_fingers())
+    mounts, report = choose_mounts(load_spec(two_fingers()))
     assert (mounts, report) == (find_mounts(two_fingers()).mounts, find_mounts(two_fingers()).report)
     # the name of a known gripper alone does not make it one
     path = tmp_path / "panda_gripper.xml"
     path.write_text(two_fingers())
-    assert choose_mounts(path)[0] == mounts
+    assert choose_mounts(load_spec(path), str(path))[0] == mounts

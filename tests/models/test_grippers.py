@@ -144,16 +144,16 @@ def test_a_tool_that_cannot_close():
     path = robosuite_gripper_path("wiping")
     with pytest.raises(InvalidValueError, match="no actuators"):
         find_mounts(path)
-    assert choose_mounts(path)[0] == mounts_for("wiping")
+    assert choose_mounts(load_spec(path), str(path))[0] == mounts_for("wiping")
 
 
 @pytest.mark.robosuite
 def test_choose_mounts_takes_the_known_ones():
     path = robosuite_gripper_path("panda")
-    mounts, report = choose_mounts(path)
+    mounts, report = choose_mounts(load_spec(path), path.name)
     assert mounts == mounts_for("panda")
     assert "panda_gripper.xml is known" in report
-    assert choose_mounts(str(path))[0] == mounts
+    assert choose_mounts(load_spec(path), str(path))[0] == mounts
 
 
 @pytest.mark.robosuite

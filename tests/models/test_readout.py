@@ -350,7 +350,9 @@ def test_several_pads_in_the_order_asked_for():
 @pytest.mark.parametrize("shape", ["box", "cylinder", "mesh"])
 def test_equals_the_embedded_contact_sensors(shape, cone):
     """They give the force on the object, in the world frame."""
-    model, pads, data = squeezed(shape, cone=cone, pad=Pad(LAYOUT, gel=Gel(modulus=3e6), sensors="contact"))
+    model, pads, data = squeezed(
+        shape, cone=cone, pad=Pad(LAYOUT, gel=Gel(modulus=3e6, thickness=1e-3), sensors="contact")
+    )
     mujoco.mj_step(model, data, 20)
     force = TactileReadout(model, pads).read_exact(data)
     assert np.all(force[:, 2].max(axis=(1, 2)) > 0.1)

@@ -1,0 +1,94 @@
+"""Crosstalk: neighbouring taxels feel part of each other's load."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from paxisim.augment.constant import constant, layout_text, read_layout
+from paxisim.augment.parameter import namespace, parameter
+from paxisim.augment.transform import Covariates, Transform
+from paxisim.errors import InvalidValueError
+from paxisim.layout import TaxelLayout
+
+NEXT = 1.2
+"""Distance of the farthest next neighbours, in pitches."""
+
+
+@dataclass(frozen=True, eq=False)
+class Crosstalk(Transform):
+    """Taxels exchange part of their load, the more the nearer they are.
+
+    With the distance d_ij between taxels i and j in pitches::
+
+        y_k(i) = x_k(i) + strength_k sum_j w(d_ij) (x_k(j) - x_k(i))        w(d) = exp((1 - max(d, 1)) / length)
+
+    The gel is one sheet: load on one taxel also moves the magnets beside it. ``strength`` is the share that a next
+    neighbour gets; w is multiplied by ``far`` beyond the next neighbours, as one
+    kernel seldom fits both. It acts on each axis by itself; shear from normal force is `Poisson`.
+
+    - The force is conserved, exactly: what one taxel gains another loses. A uniform load stays as it is, also at the
+      edge, across which nothing is exchanged.
+    - A magnet that is felt by the next sensor too would add to its reading and take from none. In the interior that is
+      the same but for a gain, which `AxisGain` holds.
+    - On a grid neighbours are one pitch apart along both axes; elsewhere the distance is that of the positions, divided
+      by the geometric mean of the two pitches. Forces are exchanged in the pad frame.
+
+    Source: a fitted mixing matrix of a published 4x8 u-skin-like array, whose next neighbours have 0.13 (shear) and
+    0.06 (normal) on average, of both signs; hence negative values are allowed. The kernel's form is ours.
+
+    Attributes:
+        strength: ``(..., 3)`` share of x, y and z that a neighbour one pitch away gets.
+        length: ``(...)`` distance over which it decays by e (pitches).
+        far: ``(...)`` factor on the share beyond the next neighbours, more than `NEXT` pitches away.
+        layout: The taxels, if they are not on a grid.
+    """
+
+    stage: ClassVar[str] = "gel"
+
+    strength: Any = parameter((0.0, 0.0, 0.0), "k", low=-0.5, high=0.5, typical=(0.01, 0.12))
+    length: Any = parameter(0.5, low=0.05, high=20.0, typical=(0.3, 1.0))
+    far: Any = parameter(1.0, low=0.0, high=10.0, typical=(0.5, 2.0))
+    layout: TaxelLayout | None = None
+
+    # of each instance, but no field
+    _positions: ClassVar[str | None]
+
+    def __post_init__(self) -> None:
+        """Check the fields."""
+        super().__post_init__()
+        on_grid = self.layout is None or self.layout.is_grid
+        object.__setattr__(self, "_positions", None if on_grid else layout_text(self.layout))  # type: ignore[arg-type]
+
+    def apply(self, x: Any, covariates: Covariates) -> Any:
+        """See `Transform.apply`."""
+        xp = namespace(x)
+        rows, cols = x.shape[-2:]
+        if self.layout is not None and (rows, cols) != (self.layout.rows, self.layout.cols):
+            raise InvalidValueError(
+                f"Crosstalk: layout has {self.layout.rows}x{self.layout.cols} taxels, the tensor {rows}x{cols}"
+            )
+        distance, near, beyond = (constant(_distances, (rows, cols, self._positions), x)[part] for part in range(3))
+        # (*batch, 1, N, N): in place of the pads and axes of a parameter
+        length, far = self.fit("length", x)[..., 0], self.fit("far", x)[..., 0]
+        weights = xp.exp((1 - distance) / length) * (near + far * beyond)
+        force = xp.reshape(x, (*x.shape[:-2], rows * cols))
+        if weights.ndim == 3:  # the same for all: one product of two matrices
+            gained = xp.reshape(xp.reshape(force, (-1, rows * cols)) @ weights[0], force.shape)
+        else:
+            gained = force @ weights
+        exchanged = gained - force * xp.sum(weights, axis=-1)[..., None, :]
+        return x + self.fit("strength", x) * xp.reshape(exchanged, (*exchanged.shape[:-1], rows, cols))
+
+
+def _distances(rows: int, cols: int, positions: str | None) -> NDArray[np.floating]:
+    """``(3, N, N)``: distances in pitches, at least 1; 1 for next neighbours; 1 for those beyond."""
+    layout = TaxelLayout(rows, cols, (1.0, 1.0)) if positions is None else read_layout(positions)
+    offsets = layout.positions[:, None] - layout.positions[None, :]
+    distance = np.linalg.norm(offsets, axis=-1) / math.sqrt(layout.pitch[0] * layout.pitch[1])
+    beyond = distance > NEXT
+    return np.stack([np.maximum(distance, 1.0), ~beyond & ~np.eye(rows * cols, dtype=bool), beyond])

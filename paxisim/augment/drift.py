@@ -1,0 +1,62 @@
+"""Drift: the zero moves with time, at a constant rate and while the device warms up."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from paxisim.augment.parameter import namespace, parameter
+from paxisim.augment.transform import Covariates, Memory, State
+
+
+@dataclass(frozen=True, eq=False)
+class Drift(Memory):
+    """A zero that moves with time: ``y = x + rate t + amplitude (1 - exp(-t / tau))``, t from when it was zeroed.
+
+    The first part stands for what is slow against a recording; the second is the warm-up of electronics, after power-on
+    or after the load on them has changed. Where the temperature was recorded, `TemperatureDrift` says more.
+
+    t is `start` at the first frame and goes on by `dt`; it is kept in float64, as float32 would lose a hundredth of
+    a second after a day. `reset` puts it back to `start`.
+
+    Example:
+        ``Drift(rate=[[[[0.01]]]], amplitude=[[[[0.1]]]], tau=1.0)``, no load:
+
+        | t (s) | linear (N) | warm-up (N) | y (N) |
+        |---|---|---|---|
+        | 0 | 0 | 0 | 0 |
+        | 1 | 0.01 | 0.0632 | 0.0732 |
+        | 2 | 0.02 | 0.0865 | 0.1065 |
+        | 3 | 0.03 | 0.0950 | 0.1250 |
+
+    No figures for this sensor are known; the ranges are ours: 0.5 to 10 % of a full scale of 25 N in ten minutes.
+
+    Attributes:
+        rate: ``(..., pads, 3, rows, cols)`` linear drift (N/s); any of the four may be 1 long.
+        amplitude: ``(..., pads, 3, rows, cols)`` all of the warm-up (N); any of the four may be 1 long.
+        tau: ``(...)`` time constant of the warm-up (s); 0: it is over at once.
+        start: ``(...)`` time since zeroing at the first frame (s).
+    """
+
+    stage: ClassVar[str] = "electronics"
+
+    rate: Any = parameter(((((0.0,),),),), "pkrc", unit="N/s", typical=(-4e-3, 4e-3))
+    amplitude: Any = parameter(((((0.0,),),),), "pkrc", unit="N", typical=(-2.5, 2.5))
+    tau: Any = parameter(300.0, unit="s", low=0.0, typical=(60.0, 1800.0))
+    start: Any = parameter(0.0, unit="s", low=0.0, typical=(0.0, 600.0))
+
+    def initial_state(self, x: Any, covariates: Covariates | None = None) -> State:
+        """The time since the first frame (s), ``(*batch, 1, 1, 1, 1)``, float64."""
+        xp = namespace(x)
+        return (xp.zeros_like(x[..., :1, :1, :1, :1], dtype=xp.float64),)
+
+    def advance(self, x: Any, state: State, dt: Any, covariates: Covariates) -> tuple[Any, State]:
+        """See `Memory.advance`."""
+        xp = namespace(x)
+        elapsed = state[0] + xp.astype(dt, xp.float64)
+        t = self.fit("start", x) + xp.astype(elapsed, x.dtype)
+        tau = self.fit("tau", x)
+        takes_time = tau > 1e-30 * t  # else it would divide by zero, or by next to nothing
+        warm = -xp.expm1(-t / xp.where(takes_time, tau, xp.ones_like(t)))
+        warm = xp.where(takes_time, warm, xp.ones_like(t))
+        return x + self.fit("rate", x) * t + self.fit("amplitude", x) * warm, (elapsed,)

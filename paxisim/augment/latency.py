@@ -1,0 +1,113 @@
+"""Latency: readings arrive late, by a delay that may jitter."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from paxisim.augment.parameter import namespace, parameter
+from paxisim.augment.random_numbers import SEEDS, check_seed, no_draws, uniform
+from paxisim.augment.transform import Covariates, Memory, State
+from paxisim.errors import InvalidValueError
+
+
+@dataclass(frozen=True, eq=False)
+class Latency(Memory):
+    """The reading of some time ago: ``y(t) = x(t - d)``, ``d = delay + jitter u``, u uniform in (-1, 1) for each frame.
+
+    Conversion, the bus, the operating system's buffers. x runs straight from frame to frame, so that the delay need
+    not be a whole number of frames, and frames may come at any times. All taxels of an environment are late together.
+
+    - d is never negative, and grows by at most `dt` from frame to frame: a reading does not arrive before an older one.
+    - u is a function of the seed and the number of frames so far (see `WhiteNoise` on seeds, and `reset`).
+    - No more than `capacity` frames are kept. Where they come so fast that ``capacity - 2`` of them do not span ``delay
+      + jitter``, the delay is right all the same, but x is drawn through fewer of them and short peaks are cut: a frame
+      is dropped if those before and after it are less than ``2 (delay + jitter) / (capacity - 2)`` apart. Time and
+      memory grow with `capacity`.
+    - The first frame, and that after `reset`, is taken to have been there forever.
+
+    Example:
+        ``Latency(delay=1.5)``:
+
+        | t (s) | x (N) | y (N) | from |
+        |---|---|---|---|
+        | 0 | 0 | 0 | the first frame, held |
+        | 1 | 1 | 0 | the same |
+        | 2 | 4 | 0.5 | halfway from t = 0 to 1 |
+        | 3 | 9 | 2.5 | halfway from t = 1 to 2 |
+
+    The range is ours: 5 to 120 ms, with some ms of jitter.
+
+    Attributes:
+        delay: ``(...)`` mean delay (s).
+        jitter: ``(...)`` largest deviation from it (s).
+        seed: ``(...)`` whole numbers in [0, 2^32).
+        capacity: Number of frames that are kept, at least 3.
+
+    Raises:
+        InvalidValueError: Also if a seed is no integer, or `capacity` is below 3 or not a whole number.
+    """
+
+    stage: ClassVar[str] = "electronics"
+
+    delay: Any = parameter(0.0, unit="s", low=0.0, typical=(0.005, 0.12))
+    jitter: Any = parameter(0.0, unit="s", low=0.0, typical=(0.0, 0.005))
+    seed: Any = parameter(0, low=0, high=SEEDS - 1, typical=(0, SEEDS - 1), whole=True)
+    capacity: int = 16
+
+    def __post_init__(self) -> None:
+        """Check the fields."""
+        super().__post_init__()
+        check_seed("Latency", self.seed)
+        if not isinstance(self.capacity, int) or self.capacity < 3:
+            raise InvalidValueError(f"Latency: capacity must be a whole number of at least 3, got {self.capacity!r}")
+
+    def initial_state(self, x: Any, covariates: Covariates | None = None) -> State:
+        """The frames kept, oldest first, their ages (s), the last delay (s), and the number of frames so far.
+
+        They are ``(*batch, capacity, pads, 3, rows, cols)``, ``(*batch, capacity, 1, 1, 1, 1)``, and twice
+        ``(*batch, 1, 1, 1, 1)``.
+        """
+        xp = namespace(x)
+        frames = xp.concat([_slot(x)] * self.capacity, axis=-5)
+        ages = xp.zeros_like(frames[..., :1, :1, :1, :1])
+        longest = xp.zeros_like(x[..., :1, :1, :1, :1]) + self.fit("delay", x) + self.fit("jitter", x)
+        return (frames, ages, longest, no_draws(x))
+
+    def advance(self, x: Any, state: State, dt: Any, covariates: Covariates) -> tuple[Any, State]:
+        """See `Memory.advance`."""
+        xp = namespace(x)
+        frames, ages, last, count = state
+        delay, jitter = self.fit("delay", x), self.fit("jitter", x)
+        late = delay
+        if not isinstance(self.jitter, float) or self.jitter:  # half the time of a small frame
+            late = delay + jitter * (2 * uniform(self.seed, count, x, _JITTER) - 1)
+        late = xp.minimum(xp.maximum(late, xp.zeros_like(late)), last + dt)
+
+        # the frame before is kept unless the one before that is still close (the last factor is for rounding)
+        ages = ages + _slot(dt)
+        spacing = (delay + jitter) * (2 / (self.capacity - 2) * (1 - 1e-6))
+        close = ages[_LAST_BUT_ONE] < _slot(spacing)
+        kept, kept_ages = xp.where(close, frames[_OLDER], frames[_NEWER]), xp.where(close, ages[_OLDER], ages[_NEWER])
+        frames = xp.concat([kept, xp.broadcast_to(_slot(x), kept[_LAST].shape)], axis=-5)
+        ages = xp.concat([kept_ages, xp.zeros_like(kept_ages[_LAST])], axis=-5)
+
+        # how far back from each frame to the one before it: not at all 0, all the way 1
+        gap, way = ages[_OLDER] - ages[_NEWER], _slot(late) - ages[_NEWER]
+        zero, one = xp.zeros_like(gap), xp.ones_like(gap)
+        way = xp.where(gap > 0, way / xp.where(gap > 0, gap, one), xp.where(way > 0, one, zero))
+        way = xp.minimum(xp.maximum(way, zero), one)
+        weights = xp.concat([way[_FIRST], way[_NEWER] - way[_OLDER], 1 - way[_LAST]], axis=-5)
+        return xp.sum(weights * frames, axis=-5), (frames, ages, late, count + 1)
+
+
+def _slot(x: Any) -> Any:
+    """``(*batch, pads, 3, rows, cols)`` as ``(*batch, 1, pads, 3, rows, cols)``."""
+    return x[..., None, :, :, :, :]
+
+
+_FIRST, _LAST, _LAST_BUT_ONE, _OLDER, _NEWER = (
+    (..., slots, *[slice(None)] * 4)
+    for slots in (slice(None, 1), slice(-1, None), slice(-2, -1), slice(None, -1), slice(1, None))
+)
+_JITTER = 3  # its stream of `random_numbers`

@@ -1,0 +1,29 @@
+"""Offset: the sensor reads a force where there is none."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from paxisim.augment.parameter import parameter
+from paxisim.augment.transform import Covariates, Transform
+
+
+@dataclass(frozen=True, eq=False)
+class Offset(Transform):
+    """A constant added to every reading: ``y = x + value``.
+
+    What is left after zeroing: the pad was zeroed under load, or its field has wandered since. The range is ours, 0.2
+    to 3 counts of a sensor with 0.1 N a count.
+
+    Attributes:
+        value: ``(..., pads, 3, rows, cols)`` reading without load (N); any of the four may be 1 long.
+    """
+
+    stage: ClassVar[str] = "electronics"
+
+    value: Any = parameter(((((0.0,),),),), "pkrc", unit="N", typical=(-0.3, 0.3))
+
+    def apply(self, x: Any, covariates: Covariates) -> Any:
+        """See `Transform.apply`."""
+        return x + self.fit("value", x)

@@ -1,0 +1,40 @@
+"""Quantisation: a reading is a whole number of steps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from paxisim.augment.parameter import is_torch, namespace, parameter
+from paxisim.augment.transform import Covariates, Transform
+
+
+@dataclass(frozen=True, eq=False)
+class Quantisation(Transform):
+    """Readings are rounded to whole steps: ``y = r * round(x / r)``, halves to the even step, 0 for no steps.
+
+    The gradient with respect to x is that of the identity (straight through): the true one is 0 almost everywhere, and
+    nothing in front of this transform could be fitted. There is none with respect to `resolution`, which is read off
+    the data.
+
+    PaXini's sensors send 0.1 N a count (vendor's document).
+
+    Attributes:
+        resolution: ``(..., 3)`` size r of a step of x, y and z (N).
+    """
+
+    stage: ClassVar[str] = "electronics"
+
+    resolution: Any = parameter((0.0, 0.0, 0.0), "k", unit="N", low=0.0, typical=(0.01, 0.2))
+
+    def apply(self, x: Any, covariates: Covariates) -> Any:
+        """See `Transform.apply`."""
+        xp = namespace(x)
+        step = self.fit("resolution", x)
+        stepped = xp.round(x / xp.where(step > 0, step, xp.ones_like(step))) * step
+        return straight_through(xp.where(step > 0, stepped, x), x)
+
+
+def straight_through(y: Any, x: Any) -> Any:
+    """`y`, exactly, with the gradient of `x`."""
+    return y.detach() + (x - x.detach()) if is_torch(y) else y

@@ -1,0 +1,64 @@
+"""SampleAndHold: the device reads at its own rate and repeats itself in between."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from paxisim.augment.parameter import namespace, parameter
+from paxisim.augment.transform import Covariates, Memory, State, keep
+
+
+@dataclass(frozen=True, eq=False)
+class SampleAndHold(Memory):
+    """The reading at the device's last tick: ``y(t) = x(t_n)``, ``t_n = (n + phase) / rate`` the last one up to t.
+
+    A device that reads slower than it is asked gives the same frame several times; one that reads faster is still up
+    to a period late. x runs straight from frame to frame, so that ticks may fall between frames. All taxels are read
+    at once. A tick within 1e-4 of a period of a frame counts as at it, and the ticks go on from there: else rounding
+    would decide whether a device at the rate of the frames reads this frame or the one before.
+
+    Time counts from the first frame, or from that after `reset`, which is held until the first tick.
+
+    Example:
+        ``SampleAndHold(rate=0.4)``, a tick every 2.5 s:
+
+        | t (s) | x (N) | y (N) | from the tick at |
+        |---|---|---|---|
+        | 0 | 0 | 0 | 0 |
+        | 1 | 1 | 0 | 0 |
+        | 2 | 4 | 0 | 0 |
+        | 3 | 9 | 6.5 | 2.5 s, halfway from 4 to 9 N |
+
+    Source: PaXini's sensors give about 91 or 176 frames a second, which are often recorded at other rates.
+
+    Attributes:
+        rate: ``(...)`` the device's frames per second (Hz); 0 for none, y is x.
+        phase: ``(...)`` when the first tick is, in periods after the first frame, in [0, 1].
+    """
+
+    stage: ClassVar[str] = "electronics"
+
+    rate: Any = parameter(0.0, unit="Hz", low=0.0, typical=(30.0, 200.0))
+    phase: Any = parameter(0.0, low=0.0, high=1.0, typical=(0.0, 1.0))
+
+    def initial_state(self, x: Any, covariates: Covariates | None = None) -> State:
+        """The frame before, what is held, and the periods since the last tick, ``(*batch, 1, 1, 1, 1)``."""
+        since = namespace(x).zeros_like(x[..., :1, :1, :1, :1]) + 1 - self.fit("phase", x)
+        return (keep(x), keep(x), since)
+
+    def advance(self, x: Any, state: State, dt: Any, covariates: Covariates) -> tuple[Any, State]:
+        """See `Memory.advance`."""
+        xp = namespace(x)
+        before, held, since = state
+        rate = self.fit("rate", x)
+        periods = dt * rate
+        since = since + periods
+        nearest = xp.round(since)
+        ticks = xp.where(xp.abs(since - nearest) < 1e-4, nearest, xp.floor(since))
+        ago = xp.maximum(since - ticks, xp.zeros_like(since))
+        one = xp.ones_like(periods)
+        back = xp.minimum(ago / xp.where(periods > 0, periods, one), one)
+        back = xp.where(periods > 0, back, xp.zeros_like(back))
+        held = xp.where(ticks > 0, x + back * (before - x), held)
+        return xp.where(rate > 0, held, x), (keep(x), held, ago)

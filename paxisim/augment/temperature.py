@@ -1,0 +1,38 @@
+"""TemperatureDrift: magnets weaken as they warm, and zeros move."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from paxisim.augment.parameter import parameter
+from paxisim.augment.transform import Covariates, Transform
+
+
+@dataclass(frozen=True, eq=False)
+class TemperatureDrift(Transform):
+    """Scale and zero go with the temperature: ``y = x (1 + gain (T - reference)) + offset (T - reference)``.
+
+    The remanence of NdFeB magnets falls by 0.09 to 0.12 % per kelvin, and the readings with it; the zeros of the Hall
+    sensors and the field of the unloaded magnets leave an offset. It remembers nothing: a sensor whose temperature lags
+    that of the thermometer needs a covariate that lags as well.
+
+    Source: the gain is that of sintered NdFeB, from makers' data sheets; the offset's range is ours, a tenth of a count
+    of 0.1 N per kelvin.
+
+    Attributes:
+        gain: ``(...)`` relative change of all readings (1/K).
+        offset: ``(..., pads, 3, rows, cols)`` change of the zero (N/K); any of the four may be 1 long.
+        reference: ``(...)`` temperature at which the sensor was calibrated and zeroed (degC).
+        covariate: Name of the covariate that is the temperature (degC).
+    """
+
+    gain: Any = parameter(0.0, unit="1/K", low=-0.01, high=0.01, typical=(-0.0012, -0.0009))
+    offset: Any = parameter(((((0.0,),),),), "pkrc", unit="N/K", typical=(-0.01, 0.01))
+    reference: Any = parameter(25.0, unit="degC", low=-273.15, typical=(20.0, 30.0))
+    covariate: str = "temperature"
+
+    def apply(self, x: Any, covariates: Covariates) -> Any:
+        """See `Transform.apply`."""
+        warmer = self.fit_covariate(self.covariate, covariates, x) - self.fit("reference", x)
+        return x * (1 + self.fit("gain", x) * warmer) + self.fit("offset", x) * warmer
