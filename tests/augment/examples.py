@@ -1,0 +1,164 @@
+"""One example of every transform, and what holds for it: what the contract in `test_contract.py` is checked with.
+
+A transform that has no example fails the contract. Write one that changes the tensor, for 2 pads of 6x5 taxels, with
+float64 parameters inside their ranges, of the same shapes at every draw.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from paxisim.augment import (
+    axis_coupling,
+    chain,
+    creep,
+    crosstalk,
+    dead_band,
+    dead_taxels,
+    drift,
+    firmware,
+    gains,
+    hysteresis,
+    interference,
+    latency,
+    layout_faults,
+    low_pass,
+    noise,
+    offset,
+    poisson,
+    quantisation,
+    rotation,
+    sample_and_hold,
+    saturation,
+    stiffening,
+    temperature,
+)
+from paxisim.augment.transform import Transform
+
+PADS, ROWS, COLS = 2, 6, 5
+FRAME = (PADS, 3, ROWS, COLS)
+TAXELS = (PADS, ROWS, COLS)
+
+
+@dataclass(frozen=True)
+class Example:
+    """An example of a transform.
+
+    Attributes:
+        make: Draws one.
+        linear: ``t(a x + b y) = a t(x) + b t(y)``.
+        conserves_force: The sum over the taxels of a pad, axis by axis, is that of the input.
+        differentiable: The gradient is that of the function, wherever it has one.
+        no_gradient: Parameters with respect to which there is none.
+        random: It draws random numbers.
+        not_neutral: Why it is not the identity by default.
+        covariates: Range of each covariate it needs.
+    """
+
+    make: Callable[[np.random.Generator], Transform]
+    linear: bool = False
+    conserves_force: bool = False
+    differentiable: bool = True
+    no_gradient: tuple[str, ...] = ()
+    random: bool = False
+    not_neutral: str = ""
+    covariates: dict[str, tuple[float, float]] = field(default_factory=dict)
+
+
+def some_of(rng: np.random.Generator, count: int) -> Any:
+    """Ones at `count` taxels of each pad, else zeros."""
+    chosen = rng.permuted(np.tile(np.arange(ROWS * COLS), (PADS, 1)), axis=1) < count
+    return chosen.reshape(TAXELS).astype(float)
+
+
+EXAMPLES: dict[str, Example] = {
+    "AxisCoupling": Example(
+        lambda rng: axis_coupling.AxisCoupling(np.eye(3) + rng.uniform(-0.2, 0.2, (3, 3))), linear=True
+    ),
+    "AxisGain": Example(lambda rng: gains.AxisGain(rng.uniform(0.5, 1.5, 3)), linear=True),
+    "Chain": Example(
+        lambda rng: chain.Chain(
+            [
+                crosstalk.Crosstalk(rng.uniform(0.01, 0.12, 3)),
+                gains.AxisGain(rng.uniform(0.5, 1.5, 3)),
+                low_pass.LowPass(rng.uniform(0.01, 0.1)),
+            ]
+        ),
+        linear=True,
+    ),
+    "Creep": Example(
+        lambda rng: creep.Creep(rng.uniform(-0.1, 0.25, 3), 10 ** rng.uniform(-2, 1, 3)),
+        linear=True,
+    ),
+    "Crosstalk": Example(
+        lambda rng: crosstalk.Crosstalk(rng.uniform(-0.05, 0.1, 3), rng.uniform(0.3, 1), rng.uniform(0.5, 2)),
+        linear=True,
+        conserves_force=True,
+    ),
+    "DeadBand": Example(lambda rng: dead_band.DeadBand(rng.uniform(0.1, 0.3, 3), rng.uniform(0.2, 0.8))),
+    "DeadTaxels": Example(
+        lambda rng: dead_taxels.DeadTaxels(some_of(rng, 3), some_of(rng, 4), rng.normal(size=FRAME)),
+        no_gradient=("dead", "stuck"),
+    ),
+    "Drift": Example(
+        lambda rng: drift.Drift(
+            rng.uniform(-1, 1, FRAME), rng.uniform(-1, 1, FRAME), rng.uniform(0.05, 0.5), rng.uniform(0, 0.3)
+        )
+    ),
+    "Firmware": Example(
+        lambda rng: firmware.Firmware(rng.uniform(0.05, 0.2), 16.0, 31.0, 2.0),
+        differentiable=False,
+        not_neutral="by default it is the real firmware",
+    ),
+    "Hysteresis": Example(lambda rng: hysteresis.Hysteresis(rng.uniform(0.1, 0.3, 3), rng.uniform(0.1, 1, 3))),
+    "Interference": Example(
+        lambda rng: interference.Interference(rng.uniform(-6, 6, (PADS, 3)), rng.uniform(-75, 75, (PADS, 3))),
+        covariates={"gripper_opening": (0.0, 0.08)},
+    ),
+    "Latency": Example(
+        lambda rng: latency.Latency(rng.uniform(0.005, 0.05), rng.uniform(0.001, 0.005), int(rng.integers(2**32))),
+        linear=True,
+        no_gradient=("seed",),
+        random=True,
+    ),
+    "LayoutFault": Example(
+        lambda rng: layout_faults.LayoutFault(
+            flip_rows=True, flip_cols=True, pad_order=(1, 0), axis_order=(1, 0, 2), axis_signs=(1, -1, 1)
+        ),
+        linear=True,
+    ),
+    "LowPass": Example(lambda rng: low_pass.LowPass(rng.uniform(0.01, 0.1)), linear=True),
+    "Offset": Example(lambda rng: offset.Offset(rng.uniform(-0.3, 0.3, FRAME))),
+    "PadAxisGain": Example(lambda rng: gains.PadAxisGain(rng.uniform(0.5, 1.5, (PADS, 3))), linear=True),
+    "Poisson": Example(lambda rng: poisson.Poisson(rng.uniform(0.1, 0.3), rng.uniform(0.1, 0.3)), linear=True),
+    "Quantisation": Example(lambda rng: quantisation.Quantisation(rng.uniform(0.05, 0.2, 3)), differentiable=False),
+    "RandomWalk": Example(
+        lambda rng: noise.RandomWalk(rng.uniform(0.1, 1, FRAME), int(rng.integers(2**32))),
+        no_gradient=("seed",),
+        random=True,
+    ),
+    "Rotation": Example(lambda rng: rotation.Rotation(rng.uniform(-0.6, 0.6, (PADS, 3))), linear=True),
+    "SampleAndHold": Example(
+        lambda rng: sample_and_hold.SampleAndHold(rng.uniform(20, 50), rng.uniform(0, 1)), linear=True
+    ),
+    "Saturation": Example(
+        lambda rng: saturation.Saturation(rng.uniform(-1, -0.5, 3), rng.uniform(0.5, 1, 3), rng.uniform(0.1, 0.9))
+    ),
+    "Stiffening": Example(lambda rng: stiffening.Stiffening(rng.uniform(0.7, 1.5), rng.uniform(0.5, 2))),
+    "TaxelGain": Example(lambda rng: gains.TaxelGain(rng.uniform(0.25, 1.75, TAXELS)), linear=True),
+    "TemperatureDrift": Example(
+        lambda rng: temperature.TemperatureDrift(
+            rng.uniform(-0.002, -0.001), rng.uniform(-0.01, 0.01, FRAME), rng.uniform(20, 30)
+        ),
+        covariates={"temperature": (10.0, 40.0)},
+    ),
+    "WhiteNoise": Example(
+        lambda rng: noise.WhiteNoise(rng.uniform(0.01, 0.1, FRAME), int(rng.integers(2**32))),
+        no_gradient=("seed",),
+        random=True,
+    ),
+}

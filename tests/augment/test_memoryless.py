@@ -1,0 +1,480 @@
+"""The physics of the transforms without memory: worked values, limits, symmetries."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from paxisim.augment.axis_coupling import AxisCoupling
+from paxisim.augment.chain import Chain
+from paxisim.augment.crosstalk import Crosstalk
+from paxisim.augment.dead_band import DeadBand
+from paxisim.augment.dead_taxels import DeadTaxels
+from paxisim.augment.firmware import Firmware
+from paxisim.augment.gains import AxisGain
+from paxisim.augment.interference import Interference
+from paxisim.augment.layout_faults import LayoutFault
+from paxisim.augment.offset import Offset
+from paxisim.augment.quantisation import Quantisation
+from paxisim.augment.rotation import Rotation, rotation_matrix
+from paxisim.augment.saturation import Saturation
+from paxisim.augment.stiffening import KNEE, Stiffening
+from paxisim.errors import InvalidValueError
+from paxisim.layout import TaxelLayout
+
+
+def frame(seed=0, *batch, pads=2, rows=6, cols=5):
+    return np.random.default_rng(seed).normal(size=(*batch, pads, 3, rows, cols))
+
+
+def taxel(*force):
+    """One pad of one taxel that feels `force`."""
+    return np.array(force, dtype=float).reshape(1, 3, 1, 1)
+
+
+def press(row, col, rows=7, cols=7, newtons=1.0):
+    """One pad on which one taxel feels a normal force."""
+    x = np.zeros((1, 3, rows, cols))
+    x[0, 2, row, col] = newtons
+    return x
+
+
+class TestOffset:
+    def test_it_is_what_an_unloaded_sensor_reads(self):
+        value = frame()
+        np.testing.assert_array_equal(Offset(value)(np.zeros((4, 2, 3, 6, 5))), np.broadcast_to(value, (4, 2, 3, 6, 5)))
+
+    def test_offsets_add(self):
+        x, a, b = frame(0), frame(1), frame(2)
+        np.testing.assert_allclose(Offset(a)(Offset(b)(x)), Offset(a + b)(x), atol=1e-14)
+
+    def test_one_value_for_each_axis(self):
+        y = Offset(np.array([0.1, -0.2, 0.3]).reshape(1, 3, 1, 1))(np.zeros((2, 3, 6, 5)))
+        assert {tuple(force) for force in np.moveaxis(y, 1, -1).reshape(-1, 3)} == {(0.1, -0.2, 0.3)}
+
+
+class TestStiffening:
+    def test_the_load_of_calibration_reads_right(self):
+        for exponent in (0.5, 0.7, 1.5, 3):
+            np.testing.assert_allclose(Stiffening(exponent, 2.0)(taxel(0, 1.2, 1.6)), taxel(0, 1.2, 1.6), rtol=1e-14)
+
+    def test_a_power_law_well_above_the_knee(self):
+        y = Stiffening(2 / 3, 1.0)(taxel(0, 0, 8.0))
+        assert y[0, 2, 0, 0] == pytest.approx(4.0, rel=1e-4)
+        y = Stiffening(1.5, 2.0)(taxel(0, 0, 0.5))
+        assert y[0, 2, 0, 0] == pytest.approx(2 * 0.25**1.5, rel=1e-3)
+
+    def test_linear_below_the_knee(self):
+        tiny = Stiffening(0.7)(taxel(0, 0, 1e-6))[0, 2, 0, 0]
+        assert tiny / 1e-6 == pytest.approx((KNEE / math.hypot(1, KNEE)) ** -0.3)
+        assert Stiffening(0.7)(taxel(0, 0, 2e-6))[0, 2, 0, 0] == pytest.approx(2 * tiny, rel=1e-6)
+
+    def test_the_direction_stays_whatever_it_is(self):
+        x = frame()
+        y = Stiffening(1.4)(x)
+        np.testing.assert_allclose(np.cross(x, y, axis=1), 0, atol=1e-13)
+        assert np.all((x * y).sum(1) > 0)
+        np.testing.assert_allclose(Stiffening(1.4)(-x), -y)
+        turn = Rotation(((0.3, -0.5, 1.0),))
+        np.testing.assert_allclose(Stiffening(1.4)(turn(x)), turn(y), atol=1e-13)
+
+    def test_shear_stiffens_under_normal_load(self):
+        alone, pressed = (Stiffening(0.7)(taxel(0.1, 0, z))[0, 0, 0, 0] for z in (0.0, 5.0))
+        assert pressed < 0.1 < alone
+
+    @given(st.floats(0.1, 5), st.floats(0, 50), st.floats(1e-3, 50))
+    def test_more_force_reads_more(self, exponent, force, more):
+        y = Stiffening(exponent)(np.concatenate([taxel(0, 0, force), taxel(0, 0, force + more)]))
+        assert y[0, 2, 0, 0] < y[1, 2, 0, 0]
+
+
+class TestCrosstalk:
+    def test_neighbours_get_their_share(self):
+        s, length, far = 0.05, 0.5, 0.8
+        z = Crosstalk((0, 0, s), length, far)(press(3, 3))[0, 2]
+        np.testing.assert_allclose([z[2, 3], z[4, 3], z[3, 2], z[3, 4]], s)
+        np.testing.assert_allclose([z[2, 2], z[4, 4]], s * far * math.exp((1 - math.sqrt(2)) / length))
+        np.testing.assert_allclose(z[3, 5], s * far * math.exp(-1 / length))
+        assert z[3, 3] == pytest.approx(1 - (z.sum() - z[3, 3]))
+
+    def test_each_axis_keeps_to_itself(self):
+        y = Crosstalk((0.1, 0.1, 0.05))(press(3, 3))
+        assert not y[:, :2].any()
+        x = frame()
+        np.testing.assert_array_equal(Crosstalk((0.1, 0.0, 0.1))(x)[:, 1], x[:, 1])
+
+    @settings(max_examples=20)
+    @given(st.floats(-0.5, 0.5), st.floats(0.05, 20), st.floats(0, 10), st.integers(0, 100))
+    def test_force_and_uniform_loads_are_conserved(self, strength, length, far, seed):
+        t = Crosstalk(np.full(3, strength), length, far)
+        x = frame(seed)
+        np.testing.assert_allclose(t(x).sum((-2, -1)), x.sum((-2, -1)), atol=1e-9)
+        np.testing.assert_allclose(t(np.full((2, 3, 6, 5), 2.5)), 2.5, atol=1e-9)
+
+    def test_a_corner_spreads_less_than_the_middle(self):
+        middle, corner = (Crosstalk((0, 0, 0.05))(press(i, i))[0, 2, i, i] for i in (3, 0))
+        assert middle < corner < 1
+
+    def test_the_effect_is_mutual(self):
+        a, b = Crosstalk((0, 0, 0.05))(press(1, 2)), Crosstalk((0, 0, 0.05))(press(4, 6))
+        assert a[0, 2, 4, 6] == b[0, 2, 1, 2] > 0
+
+    def test_a_grid_is_a_grid_by_positions_too(self):
+        grid = TaxelLayout(6, 5, (3e-3, 3e-3))
+        line = TaxelLayout(1, 30, (3e-3, 3e-3), grid.positions)
+        x = frame()
+        on_grid = Crosstalk((0.1, 0.05, 0.02))(x)
+        by_position = Crosstalk((0.1, 0.05, 0.02), layout=line)(x.reshape(2, 3, 1, 30))
+        np.testing.assert_allclose(by_position.reshape(x.shape), on_grid, atol=1e-14)
+        np.testing.assert_array_equal(Crosstalk((0.1, 0.05, 0.02), layout=grid)(x), on_grid)
+
+    def test_taxels_nearer_than_a_pitch_get_no_more_than_a_neighbour(self):
+        positions = [[0, 0, 0], [0, 0, 0], [1e-3, 0, 0], [2e-3, 0, 0]]
+        layout = TaxelLayout(1, 4, (2e-3, 2e-3), np.array(positions))
+        z = Crosstalk((0, 0, 0.1), 0.5, layout=layout)(press(0, 0, 1, 4))[0, 2, 0]
+        np.testing.assert_allclose(z, [0.7, 0.1, 0.1, 0.1])
+
+    def test_another_layout_is_refused(self):
+        layout = TaxelLayout(1, 30, (1e-3, 1e-3), np.random.default_rng(0).normal(size=(30, 3)))
+        with pytest.raises(InvalidValueError, match="Crosstalk: layout has 1x30 taxels, the tensor 6x5"):
+            Crosstalk((0.1,), layout=layout)(frame())
+
+    def test_a_layout_compiles(self):
+        torch = pytest.importorskip("torch")
+        t = Crosstalk((0.1,), layout=TaxelLayout(1, 30, (1.0, 1.0), np.random.default_rng(0).normal(size=(30, 3))))
+        x = torch.as_tensor(frame(rows=1, cols=30))
+        torch._dynamo.reset()
+        compiled = torch.compile(lambda x: t(x), fullgraph=True, backend="eager")
+        np.testing.assert_allclose(compiled(x), t(x.numpy()), atol=1e-13)
+
+    def test_a_layout_travels_in_json(self):
+        layout = TaxelLayout(1, 30, (1e-3, 1e-3), np.random.default_rng(0).normal(size=(30, 3)))
+        chain = Chain([Crosstalk((0.1,), layout=layout)])
+        assert Chain.from_json(chain.to_json())[0].layout == layout
+
+
+class TestAxisCoupling:
+    def test_a_normal_force_is_read_as_shear(self):
+        matrix = np.eye(3)
+        matrix[0, 2] = 0.1
+        np.testing.assert_allclose(AxisCoupling(matrix)(taxel(0, 0, 5)), taxel(0.5, 0, 5))
+        np.testing.assert_allclose(AxisCoupling(matrix)(taxel(5, 0, 0)), taxel(5, 0, 0))
+
+    def test_couplings_multiply(self):
+        a, b = np.random.default_rng(0).normal(size=(2, 3, 3))
+        x = frame()
+        np.testing.assert_allclose(AxisCoupling(a)(AxisCoupling(b)(x)), AxisCoupling(a @ b)(x), atol=1e-12)
+        np.testing.assert_allclose(AxisCoupling(np.linalg.inv(a))(AxisCoupling(a)(x)), x, atol=1e-12)
+
+    def test_its_diagonal_is_a_gain(self):
+        gain = np.array([0.5, 1.2, 2.0])
+        np.testing.assert_allclose(AxisCoupling(np.diag(gain))(frame()), AxisGain(gain)(frame()))
+
+    def test_a_rotation_is_a_coupling(self):
+        angles = np.array([0.2, -0.1, 0.5])
+        matrix = rotation_matrix(angles).T
+        np.testing.assert_allclose(AxisCoupling(matrix)(frame()), Rotation(angles[None])(frame()), atol=1e-14)
+
+
+class TestRotation:
+    @pytest.mark.parametrize(
+        ("angles", "force", "read"),
+        [
+            ((0, 0, math.pi / 2), (0, 1, 0), (1, 0, 0)),  # its x is the pad's y
+            ((0, 0, math.pi / 2), (1, 0, 0), (0, -1, 0)),
+            ((math.pi / 2, 0, 0), (0, 0, 1), (0, 1, 0)),
+            ((0, math.pi / 2, 0), (1, 0, 0), (0, 0, 1)),
+            ((0, 0, math.pi), (1, 2, 3), (-1, -2, 3)),
+        ],
+    )
+    def test_quarter_and_half_turns(self, angles, force, read):
+        np.testing.assert_allclose(Rotation((angles,))(taxel(*force)), taxel(*read), atol=1e-15)
+
+    def test_a_small_tilt_leaks_normal_force_into_shear(self):
+        y = Rotation(((0.01, 0.02, 0),))(taxel(0, 0, 10))
+        np.testing.assert_allclose(y, taxel(-0.2, 0.1, 10), atol=0.003)
+
+    @given(st.lists(st.floats(-math.pi, math.pi), min_size=3, max_size=3), st.integers(0, 100))
+    def test_the_length_stays_and_the_turn_can_be_undone(self, angles, seed):
+        x = frame(seed)
+        y = Rotation((angles,))(x)
+        np.testing.assert_allclose((y**2).sum(1), (x**2).sum(1), atol=1e-12)
+        np.testing.assert_allclose(Rotation((-np.array(angles),))(y), x, atol=1e-12)
+        axis = np.asarray(angles).reshape(1, 3, 1, 1)
+        np.testing.assert_allclose(Rotation((angles,))(axis), axis, atol=1e-14)
+
+    def test_each_pad_by_itself(self):
+        x = frame()
+        y = Rotation(((0, 0, 0.4), (0, 0, 0)))(x)
+        np.testing.assert_array_equal(y[1], x[1])
+        assert not np.allclose(y[0], x[0])
+
+    @pytest.mark.parametrize("angle", [1e-9, 1e-4, 0.0999, 0.1, 0.1001, 1.0, 3.0])
+    def test_the_series_meets_the_formula(self, angle):
+        matrix = rotation_matrix(np.array([0, 0, angle]))
+        c, s = math.cos(angle), math.sin(angle)
+        np.testing.assert_allclose(matrix, [[c, -s, 0], [s, c, 0], [0, 0, 1]], rtol=1e-15, atol=1e-16)
+
+    def test_second_derivatives_exist_at_zero(self):
+        torch = pytest.importorskip("torch")
+
+        def read(angles):
+            return Rotation(angles[None])(torch.as_tensor(taxel(1, 2, 3))).sum()
+
+        zero = torch.zeros(3, dtype=torch.float64)
+        # y = x - a x X + ...: the sum changes by (x_y - x_z) about x, and so on
+        np.testing.assert_allclose(
+            torch.autograd.functional.jacobian(read, zero), [-1 * (2 - 3), -1 * (3 - 1), -1 * (1 - 2)]
+        )
+        assert torch.isfinite(torch.autograd.functional.hessian(read, zero)).all()
+
+
+class TestLayoutFault:
+    def test_the_first_taxel_goes_where_it_is_said_to(self):
+        def corner(**fault):
+            return [
+                tuple(int(i) for i in where) for where in np.argwhere(LayoutFault(**fault)(press(0, 1, 4, 4))[0, 2])
+            ]
+
+        assert corner() == [(0, 1)]
+        assert corner(flip_rows=True) == [(3, 1)]
+        assert corner(flip_cols=True) == [(0, 2)]
+        assert corner(transpose=True) == [(1, 0)]
+        assert corner(transpose=True, flip_rows=True) == [(2, 0)]  # transposed first
+
+    def test_pads_axes_and_signs(self):
+        x = frame()
+        np.testing.assert_array_equal(LayoutFault(pad_order=(1, 0))(x), x[::-1])
+        y = LayoutFault(axis_order=(1, 2, 0), axis_signs=(1, -1, -1))(x)
+        np.testing.assert_array_equal(y, np.stack([x[:, 1], -x[:, 2], -x[:, 0]], axis=1))
+
+    def test_flips_and_swaps_undo_themselves(self):
+        fault = LayoutFault(
+            flip_rows=True, flip_cols=True, pad_order=(1, 0), axis_order=(1, 0, 2), axis_signs=(-1, -1, 1)
+        )
+        x = frame()
+        np.testing.assert_array_equal(fault(fault(x)), x)
+        square = frame(rows=5)
+        np.testing.assert_array_equal(LayoutFault(transpose=True)(LayoutFault(transpose=True)(square)), square)
+
+    def test_nothing_is_lost(self):
+        x = frame(rows=5)
+        y = LayoutFault(True, True, True, (1, 0), (2, 0, 1), (1, -1, 1))(x)
+        np.testing.assert_array_equal(np.sort(np.abs(y), axis=None), np.sort(np.abs(x), axis=None))
+
+    @pytest.mark.parametrize(
+        ("fault", "message"),
+        [
+            ({"pad_order": (0, 2)}, "pad_order must be a permutation"),
+            ({"axis_order": (0, 1, 1)}, "axis_order must be a permutation"),
+            ({"axis_signs": (1, 1, 0)}, "axis_signs must be three of 1 and -1"),
+            ({"axis_signs": (1, 1)}, "axis_signs must be three of 1 and -1"),
+            ({"axis_signs": 1}, "axis_signs must be whole numbers"),
+            ({"pad_order": (0, 0.5)}, "pad_order must be whole numbers"),
+            ({"flip_rows": "yes"}, "flip_rows must be true or false"),
+        ],
+    )
+    def test_what_is_no_fault(self, fault, message):
+        with pytest.raises(InvalidValueError, match=f"^LayoutFault: {message}"):
+            LayoutFault(**fault)
+
+    def test_what_does_not_fit_the_tensor(self):
+        with pytest.raises(InvalidValueError, match="LayoutFault: transpose needs as many rows as columns"):
+            LayoutFault(transpose=True)(frame())
+        with pytest.raises(InvalidValueError, match="LayoutFault: pad_order names 3 pads"):
+            LayoutFault(pad_order=(2, 0, 1))(frame())
+
+
+class TestSaturation:
+    def test_a_hard_limit_is_a_clip(self):
+        x = 10 * frame()
+        low, high = np.array([-12.8, -12.8, 0.0]), np.array([12.7, 12.7, 25.5])
+        clipped = np.clip(x, low.reshape(3, 1, 1), high.reshape(3, 1, 1))
+        np.testing.assert_array_equal(Saturation(low, high)(x), clipped)
+
+    def test_a_soft_limit(self):
+        soft = Saturation((-5.0,), (10.0,), 0.4)  # knees at -3 and 6
+        assert soft(taxel(6, -3, 5.9)).ravel().tolist() == [6, -3, 5.9]
+        np.testing.assert_allclose(
+            soft(taxel(8, -4, 100)).ravel(), [6 + 4 * math.tanh(0.5), -3 - 2 * math.tanh(0.5), 10]
+        )
+        np.testing.assert_allclose(Saturation((-5.0,), (10.0,), 1.0)(taxel(3, -3, 30)).ravel(), [
+            10 * math.tanh(0.3), -5 * math.tanh(0.6), 10 * math.tanh(3)
+        ])  # fmt: skip
+
+    @given(st.floats(0, 1), st.floats(0, 100), st.floats(-1e3, 1e3), st.floats(0, 10))
+    def test_it_rises_within_its_limits(self, softness, limit, force, more):
+        t = Saturation((-limit,) * 3, (limit,) * 3, softness)
+        y = t(taxel(force, force + more, -force))[0, :, 0, 0]
+        assert np.all(np.abs(y) <= limit)
+        assert y[0] <= y[1] + 1e-12
+        assert y[2] == -y[0]
+        assert np.all(np.abs(y) <= np.abs([force, force + more, force]) + 1e-9)
+
+    def test_the_slope_has_no_jump_at_a_soft_knee(self):
+        t = Saturation((-10.0,), (10.0,), 0.5)
+        below, at, above = t(taxel(5 - 1e-6, 5, 5 + 1e-6)).ravel()
+        assert (above - at) / (at - below) == pytest.approx(1, abs=1e-6)
+
+    def test_a_hard_knee_is_the_limit_of_a_soft_one(self):
+        x = 10 * frame()
+        hard, soft = (Saturation((-5.0,), (5.0,), softness)(x) for softness in (0.0, 1e-6))
+        np.testing.assert_allclose(soft, hard, atol=1e-5)
+
+    def test_a_limit_on_one_side_only(self):
+        t = Saturation(limit_high=(2.0, math.inf, math.inf), softness=1.0)
+        assert t(taxel(-1e3, 1e3, -1e3)).ravel().tolist() == [-1e3, 1e3, -1e3]
+        assert t(taxel(1e3, 0, 0))[0, 0, 0, 0] == 2.0
+
+    def test_infinite_limits_travel_in_json(self):
+        limits = (Saturation(limit_low=(-1.0, -math.inf, 0.0)), Saturation(limit_high=np.array([[1, np.inf, 2.5]])))
+        again = Chain.from_json(Chain(limits).to_json())
+        assert again[0].limit_low == (-1.0, -math.inf, 0.0)
+        np.testing.assert_array_equal(again[1].limit_high, [[1, np.inf, 2.5]])
+
+    def test_gradients_with_one_infinite_limit(self):
+        torch = pytest.importorskip("torch")
+        low = torch.tensor([-math.inf], requires_grad=True)
+        high = torch.tensor([2.0], requires_grad=True)
+        softness = torch.tensor(0.5, requires_grad=True)
+        x = torch.as_tensor(taxel(-5, 5, 0), dtype=torch.float32).requires_grad_()
+        Saturation(low, high, softness)(x).sum().backward()
+        assert all(torch.isfinite(value.grad).all() for value in (low, high, softness, x))
+
+
+class TestDeadBand:
+    def test_a_threshold(self):
+        y = DeadBand((0.2,) * 3)(taxel(0.19, -0.19, 0.2))
+        assert y.ravel().tolist() == [0, 0, 0.2]
+        assert DeadBand((0.2,) * 3)(taxel(5, -5, -0.2)).ravel().tolist() == [5, -5, -0.2]
+
+    def test_a_slack(self):
+        slack = DeadBand((0.2,) * 3, 1.0)
+        np.testing.assert_allclose(slack(taxel(0.2, -0.2, 0.1)), 0)
+        np.testing.assert_allclose(slack(taxel(1, -1, 0.3)).ravel(), [0.8, -0.8, 0.1])
+
+    def test_it_is_odd_and_works_axis_by_axis(self):
+        t = DeadBand((0.5, 0.0, 3.0), 0.3)
+        x = frame()
+        np.testing.assert_array_equal(t(-x), -t(x))
+        np.testing.assert_array_equal(t(x)[:, 1], x[:, 1])
+        assert not t(x)[:, 2][np.abs(x[:, 2]) < 3].any()
+
+
+class TestQuantisation:
+    def test_halves_go_to_the_even_step(self):
+        y = Quantisation((0.5,))(taxel(0.25, 0.75, -0.25))
+        assert y.ravel().tolist() == [0.0, 1.0, 0.0]
+        assert Quantisation((0.5,))(taxel(0.26, 1.24, -0.26)).ravel().tolist() == [0.5, 1.0, -0.5]
+
+    def test_readings_are_whole_steps_at_most_half_a_step_away(self):
+        step, x = np.array([0.1, 0.25, 1.0]), frame()
+        y = Quantisation(step)(x)
+        counts = y / step.reshape(3, 1, 1)
+        np.testing.assert_allclose(counts, np.round(counts), atol=1e-12)
+        assert np.all(np.abs(y - x) <= step.reshape(3, 1, 1) / 2 + 1e-12)
+        np.testing.assert_array_equal(Quantisation(step)(y), y)
+
+    def test_an_axis_without_steps_stays(self):
+        x = frame()
+        np.testing.assert_array_equal(Quantisation((0.1, 0.0, 0.1))(x)[:, 1], x[:, 1])
+
+    def test_the_gradient_passes_and_the_value_is_exact(self):
+        torch = pytest.importorskip("torch")
+        x = torch.as_tensor(frame(), dtype=torch.float32).requires_grad_()
+        y = Quantisation((0.1,))(x)
+        np.testing.assert_array_equal(y.detach().numpy(), Quantisation((0.1,))(x.detach().numpy()))
+        (3 * y).sum().backward()
+        assert (x.grad == 3).all()
+
+
+class TestDeadTaxels:
+    def test_who_reads_what(self):
+        x = frame()
+        dead, stuck = np.zeros((2, 2, 6, 5))
+        dead[0, 1, 2] = stuck[1, 3, 4] = dead[1, 0, 0] = stuck[1, 0, 0] = 1
+        y = DeadTaxels(dead, stuck, np.array([1.0, 2.0, 3.0]).reshape(1, 3, 1, 1))(x)
+        assert y[0, :, 1, 2].tolist() == [0, 0, 0]
+        assert y[1, :, 3, 4].tolist() == [1, 2, 3]
+        assert y[1, :, 0, 0].tolist() == [0, 0, 0]  # both: dead
+        untouched = (dead + stuck == 0)[:, None] & np.ones_like(x, dtype=bool)
+        np.testing.assert_array_equal(y[untouched], x[untouched])
+
+    def test_a_stuck_taxel_does_not_move(self):
+        stuck = np.ones((1, 6, 5))
+        t = DeadTaxels(stuck=stuck, value=frame(7))
+        np.testing.assert_array_equal(t(frame(0)), t(frame(1)))
+
+    def test_booleans_do_and_probabilities_do_not(self):
+        dead = np.random.default_rng(0).random((2, 6, 5)) < 0.3
+        np.testing.assert_array_equal(DeadTaxels(dead)(frame()), DeadTaxels(dead.astype(float))(frame()))
+        with pytest.raises(InvalidValueError, match="DeadTaxels: dead must be whole numbers"):
+            DeadTaxels(np.full((2, 6, 5), 0.2))
+
+
+class TestInterference:
+    def test_the_field_is_the_same_at_all_taxels(self):
+        field = Interference(((1.0, 0, 2.0), (0, 0, -1.0)), ((0, 50.0, 0), (0, 0, 0)))
+        y = field(np.zeros((2, 3, 6, 5)), {"gripper_opening": 0.04})
+        np.testing.assert_allclose(y[0, :, 3, 2], [0.04, 0.08, 0.08])
+        np.testing.assert_allclose(y[1, :, 3, 2], [0, 0, -0.04])
+        assert np.ptp(y, axis=(-2, -1)).max() == 0
+
+    def test_it_adds_to_the_force_and_follows_the_covariate(self):
+        field = Interference(((1.0, 2.0, 3.0),), ((10.0, 0.0, 0.0),))
+        x, opening = frame(0, 5), np.linspace(0, 0.08, 5)
+        added = field.run(x, np.arange(5.0), {"gripper_opening": opening}) - x
+        np.testing.assert_allclose(added[:, 0, 0, 0, 0], opening + 10 * opening**2, atol=1e-14)
+        np.testing.assert_allclose(added[:, 1, 2, 5, 4], 3 * opening, atol=1e-14)
+        assert not added[0].any()
+
+    def test_another_covariate_and_two_of_them(self):
+        one = Interference(((0.0, 0.0, 1.0),), covariate="wrist")
+        chain = Chain([one, Interference(((0.0, 0.0, 1.0),))])
+        assert one.covariate_names == ("wrist",)
+        assert chain.covariate_names == ("wrist", "gripper_opening")
+        y = chain(np.zeros((1, 3, 2, 2)), {"wrist": 1.0, "gripper_opening": 0.25})
+        np.testing.assert_allclose(y[0, 2], 1.25)
+
+
+class TestFirmware:
+    def test_what_a_sensor_sends(self):
+        read = Firmware()
+        np.testing.assert_allclose(read(taxel(0.26, -0.24, 3.04)).ravel(), [0.3, -0.2, 3.0])
+        np.testing.assert_allclose(read(taxel(0.14, -0.14, 0.1)), 0)  # one count is none
+        np.testing.assert_allclose(read(taxel(99, -99, 99)).ravel(), [12.7, -12.8, 25.5])
+        np.testing.assert_allclose(read(taxel(0, 0, -7)), 0)  # no pull
+
+    def test_a_component_is_zero_or_at_least_two_counts(self):
+        counts = np.round(Firmware()(0.3 * frame(0, 50)) / 0.1)
+        assert not np.any(np.abs(counts) == 1)
+        assert np.any(counts == 2)
+        assert np.any(counts == -2)
+        ungated = np.round(Firmware(gate_counts=0)(0.3 * frame(0, 50)) / 0.1)
+        assert np.any(ungated == 1)
+
+    def test_its_readings_fit_their_bytes(self):
+        counts = np.round(Firmware()(30 * frame(0, 50)) / 0.1)
+        assert (counts[..., :2, :, :].min(), counts[..., :2, :, :].max()) == (-128, 127)
+        assert (counts[..., 2, :, :].min(), counts[..., 2, :, :].max()) == (0, 255)
+
+    def test_what_it_sends_it_would_send_again(self):
+        y = Firmware()(5 * frame(0, 20))
+        np.testing.assert_array_equal(Firmware()(y), y)
+
+    def test_it_is_saturation_dead_band_and_quantisation_in_one(self):
+        x = 5 * frame(0, 20)
+        parts = [Saturation((-12.8, -12.8, 0.0), (12.7, 12.7, 25.5)), Quantisation((0.1,)), DeadBand((0.15,))]
+        np.testing.assert_allclose(Firmware()(x), Chain(parts[:1] + parts[1:])(x), atol=1e-12)
+
+    def test_near_the_identity_with_fine_steps(self):
+        x = np.abs(frame())
+        np.testing.assert_allclose(Firmware(1e-6, 1e8, 1e8, 0)(x), x, atol=1e-6)
+
+    def test_the_gradient_stops_at_the_clip(self):
+        torch = pytest.importorskip("torch")
+        x = torch.as_tensor(taxel(5, 50, -1)).requires_grad_()
+        Firmware()(x).sum().backward()
+        assert x.grad.ravel().tolist() == [1, 0, 0]
