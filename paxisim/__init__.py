@@ -6,12 +6,17 @@ no torch, no serial, no matplotlib, no trimesh.
 
 from __future__ import annotations
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from paxisim._lazy import lazy
 from paxisim._version import __version__ as __version__
 
 if TYPE_CHECKING:
+    from paxisim import augment as augment
+    from paxisim.augment.chain import Chain as Chain
+    from paxisim.augment.encodings import encoding as encoding
+    from paxisim.augment.gcs import GCS as GCS
+    from paxisim.augment.history import History as History
     from paxisim.bump import GaussianBump as GaussianBump
     from paxisim.errors import InvalidValueError as InvalidValueError
     from paxisim.errors import MissingExtraError as MissingExtraError
@@ -48,6 +53,10 @@ if TYPE_CHECKING:
     from paxisim.viz.view import view as view
 
 _HOMES = {
+    "paxisim.augment.chain": ("Chain",),
+    "paxisim.augment.encodings": ("encoding",),
+    "paxisim.augment.gcs": ("GCS",),
+    "paxisim.augment.history": ("History",),
     "paxisim.bump": ("GaussianBump",),
     "paxisim.errors": (
         "InvalidValueError",
@@ -74,18 +83,5 @@ _HOMES = {
     "paxisim.viz.plot": ("plot_pads", "plot_tactile"),
     "paxisim.viz.view": ("view",),
 }
-_HOME_OF = {name: module for module, members in _HOMES.items() for name in members}
-
-__all__ = sorted([*_HOME_OF, "__version__"])
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOME_OF:
-        raise AttributeError(f"module 'paxisim' has no attribute {name!r}")
-    value = getattr(importlib.import_module(_HOME_OF[name]), name)
-    globals()[name] = value
-    return value
-
-
-def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+__getattr__, __dir__, __all__ = lazy(__name__, _HOMES, ("augment",))
+__all__ += ["__version__"]

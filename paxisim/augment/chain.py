@@ -246,8 +246,8 @@ def _decode_value(value: Any) -> Any:
 def _known_transforms() -> dict[str, type[Transform]]:
     """Every transform by its class's name: those of paxisim, and those that users derived from `Transform`."""
     package = importlib.import_module("paxisim.augment")
-    for module in package.MODULES:
-        importlib.import_module(f"paxisim.augment.{module}")
+    for name in package.__all__:  # a transform is known once its module is imported
+        getattr(package, name)
     found: dict[str, type[Transform]] = {}
     waiting = [Transform]
     while waiting:

@@ -1,0 +1,204 @@
+"""GCS: the paper's domain randomisation. G is drawn as heights for the simulator, C and S as a chain of transforms."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from paxisim.augment.chain import Chain
+from paxisim.augment.gains import AxisGain, PadAxisGain, TaxelGain
+from paxisim.augment.poisson import Poisson
+from paxisim.augment.transform import Transform
+from paxisim.bump import GaussianBump, bump_heights
+from paxisim.errors import InvalidValueError
+from paxisim.layout import TaxelLayout
+
+PAPER_LAYOUT = TaxelLayout(6, 5, (26.1e-3 / 6, 22.6e-3 / 5))
+"""The paper's sensor, PX6AX-GEN1-PAP-L4629, pooled to 6x5."""
+
+
+@dataclass(frozen=True)
+class Ranges:
+    """What GCS draws from (paper, Table I).
+
+    Attributes:
+        axis_gain: Bounds of the uniform distribution of alpha_k, a gain for each axis.
+        taxel_gain: Mean and spread of the normal distribution of beta_ij, a gain for each taxel.
+        dropout: Probability with which a taxel is dropped.
+        convolution: Bounds of the uniform distribution of c_x and c_y.
+        deviation: Bounds of the uniform distribution of s_x and s_y, the bump's deviations in taxels.
+
+    Raises:
+        InvalidValueError: Bounds in the wrong order, not finite or negative, or a probability outside [0, 1].
+    """
+
+    axis_gain: tuple[float, float] = (0.5, 1.5)
+    taxel_gain: tuple[float, float] = (1.0, 0.25)
+    dropout: float = 0.2
+    convolution: tuple[float, float] = (0.1, 0.3)
+    deviation: tuple[float, float] = (1.0, 3.0)
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        for name in ("axis_gain", "convolution", "deviation"):
+            low, high = getattr(self, name)
+            least = "above 0" if name == "deviation" else "at least 0"
+            if not (0 <= low <= high < math.inf) or (name == "deviation" and low == 0):
+                raise InvalidValueError(f"GCS: {name} must be finite bounds, {least} and in order, got {(low, high)}")
+        if not all(0 <= value < math.inf for value in self.taxel_gain):
+            raise InvalidValueError(f"GCS: taxel_gain must be a finite mean and spread, got {self.taxel_gain}")
+        if not 0 <= self.dropout <= 1:
+            raise InvalidValueError(f"GCS: dropout must be a probability, got {self.dropout!r}")
+
+
+@dataclass(frozen=True)
+class GCS:
+    """The paper's GCS: surface with Gaussian bumps, convolution for the Poisson effect, force scaling.
+
+    Draw one chain an episode (``batch_shape=()``), one an environment (``(environments,)``) or one a sample of
+    recorded data (``(samples,)``), and a surface for the simulator with `sample_surface`. Where the paper's text and
+    its Table I leave something open, this is our reading, and the other one is a parameter:
+
+    - N(1, 0.25): 0.25 is the **deviation**. As a variance (deviation 0.5) one gain in 44 would be negative.
+    - Negative gains become 0, as no taxel reads backwards: 3 in 100,000 draws, which shifts the mean by 2e-6 (with
+      0.25 as the variance 2.3 % and 4e-3).
+    - 20 % dropout: a dropped **taxel** reads 0 on all axes for as long as the chain lives.
+    - alpha_k is for "each axis of all taxels": **both pads share it**, as they share c_x and c_y. beta_ij and the
+      surfaces are drawn for each pad.
+
+    Switching a part off, as in the paper's ablation, does not change what the others draw from the same seed.
+
+    Attributes:
+        ranges: What to draw from.
+        geometry: Draw bumps (G); else `sample_surface` gives flat pads.
+        convolution: Put a `Poisson` in the chain (C).
+        scaling: Put gains in the chain (S).
+        taxel_gain_is_variance: Read 0.25 as the variance.
+        dropout_of: ``"taxel"``, or ``"gain"``: a dropped taxel keeps the gain 1.
+        axis_gain_per_pad: Draw alpha_k for each pad.
+        reach: Of the convolution's kernel, see `Poisson`.
+        falloff: Of the convolution's kernel, see `Poisson`.
+
+    Raises:
+        InvalidValueError: `dropout_of` is neither.
+    """
+
+    ranges: Ranges = field(default_factory=Ranges)
+    geometry: bool = True
+    convolution: bool = True
+    scaling: bool = True
+    taxel_gain_is_variance: bool = False
+    dropout_of: Literal["taxel", "gain"] = "taxel"
+    axis_gain_per_pad: bool = False
+    reach: float = 1.5
+    falloff: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Check the choices."""
+        if self.dropout_of not in ("taxel", "gain"):
+            raise InvalidValueError(f"GCS: dropout_of must be 'taxel' or 'gain', got {self.dropout_of!r}")
+        Poisson(reach=self.reach, falloff=self.falloff)
+
+    def sample(
+        self, rng: Any, batch_shape: tuple[int, ...] = (), *, layout: TaxelLayout = PAPER_LAYOUT, pads: int = 2
+    ) -> Chain:
+        """Draw C and S.
+
+        Args:
+            rng: A ``numpy.random.Generator``; or a ``torch.Generator`` or a ``torch.device``, which stands for its
+                default generator: then the parameters are tensors there, and none of it passes through the host.
+            batch_shape: Leading dimensions of the frames that get parameters of their own.
+            layout: The pads' taxels.
+            pads: Number of pads.
+
+        Returns:
+            Chain of ``poisson``, ``axis_gain`` (or ``pad_axis_gain``) and ``taxel_gain``, those that are switched on.
+            Parameters are float32: ``cx, cy (*batch)``, ``(*batch, 3)`` (or ``(*batch, pads, 3)``), and
+            ``(*batch, pads, rows, cols)``.
+        """
+        positions = None if layout.is_grid else layout
+        return self.sample_taxels(rng, tuple(batch_shape), (pads, layout.rows, layout.cols), positions)
+
+    def sample_taxels(
+        self, rng: Any, batch_shape: tuple[int, ...], taxels: tuple[int, int, int], positions: TaxelLayout | None
+    ) -> Chain:
+        """`sample` for ``(pads, rows, cols)`` taxels, on a grid or at `positions`; ``torch.compile`` can trace it."""
+        ranges, taxels_shape = self.ranges, (*batch_shape, *taxels)
+        cx = _uniform(rng, batch_shape, ranges.convolution)
+        cy = _uniform(rng, batch_shape, ranges.convolution)
+        axes = (*batch_shape, taxels[0], 3) if self.axis_gain_per_pad else (*batch_shape, 3)
+        axis_gain = _uniform(rng, axes, ranges.axis_gain)
+        mean, spread = ranges.taxel_gain
+        deviation = math.sqrt(spread) if self.taxel_gain_is_variance else spread
+        taxel_gain = (mean + deviation * _normal(rng, taxels_shape)).clip(min=0)
+        kept = _uniform(rng, taxels_shape, (0.0, 1.0)) >= ranges.dropout
+        taxel_gain = taxel_gain * kept if self.dropout_of == "taxel" else taxel_gain * kept + ~kept
+        members: list[Transform] = []
+        if self.convolution:
+            members.append(Poisson(cx, cy, reach=self.reach, falloff=self.falloff, layout=positions))
+        if self.scaling:
+            members.append(PadAxisGain(axis_gain) if self.axis_gain_per_pad else AxisGain(axis_gain))
+            members.append(TaxelGain(taxel_gain))
+        return Chain(members)
+
+    def sample_surface(
+        self,
+        rng: Any,
+        batch_shape: tuple[int, ...] = (),
+        *,
+        layout: TaxelLayout = PAPER_LAYOUT,
+        pads: int = 2,
+        **fixed: Any,
+    ) -> NDArray[np.floating]:
+        """Draw G: the thickness of the taxel cubes, for ``paxisim.set_surface``.
+
+        Args:
+            rng: As for `sample`.
+            batch_shape: Leading dimensions, one surface a pad for each.
+            layout: The pads' taxels.
+            pads: Number of pads.
+            **fixed: Fields of `paxisim.GaussianBump` to set, e.g. ``h_max=1.2e-3``.
+
+        Returns:
+            ``(*batch, pads, rows, cols)`` m, in numpy, as the simulator wants it. Flat, at the mean of ``h_min`` and
+            ``h_max``, if geometry is switched off.
+        """
+        shape = (*batch_shape, pads, 2)
+        share, deviation = _uniform(rng, shape, (0.0, 1.0)), _uniform(rng, shape, self.ranges.deviation)
+        if not isinstance(rng, np.random.Generator):
+            share, deviation = share.cpu().numpy(), deviation.cpu().numpy()
+        center = np.asarray(share, dtype=np.float64) * [layout.cols, layout.rows]
+        model = GaussianBump(**{"center": (0.0, 0.0), **fixed})
+        if not self.geometry:
+            return np.full((*shape[:-1], layout.rows, layout.cols), (model.h_min + model.h_max) / 2)
+        center = np.broadcast_to(fixed.get("center", center), shape)
+        deviation = np.broadcast_to(fixed.get("deviation", np.asarray(deviation, dtype=np.float64)), shape)
+        return bump_heights(model, layout, center, deviation)
+
+
+def _uniform(rng: Any, shape: tuple[int, ...], bounds: tuple[float, float]) -> Any:
+    low, high = bounds
+    if isinstance(rng, np.random.Generator):
+        return np.asarray(low + (high - low) * rng.random(shape), dtype=np.float32)
+    torch, where = _torch(rng)
+    return low + (high - low) * torch.rand(shape, **where)
+
+
+def _normal(rng: Any, shape: tuple[int, ...]) -> Any:
+    if isinstance(rng, np.random.Generator):
+        return rng.standard_normal(shape, dtype=np.float32)
+    torch, where = _torch(rng)
+    return torch.randn(shape, **where)
+
+
+def _torch(rng: Any) -> tuple[Any, dict[str, Any]]:
+    if type(rng).__module__.split(".")[0] != "torch":
+        raise InvalidValueError(f"GCS: rng must be a numpy.random.Generator or a torch.Generator, got {rng!r}")
+    import torch
+
+    where = {"device": rng} if isinstance(rng, torch.device) else {"device": rng.device, "generator": rng}
+    return torch, {"dtype": torch.float32, **where}

@@ -1,0 +1,255 @@
+"""`GCS` and `Chain` as ``torch.nn.Module``, for augmenting on the device where the data is.
+
+Both work on float tensors ``(*batch, pads, 3, rows, cols)`` in newtons, on the input's device, without a wait for it.
+
+| | in training mode | in eval mode |
+|---|---|---|
+| ``per="sample"`` | each call draws parameters for each sample | what ``at_eval`` says |
+| ``per="episode"`` | parameters are kept until `resample` draws others | what ``at_eval`` says |
+
+Random numbers come from the default generator of the device, so that ``torch.manual_seed`` governs them. Kept
+parameters travel with the module: in its ``state_dict``, its copies and pickles, and by ``to(device)``.
+``torch.compile`` makes one graph of a call, but for layouts off the grid only with ``per="episode"``.
+
+Example:
+    ```python
+    augment = paxisim.augment.torch.GCS(layout=layout, per="episode")
+    while True:
+        augment.resample(done)  # (environments,) booleans
+        observation = augment(force)  # (environments, pads, 3, rows, cols)
+    ```
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from typing import Any, Literal
+
+from paxisim.augment import chain as chains
+from paxisim.augment import gcs as paper
+from paxisim.augment.parameter import parameters
+from paxisim.errors import InvalidValueError, MissingExtraError, UnknownNameError
+from paxisim.layout import TaxelLayout
+
+try:
+    import torch
+    from torch import Tensor, nn
+except ImportError as error:
+    raise MissingExtraError("torch", "torch", "paxisim.augment.torch") from error
+
+
+class Randomised(nn.Module):
+    """Base of the modules: a chain whose parameters are drawn anew for each sample, or kept for an episode."""
+
+    def __init__(self, per: Literal["sample", "episode"], at_eval: Literal["identity", "fixed"]) -> None:
+        """See the subclasses.
+
+        Raises:
+            InvalidValueError: `per` or `at_eval` is not one of its choices.
+        """
+        super().__init__()
+        if per not in ("sample", "episode"):
+            raise InvalidValueError(f"{type(self).__name__}: per must be 'sample' or 'episode', got {per!r}")
+        if at_eval not in ("identity", "fixed"):
+            raise InvalidValueError(f"{type(self).__name__}: at_eval must be 'identity' or 'fixed', got {at_eval!r}")
+        self.per, self.at_eval = per, at_eval
+        self._kept: chains.Chain | None = None
+
+    def draw(self, batch_shape: tuple[int, ...], device: torch.device) -> chains.Chain:
+        """A chain with parameters for each of a batch, on `device`; keeps nothing."""
+        raise NotImplementedError
+
+    def _is_drawn(self, name: str) -> bool:
+        return True
+
+    @property
+    def kept(self) -> chains.Chain | None:
+        """The chain whose parameters are kept, if any."""
+        return self._kept
+
+    def resample(self, mask: Tensor | None = None) -> None:
+        """Draw other parameters to keep, as at the start of an episode.
+
+        Args:
+            mask: Booleans of the batch's shape: only these environments get new ones. Default: all, for the batch of
+                the next call.
+        """
+        if mask is None:
+            self._kept = None
+        elif self._kept is None:
+            self._kept = self.draw(tuple(mask.shape), mask.device)
+        else:
+            old = _tensors(self._kept)
+            device = next(iter(old.values())).device if old else mask.device
+            mask, new = mask.to(device), _tensors(self.draw(tuple(mask.shape), device))
+            chosen = {name: _choose(mask, new[name], old[name]) for name in new if self._is_drawn(name)}
+            self._kept = _with_tensors(self._kept, chosen)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Transform ``(*batch, pads, 3, rows, cols)`` newtons; the same shape, dtype and device.
+
+        Raises:
+            InvalidValueError: As a call of the chain.
+        """
+        if not self.training and self.at_eval == "identity":
+            return x
+        if self.per == "sample" and self.training:
+            return self.draw(tuple(x.shape[:-4]), x.device)(x)
+        return self._fixed(x)(x)
+
+    def _fixed(self, x: Tensor) -> chains.Chain:
+        if self._kept is None:
+            self._kept = self.draw(tuple(x.shape[:-4]), x.device)
+        return self._kept
+
+    def get_extra_state(self) -> dict[str, Tensor]:
+        """The kept parameters, for ``state_dict``: tensors by "member.parameter"."""
+        return {} if self._kept is None else _tensors(self._kept)
+
+    def set_extra_state(self, state: dict[str, Tensor]) -> None:
+        """Take over what `get_extra_state` gave."""
+        self._kept = _with_tensors(self.draw((), torch.device("cpu")), state) if state else None
+
+    def _apply(self, fn: Callable[[Tensor], Tensor], recurse: bool = True) -> Any:
+        if self._kept is not None:
+            self._kept = _with_tensors(self._kept, {name: fn(value) for name, value in _tensors(self._kept).items()})
+        return super()._apply(fn, recurse)
+
+
+class GCS(Randomised):
+    """The C and S of the paper's GCS (`paxisim.augment.gcs.GCS`), drawn for each sample or episode.
+
+    Attributes:
+        gcs: What to draw.
+        layout: The pads' taxels.
+        pads: Number of pads.
+    """
+
+    def __init__(
+        self,
+        gcs: paper.GCS | None = None,
+        *,
+        layout: TaxelLayout = paper.PAPER_LAYOUT,
+        pads: int = 2,
+        per: Literal["sample", "episode"] = "sample",
+        at_eval: Literal["identity", "fixed"] = "identity",
+    ) -> None:
+        """Build the module.
+
+        Args:
+            gcs: What to draw; default: the paper's.
+            layout: The pads' taxels.
+            pads: Number of pads.
+            per: See the module's text.
+            at_eval: In eval mode leave the input as it is, or apply the kept parameters.
+        """
+        super().__init__(per, at_eval)
+        self.gcs = paper.GCS() if gcs is None else gcs
+        self.layout, self.pads = layout, pads
+        self._taxels = (pads, layout.rows, layout.cols)
+        self._positions = None if layout.is_grid else layout
+
+    def draw(self, batch_shape: tuple[int, ...], device: torch.device) -> chains.Chain:
+        """See `Randomised.draw`."""
+        return self.gcs.sample_taxels(device, batch_shape, self._taxels, self._positions)
+
+
+class Chain(Randomised):
+    """A chain, of which some parameters are drawn for each sample or episode; the others stay as they are.
+
+    Attributes:
+        chain: The chain, without memory, as it is applied in eval mode.
+        intervals: Bounds of the uniform distributions by "member.parameter".
+    """
+
+    def __init__(
+        self,
+        chain: chains.Chain,
+        intervals: Mapping[str, tuple[float, float]] | None = None,
+        *,
+        per: Literal["sample", "episode"] = "sample",
+        at_eval: Literal["identity", "fixed"] = "fixed",
+    ) -> None:
+        """Build the module.
+
+        Args:
+            chain: Transforms without memory.
+            intervals: Bounds of what is drawn, e.g. ``{"poisson.cx": (0.1, 0.3)}``. A drawn parameter keeps the shape
+                of its core, and gets the batch in front. Default: nothing is drawn.
+            per: See the module's text.
+            at_eval: In eval mode leave the input as it is, or apply `chain` as it is.
+
+        Raises:
+            InvalidValueError: The chain has memory, or bounds are not in order.
+            UnknownNameError: There is no such member or parameter.
+        """
+        super().__init__(per, at_eval)
+        if chain.has_memory:
+            raise InvalidValueError("Chain: a module has no memory: use the step(...) or run(...) of the chain itself")
+        self.intervals = dict(intervals or {})
+        for name, (low, high) in self.intervals.items():
+            member, _, parameter = name.partition(".")
+            if parameter not in parameters(chain[member]):
+                raise UnknownNameError(f"parameter of {member}", parameter, parameters(chain[member]))
+            if not low <= high:
+                raise InvalidValueError(f"Chain: the bounds of {name} must be in order, got {(low, high)}")
+        values = {n: torch.as_tensor(v, dtype=torch.float32) for n, v in _values(chain).items()}
+        self.chain = _with_tensors(chain, values)
+
+    def draw(self, batch_shape: tuple[int, ...], device: torch.device) -> chains.Chain:
+        """See `Randomised.draw`."""
+        drawn = {}
+        for name, (low, high) in self.intervals.items():
+            member, _, parameter = name.partition(".")
+            core = len(parameters(self.chain[member])[parameter].core)
+            value = getattr(self.chain[member], parameter)
+            shape = (*batch_shape, *value.shape[value.ndim - core :])
+            drawn[name] = low + (high - low) * torch.rand(shape, device=device)
+        return _with_tensors(self.chain, drawn) if drawn else self.chain
+
+    def _is_drawn(self, name: str) -> bool:
+        return name in self.intervals
+
+    def _fixed(self, x: Tensor) -> chains.Chain:
+        return super()._fixed(x) if self.training else self.chain
+
+    def _apply(self, fn: Callable[[Tensor], Tensor], recurse: bool = True) -> Any:
+        self.chain = _with_tensors(self.chain, {name: fn(value) for name, value in _tensors(self.chain).items()})
+        return super()._apply(fn, recurse)
+
+    def get_extra_state(self) -> dict[str, Any]:
+        """The chain's parameters and the kept ones, for ``state_dict``."""
+        return {"chain": _tensors(self.chain), "kept": super().get_extra_state()}
+
+    def set_extra_state(self, state: dict[str, Any]) -> None:
+        """Take over what `get_extra_state` gave."""
+        self.chain = _with_tensors(self.chain, state["chain"])
+        super().set_extra_state(state["kept"])
+
+
+def _values(chain: chains.Chain) -> dict[str, Any]:
+    """Parameters by "member.parameter"."""
+    pairs = zip(chain.names, chain.members, strict=True)
+    return {f"{name}.{p}": getattr(member, p) for name, member in pairs for p in parameters(member)}
+
+
+def _tensors(chain: chains.Chain) -> dict[str, Tensor]:
+    return {name: value for name, value in _values(chain).items() if isinstance(value, Tensor)}
+
+
+def _with_tensors(chain: chains.Chain, tensors: Mapping[str, Any]) -> chains.Chain:
+    by_member: dict[str, dict[str, Any]] = {}
+    for name, value in tensors.items():
+        member, _, parameter = name.partition(".")
+        by_member.setdefault(member, {})[parameter] = value
+    return chain.replace(**{name: dataclasses.replace(chain[name], **new) for name, new in by_member.items()})
+
+
+def _choose(mask: Tensor, new: Tensor, old: Tensor) -> Tensor:
+    if new.shape != old.shape:
+        raise InvalidValueError(
+            f"expected a mask of the batch's shape: parameters are kept for {tuple(old.shape)}, and it draws "
+            f"{tuple(new.shape)}"
+        )
+    return torch.where(mask.reshape(*mask.shape, *[1] * (old.ndim - mask.ndim)), new, old)

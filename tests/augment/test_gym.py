@@ -1,0 +1,194 @@
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from paxisim.augment.chain import Chain
+from paxisim.augment.gains import AxisGain
+from paxisim.augment.gcs import GCS
+from paxisim.augment.low_pass import LowPass
+from paxisim.augment.transform import Transform
+from paxisim.errors import InvalidValueError, UnknownNameError
+from paxisim.layout import TaxelLayout
+
+gymnasium = pytest.importorskip("gymnasium")
+TactileTransform = pytest.importorskip("paxisim.augment.gym").TactileTransform
+SHAPE = (2, 3, 6, 5)
+
+
+class Touch(gymnasium.Env):
+    """Feels i + 1 newtons in its i-th frame; of a Dict also says how far its fingers are open."""
+
+    def __init__(self, as_dict=True, dtype=np.float32, shape=SHAPE, gives=None):
+        box = gymnasium.spaces.Box(0, 10, shape, dtype)
+        self.gives = gives or dtype
+        self.as_dict = as_dict
+        self.observation_space = box
+        if as_dict:
+            opening = gymnasium.spaces.Box(0, 1, (), np.float32)
+            self.observation_space = gymnasium.spaces.Dict({"touch": box, "opening": opening})
+        self.action_space = gymnasium.spaces.Discrete(2)
+
+    def observe(self):
+        force = np.full(self.observation_space["touch"].shape if self.as_dict else SHAPE, self.i + 1, self.gives)
+        return {"touch": force, "opening": np.array(0.1 * self.i, np.float32)} if self.as_dict else force
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        self.i = 0
+        return self.observe(), {"temperature": 20.0}
+
+    def step(self, action):
+        self.i += 1
+        return self.observe(), 0.5, self.i == 5, False, {"temperature": 20.0 + self.i}
+
+
+def touch(result):
+    return result[0]["touch"]
+
+
+def test_a_box():
+    env = TactileTransform(Touch(as_dict=False), AxisGain((2.0, 1.0, 0.5)))
+    observation, info = env.reset(seed=0)
+    assert info == {"temperature": 20.0}
+    np.testing.assert_array_equal(observation, np.broadcast_to(np.array([2, 1, 0.5])[:, None, None], SHAPE))
+    assert env.observation_space == gymnasium.spaces.Box(-np.inf, np.inf, SHAPE, np.float32)
+    assert observation in env.observation_space
+    observation, reward, terminated, truncated, _ = env.step(0)
+    np.testing.assert_array_equal(observation[0, :, 0, 0], [4, 2, 1])
+    assert (reward, terminated, truncated) == (0.5, False, False)
+
+
+def test_an_entry_of_a_dict_leaves_the_others():
+    inner = Touch()
+    env = TactileTransform(inner, GCS(), key="touch")
+    observation, _ = env.reset(seed=0)
+    assert observation in env.observation_space
+    assert env.observation_space["opening"] == inner.observation_space["opening"]
+    assert inner.observation_space["touch"].high.max() == 10, "the inner space is as it was"
+    assert observation["opening"] == 0
+    assert observation["touch"].dtype == np.float32
+
+
+@pytest.mark.filterwarnings(
+    "ignore:.*is different from the unwrapped version", "ignore:.*infinity. This is probably too"
+)
+def test_gymnasium_finds_nothing_to_complain_of():
+    from gymnasium.utils.env_checker import check_env
+
+    for env in (Touch(), TactileTransform(Touch(), GCS(), key="touch")):
+        check_env(env, skip_render_check=True)
+
+
+def test_parameters_are_drawn_at_each_reset_and_kept_for_the_episode():
+    env = TactileTransform(Touch(), GCS(), key="touch")
+    first = touch(env.reset(seed=0))
+    chain = env.transform
+    assert isinstance(chain, Chain)
+    np.testing.assert_allclose(touch(env.step(0)), 2 * first, rtol=1e-6)
+    assert env.transform is chain
+    second = touch(env.reset())
+    assert not np.allclose(first, second)
+
+
+def test_the_seed_of_a_reset_reproduces_all_that_follows():
+    def run(env, seed):
+        return [touch(env.reset(seed=seed)), touch(env.step(0)), touch(env.reset()), touch(env.step(0))]
+
+    a, b = (TactileTransform(Touch(), GCS(), key="touch", seed=i) for i in range(2))
+    np.testing.assert_array_equal(run(a, 7), run(b, 7))
+    assert not np.allclose(run(a, 8), run(b, 7))
+    c, d = (TactileTransform(Touch(), GCS(), key="touch", seed=3) for _ in range(2))
+    np.testing.assert_array_equal(run(c, None), run(d, None))
+
+
+def test_a_function_draws():
+    env = TactileTransform(Touch(), lambda rng: AxisGain(rng.uniform(0.5, 1.5, 3)), key="touch", seed=0)
+    assert not np.allclose(touch(env.reset()), touch(env.reset()))
+
+
+def test_memory_is_stepped_with_the_environment():
+    env = TactileTransform(Touch(), Chain([AxisGain(), LowPass(0.1)]), key="touch", dt=0.05)
+    felt = [touch(env.reset()), *(touch(env.step(0)) for _ in range(4))]
+    raw = np.stack([np.full(SHAPE, i + 1, np.float32) for i in range(5)])
+    np.testing.assert_allclose(np.stack(felt), LowPass(0.1).run(raw, 0.05 * np.arange(5)), rtol=1e-6)
+    np.testing.assert_allclose(touch(env.reset()), 1, err_msg="an episode forgets the one before")
+
+
+def test_covariates_come_from_the_observation_or_info():
+    from dataclasses import dataclass
+
+    @dataclass(frozen=True, eq=False)
+    class Warm(Transform):
+        covariate: str = "temperature"
+
+        def apply(self, x, covariates):
+            return x + self.covariate_of(covariates, x)
+
+        def covariate_of(self, covariates, x):
+            return np.asarray(covariates[self.covariate], dtype=x.dtype)
+
+    env = TactileTransform(Touch(), Warm(), key="touch")
+    np.testing.assert_allclose(touch(env.reset()), 21)
+    np.testing.assert_allclose(touch(env.step(0)), 23)
+    env = TactileTransform(Touch(), Warm(), key="touch", covariates={"temperature": "opening"})
+    env.reset()
+    np.testing.assert_allclose(touch(env.step(0)), 2.1)
+    env = TactileTransform(Touch(), Warm("heat"), key="touch")
+    with pytest.raises(UnknownNameError, match="'heat'"):
+        env.reset()
+
+
+def test_float64_observations_of_a_float32_space():
+    env = TactileTransform(Touch(gives=np.float64), AxisGain(), key="touch")
+    assert touch(env.reset()).dtype == np.float32
+
+
+def test_stable_baselines_takes_it():
+    pytest.importorskip("stable_baselines3")
+    from stable_baselines3.common.vec_env import DummyVecEnv
+
+    vec = DummyVecEnv([lambda: TactileTransform(Touch(), GCS(), key="touch") for _ in range(2)])
+    vec.seed(0)
+    observation = vec.reset()
+    assert observation["touch"].shape == (2, *SHAPE)
+    assert not np.allclose(observation["touch"][0], observation["touch"][1])
+
+
+@pytest.mark.parametrize(
+    ("env", "options", "match"),
+    [
+        (Touch(), {}, "name its entry with key="),
+        (Touch(as_dict=False), {"key": "touch"}, "needs a Dict"),
+        (Touch(), {"key": "opening"}, r"float Box of shape \(pads, 3, rows, cols\)"),
+        (Touch(dtype=np.uint8), {"key": "touch"}, "float Box"),
+        (Touch(shape=(3, 6, 5)), {"key": "touch"}, r"\(pads, 3, rows, cols\)"),
+        (Touch(), {"key": "touch", "dt": 0.0}, "dt must be positive"),
+        (Touch(), {"key": "touch", "layout": TaxelLayout(2, 2, 1e-3)}, "layout has 2x2 taxels, the observation 6x5"),
+    ],
+)
+def test_bad_arguments(env, options, match):
+    with pytest.raises(InvalidValueError, match=match):
+        TactileTransform(env, GCS(), **options)
+
+
+def test_more_bad_arguments():
+    with pytest.raises(UnknownNameError, match="did you mean 'touch'"):
+        TactileTransform(Touch(), GCS(), key="tuch")
+    with pytest.raises(InvalidValueError, match="LowPass has memory and needs dt"):
+        TactileTransform(Touch(), LowPass(0.1), key="touch")
+
+
+def test_without_gymnasium_the_error_names_the_extra():
+    code = """
+import sys
+sys.modules["gymnasium"] = None
+from paxisim.errors import MissingExtraError
+try:
+    import paxisim.augment.gym
+except MissingExtraError as error:
+    print(error)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    assert "pip install 'paxisim[train]'" in done.stdout
