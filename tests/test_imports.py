@@ -17,6 +17,7 @@ HEAVY = OPTIONAL | {"mujoco", "numpy", "scipy", "lxml", "tyro"}
 
 # imports run one way, towards the lower number; parts with the same number do not import one another
 LEVELS = {
+    "_lazy": 0,
     "errors": 0,
     "layout": 0,
     "bump": 1,
