@@ -64,11 +64,38 @@ class TactileReadout:
         Raises:
             InvalidValueError: `out` has another shape or dtype.
         """
-        return self._deliver(self.read_exact(data), out)
+        force = self.read_exact(data)
+        return force.astype(np.float32) if out is None else self._write(force, out)
 
     def read_exact(self, data: mujoco.MjData) -> NDArray[np.floating]:
         """As `read`, in float64."""
-        return self._in_pad_frames(self._taxel_forces(data), data)
+        # called between milliseconds of physics it runs with cold caches, where each call made here counts
+        contacts = data.contact
+        dim, address = contacts.dim, contacts.efc_address
+        count = len(dim)
+        if count == 0:
+            return np.zeros(self._shape)
+        start = int(address[0])
+        if (
+            start >= 0
+            and int(address[-1]) - start == 3 * (count - 1)
+            and dim.tobytes() == _THREE * count
+            # with a pyramidal cone such contacts have four constraints each, which shows unless there is but one
+            and (count > 1 or self._model.opt.cone == _ELLIPTIC)
+        ):
+            # the usual case, three constraints each in the order of the contacts: nothing to gather
+            force = data.efc_force[start : start + 3 * count].reshape(count, 1, 3)
+        else:
+            force = self._contact_forces(data, contacts)[:, None]
+        # the rows of a contact's frame are its normal, from the first geom to the second, and its tangents
+        world = np.matmul(force, contacts.frame.reshape(count, 3, 3)).reshape(-1)
+        # it pushes the second geom along and the first one back; a contact between two taxels counts for both
+        geoms = contacts.geom
+        sums = np.bincount(self._bins.take(geoms[:, 1], axis=0).reshape(-1), world, self._all_bins)
+        sums = sums - np.bincount(self._bins.take(geoms[:, 0], axis=0).reshape(-1), world, self._all_bins)
+        to_pad = data.xmat.take(self._pads.bodies, axis=0).reshape(-1, 3, 3)
+        per_taxel = sums[:-3].view(np.float64).reshape(len(to_pad), -1, 3)  # a view: bincount's type says int
+        return np.matmul(per_taxel, to_pad).transpose(0, 2, 1).reshape(self._shape)
 
     def accumulate(self, data: mujoco.MjData) -> None:
         """Add the forces of this substep to the mean; call once after each ``mj_step``."""
@@ -89,7 +116,8 @@ class TactileReadout:
         """
         if self._count == 0:
             raise InvalidValueError("no substep to take the mean of: call accumulate(data) after each mj_step")
-        result = self._deliver(self._sum / self._count, out)
+        force = self._sum / self._count
+        result = force.astype(np.float32) if out is None else self._write(force, out)
         self.reset()
         return result
 
@@ -98,35 +126,18 @@ class TactileReadout:
         self._sum[...] = 0
         self._count = 0
 
-    def _deliver(self, force: NDArray[np.floating], out: NDArray[np.float32] | None) -> NDArray[np.float32]:
-        if out is None:
-            return force.astype(np.float32)
+    def _write(self, force: NDArray[np.floating], out: NDArray[np.float32]) -> NDArray[np.float32]:
         if out.shape != self._shape or out.dtype != np.float32:
             raise InvalidValueError(f"out must be float32 of shape {self._shape}, got {out.dtype} of shape {out.shape}")
         out[...] = force
         return out
 
-    def _taxel_forces(self, data: mujoco.MjData) -> NDArray[np.floating]:
-        """``(pads, N, 3)`` forces on the taxels in the world frame."""
-        if data.ncon == 0 or data.nefc == 0:
-            return np.zeros((*self._pads.geoms.shape, 3))
-        contacts = data.contact
-        # the rows of a contact's frame are its normal, from the first geom to the second, and its tangents
-        frames = contacts.frame.reshape(-1, 3, 3)
-        force = np.matmul(self._contact_forces(data, contacts)[:, None], frames).reshape(-1)
-        # it pushes the second geom along and the first one back; a contact between two taxels counts for both
-        first, second = (self._bins.take(geoms, axis=0).reshape(-1) for geoms in contacts.geom.T)
-        sums = np.bincount(second, force, self._all_bins) - np.bincount(first, force, self._all_bins)
-        return sums[:-3].view(np.float64).reshape(*self._pads.geoms.shape, 3)  # a view: bincount's type says int
-
     def _contact_forces(self, data: mujoco.MjData, contacts) -> NDArray[np.floating]:
         """``(contacts, 3)`` forces in the contact frames: normal, tangent, tangent."""
         dim, address = contacts.dim, contacts.efc_address
+        if data.nefc == 0:
+            return np.zeros((len(dim), 3))
         if self._model.opt.cone == _ELLIPTIC:
-            first, last, count = int(address[0]), int(address[-1]), len(dim)
-            if first >= 0 and last - first == 3 * (count - 1) and dim.tobytes() == _THREE * count:
-                # the usual case, three rows each in the order of the contacts: nothing to gather
-                return data.efc_force[first : last + 3].reshape(count, 3)
             # of the rows that a contact lacks, those beyond the last constraint are clipped, all become 0
             force = data.efc_force.take(address[:, None] + np.arange(3), mode="clip")
             force[dim < 3, 1:] = 0
@@ -140,7 +151,3 @@ class TactileReadout:
         tangents = (edges[:, 0:4:2] - edges[:, 1:4:2]) * contacts.friction[:, :2]
         tangents[dim == 1] = 0
         return np.column_stack([edges.sum(axis=1), tangents])
-
-    def _in_pad_frames(self, world: NDArray[np.floating], data: mujoco.MjData) -> NDArray[np.floating]:
-        to_pad = data.xmat.take(self._pads.bodies, axis=0).reshape(-1, 3, 3)
-        return (world @ to_pad).transpose(0, 2, 1).reshape(self._shape)
