@@ -84,4 +84,4 @@ _HOMES = {
     "paxisim.viz.view": ("view",),
 }
 __getattr__, __dir__, __all__ = lazy(__name__, _HOMES, ("augment",))
-__all__ += ["__version__"]
+__all__ += ["__version__", "augment"]

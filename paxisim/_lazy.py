@@ -16,10 +16,10 @@ def lazy(
     Args:
         package: The package's ``__name__``.
         homes: The public names by the module that defines them.
-        modules: Names of subpackages that are public themselves.
+        modules: Names of submodules that are there to be used, but not by ``import *``.
     """
     home_of = {name: module for module, names in homes.items() for name in names}
-    names = sorted([*home_of, *modules])
+    names = sorted(home_of)
 
     def get(name: str) -> Any:
         if name in modules:
@@ -30,4 +30,4 @@ def lazy(
         setattr(sys.modules[package], name, value)
         return value
 
-    return get, lambda: sorted({*vars(sys.modules[package]), *names}), names
+    return get, lambda: sorted({*vars(sys.modules[package]), *names, *modules}), names

@@ -76,6 +76,7 @@ AUGMENT = [
     "Memory",
     "NoTactile",
     "Offset",
+    "PadAxisGain",
     "Parameter",
     "Poisson",
     "Quantisation",

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from paxisim.augment.encodings import encoding as encoding
     from paxisim.augment.firmware import Firmware as Firmware
     from paxisim.augment.gains import AxisGain as AxisGain
+    from paxisim.augment.gains import PadAxisGain as PadAxisGain
     from paxisim.augment.gains import TaxelGain as TaxelGain
     from paxisim.augment.gcs import GCS as GCS
     from paxisim.augment.gcs import Ranges as Ranges
@@ -77,6 +78,7 @@ _HOMES = {
     "paxisim.augment.firmware": ("Firmware",),
     "paxisim.augment.gains": (
         "AxisGain",
+        "PadAxisGain",
         "TaxelGain",
     ),
     "paxisim.augment.gcs": (
@@ -111,4 +113,4 @@ _HOMES = {
         "Transform",
     ),
 }
-__getattr__, __dir__, __all__ = lazy(__name__, _HOMES)
+__getattr__, __dir__, __all__ = lazy(__name__, _HOMES, ("gym", "torch"))

@@ -2,7 +2,8 @@
 
 Shape convention: a parameter has leading batch dimensions, which broadcast against those of the tensor, followed by
 its own core dimensions, some of pads, axis, rows, cols in this order. A gain per axis has core "k" and so shape
-``(..., 3)``; a scalar parameter for each of 4096 environments has shape ``(4096,)``.
+``(..., 3)``; a scalar parameter for each of 4096 environments has shape ``(4096,)``. A plain number serves all of
+them.
 """
 
 from __future__ import annotations

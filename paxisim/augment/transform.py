@@ -22,7 +22,17 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from paxisim.augment.parameter import Parameter, as_like, check, is_floating, is_torch, lift, namespace, parameters
+from paxisim.augment.parameter import (
+    AXES,
+    Parameter,
+    as_like,
+    check,
+    is_floating,
+    is_torch,
+    lift,
+    namespace,
+    parameters,
+)
 from paxisim.errors import InvalidValueError
 
 State = tuple[Any, ...]
@@ -49,6 +59,11 @@ class Transform:
     def __post_init__(self) -> None:
         """Check every parameter."""
         for name, about in parameters(self).items():
+            value = getattr(self, name)
+            if isinstance(value, (int, float)) and about.core and set(about.core) <= set(AXES):
+                for _ in about.core:  # one number for all pads, axes and taxels
+                    value = (value,)
+                object.__setattr__(self, name, value)
             check(type(self).__name__, name, getattr(self, name), about)
 
     @property

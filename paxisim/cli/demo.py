@@ -17,7 +17,7 @@ PEG = """
     <site name="hand" pos="0 0 0.2"/>
     <body name="peg" pos="0 0 0.125">
       <freejoint/>
-      <geom name="peg" type="box" size="0.012 0.007 0.03" mass="0.06" rgba="0.8 0.65 0.4 1"/>
+      <geom name="peg" type="box" size="0.012 0.009 0.03" mass="0.06" rgba="0.8 0.65 0.4 1"/>
     </body>
   </worldbody>
 </mujoco>
