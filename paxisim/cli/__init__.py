@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import io
+import os
 import shutil
 import sys
 import textwrap
@@ -36,6 +37,10 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         verb = _parse(arguments)
         verb()
+        sys.stdout.flush()
+    except BrokenPipeError:  # who reads the output has seen enough, as `head` does
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
     except (PaxisimError, OSError) as error:
         return _complain(str(error))
     except KeyboardInterrupt:

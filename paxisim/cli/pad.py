@@ -13,8 +13,8 @@ from paxisim.cli.taxels import Taxels
 
 def pad(
     taxels: tyro.conf.OmitArgPrefixes[Taxels],
-    output: Annotated[Path, tyro.conf.arg(aliases=["-o"])],
     *,
+    output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"], metavar="PATH")] = None,
     name: str = "pad",
     thickness_mm: float = 1.0,
     sensors: Literal["none", "contact", "touch_grid"] = "none",
@@ -30,7 +30,7 @@ def pad(
 
     Args:
         taxels: Which taxels.
-        output: The MJCF file to write.
+        output: The MJCF file to write; default: standard output.
         name: Name of the pad, the first part of every name in the file.
         thickness_mm: Thickness of the taxel cubes in mm.
         sensors: MuJoCo sensors to embed; paxisim's own reader needs none.
@@ -38,7 +38,8 @@ def pad(
     """
     from paxisim.models.pad import Pad
 
-    check_output(output, force)
+    if output is not None:
+        check_output(output, force)
     built = Pad(
         taxels.layout(),
         name=name,
@@ -46,6 +47,9 @@ def pad(
         mass=taxels.mass,
         sensors=None if sensors == "none" else sensors,
     )
+    if output is None:
+        print(built.to_xml(), end="")
+        return
     write_output(output, built.to_xml(), force)
     height, width = (1e3 * length for length in built.layout.size)
     print(f"{output}: {built.layout.rows}x{built.layout.cols} taxels on {height:.4g} x {width:.4g} mm")

@@ -44,6 +44,14 @@ def test_pad_from_a_product_pooled():
     assert paxisim.find_pads(model).layout == paxisim.sensor("paxini-gen1-l4629").layout.pool(2, 2)
 
 
+def test_pad_without_an_output_is_printed(capsys, folder):
+    before = sorted(folder.iterdir())
+    assert main(["pad", "--sensor", "paxini-gen1-l4629", "--pool", "2"]) == 0
+    model = mujoco.MjModel.from_xml_string(capsys.readouterr().out)
+    assert paxisim.find_pads(model).shape == (1, 3, 6, 5)
+    assert sorted(folder.iterdir()) == before
+
+
 def test_attach_with_mounts_writes_a_model_that_gives_its_pads_back(capsys):
     assert main(["attach", "gripper.xml", *GRID, "--mount", MOUNTS[0], "--mount", MOUNTS[1], "-o", "out.xml"]) == 0
     pads = paxisim.find_pads(mujoco.MjModel.from_xml_path("out.xml"))
@@ -116,7 +124,7 @@ def test_overwriting_is_asked_for():
         (["pad", "--sensor", "paxini-gen1-14629", "-o", "a.xml"], "did you mean 'paxini-gen1-l4629'"),
         (["pad", *GRID, "-o", "no/such/folder/a.xml"], "folder does not exist"),
         (["pad", *GRID, "-o", "."], "is a folder"),
-        (["pad", *GRID], "--output"),
+        (["attach", "gripper.xml", *GRID], "--output"),
         (["attach", "missing.xml", *GRID, "-o", "a.xml"], "no such model file: missing.xml"),
         (["attach", "broken.xml", *GRID, "-o", "a.xml"], "MuJoCo cannot parse broken.xml"),
         (["attach", "gripper.xml", *GRID, "--mount", "left_fingr", "-o", "a.xml"], "did you mean 'left_finger'"),
@@ -153,6 +161,16 @@ def test_the_installed_command_reports_in_the_shell():
     )
     assert done.returncode == 2
     assert done.stderr == "paxisim: error: the output path must be a file, / is a folder\n"
+
+
+def test_a_reader_that_has_seen_enough_is_no_error():
+    many = [sys.executable, "-m", "paxisim.cli", "pad", "--rows", "60", "--cols", "60", "--pitch-mm", "1"]
+    writer = subprocess.Popen(many, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    writer.stdout.readline()
+    writer.stdout.close()
+    assert writer.stderr.read() == b""
+    assert writer.wait() == 0
+    writer.stderr.close()
 
 
 @pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write anywhere")
