@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from examples import EXAMPLES, FRAME
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from examples import EXAMPLES, FRAME
 from paxisim.augment.chain import Chain, _known_transforms
 from paxisim.augment.parameter import parameters
 from paxisim.augment.transform import STAGES, Memory, Transform
