@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import tyro
 
 from paxisim.cli.mounts import format_mount, parse_mount
-from paxisim.cli.output import check_output, png, write_output
+from paxisim.cli.output import check_output, png, progress, write_output
 from paxisim.cli.taxels import Taxels
 
 
@@ -54,6 +54,7 @@ def attach(
         mass=taxels.mass,
         sensors=None if sensors == "none" else sensors,
     )
+    progress("attaching" if mount else "closing the gripper to see where its fingers meet")
     tactile = paxisim.attach(gripper, pad, [parse_mount(text) for text in mount] or None)
     write_output(output, tactile.to_xml(output.absolute().parent), force)
     if tactile.report:
@@ -64,6 +65,7 @@ def attach(
         print()
     pads = len(tactile.pad_names)
     print(f"{output}: {pads} pad{'s' * (pads > 1)} of {pad.layout.rows}x{pad.layout.cols} taxels")
+    progress("drawing")
     try:
         drawn = paxisim.plot_mounts(tactile)
     except paxisim.MissingExtraError as error:

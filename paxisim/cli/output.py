@@ -4,10 +4,17 @@ from __future__ import annotations
 
 import io
 import os
+import sys
 import tempfile
 from pathlib import Path
 
 from paxisim.errors import InvalidValueError, OutputExistsError
+
+
+def progress(what: str) -> None:
+    """Say on a terminal what is going on; in a pipe or a log nothing."""
+    if sys.stderr.isatty():
+        print(f"{what} ...", file=sys.stderr, flush=True)
 
 
 def check_output(path: Path, force: bool) -> None:
