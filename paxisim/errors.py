@@ -60,3 +60,23 @@ class OutputExistsError(PaxisimError, FileExistsError):
 
 class UnsupportedError(PaxisimError, RuntimeError):
     """The request is sound but cannot be met here: a version, a geometry or a missing display."""
+
+
+class DeviceError(PaxisimError, OSError):
+    """A sensor, or the line to it, does not do what it should."""
+
+
+class DeviceTimeoutError(DeviceError, TimeoutError):
+    """No answer, or no frame, within the time allowed."""
+
+
+class PortNotFoundError(DeviceError, FileNotFoundError):
+    """There is no such port, or it went away."""
+
+
+class PortAccessError(DeviceError, PermissionError):
+    """The port is there but may not be opened: no permission, or another program has it."""
+
+
+class ProtocolError(DeviceError):
+    """Bytes arrive, but they are not what this profile's board sends."""

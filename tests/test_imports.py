@@ -12,8 +12,8 @@ import paxisim
 
 PACKAGE = Path(paxisim.__file__).parent
 # what is heavy or optional; what a name needs is imported when that name is first used
-OPTIONAL = {"torch", "serial", "matplotlib", "trimesh", "robosuite"}
-HEAVY = OPTIONAL | {"mujoco", "numpy", "scipy", "lxml", "tyro"}
+OPTIONAL = {"torch", "serial", "matplotlib", "trimesh", "robosuite", "pyarrow", "rerun", "paxini_sdk"}
+HEAVY = OPTIONAL | {"mujoco", "numpy", "scipy", "lxml", "tyro", "mcap", "orjson"}
 
 # imports run one way, towards the lower number; parts with the same number do not import one another
 LEVELS = {
@@ -22,7 +22,8 @@ LEVELS = {
     "layout": 0,
     "bump": 1,
     "sensors": 1,
-    "recording": 1,
+    "logs": 1,
+    "recording": 1.5,
     "models": 2,
     "augment": 2,
     "reference": 2,

@@ -1,0 +1,82 @@
+"""What the driver needs of a board, whatever its family."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from paxisim.hw.clock import Clock
+from paxisim.hw.profile import Profile
+from paxisim.hw.transport import Transport
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """One reading of all pads, as it came.
+
+    Attributes:
+        counts: ``(pads, N, 3)`` int16, x y z of each taxel in the order and with the signs of the wire.
+        resultant: ``(pads, 3)`` int16 counts, the total that the board itself reports; None where it reports none.
+        status: One error byte a pad; 0 is good.
+        time: When its last byte arrived (s, the host's monotonic clock).
+    """
+
+    counts: NDArray[np.int16]
+    resultant: NDArray[np.int16] | None
+    status: tuple[int, ...]
+    time: float
+
+
+class Board(ABC):
+    """The conversation with one board on one port, one request at a time. Not safe for several threads."""
+
+    def __init__(self, transport: Transport, profile: Profile, clock: Clock) -> None:
+        """Remember; no I/O."""
+        self.transport, self.profile, self.clock = transport, profile, clock
+
+    @abstractmethod
+    def start(self) -> None:
+        """Bring the board to where it can be read, and check that it is the one the profile describes.
+
+        Raises:
+            DeviceTimeoutError: It does not answer.
+            ProtocolError: It answers in another family's language, or reports another number of taxels.
+        """
+
+    @abstractmethod
+    def read(self, timeout: float) -> Reading:
+        """The next reading of all pads of the profile.
+
+        Raises:
+            DeviceTimeoutError: None came whole within `timeout` seconds.
+            PortNotFoundError: The port went away.
+        """
+
+    @abstractmethod
+    def zero(self) -> None:
+        """Take what the pads read now as zero.
+
+        Raises:
+            UnsupportedError: This board cannot.
+            DeviceTimeoutError: It does not answer.
+        """
+
+    @abstractmethod
+    def version(self) -> str:
+        """What the board says of itself; empty where its protocol has no such request."""
+
+    def stop(self) -> None:
+        """Leave the board as it was found, where it streams. Does not close the transport."""
+
+    @property
+    def bad_checksums(self) -> int:
+        """Frames thrown away because their check byte did not fit."""
+        return 0
+
+    @property
+    def skipped(self) -> int:
+        """Bytes thrown away because they belonged to no frame."""
+        return 0

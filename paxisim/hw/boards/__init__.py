@@ -1,0 +1,1 @@
+"""The host's side of the conversation with each family of boards."""

@@ -1,0 +1,31 @@
+"""Frame: one reading of a sensor's pads, in newtons."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """One reading of all pads.
+
+    Attributes:
+        force: ``(pads, 3, rows, cols)`` float32 newtons, pad frames, as `TactileReadout.read` gives it in simulation.
+        time: When it was measured, as far as can be told (s, the host's monotonic clock): the arrival, freed of the
+            jitter of port and scheduler by the board's steady rate. Never after `arrival`.
+        arrival: When its last byte arrived (s, the host's monotonic clock).
+        sequence: Counts readings from 0; a gap says that so many were dropped.
+        status: One error byte a pad, as the board reports it; 0 is good.
+        resultant: ``(pads, 3)`` float32 newtons, the total force that the board reports, which on real sensors is not
+            the sum of the taxels; None where it reports none.
+    """
+
+    force: NDArray[np.float32]
+    time: float
+    arrival: float
+    sequence: int
+    status: tuple[int, ...]
+    resultant: NDArray[np.float32] | None = None
