@@ -5,7 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from paxisim.augment.low_pass import lag
+import numpy as np
+from numpy.typing import NDArray
+
+from paxisim.augment.low_pass import lag, lag_sequence
 from paxisim.augment.modes import check_modes, each_mode, over_modes
 from paxisim.augment.parameter import namespace, parameter
 from paxisim.augment.transform import Covariates, Memory, State, keep
@@ -69,3 +72,12 @@ class Creep(Memory):
         ahead = lag(each_mode(x - before), ahead, self.fit("tau", frame), each_mode(dt))
         y = x + namespace(x).sum(self.fit("amplitude", frame) * (frame + ahead), axis=-5)
         return y, (keep(x), ahead)
+
+    def sweep(self, x: NDArray[np.floating], steps: list[float]) -> NDArray[np.floating] | None:
+        """See `Transform.sweep`."""
+        if max(np.ndim(self.amplitude), np.ndim(self.tau)) > 1:
+            return None
+        y = x.copy()
+        for amplitude, tau in np.broadcast(self.amplitude, self.tau):
+            y += float(amplitude) * (x + lag_sequence(x, float(tau), steps))
+        return y

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from paxisim.augment.modes import check_modes, each_mode, over_modes
 from paxisim.augment.parameter import Parameter, check, is_torch, namespace, parameter
@@ -74,6 +75,23 @@ class Hysteresis(Memory):
         frame = each_mode(x)
         play = self._play(frame, state[0])
         return x + namespace(x).sum(self.fit("weight", frame) * (play - frame), axis=-5), (play,)
+
+    def sweep(self, x: NDArray[np.floating], steps: list[float]) -> NDArray[np.floating] | None:
+        """See `Transform.sweep`."""
+        if is_torch(self.weight) or max(np.ndim(self.weight), np.ndim(self.radius)) > 1:
+            return None
+        y = x.copy()
+        for weight, radius in np.broadcast(self.weight, self.radius):
+            low, high = x - x.dtype.type(radius), x + x.dtype.type(radius)
+            play = np.empty_like(x)
+            previous = np.zeros_like(x[0])
+            for i in range(len(x)):
+                np.minimum(high[i], previous, out=play[i])
+                previous = np.maximum(low[i], play[i], out=play[i])
+            play -= x
+            play *= x.dtype.type(weight)
+            y += play
+        return y
 
     def _play(self, frame: Any, play: Any) -> Any:
         xp = namespace(frame)

@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+import numpy as np
+from numpy.typing import NDArray
+
 from paxisim.augment.parameter import namespace, parameter
 from paxisim.augment.random_numbers import SEEDS, check_seed, no_draws, uniform
 from paxisim.augment.transform import Covariates, Memory, State
@@ -99,6 +102,22 @@ class Latency(Memory):
         way = xp.minimum(xp.maximum(way, zero), one)
         weights = xp.concat([way[_FIRST], way[_NEWER] - way[_OLDER], 1 - way[_LAST]], axis=-5)
         return xp.sum(weights * frames, axis=-5), (frames, ages, late, count + 1)
+
+    def sweep(self, x: NDArray[np.floating], steps: list[float]) -> NDArray[np.floating] | None:
+        """See `Transform.sweep`."""
+        if np.ndim(self.delay) or np.ndim(self.jitter) or self.jitter:
+            return None
+        delay, dt = float(self.delay), np.array(steps)
+        if len(dt) > 1 and dt[1:].min() <= delay * 2 / (self.capacity - 2):
+            return None  # stepping would leave out frames
+        time = np.cumsum(dt)
+        then = np.maximum(time - delay, 0.0)
+        after = np.clip(np.searchsorted(time, then, side="right"), 1, max(1, len(time) - 1))
+        if len(time) == 1:
+            return x.copy()
+        way = ((then - time[after - 1]) / (time[after] - time[after - 1])).astype(x.dtype)
+        way = way.reshape(-1, *[1] * (x.ndim - 1))
+        return x[after - 1] * (1 - way) + x[after] * way
 
 
 def _slot(x: Any) -> Any:

@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+import numpy as np
+from numpy.typing import NDArray
+
 from paxisim.augment.parameter import namespace, parameter
 from paxisim.augment.transform import Covariates, Memory, State, keep
 
@@ -34,6 +37,10 @@ class LowPass(Memory):
         ahead = lag(x - before, ahead, self.fit("tau", x), dt)
         return x + ahead, (keep(x), ahead)
 
+    def sweep(self, x: NDArray[np.floating], steps: list[float]) -> NDArray[np.floating] | None:
+        """See `Transform.sweep`."""
+        return None if np.ndim(self.tau) else x + lag_sequence(x, float(self.tau), steps)
+
 
 def lag(change: Any, ahead: Any, tau: Any, dt: Any) -> Any:
     """One step of ``tau dq/dt = x - q`` for ``q - x``, exact for an x that runs straight.
@@ -55,3 +62,18 @@ def lag(change: Any, ahead: Any, tau: Any, dt: Any) -> Any:
     run = xp.where(z > 0, z, xp.ones_like(z))
     share = xp.where(z > 0, -xp.expm1(-run) / run, xp.ones_like(z))
     return xp.where(lags, xp.exp(-z) * ahead - share * change, xp.zeros_like(ahead))
+
+
+def lag_sequence(x: NDArray[np.floating], tau: float, steps: list[float]) -> NDArray[np.floating]:
+    """`lag` over a whole sequence: q - x at each frame of ``(time, ...)``, 0 at the first."""
+    ahead = np.zeros_like(x)
+    dt = np.asarray(steps, dtype=x.dtype)
+    lags = tau > 1e-30 * dt
+    z = np.divide(dt, tau, out=np.zeros_like(dt), where=lags)
+    share = np.divide(-np.expm1(-z), z, out=np.ones_like(z), where=z > 0)
+    change = np.diff(x, axis=0) * share[1:].reshape(-1, *[1] * (x.ndim - 1))
+    for i, decay in enumerate(np.exp(-z)[1:].tolist(), start=1):
+        if lags[i]:
+            np.multiply(ahead[i - 1], decay, out=ahead[i])
+            ahead[i] -= change[i - 1]
+    return ahead

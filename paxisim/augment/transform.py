@@ -11,7 +11,7 @@ out, on its device, differentiable where the physics is.
 
 The state of a stream is a tuple of arrays whose leading dimensions are the batch, from ``t.initial_state(x)``: the
 first frame is taken to have been there forever. ``t.reset(state, mask, x)`` restarts single environments of a batch.
-``run`` is stepping, so both give the same numbers, and ``dt`` may change from frame to frame.
+``run`` and stepping give the same numbers, to float rounding, and ``dt`` may change from frame to frame.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from dataclasses import fields
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from paxisim.augment.parameter import (
     AXES,
@@ -130,8 +131,8 @@ class Transform:
             covariates: Sequences by name, ``(time, ...)`` each.
 
         Returns:
-            The same shape, kind and dtype, with the parameters' batch after time where `x` has none; equal to stepping
-            frame by frame from ``initial_state(x[0])``.
+            The same shape, kind and dtype, with the parameters' batch after time where `x` has none; to float
+            rounding as stepping frame by frame from ``initial_state(x[0])`` gives it.
 
         Raises:
             InvalidValueError: As for a call; or `time` has another length or runs backwards.
@@ -152,12 +153,24 @@ class Transform:
             batch = max([x.ndim - 5, *dims, *(values.ndim - 1 for values in series.values())])
             widened = {name: _widen(values, 1 + batch) for name, values in series.items()}
             return self(_widen(x, 5 + batch), widened)
+        swept = self.sweep(x, steps) if type(x) is np.ndarray else None
+        if swept is not None:
+            return swept
         state = self.initial_state(x[0], {name: values[0] for name, values in series.items()})
         frames = []
         for index, dt in enumerate(steps):
             frame, state = self.step(x[index], state, dt, {name: values[index] for name, values in series.items()})
             frames.append(frame)
         return xp.stack(frames)
+
+    def sweep(self, x: NDArray[np.floating], steps: list[float]) -> NDArray[np.floating] | None:
+        """The whole of a checked numpy sequence at once, where that is faster than stepping; None where it is not.
+
+        Args:
+            x: ``(time, *batch, pads, 3, rows, cols)`` newtons.
+            steps: Time since the frame before (s), 0 for the first.
+        """
+        return None
 
     def reset(self, state: State, mask: Any, x: Any, covariates: Covariates | None = None) -> State:
         """Restart some environments of a batch.
