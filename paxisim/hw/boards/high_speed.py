@@ -1,0 +1,295 @@
+"""The conversation with a GEN3 high-speed board: up to 28 modules that are streamed together."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from typing import NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+
+from paxisim.errors import DeviceError, DeviceTimeoutError, InvalidValueError, ProtocolError
+from paxisim.hw import registers, taxels
+from paxisim.hw.board import Board, Reading
+from paxisim.hw.boards.line import Line
+from paxisim.hw.clock import Clock
+from paxisim.hw.frames.high_speed import (
+    Push,
+    Reply,
+    Request,
+    incoming_parser,
+    parse_incoming,
+    parse_push,
+    push_parser,
+    push_request,
+    read_request,
+    version_request,
+    write_request,
+    zero_request,
+)
+from paxisim.hw.frames.stream_layout import RESULTANTS, TAXELS, StreamLayout, active_modules
+from paxisim.hw.framing import FrameDecoder
+from paxisim.hw.profile import Profile
+from paxisim.hw.transport import Transport
+
+STATUS_NO_TAXELS = 0x80
+"""Bit of a pad's status: its resultant is not zero but every taxel is. Real boards send such frames now and then."""
+REPLY_TIMEOUT = 0.15
+"""Seconds after which a request is repeated."""
+ANSWER_TIMEOUT = 2.0
+"""Seconds after which no answer is expected any more."""
+STREAM_TIMEOUT = 0.5
+"""Seconds within which the stream starts or stops once it is told to."""
+QUIET = 0.06
+"""Seconds of silence after which the stream counts as stopped; its frames are 11 to 12 ms apart."""
+ATTEMPTS = 4
+"""How often switching the stream is tried, and an error is asked for again before it is believed."""
+
+
+class HighSpeed(Board):
+    """A GEN3 high-speed board.
+
+    A slot's index is the module's number, 0 to 27. Setting, optional: ``palm_counts``, where the board keeps the counts
+    of modules 20 to 27: ``"contiguous"`` behind those of the fingers (default), or ``"0066"``.
+
+    A pad's `Reading.status` is the stream's error code, and `STATUS_NO_TAXELS` where that fits.
+    """
+
+    def __init__(self, transport: Transport, profile: Profile, clock: Clock) -> None:
+        """Remember; no I/O.
+
+        Raises:
+            InvalidValueError: A slot's index is no module, or ``palm_counts`` is none of the two.
+        """
+        super().__init__(transport, profile, clock)
+        for slot in profile.slots:
+            if not 0 <= slot.index < registers.HIGH_SPEED_MODULES:
+                raise InvalidValueError(
+                    f"slots: index of {slot.name!r} must be a module in 0..{registers.HIGH_SPEED_MODULES - 1}, "
+                    f"got {slot.index}"
+                )
+        self._palm_counts = profile.settings.get("palm_counts", "contiguous")
+        if self._palm_counts not in ("contiguous", "0066"):
+            raise InvalidValueError(f"palm_counts must be 'contiguous' or '0066', got {self._palm_counts!r}")
+        self._line: Line[Reply | Push] = Line(transport, clock, parse_incoming)
+        self._version = ""
+        self._streaming = False
+        self._waiting: deque[tuple[float, Push]] = deque()
+        self._reported = 0
+        self._use(StreamLayout((), ()))
+
+    @property
+    def bad_checksums(self) -> int:
+        """See `Board.bad_checksums`."""
+        return self._line.bad_checksums
+
+    @property
+    def skipped(self) -> int:
+        """See `Board.skipped`."""
+        return self._line.skipped
+
+    def start(self) -> None:
+        """See `Board.start`. The board streams from here on."""
+        self._line.recent = b""
+        self._use(StreamLayout((), ()))
+        self._waiting.clear()
+        self._reported = 0
+        self._line.parse = parse_incoming
+        self._hush()
+        self._version = self._ask(version_request()).replace(b"\0", b"").decode("ascii", errors="replace").strip()
+        modules = active_modules(self._read(registers.HIGH_SPEED_ACTIVE, registers.HIGH_SPEED_ACTIVE_BYTES))
+        counts = {module: self._count(module) for module in modules}
+        self._check(counts)
+        self._ask(write_request(registers.HIGH_SPEED_DATA_TYPE, bytes([RESULTANTS | TAXELS])))
+        data_type = self._read(registers.HIGH_SPEED_DATA_TYPE, 1)[0]
+        if not data_type & TAXELS:
+            raise ProtocolError(
+                f"the board was told to stream resultants and taxels (data type 3) but keeps {data_type}"
+            )
+        self._use(StreamLayout(modules, tuple(counts.values()), data_type))
+        try:
+            self._begin()
+        except BaseException:
+            self.stop()
+            raise
+
+    def read(self, timeout: float) -> Reading:
+        """See `Board.read`. Readings that came together are returned one after another, none is lost."""
+        if not self._waiting:
+            self._keep(self._line.collect(self._is_reading, timeout))
+        if not self._waiting:
+            code = f"; the stream reports error {self._reported}" if self._reported else ""
+            raise DeviceTimeoutError(f"no frame of {self._layout.size} bytes came within {timeout:g} s{code}")
+        time, push = self._waiting.popleft()
+        return self._reading(time, push)
+
+    def zero(self) -> None:
+        """See `Board.zero`. The stream pauses; all modules of the board are zeroed, also those of no pad."""
+        with self._paused():
+            done = self._ask(zero_request())
+            # what was measured before would be taken for zeroed readings
+            self._waiting.clear()
+        if any(done):
+            raise ProtocolError(f"the board could not zero: it answers {done.hex()}")
+
+    def version(self) -> str:
+        """The version that the board told when it was started; asking again would interrupt the stream."""
+        return self._version
+
+    def stop(self) -> None:
+        """Stop the stream."""
+        if self._streaming:
+            self._streaming = False
+            # a board that is gone, or that talks on, cannot be left in a better state
+            with suppress(DeviceError):
+                self._hush()
+
+    def _use(self, layout: StreamLayout) -> None:
+        """Expect pushes of this layout."""
+        self._layout = layout
+        self._lengths = frozenset({0, layout.size})
+        slots = self.profile.slots if layout.modules else ()
+        places = np.arange(layout.size)
+        self._taxel_places = [places[layout.taxels_at(slot.index)] for slot in slots]
+        # the low bytes of three 16-bit numbers
+        self._resultant_places = [places[layout.resultant_at(slot.index)][::2] for slot in slots]
+
+    def _reading(self, time: float, push: Push) -> Reading:
+        data = np.frombuffer(push.data, dtype=np.uint8)
+        counts = self._counts(data, self._taxel_places).reshape(len(self.profile.slots), -1, 3)
+        resultant = self._counts(data, self._resultant_places) if self._layout.data_type & RESULTANTS else None
+        error = push.error or self._reported
+        self._reported = 0
+        status = np.full(len(counts), error)
+        if resultant is not None:
+            status[resultant.any(axis=1) & ~counts.any(axis=(1, 2))] |= STATUS_NO_TAXELS
+        return Reading(counts, resultant, tuple(status.tolist()), time)
+
+    @staticmethod
+    def _counts(data: NDArray[np.uint8], places: list[NDArray[np.intp]]) -> NDArray[np.int16]:
+        return taxels.to_counts(data[np.concatenate(places)].tobytes())
+
+    def _is_reading(self, message: Reply | Push) -> bool:
+        return isinstance(message, Push) and len(message.data) == self._layout.size > 0
+
+    def _keep(self, heard: list[tuple[float, Reply | Push]]) -> None:
+        """Put readings aside for `read`, and remember an error that came without one."""
+        for time, message in heard:
+            if not isinstance(message, Push):
+                continue
+            if self._is_reading(message):
+                self._waiting.append((time, message))
+            elif message.error and not message.data:
+                self._reported = message.error
+
+    def _read(self, register: int, count: int) -> bytes:
+        return self._ask(read_request(register, count))
+
+    def _ask(self, request: Request) -> bytes:
+        """The data of the reply to `request`, which is repeated if it is lost."""
+        deadline = self.clock.monotonic() + ANSWER_TIMEOUT
+        errors = 0
+        while True:
+            self.transport.write(request.encode())
+            heard = self._line.collect(
+                lambda message: isinstance(message, Reply) and message.answers(request), REPLY_TIMEOUT, QUIET
+            )
+            self._keep(heard)
+            for _, message in heard:
+                if not isinstance(message, Reply) or not message.answers(request):
+                    continue
+                if not message.error:
+                    return message.data
+                errors += 1
+                if errors == ATTEMPTS:
+                    raise ProtocolError(
+                        f"the board refuses function {request.function:02X} at register {request.register:04X} "
+                        f"({request.count} bytes): error {message.error}"
+                    )
+            if self.clock.monotonic() >= deadline:
+                self._fail(f"the board does not answer at register {request.register:04X}")
+
+    def _hush(self) -> None:
+        """Stop the stream, whether it runs or not, and take in what is still on its way."""
+        self._line.parse = incoming_parser(self._lengths) if self._layout.modules else parse_incoming
+        for _ in range(ATTEMPTS):
+            self.transport.write(push_request(False).encode())
+            self._keep(self._line.collect(lambda _: False, STREAM_TIMEOUT, QUIET))
+            if self._line.silent:
+                return
+        self._fail("the port talks on, though it was told to stop")
+
+    def _begin(self) -> None:
+        """Start the stream and wait for its first reading."""
+        self._line.parse = push_parser(self._lengths)
+        self._streaming = True
+        for _ in range(ATTEMPTS):
+            self.transport.write(push_request(True).encode())
+            self._keep(self._line.collect(self._is_reading, STREAM_TIMEOUT))
+            if self._waiting:
+                return
+        self._fail_stream()
+
+    @contextmanager
+    def _paused(self) -> Iterator[None]:
+        """Without the stream, where it runs: replies would drown in it."""
+        if not self._streaming:
+            yield
+            return
+        self._hush()
+        try:
+            yield
+        finally:
+            self._begin()
+
+    def _count(self, module: int) -> int:
+        """How many taxels the board says that a module has."""
+        register = registers.HIGH_SPEED_COUNTS + 2 * module
+        if module >= registers.HIGH_SPEED_FIRST_PALM and self._palm_counts == "0066":
+            register = registers.HIGH_SPEED_PALM_COUNTS + 2 * (module - registers.HIGH_SPEED_FIRST_PALM)
+        return int.from_bytes(self._read(register, 2), "little")
+
+    def _check(self, counts: dict[int, int]) -> None:
+        """Hold what the board reports to the profile."""
+        name, expected = self.profile.name, self.profile.wire_layout.taxels
+        listed = ", ".join(f"{module} ({count} taxels)" for module, count in counts.items()) or "none"
+        absent = [f"{slot.index} ({slot.name})" for slot in self.profile.slots if slot.index not in counts]
+        if absent:
+            raise ProtocolError(
+                f"profile {name!r} reads module {', '.join(absent)}, which is not active; active modules: {listed}. "
+                "Correct the index of its slots, or the wiring"
+            )
+        others = [slot for slot in self.profile.slots if counts[slot.index] != expected]
+        if others:
+            raise ProtocolError(
+                f"profile {name!r} expects {expected} taxels, but module {others[0].index} ({others[0].name}) has "
+                f"{counts[others[0].index]}; active modules: {listed}. Choose the profile of that part"
+            )
+
+    def _fail(self, what: str) -> NoReturn:
+        """Say why there is no answer: silence, or bytes that do not fit."""
+        if not self._line.recent:
+            raise DeviceTimeoutError(
+                f"{what}: nothing came; is it a GEN3 high-speed board, powered, at {self.profile.baud} baud?"
+            )
+        from paxisim.hw.recognise import describe
+
+        raise ProtocolError(
+            f"profile {self.profile.name!r} expects a GEN3 high-speed board, but {what}: {describe(self._line.recent)}"
+        )
+
+    def _fail_stream(self) -> NoReturn:
+        """Say why there are no readings: none at all, or pushes of another length."""
+        decoder = FrameDecoder(parse_push)
+        pushes = decoder.feed(self._line.recent) + decoder.flush()
+        sizes = sorted({len(push.data) for push in pushes if push.data})
+        if not sizes:
+            code = f"; it reports error {self._reported}" if self._reported else ""
+            raise DeviceTimeoutError(f"the board answers but streams nothing{code}; try to power it off and on")
+        raise ProtocolError(
+            f"the board's modules {list(self._layout.modules)} with {list(self._layout.taxels)} taxels make frames of "
+            f"{self._layout.size} bytes, but frames of {sizes} came; if palm modules are used, try the profile's other "
+            "setting of palm_counts"
+        )

@@ -1,0 +1,200 @@
+"""The conversation with a GEN3 serial converter, or with a GEN3 part on its own USB: one sensor, polled."""
+
+from __future__ import annotations
+
+import re
+from typing import NoReturn
+
+import numpy as np
+
+from paxisim.errors import DeviceTimeoutError, InvalidValueError, ProtocolError
+from paxisim.hw import registers, taxels
+from paxisim.hw.board import Board, Reading
+from paxisim.hw.boards.line import Line
+from paxisim.hw.clock import Clock
+from paxisim.hw.frames.serial_converter import (
+    GOOD,
+    READ,
+    Reply,
+    Request,
+    error_name,
+    read_request,
+    reply_parser,
+    version_request,
+    zero_request,
+)
+from paxisim.hw.profile import Profile
+from paxisim.hw.transport import Transport
+
+PAUSE = 0.005
+"""Seconds between polls, as the vendor's program leaves them."""
+PAUSE_BEFORE_ZERO = 0.5
+REPLY_TIMEOUT = 0.15
+"""Seconds after which a request is repeated; parts under load were seen to take 90 ms."""
+QUIET = 0.02
+"""Seconds of silence behind the last byte after which a reply counts as lost."""
+START_TIMEOUT = 1.0
+SCANNED = range(9)
+"""Ids tried by the vendor's program."""
+REFUSALS = 3
+"""Replies with an error before it is believed; the request may have been damaged on its way."""
+
+
+class SerialConverter(Board):
+    """A GEN3 sensor that answers requests.
+
+    The profile has one slot, whose index is the sensor's id. Settings, all optional: ``resultant_address`` and
+    ``address`` of the taxels behind it, which are read in one go; ``part``, e.g. ``"PXSR-STDDP03G"``, the part that the
+    version must name if it names any; ``scan``: look for the sensor under ids 0 to 8 instead of trusting the slot.
+    """
+
+    def __init__(self, transport: Transport, profile: Profile, clock: Clock) -> None:
+        """Remember; no I/O.
+
+        Raises:
+            InvalidValueError: The profile has more than one slot, or its taxels do not follow the resultant.
+        """
+        super().__init__(transport, profile, clock)
+        if len(profile.slots) != 1:
+            raise InvalidValueError(f"slots must list one pad: a serial converter has no more, got {profile.slots}")
+        settings = profile.settings
+        self._start = int(settings.get("resultant_address", registers.CONVERTER_RESULTANT))
+        self._offset = int(settings.get("address", registers.CONVERTER_TAXELS)) - self._start
+        if self._offset < taxels.BYTES_PER_TAXEL:
+            raise InvalidValueError("address must lie behind the resultant, at least 3 above resultant_address")
+        self._count = self._offset + taxels.BYTES_PER_TAXEL * profile.wire_layout.taxels
+        self._id = profile.slots[0].index
+        # 0: a write's reply, or a refusal; 3: a resultant alone
+        lengths = {0, taxels.BYTES_PER_TAXEL, registers.CONVERTER_VERSION_BYTES, self._count}
+        self._line: Line[Reply] = Line(transport, clock, reply_parser(lengths))
+        self._ready = clock.monotonic()
+        self._repeated = False
+        self._arrival = 0.0
+
+    @property
+    def id(self) -> int:
+        """The id under which the sensor answers."""
+        return self._id
+
+    @property
+    def bad_checksums(self) -> int:
+        """See `Board.bad_checksums`."""
+        return self._line.bad_checksums
+
+    @property
+    def skipped(self) -> int:
+        """See `Board.skipped`."""
+        return self._line.skipped
+
+    def start(self) -> None:
+        """See `Board.start`."""
+        self._line.recent = b""
+        if self.profile.settings.get("scan", False):
+            self._scan()
+        self._check_part(self.version())
+        if self._ask(self._everything(), START_TIMEOUT) is None:
+            self._fail()
+
+    def read(self, timeout: float) -> Reading:
+        """See `Board.read`."""
+        reply = self._ask(self._everything(), timeout)
+        if reply is None:
+            raise DeviceTimeoutError(f"no reading came from id {self._id} within {timeout:g} s")
+        counts = taxels.to_counts(reply.data[self._offset :])
+        return Reading(
+            counts=counts[np.newaxis],
+            resultant=taxels.to_counts(reply.data[: taxels.BYTES_PER_TAXEL]),
+            status=(0 if reply.status in GOOD else reply.status,),
+            time=self._arrival,
+        )
+
+    def zero(self) -> None:
+        """See `Board.zero`. Waits half a second first, as the sensor wants."""
+        self.clock.sleep(PAUSE_BEFORE_ZERO)
+        if self._ask(zero_request(self._id), START_TIMEOUT) is None:
+            raise DeviceTimeoutError(f"id {self._id} did not acknowledge zeroing within {START_TIMEOUT:g} s")
+
+    def version(self) -> str:
+        """What the sensor says of itself; empty if it does not say."""
+        try:
+            reply = self._ask(version_request(self._id), 4 * REPLY_TIMEOUT)
+        except ProtocolError:
+            reply = None
+        return "" if reply is None else reply.data.replace(b"\0", b"").decode("ascii", errors="replace").strip()
+
+    def _everything(self) -> Request:
+        """The request for resultant and taxels in one go."""
+        return read_request(self._id, self._start, self._count)
+
+    def _scan(self) -> None:
+        """Find the id that answers, the profile's own first."""
+        index = self.profile.slots[0].index
+        for candidate in (index, *(i for i in SCANNED if i != index)):
+            # the resultant, which every part has; a version some may lack
+            if self._ask(read_request(candidate, self._start, taxels.BYTES_PER_TAXEL), REPLY_TIMEOUT) is not None:
+                self._id = candidate
+                return
+        self._fail(f"ids {SCANNED[0]} to {SCANNED[-1]}")
+
+    def _check_part(self, version: str) -> None:
+        expected = str(self.profile.settings.get("part", ""))
+        named = re.search(r"PXSR-[A-Z0-9]+", version.upper())
+        if expected and named and named[0] != expected.upper():
+            raise ProtocolError(
+                f"profile {self.profile.name!r} is for part {expected}, but the sensor says that it is {named[0]} "
+                f"({version!r}); choose the profile of that part"
+            )
+
+    def _ask(self, request: Request, timeout: float) -> Reply | None:
+        """The reply to `request`, which is repeated until `timeout`; None if there is none.
+
+        Raises:
+            ProtocolError: The sensor refuses.
+        """
+        deadline = self.clock.monotonic() + timeout
+        refusals = 0
+        if self._repeated:
+            # the answers to both requests look alike, and the later one must not be taken for the next reading
+            self._line.collect(lambda _: False, QUIET)
+            self._repeated = False
+        while True:
+            pause = self._ready - self.clock.monotonic()
+            if pause > 0:
+                self.clock.sleep(pause)
+            self._line.empty()
+            left = deadline - self.clock.monotonic()
+            self.transport.write(request.encode())
+            heard = self._line.collect(
+                lambda reply: reply.answers(request), max(min(left, REPLY_TIMEOUT), PAUSE), QUIET
+            )
+            self._ready = self.clock.monotonic() + PAUSE
+            for arrival, reply in heard:
+                if not reply.answers(request):
+                    continue
+                if (len(reply.data) == reply.count) if request.function == READ else (reply.status in GOOD):
+                    self._arrival = arrival
+                    return reply
+                refusals += 1
+                if refusals == REFUSALS:
+                    raise ProtocolError(
+                        f"id {self._id} refuses function {request.function:02X} at {request.address} "
+                        f"({request.count} bytes): {error_name(reply.status)}"
+                    )
+            self._repeated = True
+            if self.clock.monotonic() >= deadline:
+                return None
+
+    def _fail(self, who: str = "") -> NoReturn:
+        """Say why there is no reading: silence, or bytes that do not fit."""
+        who = who or f"id {self._id}"
+        if not self._line.recent:
+            raise DeviceTimeoutError(
+                f"nothing answers as {who}: is the sensor powered, is that its id (setting scan tries all), and is "
+                f"{self.profile.baud} baud its speed?"
+            )
+        from paxisim.hw.recognise import describe
+
+        raise ProtocolError(
+            f"profile {self.profile.name!r} expects a GEN3 serial converter that answers as {who} with {self._count} "
+            f"bytes, but what came does not fit: {describe(self._line.recent)}"
+        )
