@@ -1,0 +1,284 @@
+"""Reader: one port, read in the background."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import Future
+from contextlib import suppress
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from paxisim.errors import DeviceError, DeviceTimeoutError, PortNotFoundError, ProtocolError, UnsupportedError
+from paxisim.hw.board import Board
+from paxisim.hw.clock import Clock
+from paxisim.hw.frame import Frame
+from paxisim.hw.sample_time import SampleClock
+
+READ_TIMEOUT = 0.5
+"""Seconds that one reading may take; for so long a silent board keeps commands and `Reader.close` waiting."""
+
+RESTART_AFTER = 1.5
+"""Seconds of silence after which the board is started again: it may have lost its power but not its line."""
+
+FIRST_RETRY, LAST_RETRY = 0.05, 1.0
+"""Seconds between two tries to open a port that went away: the first, doubled up to the last."""
+
+CLOSE_TIMEOUT = 10.0
+"""Seconds that `Reader.close` waits at most, for a system that does not come back from a call."""
+
+ZERO_TIME = 0.5
+"""Seconds of frames whose mean is taken as zero where the board cannot do it."""
+
+Result = TypeVar("Result")
+
+
+class Reader:
+    """Reads one board in a thread of its own, and brings it back where its port goes away.
+
+    The board is touched by that thread alone once it runs: commands wait in line and run between two readings.
+
+    Attributes:
+        port: The port's name.
+        timeouts: Readings that did not come in time.
+        reconnects: How often the port went away and came back.
+        fault: What went wrong last, for messages; empty while readings come.
+    """
+
+    def __init__(
+        self,
+        port: str,
+        connect: Callable[[], Board],
+        deliver: Callable[[Frame], None],
+        fail: Callable[[Exception], None],
+        reconnect: float,
+        clock: Clock,
+    ) -> None:
+        """Remember; no I/O.
+
+        Args:
+            port: The port's name, for messages.
+            connect: Opens the port and makes the board on it, not started.
+            deliver: Called with every frame, from the thread. Frames count the readings of this port.
+            fail: Called once with the error that ends the thread.
+            reconnect: Seconds for which a port that went away is tried again.
+            clock: Time.
+        """
+        self.port = port
+        self.timeouts = self.reconnects = 0
+        self.fault = ""
+        self._connect, self._deliver, self._fail = connect, deliver, fail
+        self._reconnect, self._clock = reconnect, clock
+        self._board: Board | None = None
+        self._gone_bad_checksums = self._gone_skipped = 0
+        self._sample_clock = SampleClock()
+        self._sequence = 0
+        self._zero: Frame | None = None
+        self._heard = 0.0
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=f"paxisim reader {port}", daemon=True)
+        self._lock = threading.Lock()
+        self._commands: deque[tuple[Callable[[], object], Future]] = deque()
+        self._ended: Exception | None = None
+
+    @property
+    def bad_checksums(self) -> int:
+        """As `Board.bad_checksums`, over all connections."""
+        board = self._board
+        return self._gone_bad_checksums + (board.bad_checksums if board else 0)
+
+    @property
+    def skipped(self) -> int:
+        """As `Board.skipped`, over all connections."""
+        board = self._board
+        return self._gone_skipped + (board.skipped if board else 0)
+
+    def start(self) -> None:
+        """Open the port, start the board, then the thread. Where that fails, nothing stays open.
+
+        Raises:
+            DeviceError: What opening the port or starting the board raises.
+        """
+        self._open()
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Tell the thread to end; returns at once."""
+        self._stop.set()
+
+    def close(self) -> None:
+        """End the thread and give the port back; waits for the reading at hand. May be called twice."""
+        self._stop.set()
+        if self._thread.is_alive():
+            self._thread.join(CLOSE_TIMEOUT)
+
+    def zero(self, software: bool | None) -> Future[None]:
+        """Take what the pads read now as zero: see `TactileSensor.zero`."""
+        return self._submit(lambda: self._take_zero(software))
+
+    def version(self) -> Future[str]:
+        """Ask the board what it is."""
+        return self._submit(lambda: self._at_hand().version())
+
+    def _submit(self, command: Callable[[], Result]) -> Future[Result]:
+        future: Future[Result] = Future()
+        with self._lock:
+            if self._ended:
+                future.set_exception(self._ended)
+            else:
+                self._commands.append((command, future))
+        return future
+
+    def _run(self) -> None:
+        error = None
+        try:
+            while not self._stop.is_set():
+                self._run_commands()
+                try:
+                    self._read()
+                except (DeviceTimeoutError, ProtocolError) as fault:
+                    self._be_patient(fault)
+                except PortNotFoundError as gone:
+                    self._come_back(gone)
+        except Exception as fatal:  # the caller gets it, whatever it is
+            error = fatal
+        with self._lock:
+            self._ended = error or DeviceError(f"{self.port} is closed")
+        self._refuse_commands(self._ended)
+        self._let_go()
+        if error:
+            self._fail(error)
+
+    def _at_hand(self) -> Board:
+        if self._board is None:
+            raise PortNotFoundError(f"{self.port} is not open")
+        return self._board
+
+    def _open(self) -> None:
+        board = self._connect()
+        try:
+            board.start()
+        except BaseException:
+            board.transport.close()
+            raise
+        self._board = board
+        self._heard = self._clock.monotonic()
+        self._sample_clock.reset()
+
+    def _let_go(self) -> None:
+        board, self._board = self._board, None
+        if board is None:
+            return
+        self._gone_bad_checksums += board.bad_checksums
+        self._gone_skipped += board.skipped
+        with suppress(DeviceError):  # a board that is gone cannot be told
+            board.stop()
+        board.transport.close()
+
+    def _read(self) -> Frame:
+        """Take one reading and deliver it; returns it before the software zero."""
+        board = self._at_hand()
+        reading = board.read(READ_TIMEOUT)
+        self._heard, self.fault = self._clock.monotonic(), ""
+        force = board.profile.to_force(reading.counts)
+        resultant = None if reading.resultant is None else board.profile.resultant_force(reading.resultant)
+        time = self._sample_clock.estimate(reading.time)
+        raw = Frame(force, time, reading.time, self._sequence, reading.status, resultant)
+        self._sequence += 1
+        zero = self._zero
+        if zero is None:
+            self._deliver(raw)
+        else:
+            resultant = _minus(resultant, zero.resultant)
+            force = force - zero.force
+            self._deliver(Frame(force, time, reading.time, raw.sequence, reading.status, resultant))
+        return raw
+
+    def _be_patient(self, fault: DeviceError) -> None:
+        """Count a reading that did not come; after too many, start the board again."""
+        self.timeouts += 1
+        self.fault = str(fault)
+        if self._clock.monotonic() - self._heard < RESTART_AFTER:
+            return
+        try:
+            self._at_hand().start()
+        except PortNotFoundError as gone:
+            self._come_back(gone)
+        except (DeviceTimeoutError, ProtocolError) as still:
+            self.fault = str(still)
+        self._heard = self._clock.monotonic()
+        self._sample_clock.reset()
+
+    def _come_back(self, gone: DeviceError) -> None:
+        """Open the port again, as soon as it is there.
+
+        Raises:
+            PortNotFoundError: It did not come back in time.
+        """
+        self._let_go()
+        why, delay = gone, FIRST_RETRY
+        deadline = self._clock.monotonic() + self._reconnect
+        while not self._stop.is_set():
+            self.fault = str(why)
+            self._refuse_commands(why)
+            if self._clock.monotonic() >= deadline:
+                if why is gone:
+                    raise gone
+                raise PortNotFoundError(f"{gone}; it did not come back within {self._reconnect:g} s: {why}") from why
+            if self._stop.wait(delay):
+                return
+            delay = min(2 * delay, LAST_RETRY)
+            try:
+                self._open()
+            except DeviceError as error:
+                why = error
+            else:
+                self.reconnects += 1
+                return
+
+    def _run_commands(self) -> None:
+        while self._commands and not self._stop.is_set():
+            command, future = self._commands.popleft()
+            try:
+                future.set_result(command())
+            except Exception as error:  # it belongs to the caller; the next reading meets a port that is gone
+                future.set_exception(error)
+
+    def _refuse_commands(self, error: Exception) -> None:
+        while self._commands:
+            self._commands.popleft()[1].set_exception(error)
+
+    def _take_zero(self, software: bool | None) -> None:
+        if not software:
+            try:
+                self._at_hand().zero()
+                self._zero = None
+                return
+            except UnsupportedError:
+                if software is False:
+                    raise
+        end = self._clock.monotonic() + ZERO_TIME
+        frames = [self._read()]
+        while self._clock.monotonic() < end and not self._stop.is_set():
+            frames.append(self._read())
+        good = [frame for frame in frames if not any(frame.status)]
+        if not good:
+            raise DeviceError(
+                f"{self.port} reported an error with each frame, none to take as zero: {frames[-1].status}"
+            )
+        resultants = [frame.resultant for frame in good if frame.resultant is not None]
+        self._zero = Frame(
+            np.mean([frame.force for frame in good], axis=0, dtype=np.float64).astype(np.float32),
+            good[-1].time,
+            good[-1].arrival,
+            good[-1].sequence,
+            good[-1].status,
+            np.mean(resultants, axis=0, dtype=np.float64).astype(np.float32) if resultants else None,
+        )
+
+
+def _minus(resultant: NDArray[np.float32] | None, zero: NDArray[np.float32] | None) -> NDArray[np.float32] | None:
+    return resultant if resultant is None or zero is None else resultant - zero

@@ -1,0 +1,179 @@
+"""SampleClock: when frames were measured, from when they arrived."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+import numpy as np
+
+LEARN = 128
+"""Frames that must look steady before an estimate differs from its arrival."""
+
+MEMORY = 256
+"""Frames after which an old one counts for 1/e in the fit: 3 s at 83 Hz."""
+
+BUCKETS, BUCKET = 8, 16
+"""The line is held by the earliest of the last 8 x 16 arrivals. A longer window would smear drift, a shorter one finds
+no frame that came without delay."""
+
+UNSTEADY = 1.5
+"""Variance about the line, over that of the intervals. Jitter on each arrival of a steady clock gives 0.5; frames that
+each wait for the one before wander off the line, and give far more."""
+
+NEGLIGIBLE = 0.05
+"""Of a period: with less scatter than this about the line there is nothing to tell apart."""
+
+SLIPS = 0.2
+"""Share of the last frames that may miss their place on the line before it is given up."""
+
+
+class SampleClock:
+    """The times at which a steady board measured, from the arrivals of its frames. On-line, O(1) a frame, no I/O.
+
+    Port and scheduler can only delay a frame, so the arrivals of a board that measures at a steady rate lie on or
+    above a line over the frames' numbers. A least-squares fit that forgets gives the slope of the line, which is the
+    board's true period; the earliest of the last arrivals gives its height; the estimate is the line. The part of the
+    delay that all frames share cannot be seen and stays in the estimate.
+
+    A frame that comes later than three quarters of a period is taken to follow lost ones. The arrival itself is the
+    estimate where the arrivals follow no steady clock: for the first `LEARN` frames and after a change of rate, for a
+    board that sends when asked, where the load sets the intervals.
+
+    Estimates never run back and are never after the arrival.
+    """
+
+    def __init__(self) -> None:
+        """Know nothing yet."""
+        self._last = -math.inf
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget rate and phase, as after the port was opened again; times still do not run back."""
+        self._learning: list[float] = []
+        self._line = _Line()
+        self._intervals = _Spread()
+        self._earliest: deque[tuple[int, float]] = deque(maxlen=BUCKETS)
+        self._held = 0
+        self._number = 0
+        self._arrival = 0.0
+        self._slipped = False
+        self._slips = 0.0
+
+    @property
+    def period(self) -> float | None:
+        """Seconds between two frames; None where no steady rate is known."""
+        return self._line.slope if self._earliest else None
+
+    def estimate(self, arrival: float) -> float:
+        """When the frame that arrived at `arrival` (s) was measured. Call it once for each frame, in order."""
+        time = self._follow(arrival) if self._earliest else arrival
+        if not self._earliest:
+            self._learning.append(arrival)
+            if len(self._learning) == LEARN:
+                self._learn()
+        self._last = max(self._last, min(time, arrival))
+        return self._last
+
+    def _learn(self) -> None:
+        """Fit the frames so far; if they are not steady, start again."""
+        arrivals, intervals = self._learning, np.diff(self._learning)
+        typical = float(np.median(intervals))
+        self.reset()
+        if typical <= 0:
+            return
+        # a late frame lengthens one interval and shortens the next, a lost one lengthens their sum
+        periods = np.pad(intervals / typical, 1, constant_values=np.inf)
+        sums = periods[:-1] + periods[1:] - 1
+        steps = np.minimum(periods[1:-1], np.minimum(sums[:-1], sums[1:]))
+        steps = np.maximum(1, np.rint(steps)).astype(int)
+        numbers = [0, *np.cumsum(steps).tolist()]
+        for number, arrival in zip(numbers, arrivals, strict=True):
+            self._line.add(number, arrival)
+        for interval in intervals[steps == 1].tolist():
+            self._intervals.add(interval)
+        self._number, self._arrival = numbers[-1], arrivals[-1]
+        self._slips = float(np.mean(steps != 1))
+        if self._is_steady():
+            for number, arrival in zip(numbers, arrivals, strict=True):
+                self._hold(number, arrival)
+
+    def _follow(self, arrival: float) -> float:
+        """The line at the next frame's place; forgets everything where the frame shows that there is no line."""
+        late = arrival - self._expected(self._number + 1)
+        slip = round(late / self._line.slope - 0.25)
+        number = self._number + 1 + slip
+        if slip == 0:
+            self._line.add(number, arrival)
+            self._hold(number, arrival)
+            if not self._slipped:
+                self._intervals.add(arrival - self._arrival)
+        self._slips += ((slip != 0) - self._slips) * 2 / LEARN
+        self._number, self._arrival, self._slipped = number, arrival, slip != 0
+        if slip > LEARN or not self._is_steady():
+            self.reset()
+            return arrival
+        return self._expected(number)
+
+    def _expected(self, number: int) -> float:
+        """The lower line at `number`."""
+        slope = self._line.slope
+        return min(arrival + slope * (number - at) for at, arrival in self._earliest)
+
+    def _hold(self, number: int, arrival: float) -> None:
+        """Keep the arrival if it is the earliest of its bucket."""
+        if self._held % BUCKET == 0:
+            self._earliest.append((number, arrival))
+        else:
+            at, earliest = self._earliest[-1]
+            if arrival < earliest + self._line.slope * (number - at):
+                self._earliest[-1] = (number, arrival)
+        self._held += 1
+
+    def _is_steady(self) -> bool:
+        slope = self._line.slope
+        allowed = max(UNSTEADY * self._intervals.variance, (NEGLIGIBLE * slope) ** 2)
+        return slope > 0 and self._slips <= SLIPS and self._line.variance <= allowed
+
+
+class _Spread:
+    """Mean and variance of numbers, old ones forgotten."""
+
+    def __init__(self) -> None:
+        self._weight = self._mean = self._moment = 0.0
+
+    def add(self, value: float) -> None:
+        self._weight = 1 + self._weight * (1 - 1 / MEMORY)
+        off = value - self._mean
+        self._mean += off / self._weight
+        self._moment = self._moment * (1 - 1 / MEMORY) + off * (value - self._mean)
+
+    @property
+    def variance(self) -> float:
+        return self._moment / self._weight if self._weight else 0.0
+
+
+class _Line:
+    """A straight line fitted to points, old ones forgotten, by moments about their running mean."""
+
+    def __init__(self) -> None:
+        self._weight = self._x = self._y = self._xx = self._xy = self._yy = 0.0
+
+    def add(self, x: float, y: float) -> None:
+        keep = 1 - 1 / MEMORY
+        self._weight = 1 + self._weight * keep
+        dx, dy = x - self._x, y - self._y
+        self._x += dx / self._weight
+        self._y += dy / self._weight
+        self._xx = self._xx * keep + dx * (x - self._x)
+        self._xy = self._xy * keep + dx * (y - self._y)
+        self._yy = self._yy * keep + dy * (y - self._y)
+
+    @property
+    def slope(self) -> float:
+        return self._xy / self._xx if self._xx else 0.0
+
+    @property
+    def variance(self) -> float:
+        """Of the points about the line."""
+        return max(0.0, self._yy - self.slope * self._xy) / self._weight if self._weight else 0.0

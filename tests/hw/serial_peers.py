@@ -1,0 +1,81 @@
+"""The other end of a serial line: a pseudo-terminal that can be pulled out and plugged in again."""
+
+from __future__ import annotations
+
+import os
+import select
+import threading
+import time
+import tty
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+PATIENCE = 20.0
+"""Seconds after which a test gives up; generous, for slow machines."""
+
+
+def wait_for(condition: Callable[[], object]) -> None:
+    """Wait until something holds."""
+    deadline = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < deadline, "waited in vain"
+        time.sleep(0.005)
+
+
+class PluggedPort:
+    """A pseudo-terminal behind a symbolic link, as udev makes them for real ports.
+
+    Attributes:
+        path: The link, to be opened as a port.
+    """
+
+    def __init__(self, folder: Path, name: str = "ttySensor") -> None:
+        self.path = str(folder / name)
+        self._master = self._slave = -1
+        self.plug_in()
+
+    def plug_in(self) -> None:
+        """Make a new pseudo-terminal and point the link to it."""
+        self._master, self._slave = os.openpty()
+        tty.setraw(self._slave)
+        temporary = self.path + ".new"
+        os.symlink(os.ttyname(self._slave), temporary)
+        os.replace(temporary, self.path)
+
+    def unplug(self) -> None:
+        """Pull it out: what is open fails, and there is no such port any more."""
+        if self._master >= 0:
+            os.unlink(self.path)
+            os.close(self._master)
+            os.close(self._slave)
+            self._master = self._slave = -1
+
+    def send(self, data: bytes) -> None:
+        """Write to whoever has the port open."""
+        while data:
+            data = data[os.write(self._master, data) :]
+
+    def receive(self, count: int) -> bytes:
+        """The next `count` bytes that were written to the port."""
+        got = b""
+        deadline = time.monotonic() + PATIENCE
+        while len(got) < count:
+            assert select.select([self._master], [], [], max(0.0, deadline - time.monotonic()))[0], got
+            got += os.read(self._master, count - len(got))
+        return got
+
+
+@contextmanager
+def plugged_port(folder: Path, name: str = "ttySensor") -> Iterator[PluggedPort]:
+    """A `PluggedPort` that is gone afterwards."""
+    port = PluggedPort(folder, name)
+    try:
+        yield port
+    finally:
+        port.unplug()
+
+
+def reader_threads() -> list[str]:
+    """The names of the reader threads that run."""
+    return [thread.name for thread in threading.enumerate() if thread.name.startswith("paxisim reader")]

@@ -1,0 +1,194 @@
+"""The whole driver on the emulator, over a pseudo-terminal: what is pressed is what is read."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from paxisim.errors import DeviceTimeoutError, ProtocolError
+from paxisim.hw.device import TactileSensor, open_sensor
+from paxisim.hw.profile import FAMILIES, Profile, Slot, load_profile
+from paxisim.layout import TaxelLayout
+
+pytest.importorskip("serial")
+pytest.importorskip("pty", reason="no pseudo-terminals here")
+
+from serial_peers import PATIENCE, reader_threads, wait_for
+
+from paxisim.hw.emulator import Emulator
+
+
+@pytest.fixture(autouse=True)
+def no_thread_is_left() -> Iterator[None]:
+    yield
+    wait_for(lambda: not reader_threads())
+
+
+def shuffled(rows: int, cols: int) -> TaxelLayout:
+    """A grid that the vendor lists in no order at all."""
+    order = np.random.default_rng(rows * cols).permutation(rows * cols)
+    return TaxelLayout(rows, cols, (2e-3, 3e-3), vendor_order=tuple(order.tolist()))
+
+
+AXES = ("-y", "+x", "+z")
+PROFILES = {
+    "control-box": replace(
+        load_profile("gen2-box-120"),
+        wire_layout=shuffled(12, 10),
+        slots=(Slot("left", 2), Slot("right", 5)),
+        axes=AXES,
+        pool=(2, 2),
+        verified="emulated",
+    ),
+    "hand-board": replace(
+        load_profile("gen1-stream"),
+        wire_layout=shuffled(5, 3),
+        slots=(Slot("tip", 1), Slot("pulp", 0)),
+        axes=AXES,
+        verified="emulated",
+    ),
+    "serial-converter": Profile(
+        "converter",
+        "serial-converter",
+        shuffled(4, 13),
+        (Slot("pad", 3),),
+        axes=AXES,
+        baud=921600,
+        settings={"address": 1038, "resultant_address": 1008},
+        verified="emulated",
+    ),
+    "high-speed": Profile(
+        "modules",
+        "high-speed",
+        shuffled(4, 13),
+        (Slot("thumb", 9), Slot("index", 2)),
+        axes=AXES,
+        baud=921600,
+        rate=83.0,
+        verified="emulated",
+    ),
+}
+
+
+def pattern(profile: Profile) -> NDArray[np.float64]:
+    """Another force on every taxel and axis, all that a taxel's bytes can say."""
+    shape = (len(profile.slots), *profile.wire_layout.shape)
+    counts = (np.arange(np.prod(shape)).reshape(shape) * 37) % 125 + 2
+    counts[:, :2] *= np.where(counts[:, :2] % 2 == 0, 1, -1)
+    counts[:, 2] *= 2
+    return counts * profile.resolution
+
+
+def pressed(profile: Profile) -> NDArray[np.float32]:
+    """What `pattern` should read."""
+    counts = np.rint(pattern(profile) / profile.resolution)
+    if profile.pool != (1, 1):
+        counts = profile.wire_layout.pool_force(counts, *profile.pool)
+    return np.asarray(counts * profile.resolution, dtype=np.float32)
+
+
+def first_good(pads: TactileSensor):
+    """The first frame without an error byte."""
+    while any((frame := pads.read(PATIENCE)).status):
+        pass
+    return frame
+
+
+@pytest.fixture(params=FAMILIES)
+def profile(request: pytest.FixtureRequest) -> Profile:
+    return PROFILES[request.param]
+
+
+def test_what_is_pressed_is_read(profile: Profile) -> None:
+    force = pattern(profile)
+    with Emulator(profile, lambda time: force) as emulator, open_sensor(emulator.port, profile) as pads:
+        frames = [pads.read(PATIENCE) for _ in range(20)]
+        assert pads.layout == profile.layout
+        assert pads.pads == tuple(slot.name for slot in profile.slots)
+        for frame in frames:
+            assert frame.force.dtype == np.float32
+            np.testing.assert_allclose(frame.force, pressed(profile), rtol=1e-6)
+            assert not any(frame.status)
+            assert frame.time <= frame.arrival
+        assert [frame.sequence for frame in frames] == list(range(20))
+        assert np.all(np.diff([frame.time for frame in frames]) >= 0)
+        assert (pads.dropped, pads.reconnects, pads.timeouts, pads.bad_checksums) == (0, 0, 0, 0)
+
+
+def test_frames_follow_the_signal(profile: Profile) -> None:
+    force = pattern(profile)
+
+    def growing(time: float) -> NDArray[np.float64]:
+        return force * min(1.0, time)
+
+    with Emulator(profile, growing) as emulator, open_sensor(emulator.port, profile) as pads:
+        totals = []
+        while not totals or totals[-1] < pressed(profile)[:, 2].sum() * 0.999:
+            totals.append(float(pads.read(PATIENCE).force[:, 2].sum()))
+        assert totals == sorted(totals)
+
+
+def test_zero(profile: Profile) -> None:
+    force = np.rint(pattern(profile) / 0.4) * 0.1  # small enough that less is left than a byte can say
+    with Emulator(profile, lambda time: force) as emulator, open_sensor(emulator.port, profile) as pads:
+        assert np.abs(first_good(pads).force).max() > 1
+        pads.zero()
+        np.testing.assert_allclose(first_good(pads).force, 0, atol=1e-5)
+
+
+def test_version(profile: Profile) -> None:
+    force = pattern(profile)
+    with Emulator(profile, lambda time: force) as emulator, open_sensor(emulator.port, profile) as pads:
+        assert bool(pads.version()) == (profile.family != "hand-board")
+        first_good(pads)
+
+
+def test_unplugged_and_plugged_in_again(profile: Profile, tmp_path: Path) -> None:
+    force = pattern(profile)
+    link = tmp_path / "ttySensor"
+    with Emulator(profile, lambda time: force, link=link) as emulator, open_sensor(str(link), profile) as pads:
+        before = pads.read(PATIENCE)
+        emulator.unplug()
+        wait_for(lambda: "port" in pads._readers[0].fault)
+        emulator.plug()
+        wait_for(lambda: pads.reconnects == 1)
+        pads.latest(PATIENCE)
+        after = first_good(pads)
+        assert after.sequence > before.sequence
+        np.testing.assert_allclose(after.force, pressed(profile), rtol=1e-6)
+
+
+def test_two_ports_are_one_tensor(profile: Profile) -> None:
+    left = pattern(profile)
+    right = np.rint(left / 0.2) * 0.1
+    right[np.abs(right) < 0.15] = 0
+    with (
+        Emulator(profile, lambda time: left) as first,
+        Emulator(profile, lambda time: right) as second,
+        open_sensor([first.port, second.port], profile) as pads,
+    ):
+        frames = [pads.read(PATIENCE) for _ in range(10)]
+        half = len(profile.slots)
+        assert len(pads.pads) == 2 * half
+        for frame in frames:
+            np.testing.assert_allclose(frame.force[:half], pressed(profile), rtol=1e-6)
+            expected = right
+            if profile.pool != (1, 1):
+                expected = profile.wire_layout.pool_force(right, *profile.pool)
+            np.testing.assert_allclose(frame.force[half:], expected, atol=1e-5)
+
+
+@pytest.mark.parametrize("expected", FAMILIES)
+def test_another_family_is_named(expected: str) -> None:
+    spoken = PROFILES[FAMILIES[FAMILIES.index(expected) - 1]]
+    force = pattern(spoken)
+    with Emulator(spoken, lambda time: force) as emulator:
+        # a board that is asked in another language may just stay silent
+        with pytest.raises((ProtocolError, DeviceTimeoutError), match=r"board|box|converter|answer"):
+            open_sensor(emulator.port, PROFILES[expected])
+        assert not reader_threads()
+        # and the port was given back
+        open_sensor(emulator.port, spoken).close()
