@@ -1,17 +1,40 @@
-"""Profile: which part hangs on the line, and how its bytes become the pad's tensor. Data, not code."""
+"""Profile: which part hangs on the line, and how its bytes become the pad's tensor. Data, not code.
+
+The profiles that ship with paxisim live in ``paxisim/data/profiles.toml``, read on first use; `load_profile` reads a
+user's own from a file as well (`paxisim.hw.profile_file`).
+"""
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.layout import TaxelLayout
 
 FAMILIES = ("control-box", "hand-board", "serial-converter", "high-speed")
+
+SETTINGS: Mapping[str, Mapping[str, type]] = {
+    "control-box": {"mode": int, "address": int, "resultant_address": int},
+    "hand-board": {"signed_normal": bool},
+    "serial-converter": {"address": int, "resultant_address": int, "scan": bool, "part": str},
+    "high-speed": {"palm_counts": str},
+}
+"""What `Profile.settings` may hold, by family, and of which type."""
+
+_AXES = "xyz"
+_LOWEST, _HIGHEST = np.array([-128, -128, 0]), np.array([127, 127, 255])  # counts a taxel's bytes can express
+
+
+class UnverifiedProfileWarning(UserWarning):
+    """A profile is used that was never tried on a device."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +51,7 @@ class Slot:
     index: int
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Profile:
     """One kind of board with its pads, all of the same part.
 
@@ -42,10 +65,17 @@ class Profile:
         resolution: Newtons a count.
         baud: Bits a second.
         rate: Readings of all pads a second (Hz), nominal; None where no source says.
-        settings: What the family's board needs besides, e.g. ``mode`` and ``address``.
+        settings: What the family's board needs besides, of the keys in `SETTINGS`. ``mode``: the control box's.
+            ``address`` and ``resultant_address``: of the taxels and of the block before them. ``scan``: look for the
+            sensor under other ids, too. ``part``: the code that its version must name. ``palm_counts``: where the
+            high-speed board keeps the counts of the palm's modules, ``"contiguous"`` or ``"0066"``.
+            ``signed_normal``: the hand board sends the normal force as a signed byte.
         verified: By whom and on what this was tried; empty means that it never was.
         notes: What to know before using it.
         sources: For each figure, where it comes from.
+
+    Raises:
+        InvalidValueError: A field that cannot be; the message names it.
     """
 
     name: str
@@ -57,43 +87,181 @@ class Profile:
     resolution: float = 0.1
     baud: int = 460800
     rate: float | None = None
-    settings: Mapping[str, Any] = field(default_factory=dict)
+    settings: Mapping[str, Any] = field(default_factory=dict, hash=False)
     verified: str = ""
     notes: str = ""
-    sources: Mapping[str, str] = field(default_factory=dict)
+    sources: Mapping[str, str] = field(default_factory=dict, hash=False)
 
-    @property
+    def __post_init__(self) -> None:
+        """Check the fields."""
+        if self.family not in FAMILIES:
+            raise InvalidValueError(str(UnknownNameError("family", str(self.family), FAMILIES)))
+        signed = [axis[:1] in ("+", "-") and len(axis) == 2 and axis[1] in _AXES for axis in self.axes]
+        if len(signed) != 3 or not all(signed) or {axis[1] for axis in self.axes} != set(_AXES):
+            raise InvalidValueError(
+                f"axes must be x, y and z in some order, each with its sign, as ['-y', '+x', '+z'], "
+                f"got {list(self.axes)}"
+            )
+        if not self.slots:
+            raise InvalidValueError("slots must list at least one pad")
+        for kind in ("name", "index"):
+            values = [getattr(slot, kind) for slot in self.slots]
+            if len(set(values)) != len(values):
+                raise InvalidValueError(f"two slots must not have the same {kind}, got {values}")
+        if min(slot.index for slot in self.slots) < 0:
+            raise InvalidValueError(f"a slot's index must not be negative, got {[slot.index for slot in self.slots]}")
+        for kind in ("resolution", "baud", "rate"):
+            value = getattr(self, kind)
+            if value is not None and not (np.isfinite(value) and value > 0):
+                raise InvalidValueError(f"{kind} must be a positive number, got {value!r}")
+        known = SETTINGS[self.family]
+        for key, value in self.settings.items():
+            if key not in known:
+                kind = f"setting of the family {self.family}"
+                raise InvalidValueError(str(UnknownNameError(kind, str(key), known)))
+            if type(value) is not known[key]:
+                raise InvalidValueError(f"setting {key} must be of type {known[key].__name__}, got {value!r}")
+        self.wire_layout.pool(*self.pool)
+
+    @cached_property
     def layout(self) -> TaxelLayout:
         """The pad's taxels after pooling: the layout of `Frame.force`."""
-        raise NotImplementedError
+        return self.wire_layout if self.pool == (1, 1) else self.wire_layout.pool(*self.pool)
+
+    @property
+    def has_positions(self) -> bool:
+        """False where the taxels are a row in the order of the bytes, because nobody says where they sit."""
+        return not (self.wire_layout.is_grid and 1 in (self.wire_layout.rows, self.wire_layout.cols))
+
+    @cached_property
+    def _signs(self) -> NDArray[np.int16]:
+        return np.array([-1 if axis[0] == "-" else 1 for axis in self.axes], dtype=np.int16)
+
+    @cached_property
+    def _places(self) -> NDArray[np.intp]:
+        """``(3 * N,)``: for each value of the pad's tensor, row-major, its place among the counts of the wire."""
+        taxels = self.wire_layout.taxels
+        order = self.wire_layout.vendor_order
+        place = np.arange(taxels) if order is None else np.argsort(order)
+        wire_axis = np.array([_AXES.index(axis[1]) for axis in self.axes])
+        return (3 * place[None, :] + wire_axis[:, None]).reshape(-1)
 
     def to_force(self, counts: NDArray[np.int16]) -> NDArray[np.float32]:
-        """``(..., N, 3)`` counts as they come on the wire -> ``(..., 3, rows, cols)`` float32 newtons, pooled."""
-        raise NotImplementedError
+        """``(..., N, 3)`` counts as they come on the wire -> ``(..., 3, rows, cols)`` float32 newtons, pooled.
+
+        Counts are pooled before they become newtons, so every value is the float32 nearest to a whole number of steps.
+
+        Raises:
+            InvalidValueError: `counts` is not of that shape.
+        """
+        counts = self._check_counts(counts)
+        lead = counts.shape[:-2]
+        taxels = counts.reshape((*lead, -1))[..., self._places].reshape((*lead, *self.wire_layout.shape))
+        signed = taxels * self._signs[:, None, None]
+        if self.pool != (1, 1):
+            signed = self.wire_layout.pool_force(signed, *self.pool)
+        return self._newtons(signed)
+
+    def resultant_force(self, counts: NDArray[np.int16]) -> NDArray[np.float32]:
+        """``(..., 3)`` counts of a pad's total as the board reports it -> ``(..., 3)`` float32 newtons, pad frame."""
+        wire_axis = [_AXES.index(axis[1]) for axis in self.axes]
+        return self._newtons(np.asarray(counts)[..., wire_axis] * self._signs)
 
     def to_counts(self, force: NDArray[np.floating], gate: int = 0) -> NDArray[np.int16]:
-        """``(..., 3, rows, cols)`` newtons of the **wire** layout -> ``(..., N, 3)`` counts, as firmware would send them.
+        """``(..., 3, rows, cols)`` newtons of the **wire** layout -> ``(..., N, 3)`` counts, as firmware sends them.
 
         Rounded to whole counts, components below `gate` counts set to 0, shear clipped to -128..127 and normal force to
         0..255. The inverse of `to_force` up to that, where nothing is pooled.
+
+        Raises:
+            InvalidValueError: `force` is not of that shape.
         """
-        raise NotImplementedError
+        force = np.asarray(force, dtype=np.float64)
+        self.wire_layout.check(force)
+        lead = force.shape[:-3]
+        signed = np.rint(force / self.resolution) * self._signs[:, None, None]
+        counts = signed.reshape((*lead, -1))[..., np.argsort(self._places)].reshape((*lead, -1, 3))
+        counts[np.abs(counts) < gate] = 0
+        return np.clip(counts, _LOWEST, _HIGHEST).astype(np.int16)
+
+    def warn_unverified(self) -> None:
+        """Warn where nobody has tried this profile on a device.
+
+        Warns:
+            UnverifiedProfileWarning: `verified` is empty.
+        """
+        if not self.verified:
+            warnings.warn(
+                f"profile {self.name!r} was never tried on a device: order, axes and signs may be wrong; "
+                "`paxisim sensor check` finds them and writes a profile",
+                UnverifiedProfileWarning,
+                stacklevel=3,
+            )
+
+    def _newtons(self, counts: NDArray[np.integer]) -> NDArray[np.float32]:
+        # in double precision, or 0.1 N would be rounded twice
+        return np.multiply(counts, self.resolution, dtype=np.float64).astype(np.float32)
+
+    def _check_counts(self, counts: NDArray[np.int16]) -> NDArray[np.int16]:
+        counts = np.asarray(counts)
+        if counts.shape[-2:] != (self.wire_layout.taxels, 3):
+            raise InvalidValueError(f"expected counts of shape (..., {self.wire_layout.taxels}, 3), got {counts.shape}")
+        return counts
 
 
 def known_profiles() -> tuple[str, ...]:
-    """The names of the profiles that ship with paxisim, aliases included."""
-    raise NotImplementedError
+    """The names of the profiles that ship with paxisim, aliases included. Needs no optional package."""
+    from paxisim.hw import profile_file
+
+    return profile_file.shipped_names()
 
 
-def load_profile(name: str) -> Profile:
+def load_profile(name: str | Path) -> Profile:
     """The profile of that name, or that of a TOML file.
 
+    A profile file, with all keys it can have (`like` or both `family` and `layout` are needed, as are slots)::
+
+        name = "my-gripper"               # default: the file's name
+        like = "gen2-box-120"             # start from this known profile; what follows replaces its keys
+        family = "control-box"            # one of FAMILIES
+        axes = ["-y", "+x", "+z"]         # the wire's axis, with sign, that is the pad's x, y, z
+        pool = [2, 2]                     # rows and columns of taxels summed to one
+        resolution = 0.1                  # N a count
+        baud = 460800
+        rate = 300                        # Hz
+        verified = "A. User, 2025-03-01, DP-M2826 on connector 1"
+        notes = "..."
+
+        [layout]                          # the fields of TaxelLayout, in m
+        rows = 12
+        cols = 10
+        pitch = [0.0022, 0.0022]
+        vendor_order = [110, 100, ...]    # row-major place of each taxel in the order of the bytes
+        positions = [[0.0, 0.0, 0.0], ...]  # with normals, for a curved part; or instead of all of these
+        coordinates = "paxini-sdk:PXSR-STDDP03G"
+
+        [[slots]]                         # one for each pad, in the tensor's order
+        name = "left"
+        index = 2                         # port, block, id or module, see Slot
+
+        [settings]                        # see Profile.settings
+        mode = 5
+
+        [sources]                         # any figure and where it comes from
+        rate = "measured with paxisim sensor quality"
+
     Args:
-        name: A name from `known_profiles`, or the path of a file that ends in ``.toml`` and holds one profile.
+        name: A name from `known_profiles`, in any case, or the path of a file that ends in ``.toml`` and holds one
+            profile.
 
     Raises:
         UnknownNameError: There is no such profile.
         InvalidValueError: The file is not a profile.
+        OSError: The file cannot be read.
         MissingExtraError: It needs the coordinates of a curved part and paxini-sdk is not installed.
     """
-    raise NotImplementedError
+    from paxisim.hw import profile_file
+
+    if str(name).endswith(".toml"):
+        return profile_file.read_profile(Path(name))
+    return profile_file.shipped_profile(str(name))

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.errors import DeviceError, DeviceTimeoutError, PortNotFoundError, ProtocolError, UnsupportedError
+from paxisim.hw.ask import who_answers
 from paxisim.hw.board import Board
 from paxisim.hw.clock import Clock
 from paxisim.hw.frame import Frame
@@ -160,13 +161,26 @@ class Reader:
     def _open(self) -> None:
         board = self._connect()
         try:
-            board.start()
+            self._start(board)
         except BaseException:
             board.transport.close()
             raise
         self._board = board
         self._heard = self._clock.monotonic()
         self._sample_clock.reset()
+
+    def _start(self, board: Board) -> None:
+        """Start the board; where it is silent, see whether it is of another family."""
+        try:
+            board.start()
+        except DeviceTimeoutError as silence:
+            other = who_answers(board.transport, self._clock)
+            if not other or f"'{board.profile.family}'" in other:
+                raise
+            raise ProtocolError(
+                f"profile {board.profile.name!r} is for the family {board.profile.family!r}, but what answers on "
+                f"{self.port} sends {other}; choose a profile of that family"
+            ) from silence
 
     def _let_go(self) -> None:
         board, self._board = self._board, None

@@ -1,0 +1,195 @@
+"""``paxisim sensor check``, ``paxisim sensor quality`` and ``paxisim sensor profiles``."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from paxisim.cli.output import check_output, png, progress, write_output
+from paxisim.errors import InvalidValueError
+
+if TYPE_CHECKING:
+    from paxisim.hw.check import Step, Touch
+    from paxisim.hw.device import TactileSensor
+    from paxisim.hw.frame import Frame
+    from paxisim.hw.profile import Profile
+
+_PATIENCE = 5.0  # seconds without a frame
+
+
+def sensor_check(
+    port: Annotated[str, tyro.conf.Positional],
+    profile: str,
+    output: Annotated[Path, tyro.conf.arg(aliases=["-o"])],
+    *,
+    seconds: float = 4.0,
+    force: bool = False,
+) -> None:
+    """Find order, axes and signs of a real sensor by pressing it, and write them as a profile.
+
+    It says what to do, one step after another: press Enter, then do it. A step that was not felt clearly is asked for
+    again. Nothing is written before all steps are done and agree with one another; Ctrl-C leaves nothing behind.
+
+    For example:
+
+    paxisim sensor check /dev/ttyACM0 --profile gen2-box-120 -o my-sensor.toml
+
+    Args:
+        port: The sensor's port.
+        profile: The profile that comes closest: a known name or a .toml file.
+        output: The profile to write, a .toml file.
+        seconds: How long each step is recorded.
+        force: Overwrite the output if it exists.
+    """
+    from dataclasses import replace
+    from datetime import datetime
+
+    from paxisim.hw.check import check_steps, conclude, rest_of
+    from paxisim.hw.device import open_sensor
+    from paxisim.hw.profile import UnverifiedProfileWarning, load_profile
+    from paxisim.hw.profile_file import profile_toml
+
+    if output.suffix != ".toml":
+        raise InvalidValueError(f"the output must be a .toml file, or it could not be used as a profile, got {output}")
+    check_output(output, force)
+    _check_seconds(seconds)
+    believed = load_profile(profile)
+    steps = check_steps(believed)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UnverifiedProfileWarning)  # this is what verifies it
+        sensor = open_sensor(port, replace(believed, pool=(1, 1)))
+    with sensor:
+        said = " ".join(sensor.version().split())
+        print(f"{said or believed.name} on {port}")
+        print("Face the sensing surface with the top of the pad up: left, right and down are as you see them then.")
+        print(f"Each step: press Enter, then do it and hold it, within {seconds:g} s.\n")
+        touches: dict[str, Touch] = {}
+        rest = None
+        for number, step in enumerate(steps, 1):
+            while True:
+                frames = _ask(sensor, step, f"{number}/{len(steps)}", seconds)
+                try:
+                    if rest is None:
+                        rest = rest_of(believed, frames)
+                    else:
+                        touches[step.name] = _felt(believed, step, frames, rest)
+                    break
+                except InvalidValueError as error:
+                    print(f"     {error}. Again:")
+    day = datetime.now().astimezone().date().isoformat()
+    verified = f"paxisim sensor check, {day}" + (f", {said}" if said else "")
+    result = conclude(believed, touches, verified)
+    named = replace(result.profile, name=output.stem.lower())
+    write_output(output, profile_toml(named), force)
+    print()
+    for finding in result.findings:
+        print(finding)
+    print(f"\n{believed.name} was {'wrong where marked with !' if result.changed else 'right'}; wrote {output}")
+
+
+def _ask(sensor: TactileSensor, step: Step, number: str, seconds: float):
+    """The forces recorded during a step, ``(T, pads, 3, rows, cols)``, once the user is ready."""
+    import numpy as np
+
+    print(f"{number:>4} {step.prompt}. Enter: ", end="", flush=True)
+    if not sys.stdin.readline():
+        raise InvalidValueError("the input ended before the check was done; nothing was written")
+    if not sys.stdin.isatty():
+        print()  # the Enter of a terminal ends the line
+    frames = _record(sensor, seconds, sys.stdout.isatty())
+    return np.stack([frame.force for frame in frames])
+
+
+def _felt(believed: Profile, step: Step, frames, rest) -> Touch:
+    from paxisim.hw.check import feel
+
+    touch = feel(believed, step, frames, rest)
+    x, y, z = touch.total
+    there = believed.slots[touch.pad].name
+    print(f"     felt where the profile has {there!r}: {z:.1f} N of normal force, shear {x:+.1f} {y:+.1f} N")
+    return touch
+
+
+def _record(sensor: TactileSensor, seconds: float, live: bool) -> list[Frame]:
+    """The frames of the next seconds; if `live`, with a line that shows the pads' total force."""
+    frames = [sensor.latest(_PATIENCE)]
+    end, shown = frames[0].arrival + seconds, frames[0].arrival
+    while frames[-1].arrival < end or len(frames) < 20:
+        frames.append(frame := sensor.read(_PATIENCE))
+        if live and frame.arrival > shown + 0.1:
+            shown = frame.arrival
+            totals = frame.force.sum(axis=(-2, -1))
+            felt = "   ".join(f"{pad} {z:5.1f} N" for pad, (_, _, z) in zip(sensor.pads, totals, strict=True))
+            print(f"\r     {max(end - shown, 0):3.0f} s   {felt}"[:79], end="\x1b[K", flush=True)
+    if live:
+        print("\r", end="\x1b[K", flush=True)
+    return frames
+
+
+def sensor_quality(
+    port: Annotated[str, tyro.conf.Positional],
+    profile: str,
+    output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None,
+    *,
+    seconds: float = 10.0,
+    force: bool = False,
+) -> None:
+    """Measure rate, jitter, noise and drift of a real sensor that rests untouched.
+
+    For example:
+
+    paxisim sensor quality /dev/ttyACM0 --profile gen2-box-120 --seconds 60 -o quality.png
+
+    Args:
+        port: The sensor's port.
+        profile: A known name or a .toml file.
+        output: Where to draw it; default: a table only.
+        seconds: How long to record. Drift wants minutes.
+        force: Overwrite the output if it exists.
+    """
+    from paxisim.hw.device import open_sensor
+    from paxisim.hw.profile import load_profile
+    from paxisim.hw.quality import measure_quality
+
+    if output is not None:
+        check_output(output, force)
+    _check_seconds(seconds)
+    known = load_profile(profile)
+    with open_sensor(port, known) as sensor:
+        progress(f"recording for {seconds:g} s, leave the sensor untouched")
+        frames = _record(sensor, seconds, live=False)
+        line = f"{sensor.bad_checksums} bad checksums, {sensor.skipped} stray bytes, {sensor.reconnects} reconnects"
+        quality = measure_quality(frames, sensor.layout, sensor.pads, known.rate)
+    print(f"{known.name} on {port}")
+    print(quality)
+    print(f"line: {line}")
+    if output is not None:
+        from paxisim.viz.quality import plot_quality
+
+        write_output(output, png(plot_quality(quality)), force)
+        print(f"picture: {output}")
+
+
+def sensor_profiles(name: Annotated[str | None, tyro.conf.Positional] = None) -> None:
+    """List the sensor profiles paxisim knows, or print one as a file to start from.
+
+    For example:
+
+    paxisim sensor profiles gen2-box-120 > my-sensor.toml
+
+    Args:
+        name: The profile to print.
+    """
+    from paxisim.hw.profile import load_profile
+    from paxisim.hw.profile_file import format_profiles, profile_toml
+
+    print(format_profiles() if name is None else profile_toml(load_profile(name)).rstrip())
+
+
+def _check_seconds(seconds: float) -> None:
+    if not 0 < seconds < float("inf"):
+        raise InvalidValueError(f"--seconds must be more than 0, got {seconds:g}")

@@ -1,0 +1,360 @@
+"""The logic of ``paxisim sensor check``: from presses at known places to the profile that explains them.
+
+`check_steps` says what to ask of the user, `feel` judges what was recorded during one step, `conclude` compares all
+steps with the profile and corrects it. Nothing here reads a terminal or a device: force comes in as arrays
+``(T, pads, 3, rows, cols)`` in newtons, read with the profile that is to be checked, **not pooled**.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from paxisim.errors import InvalidValueError
+from paxisim.hw.profile import Profile, Slot
+from paxisim.hw.taxel_order import fit_order
+from paxisim.layout import TaxelLayout
+
+LEAST_PRESS = 0.5
+"""Total normal force (N) that counts as a press."""
+LEAST_DRAG = 0.3
+"""Total shear (N) that counts as a drag."""
+
+_LEAST_FRAMES = 3
+_LEAST_SLIDING = 0.15  # shear / normal force; less is a press at a slant, not a drag
+_STRAIGHT, _CLEARLY_STRAIGHT = 1.7, 3.0  # shear along the drag / shear across it
+_DISTINCT, _CLEARLY_DISTINCT = 0.1, 0.3  # `OrderFit.margin`
+_CORNER = 0.75  # where a press "near the corner" is expected, in half extents of the pad
+_IN_ITS_QUARTER = 0.1  # how far from the middle lines it must be felt at least
+
+
+@dataclass(frozen=True)
+class Step:
+    """One thing to ask of the user.
+
+    Attributes:
+        name: Short, e.g. ``"top-left"``.
+        prompt: What to do, for a person who faces the sensing surface.
+        pad: The pad it is to be done on, counted in the profile's order.
+        corner: Where to press as (x, y) in half extents of the pad; None where the place does not matter.
+        drag: 0 to drag along x, 1 along y; None where there is nothing to drag.
+    """
+
+    name: str
+    prompt: str
+    pad: int = 0
+    corner: tuple[float, float] | None = None
+    drag: int | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Rest:
+    """What an untouched sensor reads.
+
+    Attributes:
+        force: ``(pads, 3, rows, cols)`` N, the median over time.
+        noise: ``(pads,)`` N, standard deviation of each pad's total normal force.
+    """
+
+    force: NDArray[np.float64]
+    noise: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Touch:
+    """What was felt during one step.
+
+    Attributes:
+        pad: The pad that felt it, counted in the profile's order.
+        force: ``(3, rows, cols)`` N, the mean over the time of contact, the rest subtracted.
+    """
+
+    pad: int
+    force: NDArray[np.float64]
+
+    @property
+    def total(self) -> NDArray[np.float64]:
+        """``(3,)`` N, the sum over taxels."""
+        return self.force.sum(axis=(1, 2))
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that was found.
+
+    Attributes:
+        text: A sentence.
+        changed: True if the profile had it otherwise.
+        clear: False if it is the likeliest reading of what was felt, but not by much.
+    """
+
+    text: str
+    changed: bool
+    clear: bool
+
+    def __str__(self) -> str:
+        """The sentence, marked if it is a change or not clear."""
+        return f"{'! ' if self.changed else '  '}{self.text}{'' if self.clear else ' (not clear: check it again)'}"
+
+
+@dataclass(frozen=True)
+class CheckResult:
+    """The corrected profile and what was found.
+
+    Attributes:
+        profile: The profile that explains what was felt.
+        findings: Order of the taxels, axes, pads.
+    """
+
+    profile: Profile
+    findings: tuple[Finding, ...]
+
+    @property
+    def changed(self) -> bool:
+        """True if anything of the profile was wrong."""
+        return any(finding.changed for finding in self.findings)
+
+
+def check_steps(profile: Profile) -> tuple[Step, ...]:
+    """What to ask of the user, in this order. The first is always ``free``, to be given to `rest_of`."""
+    names = [slot.name for slot in profile.slots]
+    here = f"on pad {names[0]!r}" if len(names) > 1 else "on the pad"
+    steps = [Step("free", "Leave the sensor untouched")]
+    steps += [
+        Step(f"touch-{name}", f"Press pad {name!r} in its middle and no other pad", i)
+        for i, name in enumerate(names[:-1])
+    ]
+    if profile.has_positions:
+        for row, y in (("top", -_CORNER), ("bottom", _CORNER)):
+            for col, x in (("left", -_CORNER), ("right", _CORNER)):
+                if (row, col) != ("bottom", "right"):
+                    steps.append(Step(f"{row}-{col}", f"Press near the {row} {col} corner, {here}", corner=(x, y)))
+    else:
+        steps.append(Step("press", f"Press straight down, {here}"))
+    steps += [
+        Step("drag-right", f"Press and drag to the right, lift before going back, {here}", drag=0),
+        Step("drag-down", f"Press and drag down, lift before going back, {here}", drag=1),
+    ]
+    return tuple(steps)
+
+
+def rest_of(profile: Profile, force: ArrayLike) -> Rest:
+    """What the sensor reads while nobody touches it.
+
+    Args:
+        profile: The profile it was read with.
+        force: ``(T, pads, 3, rows, cols)`` N, recorded during the step ``free``.
+
+    Raises:
+        InvalidValueError: Too few frames, or somebody did touch it.
+    """
+    frames = _frames(profile, force, "free")
+    total = frames[:, :, 2].sum(axis=(-2, -1))
+    noise = total.std(axis=0)
+    worst = int(noise.argmax())
+    if noise[worst] > LEAST_PRESS / 2:
+        raise InvalidValueError(
+            f"pad {profile.slots[worst].name!r} was not left alone: its total force changed by "
+            f"{np.ptp(total[:, worst]):.1f} N while it should rest"
+        )
+    return Rest(np.median(frames, axis=0), noise)
+
+
+def feel(profile: Profile, step: Step, force: ArrayLike, rest: Rest) -> Touch:
+    """What was felt during a step.
+
+    Args:
+        profile: The profile it was read with.
+        step: One of `check_steps`, not ``free``.
+        force: ``(T, pads, 3, rows, cols)`` N, recorded during that step.
+        rest: Of `rest_of`.
+
+    Raises:
+        InvalidValueError: It was too weak or too short, more than one pad felt it, or a drag was no drag. The step
+            can be asked for again.
+    """
+    frames = _frames(profile, force, step.name) - rest.force
+    total = np.abs(frames[:, :, 2].sum(axis=(-2, -1)))
+    peak = total.max(axis=0)
+    pad = int(peak.argmax())
+    least = max(LEAST_PRESS, 8 * float(rest.noise[pad]))
+    if peak[pad] < least:
+        raise InvalidValueError(
+            f"step {step.name}: too weak, {peak[pad]:.1f} N of normal force where at least {least:.1f} N is needed"
+        )
+    others = np.delete(peak, pad)
+    if others.size and others.max() > peak[pad] / 2:
+        raise InvalidValueError(f"step {step.name}: more than one pad was pressed; press one at a time")
+    contact = total[:, pad] >= peak[pad] / 2
+    if contact.sum() < _LEAST_FRAMES:
+        raise InvalidValueError(f"step {step.name}: too short, {int(contact.sum())} frames; hold it for a second")
+    touch = Touch(pad, frames[contact, pad].mean(axis=0))
+    if step.drag is not None:
+        _drag_axis(step, touch)
+    return touch
+
+
+def conclude(profile: Profile, touches: Mapping[str, Touch], verified: str = "") -> CheckResult:
+    """Compare what was felt with the profile, and correct it.
+
+    Args:
+        profile: The profile that everything was read with.
+        touches: What `feel` gave, by the name of the step, for all steps but ``free``.
+        verified: What the corrected profile says under that name, and as the source of what was checked.
+
+    Returns:
+        The corrected profile; all that the steps cannot tell is as it was.
+
+    Raises:
+        InvalidValueError: A step is missing, one was done on another pad than asked for, or what was felt fits no
+            order of the taxels.
+    """
+    steps = check_steps(profile)[1:]
+    missing = [step.name for step in steps if step.name not in touches]
+    if missing:
+        raise InvalidValueError(f"the check is not complete, it lacks: {', '.join(missing)}")
+    slots, pads_finding = _find_slots(profile, steps, touches)
+    axes, axes_findings = _find_axes(profile, steps, touches)
+    layout, pool, order_finding = _find_order(profile, steps, touches)
+    findings = (order_finding, *axes_findings, *((pads_finding,) if len(slots) > 1 else ()))
+    sources = dict(profile.sources)
+    if verified:
+        sources |= dict.fromkeys(("layout", "axes", "slots") if profile.has_positions else ("axes", "slots"), verified)
+    corrected = replace(
+        profile, wire_layout=layout, pool=pool, axes=axes, slots=slots, verified=verified, sources=sources
+    )
+    return CheckResult(corrected, findings)
+
+
+def _frames(profile: Profile, force: ArrayLike, step: str) -> NDArray[np.float64]:
+    frames = np.asarray(force, dtype=np.float64)
+    profile.wire_layout.check(frames, len(profile.slots))
+    if frames.ndim != 5 or len(frames) < _LEAST_FRAMES:
+        raise InvalidValueError(
+            f"step {step}: expected at least {_LEAST_FRAMES} frames, (T, pads, 3, rows, cols), got shape {frames.shape}"
+        )
+    return frames
+
+
+# ---- pads ---------------------------------------------------------------------------------------------------------
+
+
+def _find_slots(
+    profile: Profile, steps: tuple[Step, ...], touches: Mapping[str, Touch]
+) -> tuple[tuple[Slot, ...], Finding]:
+    slots = profile.slots
+    found = [touches[step.name].pad for step in steps if step.name.startswith("touch-")]
+    if len(set(found)) != len(found):
+        raise InvalidValueError("the answers contradict one another: two different pads were felt as the same one")
+    found += [pad for pad in range(len(slots)) if pad not in found]
+    for step in steps:
+        if touches[step.name].pad != found[step.pad]:
+            raise InvalidValueError(
+                f"step {step.name} was done on another pad than the one touched as {slots[step.pad].name!r}"
+            )
+    corrected = tuple(Slot(slot.name, slots[pad].index) for slot, pad in zip(slots, found, strict=True))
+    if corrected == slots:
+        return slots, Finding("pads: each is where the profile has it", False, True)
+    moved = [f"{new.name!r} is at {new.index}" for new, old in zip(corrected, slots, strict=True) if new != old]
+    return corrected, Finding(f"pads: they are swapped, {' and '.join(moved)}", True, True)
+
+
+# ---- axes and signs -----------------------------------------------------------------------------------------------
+
+
+def _drag_axis(step: Step, touch: Touch) -> tuple[int, int, float, float]:
+    """Along which axis of the tensor a drag was felt, with which sign, and the shear along and across it (N)."""
+    shear = touch.total[:2]
+    axis = int(np.abs(shear).argmax())
+    along, across = abs(shear[axis]), abs(shear[1 - axis])
+    least = max(LEAST_DRAG, _LEAST_SLIDING * abs(touch.total[2]))
+    if along < least:
+        raise InvalidValueError(
+            f"step {step.name}: too little shear, {along:.1f} N where at least {least:.1f} N is needed; drag until it "
+            "slides, and lift before going back"
+        )
+    if along < _STRAIGHT * across:
+        raise InvalidValueError(
+            f"step {step.name}: the shear went askew, {along:.1f} N along one axis and {across:.1f} N along the other"
+        )
+    return axis, 1 if shear[axis] > 0 else -1, float(along), float(across)
+
+
+def _find_axes(
+    profile: Profile, steps: tuple[Step, ...], touches: Mapping[str, Touch]
+) -> tuple[tuple[str, str, str], list[Finding]]:
+    axes = list(profile.axes)
+    findings = []
+    felt_on = {}
+    for step in steps:
+        if step.drag is None:
+            continue
+        axis, sign, along, across = _drag_axis(step, touches[step.name])
+        felt_on[step.drag] = axis
+        axes[step.drag] = _signed(profile.axes[axis], sign)
+        changed = axes[step.drag] != profile.axes[step.drag]
+        was = f", not {profile.axes[step.drag]}" if changed else ""
+        findings.append(
+            Finding(
+                f"axes: the pad's {'xy'[step.drag]} is {axes[step.drag]} of the line{was} "
+                f"({along:.1f} N of shear along it, {across:.1f} N across)",
+                changed,
+                along >= _CLEARLY_STRAIGHT * across,
+            )
+        )
+    if felt_on[0] == felt_on[1]:
+        raise InvalidValueError(
+            "the answers contradict one another: the drags to the right and down were felt along the same axis"
+        )
+    normal = [touches[step.name].total[2] for step in steps]
+    if min(normal) < 0 < max(normal):
+        raise InvalidValueError("the answers contradict one another: pressing was felt as push and as pull")
+    changed = normal[0] < 0
+    axes[2] = _signed(profile.axes[2], -1 if changed else 1)
+    was = f", not {profile.axes[2]}" if changed else ""
+    findings.append(Finding(f"axes: the pad's z is {axes[2]} of the line{was}", changed, True))
+    return (axes[0], axes[1], axes[2]), findings
+
+
+def _signed(axis: str, sign: int) -> str:
+    return axis if sign > 0 else ("+" if axis[0] == "-" else "-") + axis[1]
+
+
+# ---- order of the taxels ------------------------------------------------------------------------------------------
+
+
+def _find_order(
+    profile: Profile, steps: tuple[Step, ...], touches: Mapping[str, Touch]
+) -> tuple[TaxelLayout, tuple[int, int], Finding]:
+    layout, pool = profile.wire_layout, profile.pool
+    corners = {step.name: step.corner for step in steps if step.corner is not None}
+    if not corners:
+        text = "order: cannot be told, as nobody says where the taxels sit; they stay in the order of the bytes"
+        return layout, pool, Finding(text, False, True)
+    asked = np.array(list(corners.values()))
+    fit = fit_order(layout, np.stack([touches[name].force[2] for name in corners]), asked)
+    for name, at, felt in zip(corners, asked, fit.felt, strict=True):
+        if np.any(np.sign(at) * felt < _IN_ITS_QUARTER):
+            raise InvalidValueError(
+                f"the answers contradict one another: no order of the taxels puts the press of step {name} into its "
+                "quarter of the pad and the others into theirs; press closer to the corners"
+            )
+    if fit.margin < _DISTINCT:
+        raise InvalidValueError(
+            "the answers contradict one another: the presses at the corners fit several orders of the taxels about as "
+            "well; press closer to the corners, with a fingertip"
+        )
+    clear = fit.margin >= _CLEARLY_DISTINCT
+    if fit.layout == layout:
+        return layout, pool, Finding("order: the taxels are where the profile has them", False, clear)
+    text = f"order: {fit.orientation.text}"
+    if fit.refolded:
+        text = f"order: the bytes run along the other direction of the grid; after that, {fit.orientation.text}"
+    if not layout.is_grid:
+        text += "; the positions were turned with it"
+    if fit.orientation.exchanges:
+        pool = (pool[1], pool[0])
+    return fit.layout, pool, Finding(text, True, clear)

@@ -1,0 +1,272 @@
+"""Profiles in TOML: those that ship with paxisim, and a user's own, read and written."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from paxisim.errors import InvalidValueError, UnknownNameError
+from paxisim.hw.profile import Profile, Slot
+from paxisim.layout import TaxelLayout
+from paxisim.sensors import Sensor
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib  # pyright: ignore[reportMissingImports]
+
+_NUMBER = (int, float)
+# key of a profile file -> what its value must be
+_KEYS: Mapping[str, tuple[type | tuple[type, ...], str]] = {
+    "name": (str, "a text"),
+    "like": (str, "the name of a known profile"),
+    "family": (str, "a text"),
+    "axes": (list, "a list of three texts"),
+    "pool": (list, "a list of two whole numbers"),
+    "resolution": (_NUMBER, "a number"),
+    "baud": (int, "a whole number"),
+    "rate": (_NUMBER, "a number"),
+    "verified": (str, "a text"),
+    "notes": (str, "a text"),
+    "layout": (dict, "a table"),
+    "slots": (list, "a list of tables"),
+    "settings": (dict, "a table"),
+    "sources": (dict, "a table"),
+}
+_LAYOUT_KEYS = ("rows", "cols", "pitch", "positions", "normals", "vendor_order", "coordinates")
+_LINES_FROM_ROOT = "lines-from-root"
+
+
+def shipped_names() -> tuple[str, ...]:
+    """The names of the shipped profiles in the order of the data file, then the aliases."""
+    data = _shipped()
+    return (*data["profiles"], *data["aliases"])
+
+
+def shipped_profile(name: str) -> Profile:
+    """The shipped profile of that name, see `paxisim.hw.profile.load_profile`."""
+    entry = shipped_entry(name)
+    return _build(entry, entry["part"], entry["taxels"])
+
+
+def shipped_entry(name: str) -> dict[str, Any]:
+    """Board, part and profile of the data file as one table, without their coordinates being read.
+
+    Besides the keys of a profile file it has ``board``, ``part``, ``model`` and ``taxels``.
+
+    Raises:
+        UnknownNameError: There is no such profile.
+    """
+    data = _shipped()
+    key = data["aliases"].get(name.lower(), name.lower())
+    if key not in data["profiles"]:
+        raise UnknownNameError("profile", name, shipped_names())
+    own = data["profiles"][key]
+    levels = (data["boards"][own["board"]], data["parts"][own["part"]], own)
+    entry: dict[str, Any] = {"name": key}
+    for level in levels:
+        entry |= level
+    for table in ("settings", "sources"):
+        entry[table] = {k: v for level in levels for k, v in level.get(table, {}).items()}
+    entry["sources"] = {figure: text.strip() for figure, text in entry["sources"].items()}
+    entry["notes"] = " ".join(level["notes"].strip() for level in levels if "notes" in level)
+    return entry
+
+
+def format_profiles() -> str:
+    """The shipped profiles as a plain text table, at most 80 columns wide, without a final newline."""
+    rows: list[tuple[str, ...]] = [("name", "family", "taxels", "verified")]
+    for name in _shipped()["profiles"]:
+        entry = shipped_entry(name)
+        layout = entry["layout"]
+        taxels = f"{entry['taxels']}, curved" if "coordinates" in layout else f"{layout['rows']} x {layout['cols']}"
+        rows.append((name, entry["family"], taxels, "yes" if entry.get("verified") else "no"))
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    rows.insert(1, tuple("-" * width for width in widths))
+    lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+    lines += ["", *(f"{alias} is {name}" for alias, name in _shipped()["aliases"].items())]
+    lines += ["verified: tried on a device; `paxisim sensor check` does that for yours"]
+    return "\n".join(lines)
+
+
+@cache
+def _shipped() -> dict[str, Any]:
+    return tomllib.loads(files("paxisim").joinpath("data/profiles.toml").read_text(encoding="utf-8"))
+
+
+def read_profile(path: Path) -> Profile:
+    """The profile in a user's file, see `paxisim.hw.profile.load_profile`."""
+    try:
+        document = tomllib.loads(path.read_text(encoding="utf-8"))
+        return _from_document(document, path)
+    except UnicodeDecodeError as error:
+        raise InvalidValueError(f"{path} is not a profile: it is not a text in UTF-8") from error
+    except tomllib.TOMLDecodeError as error:
+        raise InvalidValueError(f"{path} is not a profile: it is not TOML: {error}") from error
+    except (InvalidValueError, UnknownNameError) as error:
+        raise InvalidValueError(f"{path} is not a profile: {error}") from error
+
+
+def _from_document(document: dict[str, Any], path: Path) -> Profile:
+    _check_keys("key", document, _KEYS)
+    for key, value in document.items():
+        kind, wanted = _KEYS[key]
+        if not isinstance(value, kind) or isinstance(value, bool):
+            raise InvalidValueError(f"{key} must be {wanted}, got {value!r}")
+    entry: dict[str, Any] = {"name": path.stem}
+    if "like" in document:
+        entry |= shipped_entry(document["like"])
+        # what the user's file says has other sources than what it replaces
+        sources = {figure: text for figure, text in entry["sources"].items() if figure not in document}
+        entry |= {"name": path.stem, "verified": "", "sources": sources}
+        if "layout" not in document:
+            return _build(entry | document, entry["part"], entry["taxels"])
+    entry |= document
+    for key in ("family", "layout", "slots"):
+        if key not in entry:
+            raise InvalidValueError(f"it has neither {key} nor a known profile to take it from (like = ...)")
+    return _build(entry, entry["name"], None)
+
+
+def _build(entry: Mapping[str, Any], part: str, taxels: int | None) -> Profile:
+    """The profile that a complete table describes."""
+    optional = ("resolution", "baud", "rate", "settings", "verified", "notes", "sources")
+    fields = {key: entry[key] for key in optional if key in entry}
+    for key in ("axes", "pool"):
+        if key in entry:
+            fields[key] = tuple(entry[key])
+    for key, text in entry.get("sources", {}).items():
+        if not isinstance(text, str):
+            raise InvalidValueError(f"sources.{key} must be a text, got {text!r}")
+    if "axes" in fields and not all(isinstance(axis, str) for axis in fields["axes"]):
+        raise InvalidValueError(f"axes must be {_KEYS['axes'][1]}, got {entry['axes']!r}")
+    if "pool" in fields and (len(fields["pool"]) != 2 or not all(_is_whole(n) for n in fields["pool"])):
+        raise InvalidValueError(f"pool must be {_KEYS['pool'][1]}, got {entry['pool']!r}")
+    return Profile(
+        name=entry["name"].lower(),
+        family=entry["family"],
+        wire_layout=_layout(entry["layout"], part, taxels),
+        slots=tuple(_slot(slot) for slot in entry["slots"]),
+        **fields,
+    )
+
+
+def _slot(table: Any) -> Slot:
+    if not isinstance(table, dict):
+        raise InvalidValueError(f"a slot must be a table with name and index, got {table!r}")
+    _check_keys("key of a slot", table, ("name", "index"))
+    name, index = table.get("name"), table.get("index")
+    if not isinstance(name, str) or not name or not isinstance(index, int) or isinstance(index, bool):
+        raise InvalidValueError(f"a slot must have a name and a whole number as index, got {table!r}")
+    return Slot(name, index)
+
+
+def _layout(table: Mapping[str, Any], part: str, taxels: int | None) -> TaxelLayout:
+    _check_keys("key of layout", table, _LAYOUT_KEYS)
+    if "coordinates" in table:
+        others = sorted(set(table) - {"coordinates"})
+        if others:
+            raise InvalidValueError(f"layout has coordinates, so it must not have {', '.join(others)}")
+        return _coordinates(str(table["coordinates"]), part, taxels)
+    missing = [key for key in ("rows", "cols", "pitch") if key not in table]
+    if missing:
+        raise InvalidValueError(f"layout lacks {', '.join(missing)}")
+    order = table.get("vendor_order")
+    if order == _LINES_FROM_ROOT:
+        layout = TaxelLayout.from_dict({key: value for key, value in table.items() if key != "vendor_order"})
+        upward = np.arange(layout.taxels).reshape(layout.rows, layout.cols)[::-1]
+        return replace(layout, vendor_order=tuple(upward.T.ravel().tolist()))
+    if order is not None and not (isinstance(order, list) and all(_is_whole(i) for i in order)):
+        raise InvalidValueError(f"vendor_order must be a list of whole numbers, got {order!r}")
+    return TaxelLayout.from_dict(dict(table))
+
+
+def _coordinates(source: str, part: str, taxels: int | None) -> TaxelLayout:
+    """The layout of a curved part from the optional package that has its table of points."""
+    if taxels is None:
+        taxels = _count(source)
+    return Sensor(name=part, maker="PaXini", model=part, rows=1, cols=taxels, coordinates=source).layout
+
+
+def _count(source: str) -> int:
+    """Taxels of the shipped part that has those coordinates."""
+    known = {
+        p["layout"]["coordinates"]: p["taxels"] for p in _shipped()["parts"].values() if "coordinates" in p["layout"]
+    }
+    if source not in known:
+        raise InvalidValueError(str(UnknownNameError("source of coordinates", source, known)))
+    return known[source]
+
+
+def _check_keys(kind: str, table: Mapping[str, Any], known: Any) -> None:
+    for key in table:
+        if key not in known:
+            raise InvalidValueError(str(UnknownNameError(kind, key, known)))
+
+
+def _is_whole(value: Any) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool)
+
+
+def profile_toml(profile: Profile) -> str:
+    """The text of a file that `paxisim.hw.profile.load_profile` reads back to an equal profile."""
+    lines = [
+        '# A sensor profile for paxisim: paxisim.open_sensor(PORT, profile="THIS FILE"). Lengths in m, forces in N.',
+        f"name = {_text(profile.name)}",
+        f"family = {_text(profile.family)}",
+        "# the wire's axis, with sign, that is the pad's x, y and z",
+        f"axes = [{', '.join(map(_text, profile.axes))}]",
+        "# rows and columns of taxels summed to one",
+        f"pool = [{profile.pool[0]}, {profile.pool[1]}]",
+        f"resolution = {profile.resolution!r}",
+        f"baud = {profile.baud}",
+    ]
+    if profile.rate is not None:
+        lines.append(f"rate = {profile.rate!r}")
+    lines += [
+        "# by whom and on what it was tried; empty: never",
+        f"verified = {_text(profile.verified)}",
+        f"notes = {_text(profile.notes)}",
+        "",
+        "[layout]",
+    ]
+    for key, value in profile.wire_layout.to_dict().items():
+        if key == "vendor_order":
+            lines.append("# row-major place of each taxel in the order of the bytes")
+        lines.append(f"{key} = {_values(value)}")
+    for slot in profile.slots:
+        lines += ["", "[[slots]]", f"name = {_text(slot.name)}", f"index = {slot.index}"]
+    for title, table in (("settings", profile.settings), ("sources", profile.sources)):
+        if table:
+            lines += ["", f"[{title}]", *(f"{_key(key)} = {_values(value)}" for key, value in table.items())]
+    return "\n".join(lines) + "\n"
+
+
+def _key(key: str) -> str:
+    bare = key.isascii() and key.replace("_", "").replace("-", "").isalnum()
+    return key if bare else _text(key)
+
+
+def _text(value: str) -> str:
+    # JSON's escapes are TOML's, except that TOML wants DEL escaped, too
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def _values(value: Any) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return _text(value)
+    if isinstance(value, (list, tuple)) and value and isinstance(value[0], (list, tuple)):
+        return "[\n" + "".join(f"  {_values(row)},\n" for row in value) + "]"
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join(map(_values, value))}]"
+    return repr(value)

@@ -1,0 +1,197 @@
+"""How good a sensor's readings are while it rests: rate, jitter, lost frames, noise, drift, silent taxels."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from paxisim.errors import InvalidValueError
+from paxisim.hw.frame import Frame
+from paxisim.layout import TaxelLayout
+
+LEAST_FRAMES = 20
+"""Frames that `measure_quality` needs at least."""
+
+_BLOCKS = 20
+
+
+@dataclass(frozen=True, eq=False)
+class SensorQuality:
+    """What a stream of frames of a resting sensor shows; ``str`` of it is a table of at most 80 columns.
+
+    Attributes:
+        layout: The pads' taxels.
+        pads: The pads' names.
+        nominal_rate: Frames a second that the profile states (Hz); None where no source does.
+        time: ``(T,)`` s since the first frame.
+        intervals: ``(T - 1,)`` s between the arrivals of two frames, shared among those lost between them.
+        lost: Frames missing between the first and the last, by their sequence numbers.
+        total: ``(T, pads, 3)`` N, the sum over taxels.
+        noise: ``(pads, 3, rows, cols)`` N, standard deviation of each taxel from frame to frame, so without drift:
+            the root of half the mean square of successive differences.
+        total_noise: ``(pads, 3)`` N, the same of the total.
+        drift: ``(pads, 3)`` N a minute, slope of the total.
+        drift_error: ``(pads, 3)`` N a minute, its standard error, from the scatter of the means over twentieths of the
+            time about the line, so slow noise counts as well.
+        zero: ``(pads, rows, cols)`` True where a taxel read 0 on all axes in all frames.
+        constant: ``(pads, rows, cols)`` True where it always read the same, but not 0.
+    """
+
+    layout: TaxelLayout
+    pads: tuple[str, ...]
+    nominal_rate: float | None
+    time: NDArray[np.float64]
+    intervals: NDArray[np.float64]
+    lost: int
+    total: NDArray[np.float64]
+    noise: NDArray[np.float64]
+    total_noise: NDArray[np.float64]
+    drift: NDArray[np.float64]
+    drift_error: NDArray[np.float64]
+    zero: NDArray[np.bool_]
+    constant: NDArray[np.bool_]
+
+    @property
+    def frames(self) -> int:
+        """Number of frames."""
+        return len(self.time)
+
+    @property
+    def rate(self) -> float:
+        """Frames a second (Hz), from the median interval."""
+        return 1 / max(float(np.median(self.intervals)), 1e-9)
+
+    @property
+    def mean_rate(self) -> float:
+        """Frames a second (Hz) on average, the lost ones not counted."""
+        return (self.frames - 1) / max(float(self.time[-1]), 1e-9)
+
+    @property
+    def jitter(self) -> float:
+        """Standard deviation of the intervals (s)."""
+        return float(self.intervals.std())
+
+    @property
+    def slow_interval(self) -> float:
+        """99th percentile of the intervals (s)."""
+        return float(np.percentile(self.intervals, 99))
+
+    @property
+    def touched(self) -> NDArray[np.bool_]:
+        """``(pads,)`` True where the total changed by far more than noise does: something moved or was touched."""
+        change = np.ptp(self.total, axis=0)
+        return np.any(change > 1.0 + 10 * self.total_noise, axis=-1)
+
+    def __str__(self) -> str:
+        """The table."""
+        nominal = "" if self.nominal_rate is None else f", nominally {self.nominal_rate:g}"
+        seconds = float(self.time[-1])
+        lines = [
+            f"frames  {self.frames} in {seconds:.1f} s, {self.lost} lost",
+            f"rate    {self.rate:.1f} Hz (median{nominal}), {self.mean_rate:.1f} Hz on average",
+            f"jitter  {1e3 * self.jitter:.2f} ms standard deviation; of the intervals 99 % are below "
+            f"{1e3 * self.slow_interval:.1f} ms,",
+            f"        the longest is {1e3 * self.intervals.max():.1f} ms",
+            "",
+            f"{'pad':<12}axis  {'mean total':>12}{'taxel noise':>13}{'total noise':>13}   drift of total",
+        ]
+        typical = np.median(self.noise, axis=(-2, -1))
+        for i, pad in enumerate(self.pads):
+            for j, axis in enumerate("xyz"):
+                lines.append(
+                    f"{pad[:11] if j == 0 else '':<12}{axis:<6}{self.total[:, i, j].mean():>+10.2f} N"
+                    f"{typical[i, j]:>11.3f} N{self.total_noise[i, j]:>11.3f} N"
+                    f"  {self.drift[i, j]:>+8.{_digits(self.drift[i, j])}f}"
+                    f" ± {self.drift_error[i, j]:.{_digits(self.drift_error[i, j])}f} N/min"
+                )
+        lines += ["", *self._remarks()]
+        return "\n".join(lines)
+
+    def _remarks(self) -> list[str]:
+        lines = []
+        for i, pad in enumerate(self.pads):
+            zero, constant = int(self.zero[i].sum()), int(self.constant[i].sum())
+            text = f"{pad[:11]}: {zero} of {self.layout.taxels} taxels always read 0"
+            lines.append(text + (f", {constant} always the same, but not 0" if constant else ""))
+            if self.touched[i]:
+                change = np.ptp(self.total[:, i], axis=0).max()
+                lines.append(
+                    f"{pad[:11]}: its total changed by {change:.1f} N: was it touched? Then the table shows that"
+                )
+        if self.zero.any():
+            lines += [
+                "A 0 is no fault in a pad at rest: firmware sets small forces to 0. Whether a",
+                "taxel is dead shows only when it is pressed.",
+            ]
+        if self.constant.any():
+            lines.append("A taxel that always reads the same carries a steady load, or is stuck.")
+        return lines
+
+
+def _digits(value: float) -> int:
+    """Decimals of a number in the table, so that large ones fit as well."""
+    return 2 if abs(value) < 100 else 0
+
+
+def measure_quality(
+    frames: Sequence[Frame], layout: TaxelLayout, pads: Sequence[str], nominal_rate: float | None = None
+) -> SensorQuality:
+    """Judge the frames of a sensor that rests untouched.
+
+    Args:
+        frames: In the order in which they came.
+        layout: Their taxels.
+        pads: The pads' names.
+        nominal_rate: What the profile says (Hz).
+
+    Raises:
+        InvalidValueError: Less than `LEAST_FRAMES` frames, frames of another shape, or not in order.
+    """
+    if len(frames) < LEAST_FRAMES:
+        raise InvalidValueError(f"expected at least {LEAST_FRAMES} frames to judge, got {len(frames)}: record longer")
+    force = np.stack([frame.force for frame in frames])
+    layout.check(force, len(pads))
+    time = np.array([frame.time for frame in frames], dtype=np.float64)
+    arrival = np.array([frame.arrival for frame in frames], dtype=np.float64)
+    steps = np.diff([frame.sequence for frame in frames])
+    if np.any(steps < 1) or np.any(np.diff(arrival) < 0) or not time[-1] > time[0]:
+        raise InvalidValueError("frames must be in the order in which they came, each once")
+    time -= time[0]
+    total = force.sum(axis=(-2, -1), dtype=np.float64)
+    drift, drift_error = _drift(time, total)
+    constant = np.all(force == force[0], axis=(0, 2))
+    zero = constant & np.all(force[0] == 0, axis=1)
+    return SensorQuality(
+        layout=layout,
+        pads=tuple(pads),
+        nominal_rate=nominal_rate,
+        time=time,
+        intervals=np.diff(arrival) / steps,
+        lost=int(np.sum(steps - 1)),
+        total=total,
+        noise=_noise(force),
+        total_noise=_noise(total),
+        drift=drift,
+        drift_error=drift_error,
+        zero=zero,
+        constant=constant & ~zero,
+    )
+
+
+def _noise(values: NDArray[np.floating]) -> NDArray[np.float64]:
+    return np.sqrt(np.mean(np.square(np.diff(values, axis=0), dtype=np.float64), axis=0) / 2)
+
+
+def _drift(time: NDArray[np.float64], total: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Slope and its standard error, both in N a minute, of a line through the means over stretches of time."""
+    blocks = min(_BLOCKS, len(time) // 4)
+    minutes = np.array([part.mean() for part in np.array_split(time, blocks)]) / 60
+    means = np.array([part.mean(axis=0) for part in np.array_split(total, blocks)])
+    away = (minutes - minutes.mean())[:, None, None]
+    spread = np.sum(away**2)
+    slope = np.sum(away * means, axis=0) / spread
+    left = means - means.mean(axis=0) - away * slope
+    return slope, np.sqrt(np.sum(left**2, axis=0) / (blocks - 2) / spread)
