@@ -11,17 +11,20 @@ import sys
 import textwrap
 import warnings
 from collections.abc import Callable
+from typing import Annotated, Any, Union
 
 import tyro
 
 from paxisim.cli.attach import attach
 from paxisim.cli.demo import demo
 from paxisim.cli.pad import pad
+from paxisim.cli.sensor import sensor_check, sensor_profiles, sensor_quality
 from paxisim.cli.sensors import sensors
 from paxisim.cli.view import view
 from paxisim.errors import PaxisimError
 
 VERBS = {"demo": demo, "sensors": sensors, "pad": pad, "attach": attach, "view": view}
+SENSOR_VERBS = {"check": sensor_check, "quality": sensor_quality, "profiles": sensor_profiles}
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -61,12 +64,13 @@ def _parse(arguments: list[str] | None) -> Callable[[], None]:
     try:
         with contextlib.redirect_stderr(said), contextlib.redirect_stdout(helped):
             return tyro.extras.subcommand_cli_from_dict(
-                {name: _deferred(verb) for name, verb in VERBS.items()},
+                {name: _deferred(verb) for name, verb in VERBS.items()}
+                | {"sensor": _group(SENSOR_VERBS, "Check a real sensor, measure how good it is, list profiles.")},
                 prog="paxisim",
                 description="Magnet-based tactile sensors in MuJoCo. `paxisim VERB --help` explains a verb.",
                 args=arguments,
                 sort_subcommands=False,
-                config=(tyro.conf.FlagCreatePairsOff,),
+                config=(tyro.conf.FlagCreatePairsOff, tyro.conf.OmitSubcommandPrefixes, tyro.conf.OmitArgPrefixes),
             )
     except SystemExit as stop:
         if stop.code in (0, None):
@@ -83,6 +87,18 @@ def _deferred(verb: Callable[..., None]) -> Callable[..., Callable[[], None]]:
         return functools.partial(verb, *args, **options)
 
     return bind
+
+
+def _group(verbs: dict[str, Callable[..., None]], description: str) -> Callable[..., Callable[[], None]]:
+    """A verb that is followed by one of `verbs`."""
+
+    def pick(verb):
+        return verb
+
+    choices = tuple(Annotated[Any, tyro.conf.subcommand(n, constructor=_deferred(v))] for n, v in verbs.items())
+    pick.__annotations__["verb"] = Union[choices]  # noqa: UP007
+    pick.__doc__ = description
+    return pick
 
 
 def _wrapped(text: str) -> str:

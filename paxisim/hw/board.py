@@ -68,7 +68,7 @@ class Board(ABC):
     def version(self) -> str:
         """What the board says of itself; empty where its protocol has no such request."""
 
-    def stop(self) -> None:
+    def stop(self) -> None:  # noqa: B027  # most boards have nothing to stop
         """Leave the board as it was found, where it streams. Does not close the transport."""
 
     @property
