@@ -1,0 +1,270 @@
+"""The conversation with a GEN1 or GEN2 control box: several pads, one request at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NoReturn
+
+import numpy as np
+
+from paxisim.errors import DeviceTimeoutError, InvalidValueError, ProtocolError
+from paxisim.hw import registers, taxels
+from paxisim.hw.board import Board, Reading
+from paxisim.hw.boards.line import Line
+from paxisim.hw.clock import Clock
+from paxisim.hw.frames import control_box as wire
+from paxisim.hw.framing import FrameDecoder
+from paxisim.hw.profile import Profile, Slot
+from paxisim.hw.transport import Transport
+
+REPLY_TIMEOUT = 0.1
+"""Seconds after which a request is repeated; 120 taxels were seen to take 3 ms, a version 10 ms."""
+QUIET = 0.03
+"""Seconds of silence behind the last byte after which a reply counts as lost."""
+START_TIMEOUT = 1.0
+MODE_TIMEOUT = 2.0
+"""Seconds that the box may take to change its mode, by the vendor's document."""
+PAUSE = 0.05
+"""Seconds between two looks at something that the box may take a while for."""
+REFUSALS = 3
+"""Replies with an error before it is believed; the request may have been damaged on its way."""
+DEFAULT_MODE = 5
+LONGEST_ANSWER = 128
+"""Bytes of data in a reply that is not a reading; the longest is the version."""
+
+
+class ControlBox(Board):
+    """A box whose slots are its ports.
+
+    Settings, all optional: ``mode``, which says what parts hang on it (default 5, most GEN2 parts); ``address`` of the
+    taxels (default 1038); ``resultant_address``: of the block before them, read with them in one go; without it, the
+    taxels alone are read.
+
+    A pad that answers with an error while others are read gets that error as its status and reads zero.
+    """
+
+    def __init__(self, transport: Transport, profile: Profile, clock: Clock) -> None:
+        """Remember; no I/O.
+
+        Raises:
+            InvalidValueError: A slot is no port, or the mode no byte, or the taxels do not follow the resultant.
+        """
+        super().__init__(transport, profile, clock)
+        settings = profile.settings
+        self._mode = int(settings.get("mode", DEFAULT_MODE))
+        if not 0 <= self._mode <= 0xFF:
+            raise InvalidValueError(f"mode must be a byte, got {self._mode}")
+        ports = [slot.index for slot in profile.slots]
+        if not all(0 <= port <= 0xFF for port in ports):
+            raise InvalidValueError(f"a control box's slots must have a port's number as their index, got {ports}")
+        address = int(settings.get("address", registers.CONTROL_BOX_TAXELS))
+        self._has_resultant = "resultant_address" in settings
+        self._address = int(settings.get("resultant_address", address))
+        self._offset = address - self._address
+        if self._has_resultant and self._offset < taxels.BYTES_PER_TAXEL:
+            raise InvalidValueError("address must lie behind the resultant, at least 3 above resultant_address")
+        self._count = self._offset + taxels.BYTES_PER_TAXEL * profile.wire_layout.taxels
+        if not 0 <= address <= 0xFFFF or self._address < 0 or self._count > 0xFFFF:
+            raise InvalidValueError(f"address and the {self._count} bytes read must fit 16 bits, got {address}")
+        lengths = frozenset(range(LONGEST_ANSWER + 1)) | {wire.REGION_OVERHEAD + self._count}
+        self._expected = wire.reply_parser(lengths)
+        self._line: Line[wire.Reply] = Line(transport, clock, self._expected)
+        self._repeated = False
+        self._arrival = 0.0
+
+    @property
+    def bad_checksums(self) -> int:
+        """See `Board.bad_checksums`."""
+        return self._line.bad_checksums
+
+    @property
+    def skipped(self) -> int:
+        """See `Board.skipped`."""
+        return self._line.skipped
+
+    def start(self) -> None:
+        """See `Board.start`. Version, mode and its readback, then one reading of each port."""
+        self._line.recent = b""
+        # of any length: a box may report more or fewer taxels than the profile has
+        self._line.parse = wire.parse_reply
+        try:
+            if self._ask(wire.version_request(), _is(wire.VERSION), START_TIMEOUT) is None:
+                self._fail("the version")
+            self._set_mode()
+            for slot in self.profile.slots:
+                self._check_port(slot)
+        finally:
+            self._line.parse = self._expected
+
+    def read(self, timeout: float) -> Reading:
+        """See `Board.read`.
+
+        Raises:
+            ProtocolError: No port gives a reading, the box answers with an error for each.
+            DeviceTimeoutError: None came whole within `timeout` seconds.
+            PortNotFoundError: The port went away.
+        """
+        deadline = self.clock.monotonic() + timeout
+        payloads, status, errors = [], [], []
+        for slot in self.profile.slots:
+            reply = self._read_port(slot, deadline)
+            if reply is None:
+                raise DeviceTimeoutError(f"no reading came from port {_port(slot)} within {timeout:g} s")
+            region = wire.parse_region(reply.data)
+            if region is None:
+                errors.append(f"port {_port(slot)}: {wire.error_name(reply.error)}")
+            payloads.append(bytes(self._count) if region is None else region.payload)
+            status.append(reply.error or (region.status if region else 0))
+        if len(errors) == len(self.profile.slots):
+            raise ProtocolError(f"the control box gives no reading; {', '.join(errors)}")
+        counts = np.stack([taxels.to_counts(payload[self._offset :]) for payload in payloads])
+        resultant = None
+        if self._has_resultant:
+            resultant = np.concatenate([taxels.to_counts(p[: taxels.BYTES_PER_TAXEL]) for p in payloads])
+        return Reading(counts, resultant, tuple(status), self._arrival)
+
+    def zero(self) -> None:
+        """See `Board.zero`. Error 6, which the box answers although it works, counts as success.
+
+        Raises:
+            ProtocolError: The box refuses with another error.
+            DeviceTimeoutError: It does not answer.
+        """
+        request = wire.write_request(registers.CONTROL_BOX_ZERO, 1)
+        for slot in self.profile.slots:
+            reply = self._select(slot, START_TIMEOUT)
+            if reply is not None and not reply.error:
+                reply = self._ask(request, _is(wire.WRITE), START_TIMEOUT, good=wire.ZERO_GOOD)
+            if reply is None:
+                raise DeviceTimeoutError(f"port {_port(slot)} did not acknowledge zeroing within {START_TIMEOUT:g} s")
+            if reply.error not in wire.ZERO_GOOD:
+                raise ProtocolError(f"port {_port(slot)} refuses zeroing: {wire.error_name(reply.error)}")
+
+    def version(self) -> str:
+        """What the box says of itself; empty if it does not say."""
+        reply = self._ask(wire.version_request(), _is(wire.VERSION), START_TIMEOUT)
+        return "" if reply is None else reply.data.replace(b"\0", b"").decode("ascii", errors="replace").strip()
+
+    def _set_mode(self) -> None:
+        """Set the mode and wait until the box reads it back."""
+        deadline = self.clock.monotonic() + MODE_TIMEOUT
+        reply = self._ask(wire.set_mode_request(self._mode), _may_acknowledge_mode, MODE_TIMEOUT)
+        if reply is None:
+            self._fail(f"setting mode {self._mode}")
+        if reply.error:
+            raise ProtocolError(f"the control box refuses mode {self._mode}: {wire.error_name(reply.error)}")
+        while True:
+            left = max(deadline - self.clock.monotonic(), REPLY_TIMEOUT)
+            reply = self._ask(wire.get_mode_request(), _is(wire.GET_MODE), left)
+            if reply is None:
+                self._fail("a question for its mode")
+            if reply.data == bytes([self._mode]):
+                return
+            if self.clock.monotonic() >= deadline:
+                raise ProtocolError(
+                    f"the control box does not take mode {self._mode} within {MODE_TIMEOUT:g} s: it answers "
+                    f"{reply.data.hex().upper() or 'nothing'}, {wire.error_name(reply.error)}; check the profile's mode"
+                )
+            self.clock.sleep(PAUSE)
+
+    def _check_port(self, slot: Slot) -> None:
+        """Hold what a port gives to the profile; a pad may need a moment after a change of mode."""
+        deadline = self.clock.monotonic() + START_TIMEOUT
+        while True:
+            reply = self._read_port(slot, self.clock.monotonic() + START_TIMEOUT)
+            if reply is None:
+                self._fail(f"reading port {_port(slot)}")
+            if wire.parse_region(reply.data) is not None:
+                return
+            if self.clock.monotonic() >= deadline:
+                raise ProtocolError(
+                    f"port {_port(slot)} gives no reading of {self._count} bytes in mode {self._mode}: "
+                    f"{wire.error_name(reply.error)}; is a pad on that port, and does mode and part fit it?"
+                )
+            self.clock.sleep(PAUSE)
+
+    def _read_port(self, slot: Slot, deadline: float) -> wire.Reply | None:
+        """The reply with a region, or with an error; None if there is none by then."""
+        selected = self._select(slot, deadline - self.clock.monotonic())
+        if selected is None or selected.error:
+            return selected
+        request = wire.read_request(self._address, self._count)
+        return self._ask(request, self._is_reading, deadline - self.clock.monotonic())
+
+    def _select(self, slot: Slot, timeout: float) -> wire.Reply | None:
+        return self._ask(wire.select_port_request(slot.index), _is(wire.SELECT_PORT), timeout)
+
+    def _is_reading(self, reply: wire.Reply) -> bool:
+        if (reply.main, reply.sub) != wire.READ:
+            return False
+        region = wire.parse_region(reply.data)
+        if region is None:
+            return reply.error != 0
+        return region.address == self._address and len(region.payload) == self._count
+
+    def _ask(
+        self, request: wire.Request, fits: Callable[[wire.Reply], bool], timeout: float, good: tuple[int, ...] = (0,)
+    ) -> wire.Reply | None:
+        """The reply to `request`, which is repeated until `timeout`; None if there is none.
+
+        A reply with an error and no region is returned only if it comes again and again, or last.
+        """
+        deadline = self.clock.monotonic() + timeout
+        refusals = 0
+        if self._repeated:
+            # replies do not say which port they mean, so a late one must not be taken for the next port's
+            self._line.collect(lambda _: False, QUIET)
+            self._repeated = False
+        while True:
+            self._line.empty()
+            left = max(deadline - self.clock.monotonic(), QUIET)
+            self.transport.write(request.encode())
+            heard = self._line.collect(fits, min(left, REPLY_TIMEOUT), QUIET)
+            arrival, reply = next(((time, reply) for time, reply in heard if fits(reply)), (0.0, None))
+            if reply is not None:
+                refusals += reply.error not in good
+                if reply.error in good or refusals == REFUSALS or wire.parse_region(reply.data) is not None:
+                    self._arrival = arrival
+                    return reply
+            self._repeated = True
+            if self.clock.monotonic() >= deadline:
+                return reply
+
+    def _fail(self, what: str) -> NoReturn:
+        """Say why there is no answer to something: silence, or bytes that do not fit."""
+        if not self._line.recent:
+            raise DeviceTimeoutError(
+                f"nothing came: is it a GEN1 or GEN2 control box, powered, at {self.profile.baud} baud?"
+            )
+        decoder = FrameDecoder(wire.parse_reply)
+        replies = decoder.feed(self._line.recent) + decoder.flush()
+        regions = [wire.parse_region(reply.data) for reply in replies if (reply.main, reply.sub) == wire.READ]
+        counts = {len(region.payload) for region in regions if region and region.address == self._address}
+        if counts - {self._count}:
+            raise ProtocolError(
+                f"profile {self.profile.name!r} expects {self._count} bytes for "
+                f"{self.profile.wire_layout.taxels} taxels, but the box sends "
+                f"{', '.join(str(count) for count in sorted(counts))}; choose the profile of that part"
+            )
+        if replies:
+            raise DeviceTimeoutError(f"the control box speaks, but does not answer {what}; try to power it off and on")
+        from paxisim.hw.recognise import describe
+
+        raise ProtocolError(
+            f"profile {self.profile.name!r} expects a GEN1 or GEN2 control box, but what came does not fit: "
+            f"{describe(self._line.recent)}"
+        )
+
+
+def _port(slot: Slot) -> str:
+    return f"{slot.index} ({slot.name})"
+
+
+def _is(kind: tuple[int, int]) -> Callable[[wire.Reply], bool]:
+    return lambda reply: (reply.main, reply.sub) == kind
+
+
+def _may_acknowledge_mode(reply: wire.Reply) -> bool:
+    """Whether it can be the reply to setting a mode, whose SUB the document prints as another than the request's."""
+    others = (wire.GET_MODE, wire.SELECT_PORT, wire.READ, wire.WRITE)
+    return reply.main == wire.SET_MODE[0] and (reply.main, reply.sub) not in others

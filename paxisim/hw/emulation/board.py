@@ -1,0 +1,42 @@
+"""EmulatedBoard: the board's side of a conversation as a state machine on bytes and time. No I/O."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+
+from paxisim.hw.emulation.pads import EmulatedPads
+
+
+class EmulatedBoard(ABC):
+    """One board just after power-on. Times are seconds since the emulator started and never run back.
+
+    Attributes:
+        pads: What hangs on it.
+        due: When `tick` has the next message (s); infinite: not before the host asks for something.
+    """
+
+    due: float = math.inf
+
+    def __init__(self, pads: EmulatedPads, *, wrong_status: Callable[[], bool] = lambda: False) -> None:
+        """Power on.
+
+        Args:
+            pads: What hangs on it.
+            wrong_status: Asked for each message; True: it is to carry an error byte.
+        """
+        self.pads = pads
+        self._wrong_status = wrong_status
+
+    def receive(self, data: bytes, now: float) -> bytes:
+        """What the board answers to bytes from the host, which may come in any pieces."""
+        return b"".join(self.answers(data, now))
+
+    @abstractmethod
+    def answers(self, data: bytes, now: float) -> list[bytes]:
+        """As `receive`, one item a message."""
+
+    def tick(self, now: float) -> bytes:
+        """The one message that is due by now, unasked or late; empty if none is."""
+        return b""

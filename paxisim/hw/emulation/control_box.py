@@ -1,0 +1,152 @@
+"""The GEN1 / GEN2 control box's side of the line. What it does on a request, see `paxisim.hw.frames.control_box`."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable
+
+from paxisim.hw.emulation.board import EmulatedBoard
+from paxisim.hw.emulation.pads import EmulatedPads
+from paxisim.hw.frames import control_box as wire
+from paxisim.hw.framing import FrameDecoder
+
+VERSION = b"PAXISIM EMULATED CONTROL BOX"
+VERSION_WAIT = 10e-3
+"""Seconds that the box takes to say who it is."""
+MODE_WAIT = 0.1
+"""Seconds after which a new mode is in force; before, it is not yet read back. The document allows 2 s."""
+CHANGED_SUB = 0xC009
+"""What the document prints as the SUB of the reply to `SET_MODE`."""
+PORTS = 15
+LONGEST_READ = 1000
+RESULTANT_BLOCK = 30
+ZERO = bytes([3, 1])
+
+_LENGTH, _MAIN, _SUB, _OVERFLOW, _PARAMETER, _NO_DATA, _OTHERS = 1, 3, 4, 5, 6, 7, 0x0D
+
+
+class ControlBox(EmulatedBoard):
+    """Answers one request after another, and nothing unasked.
+
+    As on the real box: pads can be read once the mode fits and a port is selected; the reply to a new mode carries
+    another SUB; zeroing answers with an error although it works. Which error byte the real box gives for a port
+    without a pad, a wrong mode or a range that is not there, no source says: here 7 (no data), 7 and 5 (overflow).
+    Requests with a wrong check byte are not answered.
+    """
+
+    def __init__(self, pads: EmulatedPads, *, wrong_status: Callable[[], bool] = lambda: False) -> None:
+        """Power on: no mode, no port."""
+        super().__init__(pads, wrong_status=wrong_status)
+        self._decoder = FrameDecoder(wire.parse_request)
+        self._late: deque[tuple[float, bytes]] = deque()
+        self._mode = self._next_mode = 0
+        self._mode_from = 0.0
+        self._port: int | None = None
+        settings = pads.profile.settings
+        self._wanted_mode = settings.get("mode", 5)
+        self._address = settings.get("address", 1038)
+        self._resultant_address = settings.get("resultant_address", 1008)
+
+    def answers(self, data: bytes, now: float) -> list[bytes]:
+        """See `EmulatedBoard.answers`."""
+        found = []
+        for request in self._decoder.feed(data):
+            reply = self._answer(request, now)
+            if self._wrong_status():
+                reply = wire.Reply(reply.main, reply.sub, b"", _OTHERS, reply.index)
+            wait = VERSION_WAIT if (request.main, request.sub) == wire.VERSION else 0.0
+            if wait or self._late:
+                # one request is worked on at a time
+                start = self._late[-1][0] if self._late else now
+                self._late.append((start + wait, reply.encode()))
+            else:
+                found.append(reply.encode())
+        self._set_due()
+        return found
+
+    def tick(self, now: float) -> bytes:
+        """See `EmulatedBoard.tick`."""
+        message = self._late.popleft()[1] if now >= self.due else b""
+        self._set_due()
+        return message
+
+    def _set_due(self) -> None:
+        self.due = self._late[0][0] if self._late else math.inf
+
+    def _answer(self, request: wire.Request, now: float) -> wire.Reply:
+        if now >= self._mode_from:
+            self._mode = self._next_mode
+        kind = (request.main, request.sub)
+        if kind == wire.VERSION:
+            return self._reply(request, VERSION)
+        if kind == wire.GET_MODE:
+            return self._reply(request, bytes([self._mode]))
+        if kind == wire.SET_MODE:
+            return self._set_mode(request, now)
+        if kind == wire.SELECT_PORT:
+            return self._select_port(request)
+        if kind == wire.READ:
+            return self._read(request, now)
+        if kind == wire.WRITE:
+            return self._write(request, now)
+        known = (wire.VERSION, wire.GET_MODE, wire.SET_MODE, wire.SELECT_PORT, wire.READ, wire.WRITE)
+        return self._reply(request, error=_SUB if request.main in {main for main, _ in known} else _MAIN)
+
+    def _reply(self, request: wire.Request, data: bytes = b"", error: int = 0) -> wire.Reply:
+        return wire.Reply(request.main, request.sub, data, error, request.index)
+
+    def _set_mode(self, request: wire.Request, now: float) -> wire.Reply:
+        if len(request.data) != 1:
+            return self._reply(request, error=_LENGTH)
+        self._next_mode, self._mode_from = request.data[0], now + MODE_WAIT
+        return wire.Reply(request.main, CHANGED_SUB, b"", 0, request.index)
+
+    def _select_port(self, request: wire.Request) -> wire.Reply:
+        if len(request.data) != 1:
+            return self._reply(request, error=_LENGTH)
+        if request.data[0] >= PORTS:
+            return self._reply(request, error=_PARAMETER)
+        self._port = request.data[0]
+        return self._reply(request)
+
+    def _pad(self) -> int | None:
+        """The pad on the selected port; None if there is none that can be read."""
+        ports = [slot.index for slot in self.pads.profile.slots]
+        return ports.index(self._port) if self._port in ports and self._mode == self._wanted_mode else None
+
+    def _read(self, request: wire.Request, now: float) -> wire.Reply:
+        if len(request.data) != 5:
+            return self._reply(request, error=_LENGTH)
+        if request.data[0] != wire.READ_FUNCTION:
+            return self._reply(request, error=_PARAMETER)
+        pad = self._pad()
+        if pad is None:
+            return self._reply(request, error=_NO_DATA)
+        address, count = int.from_bytes(request.data[1:3], "little"), int.from_bytes(request.data[3:5], "little")
+        memory = {
+            self._resultant_address: self.pads.total(pad, now).ljust(RESULTANT_BLOCK, b"\0"),
+            self._address: self.pads.taxels(pad, now),
+        }
+        payload = region(memory, address, count)
+        if payload is None or count > LONGEST_READ:
+            return self._reply(request, error=_OVERFLOW)
+        return self._reply(request, wire.Region(address, payload).encode())
+
+    def _write(self, request: wire.Request, now: float) -> wire.Reply:
+        if len(request.data) != 2:
+            return self._reply(request, error=_LENGTH)
+        pad = self._pad()
+        if request.data == ZERO and pad is not None:
+            self.pads.zero(now, pad)
+        return self._reply(request, bytes([_PARAMETER]), error=_PARAMETER)
+
+
+def region(memory: dict[int, bytes], address: int, count: int) -> bytes | None:
+    """`count` bytes from `address` on, over regions that touch; None where some of them are not there."""
+    found = b""
+    for start in sorted(memory):
+        at = address + len(found) - start
+        if 0 <= at < len(memory[start]):
+            found += memory[start][at : at + count - len(found)]
+    return found if count and len(found) == count else None

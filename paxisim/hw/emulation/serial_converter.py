@@ -1,0 +1,60 @@
+"""The GEN3 serial converter's side of the line, one sensor. See `paxisim.hw.frames.serial_converter`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from paxisim.hw import registers
+from paxisim.hw.emulation.board import EmulatedBoard
+from paxisim.hw.emulation.control_box import RESULTANT_BLOCK, region
+from paxisim.hw.emulation.pads import EmulatedPads
+from paxisim.hw.frames import serial_converter as wire
+from paxisim.hw.framing import FrameDecoder
+
+VERSION = b"PAXISIM EMULATED-v1.0.0"
+_PARAMETER, _OTHERS = 6, 0x0D
+
+
+class SerialConverter(EmulatedBoard):
+    """Answers what is addressed to its sensor's id; is silent to all else, requests with a wrong check byte included.
+
+    As on real parts, the status of a good read is 00 or 01, here in turn, and the reply to a write has no data
+    although it repeats their count. What is answered for an address that is not there, no source says: here status 6
+    and no data.
+    """
+
+    def __init__(self, pads: EmulatedPads, *, wrong_status: Callable[[], bool] = lambda: False) -> None:
+        """Power on."""
+        super().__init__(pads, wrong_status=wrong_status)
+        self._decoder = FrameDecoder(wire.parse_request)
+        self._id = pads.profile.slots[0].index
+        self._status = 0
+
+    def answers(self, data: bytes, now: float) -> list[bytes]:
+        """See `EmulatedBoard.answers`."""
+        return [self._answer(r, now).encode() for r in self._decoder.feed(data) if r.id == self._id]
+
+    def _answer(self, request: wire.Request, now: float) -> wire.Reply:
+        if self._wrong_status():
+            return wire.answer(request, status=_OTHERS)
+        if request.function == wire.WRITE:
+            return self._write(request, now)
+        settings = self.pads.profile.settings
+        memory = {
+            settings.get("resultant_address", registers.CONVERTER_RESULTANT): self.pads.total(0, now).ljust(
+                RESULTANT_BLOCK, b"\0"
+            ),
+            settings.get("address", registers.CONVERTER_TAXELS): self.pads.taxels(0, now),
+            registers.CONVERTER_VERSION: VERSION.ljust(registers.CONVERTER_VERSION_BYTES, b"\0"),
+        }
+        data = region(memory, request.address, request.count)
+        if data is None:
+            return wire.answer(request, status=_PARAMETER)
+        self._status ^= 1
+        return wire.answer(request, data, self._status)
+
+    def _write(self, request: wire.Request, now: float) -> wire.Reply:
+        if request.address != registers.CONVERTER_ZERO or request.data != b"\1":
+            return wire.answer(request, status=_PARAMETER)
+        self.pads.zero(now)
+        return wire.answer(request)

@@ -1,0 +1,382 @@
+"""Extra streams of a recording: numbers from elsewhere, taken in beside the tactile frames without holding them up.
+
+Each source reads in a thread of its own and puts what it reads into one bounded queue; what finds the queue full is
+dropped and counted. What cannot be used is counted and said, and never ends a recording.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import queue
+import select
+import socket
+import sys
+import threading
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from paxisim.errors import InvalidValueError, PortAccessError
+from paxisim.hw.clock import Clock
+
+PAUSE = 0.1  # seconds after which a waiting thread looks whether it should end
+LONGEST_LINE = 1 << 16  # bytes; what never ends is no line
+DAY = 86400.0
+EPISODE = "episode"
+ENTER = "Enter"
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """One value of one extra stream.
+
+    Attributes:
+        source: Where it comes from; counts what becomes of it.
+        stream: ``covariate/NAME``, or ``episode`` where a new episode begins.
+        value: A finite number or array.
+        arrival: When it came (s, the host's monotonic clock).
+        time: Its own time (seconds since 1970-01-01 UTC); None where the source gives none.
+    """
+
+    source: ExtraStream
+    stream: str
+    value: NDArray[np.float64]
+    arrival: float
+    time: float | None = None
+
+
+class ExtraStream(ABC):
+    """A source of samples.
+
+    Attributes:
+        label: What messages call it.
+        bad: Lines, datagrams, calls or values that could not be used.
+        dropped: Samples that found the queue full.
+        problem: Why the latest bad one was bad; empty while there was none.
+        ended: True once nothing more can come.
+    """
+
+    def __init__(self, label: str) -> None:
+        """Remember; `start` begins to read."""
+        self.label = label
+        self.bad = 0
+        self.dropped = 0
+        self.problem = ""
+        self.ended = False
+        self._lock = threading.Lock()
+        self._stop = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    def start(self, inbox: queue.Queue[Sample], clock: Clock) -> None:
+        """Begin to read, once; samples go into `inbox`, stamped with `clock`."""
+        self._inbox, self._clock = inbox, clock
+        self._thread = threading.Thread(target=self._guarded, name=f"paxisim {self.label}", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop reading. May be called twice, and without `start`."""
+        self._stop.set()
+        if self._thread is not None:
+            self._thread.join(timeout=1.0)  # a callable that hangs is left behind
+
+    def complain(self, problem: str, count: int = 1) -> None:
+        """Count something that cannot be used, and say why."""
+        with self._lock:
+            self.bad += count
+            self.problem = f"{self.label}: {problem}"
+
+    @abstractmethod
+    def _run(self) -> None:
+        """Read until `_stop` is set or nothing more can come."""
+
+    def _guarded(self) -> None:
+        try:
+            self._run()
+        except Exception as error:
+            self.complain(f"reading ended: {_reason(error)}")
+        finally:
+            self.ended = True
+
+    def _take(self, values: Mapping[Any, Any], arrival: float) -> None:
+        """Put in what is usable of one set of named values; ``time`` among them is the time of the others."""
+        time = None
+        if "time" in values:
+            time = _number(values["time"])
+            if time is None or abs(time - self._clock.wall()) > DAY:
+                return self.complain(
+                    f"time must be Unix seconds within a day of this machine's clock, got {_short(values['time'])}"
+                )
+        for name, value in values.items():
+            if name == "time":
+                continue
+            array = _array(value)
+            if not _is_name(name):
+                self.complain(f"expected a printable name of 1 to 100 letters, got {_short(name)}")
+            elif array is None:
+                self.complain(f"{name} must be finite numbers, got {_short(value)}")
+            else:
+                self._put(Sample(self, f"covariate/{name}", array, arrival, time))
+
+    def _put(self, sample: Sample) -> None:
+        try:
+            self._inbox.put_nowait(sample)
+        except queue.Full:
+            self.dropped += 1
+
+
+class CsvLines(ExtraStream):
+    """Lines of comma-separated numbers from a file descriptor, standard input by default.
+
+    The first line names the columns; a column called ``time`` holds Unix seconds, without it a line's time is its
+    arrival. A last line without a line end may have lost digits and is not used.
+    """
+
+    def __init__(self, descriptor: int = 0, label: str = "stdin") -> None:
+        """Remember; the descriptor stays the caller's to close."""
+        super().__init__(label)
+        self._descriptor = descriptor
+
+    def _run(self) -> None:
+        names: list[str] = []
+        for number, raw in enumerate(_lines(self._descriptor, self._stop), start=1):
+            arrival = self._clock.monotonic()
+            text = raw.decode("utf-8-sig" if number == 1 else "utf-8", "replace").strip()
+            if not text:
+                continue
+            if len(raw) > LONGEST_LINE or not raw.endswith(b"\n"):
+                self.complain(f"line {number} has no end: {_short(text)}")
+                continue
+            cells = [cell.strip().strip('"') for cell in text.split(",")]
+            if not names:
+                names = self._header(cells, number)
+            elif len(cells) != len(names):
+                self.complain(f"line {number} must have {len(names)} numbers ({', '.join(names)}), got {_short(text)}")
+            elif None in (numbers := [_parsed(cell) for cell in cells]):
+                self.complain(f"line {number} must hold finite numbers, got {_short(text)}")
+            else:
+                self._take(dict(zip(names, numbers, strict=True)), arrival)
+
+    def _header(self, cells: list[str], number: int) -> list[str]:
+        """The names of the columns; none where this line is no header, and the next line may be."""
+        usable = all(_is_name(cell) and _parsed(cell) is None for cell in cells) and len(set(cells)) == len(cells)
+        if usable and cells != ["time"]:
+            return cells
+        self.complain(f"line {number} must name the columns, each once, got {_short(','.join(cells))}")
+        return []
+
+
+class UdpJson(ExtraStream):
+    """Datagrams to a port of this machine alone (127.0.0.1), each a flat JSON object of numbers.
+
+    Keys become streams; ``time`` (Unix seconds) is the time of the others, without it the arrival is.
+
+    Attributes:
+        port: The port, the one the system chose where 0 was asked for.
+    """
+
+    def __init__(self, port: int) -> None:
+        """Listen, from now on.
+
+        Raises:
+            InvalidValueError: There is no such port number.
+            PortAccessError: The port is taken or not allowed.
+        """
+        if not 0 <= port <= 65535:
+            raise InvalidValueError(f"udp must be a port number from 0 to 65535, got {port}")
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            self._socket.bind(("127.0.0.1", port))
+        except OSError as error:
+            self._socket.close()
+            raise PortAccessError(f"cannot listen to UDP port {port} of this machine: {error.strerror}") from error
+        self._socket.settimeout(PAUSE)
+        self.port: int = self._socket.getsockname()[1]
+        super().__init__(f"UDP {self.port}")
+
+    def close(self) -> None:
+        """See `ExtraStream.close`."""
+        super().close()
+        self._socket.close()
+
+    def _run(self) -> None:
+        import orjson
+
+        while not self._stop.is_set():
+            try:
+                data = self._socket.recv(1 << 16)
+            except TimeoutError:
+                continue
+            arrival = self._clock.monotonic()
+            try:
+                values = orjson.loads(data)
+            except orjson.JSONDecodeError:
+                values = None
+            if not isinstance(values, dict):
+                self.complain(
+                    f"a datagram must be a JSON object of numbers, got {_short(data.decode(errors='replace'))}"
+                )
+                continue
+            plain = {name: value for name, value in values.items() if not isinstance(value, (list, dict))}
+            for name in values.keys() - plain.keys():
+                self.complain(f"{_short(name)} must be a number, got {_short(values[name])}")
+            self._take(plain, arrival)
+
+
+class PolledFunction(ExtraStream):
+    """A function called at a steady rate; it returns a number, an array, or a dict of these by name.
+
+    The time of what it returns is the middle of the call, or the ``time`` (Unix seconds) in its dict. Calls that a slow
+    function leaves no time for are left out.
+    """
+
+    def __init__(self, function: Callable[[], Any], rate: float, name: str) -> None:
+        """Remember; calls begin with `start`.
+
+        Args:
+            function: Called without arguments, in a thread.
+            rate: Calls a second, up to 1000.
+            name: The stream's name, where the function returns no dict.
+
+        Raises:
+            InvalidValueError: A rate or a name that cannot be used.
+        """
+        super().__init__(name)
+        if not 0 < rate <= 1000:
+            raise InvalidValueError(f"the rate of {name} must lie above 0 and up to 1000 Hz, got {rate:g}")
+        if not _is_name(name):
+            raise InvalidValueError(f"the name of a stream must be printable, of 1 to 100 letters, got {name!r}")
+        self._function, self._rate, self._name = function, rate, name
+
+    def _run(self) -> None:
+        start, call = self._clock.monotonic(), 0
+        while not self._stop.wait(max(0.0, start + call / self._rate - self._clock.monotonic())):
+            before = self._clock.monotonic()
+            try:
+                value = self._function()
+            except Exception as error:
+                self.complain(f"the call failed: {_reason(error)}")
+            else:
+                middle = (before + self._clock.monotonic()) / 2
+                self._take(value if isinstance(value, Mapping) else {self._name: value}, middle)
+            call = max(call + 1, math.ceil((self._clock.monotonic() - start) * self._rate))
+
+
+class EnterKey(ExtraStream):
+    """A new episode whenever Enter is pressed on the terminal."""
+
+    def __init__(self, descriptor: int = 0) -> None:
+        """Remember; the descriptor stays the caller's to close."""
+        super().__init__(ENTER)
+        self._descriptor = descriptor
+
+    def _run(self) -> None:
+        for _ in _lines(self._descriptor, self._stop):
+            self._put(Sample(self, EPISODE, np.zeros(()), self._clock.monotonic()))
+
+
+def load_function(text: str) -> PolledFunction:
+    """The source that ``module:function@HZ`` names; the module is imported.
+
+    Raises:
+        InvalidValueError: Not of that form, no such module or function, or the module cannot be imported.
+    """
+    import importlib
+
+    place, _, rate = text.rpartition("@")
+    module, _, name = place.partition(":")
+    hertz = _parsed(rate)
+    if not (module and name and hertz is not None):
+        raise InvalidValueError(f"a stream must be given as module:function@HZ, e.g. robot:opening@50, got {text!r}")
+    try:
+        function = getattr(importlib.import_module(module), name, None)
+    except Exception as error:  # whatever the user's module does wrong
+        raise InvalidValueError(f"cannot import {module!r} of --stream {text}: {_reason(error)}") from error
+    if not callable(function):
+        raise InvalidValueError(f"module {module!r} has no function {name!r}, as --stream {text} says")
+    return PolledFunction(function, hertz, name)
+
+
+def _lines(descriptor: int, stop: threading.Event) -> Iterator[bytes]:
+    """Lines with their ends as they come, until the end of the file or `stop`; too long ones come cut, without one.
+
+    Reads the descriptor itself: the lock of a buffered file, held by a thread that waits, would abort Python's exit.
+    """
+    rest, skipping = b"", False
+    while not stop.is_set():
+        if not _readable(descriptor):
+            continue
+        data = os.read(descriptor, 1 << 16)
+        if not data:
+            if rest:
+                yield rest
+            return
+        *whole, rest = (rest + data).split(b"\n")
+        for line in whole:
+            if not skipping:
+                yield line + b"\n"
+            skipping = False
+        if len(rest) > LONGEST_LINE:
+            if not skipping:
+                yield rest[: LONGEST_LINE + 1]
+            rest, skipping = b"", True
+
+
+def _readable(descriptor: int) -> bool:
+    """True if a read returns at once, or where this cannot be told; waits a little for it."""
+    if sys.platform == "win32":
+        return True
+    if not select.select([descriptor], [], [], PAUSE)[0]:
+        return False
+    if _in_background(descriptor):  # of a shell, where reading the terminal would stop the whole process
+        threading.Event().wait(PAUSE)
+        return False
+    return True
+
+
+def _in_background(descriptor: int) -> bool:
+    try:
+        return os.tcgetpgrp(descriptor) != os.getpgrp()
+    except OSError:  # no terminal, or not the one that controls this process
+        return False
+
+
+def _is_name(name: Any) -> bool:
+    return isinstance(name, str) and bool(name.strip()) and len(name) <= 100 and name.isprintable()
+
+
+def _parsed(text: str) -> float | None:
+    try:
+        return _number(float(text))
+    except ValueError:
+        return None
+
+
+def _number(value: Any) -> float | None:
+    """A finite number, or None; True and False are none."""
+    array = _array(value)
+    return float(array) if array is not None and array.ndim == 0 else None
+
+
+def _array(value: Any) -> NDArray[np.float64] | None:
+    """A finite array of at least one number, or None."""
+    try:
+        array = np.asarray(value)
+    except (TypeError, ValueError):
+        return None
+    if array.dtype.kind not in "iuf" or not array.size or not np.all(np.isfinite(array)):
+        return None
+    return array.astype(np.float64)
+
+
+def _short(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _reason(error: BaseException) -> str:
+    return f"{type(error).__name__}: {error}" if str(error) else type(error).__name__

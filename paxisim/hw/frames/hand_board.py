@@ -1,0 +1,189 @@
+"""Rounds of the older GEN1 hand board, which streams them unasked. No I/O.
+
+A round is 200 bytes: four blocks of 50, always in this order::
+
+    offset   0          50         100        150
+    tag      AA EE      CC EE      AA FF      CC FF       AA pulp, CC tip; EE, FF the two groups of fingers
+
+    a block  tag(2)  state(1)  15 taxels x 3 (45)  undocumented(2)        state 01: valid
+
+There is **no checksum**. What cannot be detected: a flipped byte outside the tags, which changes one count, a state or
+an undocumented byte; 200 bytes, or a multiple, lost in one piece, which joins two rounds; the end of a round lost
+together with the beginning of the next; a byte added to the last block, which shifts the taxels behind it. What is
+detected, at the cost of the rounds it hits: a damaged tag, bytes lost in any other way, a wrong start.
+
+Tags are only two bytes and occur inside data too, so nothing less than the four tags of a whole round counts. Where
+even these stand at two places, as with one pattern of forces held through all four blocks, this decides:
+
+- A round that begins where the last one ended is given out at once. Only if a tag inside it could as well be the
+  beginning of the next round, a few bytes having been lost, are the two bytes behind it waited for; unless these
+  are that tag, the round is given up.
+- While searching, a round with a rival (another place inside its 200 bytes where the tags fit as far as they have
+  come) waits until the tags in the bytes that follow refute one of the two: usually 50, at most 400 bytes more. Data
+  move and tags do not. If neither is refuted by then, the one with more states 01 wins, then the earlier one; should
+  that be the wrong one, it is left as soon as the data move.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from paxisim.errors import InvalidValueError
+
+TAGS = tuple(bytes.fromhex(tag) for tag in ("AAEE", "CCEE", "AAFF", "CCFF"))
+BLOCKS = 4
+TAXELS = 15
+BLOCK = 50
+ROUND = 200
+LAST_DATA = 3 * BLOCK + 2  # what follows the last tag
+VALID = 0x01
+DECISION = 3 * ROUND
+"""Bytes from the beginning of a round that are enough to decide about it."""
+
+
+@dataclass(frozen=True)
+class Block:
+    """The taxels of one pad.
+
+    Attributes:
+        taxels: 45 bytes, x y z of 15 taxels.
+        state: `VALID` or something else.
+        rest: The two undocumented bytes.
+    """
+
+    taxels: bytes
+    state: int = VALID
+    rest: bytes = b"\0\0"
+
+
+@dataclass(frozen=True)
+class Round:
+    """Four blocks, in the order of `TAGS`."""
+
+    blocks: tuple[Block, ...]
+
+    def encode(self) -> bytes:
+        """The 200 bytes.
+
+        Raises:
+            InvalidValueError: There are not four blocks, or one does not fill its 50 bytes.
+        """
+        if len(self.blocks) != BLOCKS:
+            raise InvalidValueError(f"a round has {BLOCKS} blocks, got {len(self.blocks)}")
+        data = [tag + bytes([b.state]) + b.taxels + b.rest for tag, b in zip(TAGS, self.blocks, strict=True)]
+        for i, block in enumerate(data):
+            if len(block) != BLOCK:
+                raise InvalidValueError(f"block {i} must hold 45 bytes of taxels and 2 more, got {len(block) - 3}")
+        return b"".join(data)
+
+
+class RoundDecoder:
+    """Turns bytes, fed in any pieces, into rounds. Used like `FrameDecoder`, which decides by one frame alone.
+
+    Attributes:
+        frames: Rounds returned so far.
+        skipped: Bytes that belonged to no round.
+    """
+
+    def __init__(self) -> None:
+        """Start with nothing, searching."""
+        self._buffer = b""
+        self._in_step = False
+        self.frames = self.skipped = 0
+
+    @property
+    def pending(self) -> int:
+        """Bytes held back because they may begin a round; fewer than `DECISION`."""
+        return len(self._buffer)
+
+    def feed(self, data: bytes) -> list[Round]:
+        """The rounds that `data` completes, in order."""
+        self._buffer += bytes(data)
+        return self._scan(silent=False)
+
+    def flush(self) -> list[Round]:
+        """The rounds inside what is held back, knowing that nothing follows it. Nothing stays pending."""
+        found = self._scan(silent=True)
+        self.clear()
+        return found
+
+    def clear(self) -> None:
+        """Forget what is held back, as after emptying the port's input."""
+        self.skipped += len(self._buffer)
+        self._buffer = b""
+        self._in_step = False
+
+    def _scan(self, silent: bool) -> list[Round]:
+        buffer, at, found = self._buffer, 0, []
+        while True:
+            place = next((p for p in _places(buffer, at, len(buffer)) if not _cut_short(buffer, p)), len(buffer))
+            begin = self._choose(buffer, place, at, silent)
+            self.skipped += (place if begin is None else begin) - at
+            if begin is None:
+                break
+            found.append(_parse(buffer[begin : begin + ROUND]))
+            self._in_step = True
+            at = begin + ROUND
+        self._in_step &= place == at
+        self._buffer = buffer[place:]
+        self.frames += len(found)
+        return found
+
+    def _choose(self, buffer: bytes, at: int, expected: int, silent: bool) -> int | None:
+        """Where the round begins whose earliest place is `at`; None: that needs more bytes than there are."""
+        if len(buffer) < at + ROUND:
+            return None
+        in_step = self._in_step and at == expected
+        # in step, only a round whose last block was cut short can be mistaken for a whole one
+        rivals = list(_places(buffer, at + (LAST_DATA if in_step else 1), at + ROUND))
+        if not rivals:
+            return at
+        if in_step:
+            return at if silent or len(buffer) >= at + ROUND + 2 else None
+        standing = [place for place in (at, *rivals) if not _refuted(buffer, place)]
+        whole = [place for place in standing or (at, *rivals) if len(buffer) >= place + ROUND]
+        if (len(standing) > 1 or not whole) and not silent and len(buffer) < at + DECISION:
+            return None
+        return max(whole, key=lambda place: _valid_states(buffer, place), default=None)
+
+
+def _parse(data: bytes) -> Round:
+    blocks = (data[i : i + BLOCK] for i in range(0, ROUND, BLOCK))
+    return Round(tuple(Block(b[3 : 3 + 3 * TAXELS], b[2], b[3 + 3 * TAXELS :]) for b in blocks))
+
+
+def _tags(buffer: bytes, at: int) -> tuple[int, bool]:
+    """How many tags in a row fit a round that begins at `at`, and whether the next one is wrong."""
+    for k in range(DECISION // BLOCK):
+        place = at + k * BLOCK
+        seen = buffer[place : place + 2]
+        if not TAGS[k % BLOCKS].startswith(seen):
+            return k, True
+        if len(seen) < 2:
+            return k, False
+    return DECISION // BLOCK, False
+
+
+def _refuted(buffer: bytes, at: int) -> bool:
+    return _tags(buffer, at)[1]
+
+
+def _places(buffer: bytes, start: int, stop: int) -> Iterator[int]:
+    """Where in ``[start, stop)`` a round may begin: all its tags fit, as far as they have come."""
+    at = buffer.find(TAGS[0][:1], start, stop)
+    while at >= 0:
+        fitting, wrong = _tags(buffer, at)
+        if fitting >= BLOCKS or not wrong:
+            yield at
+        at = buffer.find(TAGS[0][:1], at + 1, stop)
+
+
+def _cut_short(buffer: bytes, at: int) -> bool:
+    """Whether the first tag of the next round stands in the last block instead of behind it."""
+    behind = buffer[at + ROUND : at + ROUND + 2]
+    return not TAGS[0].startswith(behind) and buffer.find(TAGS[0], at + LAST_DATA, at + ROUND + 1) >= 0
+
+
+def _valid_states(buffer: bytes, at: int) -> int:
+    return sum(buffer[at + k * BLOCK + 2] == VALID for k in range(BLOCKS))

@@ -1,0 +1,144 @@
+"""Signals: forces over time for the emulator to feel, from a recording or made up."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from paxisim.errors import InvalidValueError
+from paxisim.hw.emulation.pads import Signal as Signal
+from paxisim.hw.profile import Profile, load_profile
+from paxisim.recording import Recording
+
+
+def from_recording(
+    recording: Recording,
+    profile: str | Profile,
+    *,
+    which: Literal["measured", "simulated"] | None = None,
+    interpolate: bool = False,
+    loop: bool = True,
+) -> Signal:
+    """What a recording holds, played at its own speed, its episodes one after another.
+
+    Args:
+        recording: The forces, of the profile's wire layout or of its pooled one, see `spread`.
+        profile: The pads that are to feel it.
+        which: Which tensor. Default: the measured one, or the simulated one where nothing was measured.
+        interpolate: Between two samples, go from one to the other on a straight line; else the earlier one is held.
+        loop: Begin anew after the last sample; else it is held.
+
+    Raises:
+        InvalidValueError: The recording has no such tensor, or other pads than the profile.
+    """
+    if which is None:
+        which = "simulated" if recording.measured is None else "measured"
+    force = getattr(recording, which)
+    if force is None:
+        raise InvalidValueError(f"the recording has no {which} tensor to play")
+    return from_arrays(recording.time, force, profile, interpolate=interpolate, loop=loop)
+
+
+def from_arrays(
+    time: ArrayLike, force: ArrayLike, profile: str | Profile, *, interpolate: bool = False, loop: bool = True
+) -> Signal:
+    """Samples, played at their own speed.
+
+    Args:
+        time: ``(T,)`` seconds; where it does not increase, as between two episodes, one usual interval passes.
+        force: ``(T, pads, 3, rows, cols)`` newtons, of the profile's wire layout or of its pooled one, see `spread`.
+        profile: The pads that are to feel it.
+        interpolate: See `from_recording`.
+        loop: See `from_recording`.
+
+    Raises:
+        InvalidValueError: There is no sample, or the shapes do not fit.
+    """
+    profile = load_profile(profile) if isinstance(profile, str) else profile
+    samples = spread(np.asarray(force, dtype=np.float32), profile)
+    moments = np.asarray(time, dtype=np.float64)
+    if moments.ndim != 1 or samples.shape[:-4] != moments.shape or not len(moments):
+        raise InvalidValueError(
+            f"expected times of shape (T,) and forces of shape (T, pads, 3, rows, cols) with T of at least 1, "
+            f"got {moments.shape} and {samples.shape}"
+        )
+    steps = np.diff(moments)
+    usual = float(np.median(steps[steps > 0])) if np.any(steps > 0) else 1.0
+    starts = np.concatenate([[0.0], np.cumsum(np.where(steps > 0, steps, usual))])
+    return _Played(starts, samples, float(starts[-1]) + usual, interpolate, loop)
+
+
+@dataclass(frozen=True, eq=False)
+class _Played:
+    """Samples that begin at `starts` (s), the whole lasting `length` (s)."""
+
+    starts: NDArray[np.float64]
+    samples: NDArray[np.float32]
+    length: float
+    interpolate: bool
+    loop: bool
+
+    def __call__(self, now: float) -> NDArray[np.floating]:
+        now = now % self.length if self.loop else now
+        earlier = max(int(np.searchsorted(self.starts, now, side="right")) - 1, 0)
+        later = earlier + 1
+        if later == len(self.starts) or not self.interpolate:
+            return self.samples[earlier]
+        share = (now - self.starts[earlier]) / (self.starts[later] - self.starts[earlier])
+        return self.samples[earlier] * (1 - share) + self.samples[later] * share
+
+
+def spread(force: NDArray[np.floating], profile: Profile) -> NDArray[np.floating]:
+    """Forces on a profile's pads -> the same on the taxels of its wire.
+
+    Args:
+        force: ``(..., pads, 3, rows, cols)`` newtons of the wire layout, which is returned as it is, or of the layout
+            that the driver gives out after pooling: then each value is spread evenly over the taxels pooled to it.
+        profile: The pads.
+
+    Raises:
+        InvalidValueError: Neither of the two.
+    """
+    wire, pooled, pads = profile.wire_layout, profile.layout, len(profile.slots)
+    shape = force.shape[-4:]
+    if shape == (pads, *wire.shape):
+        return force
+    if shape == (pads, *pooled.shape):
+        rows, cols = profile.pool
+        return np.repeat(np.repeat(force, rows, axis=-2), cols, axis=-1) / (rows * cols)
+    also = "" if pooled.shape == wire.shape else f" or {(pads, *pooled.shape)}"
+    raise InvalidValueError(
+        f"profile {profile.name!r} has pads of shape {(pads, *wire.shape)}{also} (pads, 3, rows, cols), "
+        f"but the forces are of shape {shape}"
+    )
+
+
+def press(profile: str | Profile, *, force: float = 20.0, period: float = 4.0) -> Signal:
+    """A demonstration: a soft patch comes down on each pad, drags to the right and down, and lifts.
+
+    Args:
+        profile: The pads.
+        force: The largest normal force of the patch (N, whole pad); the shear grows to half of it.
+        period: Seconds of one press; each pad begins a quarter later than the one before.
+    """
+    profile = load_profile(profile) if isinstance(profile, str) else profile
+    layout, pads = profile.wire_layout, len(profile.slots)
+    positions = layout.positions[:, :2]
+    low, high = positions.min(axis=0), positions.max(axis=0)
+    size = np.maximum(high - low, layout.pitch[::-1])
+    width = np.maximum(0.15 * size, 0.7 * np.max(layout.pitch))
+
+    def signal(now: float) -> NDArray[np.floating]:
+        phase = (now / period - 0.25 * np.arange(pads)) % 1.0
+        pressed = np.sin(np.pi * np.clip(phase / 0.8, 0, 1)) ** 2
+        dragged = np.clip((phase - 0.2) / 0.6, 0, 1)
+        centre = low + size * (0.3 + 0.4 * dragged[:, None])
+        patch = np.exp(-0.5 * np.sum(((positions - centre[:, None]) / width) ** 2, axis=-1))
+        normal = force * pressed[:, None] * patch / patch.sum(axis=1, keepdims=True)
+        shear = 0.5 * dragged[:, None] * normal
+        return np.stack([shear, 0.6 * shear, normal], axis=1).reshape(pads, *layout.shape)
+
+    return signal
