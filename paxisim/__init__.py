@@ -18,12 +18,28 @@ if TYPE_CHECKING:
     from paxisim.augment.gcs import GCS as GCS
     from paxisim.augment.history import History as History
     from paxisim.bump import GaussianBump as GaussianBump
+    from paxisim.errors import DeviceError as DeviceError
+    from paxisim.errors import DeviceTimeoutError as DeviceTimeoutError
     from paxisim.errors import InvalidValueError as InvalidValueError
     from paxisim.errors import MissingExtraError as MissingExtraError
     from paxisim.errors import OutputExistsError as OutputExistsError
     from paxisim.errors import PaxisimError as PaxisimError
+    from paxisim.errors import PortAccessError as PortAccessError
+    from paxisim.errors import PortNotFoundError as PortNotFoundError
+    from paxisim.errors import ProtocolError as ProtocolError
     from paxisim.errors import UnknownNameError as UnknownNameError
     from paxisim.errors import UnsupportedError as UnsupportedError
+    from paxisim.hw.device import TactileSensor as TactileSensor
+    from paxisim.hw.device import open_sensor as open_sensor
+    from paxisim.hw.emulator import Emulator as Emulator
+    from paxisim.hw.frame import Frame as Frame
+    from paxisim.hw.profile import Profile as Profile
+    from paxisim.hw.profile import Slot as Slot
+    from paxisim.hw.profile import UnverifiedProfileWarning as UnverifiedProfileWarning
+    from paxisim.hw.profile import known_profiles as known_profiles
+    from paxisim.hw.profile import load_profile as load_profile
+    from paxisim.hw.quality import SensorQuality as SensorQuality
+    from paxisim.hw.quality import measure_quality as measure_quality
     from paxisim.layout import TaxelLayout as TaxelLayout
     from paxisim.models.attach import TactileGripper as TactileGripper
     from paxisim.models.attach import attach as attach
@@ -44,12 +60,14 @@ if TYPE_CHECKING:
     from paxisim.models.surface import flat as flat
     from paxisim.models.surface import measured as measured
     from paxisim.models.touch_grid import TouchGridReadout as TouchGridReadout
+    from paxisim.recording import Recording as Recording
     from paxisim.sensors import Sensor as Sensor
     from paxisim.sensors import known_sensors as known_sensors
     from paxisim.sensors import sensor as sensor
     from paxisim.viz.mounts import plot_mounts as plot_mounts
     from paxisim.viz.plot import plot_pads as plot_pads
     from paxisim.viz.plot import plot_tactile as plot_tactile
+    from paxisim.viz.quality import plot_quality as plot_quality
     from paxisim.viz.view import view as view
 
 _HOMES = {
@@ -59,13 +77,23 @@ _HOMES = {
     "paxisim.augment.history": ("History",),
     "paxisim.bump": ("GaussianBump",),
     "paxisim.errors": (
+        "DeviceError",
+        "DeviceTimeoutError",
         "InvalidValueError",
         "MissingExtraError",
         "OutputExistsError",
         "PaxisimError",
+        "PortAccessError",
+        "PortNotFoundError",
+        "ProtocolError",
         "UnknownNameError",
         "UnsupportedError",
     ),
+    "paxisim.hw.device": ("TactileSensor", "open_sensor"),
+    "paxisim.hw.emulator": ("Emulator",),
+    "paxisim.hw.frame": ("Frame",),
+    "paxisim.hw.profile": ("Profile", "Slot", "UnverifiedProfileWarning", "known_profiles", "load_profile"),
+    "paxisim.hw.quality": ("SensorQuality", "measure_quality"),
     "paxisim.layout": ("TaxelLayout",),
     "paxisim.models.attach": ("TactileGripper", "attach"),
     "paxisim.models.find_mounts": ("FoundMounts", "find_mounts"),
@@ -78,9 +106,11 @@ _HOMES = {
     "paxisim.models.readout": ("TactileReadout",),
     "paxisim.models.surface": ("conform", "flat", "measured"),
     "paxisim.models.touch_grid": ("TouchGridReadout",),
+    "paxisim.recording": ("Recording",),
     "paxisim.sensors": ("Sensor", "known_sensors", "sensor"),
     "paxisim.viz.mounts": ("plot_mounts",),
     "paxisim.viz.plot": ("plot_pads", "plot_tactile"),
+    "paxisim.viz.quality": ("plot_quality",),
     "paxisim.viz.view": ("view",),
 }
 __getattr__, __dir__, __all__ = lazy(__name__, _HOMES, ("augment",))

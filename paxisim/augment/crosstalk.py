@@ -25,16 +25,16 @@ class Crosstalk(Transform):
 
     With the distance d_ij between taxels i and j in pitches::
 
-        y_k(i) = x_k(i) + strength_k sum_j w(d_ij) (x_k(j) - x_k(i))        w(d) = exp((1 - max(d, 1)) / length)
+        y_k(i) = x_k(i) + strength_k sum_j w(d_ij) (x_k(j) - taken x_k(i))        w(d) = exp((1 - max(d, 1)) / length)
 
     The gel is one sheet: load on one taxel also moves the magnets beside it. ``strength`` is the share that a next
     neighbour gets; w is multiplied by ``far`` beyond the next neighbours, as one
     kernel seldom fits both. It acts on each axis by itself; shear from normal force is `Poisson`.
 
-    - The force is conserved, exactly: what one taxel gains another loses. A uniform load stays as it is, also at the
-      edge, across which nothing is exchanged.
-    - A magnet that is felt by the next sensor too would add to its reading and take from none. In the interior that is
-      the same but for a gain, which `AxisGain` holds.
+    - With ``taken = 1`` the force is conserved, exactly: what one taxel gains another loses. A uniform load stays as it
+      is, also at the edge, across which nothing is exchanged.
+    - A magnet that is felt by the next sensor too adds to its reading and takes from none: ``taken = 0``. In the
+      interior that is the same but for a gain, at the edge it is not.
     - On a grid neighbours are one pitch apart along both axes; elsewhere the distance is that of the positions, divided
       by the geometric mean of the two pitches. Forces are exchanged in the pad frame.
 
@@ -45,6 +45,7 @@ class Crosstalk(Transform):
         strength: ``(..., 3)`` share of x, y and z that a neighbour one pitch away gets.
         length: ``(...)`` distance over which it decays by e (pitches).
         far: ``(...)`` factor on the share beyond the next neighbours, more than `NEXT` pitches away.
+        taken: ``(...)`` share of what the neighbours get that a taxel loses, 0 to 1.
         layout: The taxels, if they are not on a grid.
     """
 
@@ -53,6 +54,7 @@ class Crosstalk(Transform):
     strength: Any = parameter((0.0, 0.0, 0.0), "k", low=-0.5, high=0.5, typical=(0.01, 0.12))
     length: Any = parameter(0.5, low=0.05, high=20.0, typical=(0.3, 1.0))
     far: Any = parameter(1.0, low=0.0, high=10.0, typical=(0.5, 2.0))
+    taken: Any = parameter(1.0, low=0.0, high=1.0, typical=(0.0, 1.0))
     layout: TaxelLayout | None = None
 
     # of each instance, but no field
@@ -81,7 +83,7 @@ class Crosstalk(Transform):
             gained = xp.reshape(xp.reshape(force, (-1, rows * cols)) @ weights[0], force.shape)
         else:
             gained = force @ weights
-        exchanged = gained - force * xp.sum(weights, axis=-1)[..., None, :]
+        exchanged = gained - self.fit("taken", x)[..., 0] * force * xp.sum(weights, axis=-1)[..., None, :]
         return x + self.fit("strength", x) * xp.reshape(exchanged, (*exchanged.shape[:-1], rows, cols))
 
 

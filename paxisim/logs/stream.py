@@ -15,12 +15,20 @@ class Stream:
     """What one source recorded, at its own rate.
 
     Attributes:
-        time: ``(T,)`` float64 seconds since 1970-01-01 UTC, not decreasing.
+        nanoseconds: ``(T,)`` int64 nanoseconds since 1970-01-01 UTC, not decreasing.
         values: ``(T, ...)`` samples.
+        sequence: ``(T,)`` int64, the device's count of its readings, where it was recorded; a gap says that so many
+            are missing.
     """
 
-    time: NDArray[np.float64]
+    nanoseconds: NDArray[np.int64]
     values: NDArray[Any]
+    sequence: NDArray[np.int64] | None = None
+
+    @property
+    def time(self) -> NDArray[np.float64]:
+        """``(T,)`` seconds since 1970-01-01 UTC; a float64 resolves 0.2 us there."""
+        return self.nanoseconds * 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,9 +37,11 @@ class Log:
 
     Attributes:
         streams: By name: ``measured``, ``simulated`` ((T, pads, 3, rows, cols) newtons), ``episode`` ((T,) int, the
-            episode that begins at that time), ``covariate/NAME`` (any numbers).
-        metadata: The layout (`TaxelLayout.to_dict`), the pads' names, sensor, profile, versions; what else was given.
-        complete: False where the file ends abruptly, as after a crash, and all that was whole was read.
+            episode that begins at that time), ``covariate/NAME`` (any numbers). Streams without samples are left out.
+        metadata: The layout (`TaxelLayout.to_dict`), the pads' names, sensor, profile, versions, scene; what else was
+            given.
+        complete: False where the file ends abruptly, as after a crash, or a part of it is damaged; all that is whole
+            was read.
     """
 
     streams: Mapping[str, Stream]

@@ -1,0 +1,65 @@
+"""``paxisim convert``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import tyro
+
+from paxisim.cli.output import check_output, progress
+
+
+def convert(
+    recording: Annotated[Path, tyro.conf.Positional],
+    output: Annotated[Path, tyro.conf.Positional],
+    *,
+    align: Literal["linear", "nearest", "previous"] = "linear",
+    missing: Literal["nan", "drop"] = "nan",
+    profile: str | None = None,
+    pads: tuple[str, ...] = (),
+    force: bool = False,
+) -> None:
+    """Write a recording as Parquet, npz or MCAP, by the suffix of the output.
+
+    Streams at other times than the measured tensors are interpolated between their own samples, never beyond them.
+    Parquet has a column a number: tactile.PAD.ROW_COL.AXIS, timestamp, frame_index, episode_index ...
+
+    For example:
+
+    paxisim convert press.mcap press.parquet
+
+    Args:
+        recording: An .mcap or .npz file, or a board's or a plain .csv.
+        output: The file to write: .parquet, .npz or .mcap.
+        align: How streams at other times are interpolated.
+        missing: Where a stream is not known: write NaN, or leave the sample out.
+        profile: For a board's CSV: the sensor's profile, by its name or file; it says the taxels' order and signs.
+        pads: Only these pads, by their names in the file.
+        force: Overwrite the output if it exists.
+    """
+    from paxisim.errors import InvalidValueError
+    from paxisim.recording import Recording
+
+    if output.suffix.lower() not in (".parquet", ".npz", ".mcap"):
+        raise InvalidValueError(f"a recording is converted to .parquet, .npz or .mcap, got {output}")
+    check_output(output, force)
+    if output.suffix.lower() == ".parquet":
+        from paxisim.logs.parquet import require_pyarrow
+
+        require_pyarrow()
+    known: Any = None
+    if profile is not None:
+        from paxisim.hw.profile import load_profile
+
+        known = load_profile(profile)
+    progress(f"reading {recording}")
+    loaded = Recording.load(recording, align=align, missing=missing, profile=known, pads=pads or None)
+    progress(f"writing {output}")
+    if output.suffix.lower() == ".parquet":
+        from paxisim.logs.parquet import write_parquet
+
+        write_parquet(output, loaded.to_aligned())
+    else:
+        loaded.save(output)
+    print(f"{output}: {loaded!r}")

@@ -1,0 +1,96 @@
+"""``paxisim info``."""
+
+from __future__ import annotations
+
+import textwrap
+from datetime import datetime, timezone
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import tyro
+
+from paxisim.cli.output import progress
+
+if TYPE_CHECKING:
+    from paxisim.logs.stream import Log
+
+WIDTH = 80
+
+
+def info(recording: Annotated[Path, tyro.conf.Positional]) -> None:
+    """Describe a recording: its streams, rates, gaps, episodes, ranges and pads.
+
+    Args:
+        recording: An .mcap or .npz file, or a board's or a plain .csv.
+    """
+    from paxisim.logs.describe import HEADER, describe_episodes, describe_stream
+
+    progress(f"reading {recording}")
+    log = _read(recording)
+    size = recording.stat().st_size
+    print(f"{recording}: {size / 1e6:.1f} MB" + ("" if log.complete else ", CUT OFF or damaged: what is whole follows"))
+    for line in _about(log):
+        print(textwrap.fill(line, WIDTH, subsequent_indent="  "))
+    first = min((stream.nanoseconds[0] for stream in log.streams.values()), default=0)
+    streams = {name: stream for name, stream in log.streams.items() if name != "episode"}
+    if not streams:
+        print("no samples")
+        return
+    width = max(6, *(min(len(name), WIDTH - len(HEADER)) for name in streams))
+    print(f"\n{'stream':{width}}{HEADER}")
+    for name, stream in streams.items():
+        print(describe_stream(name, stream, width))
+    print()
+    for name, stream in streams.items():
+        for line in _ranges(name, stream.values):
+            print(line[:WIDTH])
+    if "episode" in log.streams:
+        print()
+        for line in describe_episodes(log, int(first)):
+            print(line)
+
+
+def _read(path: Path) -> Log:
+    """The file's log; the other kinds of file are tables, each of whose streams has the same times."""
+    if path.suffix.lower() == ".mcap":
+        from paxisim.logs.mcap_reader import read_log
+
+        return read_log(path)
+    from paxisim.logs.describe import log_of
+    from paxisim.recording import Recording
+
+    return log_of(Recording.load(path).to_aligned())
+
+
+def _about(log: Log) -> list[str]:
+    metadata = dict(log.metadata)
+    lines = []
+    layout = metadata.pop("layout", None)
+    pads = metadata.pop("pads", None)
+    if layout:
+        row, col = (1e3 * pitch for pitch in layout["pitch"])
+        lines.append(
+            f"pads: {', '.join(pads or ())} of {layout['rows']}x{layout['cols']} taxels, {row:.3g}x{col:.3g} mm"
+        )
+    start = min((stream.nanoseconds[0] for stream in log.streams.values()), default=0)
+    if start:
+        lines.append(f"start: {datetime.fromtimestamp(start * 1e-9, timezone.utc):%Y-%m-%d %H:%M:%S} UTC")
+    if "scene" in metadata:
+        metadata["scene"] = f"MJCF of {len(metadata['scene'])} characters"
+    for told in ("time_zero_ns", "start"):
+        metadata.pop(told, None)
+    return lines + [f"{name}: {value}" for name, value in metadata.items() if value not in (None, "", [], {})]
+
+
+def _ranges(name: str, values: Any) -> list[str]:
+    """The least and greatest value, of a tactile stream for each pad and axis."""
+    import numpy as np
+
+    def span(part: Any) -> str:
+        part = part[np.isfinite(part)] if np.isnan(part).any() else part
+        return f"{part.min():.4g} to {part.max():.4g}" if part.size else "not known"
+
+    if name not in ("measured", "simulated"):
+        return [f"{name.removeprefix('covariate/')}: {span(values)}"]
+    axes = [f"{axis} {span(values[:, :, i])}" for i, axis in enumerate("xyz")]
+    return [f"{name} (N a taxel): " + ", ".join(axes)]

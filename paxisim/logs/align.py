@@ -1,0 +1,147 @@
+"""Bring the streams of a log onto one time axis."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from typing import Any, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from paxisim.errors import InvalidValueError, UnknownNameError
+from paxisim.layout import TaxelLayout
+from paxisim.logs import schemas
+from paxisim.logs.aligned import Aligned, Method
+from paxisim.logs.stream import Log, Stream
+
+# a stream that paused for longer than so many of its usual intervals is not known in between
+GAP_INTERVALS = 5
+_BLOCK = 4096  # samples interpolated at once, so that the work needs little memory
+
+
+def align(log: Log, method: Method | Mapping[str, Method] = "linear", max_gap: float | None = None) -> Aligned:
+    """The streams of `log` at the times of its measured tensors, or of the simulated ones where nothing was measured.
+
+    Args:
+        log: What a file holds.
+        method: See `resample`; for all streams or by name (``"simulated"``, or a covariate's name), others linear.
+        max_gap: See `resample`.
+
+    Returns:
+        The arrays. Time counts from the first sample, whose Unix time becomes ``metadata["start"]``, unless the file
+        says how its clock ran (``time_zero_ns``: the log time at which the time of each episode is 0).
+
+    Raises:
+        InvalidValueError: No tensors; the two tensors do not overlap in time.
+        UnknownNameError: `method` names a stream that is not there.
+    """
+    streams = dict(log.streams)
+    reference = next((name for name in schemas.TACTILE_STREAMS if name in streams), None)
+    if reference is None:
+        found = ", ".join(streams) or "nothing at all"
+        raise InvalidValueError(f"the file holds no tactile sample, neither measured nor simulated, but {found}")
+    at = streams[reference].nanoseconds
+    marks = streams.pop("episode", None)
+    methods = _methods(method, [name for name in streams if name != reference])
+    arrays: dict[str, NDArray[Any]] = {reference: streams.pop(reference).values}
+    for name, stream in streams.items():
+        arrays[name] = resample(stream, at, methods[name], max_gap)
+        if np.isnan(arrays[name]).all() and not np.isnan(stream.values).all():
+            _complain_of_no_overlap(name, stream, reference, at)
+    metadata = dict(log.metadata)
+    layout, pads = metadata.pop("layout", None), metadata.pop("pads", ())
+    zeros = metadata.pop("time_zero_ns", None)
+    episode, mark = _episodes(at, marks)
+    if zeros is None or marks is None or len(zeros) != len(marks.values):
+        metadata.setdefault("start", float(at[0] * 1e-9))
+        zero: Any = at[0]
+    else:
+        zero = np.asarray(zeros, dtype=np.int64)[mark]
+    return Aligned(
+        time=(at - zero) / 1e9,
+        measured=arrays.pop("measured", None),
+        simulated=arrays.pop("simulated", None),
+        covariates={name.removeprefix(schemas.COVARIATE): value for name, value in arrays.items()},
+        episode=episode,
+        layout=None if layout is None else TaxelLayout.from_dict(layout),
+        pads=tuple(pads),
+        metadata=metadata,
+    )
+
+
+def resample(stream: Stream, at: NDArray[np.int64], method: Method, max_gap: float | None) -> NDArray[Any]:
+    """The values of a stream at other times.
+
+    Args:
+        stream: ``(T, ...)`` samples.
+        at: ``(S,)`` nanoseconds, not decreasing.
+        method: ``"linear"`` between the two neighbours, ``"nearest"`` of the two, or ``"previous"``.
+        max_gap: Neighbours further apart than this (s) give NaN. Default: five times the stream's median interval.
+
+    Returns:
+        ``(S, ...)`` of the values' dtype. NaN before the first sample, after the last and in gaps; where a sample has
+        the very time, that sample.
+    """
+    time, values = stream.nanoseconds, stream.values
+    if np.array_equal(time, at):
+        return values
+    if max_gap is None:
+        limit = GAP_INTERVALS * float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+    else:
+        limit = max_gap * 1e9
+    result = np.full((len(at), *values.shape[1:]), np.nan, dtype=values.dtype)
+    for start in range(0, len(at), _BLOCK):
+        now = at[start : start + _BLOCK]
+        before = np.searchsorted(time, now, side="right") - 1
+        exact = (before >= 0) & (time[np.maximum(before, 0)] == now)
+        after = np.where(exact, before, before + 1)
+        known = (before >= 0) & (after < len(time))
+        now, before, after = now[known], before[known], after[known]
+        interval = (time[after] - time[before]).astype(np.float64)
+        near = interval <= limit
+        now, before, after, interval = now[near], before[near], after[near], interval[near]
+        weight = (now - time[before]) / np.where(interval > 0, interval, 1.0)
+        if method == "linear":
+            weight = weight.reshape(-1, *[1] * (values.ndim - 1)).astype(values.dtype)
+            chosen = values[before] * (1 - weight) + values[after] * weight
+        else:
+            chosen = values[np.where((weight > 0.5) & (method == "nearest"), after, before)]
+        result[start + np.flatnonzero(known)[near]] = chosen
+    return result
+
+
+def _methods(method: Method | Mapping[str, Method], streams: list[str]) -> dict[str, Method]:
+    names = {name.removeprefix(schemas.COVARIATE): name for name in streams}
+    given: dict[str, Method] = dict.fromkeys(names, method) if isinstance(method, str) else dict(method)
+    chosen: dict[str, Method] = dict.fromkeys(streams, "linear")
+    for name, one in given.items():
+        if name not in names:
+            raise UnknownNameError("stream to align", name, names)
+        chosen[names[name]] = one
+    for one in (*given.values(), *([method] if isinstance(method, str) else [])):
+        if one not in get_args(Method):
+            raise InvalidValueError(f"align must be one of {', '.join(get_args(Method))}, got {one!r}")
+    return chosen
+
+
+def _episodes(at: NDArray[np.int64], marks: Stream | None) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Each sample's episode, and the index of the mark that began it; what precedes the first mark belongs to it."""
+    if marks is None:
+        return np.zeros(len(at), np.int64), np.zeros(len(at), np.int64)
+    mark = np.maximum(np.searchsorted(marks.nanoseconds, at, side="right") - 1, 0)
+    numbers = marks.values
+    if len(np.unique(numbers)) < len(numbers):  # a number that came twice names no episode: count them
+        numbers = np.arange(len(numbers))
+    return numbers[mark], mark
+
+
+def _complain_of_no_overlap(name: str, stream: Stream, reference: str, at: NDArray[np.int64]) -> None:
+    first, last = ((stream.nanoseconds[i] - at[0]) * 1e-9 for i in (0, -1))
+    text = (
+        f"{name} is not known at any time of {reference}: it has {len(stream.values)} samples from {first:.3f} s to "
+        f"{last:.3f} s, {reference} reaches from 0 s to {(at[-1] - at[0]) * 1e-9:.3f} s"
+    )
+    if name in schemas.TACTILE_STREAMS:
+        raise InvalidValueError(text)
+    warnings.warn(text, stacklevel=2)

@@ -1,0 +1,34 @@
+"""A file that is written whole or not at all."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import secrets
+from collections.abc import Iterator
+from pathlib import Path
+
+from paxisim.errors import InvalidValueError
+
+
+@contextlib.contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """A path to write to in the same folder; what is there at the end takes the place of `path`.
+
+    After an error nothing is left of it, and a file that was at `path` before stays as it was.
+
+    Raises:
+        InvalidValueError: The path is a folder, or its folder does not exist.
+    """
+    if path.is_dir():
+        raise InvalidValueError(f"the output path must be a file, {path} is a folder")
+    if not path.absolute().parent.is_dir():
+        raise InvalidValueError(f"the output's folder does not exist: {path.absolute().parent}")
+    temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
+    try:
+        yield temporary
+        os.replace(temporary, path)
+    except BaseException:
+        with contextlib.suppress(FileNotFoundError):
+            temporary.unlink()
+        raise

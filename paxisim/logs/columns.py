@@ -1,0 +1,129 @@
+"""A recording as a table: one row a sample, one named column a number.
+
+| column | holds |
+|---|---|
+| ``timestamp`` | seconds since the first sample of the episode |
+| ``time`` | seconds, the recording's own time |
+| ``episode_index`` | the episode's number |
+| ``frame_index`` | counts the samples of the episode from 0 |
+| ``index`` | counts all samples from 0 |
+| ``tactile.PAD.ROW_COL.AXIS`` | measured force (N), e.g. ``tactile.left.0_9.z`` |
+| ``simulated.PAD.ROW_COL.AXIS`` | simulated force (N) |
+| ``NAME``, ``NAME.0``, ``NAME.0_1`` | a covariate; its components, where it is an array |
+
+These are the flat ``thing.part`` names that LeRobot robots give their observations, and its data sets' names for times
+and episodes.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from paxisim.errors import InvalidValueError
+from paxisim.logs.aligned import Aligned
+
+INDEX_COLUMNS = ("timestamp", "time", "episode_index", "frame_index", "index")
+_PREFIXES = {"measured": "tactile", "simulated": "simulated"}
+_TAXEL = re.compile(r"(tactile|simulated)\.(.+)\.(\d+)_(\d+)\.([xyz])")
+_COMPONENT = re.compile(r"(.+)\.(\d+(?:_\d+)*)")
+
+
+def to_columns(recording: Aligned) -> dict[str, NDArray[np.generic]]:
+    """The columns, each ``(T,)`` and a view where it can be one.
+
+    Raises:
+        InvalidValueError: A covariate has the name of another column.
+    """
+    time = np.asarray(recording.time)
+    episode = np.zeros(len(time), np.int64) if recording.episode is None else recording.episode
+    first = np.flatnonzero(np.diff(episode, prepend=episode[0] - 1))
+    begin = np.repeat(first, np.diff([*first, len(time)]))
+    index = np.arange(len(time))
+    columns: dict[str, NDArray[np.generic]] = dict(
+        zip(INDEX_COLUMNS, (time - time[begin], time, episode, index - begin, index), strict=True)
+    )
+    for field, prefix in _PREFIXES.items():
+        tensor = getattr(recording, field)
+        if tensor is not None:
+            pads, _, rows, cols = tensor.shape[1:]
+            for pad, row, col, axis in product(range(pads), range(rows), range(cols), range(3)):
+                name = f"{prefix}.{recording.pads[pad]}.{row}_{col}.{'xyz'[axis]}"
+                columns[name] = tensor[:, pad, axis, row, col]
+    for name, values in recording.covariates.items():
+        for at in np.ndindex(values.shape[1:]):
+            column = name + ("." + "_".join(map(str, at)) if at else "")
+            if column in columns:
+                raise InvalidValueError(f"a table cannot have the covariate {name!r}: {column!r} is another column")
+            columns[column] = values[(slice(None), *at)]
+    return columns
+
+
+def from_columns(columns: Mapping[str, NDArray[np.float64]]) -> Aligned:
+    """The arrays of a table; the inverse of `to_columns`. Index columns but one of the times may be missing.
+
+    Raises:
+        InvalidValueError: No time, no taxels, or taxels that make no grid that is the same for all pads.
+    """
+    time = columns.get("time", columns.get("timestamp"))
+    if time is None:
+        raise InvalidValueError("the table must have a column 'time' or 'timestamp' (s)")
+    covariates: dict[str, dict[tuple[int, ...], NDArray[np.float64]]] = {}
+    taxels: dict[str, dict[tuple[str, int, int, int], NDArray[np.float64]]] = {}
+    for name, values in columns.items():
+        taxel, component = _TAXEL.fullmatch(name), _COMPONENT.fullmatch(name)
+        if taxel:
+            prefix, pad, row, col, axis = taxel.groups()
+            taxels.setdefault(prefix, {})[pad, int(row), int(col), "xyz".index(axis)] = values
+        elif name in INDEX_COLUMNS:
+            continue
+        elif component:
+            at = tuple(int(i) for i in component[2].split("_"))
+            covariates.setdefault(component[1], {})[at] = values
+        else:
+            covariates.setdefault(name, {})[()] = values
+    if not taxels:
+        raise InvalidValueError("the table must have columns tactile.PAD.ROW_COL.AXIS, e.g. tactile.left.0_0.z")
+    pads = tuple(dict.fromkeys(pad for found in taxels.values() for pad, *_ in found))
+    grids = {field: _grid(prefix, taxels[prefix], pads) for field, prefix in _PREFIXES.items() if prefix in taxels}
+    episode: Any = columns.get("episode_index")  # checked and converted by `Recording`
+    return Aligned(
+        time=time,
+        measured=grids.get("measured"),
+        simulated=grids.get("simulated"),
+        covariates={name: _array(name, parts) for name, parts in covariates.items()},
+        episode=episode,
+        pads=pads,
+    )
+
+
+def _grid(
+    prefix: str, taxels: Mapping[tuple[str, int, int, int], NDArray[np.float64]], pads: tuple[str, ...]
+) -> NDArray[np.float32]:
+    rows = 1 + max(row for _, row, _, _ in taxels)
+    cols = 1 + max(col for _, _, col, _ in taxels)
+    tensor = np.empty((len(next(iter(taxels.values()))), len(pads), 3, rows, cols), np.float32)
+    for pad, axis, row, col in np.ndindex(tensor.shape[1:]):
+        try:
+            tensor[:, pad, axis, row, col] = taxels[pads[pad], row, col, axis]
+        except KeyError:
+            raise InvalidValueError(
+                f"the table has no column {prefix}.{pads[pad]}.{row}_{col}.{'xyz'[axis]}; every pad must have "
+                f"{rows}x{cols} taxels with x, y and z"
+            ) from None
+    return tensor
+
+
+def _array(name: str, parts: Mapping[tuple[int, ...], NDArray[np.float64]]) -> NDArray[np.float64]:
+    if len({len(at) for at in parts}) > 1:
+        raise InvalidValueError(f"the columns of {name!r} have different numbers of indices")
+    shape = tuple(1 + max(at) for at in zip(*parts, strict=True))
+    values = np.full((len(next(iter(parts.values()))), *shape), np.nan)
+    for at, column in parts.items():
+        values[(slice(None), *at)] = column
+    return values

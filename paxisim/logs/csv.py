@@ -1,0 +1,248 @@
+"""Recordings that come as CSV: what a board's own recorders write, and plain tables.
+
+Three kinds, told apart by their columns. In the first two every number is a count of 0.1 N as it came from the board:
+signed for x and y, unsigned for z.
+
+- **Host program** (one row a frame): ``Timestamp`` is the time of day, ``HH:MM:SS.mmm``; ``F-M-NxN-X[i]`` (and Y, Z) is
+  taxel ``i`` of module ``M`` (0 proximal, 1 middle, 2 tip, 3 nail; 0 to 7 on the palm) of finger ``F`` (0 thumb to
+  4 little, 5 palm); ``F-M-1x1-X`` is the module's resultant. A pad is named ``F-M``.
+- **paxini-sdk, "native"**: before the columns may stand a line ``# {JSON}`` on firmware and modules. Then
+  ``timestamp_iso`` (local time), ``timestamp_monotonic_s`` (s), ``PAD_ptNNN_fx_lsb`` (and fy, fz), and
+  ``PAD_resultant_fx_lsb``; a pad is named as ``index_tip``.
+- **Plain**: newtons, with the columns of `paxisim.logs.columns`.
+
+The resultants become the covariate ``resultant``, ``(T, pads, 3)`` newtons.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from paxisim.errors import InvalidValueError, UnknownNameError
+from paxisim.layout import TaxelLayout
+from paxisim.logs.aligned import Aligned, CountsToForce
+from paxisim.logs.columns import from_columns
+
+RESOLUTION = 0.1  # newtons a count
+_DAY = 86400.0
+
+# pad, taxel (None: the resultant), axis
+_Column = tuple[str, "int | None", int]
+_HOST = re.compile(r"(\d+-\d+)-(?:1x1-([XYZ])|NxN-([XYZ])\[(\d+)\])")
+_TIME_OF_DAY = re.compile(r"(\d{1,2}):(\d{2}):(\d{2}(?:\.\d*)?)")
+_NATIVE = re.compile(r"(.+)_(?:resultant_f([xyz])|pt(\d+)_f([xyz]))_lsb")
+
+
+def read_csv(
+    path: Path,
+    layout: TaxelLayout | None = None,
+    pads: tuple[str, ...] | None = None,
+    profile: CountsToForce | None = None,
+) -> Aligned:
+    """Read a CSV file of any of the three kinds.
+
+    Args:
+        path: The file.
+        layout: The pads' taxels; their ``vendor_order`` says which taxel of the file is where.
+        pads: Only these pads, by their names in the file, in this order. Needed where a hand has pads of different
+            numbers of taxels, of which a recording holds one kind.
+        profile: How counts become newtons, for a board's file.
+
+    Raises:
+        InvalidValueError: None of these files, or a row that is not like the others; the message has its line.
+        UnknownNameError: There is no such pad.
+    """
+    table = _Table(path)
+    for time_column, parse, read_time in (
+        ("Timestamp", _host_column, _time_of_day),
+        ("timestamp_monotonic_s", _native_column, _seconds),
+    ):
+        if time_column in table.names:
+            if table.last_may_be_cut and len(table.lines) > 1:
+                table.lines.pop()  # a recorder ends each row with a newline, so the last number may lack digits
+            return _Board(table, parse).read(read_time(table), layout, pads, profile)
+    if profile is not None:
+        raise InvalidValueError(f"profile is for the counts of a board's file; {path} is a plain table of newtons")
+    try:
+        found = from_columns(dict(zip(table.names, table.numbers(table.names).T, strict=True)))
+    except InvalidValueError as error:
+        raise InvalidValueError(f"{path}: {error}") from error
+    found = replace(found, layout=layout, metadata=table.comment)
+    return found if pads is None else found.choose(pads)
+
+
+class _Table:
+    """The text of a CSV file.
+
+    Attributes:
+        comment: What a first line ``# {JSON}`` says.
+        names: Of the columns.
+        lines: The rows, not empty, the last one with as many values as there are names.
+        last_may_be_cut: True if no newline ends the last row.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        try:
+            text = path.read_text(encoding="utf-8-sig")
+        except UnicodeDecodeError as error:
+            raise InvalidValueError(f"{path} is not a CSV file: it is no text") from error
+        last_may_be_cut = not text.endswith("\n")
+        lines = [line for line in text.splitlines() if line.strip()]
+        self.comment: dict[str, Any] = {}
+        self.first_row = 2
+        if lines and lines[0].startswith("#"):
+            said = lines.pop(0).lstrip("# ")
+            self.first_row = 3
+            try:
+                self.comment = dict(json.loads(said))
+            except (ValueError, TypeError):
+                self.comment = {"comment": said}
+        if not lines:
+            raise InvalidValueError(f"{path} is empty")
+        self.names = [name.strip() for name in next(csv.reader(lines[:1]))]
+        self.lines = lines[1:]
+        if len(set(self.names)) < len(self.names):
+            twice = next(name for name in self.names if self.names.count(name) > 1)
+            raise InvalidValueError(f"{path} has two columns {twice!r}")
+        if self.lines and len(next(csv.reader(self.lines[-1:]))) < len(self.names):
+            self.lines.pop()  # it ends in the middle of a row
+            last_may_be_cut = False
+        self.last_may_be_cut = last_may_be_cut
+        if not self.lines:
+            raise InvalidValueError(f"{path} has no whole row, or is no CSV file: it begins with {lines[0][:40]!r}")
+
+    def numbers(self, names: list[str]) -> NDArray[np.float64]:
+        """``(T, columns)``; an empty cell is NaN."""
+        columns = [self.names.index(name) for name in names]
+        try:
+            if any(line.count(",") != len(self.names) - 1 for line in self.lines):
+                raise ValueError("rows of different lengths, or commas in quotes")
+            return np.loadtxt(self.lines, delimiter=",", usecols=columns, ndmin=2, comments=None, quotechar='"')
+        except ValueError:  # slowly, to find what is wrong, or empty
+            values = np.empty((len(self.lines), len(columns)))
+            for i, row in enumerate(self.rows()):
+                values[i] = [self._number(row[at], i, at) for at in columns]
+            return values
+
+    def rows(self) -> Iterator[list[str]]:
+        """The texts of each row."""
+        for i, row in enumerate(csv.reader(self.lines)):
+            if len(row) != len(self.names):
+                raise InvalidValueError(
+                    f"{self.path}, line {self.first_row + i}: expected {len(self.names)} values, got {len(row)}"
+                )
+            yield row
+
+    def _number(self, text: str, row: int, column: int) -> float:
+        try:
+            return float(text) if text.strip() else float("nan")
+        except ValueError:
+            raise InvalidValueError(
+                f"{self.path}, line {self.first_row + row}, column {self.names[column]!r}: {text!r} is no number"
+            ) from None
+
+
+class _Board:
+    """A file of counts."""
+
+    def __init__(self, table: _Table, parse: Callable[[str], _Column | None]) -> None:
+        self.table, self.path = table, table.path
+        self.columns = {column: name for name in table.names if (column := parse(name))}
+        self.pads = list(dict.fromkeys(pad for pad, taxel, _ in self.columns if taxel is not None))
+        if not self.pads:
+            raise InvalidValueError(f"{self.path} has no taxels, only {', '.join(table.names[:4])} ...")
+
+    def read(
+        self,
+        time: NDArray[np.float64],
+        layout: TaxelLayout | None,
+        pads: tuple[str, ...] | None,
+        profile: CountsToForce | None,
+    ) -> Aligned:
+        for pad in pads or ():
+            if pad not in self.pads:
+                raise UnknownNameError("pad", pad, self.pads)
+        pads = tuple(self.pads) if pads is None else pads
+        counts = {pad: len({taxel for p, taxel, _ in self.columns if p == pad and taxel is not None}) for pad in pads}
+        if len(set(counts.values())) > 1:
+            listed = ", ".join(f"{pad} has {count}" for pad, count in counts.items())
+            raise InvalidValueError(
+                f"a recording holds pads of one kind, those of {self.path} differ in their taxels: {listed}; "
+                "choose with pads=[...]"
+            )
+        taxels = counts[pads[0]]
+        values = self._numbers([(pad, taxel, axis) for pad in pads for taxel in range(taxels) for axis in range(3)])
+        values = values.reshape(-1, len(pads), taxels, 3)
+        totals: list[_Column] = [(pad, None, axis) for pad in pads for axis in range(3)]
+        resultant = None
+        if all(column in self.columns for column in totals):
+            resultant = self._numbers(totals).reshape(-1, len(pads), 3) * RESOLUTION
+        if profile is not None:
+            if layout is not None:
+                raise InvalidValueError("give layout or profile, not both: a profile says the layout")
+            layout, force = profile.layout, profile.to_force(values.astype(np.int16))
+        else:
+            layout = layout or TaxelLayout(1, taxels, (1e-3, 1e-3))
+            if layout.taxels != taxels:
+                raise InvalidValueError(f"the pads of {self.path} have {taxels} taxels, layout has {layout.taxels}")
+            force = layout.from_flat((values * RESOLUTION).astype(np.float32).reshape(len(values), len(pads), -1))
+        return Aligned(
+            time=time - time[0],
+            measured=force,
+            covariates={} if resultant is None else {"resultant": resultant},
+            layout=layout,
+            pads=pads,
+            metadata={"source": self.path.name, **self.table.comment},
+        )
+
+    def _numbers(self, columns: list[_Column]) -> NDArray[np.float64]:
+        for column in columns:
+            if column not in self.columns:
+                pad, taxel, axis = column
+                raise InvalidValueError(f"{self.path} has no {'xyz'[axis]} of taxel {taxel} of pad {pad}")
+        return self.table.numbers([self.columns[column] for column in columns])
+
+
+def _host_column(name: str) -> _Column | None:
+    match = _HOST.fullmatch(name)
+    if not match:
+        return None
+    pad, total, axis, taxel = match.groups()
+    return pad, None if total else int(taxel), "XYZ".index(total or axis)
+
+
+def _native_column(name: str) -> _Column | None:
+    match = _NATIVE.fullmatch(name)
+    if not match:
+        return None
+    pad, total, taxel, axis = match.groups()
+    return pad, None if total else int(taxel), "xyz".index(total or axis)
+
+
+def _seconds(table: _Table) -> NDArray[np.float64]:
+    return table.numbers(["timestamp_monotonic_s"])[:, 0]
+
+
+def _time_of_day(table: _Table) -> NDArray[np.float64]:
+    """Seconds since the midnight before the first row; a day is added where midnight passes."""
+    times = np.empty(len(table.lines))
+    at = table.names.index("Timestamp")
+    for i, row in enumerate(table.rows()):
+        match = _TIME_OF_DAY.fullmatch(row[at].strip())
+        if not match:
+            raise InvalidValueError(
+                f"{table.path}, line {table.first_row + i}: the time of day must be HH:MM:SS.mmm, got {row[at]!r}"
+            )
+        times[i] = 3600 * int(match[1]) + 60 * int(match[2]) + float(match[3])
+    times += _DAY * np.cumsum(np.diff(times, prepend=times[0]) < -_DAY / 2)
+    return times

@@ -1,0 +1,67 @@
+"""What a log holds, in words."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from paxisim.logs import schemas
+from paxisim.logs.align import GAP_INTERVALS
+from paxisim.logs.aligned import Aligned
+from paxisim.logs.mcap_save import log_times
+from paxisim.logs.stream import Log, Stream
+
+# behind the name of the stream
+HEADER = "  samples       s      Hz  gaps  longest s  lost"
+_EPISODES = 20  # listed one by one
+
+
+def describe_stream(name: str, stream: Stream, width: int) -> str:
+    """A row of the table below `HEADER`.
+
+    A gap is an interval of more than five times the median; lost are readings that the device counted and the file
+    lacks.
+    """
+    time = stream.nanoseconds
+    short = name if len(name) <= width else name[: width - 3] + "..."
+    row = f"{short:{width}}  {len(time):7d}  {(time[-1] - time[0]) * 1e-9:6.1f}"
+    intervals = np.diff(time) * 1e-9
+    usual = float(np.median(intervals)) if len(intervals) else 0.0
+    if usual <= 0:
+        return row
+    gaps = intervals[intervals > GAP_INTERVALS * usual]
+    row += f"  {1 / usual:6.1f}  {len(gaps):4d}  " + (f"{gaps.max():9.3f}" if len(gaps) else f"{'-':>9}")
+    if stream.sequence is not None:
+        row += f"  {np.sum(np.maximum(np.diff(stream.sequence) - 1, 0)):4d}"
+    return row
+
+
+def describe_episodes(log: Log, first: int) -> list[str]:
+    """A line for each episode: when it begins, after `first` (ns), and its tactile samples."""
+    marks = log.streams["episode"]
+    name = next((name for name in schemas.TACTILE_STREAMS if name in log.streams), None)
+    begins = np.append(marks.nanoseconds[1:], np.iinfo(np.int64).max)
+    counts = np.zeros(len(begins), dtype=np.int64)
+    if name:
+        # what precedes the first mark belongs to it
+        ends = np.searchsorted(log.streams[name].nanoseconds, begins, side="left")
+        counts = np.diff(ends, prepend=0)
+    lines = [f"{len(counts)} episode{'s' * (len(counts) != 1)}"]
+    for number, at, count in list(zip(marks.values, marks.nanoseconds, counts, strict=True))[:_EPISODES]:
+        lines.append(f"  {number}: from {(at - first) * 1e-9:.3f} s, {count} samples")
+    if len(counts) > _EPISODES:
+        lines.append(f"  and {len(counts) - _EPISODES} more")
+    return lines
+
+
+def log_of(recording: Aligned) -> Log:
+    """A table's streams as a log, for its description."""
+    time, starts, _ = log_times(recording)
+    streams = {name: getattr(recording, name) for name in schemas.TACTILE_STREAMS}
+    streams |= {schemas.COVARIATE + name: values for name, values in recording.covariates.items()}
+    metadata = dict(recording.metadata)
+    if recording.layout is not None:
+        metadata |= {"layout": recording.layout.to_dict(), "pads": recording.pads}
+    found = {name: Stream(time, values) for name, values in streams.items() if values is not None}
+    if recording.episode is not None:
+        found["episode"] = Stream(time[starts], recording.episode[starts])
+    return Log(found, metadata)

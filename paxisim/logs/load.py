@@ -1,0 +1,69 @@
+"""Recording files by their suffix."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+from paxisim.errors import InvalidValueError
+from paxisim.layout import TaxelLayout
+from paxisim.logs.aligned import Aligned, CountsToForce, Method
+
+
+def load_aligned(
+    path: Path,
+    *,
+    align: Method | Mapping[str, Method] = "linear",
+    max_gap: float | None = None,
+    layout: TaxelLayout | None = None,
+    pads: Iterable[str] | None = None,
+    profile: CountsToForce | None = None,
+) -> Aligned:
+    """See `paxisim.Recording.load`."""
+    suffix = path.suffix.lower()
+    if max_gap is not None and not max_gap > 0:
+        raise InvalidValueError(f"max_gap must be a positive time in s, got {max_gap!r}")
+    wanted = None if pads is None else _names(pads)
+    if suffix == ".csv":
+        from paxisim.logs.csv import read_csv
+
+        return read_csv(path, layout=layout, pads=wanted, profile=profile)
+    if profile is not None:
+        raise InvalidValueError(f"profile is for a board's CSV file; {path} holds newtons already")
+    if suffix == ".npz":
+        from paxisim.logs.npz import read_npz
+
+        found = read_npz(path)
+    elif suffix == ".mcap":
+        from paxisim.logs.align import align as align_log
+        from paxisim.logs.mcap_reader import read_log
+
+        found = align_log(read_log(path), align, max_gap)
+    else:
+        raise InvalidValueError(f"a recording is read from a .mcap, .npz or .csv file, got {path}")
+    if layout is not None:
+        found = replace(found, layout=layout)
+    return found if wanted is None else found.choose(wanted)
+
+
+def save_aligned(path: Path, recording: Aligned) -> None:
+    """See `paxisim.Recording.save`."""
+    suffix = path.suffix.lower()
+    if suffix == ".mcap":
+        from paxisim.logs.mcap_save import write_mcap
+
+        write_mcap(path, recording)
+    elif suffix == ".npz":
+        from paxisim.logs.npz import write_npz
+
+        write_npz(path, recording)
+    else:
+        raise InvalidValueError(f"a recording is saved as .mcap or .npz, got {path}")
+
+
+def _names(pads: Iterable[str]) -> tuple[str, ...]:
+    names = (pads,) if isinstance(pads, str) else tuple(pads)
+    if not names or len(set(names)) < len(names):
+        raise InvalidValueError(f"pads must name different pads, at least one, got {list(names)}")
+    return names

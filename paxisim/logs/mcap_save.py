@@ -1,0 +1,65 @@
+"""A recording in memory as an MCAP file."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from paxisim.logs import schemas
+from paxisim.logs.aligned import Aligned
+from paxisim.logs.atomic import whole_file
+from paxisim.logs.mcap_writer import LogWriter
+
+
+def write_mcap(path: Path, recording: Aligned) -> None:
+    """Write every stream at the recording's times.
+
+    Log time is ``metadata["start"]`` (Unix seconds, default 0) plus the recording's time. An episode whose time does
+    not begin after the end of the one before, as with a clock that starts anew, is put one second behind it; the file
+    says at which log time each episode's time is 0, so that it loads with its own.
+
+    Raises:
+        InvalidValueError: A value or metadata that the file cannot hold.
+    """
+    at, starts, zeros = log_times(recording)
+    metadata = {**recording.metadata, "layout": recording.layout, "pads": recording.pads, "time_zero_ns": zeros}
+    tensors = {name: getattr(recording, name) for name in schemas.TACTILE_STREAMS}
+    begins = {} if recording.episode is None else dict(zip(starts, recording.episode[starts].tolist(), strict=True))
+    with whole_file(path) as temporary, LogWriter(temporary, metadata, flush_interval=math.inf) as log:
+        for i, now in enumerate(at.tolist()):
+            if i in begins:
+                log.write_at("episode", now, begins[i])
+            for name, tensor in tensors.items():
+                if tensor is not None:
+                    log.write_at(name, now, tensor[i])
+            for name, values in recording.covariates.items():
+                log.write_at(schemas.COVARIATE + name, now, values[i])
+
+
+def log_times(recording: Aligned) -> tuple[NDArray[np.int64], list[int], list[int]]:
+    """Each sample's log time (ns), the index of each episode's first sample, and the log time of each one's time 0."""
+    episode = recording.episode
+    if episode is None:
+        episode = np.zeros(len(recording.time), dtype=np.int64)
+    offset = np.round(recording.time * 1e9).astype(np.int64)
+    starts = np.flatnonzero(np.diff(episode, prepend=episode[0] - 1))
+    zeros = _zeros(offset, starts, recording.metadata.get("start"))
+    return offset + np.repeat(zeros, np.diff([*starts, len(offset)])), starts.tolist(), zeros
+
+
+def _zeros(offset: np.ndarray, starts: np.ndarray, start: object) -> list[int]:
+    """For each episode the log time (ns) at which its time is 0."""
+    zero = round(start * 1e9) if isinstance(start, (int, float)) and math.isfinite(start) else 0
+    # log times cannot be negative
+    zero = max(zero, -int(offset[starts[0]]))
+    zeros = [zero]
+    for first in starts[1:].tolist():
+        if offset[first] <= offset[first - 1] or zeros[-1] + offset[first] < 0:
+            zero = zeros[-1] + int(offset[first - 1] - offset[first]) + 10**9
+            zeros.append(zero)
+        else:
+            zeros.append(zeros[-1])
+    return zeros

@@ -1,0 +1,273 @@
+"""LogWriter: an MCAP file written while its samples arrive, which opens whenever the program ends."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import threading
+import time as clocks
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+import orjson
+from mcap.writer import Writer
+from numpy.typing import ArrayLike
+
+from paxisim._version import __version__
+from paxisim.errors import InvalidValueError, OutputExistsError
+from paxisim.layout import TaxelLayout
+from paxisim.logs import schemas
+
+# numbers are written as the shortest text that reads back to the same float32 or float64
+_JSON = orjson.OPT_SERIALIZE_NUMPY | orjson.OPT_NON_STR_KEYS
+# readers take a number for a float64 first; of all float32 only this one's shortest text then rounds to its neighbour
+_ROUNDED_TWICE = np.float32(7.038531e-26)
+
+
+class LogWriter:
+    """Writes one MCAP file, one topic a stream (`paxisim.logs.schemas`). A context manager; several threads may write.
+
+    Samples are collected to compressed chunks. A chunk ends, and goes to the operating system whole, `flush_interval`
+    after the one before, at the next `write`, or at `flush`; a program that is killed loses no more than the samples
+    since. The description of the file is written at once.
+
+    When a write to the disk fails, the error is raised, the file is cut to its last whole chunk and can be loaded,
+    and nothing more is written to it.
+    """
+
+    def __init__(
+        self, path: str | Path, metadata: Mapping[str, Any], *, flush_interval: float = 0.5, overwrite: bool = False
+    ) -> None:
+        """Create the file and write its description.
+
+        Args:
+            path: The file.
+            metadata: What `Log.metadata` gives back: the layout (a `TaxelLayout` or its ``to_dict``), the pads'
+                names, sensor, profile; ``scene`` is the text of the scene's MJCF. The version of paxisim is added.
+            flush_interval: Seconds of samples that may be lost when the program is killed.
+            overwrite: Take the place of a file that is there.
+
+        Raises:
+            OutputExistsError: The file exists and `overwrite` is off.
+            InvalidValueError: The metadata cannot be written as JSON.
+            OSError: The file cannot be written.
+        """
+        record, scene = _describe(metadata)
+        pads = metadata.get("pads") or ()
+        self._pads = [str(pad) for pad in pads]
+        self._interval = flush_interval
+        self._lock = threading.Lock()
+        self._channels: dict[str, tuple[int, tuple[int, ...]]] = {}
+        self._counts: dict[str, int] = {}
+        try:
+            self._file = _WholeWrites(path, "wb" if overwrite else "xb")
+        except FileExistsError as error:
+            raise OutputExistsError(f"{path} exists already; a recording is not written over it") from error
+        try:
+            stream: Any = self._file  # a binary file, though of none of the types that Writer declares
+            self._writer = Writer(stream)
+            self._writer.start(library=f"paxisim {__version__}")
+            self._writer.add_metadata(schemas.METADATA, record)
+            if scene is not None:
+                self._writer.add_attachment(0, 0, schemas.SCENE, "application/xml", scene.encode())
+        except BaseException:
+            self._file.close()
+            raise
+        self._flushed = clocks.monotonic()
+
+    def write(self, stream: str, time: float, values: ArrayLike, **extra: Any) -> None:
+        """Write one sample.
+
+        Args:
+            stream: ``"measured"``, ``"simulated"``, ``"covariate/NAME"`` or ``"episode"``.
+            time: When it was measured, seconds since 1970-01-01 UTC. Streams need not be in step.
+            values: ``(pads, 3, rows, cols)`` newtons; a covariate's number or array; an episode's number, which
+                begins now. A stream's shape stays the same. NaN means not known.
+            extra: More fields of the message, for a tactile one ``sequence``, ``status`` and ``resultant``
+                (see `paxisim.hw.frame.Frame`). None leaves a field out.
+
+        Raises:
+            InvalidValueError: No such stream, another shape than before, an infinite value.
+            OSError: The disk is full or failed, now or before; the file is valid up to its last whole chunk.
+        """
+        if not np.isfinite(time):
+            raise InvalidValueError(f"the time of a sample must be finite, got {time!r}")
+        self.write_at(stream, round(time * 1e9), values, **extra)
+
+    def write_at(self, stream: str, nanoseconds: int, values: ArrayLike, **extra: Any) -> None:
+        """`write`, for a time in whole nanoseconds since 1970-01-01 UTC, of which a float64 holds only every 200th."""
+        if nanoseconds < 0:
+            raise InvalidValueError("a sample must not be older than 1970-01-01")
+        is_tactile = stream in schemas.TACTILE_STREAMS
+        array = np.asarray(values, dtype=np.float32 if is_tactile else np.float64)
+        if np.isinf(array).any():
+            raise InvalidValueError(f"a sample of {stream!r} holds an infinite value, which a file cannot")
+        sec, nsec = divmod(int(nanoseconds), 10**9)
+        fields = {"timestamp": {"sec": sec, "nsec": nsec}}
+        with self._lock:
+            self._file.check()
+            channel = self._channel(stream, array)
+            sequence = extra.pop("sequence", None)
+            sequence = self._counts[stream] if sequence is None else int(sequence)
+            self._counts[stream] = sequence + 1
+            if is_tactile:
+                message = {**fields, "sequence": sequence, **self._tactile(array)}
+            elif stream == "episode":
+                message = {**fields, "episode": int(array)}
+            elif array.ndim == 0:
+                message = {**fields, "value": float(array)}
+            else:
+                message = {**fields, "shape": array.shape, "value": array.ravel()}
+            message |= {name: value for name, value in extra.items() if value is not None}
+            data = orjson.dumps(message, option=_JSON)
+            self._writer.add_message(channel, nanoseconds, data, nanoseconds, sequence & 0xFFFFFFFF)
+            if clocks.monotonic() - self._flushed >= self._interval:
+                self._flush()
+
+    def flush(self) -> None:
+        """End the chunk and hand everything to the operating system: it outlives the program from here on.
+
+        To be called about every second where samples may stop coming.
+
+        Raises:
+            OSError: The disk is full or failed.
+        """
+        with self._lock:
+            self._file.check()
+            self._flush()
+
+    def _flush(self) -> None:
+        self._writer.flush()
+        self._flushed = clocks.monotonic()
+
+    def close(self) -> None:
+        """Finish the file. May be called twice; after a failed write nothing is left to do.
+
+        Raises:
+            OSError: The disk is full or failed; the file is valid up to its last whole chunk.
+        """
+        with self._lock:
+            if self._file.closed:
+                return
+            try:
+                if self._file.error is None:
+                    self._writer.finish()
+            finally:
+                self._file.close()
+
+    def __enter__(self) -> LogWriter:
+        """The writer."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Finish the file."""
+        self.close()
+
+    def _tactile(self, force: np.ndarray) -> dict[str, Any]:
+        total = force.sum(axis=(2, 3), dtype=np.float64).round(6).tolist()
+        pads = [
+            {"pad": self._pads[i] if i < len(self._pads) else f"pad{i}", "x": x, "y": y, "z": z}
+            for i, (x, y, z) in enumerate(total)
+        ]
+        flat = np.ascontiguousarray(force).ravel()
+        if (np.abs(flat) == _ROUNDED_TWICE).any():
+            flat = flat.astype(np.float64)
+        return {"total": pads, "shape": force.shape, "force": flat}
+
+    def _channel(self, stream: str, array: np.ndarray) -> int:
+        if stream in self._channels:
+            channel, shape = self._channels[stream]
+            if array.shape != shape:
+                raise InvalidValueError(f"samples of {stream!r} had shape {shape} so far, now one has {array.shape}")
+            return channel
+        topic, schema = _topic(stream, array)
+        document = orjson.dumps(schema)
+        channel = self._writer.register_channel(
+            topic, "json", self._writer.register_schema(schema["title"], "jsonschema", document)
+        )
+        self._channels[stream] = channel, array.shape
+        self._counts[stream] = 0
+        return channel
+
+
+class _WholeWrites:
+    """A file that takes each piece of bytes whole, or none of it: what a failed write left behind is cut off.
+
+    The MCAP writer hands over whole records, so the file always ends with one.
+    """
+
+    def __init__(self, path: str | Path, mode: str) -> None:
+        self._raw = io.FileIO(path, mode)
+        self._size = 0
+        self.error: BaseException | None = None
+
+    def check(self) -> None:
+        """Raise if the file takes nothing any more: the error that ended it, again, if there was one."""
+        if self.error is not None:
+            raise self.error
+        if self.closed:
+            raise InvalidValueError("the recording was closed, nothing can be written to it")
+
+    @property
+    def closed(self) -> bool:
+        return self._raw.closed
+
+    def tell(self) -> int:
+        return self._size
+
+    def write(self, data: Any) -> int:
+        rest = memoryview(data).cast("B")
+        size = len(rest)
+        try:
+            while rest:
+                rest = rest[self._raw.write(rest) :]
+        except BaseException as error:
+            self.error = error
+            with contextlib.suppress(OSError):  # not every file can be cut, and why it failed is to be told
+                self._raw.truncate(self._size)
+            raise
+        self._size += size
+        return size
+
+    def flush(self) -> None:
+        """Nothing is held back."""
+
+    def close(self) -> None:
+        self._raw.close()
+
+
+def _topic(stream: str, array: np.ndarray) -> tuple[str, dict[str, Any]]:
+    if stream in schemas.TACTILE_STREAMS:
+        if array.ndim != 4 or array.shape[1] != 3:
+            raise InvalidValueError(f"a sample of {stream!r} must be (pads, 3, rows, cols), got shape {array.shape}")
+        return f"/tactile/{stream}", schemas.TACTILE
+    if stream == "episode":
+        if array.shape != () or array != np.round(array):
+            raise InvalidValueError(f"an episode must be a whole number, got {array.tolist()!r}")
+        return "/episode", schemas.EPISODE
+    if stream.startswith(schemas.COVARIATE) and len(stream) > len(schemas.COVARIATE):
+        return f"/{stream}", schemas.SCALAR if array.ndim == 0 else schemas.ARRAY
+    raise InvalidValueError(f"unknown stream {stream!r}; there are measured, simulated, episode and covariate/NAME")
+
+
+def _describe(metadata: Mapping[str, Any]) -> tuple[dict[str, str], str | None]:
+    """The file's metadata record, each value as JSON, and the scene's MJCF."""
+    values: dict[str, Any] = {"paxisim": __version__, **metadata}
+    scene = values.pop("scene", None)
+    if scene is not None and not isinstance(scene, str):
+        raise InvalidValueError(f"metadata['scene'] must be the text of an MJCF file, got {type(scene).__name__}")
+    if isinstance(values.get("layout"), TaxelLayout):
+        values["layout"] = values["layout"].to_dict()
+    record = {"format": schemas.FORMAT}
+    for name, value in values.items():
+        try:
+            record[str(name)] = orjson.dumps(value, option=_JSON).decode()
+        except TypeError as error:
+            raise InvalidValueError(f"metadata[{name!r}] cannot be written as JSON: {error}") from error
+    record["format"] = schemas.FORMAT
+    return record, scene

@@ -1,0 +1,87 @@
+"""A recording as a numpy archive.
+
+Keys: ``time``, ``measured``, ``simulated``, ``episode``, ``covariate/NAME`` as in `paxisim.Recording`, and ``about``, a
+JSON text with the layout, the pads' names and the metadata. One that was made by hand needs ``time`` and a tensor only.
+"""
+
+from __future__ import annotations
+
+import zipfile
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import orjson
+
+from paxisim.errors import InvalidValueError
+from paxisim.layout import TaxelLayout
+from paxisim.logs import schemas
+from paxisim.logs.aligned import Aligned
+from paxisim.logs.atomic import whole_file
+
+# what numpy and zipfile raise for bytes that are none of theirs
+_NOT_WHOLE = (
+    ValueError,
+    TypeError,
+    AttributeError,
+    NotImplementedError,
+    EOFError,
+    OSError,
+    zipfile.BadZipFile,
+    zlib.error,
+)
+_ARRAYS = ("time", "measured", "simulated", "episode")
+
+
+def write_npz(path: Path, recording: Aligned) -> None:
+    """Write the arrays; bit exact.
+
+    Raises:
+        InvalidValueError: The metadata cannot be written as JSON.
+    """
+    arrays = {name: getattr(recording, name) for name in _ARRAYS if getattr(recording, name) is not None}
+    arrays |= {schemas.COVARIATE + name: value for name, value in recording.covariates.items()}
+    layout = recording.layout
+    about = {
+        "format": schemas.FORMAT,
+        "layout": None if layout is None else layout.to_dict(),
+        "pads": recording.pads,
+        "metadata": recording.metadata,
+    }
+    try:
+        text = orjson.dumps(about, option=orjson.OPT_SERIALIZE_NUMPY | orjson.OPT_NON_STR_KEYS).decode()
+    except TypeError as error:
+        raise InvalidValueError(f"the metadata cannot be written as JSON: {error}") from error
+    with whole_file(path) as temporary, open(temporary, "xb") as file:
+        np.savez(file, about=np.array(text), **arrays)
+
+
+def read_npz(path: Path) -> Aligned:
+    """Read what `write_npz` wrote, or an archive with the same keys.
+
+    Raises:
+        InvalidValueError: Not an npz file, damaged, or without time and a tensor.
+    """
+    with open(path, "rb") as file:
+        try:
+            with np.load(file, allow_pickle=False) as archive:
+                arrays: dict[str, Any] = {name: archive[name] for name in archive.files}
+            about = orjson.loads(str(arrays["about"])) if "about" in arrays else {}
+        except _NOT_WHOLE as error:
+            raise InvalidValueError(f"{path} is not a whole npz file: {error}") from error
+    if "time" not in arrays or not {"measured", "simulated"} & arrays.keys():
+        found = ", ".join(arrays) or "nothing"
+        raise InvalidValueError(f"{path} must hold 'time' and 'measured' or 'simulated' (or both), it holds {found}")
+    layout = about.get("layout")
+    return Aligned(
+        **{name: arrays[name] for name in _ARRAYS if name in arrays},
+        covariates={
+            name.removeprefix(schemas.COVARIATE): value
+            for name, value in arrays.items()
+            if name.startswith(schemas.COVARIATE)
+        },
+        layout=None if layout is None else TaxelLayout.from_dict(layout),
+        pads=tuple(about.get("pads", ())),
+        metadata=about.get("metadata", {}),
+    )

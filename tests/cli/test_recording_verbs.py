@@ -1,0 +1,149 @@
+"""``paxisim info`` and ``paxisim convert``."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from paxisim.cli.convert import convert
+from paxisim.cli.info import info
+from paxisim.errors import InvalidValueError, MissingExtraError, OutputExistsError, UnsupportedError
+from paxisim.layout import TaxelLayout
+from paxisim.logs.mcap_writer import LogWriter
+from paxisim.logs.parquet import require_pyarrow
+from paxisim.recording import Recording
+
+START = 1_700_000_000_000_000_000
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def write(path, **metadata):
+    """Two pads, 100 Hz for 1 s with a pause and lost readings, and a temperature at 10 Hz."""
+    layout = TaxelLayout(4, 3, (0.0022, 0.0023))
+    with LogWriter(path, {"layout": layout, "pads": ["left", "right"], "profile": "a-profile", **metadata}) as log:
+        for i in range(100):
+            at = START + i * 10_000_000 + (i >= 60) * 300_000_000
+            if i % 50 == 0:
+                log.write_at("episode", at, i // 50)
+            log.write_at("measured", at, np.full((2, 3, 4, 3), i * 0.1), sequence=i + (i >= 60) * 30)
+            if i % 10 == 0:
+                log.write_at("covariate/temperature", at, 20 + i * 0.01)
+
+
+def test_info_says_what_is_there(capsys):
+    write("a.mcap", scene="<mujoco/>")
+    info(Path("a.mcap"))
+    out = capsys.readouterr().out
+    assert max(map(len, out.splitlines())) <= 80
+    for words in (
+        "pads: left, right of 4x3 taxels, 2.2x2.3 mm",
+        "start: 2023-11-14 22:13:20 UTC",
+        "profile: a-profile",
+        "scene: MJCF of 9 characters",
+        "measured (N a taxel): x 0 to 9.9, y 0 to 9.9, z 0 to 9.9",
+        "temperature: 20 to 20.9",
+        "2 episodes",
+        "  1: from 0.500 s, 50 samples",
+    ):
+        assert words in out
+    row = next(line for line in out.splitlines() if line.startswith("measured "))
+    assert row.split() == ["measured", "100", "1.3", "100.0", "1", "0.310", "30"]
+    assert "CUT" not in out
+
+
+def test_info_of_a_file_that_was_cut_off(folder, capsys):
+    write("a.mcap")
+    content = (folder / "a.mcap").read_bytes()
+    (folder / "a.mcap").write_bytes(content[:-2000])
+    info(Path("a.mcap"))
+    assert "CUT OFF" in capsys.readouterr().out
+    with LogWriter("empty.mcap", {"note": "word " * 40}):
+        pass
+    info(Path("empty.mcap"))
+    out = capsys.readouterr().out
+    assert "no samples" in out
+    assert max(map(len, out.splitlines())) <= 80
+
+
+def test_info_of_an_archive(capsys):
+    force = np.zeros((20, 1, 3, 2, 2))
+    force[3, 0, 2, 1, 1] = 7.5
+    Recording(
+        time=np.tile(np.arange(10) * 0.1, 2),
+        simulated=force,
+        episode=np.repeat([0, 1], 10),
+        covariates={"an opening with a name that is longer than any column of the table": np.full(20, np.nan)},
+    ).save("a.npz")
+    info(Path("a.npz"))
+    out = capsys.readouterr().out
+    assert max(map(len, out.splitlines())) <= 80
+    assert "simulated (N a taxel): x 0 to 0, y 0 to 0, z 0 to 7.5" in out
+    assert "not known" in out
+    assert "1: from 1.900 s, 10 samples" in out
+
+
+def test_convert_to_parquet():
+    write("a.mcap")
+    try:
+        require_pyarrow()
+    except (MissingExtraError, UnsupportedError) as error:
+        with pytest.raises(type(error), match="pyarrow"):
+            convert(Path("a.mcap"), Path("a.parquet"))
+        pytest.skip(str(error))
+    from pyarrow import parquet
+
+    convert(Path("a.mcap"), Path("a.parquet"))
+    loaded = Recording.load("a.mcap")
+    table = parquet.read_table("a.parquet")
+    assert table.num_rows == 100
+    assert table.column_names[:5] == ["timestamp", "time", "episode_index", "frame_index", "index"]
+    assert table["timestamp"].to_pylist()[49:51] == [pytest.approx(0.49), 0]
+    assert table["frame_index"].to_pylist() == [*range(50), *range(50)]
+    assert table["episode_index"].to_pylist() == [0] * 50 + [1] * 50
+    column = table["tactile.right.3_1.z"].to_pylist()
+    assert str(table.schema.field("tactile.right.3_1.z").type) == "float"
+    np.testing.assert_array_equal(column, loaded.measured[:, 1, 2, 3, 1])
+    np.testing.assert_array_equal(table["temperature"].to_pylist(), loaded.covariates["temperature"])
+    assert len(table.column_names) == 5 + 2 * 3 * 4 * 3 + 1
+    about = json.loads(table.schema.metadata[b"paxisim"])
+    assert TaxelLayout.from_dict(about["layout"]) == loaded.layout
+    assert about["metadata"]["profile"] == "a-profile"
+
+
+def test_convert_between_npz_and_mcap(capsys):
+    write("a.mcap")
+    convert(Path("a.mcap"), Path("b.npz"), missing="drop")
+    assert "b.npz: Recording(2 pads of 4x3 taxels" in capsys.readouterr().out
+    convert(Path("b.npz"), Path("c.mcap"), pads=("right",))
+    loaded = Recording.load("c.mcap")
+    assert loaded.pads == ("right",)
+    np.testing.assert_array_equal(loaded.measured, Recording.load("b.npz").measured[:, 1:])
+
+
+def test_nothing_is_overwritten_unasked(folder):
+    write("a.mcap")
+    before = (folder / "a.mcap").read_bytes()
+    with pytest.raises(OutputExistsError):
+        convert(Path("a.mcap"), Path("a.mcap"))
+    assert (folder / "a.mcap").read_bytes() == before
+    convert(Path("a.mcap"), Path("a.mcap"), force=True)
+    assert len(Recording.load("a.mcap")) == 100
+
+
+def test_what_cannot_be_converted(folder):
+    write("a.mcap")
+    (folder / "b.mcap").write_text("something else")
+    for source, output in (("a.mcap", "a.h5"), ("b.mcap", "b.npz"), ("a.h5", "b.npz"), ("a.mcap", "no/b.npz")):
+        with pytest.raises(InvalidValueError):
+            convert(Path(source), Path(output))
+    with pytest.raises(InvalidValueError):
+        info(Path("b.mcap"))
+    with pytest.raises(FileNotFoundError):
+        info(Path("none.mcap"))
+    assert sorted(path.name for path in folder.iterdir()) == ["a.mcap", "b.mcap"]

@@ -1,0 +1,56 @@
+"""Recordings and files for the tests of logs."""
+
+from pathlib import Path
+
+import numpy as np
+
+from paxisim.layout import TaxelLayout
+from paxisim.logs.mcap_writer import LogWriter
+from paxisim.recording import Recording
+
+START = 1_700_000_000_000_000_000
+LAYOUT = TaxelLayout(4, 3, (0.002, 0.003), vendor_order=(3, 4, 5, 0, 1, 2, 6, 7, 8, 11, 10, 9))
+METADATA = {"layout": LAYOUT, "pads": ("left", "right"), "sensor": "a sensor", "versions": {"paxisim": "1"}}
+
+
+def counts(samples: int, seed: int = 0) -> np.ndarray:
+    """Force as a board gives it: whole counts of 0.1 N."""
+    numbers = np.random.default_rng(seed).integers(-30, 120, (samples, 2, 3, 4, 3))
+    return (numbers * 0.1).astype(np.float32)
+
+
+def recording(samples: int = 50, **changes) -> Recording:
+    """One with everything: two episodes with clocks that start anew, both tensors, covariates, metadata."""
+    rng = np.random.default_rng(1)
+    half = samples // 2
+    fields = {
+        "time": np.concatenate([np.arange(half), np.arange(samples - half)]) * 0.01 + rng.uniform(0, 1e-3, samples),
+        "measured": counts(samples),
+        "simulated": rng.normal(size=(samples, 2, 3, 4, 3)).astype(np.float32),
+        "covariates": {"opening": rng.normal(size=samples), "arm/pose": rng.normal(size=(samples, 2, 3))},
+        "episode": np.repeat([4, 2], [half, samples - half]),
+        "layout": LAYOUT,
+        "pads": ("left", "right"),
+        "metadata": {"sensor": "a sensor", "start": 1.7e9, "scene": "<mujoco/>", "list": [1, 2.5, None]},
+    }
+    return Recording(**{**fields, **changes})
+
+
+def assert_equal(a: Recording, b: Recording) -> None:
+    np.testing.assert_allclose(a.time, b.time, rtol=0, atol=1e-9)
+    for name in ("measured", "simulated", "episode"):
+        assert (getattr(a, name) is None) == (getattr(b, name) is None)
+        if getattr(a, name) is not None:
+            assert getattr(a, name).dtype == getattr(b, name).dtype
+            np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
+    assert a.covariates.keys() == b.covariates.keys()
+    for name, values in a.covariates.items():
+        np.testing.assert_array_equal(values, b.covariates[name])
+    assert (a.layout, a.pads) == (b.layout, b.pads)
+
+
+def write_log(path: Path, force: np.ndarray, interval_ns: int = 10_000_000, **options) -> None:
+    with LogWriter(path, METADATA, **options) as log:
+        log.write_at("episode", START, 0)
+        for i, sample in enumerate(force):
+            log.write_at("measured", START + i * interval_ns, sample, sequence=i, status=(0, 0))

@@ -1,0 +1,188 @@
+"""Boards' CSV files, as their own recorder writes them, and plain tables."""
+
+import dataclasses
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from log_files import LAYOUT, recording
+
+from paxisim.errors import InvalidValueError, UnknownNameError
+from paxisim.hw.profile import load_profile
+from paxisim.layout import TaxelLayout
+from paxisim.logs.columns import to_columns
+from paxisim.recording import Recording
+
+HOST = """Timestamp,0-2-1x1-X,0-2-1x1-Y,0-2-1x1-Z,0-2-NxN-X[0],0-2-NxN-Y[0],0-2-NxN-Z[0],\
+0-2-NxN-X[1],0-2-NxN-Y[1],0-2-NxN-Z[1]
+23:59:59.990,1,2,3,-128,5,255,7,8,9
+00:00:00.000,1,2,4,0,0,1,0,0,0
+00:00:00.015,1,2,5,0,0,2,0,0,0
+"""
+
+
+def board_file(path, kind, modules=(2, 6), points=2, rows=4):
+    """What paxini-sdk's recorder writes; the counts, ``(rows, pads, points, 3)``."""
+    pytest.importorskip("paxini_sdk")
+    from paxini_sdk import registers
+    from paxini_sdk.recording import CsvRecorder
+
+    counts = np.random.default_rng(0).integers(-128, 128, (rows, len(modules), points, 3))
+    counts[..., 2] += 128
+    config = SimpleNamespace(
+        active_modules=list(modules),
+        has_resultant=True,
+        has_distributed=True,
+        point_counts=dict.fromkeys(modules, points),
+    )
+    with CsvRecorder(path, config, format=kind, firmware="v1", sensor_part="a part") as recorder:
+        for row in counts:
+            names = [registers.MODULE_NAMES[module] for module in modules]
+            recorder.write(
+                SimpleNamespace(
+                    resultant_forces={name: tuple(pad.sum(0).tolist()) for name, pad in zip(names, row, strict=True)},
+                    distributed_forces={
+                        name: [tuple(p) for p in pad.tolist()] for name, pad in zip(names, row, strict=True)
+                    },
+                )
+            )
+    return counts
+
+
+@pytest.mark.parametrize("kind", ["vendor", "native"])
+def test_what_the_boards_recorder_writes(tmp_path, kind):
+    counts = board_file(tmp_path / "a.csv", kind)
+    loaded = Recording.load(tmp_path / "a.csv")
+    assert loaded.measured.shape == (4, 2, 3, 1, 2)
+    np.testing.assert_array_equal(loaded.measured[:, :, :, 0], (counts * 0.1).astype(np.float32).swapaxes(2, 3))
+    np.testing.assert_allclose(loaded.covariates["resultant"], counts.sum(2) * 0.1)
+    assert loaded.pads == (("0-2", "1-2") if kind == "vendor" else ("thumb_tip", "index_tip"))
+    assert loaded.time[0] == 0
+    assert loaded.metadata["source"] == "a.csv"
+    if kind == "native":
+        assert loaded.metadata["firmware"] == "v1"
+
+
+def test_a_layout_says_which_taxel_is_where(tmp_path):
+    counts = board_file(tmp_path / "a.csv", "vendor", points=12)
+    loaded = Recording.load(tmp_path / "a.csv", layout=LAYOUT, pads=["1-2"])
+    assert loaded.pads == ("1-2",)
+    assert loaded.layout == LAYOUT
+    flat = LAYOUT.to_flat(loaded.measured[:, 0]).reshape(4, 12, 3)
+    np.testing.assert_array_equal(flat, (counts[:, 1] * 0.1).astype(np.float32))
+    with pytest.raises(InvalidValueError, match="have 12 taxels, layout has 4"):
+        Recording.load(tmp_path / "a.csv", layout=TaxelLayout(2, 2, (1e-3, 1e-3)))
+
+
+def test_a_profile_says_everything(tmp_path):
+    counts = board_file(tmp_path / "a.csv", "vendor", points=9)
+    turned = dataclasses.replace(load_profile("gen3-highspeed-mc-m2020"), axes=("-y", "+x", "+z"))
+    loaded = Recording.load(tmp_path / "a.csv", profile=turned)
+    assert loaded.layout == turned.layout
+    np.testing.assert_array_equal(loaded.measured, turned.to_force(counts.astype(np.int16)))
+    flat = turned.layout.to_flat(loaded.measured).reshape(4, 2, 9, 3)
+    np.testing.assert_allclose(flat, counts[..., [1, 0, 2]] * [-0.1, 0.1, 0.1], atol=1e-5)
+    with pytest.raises(InvalidValueError, match="not both"):
+        Recording.load(tmp_path / "a.csv", profile=turned, layout=LAYOUT)
+    board_file(tmp_path / "b.csv", "vendor", points=8)
+    with pytest.raises(InvalidValueError):
+        Recording.load(tmp_path / "b.csv", profile=turned)
+    recording().save(tmp_path / "a.npz")
+    with pytest.raises(InvalidValueError, match="holds newtons already"):
+        Recording.load(tmp_path / "a.npz", profile=turned)
+
+
+def test_the_host_programs_file_over_midnight(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text(HOST)
+    loaded = Recording.load(path)
+    np.testing.assert_allclose(loaded.time, [0, 0.01, 0.025], atol=1e-9)
+    np.testing.assert_allclose(loaded.measured[0, 0, :, 0], [[-12.8, 0.7], [0.5, 0.8], [25.5, 0.9]], rtol=1e-6)
+    np.testing.assert_allclose(loaded.covariates["resultant"][:, 0, 2], [0.3, 0.4, 0.5])
+
+
+@pytest.mark.parametrize("cut", range(1, 40))
+def test_a_row_that_is_cut_off_is_left_out(tmp_path, cut):
+    path = tmp_path / "a.csv"
+    path.write_text(HOST[:-cut])
+    assert len(Recording.load(path)) == (2 if cut <= len(HOST.splitlines()[-1]) + 1 else 1)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("255", "abc", r"line 2, column '0-2-NxN-Z\[0\]': 'abc' is no number"),
+        ("1,2,4,0", "1,2,4", "line 3: expected 10 values, got 9"),
+        ("1,2,4,0", "1,2,4,0,0", "line 3: expected 10 values, got 11"),
+        ("00:00:00.000", "noon", "line 3: the time of day must be HH:MM:SS.mmm, got 'noon'"),
+        ("NxN-Y[1]", "NxN-Y[2]", "differ|has no y of taxel"),
+        ("X[1]", "X[0]", "two columns"),
+        ("NxN", "MxM", "has no taxels"),
+    ],
+)
+def test_a_damaged_board_file(tmp_path, old, new, words):
+    path = tmp_path / "a.csv"
+    path.write_text(HOST.replace(old, new))
+    with pytest.raises(InvalidValueError, match=words):
+        Recording.load(path)
+
+
+def test_pads_of_different_kinds_are_chosen_by_name(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text(HOST.replace("0-2-NxN-X[1],0-2-NxN-Y[1],0-2-NxN-Z[1]", "1-2-NxN-X[0],1-2-NxN-Y[0],1-2-NxN-Z[0]"))
+    assert Recording.load(path).pads == ("0-2", "1-2")
+    assert "resultant" not in Recording.load(path).covariates
+    path.write_text(
+        "Timestamp,0-2-NxN-X[0],0-2-NxN-Y[0],0-2-NxN-Z[0],"
+        + ",".join(f"1-2-NxN-{axis}[{i}]" for i in range(2) for axis in "XYZ")
+        + "\n10:00:00.000"
+        + ",1" * 9
+        + "\n"
+    )
+    with pytest.raises(InvalidValueError, match=r"differ in their taxels: 0-2 has 1, 1-2 has 2; choose with pads"):
+        Recording.load(path)
+    assert Recording.load(path, pads=["1-2"]).layout.taxels == 2
+    with pytest.raises(UnknownNameError, match="unknown pad '1-3'"):
+        Recording.load(path, pads=["1-3"])
+
+
+def test_a_plain_table_comes_back(tmp_path):
+    original = recording(6)
+    columns = to_columns(original.to_aligned())
+    text = ",".join(columns) + "\n"
+    for row in zip(*columns.values(), strict=True):
+        text += ",".join(repr(value.item()) for value in row) + "\n"
+    (tmp_path / "a.csv").write_text(text)
+    loaded = Recording.load(tmp_path / "a.csv", layout=LAYOUT)
+    assert loaded.time.tolist() == original.time.tolist()
+    np.testing.assert_array_equal(loaded.measured, original.measured)
+    np.testing.assert_array_equal(loaded.simulated, original.simulated)
+    np.testing.assert_array_equal(loaded.covariates["arm/pose"], original.covariates["arm/pose"])
+    assert loaded.episode.tolist() == original.episode.tolist()
+    assert loaded.pads == original.pads
+    assert Recording.load(tmp_path / "a.csv", pads=["right"]).pads == ("right",)
+
+
+def test_a_plain_table_by_hand(tmp_path):
+    path = tmp_path / "a.csv"
+    header = "time,tactile.left.0_0.x,tactile.left.0_0.y,tactile.left.0_0.z,opening"
+    path.write_text(header + "\n0,1,2,3,0.5\n0.1,1,2,3,\n")
+    loaded = Recording.load(path)
+    assert loaded.measured.shape == (2, 1, 3, 1, 1)
+    np.testing.assert_array_equal(loaded.covariates["opening"], [0.5, np.nan])
+    for old, new, words in (
+        ("time", "when", "must have a column 'time'"),
+        ("0_0.z", "0_1.z", "has no column tactile.left.0_1.x"),
+        ("tactile", "tactil", "must have columns tactile.PAD"),
+        ("0.5", "half", "line 2, column 'opening': 'half' is no number"),
+    ):
+        path.write_text(header.replace(old, new) + "\n" + "0,1,2,3,0.5\n0.1,1,2,3,\n".replace(old, new))
+        with pytest.raises(InvalidValueError, match=words):
+            Recording.load(path)
+
+
+@pytest.mark.parametrize("content", [b"", b"\xff\xfe\x00", b"just a line", b"a,b\n", b"# {}\n"])
+def test_what_is_no_table(tmp_path, content):
+    (tmp_path / "a.csv").write_bytes(content)
+    with pytest.raises(InvalidValueError):
+        Recording.load(tmp_path / "a.csv")

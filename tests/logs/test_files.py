@@ -1,0 +1,156 @@
+"""Recording.save and Recording.load: what is saved comes back."""
+
+import json
+import os
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+from log_files import LAYOUT, START, assert_equal, counts, recording, write_log
+
+from paxisim.errors import InvalidValueError, UnknownNameError
+from paxisim.logs.mcap_writer import LogWriter
+from paxisim.recording import Recording
+
+
+@pytest.mark.parametrize("suffix", [".mcap", ".npz", ".NPZ"])
+def test_what_is_saved_comes_back(tmp_path, suffix):
+    path = tmp_path / f"a{suffix}"
+    original = recording()
+    original.save(path)
+    original.save(path)  # a second time, over it
+    loaded = Recording.load(path)
+    assert_equal(loaded, original)
+    found = {name: value for name, value in loaded.metadata.items() if name != "paxisim"}
+    assert found == original.metadata
+    loaded.save(path)
+    assert_equal(Recording.load(path), original)
+    assert os.listdir(tmp_path) == [path.name]
+
+
+@pytest.mark.parametrize("suffix", [".mcap", ".npz"])
+def test_little_comes_back_as_well(tmp_path, suffix):
+    path = tmp_path / f"a{suffix}"
+    for original in (
+        Recording(time=[-3.0], simulated=np.full((1, 1, 3, 1, 1), np.nan)),
+        Recording(time=[1.5, 1.5], measured=np.zeros((2, 1, 3, 1, 2)), episode=[0, 1]),
+        Recording(time=[9, -5], measured=np.zeros((2, 1, 3, 1, 2)), episode=[0, 1]),
+        Recording(time=[0, 1], measured=np.zeros((2, 1, 3, 1, 2)), covariates={"unknown": [np.nan, np.nan]}),
+    ):
+        original.save(path)
+        assert_equal(Recording.load(path), original)
+
+
+def test_the_time_of_a_long_recording_keeps_its_nanoseconds(tmp_path):
+    time = np.cumsum(np.random.default_rng(0).integers(1, 10**12, 20)) * 1e-9
+    original = Recording(time=time, measured=np.zeros((20, 1, 3, 1, 1)), metadata={"start": 1.7e9})
+    original.save(tmp_path / "a.mcap")
+    assert_equal(Recording.load(tmp_path / "a.mcap"), original)
+
+
+finite = st.floats(width=32, allow_infinity=False, allow_nan=True)
+
+
+@given(arrays.arrays(np.float32, (2, 1, 3, 2, 2), elements=finite))
+@settings(max_examples=60, deadline=None)
+def test_every_float32_comes_back_to_the_bit(tmp_path_factory, force):
+    path = tmp_path_factory.mktemp("bits") / "a.mcap"
+    Recording(time=[0, 1], measured=force).save(path)
+    loaded = Recording.load(path).measured
+    known = ~np.isnan(force)
+    np.testing.assert_array_equal(np.isnan(loaded), ~known)
+    np.testing.assert_array_equal(loaded[known].view(np.uint32), force[known].view(np.uint32))
+
+
+def test_the_number_that_would_be_rounded_twice_comes_back_too(tmp_path):
+    force = np.array([7.038531e-26, -7.038531e-26, -0.0], np.float32).reshape(1, 1, 3, 1, 1)
+    Recording(time=[0], measured=force).save(tmp_path / "a.mcap")
+    loaded = Recording.load(tmp_path / "a.mcap").measured
+    np.testing.assert_array_equal(loaded.view(np.uint32), force.view(np.uint32))
+
+
+def test_a_live_recording_counts_time_from_its_first_sample(tmp_path):
+    write_log(tmp_path / "a.mcap", counts(5))
+    loaded = Recording.load(tmp_path / "a.mcap")
+    assert loaded.time.tolist() == [0, 0.01, 0.02, 0.03, 0.04]
+    assert loaded.metadata["start"] == START * 1e-9
+    assert loaded.metadata["sensor"] == "a sensor"
+    assert (loaded.layout, loaded.pads) == (LAYOUT, ("left", "right"))
+    loaded.save(tmp_path / "b.mcap")
+    assert_equal(Recording.load(tmp_path / "b.mcap"), loaded)
+
+
+def test_pads_are_chosen_by_name(tmp_path):
+    original = recording()
+    for name in ("a.mcap", "a.npz"):
+        original.save(tmp_path / name)
+        loaded = Recording.load(tmp_path / name, pads=["right"])
+        np.testing.assert_array_equal(loaded.measured, original.measured[:, 1:])
+        np.testing.assert_array_equal(loaded.simulated, original.simulated[:, 1:])
+        assert loaded.pads == ("right",)
+        with pytest.raises(UnknownNameError, match="unknown pad 'rigth'; did you mean 'right'"):
+            Recording.load(tmp_path / name, pads=["rigth"])
+
+
+def test_another_suffix_names_those_there_are(tmp_path):
+    with pytest.raises(InvalidValueError, match=r"saved as \.mcap or \.npz"):
+        recording().save(tmp_path / "a.h5")
+    with pytest.raises(InvalidValueError, match=r"\.mcap, \.npz or \.csv"):
+        Recording.load(tmp_path / "a.h5")
+    for name in ("a.mcap", "a.npz", "a.csv"):
+        with pytest.raises(FileNotFoundError):
+            Recording.load(tmp_path / name)
+
+
+@pytest.mark.parametrize("name", ["a.mcap", "a.npz"])
+def test_a_file_is_replaced_whole_or_not_at_all(tmp_path, name):
+    path = tmp_path / name
+    recording().save(path)
+    before = path.read_bytes()
+    with pytest.raises(InvalidValueError, match="JSON"):
+        recording(metadata={"thing": object()}).save(path)
+    if name == "a.mcap":
+        force = counts(50)
+        force[30, 0, 0, 0, 0] = np.inf
+        with pytest.raises(InvalidValueError, match="infinite"):
+            recording(measured=force).save(path)
+    assert path.read_bytes() == before
+    assert os.listdir(tmp_path) == [name]
+    with pytest.raises(InvalidValueError, match="folder does not exist"):
+        recording().save(tmp_path / "no" / name)
+    (tmp_path / "folder.mcap").mkdir()
+    with pytest.raises(InvalidValueError, match="is a folder"):
+        recording().save(tmp_path / "folder.mcap")
+
+
+def test_an_archive_made_by_hand(tmp_path):
+    path = tmp_path / "a.npz"
+    np.savez(path, time=np.arange(3), measured=np.zeros((3, 1, 3, 2, 2)), **{"covariate/opening": np.arange(3)})
+    loaded = Recording.load(path)
+    assert loaded.covariates["opening"].tolist() == [0, 1, 2]
+    np.savez(path, time=np.arange(3), forces=np.zeros(3))
+    with pytest.raises(InvalidValueError, match="it holds time, forces"):
+        Recording.load(path)
+
+
+def test_a_damaged_archive_is_called_so(tmp_path):
+    path = tmp_path / "a.npz"
+    recording().save(path)
+    data = path.read_bytes()
+    pickled = tmp_path / "pickled.npz"
+    np.savez(pickled, time=np.array([object()]), allow_pickle=True)
+    for content in (b"", b"abc", data[:200], data[:-30], json.dumps({}).encode(), pickled.read_bytes()):
+        path.write_bytes(content)
+        with pytest.raises(InvalidValueError, match="not a whole npz file"):
+            Recording.load(path)
+
+
+def test_a_log_without_tensors_does_not_load(tmp_path):
+    with LogWriter(tmp_path / "a.mcap", {}) as log:
+        log.write("covariate/opening", 1.0, 0.1)
+    with pytest.raises(
+        InvalidValueError, match="no tactile sample, neither measured nor simulated, but covariate/open"
+    ):
+        Recording.load(tmp_path / "a.mcap")

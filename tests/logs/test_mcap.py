@@ -1,0 +1,269 @@
+"""LogWriter and read_log: whole files, and those that end anywhere."""
+
+import json
+import math
+import random
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from log_files import LAYOUT, START, counts, write_log
+from mcap.reader import make_reader
+from mcap.writer import Writer
+
+from paxisim.errors import InvalidValueError, OutputExistsError
+from paxisim.logs.mcap_reader import read_log
+from paxisim.logs.mcap_writer import LogWriter
+from paxisim.recording import Recording
+
+FORCE = counts(40)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """A log with ten chunks, and how many samples each length of the file holds at least."""
+    path = tmp_path_factory.mktemp("whole") / "a.mcap"
+    lengths = []
+    with LogWriter(path, {"layout": LAYOUT, "pads": ("left", "right"), "scene": "<mujoco/>"}) as log:
+        log.write_at("episode", START, 3)
+        for i, force in enumerate(FORCE):
+            log.write_at("measured", START + i, force, sequence=10 + i, resultant=force.sum((2, 3)))
+            log.write_at("covariate/opening", START + i, i * 0.1)
+            if i % 4 == 3:
+                log.flush()
+                lengths.append((path.stat().st_size, i + 1))
+    return path, lengths
+
+
+def test_a_log_comes_back(whole):
+    log = read_log(whole[0])
+    assert log.complete
+    assert list(log.streams) == ["episode", "measured", "covariate/resultant", "covariate/opening"]
+    measured = log.streams["measured"]
+    np.testing.assert_array_equal(measured.values, FORCE)
+    assert measured.values.dtype == np.float32
+    assert measured.nanoseconds.tolist() == list(range(START, START + 40))
+    assert measured.time[0] == pytest.approx(1.7e9)
+    assert measured.sequence.tolist() == list(range(10, 50))
+    np.testing.assert_allclose(log.streams["covariate/resultant"].values, FORCE.sum((3, 4)), rtol=1e-6)
+    assert log.streams["covariate/opening"].values.tolist() == [i * 0.1 for i in range(40)]
+    assert log.streams["episode"].values.tolist() == [3]
+    assert log.metadata["layout"] == LAYOUT.to_dict()
+    assert log.metadata["pads"] == ["left", "right"]
+    assert log.metadata["scene"] == "<mujoco/>"
+
+
+# a disk that lost its power may leave zeros
+@given(part=st.floats(0, 1, exclude_max=True), zeros=st.sampled_from([0, 1, 500]))
+@settings(max_examples=150, deadline=None)
+def test_cut_anywhere_what_is_whole_is_read(tmp_path_factory, whole, part, zeros):
+    content, lengths = whole[0].read_bytes(), whole[1]
+    length = int(len(content) * part)
+    path = tmp_path_factory.mktemp("cut") / "a.mcap"
+    path.write_bytes(content[:length] + bytes(zeros))
+    least = max((samples for at, samples in lengths if at <= length), default=0)
+    try:
+        log = read_log(path)
+    except InvalidValueError:
+        assert least == 0
+        return
+    assert not log.complete
+    samples = log.streams["measured"].values if "measured" in log.streams else FORCE[:0]
+    # the index behind a chunk may be cut
+    assert len(samples) in (least, least + 4)
+    np.testing.assert_array_equal(samples, FORCE[: len(samples)])
+
+
+@given(st.data())
+@settings(max_examples=100, deadline=None)
+def test_damaged_anywhere_no_wrong_sample_is_read(tmp_path_factory, whole, data):
+    content = bytearray(whole[0].read_bytes())
+    at = data.draw(st.integers(0, len(content) - 1))
+    content[at] ^= 1 << data.draw(st.integers(0, 7))
+    path = tmp_path_factory.mktemp("damaged") / "a.mcap"
+    path.write_bytes(content)
+    try:
+        log = read_log(path)
+    except InvalidValueError:
+        return
+    if "measured" in log.streams:
+        for nanoseconds, force in zip(log.streams["measured"].nanoseconds, log.streams["measured"].values, strict=True):
+            np.testing.assert_array_equal(force, FORCE[nanoseconds - START])
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_killed_at_a_random_moment_the_last_second_is_missing_at_most(tmp_path, seed):
+    path = tmp_path / "a.mcap"
+    script = Path(__file__).with_name("killed_writer.py")
+    with subprocess.Popen([sys.executable, script, path], stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        written = [int(process.stdout.readline()) for _ in range(random.Random(seed).randint(1, 700))]
+        process.kill()
+        written += [int(line) for line in process.stdout.read().decode().splitlines(keepends=True) if line[-1] == "\n"]
+    log = read_log(path)
+    assert not log.complete
+    found = log.streams["measured"].nanoseconds if log.streams else np.array([written[0]])
+    assert written[-1] - found[-1] <= 1e9
+    assert found.tolist() == written[: len(found)]
+
+
+def test_a_full_disk_is_reported_and_the_file_stays_valid(tmp_path):
+    resource = pytest.importorskip("resource")
+    script = f"""
+import errno, resource, sys
+sys.path.insert(0, {str(Path(__file__).parent)!r})
+from log_files import START, counts
+from paxisim.logs.mcap_writer import LogWriter
+force = counts(1000)
+resource.setrlimit(resource.RLIMIT_FSIZE, (20000, resource.RLIM_INFINITY))
+log = LogWriter("a.mcap", {{}})
+try:
+    with log:
+        for i in range(1000):
+            log.write_at("measured", START + i, force[i])
+            if i % 10 == 9:
+                log.flush()
+except OSError as error:
+    assert error.errno == errno.EFBIG, error
+    print(i // 10 * 10)
+for call in (log.flush, lambda: log.write("measured", 1.0, force[0])):
+    try:
+        call()
+        print("no error")
+    except OSError as error:
+        pass
+log.close()
+"""
+    assert resource.RLIMIT_FSIZE >= 0
+    done = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=True)
+    written = int(done.stdout)
+    log = read_log(tmp_path / "a.mcap")
+    assert not log.complete
+    assert written > 10
+    np.testing.assert_array_equal(log.streams["measured"].values, counts(1000)[:written])
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="Linux only")
+def test_a_disk_that_is_full_at_once():
+    with pytest.raises(OSError, match="No space left"):
+        LogWriter("/dev/full", {}, overwrite=True)
+
+
+def test_foxglove_finds_what_it_needs(tmp_path):
+    path = tmp_path / "a.mcap"
+    with LogWriter(path, {"pads": ["left", "right"]}) as log:
+        log.write_at("measured", START + 5, FORCE[0], status=(0, 7), resultant=FORCE[0].sum((2, 3)), note=None)
+        log.write_at("covariate/opening", START, 0.25)
+        log.write_at("covariate/pose", START, np.eye(2))
+        log.write_at("episode", START, 2)
+    with open(path, "rb") as file:
+        messages = {
+            channel.topic: (schema, channel, json.loads(message.data), message)
+            for schema, channel, message in make_reader(file).iter_messages()
+        }
+    schema, channel, tactile, message = messages["/tactile/measured"]
+    assert (schema.encoding, channel.message_encoding) == ("jsonschema", "json")
+    assert message.log_time == message.publish_time == START + 5
+    assert tactile["timestamp"] == {"sec": 1_700_000_000, "nsec": 5}
+    assert tactile["shape"] == [2, 3, 4, 3]
+    assert tactile["force"] == pytest.approx(FORCE[0].ravel().tolist())
+    assert tactile["total"][1]["pad"] == "right"
+    assert tactile["total"][1]["z"] == pytest.approx(float(FORCE[0, 1, 2].sum()), rel=1e-5)
+    assert tactile["status"] == [0, 7]
+    assert "note" not in tactile
+    for schema, _, document, _ in messages.values():
+        described = json.loads(schema.data)
+        assert described["type"] == "object"
+        assert document.keys() <= described["properties"].keys()
+        assert described["title"] == schema.name
+    assert messages["/covariate/opening"][2]["value"] == 0.25
+    assert messages["/covariate/pose"][2]["value"] == [1, 0, 0, 1]
+    assert messages["/episode"][2]["episode"] == 2
+
+
+@pytest.mark.parametrize(
+    ("stream", "values", "words"),
+    [
+        ("measured", FORCE[0, 0], r"must be \(pads, 3, rows, cols\)"),
+        ("mesured", FORCE[0], "unknown stream 'mesured'"),
+        ("covariate/", 1.0, "unknown stream"),
+        ("simulated", FORCE[0, :, :, :2], "had shape"),
+        ("covariate/opening", math.inf, "infinite"),
+        ("episode", 0.5, "whole number"),
+    ],
+)
+def test_samples_that_cannot_be_written(tmp_path, stream, values, words):
+    with LogWriter(tmp_path / "a.mcap", {}) as log:
+        log.write("simulated", 1.0, FORCE[0])
+        with pytest.raises(InvalidValueError, match=words):
+            log.write(stream, 1.0, values)
+        for time in (math.nan, -1.0):
+            with pytest.raises(InvalidValueError):
+                log.write("measured", time, FORCE[0])
+    assert read_log(tmp_path / "a.mcap").complete
+
+
+def test_nothing_is_written_over_a_recording_unasked(tmp_path):
+    write_log(tmp_path / "a.mcap", FORCE)
+    before = (tmp_path / "a.mcap").read_bytes()
+    with pytest.raises(OutputExistsError):
+        LogWriter(tmp_path / "a.mcap", {})
+    assert (tmp_path / "a.mcap").read_bytes() == before
+    write_log(tmp_path / "a.mcap", FORCE[:2], overwrite=True)
+    assert len(Recording.load(tmp_path / "a.mcap")) == 2
+
+
+def test_a_closed_log_takes_nothing_more(tmp_path):
+    log = LogWriter(tmp_path / "a.mcap", {})
+    log.close()
+    log.close()
+    with pytest.raises(InvalidValueError, match="was closed"):
+        log.write("measured", 1.0, FORCE[0])
+
+
+@pytest.mark.parametrize("metadata", [{"a": object()}, {"scene": 3}])
+def test_metadata_that_cannot_be_written_makes_no_file(tmp_path, metadata):
+    with pytest.raises(InvalidValueError, match=r"metadata\["):
+        LogWriter(tmp_path / "a.mcap", metadata)
+    assert not list(tmp_path.iterdir())
+
+
+def test_samples_out_of_order_are_sorted(tmp_path):
+    with LogWriter(tmp_path / "a.mcap", {}) as log:
+        for i in (2, 0, 1):
+            log.write_at("measured", START + i, FORCE[i], sequence=i)
+    stream = read_log(tmp_path / "a.mcap").streams["measured"]
+    np.testing.assert_array_equal(stream.values, FORCE[:3])
+    assert stream.sequence.tolist() == [0, 1, 2]
+
+
+def test_foreign_files_are_told_apart(tmp_path):
+    path = tmp_path / "a.mcap"
+    with open(path, "wb") as file:
+        writer = Writer(file)
+        writer.start()
+        writer.add_message(writer.register_channel("/camera", "json", 0), 1, b"{}", 1)
+        writer.finish()
+    with pytest.raises(InvalidValueError, match=r"not a recording of paxisim.*\(its topics: /camera\)"):
+        read_log(path)
+    with open(path, "wb") as file:
+        writer = Writer(file)
+        writer.start()
+        writer.add_metadata("paxisim", {"format": "paxisim-recording/9"})
+        writer.finish()
+    with pytest.raises(InvalidValueError, match="of format 'paxisim-recording/9'"):
+        read_log(path)
+    for content, words in (
+        (b"PK\3\4 and more", "but a zip"),
+        (b"hello world", "begins with b'hello wo'"),
+        (b"", "is empty"),
+    ):
+        path.write_bytes(content)
+        with pytest.raises(InvalidValueError, match=words):
+            read_log(path)
+    with pytest.raises(FileNotFoundError):
+        read_log(tmp_path / "none.mcap")
