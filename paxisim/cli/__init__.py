@@ -16,14 +16,30 @@ from typing import Annotated, Any, Union
 import tyro
 
 from paxisim.cli.attach import attach
+from paxisim.cli.convert import convert
 from paxisim.cli.demo import demo
+from paxisim.cli.emulate import emulate
+from paxisim.cli.info import info
+from paxisim.cli.live import live
 from paxisim.cli.pad import pad
+from paxisim.cli.record import record
 from paxisim.cli.sensor import sensor_check, sensor_profiles, sensor_quality
 from paxisim.cli.sensors import sensors
 from paxisim.cli.view import view
 from paxisim.errors import PaxisimError
 
-VERBS = {"demo": demo, "sensors": sensors, "pad": pad, "attach": attach, "view": view}
+VERBS = {
+    "demo": demo,
+    "sensors": sensors,
+    "pad": pad,
+    "attach": attach,
+    "view": view,
+    "emulate": emulate,
+    "record": record,
+    "info": info,
+    "convert": convert,
+    "live": live,
+}
 SENSOR_VERBS = {"check": sensor_check, "quality": sensor_quality, "profiles": sensor_profiles}
 
 
@@ -111,8 +127,8 @@ def _first_paragraph(boxed: str) -> str:
     """What tyro says in a box, without the box, up to the first rule or empty line."""
     words: list[str] = []
     for line in boxed.splitlines()[1:]:
-        text = line.strip("│╭╮╰╯ \n")
-        if not text.strip("─ "):
+        text = line.strip("│╭╮╰╯|+ \n")
+        if not text.strip("─- "):
             break
         words += text.split()
     return " ".join(words).removesuffix(".") + "; see paxisim --help"

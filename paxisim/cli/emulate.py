@@ -1,0 +1,118 @@
+"""``paxisim emulate``."""
+
+from __future__ import annotations
+
+import importlib
+import math
+import os
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+
+def emulate(
+    *,
+    profile: str = "gen3-highspeed",
+    signal: str = "demo",
+    link: Path | None = None,
+    fault: str = "",
+    rate_hz: float | None = None,
+    gate: int | None = None,
+    seed: int = 0,
+    seconds: float = math.inf,
+) -> None:
+    """Be a sensor: open a port that speaks a profile's protocol byte for byte.
+
+    The first line printed is the name of the port, to be opened by any driver as a serial port. Runs until Ctrl-C,
+    which ends it with status 0, as does the end of --seconds. For Linux; not tried on macOS.
+
+    For example:
+
+    paxisim emulate --profile gen2-box-120 --signal press.mcap --link /tmp/tactile
+
+    Args:
+        profile: The profile's name or file.
+        signal: What the pads feel: 'demo' (a press that drags), a recording (.mcap, .npz, .csv), a MuJoCo scene with
+            pads (.xml), run in real time, or MODULE:FUNCTION, a function of the seconds that gives
+            (pads, 3, rows, cols) newtons.
+        link: A symbolic link to make to the port.
+        fault: Faults of the line, as NAME=NUMBER with commas: drop, flip, garble (probability of each byte), split,
+            merge, stall, status (of each message), stall_seconds, noise (bytes at power-on), unplug_after (messages).
+        rate_hz: Readings a second; default: the profile's.
+        gate: Components below so many counts read 0; default: 2 on GEN3 boards, as on real parts, else 0.
+        seed: Seed of the faults.
+        seconds: How long to run.
+    """
+    import paxisim
+    from paxisim.hw.emulator import Emulator
+    from paxisim.hw.faults import Faults
+    from paxisim.hw.profile import load_profile
+
+    if not seconds >= 0:
+        raise paxisim.InvalidValueError(f"--seconds must be 0 or more, got {seconds:g}")
+    chosen = load_profile(profile)
+    felt = make_signal(signal, chosen)
+    sensor = Emulator(chosen, felt, rate=rate_hz, gate=gate, faults=Faults.parse(fault), link=link, seed=seed)
+    try:
+        with sensor:
+            print(sensor.port, flush=True)
+            _run(sensor, seconds)
+    except KeyboardInterrupt:
+        pass
+    finally:
+        if sys.stderr.isatty():
+            print(file=sys.stderr)
+
+
+def make_signal(text: str, profile) -> Callable[[float], Any]:
+    """The signal that ``--signal`` names, see `emulate`.
+
+    Raises:
+        InvalidValueError: It names nothing, or not what it says, or something for other pads.
+        OSError: The file cannot be read.
+    """
+    import paxisim
+    from paxisim.hw.signals import from_recording, press
+
+    suffix = Path(text).suffix.lower()
+    if text == "demo":
+        return press(profile)
+    if suffix == ".xml":
+        from paxisim.cli.scene_signal import SceneSignal
+
+        return SceneSignal(Path(text), profile)
+    if suffix in (".mcap", ".npz", ".csv"):
+        from paxisim.recording import Recording
+
+        return from_recording(Recording.load(text), profile)
+    module, _, name = text.partition(":")
+    if not (module and name):
+        raise paxisim.InvalidValueError(
+            f"--signal must be 'demo', a recording (.mcap, .npz, .csv), a scene (.xml) or MODULE:FUNCTION, got {text!r}"
+        )
+    # as `python -m` does: a module beside the user is found
+    sys.path.insert(0, os.getcwd())
+    try:
+        function = getattr(importlib.import_module(module), name)
+    except Exception as error:  # whatever a user's module raises
+        raise paxisim.InvalidValueError(f"--signal {text}: {type(error).__name__}: {error}") from error
+    finally:
+        sys.path.pop(0)
+    if not callable(function):
+        raise paxisim.InvalidValueError(f"--signal {text}: expected a function, got {type(function).__name__}")
+    return lambda now: np.asarray(function(now))
+
+
+def _run(sensor, seconds: float) -> None:
+    """Wait, and say once a second on a terminal how it goes."""
+    end, before = time.monotonic() + seconds, 0
+    while (left := end - time.monotonic()) > 0 and sensor.plugged:
+        sensor.wait(min(left, 1.0))
+        if sys.stderr.isatty():
+            line = f"\r{sensor.messages - before} messages/s, {sensor.messages} in all, {sensor.overruns} bytes lost "
+            print(line, end="", file=sys.stderr, flush=True)
+        before = sensor.messages

@@ -1,0 +1,42 @@
+"""Signals and profiles for tests against emulated boards."""
+
+import dataclasses
+
+import numpy as np
+
+from paxisim.hw.profile import Profile, Slot, load_profile
+from paxisim.layout import TaxelLayout
+
+
+def profile(name: str = "gen3-highspeed-mc-m2020", **changes) -> Profile:
+    """A profile that ships, with changes, and without the warning that nobody tried it."""
+    return dataclasses.replace(load_profile(name), **{"verified": "in a test", **changes})
+
+
+def small(family: str, slots=(("pad", 1),), **changes) -> Profile:
+    """A profile of 3x4 taxels in mixed order, with turned axes."""
+    layout = TaxelLayout(3, 4, 3e-3, vendor_order=(3, 7, 11, 2, 6, 10, 1, 5, 9, 0, 4, 8))
+    named = tuple(Slot(*slot) for slot in slots)
+    fields = {"axes": ("-y", "+x", "+z"), "baud": 460800, "verified": "in a test"} | changes
+    return Profile("small", family, fields.pop("wire_layout", layout), named, **fields)
+
+
+class Numbered:
+    """Another random tensor of whole counts at every call, so that every message can be told from all others."""
+
+    def __init__(self, profile: Profile, seed: int = 0) -> None:
+        self._rng = np.random.default_rng(seed)
+        self._shape = (len(profile.slots), *profile.wire_layout.shape)
+        self.calls = 0
+
+    def __call__(self, now: float) -> np.ndarray:
+        self.calls += 1
+        counts = self._rng.integers(-128, 128, self._shape)
+        counts[:, 2] += 128
+        return 0.1 * counts
+
+
+def constant(profile: Profile, seed: int = 0):
+    """The same random tensor of whole counts for ever; each at least 2 counts, none clipped."""
+    force = np.random.default_rng(seed).integers(2, 120, (len(profile.slots), *profile.wire_layout.shape)) * 0.1
+    return lambda now: force

@@ -1,0 +1,95 @@
+"""Simulator, driver, emulator and recording hold one layout: the same press is the same tensor everywhere."""
+
+import contextlib
+
+import numpy as np
+import pytest
+from pressed_pads import LAYOUT, pressed_force
+
+from paxisim.hw.profile import FAMILIES, Profile, Slot
+from paxisim.hw.signals import from_recording
+from paxisim.layout import TaxelLayout
+from paxisim.recording import Recording
+
+pytest.importorskip("serial")
+
+from paxisim.hw.device import open_sensor
+from paxisim.hw.emulator import Emulator
+
+# a device that does everything another way than the tensor: order, axes, signs
+ORDER = (4, 9, 14, 3, 8, 13, 2, 7, 12, 1, 6, 11, 0, 5, 10)
+AXES = ("-y", "+x", "+z")
+NAMES = ("left", "right")
+HALF_A_COUNT = 0.05  # N
+
+
+@pytest.fixture(scope="module")
+def force():
+    pressed = pressed_force()
+    # any flip, swap or sign would show
+    for changed in (
+        pressed[::-1],
+        pressed[:, [1, 0, 2]],
+        pressed[..., ::-1, :],
+        pressed[..., ::-1],
+        pressed[..., ::-1, ::-1],
+        pressed * np.array([-1, 1, 1])[:, None, None],
+        pressed * np.array([1, -1, 1])[:, None, None],
+    ):
+        assert np.abs(changed - pressed).max() > 0.5
+    return pressed
+
+
+def device(family: str) -> Profile:
+    """Two pads on one board; a serial converter has but one."""
+    wire = TaxelLayout(LAYOUT.rows, LAYOUT.cols, LAYOUT.pitch, vendor_order=ORDER)
+    slots = (Slot("left", 3), Slot("right", 1))
+    if family == "serial-converter":
+        slots = (Slot("pad", 1),)
+    settings = {"mode": 5} if family == "control-box" else {}
+    return Profile("device", family, wire, slots, AXES, rate=50.0, settings=settings, verified="in a test")
+
+
+def measure(profile: Profile, signal):
+    """A frame, and the sensor's layout, read through as many ports as two pads need."""
+    pads = len(profile.slots)
+    with contextlib.ExitStack() as stack:
+        ports = []
+        for first in range(0, 2, pads):
+            part = slice(first, first + pads)
+            emulator = Emulator(profile, lambda now, part=part: signal(now)[part], gate=0)
+            ports.append(stack.enter_context(emulator).port)
+        sensor = stack.enter_context(open_sensor(ports if len(ports) > 1 else ports[0], profile))
+        return sensor.read(20.0), sensor.layout
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_the_driver_gives_what_the_simulator_gives(family, force):
+    frame, layout = measure(device(family), lambda now: force)
+    assert frame.force.shape == force.shape == (2, *layout.shape)
+    assert frame.force.dtype == force.dtype == np.float32
+    assert np.abs(frame.force - force).max() <= HALF_A_COUNT + 1e-6
+    np.testing.assert_array_equal(layout.positions, LAYOUT.positions)
+    if frame.resultant is not None:
+        assert np.abs(frame.resultant - force.sum(axis=(-2, -1))).max() <= 15 * HALF_A_COUNT
+
+
+@pytest.mark.parametrize("suffix", [".mcap", ".npz"])
+def test_a_recording_gives_back_what_it_was_given_and_can_be_felt_again(suffix, force, tmp_path):
+    path = tmp_path / f"press{suffix}"
+    scale = np.array([0.5, 1.0, 0.75], dtype=np.float32)
+    samples = scale[:, None, None, None, None] * force
+    Recording(
+        time=np.array([0.0, 0.1, 0.2]), measured=samples, simulated=samples[::-1], layout=LAYOUT, pads=NAMES
+    ).save(path)
+    loaded = Recording.load(path)
+    np.testing.assert_array_equal(loaded.measured, samples)
+    np.testing.assert_array_equal(loaded.simulated, samples[::-1])
+    assert loaded.measured.dtype == np.float32
+    assert loaded.layout == LAYOUT
+    assert loaded.pads == NAMES
+
+    profile = device("high-speed")
+    signal = from_recording(loaded, profile)
+    frame, _ = measure(profile, lambda now: signal(0.1))
+    assert np.abs(frame.force - force).max() <= HALF_A_COUNT + 1e-6
