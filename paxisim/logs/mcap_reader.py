@@ -26,7 +26,7 @@ _RECORD = struct.Struct("<BQ")  # opcode, length
 _CODES = {np.float32: "f", np.float64: "d", np.int64: "q"}
 _MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time; then the data
 # what parsing a damaged record may raise; decompressors raise subclasses of Exception of their own
-_DAMAGE = (McapError, struct.error, ValueError, KeyError, TypeError, zlib.error)
+_DAMAGE = (McapError, struct.error, ValueError, KeyError, TypeError, OverflowError, zlib.error)
 
 
 def read_log(path: str | Path) -> Log:

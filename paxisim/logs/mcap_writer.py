@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import struct
 import threading
 import time as clocks
 from collections.abc import Mapping
@@ -13,7 +14,8 @@ from typing import Any
 
 import numpy as np
 import orjson
-from mcap.writer import Writer
+from mcap.opcode import Opcode
+from mcap.writer import MCAP0_MAGIC, Writer
 from numpy.typing import ArrayLike
 
 from paxisim._version import __version__
@@ -228,11 +230,18 @@ class _WholeWrites:
                 rest = rest[self._raw.write(rest) :]
         except BaseException as error:
             self.error = error
-            with contextlib.suppress(OSError):  # not every file can be cut, and why it failed is to be told
-                self._raw.truncate(self._size)
+            self._end_here()
             raise
         self._size += size
         return size
+
+    def _end_here(self) -> None:
+        """Cut off what is half written, and close the file with the least end that MCAP allows, if that fits."""
+        with contextlib.suppress(OSError):  # not every file can be cut, and why it failed is to be told
+            self._raw.truncate(self._size)
+            self._raw.seek(self._size)
+            if self._raw.write(_LEAST_END) != len(_LEAST_END):
+                self._raw.truncate(self._size)
 
     def flush(self) -> None:
         """Nothing is held back."""

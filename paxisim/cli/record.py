@@ -1,0 +1,174 @@
+"""``paxisim record``."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from contextlib import ExitStack, suppress
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import tyro
+
+from paxisim.cli.output import check_output
+from paxisim.errors import InvalidValueError, PaxisimError
+from paxisim.hw.extra_streams import ENTER
+
+if TYPE_CHECKING:
+    from paxisim.hw.capture import CaptureSummary
+
+
+def record(
+    port: Annotated[tuple[str, ...], tyro.conf.Positional, tyro.conf.arg(metavar="PORT...")],
+    /,
+    *,
+    profile: str,
+    output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None,
+    seconds: float | None = None,
+    reconnect: float = 10.0,
+    csv: Literal["-"] | None = None,
+    udp: tyro.conf.UseAppendAction[tuple[int, ...]] = (),
+    stream: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
+    force: bool = False,
+) -> None:
+    """Record a sensor, and numbers from elsewhere beside it, into an MCAP file.
+
+    Everything is written as it comes: a crash costs the last second, and the file opens. Ctrl-C ends a recording;
+    Enter, on a terminal, begins a new episode.
+
+    For example:
+
+    my_robot | paxisim record /dev/ttyACM0 --profile gen2-box-120 -o press.mcap --csv -
+
+    Args:
+        port: The serial port; several make one tensor.
+        profile: The sensor's profile: a name or a TOML file.
+        output: The file; default: paxisim-DATE-TIME.mcap.
+        seconds: How long to record; default: until Ctrl-C.
+        reconnect: Seconds for which a port that went away is waited for.
+        csv: '-' records numbers from standard input: a line with the columns' names, then a line a sample. A column
+            'time' holds Unix seconds; without it the time is that of arrival.
+        udp: Record JSON objects of numbers, e.g. {"gripper": 0.04}, sent to this UDP port of 127.0.0.1; may be given
+            several times. A key 'time' holds Unix seconds.
+        stream: Record what a Python function returns, polled, as module:function@HZ; may be given several times.
+        force: Overwrite the file if it exists, once the sensor is open.
+    """
+    from paxisim.hw.capture import capture
+    from paxisim.hw.device import open_sensor
+
+    if not port:
+        raise InvalidValueError("expected the serial port of the sensor, e.g. /dev/ttyACM0")
+    path = Path(f"paxisim-{datetime.now():%Y%m%d-%H%M%S}.mcap") if output is None else output
+    check_output(path, force)
+    if path.suffix != ".mcap":
+        raise InvalidValueError(f"the output must end in .mcap, got {path}; paxisim convert makes other formats of it")
+    with ExitStack() as open_things:
+        extra = []
+        for source in _sources(csv is not None, udp, stream):
+            open_things.callback(source.close)
+            extra.append(source)
+        sensor = open_things.enter_context(open_sensor(port, profile, reconnect=reconnect))
+        pads = f"{len(sensor.pads)} pad{'s' * (len(sensor.pads) > 1)} of {sensor.layout.rows}x{sensor.layout.cols}"
+        screen = _Screen()
+        summary = capture(sensor, path, extra=extra, seconds=seconds, overwrite=force, on_status=screen.show)
+        screen.end(summary)
+    for line in _report(summary, pads):
+        print(line)
+    if summary.error is not None:
+        raise PaxisimError(f"{_what_ended(summary)}; {path} is valid and holds {_held(summary)}")
+    if not summary.frames:
+        raise PaxisimError(f"no frame came from {', '.join(port)} in {summary.seconds:.1f} s; {path} holds none")
+
+
+def _sources(csv: bool, udp: tuple[int, ...], stream: tuple[str, ...]):
+    """The extra streams, one after another, so that what was opened is closed if a later one cannot be."""
+    from paxisim.hw.extra_streams import CsvLines, EnterKey, UdpJson, load_function
+
+    if csv:
+        yield CsvLines()
+    elif sys.stdin is not None and sys.stdin.isatty():
+        yield EnterKey()
+    for port in udp:
+        yield UdpJson(port)
+    if stream and "" not in sys.path:
+        sys.path.insert(0, "")  # the user's module lies where the user is, also for the installed command
+    for text in stream:
+        yield load_function(text)
+
+
+class _Screen:
+    """What is said while a recording grows: on a terminal a line, over and over, and each source's first problem."""
+
+    def __init__(self) -> None:
+        self._live = sys.stderr.isatty()
+        self._said: set[str] = set()
+
+    def show(self, summary: CaptureSummary) -> None:
+        with suppress(OSError):  # a terminal that is gone is no reason to stop
+            self._warn(summary)
+            if self._live:
+                width = shutil.get_terminal_size().columns - 1
+                print("\r" + _status(summary)[:width].ljust(width), end="", file=sys.stderr, flush=True)
+
+    def end(self, summary: CaptureSummary) -> None:
+        with suppress(OSError):
+            self._wipe()
+            self._warn(summary)
+
+    def _warn(self, summary: CaptureSummary) -> None:
+        for source in summary.extra:
+            if source.problem and source.label not in self._said:
+                self._said.add(source.label)
+                self._wipe()
+                print(f"paxisim: warning: {source.problem}", file=sys.stderr, flush=True)
+
+    def _wipe(self) -> None:
+        if self._live:
+            print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+
+
+def _status(summary: CaptureSummary) -> str:
+    parts = [
+        f"{summary.seconds:7.1f} s",
+        f"{summary.rate:6.1f} Hz",
+        f"{summary.frames} frames",
+        f"{summary.dropped} dropped",
+        f"{summary.size / 1e6:.1f} MB",
+        f"episode {max(0, summary.episodes - 1)}",
+    ]
+    return "  ".join(parts + [_source(source) for source in summary.extra if source.label != ENTER])
+
+
+def _source(source) -> str:
+    counts = [f"{source.samples} samples"]
+    counts += [f"{count} {what}" for count, what in ((source.bad, "bad"), (source.dropped, "dropped")) if count]
+    return f"{source.label}: {', '.join(counts)}"
+
+
+def _report(summary: CaptureSummary, pads: str) -> list[str]:
+    lines = [f"{summary.path}: {_held(summary)} ({summary.rate:.1f} Hz), {pads} taxels, {summary.size / 1e6:.1f} MB"]
+    if summary.dropped or summary.gaps:
+        lines.append(
+            f"  missing: {summary.dropped} frames dropped, {summary.gaps} gaps of more than half a second, "
+            f"the longest {summary.longest_gap:.1f} s"
+        )
+    if summary.episodes > 1:
+        lines.append(f"  {summary.episodes} episodes")
+    for source in summary.extra:
+        if source.label != ENTER:
+            last = f"; the last bad one: {source.problem.partition(': ')[2]}" if source.bad else ""
+            lines.append(f"  {_source(source)}{last}")
+    return lines
+
+
+def _held(summary: CaptureSummary) -> str:
+    return f"{summary.frames} frames in {summary.seconds:.1f} s"
+
+
+def _what_ended(summary: CaptureSummary) -> str:
+    return (
+        f"the file takes no more: {summary.error}"
+        if summary.ended == "disk"
+        else f"the sensor is gone: {summary.error}"
+    )
