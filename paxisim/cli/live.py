@@ -1,0 +1,90 @@
+"""``paxisim live``."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from paxisim.cli.output import check_output
+from paxisim.errors import DeviceError, InvalidValueError
+
+_ROUNDING = 1e-6  # s
+
+
+def live(
+    source: Annotated[str, tyro.conf.Positional],
+    profile: str | None = None,
+    save: Path | None = None,
+    seconds: float | None = None,
+    vmax: float | None = None,
+    fps: float = 200.0,
+    force: bool = False,
+) -> None:
+    """Show pads as they are read: a sensor, a recording, or a MuJoCo scene.
+
+    Rerun's viewer draws the taxels where they sit, normal force as colour and shear as arrows, and plots each pad's
+    total force and the rate; where a recording has a simulated tensor too, that and the difference. Ctrl-C ends it.
+
+    Args:
+        source: A serial port (needs --profile), a recording (.mcap, .npz, .csv) or a scene with pads (.xml).
+        profile: What hangs on the port: a profile's name or file.
+        save: Write an .rrd file for Rerun instead of opening its viewer; needs no display. A recording, and a
+            scene with --seconds, are then drawn as fast as can be, all of it.
+        seconds: Stop after so many.
+        vmax: Normal force (N) of full red; default: the largest of the recording, or of late.
+        fps: Readings drawn a second at most, where they come in real time.
+        force: Overwrite the file.
+    """
+    from paxisim.logs.atomic import whole_file
+    from paxisim.viz.live import LiveView
+    from paxisim.viz.live_drawing import import_rerun, need_display
+    from paxisim.viz.live_sources import RECORDINGS, open_source
+
+    for name, value in (("--seconds", seconds), ("--fps", fps)):
+        if value is not None and not (math.isfinite(value) and value > 0):
+            raise InvalidValueError(f"{name} must be positive and finite, got {value:g}")
+    import_rerun()
+    if save is None:
+        need_display()
+    else:
+        check_output(save, force)
+        if save.suffix.lower() != ".rrd":
+            raise InvalidValueError(f"--save must end in .rrd, got {save}")
+    ends = Path(source).suffix.lower() in RECORDINGS or (seconds is not None and source.lower().endswith(".xml"))
+    real_time = save is None or not ends
+    failure = None
+    with contextlib.ExitStack() as stack:
+        opened = stack.enter_context(open_source(source, profile, real_time))
+        view = stack.enter_context(
+            LiveView(
+                opened.layouts,
+                opened.pads,
+                opened.tensors,
+                save=None if save is None else stack.enter_context(whole_file(save)),
+                vmax=opened.vmax if vmax is None else vmax,
+                shear_max=opened.shear_max,
+                fps=fps if real_time else None,
+                window=10.0 if real_time else None,
+            )
+        )
+        try:
+            start = None
+            for moment in opened.moments:
+                start = moment.time if start is None else start
+                if seconds is not None and moment.time - start > seconds + _ROUNDING:
+                    break
+                view.show(moment.time, moment.measured, moment.simulated, wait=not real_time)
+        except (DeviceError, KeyboardInterrupt) as error:
+            # what was seen until then is worth keeping
+            if not view.shown:
+                raise
+            failure = error
+    words = f"{view.drawn} of {view.shown} readings drawn"
+    print(f"wrote {save}, {words}" if save else words)
+    # Ctrl-C is how one stops looking at what has no end
+    if isinstance(failure, DeviceError) or (failure is not None and opened.ends):
+        raise failure

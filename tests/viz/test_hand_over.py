@@ -1,0 +1,115 @@
+"""The queue between a reader that must not wait and a drawing that may be slow."""
+
+import itertools
+import threading
+
+import pytest
+
+from paxisim.viz.hand_over import HandOver
+
+LONG = 30.0  # s: longer than anything here takes, on the slowest machine
+
+
+class Consumer:
+    """Remembers what it is given; can be held up."""
+
+    def __init__(self):
+        self.batches, self.counts = [], []
+        self.busy, self.go = threading.Event(), threading.Event()
+        self.go.set()
+
+    def __call__(self, values, given):
+        self.busy.set()
+        assert self.go.wait(LONG)
+        self.batches.append(values)
+        self.counts.append(given)
+
+    @property
+    def values(self):
+        return [value for batch in self.batches for value in batch]
+
+
+def test_a_slow_consumer_costs_the_oldest_values_and_never_a_wait():
+    consumer = Consumer()
+    consumer.go.clear()
+    queue = HandOver(consumer, size=3)
+    queue.put(0)
+    assert consumer.busy.wait(LONG)
+    for value in range(1, 100):  # would wait for ever if `put` waited for the consumer
+        queue.put(value)
+    assert (queue.given, queue.dropped) == (100, 96)
+    consumer.go.set()
+    queue.close()
+    assert consumer.batches == [[0], [97, 98, 99]]
+    assert consumer.counts == [1, 100]
+    assert queue.taken == 4
+
+
+def test_a_producer_that_waits_loses_nothing_and_order_is_kept():
+    consumer = Consumer()
+    queue = HandOver(consumer, size=5)
+    for value in range(500):
+        queue.put(value, wait=True)
+    queue.close()
+    assert consumer.values == list(range(500))
+    assert (queue.given, queue.taken, queue.dropped) == (500, 500, 0)
+    assert max(map(len, consumer.batches)) <= 5
+
+
+def test_beyond_the_rate_values_are_left_out_evenly():
+    consumer = Consumer()
+    consumer.go.clear()
+    queue = HandOver(consumer, size=1000, period=0.0, rate=100.0)
+    queue.put(-1)
+    assert consumer.busy.wait(LONG)
+    for value in range(1000):
+        queue.put(value)
+    consumer.go.set()
+    queue.close()
+    chosen = consumer.batches[1]
+    assert 90 <= len(chosen) <= 100  # what one second allows
+    assert chosen[-1] == 999
+    steps = {b - a for a, b in itertools.pairwise(chosen)}
+    assert max(steps) - min(steps) <= 1
+    assert queue.taken + queue.dropped == queue.given == 1001
+
+
+def test_values_within_the_rate_are_all_taken_though_they_come_together():
+    consumer = Consumer()
+    queue = HandOver(consumer, size=100, period=0.05, rate=100.0)
+    for value in range(50):
+        queue.put(value)
+    queue.close()
+    assert consumer.values == list(range(50))
+    assert queue.dropped == 0
+
+
+def fail(values, given):
+    raise OSError("no room")
+
+
+def put_for_ever(queue):
+    for value in itertools.count():
+        queue.put(value, wait=True)  # must not wait for a consumer that has given up
+
+
+def test_what_the_consumer_raises_reaches_the_producer_once():
+    queue = HandOver(fail, size=2)
+    with pytest.raises(OSError, match="no room"):
+        put_for_ever(queue)
+    queue.close()
+
+
+def test_what_the_consumer_raises_last_is_raised_at_the_end():
+    queue = HandOver(fail, size=2)
+    queue.put(1)
+    with pytest.raises(OSError, match="no room"):
+        queue.close()
+
+
+def test_closing_twice_and_without_a_value():
+    consumer = Consumer()
+    queue = HandOver(consumer, size=2)
+    queue.close()
+    queue.close()
+    assert consumer.batches == []

@@ -1,0 +1,231 @@
+"""The live view as it is saved, read back with Rerun."""
+
+import subprocess
+import sys
+import threading
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rerun", exc_type=ImportError)
+from rrd_files import read_rrd, rgba
+
+from paxisim.errors import InvalidValueError, MissingExtraError, UnsupportedError
+from paxisim.layout import TaxelLayout
+from paxisim.viz.colors import taxel_colors
+from paxisim.viz.live import LiveView
+from paxisim.viz.live_drawing import LiveDrawing, import_rerun
+from paxisim.viz.live_scene import Scale, Scene
+
+GRID = TaxelLayout(3, 4, (2e-3, 3e-3))
+CURVED = TaxelLayout(1, 5, 2e-3, positions=np.random.default_rng(1).uniform(-5e-3, 5e-3, (5, 3)))
+PADS = ("left", "right of 2/3")
+
+
+def press(count, layout=GRID, pads=2):
+    """Forces with shear on some taxels, different at every moment: ``(count, pads, 3, rows, cols)``."""
+    force = np.random.default_rng(0).uniform(-1, 1, (count, pads, *layout.shape)).astype(np.float32)
+    force[:, :, 2] = 4 * np.abs(force[:, :, 2])
+    force[:, :, :, :, 0] = 0
+    return force
+
+
+def save(path, forces, simulated=None, layout=GRID, pads=PADS, **options):
+    tensors = ("measured",) if simulated is None else ("measured", "simulated")
+    with LiveView(layout, pads, tensors, save=path, fps=None, **options) as view:
+        for i, force in enumerate(forces):
+            view.show(100 + 0.01 * i, force, None if simulated is None else simulated[i], wait=True)
+    return view
+
+
+def test_every_reading_is_in_the_file_with_its_colors_arrows_and_totals(tmp_path):
+    forces = press(600)
+    view = save(tmp_path / "view.rrd", forces, vmax=4.0, shear_max=1.0)
+    assert (view.shown, view.drawn, view.dropped) == (600, 600, 0)
+    found = read_rrd(tmp_path / "view.rrd")
+    for i, pad in enumerate(("left", r"right\ of\ 2\/3")):
+        times, colors = found[f"/pads/measured/{pad}/taxels", "color"]
+        np.testing.assert_allclose(times, 0.01 * np.arange(600), atol=1e-6)
+        for at in (0, 1, 317, 599):
+            expected = np.rint(255 * taxel_colors(forces[at, i], 4.0)).reshape(-1, 4)
+            np.testing.assert_array_equal(rgba(colors[at]), expected)
+        times, vectors = found[f"/pads/measured/{pad}/shear", "vector"]
+        assert len(times) == 600
+        for at in (0, 599):
+            # an arrow of 1 N is 2 mm long; the first column has no shear, and no arrow
+            shear = 2.0 * forces[at, i, :2].reshape(2, -1).T
+            shear = shear[np.linalg.norm(shear, axis=1) > 0.02 * 2.0]
+            np.testing.assert_allclose(vectors[at], shear, rtol=1e-6)
+        times, totals = found[f"/force/{pad}/measured", "scalar"]
+        assert len(times) == 600
+        np.testing.assert_allclose(totals, forces[:, i].sum(axis=(-2, -1)), rtol=1e-5, atol=1e-5)
+        _, (positions,) = found[f"/pads/measured/{pad}/taxels", "position"]
+        distances = np.linalg.norm(np.array(positions) - positions[0], axis=1)
+        expected = 1e3 * np.linalg.norm(GRID.positions - GRID.positions[0], axis=1)
+        np.testing.assert_allclose(distances, expected, atol=1e-5)
+    assert found["/pads/names", "label"][1][0] == [*PADS, "measured"]
+    times, rates = found["/rate", "scalar"]
+    np.testing.assert_allclose(np.array(rates)[:, 0].mean(), 100, rtol=0.5)
+    assert np.all(np.array(found["/scale", "scalar"][1]) == [4.0, 1.0])
+
+
+def test_simulated_pads_stand_under_the_measured_and_the_residual_under_both(tmp_path):
+    forces = press(20)
+    save(tmp_path / "view.rrd", forces, 0.5 * forces, vmax=4.0)
+    found = read_rrd(tmp_path / "view.rrd")
+    heights = []
+    for line, factor in (("measured", 1.0), ("simulated", 0.5), ("residual", 0.5)):
+        times, colors = found[f"/pads/{line}/left/taxels", "color"]
+        assert len(times) == 20
+        expected = np.rint(255 * taxel_colors(factor * forces[7, 0], 4.0)).reshape(-1, 4)
+        np.testing.assert_allclose(rgba(colors[7]).astype(int), expected, atol=1)  # of 255
+        heights.append(np.array(found[f"/pads/{line}/left/taxels", "position"][1][0])[:, 1])
+    assert heights[1].min() > heights[0].max()
+    assert heights[2].min() > heights[1].max()
+    totals = [np.array(found[f"/force/left/{line}", "scalar"][1]) for line in ("measured", "simulated")]
+    np.testing.assert_allclose(0.5 * totals[0], totals[1], rtol=1e-6)
+
+
+def test_a_curved_pad_is_drawn_in_three_dimensions(tmp_path):
+    forces = press(5, CURVED, 1)
+    save(tmp_path / "view.rrd", forces, layout=CURVED, pads=("tip",))
+    found = read_rrd(tmp_path / "view.rrd")
+    _, (positions,) = found["/pads/measured/tip/taxels", "position"]
+    expected = 1e3 * (CURVED.positions - CURVED.positions[0])
+    np.testing.assert_allclose(np.array(positions) - positions[0], expected, atol=1e-5)
+    assert len(found["/pads/measured/tip/taxels", "color"][0]) == 5
+
+
+@pytest.mark.parametrize("taxels", [1, 3, 4])
+def test_a_pad_of_few_taxels(tmp_path, taxels):
+    layout = TaxelLayout(1, taxels, 1e-3)
+    forces = press(3, layout, 1)
+    forces[...] = 1.0
+    save(tmp_path / "view.rrd", forces, layout=layout, pads=("one",))
+    _, colors = read_rrd(tmp_path / "view.rrd")["/pads/measured/one/taxels", "color"]
+    assert [len(instant) for instant in colors] == [taxels] * 3
+
+
+def test_in_real_time_what_overtakes_is_counted_and_the_newest_is_there(tmp_path):
+    forces = press(50)
+    with LiveView(GRID, PADS, save=tmp_path / "view.rrd", fps=10.0) as view:
+        for i, force in enumerate(forces):
+            view.show(0.01 * i, force)
+    assert view.shown == 50
+    assert view.drawn + view.dropped == 50
+    assert 0 < view.drawn <= 40
+    times, totals = read_rrd(tmp_path / "view.rrd")["/force/left/measured", "scalar"]
+    assert len(times) == view.drawn
+    np.testing.assert_allclose(totals[-1], forces[-1, 0].sum(axis=(-2, -1)), rtol=1e-5, atol=1e-5)
+
+
+def test_the_reader_may_reuse_its_array(tmp_path):
+    force = np.zeros((1, *GRID.shape), dtype=np.float32)
+    with LiveView(GRID, ("pad",), save=tmp_path / "view.rrd", fps=None) as view:
+        for i in range(10):
+            force[:] = i
+            view.show(float(i), force, wait=True)
+    _, totals = read_rrd(tmp_path / "view.rrd")["/force/pad/measured", "scalar"]
+    np.testing.assert_allclose(totals, np.arange(10)[:, None] * np.full(3, GRID.taxels))
+
+
+def test_a_file_is_readable_before_it_is_finished(tmp_path):
+    view = LiveView(GRID, PADS, save=tmp_path / "view.rrd", fps=None)
+    for i, force in enumerate(press(300)):
+        view.show(0.01 * i, force, wait=True)
+    drawn = threading.Event()
+    for _ in range(3000):
+        if view.drawn == 300 or drawn.wait(0.01):
+            break
+    view._drawing.check()
+    assert len(read_rrd(tmp_path / "view.rrd")["/force/left/measured", "scalar"][0]) == 300
+    view.close()
+    view.close()
+
+
+FULL = """
+import resource, signal, sys
+import numpy as np
+from paxisim.layout import TaxelLayout
+from paxisim.viz.live import LiveView
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
+rng = np.random.default_rng(0)
+try:
+    with LiveView(TaxelLayout(12, 10, 2e-3), ("a",), save=sys.argv[1], fps=None) as view:
+        for i in range(2000):
+            view.show(i, rng.normal(size=(1, 3, 12, 10)), wait=True)
+except OSError as error:
+    print("OSError", error)
+"""
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="limits the size of a file as Linux does")
+def test_a_full_disk_is_noticed(tmp_path):
+    words = [sys.executable, "-c", FULL, str(tmp_path / "view.rrd")]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=100, check=True)
+    assert "OSError cannot write" in done.stdout
+    assert "disk may be full" in done.stdout
+
+
+def test_a_file_that_cannot_be_written(tmp_path):
+    with pytest.raises(OSError, match="none"):
+        LiveView(GRID, PADS, save=tmp_path / "none" / "view.rrd")
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"fps": 0.0}, "fps must be positive"),
+        ({"window": -1.0}, "window must be positive"),
+        ({"vmax": 0.0}, "vmax must be"),
+        ({"tensors": ("guessed",)}, "tensors must be"),
+    ],
+)
+def test_arguments_that_cannot_be_used(tmp_path, options, says):
+    with pytest.raises(InvalidValueError, match=says):
+        LiveView(GRID, PADS, save=tmp_path / "view.rrd", **options)
+    assert not (tmp_path / "view.rrd").exists()
+
+
+def test_readings_that_cannot_be_shown(tmp_path):
+    with LiveView(GRID, PADS, save=tmp_path / "view.rrd") as view:
+        with pytest.raises(InvalidValueError, match="got neither"):
+            view.show(0.0)
+        with pytest.raises(InvalidValueError, match=r"\(2, 3, 3, 4\), got \(1, 3, 3, 4\)"):
+            view.show(0.0, np.zeros((1, 3, 3, 4)))
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="there is always a display")
+def test_without_a_display_it_says_what_to_do_instead(monkeypatch):
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    with pytest.raises(UnsupportedError, match="--save"):
+        LiveView(GRID, PADS)
+
+
+def test_without_rerun_it_names_the_extra(monkeypatch):
+    monkeypatch.setitem(sys.modules, "rerun", None)
+    with pytest.raises(MissingExtraError, match=r"paxisim\[live\]"):
+        import_rerun()
+
+
+def test_another_package_called_rerun_is_not_taken_for_it(monkeypatch):
+    monkeypatch.setitem(sys.modules, "rerun", sys)
+    with pytest.raises(UnsupportedError, match=r"rerun-sdk 0\.23"):
+        import_rerun()
+
+
+def test_the_window_shows_the_pads_and_a_plot_for_each(tmp_path):
+    scene = Scene([GRID, GRID], PADS, ("measured",))
+    drawing = LiveDrawing(scene, Scale(), save=tmp_path / "view.rrd", window=10.0)
+    blueprint = drawing._blueprint(10.0)
+    drawing.close()
+    pads, plots = blueprint.root_container.contents
+    assert pads.class_identifier == "2D"
+    assert [str(view.origin) for view in plots.contents] == [
+        "/force/left",
+        r"/force/right\ of\ 2\/3",
+        "/rate",
+        "/scale",
+    ]

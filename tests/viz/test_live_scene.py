@@ -1,0 +1,153 @@
+"""What the live view draws, without drawing it."""
+
+import numpy as np
+import pytest
+
+from paxisim.errors import InvalidValueError
+from paxisim.layout import TaxelLayout
+from paxisim.viz.colors import taxel_colors
+from paxisim.viz.live_scene import Moment, Scale, Scene
+
+GRID = TaxelLayout(3, 2, (2e-3, 4e-3))
+
+
+def curved():
+    """Three taxels on a bow: the outer ones face 60 degrees to the left and right."""
+    x, z = np.sin(np.pi / 3), np.cos(np.pi / 3)
+    normals = [[-x, 0, -z], [0, 0, -1], [x, 0, -z]]
+    return TaxelLayout(1, 3, 2e-3, positions=[[-4e-3, 0, 2e-3], [0, 0, 0], [4e-3, 0, 2e-3]], normals=normals)
+
+
+def test_pads_stand_side_by_side_and_lines_below_each_other_without_touching():
+    scene = Scene([GRID, GRID], ["left", "right"], ["measured", "simulated"])
+    assert scene.lines == ("measured", "simulated", "residual")
+    assert scene.flat
+    places = scene.positions[None] + scene.offsets[:, None, None]
+    assert places.shape == (3, 2, 6, 3)
+    flat = places.reshape(-1, 3)
+    apart = np.linalg.norm(flat[:, None] - flat[None], axis=-1) + 1e9 * np.eye(len(flat))
+    assert apart.min() == pytest.approx(2.0)  # mm, the pitch
+    assert np.all(places[:, 1, :, 0] > places[:, 0, :, 0].max() + 4)
+    for above, below in ((0, 1), (1, 2)):
+        assert places[below, :, :, 1].min() > places[above, :, :, 1].max() + 2
+    np.testing.assert_allclose(scene.positions[0] - scene.positions[0, 0], 1e3 * (GRID.positions - GRID.positions[0]))
+    # names above the pads, and to the left of the lines
+    assert np.all(scene.headings[:, 1] < places[0, :, :, 1].min())
+    assert np.all(scene.margins[:, 0] < places[..., 0].min())
+    drawn = np.concatenate([flat, scene.headings, scene.margins])[:, :2]
+    assert np.all(scene.bounds[0] < drawn.min(axis=0))
+    assert np.all(scene.bounds[1] > drawn.max(axis=0))
+
+
+def test_one_tensor_makes_one_line():
+    assert Scene([GRID], ["a"], ["simulated"]).lines == ("simulated",)
+
+
+def test_a_flat_pad_has_the_colors_of_every_picture_and_its_shear_as_arrows():
+    scene = Scene([GRID, GRID], ["left", "right"], ["measured"])
+    force = np.zeros((2, 3, 3, 2), dtype=np.float32)
+    force[0, :, 2, 1] = 1.0, -0.5, 2.0
+    force[1, 2, 0, 0] = -1.0
+    normal, shear = scene.split(force)
+    np.testing.assert_allclose(normal, force[:, 2].reshape(2, 6))
+    np.testing.assert_allclose(shear[0, 5], [1.0, -0.5, 0.0])
+    colors = scene.colors(normal, 4.0)
+    np.testing.assert_array_equal(colors, np.rint(255 * taxel_colors(force, 4.0)).reshape(2, 6, 4))
+    (counts, tails, vectors), (none, *_) = scene.arrows(shear[None], 2.0)
+    assert counts.tolist() == [1]
+    assert none.tolist() == [0]
+    # at full shear an arrow is one pitch long, x to the right and y down
+    np.testing.assert_allclose(vectors, [[1.0, -0.5, 0.0]])
+    np.testing.assert_allclose(tails[0, :2], scene.positions[0, 5, :2])
+    assert tails[0, 2] < 0  # in front of the taxel
+
+
+def test_on_a_curved_pad_the_surface_says_what_presses_and_what_drags():
+    scene = Scene([curved()], ["tip"], ["measured"])
+    assert not scene.flat
+    layout = curved()
+    force = np.zeros((1, 3, 1, 3))
+    force[0, :, 0, 0] = -3 * layout.normals[0]  # straight into the left one
+    force[0, :, 0, 1] = 0.0, 1.0, 2.0
+    force[0, :, 0, 2] = 0.5 * layout.frames[2, :, 0]  # along the surface of the right one
+    normal, shear = scene.split(force)
+    np.testing.assert_allclose(normal, [[3.0, 2.0, 0.0]], atol=1e-12)
+    np.testing.assert_allclose(shear[0], [[0, 0, 0], [0, 1, 0], 0.5 * layout.frames[2, :, 0]], atol=1e-12)
+    np.testing.assert_allclose(normal[..., None] * -layout.normals + shear, force[0, :, 0].T[None], atol=1e-12)
+
+
+def test_arrows_of_several_moments_follow_one_another():
+    scene = Scene([GRID], ["a"], ["measured"])
+    shear = np.zeros((3, 1, 6, 3))
+    shear[0, 0, 1, 0] = shear[0, 0, 4, 1] = shear[2, 0, 0, 0] = 1.0
+    shear[1, 0, 2, 0] = 1e-3  # too short to be seen
+    shear[1, 0, 3, 0] = np.nan
+    ((counts, tails, vectors),) = scene.arrows(shear, 1.0)
+    assert counts.tolist() == [2, 0, 1]
+    np.testing.assert_allclose(tails[:, :2], scene.positions[0, [1, 4, 0], :2])
+    np.testing.assert_allclose(vectors, 2.0 * np.array([[1, 0, 0], [0, 1, 0], [1, 0, 0]]))
+
+
+def test_what_is_not_a_number_is_grey_and_has_no_say_in_the_scale():
+    scene = Scene([GRID], ["a"], ["measured"])
+    force = np.full((1, 3, 3, 2), np.nan)
+    force[0, 2, 0, 0] = 3.0
+    force[0, :2, 0, 0] = 0.0
+    normal, shear = scene.split(force)
+    scale = Scale()
+    scale.update(0.0, normal, shear)
+    assert scale.vmax == 3.0
+    colors = scene.colors(normal, scale.vmax)[0]
+    assert len(set(map(tuple, colors[1:]))) == 1
+    assert tuple(colors[0]) != tuple(colors[1])
+
+
+def test_the_residual_is_measured_minus_simulated():
+    measured, simulated = np.full((1, 3, 3, 2), 3.0), np.full((1, 3, 3, 2), 1.0)
+    tensors = Moment(0.0, measured, simulated).tensors()
+    assert list(tensors) == ["measured", "simulated", "residual"]
+    np.testing.assert_array_equal(tensors["residual"], 2.0)
+    assert list(Moment(0.0, simulated=simulated).tensors()) == ["simulated"]
+
+
+def test_the_scale_follows_a_peak_at_once_and_forgets_it_in_time():
+    scale, felt = Scale(shear_max=2.0), np.array([8.0])
+    assert scale.vmax > 0
+    scale.update(0.0, felt, np.ones((1, 3)))
+    assert (scale.vmax, scale.shear_max) == (8.0, 2.0)
+    seen = []
+    for i in range(1, 200):
+        scale.update(float(i), 0 * felt, np.zeros((1, 3)))
+        seen.append(scale.vmax)
+    assert np.all(np.diff(seen) <= 0)
+    assert seen[0] > 7
+    assert 0 < seen[-1] < 1
+    scale.update(-5.0, felt, np.ones((1, 3)))  # a clock that runs back fades nothing
+    assert scale.vmax == 8.0
+
+
+@pytest.mark.parametrize(
+    ("layouts", "pads", "tensors", "says"),
+    [
+        ([], [], ["measured"], "0 pads"),
+        ([GRID], ["a", "b"], ["measured"], "1 pads"),
+        ([GRID, GRID], ["a", "a"], ["measured"], "name of its own"),
+        ([GRID, TaxelLayout(2, 3, 1e-3)], ["a", "b"], ["measured"], "different rows"),
+        ([GRID], ["a"], [], "tensors must be"),
+        ([GRID], ["a"], ["residual"], "tensors must be"),
+    ],
+)
+def test_pads_that_cannot_be_arranged(layouts, pads, tensors, says):
+    with pytest.raises(InvalidValueError, match=says):
+        Scene(layouts, pads, tensors)
+
+
+@pytest.mark.parametrize("given", [{"vmax": 0.0}, {"vmax": np.nan}, {"shear_max": -1.0}, {"shear_max": np.inf}])
+def test_a_scale_is_positive_and_finite(given):
+    with pytest.raises(InvalidValueError, match=next(iter(given))):
+        Scale(**given)
+
+
+def test_another_tensor_is_refused():
+    with pytest.raises(InvalidValueError, match=r"expected a tensor of shape \(1, 3, 3, 2\), got \(3, 3, 2\)"):
+        Scene([GRID], ["a"], ["measured"]).check(np.zeros((3, 3, 2)))

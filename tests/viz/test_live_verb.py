@@ -1,0 +1,244 @@
+"""``paxisim live`` on what it can look at: a recording, a scene, an emulated sensor; and what it refuses."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rerun", exc_type=ImportError)
+from rrd_files import read_rrd
+
+import paxisim
+from paxisim.cli import main
+from paxisim.recording import Recording
+from paxisim.viz.live_sources import open_source
+
+DEADLINE = 60.0  # s
+LAYOUT = paxisim.TaxelLayout(3, 3, 3e-3)
+PLATE = """<mujoco><option timestep="0.002" gravity="0 0 9.81"/><worldbody><body name="hand"/>
+  <body pos="0 0 -0.0062"><joint type="slide" axis="0 0 1" damping="5"/>
+    <geom type="box" size="0.02 0.02 0.006" mass="0.1"/></body></worldbody></mujoco>"""
+
+pytestmark = pytest.mark.filterwarnings("ignore:.*never tried on a device:UserWarning")
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def scene(folder):
+    """A plate of 0.1 kg that lies on a pad."""
+    tactile = paxisim.attach(PLATE, paxisim.Pad(LAYOUT), [paxisim.Mount("hand", name="palm")])
+    Path("scene.xml").write_text(tactile.to_xml(folder))
+    return "scene.xml"
+
+
+def record(path, count=30, *, simulated=True, **options):
+    measured = np.random.default_rng(0).uniform(0, 4, (count, 2, *LAYOUT.shape)).astype(np.float32)
+    options = {"time": 5 + 0.02 * np.arange(count)} | options
+    recording = Recording(
+        measured=measured, simulated=0.5 * measured if simulated else None, layout=LAYOUT, pads=("l", "r"), **options
+    )
+    recording.save(path)
+    return recording
+
+
+@pytest.mark.parametrize("name", ["press.npz", "press.mcap"])
+def test_a_recording_is_drawn_whole_beside_its_simulation(name, capsys):
+    recording = record(name)
+    assert main(["live", name, "--save", "view.rrd"]) == 0
+    assert "wrote view.rrd, 30 of 30 readings drawn" in capsys.readouterr().out
+    found = read_rrd("view.rrd")
+    for line in ("measured", "simulated", "residual"):
+        for pad in ("l", "r"):
+            times, _ = found[f"/pads/{line}/{pad}/taxels", "color"]
+            np.testing.assert_allclose(times, 0.02 * np.arange(30), atol=1e-6)
+    np.testing.assert_allclose(
+        found["/force/r/measured", "scalar"][1], recording.measured[:, 1].sum(axis=(-2, -1)), rtol=1e-4
+    )
+    # one scale for all of it
+    assert len({tuple(scale) for scale in found["/scale", "scalar"][1]}) == 1
+
+
+def test_a_recording_without_a_simulation_has_one_line():
+    record("press.npz", simulated=False)
+    assert main(["live", "press.npz", "--save", "view.rrd", "--seconds", "0.2"]) == 0
+    found = read_rrd("view.rrd")
+    assert len(found["/pads/measured/l/taxels", "color"][0]) == 11
+    assert not [entity for entity, _ in found if "residual" in entity or "simulated" in entity]
+
+
+def test_an_episode_that_counts_from_zero_again_follows_the_one_before():
+    time = np.concatenate([0.02 * np.arange(15)] * 2)
+    record("press.npz", time=time, episode=np.repeat([0, 1], 15))
+    with open_source("press.npz", None, real_time=False) as source:
+        times = [moment.time for moment in source.moments]
+    np.testing.assert_allclose(times, 0.02 * np.arange(30), atol=1e-9)
+
+
+def test_a_recording_in_real_time_takes_its_time():
+    record("press.npz")
+    with open_source("press.npz", None, real_time=True) as source:
+        began = time.monotonic()
+        assert len(list(source.moments)) == 30
+    assert time.monotonic() - began >= 0.02 * 29
+
+
+def test_a_scene_runs_and_its_pads_feel_the_weight(scene, capsys):
+    assert main(["live", scene, "--save", "view.rrd", "--seconds", "2"]) == 0
+    assert "201 of 201" in capsys.readouterr().out
+    times, totals = read_rrd("view.rrd")["/force/palm_pad/simulated", "scalar"]
+    np.testing.assert_allclose(np.diff(times), 0.01, atol=1e-6)
+    assert totals[-1][2] == pytest.approx(0.981, rel=0.02)
+
+
+def test_a_scene_in_real_time_goes_no_faster(scene):
+    with open_source(scene, None, real_time=True) as source:
+        assert not source.ends
+        began = time.monotonic()
+        for moment in source.moments:
+            if moment.time > 0.3:
+                break
+    assert time.monotonic() - began >= 0.28
+
+
+def test_a_sensor_is_read_until_the_seconds_are_over(capsys):
+    pytest.importorskip("serial")
+    pytest.importorskip("pty", reason="no pseudo-terminals here")
+    from paxisim.hw.emulator import Emulator
+    from paxisim.hw.profile import load_profile
+
+    profile = load_profile("gen3-highspeed-mc-m2020")
+    pressed = np.zeros((1, *profile.wire_layout.shape))
+    pressed[:, 2] = 5.0
+    with Emulator(profile, lambda now: pressed) as board:
+        words = ["live", board.port, "--profile", profile.name, "--save", "view.rrd", "--seconds", "1"]
+        assert main(words) == 0
+    drawn, shown = map(int, re.search(r"(\d+) of (\d+) readings drawn", capsys.readouterr().out).groups())
+    assert shown >= drawn > 5
+    times, totals = read_rrd("view.rrd")[f"/force/{profile.slots[0].name}/measured", "scalar"]
+    assert len(times) == drawn
+    assert times[-1] <= 1.0
+    np.testing.assert_allclose(totals, [[0, 0, 5.0 * profile.wire_layout.taxels]] * drawn, rtol=1e-5)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Ctrl-C is sent as a signal")
+def test_ctrl_c_ends_an_endless_source_cleanly_with_a_whole_file(scene, folder):
+    process = subprocess.Popen(
+        [sys.executable, "-m", "paxisim.cli", "live", scene, "--save", "view.rrd"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        # tests that run in the background ignore Ctrl-C, and so would what they start
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )
+    deadline = time.monotonic() + DEADLINE
+    sizes = set()  # it grows by a piece a time; the first few are the window's layout
+    while len(sizes) < 10:
+        sizes.update(path.stat().st_size for path in folder.glob(".view.rrd.*"))
+        assert process.poll() is None, process.communicate()
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    assert not Path("view.rrd").exists()  # until it is whole
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=DEADLINE)
+    assert (process.returncode, err) == (0, "")
+    drawn = int(re.search(r"wrote view.rrd, (\d+) of", out).group(1))
+    assert len(read_rrd("view.rrd")["/force/palm_pad/simulated", "scalar"][0]) == drawn > 0
+    assert not list(folder.glob(".view*"))
+
+
+def test_a_sensor_that_goes_away_leaves_what_was_seen(capsys, monkeypatch):
+    pytest.importorskip("serial")
+    pytest.importorskip("pty", reason="no pseudo-terminals here")
+    from paxisim.hw.emulator import Emulator
+    from paxisim.hw.profile import load_profile
+    from paxisim.viz import live_sources
+
+    monkeypatch.setattr(live_sources, "_RECONNECT", 0.2)
+    profile = load_profile("gen3-highspeed-mc-m2020")
+    board = Emulator(profile, lambda now: np.ones((1, *profile.wire_layout.shape)))
+    port = board.start().port
+    started = time.monotonic()
+
+    def unplugged(self, *arguments, **options):
+        if self.shown > 20 or time.monotonic() - started > DEADLINE:
+            board.stop()
+        return show(self, *arguments, **options)
+
+    from paxisim.viz.live import LiveView
+
+    show = LiveView.show
+    monkeypatch.setattr(LiveView, "show", unplugged)
+    assert main(["live", port, "--profile", profile.name, "--save", "view.rrd"]) == 2
+    said = capsys.readouterr()
+    assert "wrote view.rrd" in said.out
+    assert len(said.err.strip().splitlines()[-1:]) == 1
+    assert port in said.err
+    assert len(read_rrd("view.rrd")[f"/force/{profile.slots[0].name}/measured", "scalar"][0]) > 10
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["none.npz"], "none.npz"),
+        (["none.xml"], "no such model file"),
+        (["empty.xml"], "pad"),
+        (["notes.txt"], "expected a recording"),
+        (["/dev/none"], "needs --profile"),
+        (["/dev/none", "--profile", "gen2-boks-120"], "did you mean 'gen2-box-120'"),
+        (["scene.xml", "--profile", "gen2-box-120"], "--profile is for a port"),
+        (["scene.xml", "--seconds", "0"], "--seconds must be positive"),
+        (["scene.xml", "--vmax", "0"], "vmax must be"),
+        (["scene.xml", "--fps", "-1"], "--fps must be"),
+        (["scene.xml", "--save", "view.txt"], "must end in .rrd"),
+        (["scene.xml", "--save", "there.rrd"], "--force overwrites"),
+        (["scene.xml", "--save", "none/view.rrd"], "folder does not exist"),
+    ],
+)
+def test_bad_input_is_one_line_and_leaves_nothing(words, says, scene, folder, capsys):
+    Path("empty.xml").write_text("<mujoco/>")
+    Path("notes.txt").write_text("notes")
+    Path("there.rrd").write_text("precious")
+    before = sorted(folder.iterdir())
+    if "--save" not in words:
+        words = [*words, "--save", "view.rrd"]
+    if "--seconds" not in words:
+        words = [*words, "--seconds", "1"]
+    assert main(["live", *words]) == 2
+    error = capsys.readouterr().err
+    assert says in error
+    assert error.startswith("paxisim: error: ")
+    assert error.count("\n") == 1
+    assert sorted(folder.iterdir()) == before
+    assert Path("there.rrd").read_text() == "precious"
+
+
+def test_a_damaged_recording_is_refused(folder, capsys):
+    Path("press.npz").write_bytes(b"PK\x03\x04 not a recording")
+    assert main(["live", "press.npz", "--save", "view.rrd"]) == 2
+    assert capsys.readouterr().err.startswith("paxisim: error: ")
+    assert [path.name for path in folder.iterdir()] == ["press.npz"]
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="there is always a display")
+def test_without_a_display_and_without_save_it_says_so(scene, monkeypatch, capsys):
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    assert main(["live", scene]) == 2
+    assert "--save FILE.rrd" in capsys.readouterr().err
+
+
+def test_without_rerun_it_names_the_extra(scene, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "rerun", None)
+    assert main(["live", scene, "--save", "view.rrd"]) == 2
+    assert "pip install 'paxisim[live]'" in capsys.readouterr().err
