@@ -197,6 +197,10 @@ class LogWriter:
         return channel
 
 
+# DataEnd without a checksum, Footer without a summary, and the magic bytes
+_LEAST_END = struct.pack("<BQI", Opcode.DATA_END, 4, 0) + struct.pack("<BQQQI", Opcode.FOOTER, 20, 0, 0, 0) + MCAP0_MAGIC
+
+
 class _WholeWrites:
     """A file that takes each piece of bytes whole, or none of it: what a failed write left behind is cut off.
 
