@@ -13,6 +13,11 @@ from paxisim import errors
         (errors.MissingExtraError, ImportError),
         (errors.OutputExistsError, FileExistsError),
         (errors.UnsupportedError, RuntimeError),
+        (errors.DeviceError, OSError),
+        (errors.DeviceTimeoutError, TimeoutError),
+        (errors.PortNotFoundError, FileNotFoundError),
+        (errors.PortAccessError, PermissionError),
+        (errors.ProtocolError, OSError),
     ],
 )
 def test_every_error_is_also_the_builtin_that_fits(error, builtin):
@@ -22,7 +27,7 @@ def test_every_error_is_also_the_builtin_that_fits(error, builtin):
 
 def test_every_error_of_the_module_is_a_paxisim_error():
     classes = [c for c in vars(errors).values() if isinstance(c, type) and issubclass(c, Exception)]
-    assert len(classes) == 6
+    assert len(classes) == 11
     assert all(issubclass(c, errors.PaxisimError) for c in classes)
 
 

@@ -92,7 +92,7 @@ def _parse(arguments: list[str] | None) -> Callable[[], None]:
         if stop.code in (0, None):
             print(_wrapped(helped.getvalue()))
             raise
-        raise SystemExit(_first_paragraph(said.getvalue())) from None
+        raise SystemExit(_first_paragraphs(said.getvalue())) from None
 
 
 def _deferred(verb: Callable[..., None]) -> Callable[..., Callable[[], None]]:
@@ -123,15 +123,18 @@ def _wrapped(text: str) -> str:
     return "\n".join(textwrap.fill(line, width) if len(line) > width else line for line in text.rstrip().splitlines())
 
 
-def _first_paragraph(boxed: str) -> str:
-    """What tyro says in a box, without the box, up to the first rule or empty line."""
-    words: list[str] = []
+def _first_paragraphs(boxed: str) -> str:
+    """What tyro says in a box, without the box and its rules: what is wrong, and what there is instead."""
+    paragraphs: list[list[str]] = [[]]
     for line in boxed.splitlines()[1:]:
-        text = line.strip("│╭╮╰╯|+ \n")
-        if not text.strip("─- "):
+        text = line.strip("│╭╮╰╯ \n")
+        if text.startswith(("For full helptext", "Got errors")):
             break
-        words += text.split()
-    return " ".join(words).removesuffix(".") + "; see paxisim --help"
+        if text.strip("─- "):
+            paragraphs[-1] += text.split()
+        elif paragraphs[-1]:
+            paragraphs.append([])
+    return "; ".join(" ".join(words).removesuffix(".") for words in paragraphs[:2] if words) + "; see paxisim --help"
 
 
 def _complain(message: str) -> int:

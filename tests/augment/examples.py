@@ -95,9 +95,10 @@ EXAMPLES: dict[str, Example] = {
         linear=True,
     ),
     "Crosstalk": Example(
-        lambda rng: crosstalk.Crosstalk(rng.uniform(-0.05, 0.1, 3), rng.uniform(0.3, 1), rng.uniform(0.5, 2)),
+        lambda rng: crosstalk.Crosstalk(
+            rng.uniform(-0.05, 0.1, 3), rng.uniform(0.3, 1), rng.uniform(0.5, 2), rng.uniform(0.3, 0.9)
+        ),
         linear=True,
-        conserves_force=True,
     ),
     "DeadBand": Example(lambda rng: dead_band.DeadBand(rng.uniform(0.1, 0.3, 3), rng.uniform(0.2, 0.8))),
     "DeadTaxels": Example(

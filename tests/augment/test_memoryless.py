@@ -91,6 +91,14 @@ class TestStiffening:
 
 
 class TestCrosstalk:
+    @pytest.mark.parametrize("taken", [0.0, 0.4, 1.0])
+    def test_what_neighbours_get_is_taken_in_that_share(self, taken):
+        x = np.random.default_rng(0).normal(size=(2, 3, 6, 5))
+        total = x.sum(axis=(-2, -1))
+        gained = Crosstalk((0.1, 0.05, -0.02), taken=0.0)(x).sum(axis=(-2, -1)) - total
+        y = Crosstalk((0.1, 0.05, -0.02), taken=taken)(x)
+        np.testing.assert_allclose(y.sum(axis=(-2, -1)), total + (1 - taken) * gained, atol=1e-12)
+
     def test_neighbours_get_their_share(self):
         s, length, far = 0.05, 0.5, 0.8
         z = Crosstalk((0, 0, s), length, far)(press(3, 3))[0, 2]
