@@ -13,7 +13,7 @@ pytest.importorskip("serial")
 pytest.importorskip("pyarrow")
 pytest.importorskip("rerun")
 
-from paxisim.cli import main  # noqa: E402
+from paxisim.cli import main
 
 README = Path(__file__).parents[1] / "README.md"
 

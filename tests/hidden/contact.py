@@ -26,7 +26,7 @@ def field(motion, where, pose_error=(0.0, 0.0)):
         pressure = 1 / (1 + np.exp((r - motion.width) / (0.12 * motion.width)))
     else:
         radius = motion.width * (0.6 + 0.4 * np.cbrt(np.maximum(motion.normal, 0) / 10))[..., None]
-        pressure = np.sqrt(np.maximum(1 - (r / radius) ** 2, 0)) + 0.02 * np.exp(-(r / radius) ** 2)
+        pressure = np.sqrt(np.maximum(1 - (r / radius) ** 2, 0)) + 0.02 * np.exp(-((r / radius) ** 2))
     pressure /= pressure.sum(axis=-1, keepdims=True)
     normal = motion.normal[..., None] * pressure
     swirl = np.stack([-d[..., 1], d[..., 0]], axis=2) / motion.width * 0.03

@@ -215,7 +215,9 @@ def saturation(rng, pad, strength):
     def apply(f, e):
         size = np.abs(f)
         start = (1 - knee) * limit
-        return np.sign(f) * np.where(size > start, start + knee * limit * np.tanh((size - start) / (knee * limit)), size)
+        return np.sign(f) * np.where(
+            size > start, start + knee * limit * np.tanh((size - start) / (knee * limit)), size
+        )
 
     return apply, {"limit": limit}
 
