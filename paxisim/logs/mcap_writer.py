@@ -198,7 +198,9 @@ class LogWriter:
 
 
 # DataEnd without a checksum, Footer without a summary, and the magic bytes
-_LEAST_END = struct.pack("<BQI", Opcode.DATA_END, 4, 0) + struct.pack("<BQQQI", Opcode.FOOTER, 20, 0, 0, 0) + MCAP0_MAGIC
+_LEAST_END = (
+    struct.pack("<BQI", Opcode.DATA_END, 4, 0) + struct.pack("<BQQQI", Opcode.FOOTER, 20, 0, 0, 0) + MCAP0_MAGIC
+)
 
 
 class _WholeWrites:

@@ -1,8 +1,8 @@
 """Motions that a tactile gripper makes, at 500 Hz: how hard, how far sideways, where, and how far open.
 
-Three families, which differ in shapes of the ramps, order of events and indenters: ``development`` (to build a diagnosis
-with), ``final`` (to judge it by, linear ramps become smooth ones, sines become triangles, a ball becomes an edge), and
-``poor`` (one slow speed, one depth, nothing else: what a careless user records).
+Three families, which differ in shapes of the ramps, order of events and indenters: ``development`` (to build a
+diagnosis with), ``final`` (to judge it by: linear ramps become smooth ones, sines become triangles, a ball becomes an
+edge), and ``poor`` (one slow speed, one depth, nothing else: what a careless user records).
 """
 
 from dataclasses import dataclass
