@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from paxisim.cli.output import progress
+from paxisim.cli.output import progress, size_text
 
 if TYPE_CHECKING:
     from paxisim.logs.stream import Log
@@ -28,7 +28,7 @@ def info(recording: Annotated[Path, tyro.conf.Positional]) -> None:
     progress(f"reading {recording}")
     log = _read(recording)
     size = recording.stat().st_size
-    print(f"{recording}: {size / 1e6:.1f} MB" + ("" if log.complete else ", CUT OFF or damaged: what is whole follows"))
+    print(f"{recording}: {size_text(size)}" + ("" if log.complete else ", CUT OFF or damaged: what is whole follows"))
     for line in _about(log):
         print(textwrap.fill(line, WIDTH, subsequent_indent="  "))
     first = min((stream.nanoseconds[0] for stream in log.streams.values()), default=0)

@@ -52,6 +52,11 @@ def write_output(path: Path, content: str | bytes, force: bool) -> None:
         raise
 
 
+def size_text(size: int) -> str:
+    """A number of bytes for people, e.g. ``"34 kB"``."""
+    return f"{size / 1e3:.0f} kB" if size < 1e6 else f"{size / 1e6:.1f} MB"
+
+
 def png(figure) -> bytes:
     """A matplotlib figure as the bytes of a PNG file."""
     buffer = io.BytesIO()

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from paxisim.cli.output import check_output
+from paxisim.cli.output import check_output, size_text
 from paxisim.errors import InvalidValueError, PaxisimError
 from paxisim.hw.extra_streams import ENTER
 
@@ -134,7 +134,7 @@ def _status(summary: CaptureSummary) -> str:
         f"{summary.rate:6.1f} Hz",
         f"{summary.frames} frames",
         f"{summary.dropped} dropped",
-        f"{summary.size / 1e6:.1f} MB",
+        f"{size_text(summary.size)}",
         f"episode {max(0, summary.episodes - 1)}",
     ]
     return "  ".join(parts + [_source(source) for source in summary.extra if source.label != ENTER])
@@ -147,7 +147,7 @@ def _source(source) -> str:
 
 
 def _report(summary: CaptureSummary, pads: str) -> list[str]:
-    lines = [f"{summary.path}: {_held(summary)} ({summary.rate:.1f} Hz), {pads} taxels, {summary.size / 1e6:.1f} MB"]
+    lines = [f"{summary.path}: {_held(summary)} ({summary.rate:.1f} Hz), {pads} taxels, {size_text(summary.size)}"]
     if summary.dropped or summary.gaps:
         lines.append(
             f"  missing: {summary.dropped} frames dropped, {summary.gaps} gaps of more than half a second, "

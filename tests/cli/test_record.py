@@ -286,7 +286,7 @@ def test_a_terminal_shows_how_it_goes(board):
         pass
     os.close(user)
     assert process.wait(DEADLINE) == 0, shown
-    assert re.search(rb"\r +[\d.]+ s +[\d.]+ Hz  \d+ frames  0 dropped  [\d.]+ MB  episode 0", shown), shown
+    assert re.search(rb"\r +[\d.]+ s +[\d.]+ Hz  \d+ frames  0 dropped  [\d.]+ [kM]B  episode 0", shown), shown
 
 
 def test_an_existing_file_is_replaced_only_if_asked_and_only_by_a_sensor_that_answers(board, folder, capsys):
