@@ -112,7 +112,8 @@ def spread(force: NDArray[np.floating], profile: Profile) -> NDArray[np.floating
     also = "" if pooled.shape == wire.shape else f" or {(pads, *pooled.shape)}"
     raise InvalidValueError(
         f"profile {profile.name!r} has pads of shape {(pads, *wire.shape)}{also} (pads, 3, rows, cols), "
-        f"but the forces are of shape {shape}; a profile file of your own says how many pads there are and how they pool"
+        f"but the forces are of shape {shape}; a profile file of your own says how many pads there are "
+        "and how they pool"
     )
 
 

@@ -67,6 +67,7 @@ def make(causes=(), *, seed, family="development", rows=6, cols=5, pads=2, stren
     for name in order:
         apply, truth[name] = known[name](rng, pad, rng.random() if strength is None else strength)
         effects.append(apply)
+    own_step = nuisance.step
     if "quantisation" in truth:
         nuisance.step = truth["quantisation"]["step"]
 
@@ -82,8 +83,9 @@ def make(causes=(), *, seed, family="development", rows=6, cols=5, pads=2, stren
             changed = apply(changed, Episode(start, move.opening, temperature))
         time, read = sensor.sample(changed, nuisance, rng, motions.RATE)
         at = np.minimum(np.round(time * motions.RATE).astype(int), len(force) - 1)
-        effect_energy += float(np.sum((changed[at] - force[at]) ** 2))
-        noise_energy += float(len(at) * np.sum(nuisance.noise**2 + nuisance.step**2 / 12))
+        coarser = (nuisance.step**2 - own_step**2) / 12  # energy of rounding to more than the device's own step
+        effect_energy += float(np.sum((changed[at] - force[at]) ** 2) + len(at) * nuisance.noise.size * coarser)
+        noise_energy += float(len(at) * np.sum(nuisance.noise**2 + own_step**2 / 12))
         covariates = {"gripper_opening": move.opening[at], "temperature": temperature[at]}
         parts.append((start + time, read, wanted[at], covariates, np.full(len(at), number)))
 

@@ -288,4 +288,4 @@ EFFECTS = {
         taxel_gain, offset, drift, low_pass, latency, dead_band, saturation, quantisation, dead_taxels,
     )
 }  # fmt: skip
-"""By the name a diagnosis should give, in the order in which a sensor applies them; ``layout`` acts on what comes in."""
+"""By the name a diagnosis should give, in the order in which a sensor applies them (`layout`: to what comes in)."""

@@ -1,4 +1,4 @@
-"""Effects that no cause of the vocabulary describes: a diagnosis must say that something is left, not name a neighbour."""
+"""Effects outside the vocabulary of causes: a diagnosis must say that something is left, and not name a neighbour."""
 
 import numpy as np
 
