@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from paxisim.hw.frame import Frame
     from paxisim.hw.profile import Profile
 
+_LATE = 0.1  # seconds by which frames of what was before may still arrive
 _PATIENCE = 5.0  # seconds without a frame
 
 
@@ -116,7 +117,10 @@ def _felt(believed: Profile, step: Step, frames, rest) -> Touch:
 
 def _record(sensor: TactileSensor, seconds: float, live: bool) -> list[Frame]:
     """The frames of the next seconds; if `live`, with a line that shows the pads' total force."""
-    frames = [sensor.latest(_PATIENCE)]
+    first = sensor.latest(_PATIENCE).arrival + _LATE
+    frames = [sensor.read(_PATIENCE)]
+    while frames[0].arrival < first:
+        frames = [sensor.read(_PATIENCE)]
     end, shown = frames[0].arrival + seconds, frames[0].arrival
     while frames[-1].arrival < end or len(frames) < 20:
         frames.append(frame := sensor.read(_PATIENCE))

@@ -1,0 +1,61 @@
+"""``paxisim diagnose``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from paxisim.cli.output import progress
+from paxisim.errors import InvalidValueError, OutputExistsError
+
+
+def diagnose(
+    recording: Annotated[Path, tyro.conf.Positional],
+    output: Annotated[Path, tyro.conf.arg(aliases=["-o"])],
+    *,
+    causes: str = "",
+    seed: int = 0,
+    jobs: int = 1,
+    force: bool = False,
+) -> None:
+    """Say what the simulation gets wrong, why, and what fixing it gains.
+
+    The recording holds what the sensor measured and what the simulation, replaying the same motion, says. Written are
+    diagnosis.json and model.json, the extended sensor model.
+
+    For example:
+
+    paxisim diagnose recording.mcap -o diagnosis/
+
+    Args:
+        recording: An .mcap, .npz or .csv file with measured and simulated tensors.
+        output: The folder to write to; it is made if need be.
+        causes: Only look for these, separated by commas; default: all.
+        seed: Of what is drawn at random.
+        jobs: Processors to use.
+        force: Overwrite a diagnosis that is in the folder.
+    """
+    from paxisim.diagnose.run import diagnose as run
+    from paxisim.recording import Recording
+
+    names = [name.strip() for name in causes.split(",") if name.strip()] or None
+    _check_folder(output, force)
+    progress(f"reading {recording}")
+    found = run(Recording.load(recording), names, seed=seed, jobs=jobs, progress=progress)
+    _check_folder(output, force)
+    found.save(output)
+    print(found)
+    print(f"\n{output / 'diagnosis.json'}: the diagnosis\n{output / 'model.json'}: the extended sensor model")
+
+
+def _check_folder(folder: Path, force: bool) -> None:
+    """Refuse an output before any work is done."""
+    if folder.exists() and not folder.is_dir():
+        raise InvalidValueError(f"the output must be a folder, {folder} is a file")
+    if not folder.absolute().parent.is_dir():
+        raise InvalidValueError(f"the output's folder does not exist: {folder.absolute().parent}")
+    for name in ("diagnosis.json", "model.json"):
+        if (folder / name).exists() and not force:
+            raise OutputExistsError(f"{folder / name} exists; --force overwrites it")
