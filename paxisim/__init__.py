@@ -13,6 +13,7 @@ from paxisim._version import __version__ as __version__
 
 if TYPE_CHECKING:
     from paxisim import augment as augment
+    from paxisim import diagnose as diagnose
     from paxisim.augment.chain import Chain as Chain
     from paxisim.augment.encodings import encoding as encoding
     from paxisim.augment.gcs import GCS as GCS
@@ -113,5 +114,5 @@ _HOMES = {
     "paxisim.viz.quality": ("plot_quality",),
     "paxisim.viz.view": ("view",),
 }
-__getattr__, __dir__, __all__ = lazy(__name__, _HOMES, ("augment",))
-__all__ += ["__version__", "augment"]
+__getattr__, __dir__, __all__ = lazy(__name__, _HOMES, ("augment", "diagnose"))
+__all__ += ["__version__", "augment", "diagnose"]

@@ -47,6 +47,7 @@ PUBLIC = [
     "attach",
     "augment",
     "conform",
+    "diagnose",
     "encoding",
     "find_mounts",
     "find_pads",
@@ -69,7 +70,7 @@ PUBLIC = [
     "set_surface",
     "view",
 ]
-DEFINED = [n for n in PUBLIC if n not in ("__version__", "augment")]
+DEFINED = [n for n in PUBLIC if n not in ("__version__", "augment", "diagnose")]
 AUGMENT = [
     "AxisCoupling",
     "AxisGain",
@@ -115,6 +116,30 @@ AUGMENT = [
     "parameter",
     "parameters",
 ]
+
+
+DIAGNOSE = [
+    "Cause",
+    "Diagnosis",
+    "FittedParameter",
+    "FoundCause",
+    "Free",
+    "HeldOut",
+    "Interval",
+    "LeftOver",
+    "Place",
+    "Symptoms",
+    "diagnose",
+    "known_causes",
+    "register_cause",
+]
+
+
+def test_the_public_names_of_diagnose_are_these():
+    assert callable(paxisim.diagnose)
+    assert sorted(DIAGNOSE) == sorted(paxisim.diagnose.__all__)
+    for name in DIAGNOSE:
+        assert inspect.getdoc(getattr(paxisim.diagnose, name)), f"{name} has no docstring"
 
 
 def test_the_public_names_of_augment_are_these():

@@ -18,6 +18,7 @@ import tyro
 from paxisim.cli.attach import attach
 from paxisim.cli.convert import convert
 from paxisim.cli.demo import demo
+from paxisim.cli.diagnose import diagnose
 from paxisim.cli.emulate import emulate
 from paxisim.cli.info import info
 from paxisim.cli.live import live
@@ -39,6 +40,7 @@ VERBS = {
     "info": info,
     "convert": convert,
     "live": live,
+    "diagnose": diagnose,
 }
 SENSOR_VERBS = {"check": sensor_check, "quality": sensor_quality, "profiles": sensor_profiles}
 

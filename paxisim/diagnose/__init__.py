@@ -1,0 +1,68 @@
+"""Diagnosis: what the simulation gets wrong, why, and what fixing it gains: ``paxisim.diagnose(recording)``.
+
+A recording of measured and simulated tensors goes in, a `Diagnosis` comes out: a verdict, the causes with their fitted
+parameters, what they gain on episodes that took no part, and the extended sensor model. `register_cause` adds a cause
+of one's own.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Sequence
+from types import ModuleType
+from typing import TYPE_CHECKING
+
+from paxisim._lazy import lazy
+
+if TYPE_CHECKING:
+    from paxisim.diagnose.cause import Cause as Cause
+    from paxisim.diagnose.cause import Free as Free
+    from paxisim.diagnose.cause import known_causes as known_causes
+    from paxisim.diagnose.cause import register_cause as register_cause
+    from paxisim.diagnose.diagnosis import Diagnosis as Diagnosis
+    from paxisim.diagnose.diagnosis import FittedParameter as FittedParameter
+    from paxisim.diagnose.diagnosis import FoundCause as FoundCause
+    from paxisim.diagnose.diagnosis import HeldOut as HeldOut
+    from paxisim.diagnose.diagnosis import Interval as Interval
+    from paxisim.diagnose.diagnosis import LeftOver as LeftOver
+    from paxisim.diagnose.diagnosis import Place as Place
+    from paxisim.diagnose.diagnosis import Symptoms as Symptoms
+    from paxisim.diagnose.run import diagnose as diagnose
+    from paxisim.recording import Recording
+
+_HOMES = {
+    "paxisim.diagnose.cause": ("Cause", "Free", "known_causes", "register_cause"),
+    "paxisim.diagnose.diagnosis": (
+        "Diagnosis",
+        "FittedParameter",
+        "FoundCause",
+        "HeldOut",
+        "Interval",
+        "LeftOver",
+        "Place",
+        "Symptoms",
+    ),
+    "paxisim.diagnose.run": ("diagnose",),
+}
+__getattr__, __dir__, __all__ = lazy(__name__, _HOMES)
+
+
+class _Callable(ModuleType):
+    """The package as a function: importing any of its modules puts the package where ``paxisim.diagnose`` looks."""
+
+    def __call__(
+        self,
+        recording: Recording,
+        causes: Sequence[str] | None = None,
+        *,
+        seed: int = 0,
+        jobs: int = 1,
+        progress: Callable[[str], None] | None = None,
+    ) -> Diagnosis:
+        """See `paxisim.diagnose.run.diagnose`."""
+        from paxisim.diagnose.run import diagnose
+
+        return diagnose(recording, causes, seed=seed, jobs=jobs, progress=progress)
+
+
+sys.modules[__name__].__class__ = _Callable

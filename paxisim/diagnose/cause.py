@@ -1,0 +1,117 @@
+"""Cause: a transform and what is needed to search for it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from paxisim.augment.transform import Transform
+from paxisim.diagnose.problem import Problem
+from paxisim.errors import InvalidValueError, UnknownNameError
+
+Values = Sequence[float]
+
+MANY = 5.0
+"""What a cause with a number for each taxel or channel costs, see `Cause`."""
+
+TAXEL_GAIN = "taxel_gain"
+"""The one cause with a number for each taxel; it is fitted in closed form."""
+
+
+@dataclass(frozen=True)
+class Free:
+    """One number that is fitted.
+
+    Attributes:
+        name: What it is called in a report.
+        unit: Its unit, ``"1"`` for a pure number.
+        neutral: The value at which the cause does nothing, or at which it does not matter.
+        low: Least value.
+        high: Largest value.
+        scale: By how much it typically moves; the search steps in these units.
+        material: A cause is named only if one of its numbers is this far from neutral; None for a number that it is not
+            named for, such as a time constant.
+    """
+
+    name: str
+    unit: str
+    neutral: float
+    low: float
+    high: float
+    scale: float
+    material: float | None = None
+
+
+@dataclass(frozen=True)
+class Cause:
+    """Something that a sensor does and the simulation lacks.
+
+    Attributes:
+        name: As it appears in a diagnosis.
+        order: Where it sits in the chain, smaller is nearer to the contact.
+        free: What is fitted, given the problem (its peak force, its number of pads ...).
+        make: The transform with these values, in the order of `free`.
+        probes: Sets of values whose effects, taken together, span what the cause can do while it is small. The search
+            ranks causes by them; give several where the effect changes its shape, as with time constants. None for a
+            cause that is not searched for but read off the data.
+        covariate: Name of the covariate that it needs, empty for none.
+        simpler: Names of causes that it can imitate with fewer numbers; it is named only if it does better than they.
+        ahead: By what share of its gain it must be better than those.
+        costs: How many times the energy that matters it must bring: more than 1 for one with many numbers, in which
+            what no calibration has removed gathers.
+        beyond: How far `values` are from what those could do, in units of what matters: at least 1 to be named.
+    """
+
+    name: str
+    order: float
+    free: Callable[[Problem], tuple[Free, ...]]
+    make: Callable[[Values, Problem], Transform]
+    probes: Callable[[Problem], Sequence[Values]] | None
+    covariate: str = ""
+    simpler: tuple[str, ...] = ()
+    ahead: float = 0.08
+    costs: float = 1.0
+    beyond: Callable[[Values, Problem], float] = lambda values, problem: np.inf
+
+    def is_material(self, values: Values, problem: Problem) -> bool:
+        """Whether some number is far enough from neutral to matter."""
+        free = self.free(problem)
+        if not free:
+            return self.beyond(values, problem) >= 1
+        pairs = zip(values, free, strict=True)
+        return any(f.material is not None and abs(v - f.neutral) >= f.material for v, f in pairs)
+
+
+_CAUSES: dict[str, Cause] = {}
+
+
+def register_cause(cause: Cause) -> None:
+    """Add a cause to those that are searched for from now on.
+
+    Raises:
+        InvalidValueError: There is one of that name already.
+    """
+    if cause.name in _CAUSES:
+        raise InvalidValueError(f"there is a cause {cause.name!r} already; choose another name")
+    _CAUSES[cause.name] = cause
+
+
+def known_causes() -> tuple[str, ...]:
+    """The names of all causes, in the order of the chain."""
+    from paxisim.diagnose import causes as _  # noqa: F401  # registers ours
+
+    return tuple(sorted(_CAUSES, key=lambda name: _CAUSES[name].order))
+
+
+def cause(name: str) -> Cause:
+    """The cause of that name.
+
+    Raises:
+        UnknownNameError: There is none.
+    """
+    known = known_causes()
+    if name not in known:
+        raise UnknownNameError("cause", name, known)
+    return _CAUSES[name]

@@ -1,0 +1,254 @@
+"""The causes that come with paxisim, but for those that are read off the data (`checks`)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from paxisim import augment
+from paxisim.augment.transform import Transform
+from paxisim.diagnose.cause import MANY, TAXEL_GAIN, Cause, Free, Values, register_cause
+from paxisim.diagnose.problem import Problem
+from paxisim.errors import InvalidValueError
+
+AXES = "xyz"
+
+
+def _unit(size: int, index: int, neutral: float, step: float) -> list[float]:
+    values = [neutral] * size
+    values[index] += step
+    return values
+
+
+def _gains(problem: Problem) -> tuple[Free, ...]:
+    return tuple(Free(f"gain_{axis}", "1", 1.0, 0.2, 5.0, 0.1, 0.015) for axis in AXES)
+
+
+register_cause(
+    Cause(
+        "axis_gain",
+        60,
+        _gains,
+        lambda v, p: augment.AxisGain(tuple(v)),
+        lambda p: [_unit(3, k, 1.0, 0.1) for k in range(3)],
+    )
+)
+
+register_cause(
+    Cause(
+        "stiffening",
+        10,
+        lambda p: (
+            Free("exponent", "1", 1.0, 0.4, 2.0, 0.1, 0.008),
+            Free("scale", "N", 0.6 * p.peak, 0.02 * p.peak, 20 * p.peak, 0.3 * p.peak),
+        ),
+        lambda v, p: augment.Stiffening(v[0], v[1]),
+        lambda p: [(0.9, 0.6 * p.peak), (0.9, 0.1 * p.peak)],
+        simpler=("axis_gain",),
+        beyond=lambda v, p: abs(v[0] - 1) / 0.008,
+    )
+)
+
+register_cause(
+    Cause(
+        "creep",
+        20,
+        lambda p: (
+            Free("amplitude_1", "1", 0.0, -0.5, 1.0, 0.05, 0.012),
+            Free("tau_1", "s", 0.6, 0.05, 20.0, 0.4),
+            Free("amplitude_2", "1", 0.0, -0.5, 1.0, 0.05, 0.012),
+            Free("tau_2", "s", 5.0, 0.2, 200.0, 3.0),
+        ),
+        lambda v, p: augment.Creep((v[0], v[2]), (v[1], v[3])),
+        lambda p: [(0.1, tau, 0.0, 1.0) for tau in (0.3, 1.0, 3.0, 10.0)],
+    )
+)
+
+_RADII = (0.02, 0.06, 0.15, 0.4)  # of the peak
+
+register_cause(
+    Cause(
+        "hysteresis",
+        30,
+        lambda p: tuple(Free(f"weight_{r:g}_peak", "1", 0.0, 0.0, 0.24, 0.05, 0.02) for r in _RADII),
+        lambda v, p: augment.Hysteresis(tuple(v), tuple(r * p.peak for r in _RADII)),
+        lambda p: [_unit(4, i, 0.0, 0.1) for i in range(4)],
+    )
+)
+
+register_cause(
+    Cause(
+        "poisson",
+        40,
+        lambda p: (Free("cx", "1", 0.0, 0.0, 1.0, 0.05, 0.012), Free("cy", "1", 0.0, 0.0, 1.0, 0.05, 0.012)),
+        lambda v, p: augment.Poisson(v[0], v[1], reach=2.9),
+        lambda p: [(0.1, 0.0), (0.0, 0.1)],
+    )
+)
+
+register_cause(
+    Cause(
+        "crosstalk",
+        41,
+        lambda p: (
+            Free("strength", "1", 0.0, -0.3, 0.3, 0.02, 0.003),
+            Free("far", "1", 0.5, 0.0, 10.0, 0.5),
+            Free("taken", "1", 0.5, 0.0, 1.0, 0.3),
+        ),
+        lambda v, p: augment.Crosstalk(v[0], length=1.0, far=v[1], taken=v[2]),
+        lambda p: [(0.02, 0.0, 0.0), (0.02, 1.0, 0.0), (0.02, 1.0, 1.0)],
+        simpler=("axis_gain",),
+        beyond=lambda v, p: abs(v[0]) / 0.003,
+    )
+)
+
+_OFF = [(i, j) for i in range(3) for j in range(3) if i != j]
+
+
+def _coupling(values: Values) -> augment.AxisCoupling:
+    matrix = np.eye(3)
+    for (i, j), value in zip(_OFF, values, strict=True):
+        matrix[i, j] = value
+    return augment.AxisCoupling(matrix)
+
+
+register_cause(
+    Cause(
+        "axis_coupling",
+        50,
+        lambda p: tuple(Free(f"{AXES[j]}_to_{AXES[i]}", "1", 0.0, -0.6, 0.6, 0.05, 0.012) for i, j in _OFF),
+        lambda v, p: _coupling(v),
+        lambda p: [_unit(6, i, 0.0, 0.1) for i in range(6)],
+        simpler=("rotation",),
+        ahead=0.006,
+        beyond=lambda v, p: np.abs(_coupling(v).matrix + _coupling(v).matrix.T - 2 * np.eye(3)).max() / 0.03,
+    )
+)
+
+register_cause(
+    Cause(
+        "rotation",
+        51,
+        lambda p: tuple(Free(f"about_{axis}", "rad", 0.0, -0.6, 0.6, 0.05, 0.012) for axis in AXES),
+        lambda v, p: augment.Rotation((tuple(v),)),
+        lambda p: [_unit(3, k, 0.0, 0.05) for k in range(3)],
+    )
+)
+
+
+def _interference(values: Values, problem: Problem) -> augment.Interference:
+    pads = problem.measured.shape[1]
+    linear, quadratic = np.reshape(values, (2, pads, 3))
+    return augment.Interference(linear, quadratic)
+
+
+def _interference_free(problem: Problem) -> tuple[Free, ...]:
+    pads = problem.measured.shape[1]
+    names = [f"pad{p}_{axis}" for p in range(pads) for axis in AXES]
+    linear = [Free(f"linear_{n}", "N/m", 0.0, -1e4, 1e4, 1.0, 0.4) for n in names]
+    return (*linear, *[Free(f"quadratic_{n}", "N/m^2", 0.0, -1e6, 1e6, 50.0) for n in names])
+
+
+register_cause(
+    Cause(
+        "interference",
+        55,
+        _interference_free,
+        _interference,
+        lambda p: (
+            [_unit(6 * p.measured.shape[1], i, 0.0, 1.0) for i in range(3 * p.measured.shape[1])]
+            + [
+                _unit(6 * p.measured.shape[1], i, 0.0, 50.0)
+                for i in range(3 * p.measured.shape[1], 6 * p.measured.shape[1])
+            ]
+        ),
+        covariate="gripper_opening",
+    )
+)
+
+register_cause(
+    Cause(
+        "low_pass",
+        70,
+        lambda p: (Free("tau_1", "s", 0.0, 0.0, 2.0, 0.02, 0.003), Free("tau_2", "s", 0.0, 0.0, 2.0, 0.02, 0.003)),
+        lambda v, p: augment.Chain([augment.LowPass(v[0]), augment.LowPass(v[1])]),
+        lambda p: [(0.01, 0.005), (0.03, 0.02), (0.1, 0.05)],
+    )
+)
+
+
+def _capacity(problem: Problem, delay: float) -> int:
+    """Frames that a latency must keep, so that none between now and then is left out."""
+    dt = float(np.median(np.diff(problem.time[problem.episodes[0]])))
+    return int(max(16, 4 * delay / dt + 4))
+
+
+register_cause(
+    Cause(
+        "latency",
+        71,
+        lambda p: (Free("delay", "s", 0.0, 0.0, 0.5, 0.02, 0.003),),
+        lambda v, p: augment.Latency(v[0], capacity=_capacity(p, v[0])),
+        lambda p: [(0.01,), (0.03,), (0.1,)],
+    )
+)
+
+register_cause(
+    Cause(
+        "dead_band",
+        80,
+        lambda p: (
+            Free("width", "N", 0.0, 0.0, 1.0, 0.05, max(0.025, 0.55 * p.step)),
+            Free("shrink", "1", 0.0, 0.0, 1.0, 0.3),
+        ),
+        lambda v, p: augment.DeadBand(v[0], v[1]),
+        lambda p: [(0.06, 0.0), (0.12, 0.0), (0.2, 0.0), (0.3, 0.0)],
+    )
+)
+
+register_cause(
+    Cause(
+        "saturation",
+        81,
+        lambda p: (
+            Free("limit", "N", 1.2 * p.peak, 0.15 * p.peak, 3 * p.peak, 0.1 * p.peak, 0.2 * p.peak),
+            Free("softness", "1", 0.3, 0.0, 1.0, 0.2),
+        ),
+        lambda v, p: augment.Saturation(-v[0], v[0], v[1]),
+        lambda p: [(0.5 * p.peak, 0.2), (0.7 * p.peak, 0.2), (0.9 * p.peak, 0.2)],
+    )
+)
+
+
+def _spread(gains: Values, problem: Problem) -> float:
+    """Of the taxels' gains, by how hard each was pressed on, in units of what matters."""
+    load = np.sum((problem.simulated * problem.weight) ** 2, axis=(0, 2))
+    mean = np.average(gains, weights=load)
+    return float(np.sqrt(np.average((np.asarray(gains) - mean) ** 2, weights=load)) / 0.022)
+
+
+register_cause(
+    Cause(
+        TAXEL_GAIN,
+        75,  # filters commute with it, and a filter's fit is then not held up by that of so many gains
+        lambda p: (),
+        lambda v, p: augment.TaxelGain(np.asarray(v)),
+        None,
+        simpler=("axis_gain",),
+        ahead=0.25,
+        costs=MANY,
+        beyond=_spread,
+    )
+)
+
+
+def _read(name: str, order: float) -> Cause:
+    """One that `checks` reads off the data."""
+
+    def make(values: Values, problem: Problem) -> Transform:
+        raise InvalidValueError(f"{name} is read off the data, it is not made from numbers")
+
+    return Cause(name, order, lambda p: (), make, None)
+
+
+for _name, _order in (("layout", 0), ("offset", 76), ("drift", 77), ("quantisation", 90), ("dead_taxels", 95)):
+    register_cause(_read(_name, _order))

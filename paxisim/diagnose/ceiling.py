@@ -1,0 +1,100 @@
+"""Ceiling: what a black box, which names nothing, would explain of the error on the same held-out episodes."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from paxisim.diagnose.heldout import folds_of
+from paxisim.diagnose.problem import FloatArray, Problem
+from paxisim.errors import MissingExtraError
+
+CHANNELS = 12  # for each axis
+ROWS = 12_000  # numbers that are learned from, for each axis
+FRAMES = 4000  # that are judged, at most
+LAGS = (1, 2, 4, 8)  # frames
+
+Places = tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]
+
+
+def ceiling(problem: Problem, simulated: FloatArray, seed: int, jobs: int = 1) -> FloatArray:
+    """``(episodes,)`` squared errors (N^2) of gradient boosting on the simulation and its past.
+
+    The boosting learns, for each axis, the difference of measurement and simulation from the taxel's force on all axes
+    and its past, the pad's total force, the time and the covariates. To be done in seconds it sees the most loaded
+    taxels and a part of the frames; the error of the other taxels is taken to fall alike.
+
+    Args:
+        problem: The recording.
+        simulated: ``(T, pads, 3, rows, cols)`` the simulation, N.
+        seed: Of the boosting and of what it sees.
+        jobs: Processors it may use.
+
+    Raises:
+        MissingExtraError: scikit-learn is not installed.
+    """
+    try:
+        import sklearn.ensemble as _  # noqa: F401
+        from threadpoolctl import threadpool_limits  # comes with scikit-learn
+    except ImportError as error:
+        raise MissingExtraError("scikit-learn", "diagnose", "the black-box ceiling") from error
+    difference = problem.measured - simulated
+    inputs, places = _inputs(problem, simulated)
+    after = np.zeros(len(problem.episodes))
+    with threadpool_limits(limits=jobs):
+        for axis in range(3):
+            pad, row, col = places
+            alive = problem.alive[pad, axis, row, col]
+            before = [
+                np.sum(difference[span][:, :, axis] ** 2, where=problem.alive[:, axis]) for span in problem.episodes
+            ]
+            left = 1.0
+            if alive.any():
+                wanted = difference[:, :, axis][:, pad, row, col].T[alive]  # (C, T)
+                left = _left(problem, inputs[alive], wanted, seed)
+            after += np.array(before) * left
+    return after
+
+
+def _left(problem: Problem, inputs: FloatArray, wanted: FloatArray, seed: int) -> FloatArray:
+    """``(episodes,)`` the share of the squares of `wanted` ``(C, T)`` that is left where it was held out."""
+    from sklearn.ensemble import HistGradientBoostingRegressor
+
+    rng = np.random.default_rng(seed)
+    count = len(problem.episodes)
+    episode = np.concatenate([np.full(span.stop - span.start, e) for e, span in enumerate(problem.episodes)])
+    judged = np.arange(len(episode)) % max(1, len(episode) // FRAMES) == 0
+    left = np.ones(count)
+    for fold in folds_of(problem):
+        train = ~np.isin(episode, fold) if count > 1 else np.ones(len(episode), dtype=bool)
+        x, y = inputs[:, train].reshape(-1, inputs.shape[-1]), wanted[:, train].ravel()
+        pick = rng.choice(len(y), min(len(y), ROWS), replace=False)
+        model = HistGradientBoostingRegressor(max_iter=60, max_leaf_nodes=24, min_samples_leaf=40, random_state=seed)
+        model.fit(x[pick], y[pick])
+        for number in fold:
+            here = judged & (episode == number)
+            true = wanted[:, here]
+            guess = model.predict(inputs[:, here].reshape(-1, inputs.shape[-1])).reshape(true.shape)
+            left[number] = np.sum((true - guess) ** 2) / max(float(np.sum(true**2)), 1e-12)
+    return left
+
+
+def _inputs(problem: Problem, x: FloatArray) -> tuple[FloatArray, Places]:
+    """``(C, T, D)`` inputs of the most loaded taxels, and their pads, rows and columns."""
+    load = np.sqrt(np.mean(x**2, axis=(0, 2)))
+    order = np.argsort(load.ravel())[::-1][:CHANNELS]
+    pad, row, col = np.unravel_index(order, load.shape)
+    own = x[:, pad, :, row, col]  # (C, T, 3): what is picked comes first
+    columns = [own]
+    for lag in LAGS:
+        late = own.copy()
+        for span in problem.episodes:
+            first = min(span.start + lag, span.stop)
+            late[:, first : span.stop] = own[:, span.start : span.stop - lag] if first < span.stop else 0.0
+            late[:, span.start : first] = own[:, span.start : span.start + 1]
+        columns.append(late)
+    columns.append(np.moveaxis(x.sum(axis=(3, 4)), 0, 1)[pad])  # the pad's total
+    for values in (problem.time - problem.time[0], *problem.covariates.values()):
+        columns.append(np.broadcast_to(values[None, :, None], (*own.shape[:2], 1)))
+    columns.append(np.broadcast_to(np.arange(len(order), dtype=float)[:, None, None], (*own.shape[:2], 1)))
+    return np.concatenate(columns, axis=-1), (pad, row, col)

@@ -1,0 +1,373 @@
+"""Diagnosis: what was found, as a person reads it and as files hold it."""
+
+from __future__ import annotations
+
+import json
+import math
+import textwrap
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+from paxisim.augment.chain import Chain
+from paxisim.errors import InvalidValueError
+from paxisim.logs.atomic import whole_file
+
+FORMAT = "paxisim-diagnosis/1"
+WIDTH = 80
+
+Verdict = Literal["no_discrepancy", "explained", "ambiguous", "partly_explained", "unexplained"]
+
+SENTENCES: Mapping[str, str] = {
+    "no_discrepancy": "The simulation agrees with the measurement within noise and tolerances.",
+    "explained": "The causes below explain the difference; nothing of note is left over.",
+    "ambiguous": "The causes below explain the difference, but so do their rivals: record what is advised.",
+    "partly_explained": "The causes below explain a part; what is left over has structure.",
+    "unexplained": "The measurement differs from the simulation, and no known cause explains it.",
+}
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A number with what it may be.
+
+    Attributes:
+        value: The estimate.
+        low: Lower end of the 90 % interval, None if the recording gives none (one episode).
+        high: Upper end.
+    """
+
+    value: float
+    low: float | None = None
+    high: float | None = None
+
+    def __str__(self) -> str:
+        """``0.12 [0.10, 0.14]``."""
+        if self.low is None or self.high is None:
+            return f"{self.value:.3g}"
+        return f"{self.value:.3g} [{self.low:.3g}, {self.high:.3g}]"
+
+
+@dataclass(frozen=True)
+class FittedParameter:
+    """A parameter of a cause.
+
+    Attributes:
+        name: As the cause calls it.
+        unit: Its unit, ``"1"`` for a pure number.
+        value: The fit, with its 90 % interval.
+    """
+
+    name: str
+    unit: str
+    value: Interval
+
+
+@dataclass(frozen=True)
+class FoundCause:
+    """A cause that the recording asks for.
+
+    Attributes:
+        name: As in `known_causes`.
+        parameters: Fitted, with units and intervals.
+        gain: What it takes off the held-out energy of the error, as a share of the explainable error, if it is the last
+            to be added; with its interval.
+        rivals: Causes that would do as well in its place.
+        evidence: Why it is named, in a sentence.
+    """
+
+    name: str
+    parameters: tuple[FittedParameter, ...]
+    gain: Interval
+    rivals: tuple[str, ...]
+    evidence: str
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """How far off the simulation is, in episodes that took no part in the fit.
+
+    RMSE is over all channels that answer and all samples, divided by the root mean square of the measured force.
+
+    Attributes:
+        nrmse_before: Of the simulation as it was.
+        nrmse_after: Of the extended model.
+        noise_floor: What noise and rounding alone would leave.
+        noise_source: "repeated motions" or "high-frequency differences".
+        explained: Share of the explainable error (that above the floor, in energy) that the model explains; None where
+            there is nothing to explain.
+        gain_per_episode: Share of each episode's error energy that the model removes.
+        ceiling_nrmse: Of a black box (gradient boosting on lagged inputs), None if it was not run.
+        ceiling_explained: The share that the black box explains.
+        note: Why a figure is missing or to be read with care; empty if there is nothing to say.
+    """
+
+    nrmse_before: float
+    nrmse_after: float
+    noise_floor: float
+    noise_source: str
+    explained: Interval | None
+    gain_per_episode: tuple[float, ...]
+    ceiling_nrmse: float | None = None
+    ceiling_explained: float | None = None
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Place:
+    """A share of the error's energy, before and after.
+
+    Attributes:
+        where: A pad, an axis, a taxel, a phase, a band of frequencies or a covariate.
+        before: Share of the error's energy above the noise that the simulation has there.
+        after: What the extended model leaves there, as a share of the same total.
+    """
+
+    where: str
+    before: float
+    after: float
+
+
+@dataclass(frozen=True)
+class LeftOver:
+    """Structure in what the model leaves.
+
+    Attributes:
+        what: In words.
+        statistic: How strong it is.
+        limit: From where on it counts.
+    """
+
+    what: str
+    statistic: float
+    limit: float
+
+
+@dataclass(frozen=True)
+class Symptoms:
+    """Where the error lives, and what is wrong with the recording itself.
+
+    Attributes:
+        warnings: What is wrong with the recording or to be read with care.
+        left_over: Structure in what the model leaves.
+        pads: Shares by pad.
+        axes: By axis.
+        taxels: The ten worst.
+        phases: Free, loading, holding, unloading, sliding.
+        frequencies: By band.
+        covariates: Squared correlation of the error with each covariate.
+    """
+
+    warnings: tuple[str, ...] = ()
+    left_over: tuple[LeftOver, ...] = ()
+    pads: tuple[Place, ...] = ()
+    axes: tuple[Place, ...] = ()
+    taxels: tuple[Place, ...] = ()
+    phases: tuple[Place, ...] = ()
+    frequencies: tuple[Place, ...] = ()
+    covariates: tuple[Place, ...] = ()
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What the simulation gets wrong, why, and what fixing it gains. Print it to read it.
+
+    Attributes:
+        verdict: "no_discrepancy", "explained", "ambiguous" (rivals that the data cannot tell apart), "partly_explained"
+            (named causes, and structure left over) or "unexplained".
+        causes: In the order of their gain.
+        heldout: Figures on episodes that took no part in the fit.
+        confidence: Of each cause, 0 to 1: how often its gain still matters when episodes are drawn anew, shared with
+            its rivals, and halved where structure is left over.
+        not_testable: Causes that this recording cannot show, and why.
+        symptoms: Where the error lives.
+        advice: What to record next.
+        model: The extended sensor model.
+    """
+
+    verdict: Verdict
+    causes: tuple[FoundCause, ...]
+    heldout: HeldOut
+    confidence: Mapping[str, float]
+    not_testable: Mapping[str, str]
+    symptoms: Symptoms
+    advice: tuple[str, ...]
+    model: Chain = field(default_factory=Chain)
+
+    def to_json(self) -> str:
+        """The diagnosis as JSON text; a number that is not finite becomes null."""
+        document = {
+            "format": FORMAT,
+            "verdict": self.verdict,
+            "causes": [asdict(cause) for cause in self.causes],
+            "heldout": asdict(self.heldout),
+            "confidence": dict(self.confidence),
+            "not_testable": dict(self.not_testable),
+            "symptoms": asdict(self.symptoms),
+            "advice": list(self.advice),
+            "model": json.loads(self.model.to_json()),
+        }
+        return json.dumps(_finite(document), indent=1, allow_nan=False)
+
+    @classmethod
+    def from_json(cls, text: str) -> Diagnosis:
+        """The diagnosis that `to_json` wrote.
+
+        Raises:
+            InvalidValueError: The text is not one.
+        """
+        try:
+            document = json.loads(text)
+        except json.JSONDecodeError as error:
+            raise InvalidValueError(f"a diagnosis must be JSON: {error}") from error
+        if not isinstance(document, dict) or document.get("format") != FORMAT:
+            raise InvalidValueError(f"expected a JSON object of format {FORMAT!r}")
+        try:
+            return cls(
+                verdict=document["verdict"],
+                causes=tuple(_cause(item) for item in document["causes"]),
+                heldout=_heldout(document["heldout"]),
+                confidence=document["confidence"],
+                not_testable=document["not_testable"],
+                symptoms=_symptoms(document["symptoms"]),
+                advice=tuple(document["advice"]),
+                model=Chain.from_json(json.dumps(document["model"])),
+            )
+        except (KeyError, TypeError, AttributeError) as error:
+            raise InvalidValueError(f"the diagnosis lacks or misuses a field: {error}") from error
+
+    def save(self, folder: str | Path) -> None:
+        """Write ``diagnosis.json`` and ``model.json`` into `folder`, which is made if need be.
+
+        Each file is written whole or not at all; ``model.json`` is what `Chain.load` reads.
+
+        Raises:
+            OSError: The folder or a file in it cannot be written.
+        """
+        folder = Path(folder)
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, text in self.files().items():
+            with whole_file(folder / name) as path:
+                path.write_text(text, encoding="utf-8")
+
+    def files(self) -> dict[str, str]:
+        """What `save` writes, by file name."""
+        return {"model.json": self.model.to_json() + "\n", "diagnosis.json": self.to_json() + "\n"}
+
+    @classmethod
+    def load(cls, folder: str | Path) -> Diagnosis:
+        """Read what `save` wrote; raises as `from_json` does."""
+        return cls.from_json((Path(folder) / "diagnosis.json").read_text(encoding="utf-8"))
+
+    def __str__(self) -> str:
+        """The table that a person reads, 80 columns wide."""
+        lines = [f"Verdict: {self.verdict}", *_wrap(SENTENCES[self.verdict], "  ")]
+        lines += [line for warning in self.symptoms.warnings for line in _wrap(f"Warning: {warning}", "")]
+        lines += ["", *_table(self)] if self.causes else []
+        lines += ["", *_figures(self.heldout)]
+        if self.symptoms.left_over:
+            lines += ["", "Left over"]
+            lines += [line for item in self.symptoms.left_over for line in _wrap(f"- {item.what}", "  ")]
+        if any((self.symptoms.axes, self.symptoms.phases)) and self.verdict != "no_discrepancy":
+            lines += ["", "Where the error lives (share of its energy: before -> after)", *_places(self.symptoms)]
+        if self.not_testable:
+            lines += ["", "Not testable with this recording"]
+            for reason in dict.fromkeys(self.not_testable.values()):
+                names = ", ".join(name for name, why in self.not_testable.items() if why == reason)
+                lines += _wrap(f"- {names}: {reason}", "  ")
+        if self.advice:
+            lines += ["", "Record next"]
+            lines += [line for item in self.advice for line in _wrap(f"- {item}", "  ")]
+        return "\n".join(lines)
+
+
+def _wrap(text: str, indent: str) -> list[str]:
+    return textwrap.wrap(text, WIDTH, initial_indent=indent, subsequent_indent=indent + "  ")
+
+
+def _table(diagnosis: Diagnosis) -> list[str]:
+    lines = [f"{'Cause':<16}{'held-out gain':<26}{'confidence':>10}  rivals"]
+    for cause in diagnosis.causes:
+        rivals = ", ".join(cause.rivals) or "none"
+        head = f"{cause.name[:15]:<16}{_percent(cause.gain):<26}{diagnosis.confidence.get(cause.name, 0):>10.0%}  "
+        first, *rest = textwrap.wrap(rivals, WIDTH - len(head))
+        lines += [head + first, *[" " * len(head) + line for line in rest]]
+        lines += _wrap(_parameters(cause.parameters), "  ") + _wrap(cause.evidence, "  ")
+    return lines
+
+
+def _percent(value: Interval) -> str:
+    if value.low is None or value.high is None:
+        return f"{value.value:.1%}"
+    return f"{value.value:.1%} [{value.low:.1%}, {value.high:.1%}]"
+
+
+def _parameters(parameters: tuple[FittedParameter, ...]) -> str:
+    """The parameters in a line; many are summed up by their range."""
+    if len(parameters) > 8:
+        values = [p.value.value for p in parameters]
+        unit = "" if parameters[0].unit == "1" else f" {parameters[0].unit}"
+        return f"{len(parameters)} parameters from {min(values):.3g} to {max(values):.3g}{unit}"
+    return ", ".join(f"{p.name} {p.value}{'' if p.unit == '1' else ' ' + p.unit}" for p in parameters)
+
+
+def _figures(heldout: HeldOut) -> list[str]:
+    ceiling = "not run" if heldout.ceiling_nrmse is None else f"{heldout.ceiling_nrmse:.1%}"
+    share = "nothing to explain" if heldout.explained is None else _percent(heldout.explained)
+    lines = [
+        "Held-out error (normalised RMSE)",
+        f"  simulation {heldout.nrmse_before:.1%}, extended model {heldout.nrmse_after:.1%}, "
+        f"noise floor {heldout.noise_floor:.1%}",
+        f"  explained of what can be: {share}",
+        f"  black box: {ceiling}"
+        + (f", explains {heldout.ceiling_explained:.1%}" if heldout.ceiling_explained is not None else ""),
+    ]
+    return lines + (_wrap(heldout.note, "  ") if heldout.note else [])
+
+
+def _places(symptoms: Symptoms) -> list[str]:
+    lines = []
+    for title in ("pads", "axes", "phases", "frequencies", "taxels"):
+        places: tuple[Place, ...] = getattr(symptoms, title)
+        shown = sorted(places, key=lambda place: -place.before)[:4]
+        text = ", ".join(f"{place.where} {place.before:.0%} -> {place.after:.0%}" for place in shown)
+        lines += _wrap(f"{title}: {text}", "  ") if text else []
+    return lines
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {name: _finite(item) for name, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def _interval(document: Mapping[str, Any] | None) -> Interval | None:
+    return None if document is None else Interval(**document)
+
+
+def _cause(document: Mapping[str, Any]) -> FoundCause:
+    parameters = tuple(FittedParameter(p["name"], p["unit"], Interval(**p["value"])) for p in document["parameters"])
+    return FoundCause(
+        document["name"], parameters, Interval(**document["gain"]), tuple(document["rivals"]), document["evidence"]
+    )
+
+
+def _heldout(document: Mapping[str, Any]) -> HeldOut:
+    changed = {
+        "explained": _interval(document["explained"]),
+        "gain_per_episode": tuple(document["gain_per_episode"]),
+    }
+    return HeldOut(**{**document, **changed})
+
+
+def _symptoms(document: Mapping[str, Any]) -> Symptoms:
+    made: dict[str, Any] = {"warnings": tuple(document["warnings"])}
+    made["left_over"] = tuple(LeftOver(**item) for item in document["left_over"])
+    for name in ("pads", "axes", "taxels", "phases", "frequencies", "covariates"):
+        made[name] = tuple(Place(**item) for item in document[name])
+    return Symptoms(**made)

@@ -1,0 +1,102 @@
+"""Intervals of fitted parameters, wide enough for errors that episodes and channels have in common."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+from scipy.stats import t as student
+
+from paxisim.diagnose.cause import TAXEL_GAIN, cause
+from paxisim.diagnose.diagnosis import FittedParameter, Interval
+from paxisim.diagnose.engine import Explanation, Named
+from paxisim.diagnose.fitting import predict
+from paxisim.diagnose.problem import FloatArray
+
+LEVEL = 0.9
+_STEP = 0.02  # of a parameter's scale, to see what it does
+
+
+def parameters_of(found: Explanation) -> Mapping[str, tuple[FittedParameter, ...]]:
+    """By cause, its fitted numbers with units and 90 % intervals."""
+    spreads = _spreads(found)
+    return {named.name: tuple(_parameters(found, named, spreads)) for named in found.found}
+
+
+def _parameters(
+    found: Explanation, named: Named, spreads: Mapping[tuple[str, str], float]
+) -> Iterator[FittedParameter]:
+    free = {item.name: item for item in cause(named.name).free(found.problem)}
+    for name, value in named.values.items():
+        item = free.get(name)
+        if item is not None and np.ndim(value) == 0:
+            reach = spreads.get((named.name, name))
+            number = float(value)
+            if reach is None:
+                yield FittedParameter(name, item.unit, Interval(number))
+            else:
+                low, high = max(number - reach, item.low), min(number + reach, item.high)
+                yield FittedParameter(name, item.unit, Interval(number, low, high))
+            continue
+        unit = "1" if named.name in (TAXEL_GAIN, "dead_taxels") and name != "value" else "N"
+        unit = "s" if name == "tau" else unit
+        array = np.asarray(value, dtype=float)
+        reach_of = _gain_spread(found, array) if named.name == TAXEL_GAIN else None
+        for place in np.ndindex(array.shape):
+            label = name + "".join(f"_{i}" for i in place)
+            number = float(array[place])
+            if reach_of is None:
+                yield FittedParameter(label, unit, Interval(number))
+            else:
+                reach = float(reach_of[place])
+                yield FittedParameter(label, unit, Interval(number, number - reach, number + reach))
+
+
+def _spreads(found: Explanation) -> dict[tuple[str, str], float]:
+    """Half the width of each parameter's interval: from the scores of episodes, and those of channels, as clusters."""
+    problem = found.problem
+    chosen = [named for named in found.found if cause(named.name).probes is not None or named.name == TAXEL_GAIN]
+    causes = [cause(named.name) for named in chosen]
+    free = [(n, item) for n, c in zip(chosen, causes, strict=True) if n.name != TAXEL_GAIN for item in c.free(problem)]
+    if not free or len(problem.episodes) < 3:
+        return {}
+    values = {n.name: np.array([float(v) for v in n.values.values()]) for n in chosen if n.name != TAXEL_GAIN}  # type: ignore[arg-type]
+    base = problem.residual(predict(problem, causes, values)[0])
+    slopes = []
+    for named, item in free:
+        index = list(named.values).index(item.name)
+        step = _STEP * item.scale * (-1 if values[named.name][index] + _STEP * item.scale > item.high else 1)
+        moved = values[named.name].copy()
+        moved[index] += step
+        try:
+            change = problem.residual(predict(problem, causes, {**values, named.name: moved})[0]) - base
+        except ValueError:  # values that are allowed one by one, but not together
+            change = np.zeros_like(base)
+        slopes.append(change / step)
+    slope = np.stack([s.reshape(len(base), -1) for s in slopes])  # (D, T, channels)
+    scores = slope * base.reshape(len(base), -1)
+    by_episode = np.stack([scores[:, span].sum(axis=(1, 2)) for span in problem.episodes])
+    by_channel = scores.sum(axis=1).T
+    normal = np.einsum("atc,btc->ab", slope, slope, optimize=True)
+    scale = np.sqrt(np.maximum(np.diag(normal), 1e-12))
+    inverse = np.linalg.pinv(normal / np.outer(scale, scale), rcond=1e-6) / np.outer(scale, scale)
+    count = len(problem.episodes)
+    middle = by_episode.T @ by_episode * count / (count - 1) + by_channel.T @ by_channel
+    variance = np.maximum(np.diag(inverse @ middle @ inverse), 0.0)
+    reach = np.sqrt(variance) * student.ppf(0.5 + LEVEL / 2, count - 1)
+    return {(named.name, item.name): float(r) for (named, item), r in zip(free, reach, strict=True)}
+
+
+def _gain_spread(found: Explanation, gains: FloatArray) -> FloatArray | None:
+    """``(pads, rows, cols)`` half the width of each taxel's interval, from episode to episode."""
+    problem = found.problem
+    if len(problem.episodes) < 3:
+        return None
+    load = problem.weigh(found.prediction) / np.maximum(np.abs(gains), 0.05)[:, None]
+    rest = problem.residual(found.prediction)
+    products = np.stack([np.sum(load[span] ** 2, axis=(0, 2)) for span in problem.episodes])
+    scores = np.stack([np.sum((load * rest)[span], axis=(0, 2)) for span in problem.episodes])
+    total = products.sum(axis=0) + 1.0
+    count = len(problem.episodes)
+    error = np.sqrt(np.sum(scores**2, axis=0) * count / (count - 1)) / total
+    return np.maximum(error, 1 / np.sqrt(total)) * student.ppf(0.5 + LEVEL / 2, count - 1)

@@ -1,0 +1,148 @@
+"""Prepare: a recording that can be diagnosed, and what is wrong with it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from paxisim.errors import InvalidValueError
+from paxisim.recording import Recording
+
+LEAST_SECONDS = 2.0
+FEW_SECONDS = 20.0
+LEAST_FRAMES = 40
+_SCALE = 20.0  # times that measured and simulated forces may differ
+_REST = 0.3  # s without contact at which a long recording may be cut
+_GAP = 10.0  # intervals after which time has been interrupted
+
+
+def prepare(recording: Recording) -> tuple[Recording, tuple[str, ...]]:
+    """A recording without what is not known, cut into episodes where it is in one piece, and warnings.
+
+    Raises:
+        InvalidValueError: It cannot be diagnosed; the message says why and what to do.
+    """
+    if not isinstance(recording, Recording):
+        raise InvalidValueError(f"recording must be a paxisim.Recording, got {type(recording).__name__}")
+    for name, other in (
+        ("simulated", "replay the recorded motion in the simulation"),
+        ("measured", "record the sensor"),
+    ):
+        if getattr(recording, name) is None:
+            raise InvalidValueError(f"a diagnosis compares two streams, the recording has no {name} tensor: {other}")
+    warnings: list[str] = []
+    recording = _known(recording, warnings)
+    seconds, frames = recording.duration, len(recording)
+    if seconds < LEAST_SECONDS or frames < LEAST_FRAMES:
+        raise InvalidValueError(
+            f"the recording is too short to be diagnosed: {seconds:.2g} s and {frames} samples, at least "
+            f"{LEAST_SECONDS:g} s and {LEAST_FRAMES} samples are needed"
+        )
+    _check_signals(recording, warnings)
+    if seconds < FEW_SECONDS:
+        warnings.append(f"only {seconds:.1f} s were recorded: expect wide intervals and missed causes")
+    cut = _cut(recording)
+    count = len(np.unique(cut.episode))
+    if count > len(np.unique(recording.episode)):
+        warnings.append(f"one episode was cut into {count} where the pads are free; memory of earlier presses is lost")
+    elif count == 1:
+        warnings.append(
+            "one episode: nothing can be held out, the figures are those of the fit, and no name is certain"
+        )
+    elif count < 4:
+        warnings.append(f"only {count} episodes: held-out figures rest on few replicates")
+    return cut, tuple(warnings)
+
+
+def _known(recording: Recording, warnings: list[str]) -> Recording:
+    """Without samples at which a tensor is not known."""
+    known = np.ones(len(recording), dtype=bool)
+    for name in ("measured", "simulated"):
+        finite = np.isfinite(getattr(recording, name)).all(axis=(1, 2, 3, 4))
+        if not finite.any():
+            raise InvalidValueError(f"{name} holds NaN at every sample: a channel is missing, or the stream is empty")
+        known &= finite
+    if not known.any():
+        raise InvalidValueError("measured and simulated do not overlap in time: no sample has both")
+    covariates = {}
+    for name, values in recording.covariates.items():
+        finite = np.isfinite(values.reshape(len(values), -1)).all(axis=1)
+        if values.ndim > 1:
+            warnings.append(f"covariate {name!r} has several numbers a sample and is not used")
+        elif not finite[known].all():
+            warnings.append(
+                f"covariate {name!r} is not known at {np.mean(~finite[known]):.0%} of the samples and is not used"
+            )
+        else:
+            covariates[name] = values
+    if known.mean() < 1:
+        warnings.append(f"{np.mean(~known):.1%} of the samples hold NaN and were left out")
+    recording = replace(recording, covariates=covariates)
+    interrupted = np.zeros(len(recording), dtype=bool)
+    if not known.all():
+        recording = recording[known]
+        step = np.diff(recording.time, prepend=recording.time[0])
+        usual = np.median(step[1:]) if len(step) > 1 else 0.0
+        interrupted = step > _GAP * max(float(usual), 1e-9)
+    changes = (np.diff(recording.episode, prepend=recording.episode[0]) != 0) | interrupted[: len(recording)]
+    episode = np.cumsum(changes)
+    sizes = np.bincount(episode)
+    enough = sizes[episode] >= 4
+    if not enough.any():
+        raise InvalidValueError("no episode has 4 samples at which both streams are known")
+    return replace(recording, episode=episode)[enough]
+
+
+def _check_signals(recording: Recording, warnings: list[str]) -> None:
+    assert recording.measured is not None
+    assert recording.simulated is not None
+    y, x = recording.measured.astype(np.float64), recording.simulated.astype(np.float64)
+    for name, values in (("measured", y), ("simulated", x)):
+        if float(np.ptp(values, axis=0).max()) == 0:
+            raise InvalidValueError(f"{name} is constant: every sample is the same, so nothing can be told from it")
+        if not np.isfinite(np.square(values).sum()):
+            raise InvalidValueError(f"{name} holds values that are no forces")
+    y, x = y - y.mean(axis=0), x - x.mean(axis=0)
+    product, own, other = float(np.sum(x * y)), float(np.sum(x * x)), float(np.sum(y * y))
+    alike = product / max(np.sqrt(own * other), 1e-300)
+    scale = np.sqrt(other / own)
+    if alike > 0.5 and not 1 / _SCALE < scale < _SCALE:
+        raise InvalidValueError(
+            f"measured is {scale:.3g} times simulated: both must be in newtons; is one in millinewtons or counts?"
+        )
+    if not 1 / _SCALE < scale < _SCALE:
+        warnings.append(f"measured changes {scale:.3g} times as much as simulated; are both in newtons?")
+    if alike < 0.2:
+        warnings.append(f"measured and simulated hardly go together (correlation {alike:.2f}): is it the same motion?")
+    stuck = int(np.sum(np.ptp(recording.measured, axis=0) == 0))
+    if stuck > 0.5 * recording.measured[0].size:
+        warnings.append(f"{stuck} of {recording.measured[0].size} channels never change")
+
+
+def _cut(recording: Recording) -> Recording:
+    """A recording in one piece, cut in the middle of its rests."""
+    assert recording.simulated is not None
+    if len(np.unique(recording.episode)) > 1:
+        return recording
+    load = np.abs(recording.simulated).max(axis=(1, 2, 3, 4))
+    free = load < 0.01 * float(load.max())
+    cuts = [0]
+    for start, stop in _runs(free):
+        middle = (start + stop) // 2
+        long = recording.time[stop - 1] - recording.time[start] >= _REST
+        if long and recording.time[middle] - recording.time[cuts[-1]] >= LEAST_SECONDS:
+            cuts.append(middle)
+    if recording.time[-1] - recording.time[cuts[-1]] < LEAST_SECONDS and len(cuts) > 1:
+        cuts.pop()
+    if len(cuts) < 3:
+        return recording
+    episode = np.zeros(len(recording), dtype=np.int64)
+    episode[cuts[1:]] = 1
+    return replace(recording, episode=np.cumsum(episode))
+
+
+def _runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(int), [0]])))
+    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]

@@ -1,0 +1,188 @@
+"""Run: from a recording to its diagnosis."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from paxisim import augment
+from paxisim.diagnose.adequacy import left_over
+from paxisim.diagnose.advice import advice
+from paxisim.diagnose.cause import cause, known_causes
+from paxisim.diagnose.ceiling import ceiling
+from paxisim.diagnose.diagnosis import Diagnosis, FoundCause, Interval, LeftOver, Verdict
+from paxisim.diagnose.engine import Explanation, Thresholds, Tolerance, explain
+from paxisim.diagnose.heldout import Squares, explained_share, figures, gains_of, hold_out, rivals_of, survives
+from paxisim.diagnose.intervals import parameters_of
+from paxisim.diagnose.prepare import prepare
+from paxisim.diagnose.problem import FloatArray, Problem
+from paxisim.diagnose.symptoms import symptoms
+from paxisim.errors import InvalidValueError, MissingExtraError
+from paxisim.recording import Recording
+
+MARGIN = 0.03  # of a cause's gain, by which a rival may be worse and still be one
+LITTLE = 0.2  # of what can be explained: who explains less, and leaves structure, has not found it
+FAINT = 2.0  # times what is material that a cause must change the prediction by, to be testable
+
+
+def diagnose(
+    recording: Recording,
+    causes: Sequence[str] | None = None,
+    *,
+    seed: int = 0,
+    jobs: int = 1,
+    progress: Callable[[str], None] | None = None,
+) -> Diagnosis:
+    """What the simulation gets wrong, why, and what fixing it gains.
+
+    Args:
+        recording: With measured and simulated tensors in newtons, the simulation replaying the same motion; covariates
+            by name (`gripper_opening` in m), and several episodes.
+        causes: Names of those to look for, of `known_causes`; default: all.
+        seed: Of what is drawn: the bootstrap over episodes and the black box.
+        jobs: Processors that the black box may use, at least 1.
+        progress: Told in words what is being done.
+
+    Raises:
+        InvalidValueError: The recording cannot be diagnosed: a stream is missing, constant, in another unit or too
+            short, or the streams do not overlap.
+        UnknownNameError: There is no such cause.
+    """
+    if not isinstance(jobs, int) or jobs < 1:
+        raise InvalidValueError(f"jobs must be a whole number of at least 1, got {jobs!r}")
+    if isinstance(causes, str):
+        raise InvalidValueError(f"causes must be a sequence of names, got the string {causes!r}")
+    for name in causes or ():
+        cause(name)
+    tell = progress or (lambda text: None)
+    tell("checking the recording")
+    recording, warnings = prepare(recording)
+    thresholds = Thresholds()
+    found = explain(recording, causes, thresholds=thresholds, tolerance=Tolerance(), progress=progress)
+    assert recording.simulated is not None
+    simulated = recording.simulated.astype(np.float64)
+    problem = found.problem
+    tell("refitting to some episodes, judging on the others")
+    squares = hold_out(found, simulated)
+    tell("looking for structure in what is left")
+    explained = float((found.empty_energy - found.energy).sum()) / max(problem.samples, 1)
+    structure = left_over(problem, found.prediction, explained)
+    share = explained_share(squares, squares.after, seed)
+    if found.found and structure and (share is None or share.value < LITTLE):
+        found, squares = _nothing(found, simulated), replace(squares, after=squares.before, prediction=simulated)
+        structure = structure or left_over(problem, simulated)
+    tell("comparing with a black box")
+    black, note = _ceiling(problem, simulated, seed, jobs)
+    simpler = {name: cause(name).simpler for name in known_causes()}
+    rivals = rivals_of(found, simpler, MARGIN, thresholds.material * problem.samples / 2)
+    named = _named(found, squares, rivals, seed)
+    one = len(problem.episodes) == 1
+    verdict = _verdict(named, structure, one)
+    missing = {**found.not_searched, **_not_excited(problem, found, set(causes or known_causes()))}
+    missing = {name: why for name, why in missing.items() if name not in {item.name for item in named}}
+    return Diagnosis(
+        verdict=verdict,
+        causes=named,
+        heldout=figures(squares, seed, black, note),
+        confidence=_confidence(found, rivals, thresholds, seed, bool(structure)),
+        not_testable=missing,
+        symptoms=symptoms(problem, simulated, found.prediction, recording.pads, warnings=warnings, left_over=structure),
+        advice=advice(
+            [(item.name, item.rivals) for item in named],
+            missing,
+            unexplained=bool(structure),
+            episodes=len(problem.episodes),
+        ),
+        model=found.model,
+    )
+
+
+def _verdict(named: Sequence[FoundCause], structure: Sequence[LeftOver], one: bool) -> Verdict:
+    if structure:
+        return "partly_explained" if named else "unexplained"
+    if not named:
+        return "no_discrepancy"
+    return "ambiguous" if one or any(item.rivals for item in named) else "explained"
+
+
+def _nothing(found: Explanation, simulated: FloatArray) -> Explanation:
+    """Without the causes, which explain too little of what is structured to be believed."""
+    return replace(
+        found,
+        found=(),
+        model=augment.Chain(),
+        prediction=simulated,
+        energy=found.empty_energy,
+        refit=lambda _: simulated,
+    )
+
+
+def _ceiling(problem: Problem, simulated: FloatArray, seed: int, jobs: int) -> tuple[FloatArray | None, str]:
+    try:
+        return ceiling(problem, simulated, seed, jobs), ""
+    except MissingExtraError as error:
+        return None, str(error)
+
+
+def _named(
+    found: Explanation, squares: Squares, rivals: Mapping[str, tuple[str, ...]], seed: int
+) -> tuple[FoundCause, ...]:
+    gains, parameters = gains_of(found, squares, seed), parameters_of(found)
+    causes = [
+        FoundCause(
+            item.name,
+            parameters[item.name],
+            gains[item.name],
+            rivals[item.name],
+            _evidence(item.energy_gain, gains[item.name]),
+        )
+        for item in found.found
+    ]
+    return tuple(sorted(causes, key=lambda item: -item.gain.value))
+
+
+def _evidence(gain: FloatArray, share: Interval) -> str:
+    active = np.abs(gain) > 1e-2 * np.abs(gain).max()
+    better = int((gain[active] > 0).sum())
+    return (
+        f"Without it the model is worse in {better} of the {int(active.sum())} episodes that show it, and "
+        f"{share.value:.0%} of the explainable error comes back."
+    )
+
+
+def _confidence(
+    found: Explanation, rivals: Mapping[str, tuple[str, ...]], limits: Thresholds, seed: int, structure: bool
+) -> dict[str, float]:
+    """How often a cause is kept when episodes are drawn anew, shared with its rivals, halved with structure left."""
+    least = limits.material * found.problem.samples
+    return {
+        item.name: survives(item.energy_gain, least, seed) / (1 + len(rivals[item.name])) * (0.5 if structure else 1.0)
+        for item in found.found
+    }
+
+
+def _not_excited(problem: Problem, found: Explanation, wanted: set[str]) -> dict[str, str]:
+    """Causes that, at a size worth finding, would hardly change what this motion reads."""
+    missing: dict[str, str] = {}
+    limit = FAINT * Thresholds().material
+    for name in sorted(wanted):
+        item = cause(name)
+        if (
+            item.probes is None
+            or name in found.not_searched
+            or (item.covariate and item.covariate not in problem.covariates)
+        ):
+            continue
+        try:
+            effects = [item.make(values, problem) for values in item.probes(problem)]
+            energy = max(
+                (np.sum(problem.weigh(problem.run(e, problem.simulated) - problem.simulated) ** 2) for e in effects),
+                default=np.inf,
+            )
+        except ValueError:
+            continue
+        if energy < limit * problem.samples:
+            missing[name] = "this motion does not excite it: at a size worth finding it would stay within the noise"
+    return missing

@@ -1,0 +1,196 @@
+"""Search: causes are added while they bring something, with the real transforms fitted after each step."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from paxisim.diagnose.cause import Cause
+from paxisim.diagnose.fitting import Fit, fit
+from paxisim.diagnose.problem import Problem
+from paxisim.diagnose.tangent import tangent_of
+
+CONTEST = 4  # candidates that are fitted in full for one place
+EXCHANGE = 3  # of them where a cause that is in is put to the test again
+SIGNIFICANT = 30.0  # energy, in units of the noise, that chance does not explain
+NEAR = 0.6  # of the best one's gain: who has less is not fitted
+
+
+@dataclass(frozen=True)
+class Thresholds:
+    """What a cause must bring to be kept.
+
+    Attributes:
+        material: Energy, as a share of the noise's: less does not matter to a user.
+        relative: Energy, as a share of what the others explain: less is what a form that does not quite fit leaves.
+        episodes: Share of the episodes that must gain, of those in which the two models differ at all.
+        most: Causes at most, those that are read off the data apart.
+    """
+
+    material: float = 0.003
+    relative: float = 0.03
+    episodes: float = 0.7
+    most: int = 5
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """What a search ends with.
+
+    Attributes:
+        fit: The causes with their values.
+        without: By cause, the fit of the others.
+        rivals: By cause, the energy that is left with a rival in its place, by the rival's name.
+    """
+
+    fit: Fit
+    without: Mapping[str, Fit] = field(default_factory=dict)
+    rivals: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+
+
+def search(
+    problem: Problem,
+    causes: Sequence[Cause],
+    limits: Thresholds,
+    progress: Callable[[str], None] | None = None,
+    begin: Sequence[str] = (),
+) -> Found:
+    """The causes that the recording asks for, fitted.
+
+    Args:
+        problem: The recording.
+        causes: Those to choose from.
+        limits: What each must bring.
+        progress: Told in words what is being done.
+        begin: Causes to begin with.
+    """
+    return _Search(problem, causes, limits, progress or (lambda text: None)).run(list(begin))
+
+
+class _Search:
+    """The fits made so far, by the set of causes, and the rules by which two of them are compared."""
+
+    def __init__(
+        self, problem: Problem, causes: Sequence[Cause], limits: Thresholds, tell: Callable[[str], None]
+    ) -> None:
+        self._problem, self._causes, self._limits, self._tell = problem, causes, limits, tell
+        self._by_name = {item.name: item for item in causes}
+        self._fits: dict[frozenset[str], Fit] = {}
+        self._gains: dict[frozenset[str], dict[str, float]] = {}
+
+    def run(self, chosen: list[str]) -> Found:
+        while len(chosen) < self._limits.most:
+            self._tell(f"looking for a cause beside {', '.join(chosen) or 'none'}")
+            kept = self._next(chosen)
+            if kept is None:
+                break
+            chosen = self._exchanged(self._pruned([*chosen, kept]))
+        rivals = {name: self._rivals(chosen, name) for name in chosen}
+        without = {name: self._fitted([n for n in chosen if n != name]) for name in chosen}
+        return Found(self._fitted(chosen), without, rivals)
+
+    def _fitted(self, names: Sequence[str], start: Fit | None = None) -> Fit:
+        key = frozenset(names)
+        if key not in self._fits:
+            known = {} if start is None else {n: v for n, v in start.values.items() if n in key}
+            self._fits[key] = fit(self._problem, [self._by_name[n] for n in names], known)
+        return self._fits[key]
+
+    def _ranked(self, chosen: Sequence[str]) -> dict[str, float]:
+        """What each other cause would take away in addition while it is small, largest first."""
+        key = frozenset(chosen)
+        if key not in self._gains:
+            current = self._fitted(chosen)
+            force = current.prediction - self._problem.zero
+            tangent = tangent_of(self._problem, self._causes, force, current.prediction)
+            base = tangent.gain(chosen).sum()
+            gains = {n: float(tangent.gain([*chosen, n]).sum() - base) for n in self._by_name if n not in key}
+            self._gains[key] = dict(sorted(gains.items(), key=lambda item: -item[1]))
+        return self._gains[key]
+
+    def _near(self, chosen: Sequence[str], most: int) -> list[str]:
+        """Candidates for a place beside `chosen`, with those that they may be mistaken for."""
+        gains = self._ranked(chosen)
+        if not gains:
+            return []
+        top = next(iter(gains.values()))
+        if top < 0.4 * self._limits.material * self._problem.samples:
+            return []
+        near = [n for n in list(gains)[:most] if gains[n] >= NEAR * top]
+        return near + list(
+            dict.fromkeys(n for m in near for n in self._by_name[m].simpler if n in gains and n not in near)
+        )
+
+    def _next(self, chosen: Sequence[str]) -> str | None:
+        """The cause that brings most beside `chosen`, if one brings enough."""
+        current = self._fitted(chosen)
+        contest = {n: self._fitted([*chosen, n], current) for n in self._near(chosen, CONTEST)}
+        for name in sorted(contest, key=lambda n: contest[n].energy.sum()):
+            name = self._simplest(name, contest, current)
+            if self._worth(contest[name], current, name) and self._material(contest[name], name):
+                return name
+        return None
+
+    def _exchanged(self, chosen: list[str]) -> list[str]:
+        """With each cause replaced by another that does better now that the others are in."""
+        for _ in range(3):
+            if len(chosen) < 2:
+                break
+            for place, name in enumerate(chosen):
+                rest = [n for n in chosen if n != name]
+                without = self._fitted(rest, self._fitted(chosen))
+                near = [n for n in self._near(rest, EXCHANGE) if n != name]
+                contest = {n: self._fitted([*rest, n], without) for n in near}
+                contest[name] = self._fitted(chosen)
+                best = self._simplest(min(contest, key=lambda n: contest[n].energy.sum()), contest, without)
+                better = contest[name].energy.sum() - contest[best].energy.sum()
+                simpler = best in self._by_name[name].simpler
+                if best != name and (better > SIGNIFICANT or simpler) and self._material(contest[best], best):
+                    chosen = self._pruned([*chosen[:place], *chosen[place + 1 :], best])
+                    break
+            else:
+                break
+        return chosen
+
+    def _rivals(self, chosen: Sequence[str], name: str) -> dict[str, float]:
+        rest = [n for n in chosen if n != name]
+        without = self._fitted(rest, self._fitted(chosen))
+        near = [n for n in list(self._ranked(rest))[: EXCHANGE + 1] if n != name]
+        return {n: float(self._fitted([*rest, n], without).energy.sum()) for n in near}
+
+    def _simplest(self, name: str, contest: Mapping[str, Fit], without: Fit) -> str:
+        """`name`, or a simpler candidate of which it does no more than that one can."""
+        item = self._by_name[name]
+        others = sorted((n for n in contest if n != name), key=lambda n: contest[n].energy.sum())
+        for simple in others if item.costs > 1 else item.simpler:
+            if simple in contest:
+                found = contest[name]
+                least = max(SIGNIFICANT, item.ahead * float((without.energy - found.energy).sum()))
+                significant = self._consistent(found, contest[simple], least)
+                if not significant or item.beyond(found.values[name], self._problem) < 1:  # type: ignore[arg-type]
+                    return simple
+        return name
+
+    def _pruned(self, chosen: list[str]) -> list[str]:
+        """Without the causes that the later ones have made superfluous."""
+        for name in chosen[:-1]:
+            fewer = [n for n in chosen if n != name]
+            whole = self._fitted(chosen)
+            if not self._worth(whole, self._fitted(fewer, whole), name) or not self._material(whole, name):
+                return self._pruned(fewer)
+        return chosen
+
+    def _consistent(self, more: Fit, fewer: Fit, least: float) -> bool:
+        gain = fewer.energy - more.energy
+        active = np.abs(gain) > 1e-2 * np.abs(gain).max()  # an episode without contact says nothing
+        return bool(gain.sum() > least and (gain[active] > 0).mean() >= self._limits.episodes)
+
+    def _worth(self, more: Fit, fewer: Fit, name: str) -> bool:
+        explained = float((self._fitted(()).energy - fewer.energy).sum())
+        least = self._limits.material * self._problem.samples * self._by_name[name].costs
+        return self._consistent(more, fewer, max(least, self._limits.relative * explained))
+
+    def _material(self, found: Fit, name: str) -> bool:
+        return self._by_name[name].is_material(found.values[name], self._problem)  # type: ignore[arg-type]

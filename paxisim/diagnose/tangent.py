@@ -1,0 +1,96 @@
+"""Tangent: what every cause would do to the residual while it is small, as the sums that least squares needs.
+
+For each episode the products of all effects with one another and with the residual are kept; with them any set of
+causes is fitted on some episodes and judged on others by solving a small linear system, without touching the data.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from paxisim.diagnose.cause import TAXEL_GAIN, Cause
+from paxisim.diagnose.problem import FloatArray, Problem
+
+_PRIOR = 0.1  # of a taxel's gain about 1: what keeps a gain that nothing was pressed on at 1
+
+
+@dataclass(frozen=True, eq=False)
+class Tangent:
+    """Sums over each episode, in units of the noise.
+
+    Attributes:
+        owner: ``(D,)`` the cause that each effect belongs to.
+        products: ``(episodes, D, D)`` of the effects with one another.
+        projections: ``(episodes, D)`` of the effects with the residual.
+        energy: ``(episodes,)`` of the residual.
+        samples: Numbers compared.
+    """
+
+    owner: NDArray[np.str_]
+    products: FloatArray
+    projections: FloatArray
+    energy: FloatArray
+    samples: int
+
+    def gain(self, causes: Sequence[str]) -> FloatArray:
+        """``(episodes,)`` energy that `causes` explain in each episode, fitted on all the others."""
+        which = np.flatnonzero(np.isin(self.owner, list(causes)))
+        if not len(which):
+            return np.zeros(len(self.energy))
+        products = self.products[:, which[:, None], which]
+        projections = self.projections[:, which]
+        total = products.sum(axis=0)
+        prior = np.where(self.owner[which] == TAXEL_GAIN, 1 / _PRIOR**2, 0.0)
+        ridge = np.diag(prior + 1e-6 * np.diag(total) + 1e-9)
+        values = np.linalg.solve(
+            total - products + ridge, (projections.sum(axis=0) - projections)[..., None]
+        )  # (episodes, d, 1)
+        explained = 2 * projections[:, None] @ values - np.swapaxes(values, 1, 2) @ products @ values
+        return explained[:, 0, 0]
+
+
+def tangent_of(problem: Problem, causes: Sequence[Cause], x: FloatArray, prediction: FloatArray) -> Tangent:
+    """The tangent about a model.
+
+    Args:
+        problem: The recording.
+        causes: Whose effects to consider.
+        x: What the effects act on: the model's output, or the simulation itself while there is no model.
+        prediction: What the residual is taken against.
+    """
+    owner: list[str] = []
+    effects: list[FloatArray] = []
+    for item in causes:
+        if item.probes is None:
+            continue
+        for values in item.probes(problem):
+            effects.append(problem.weigh(problem.run(item.make(values, problem), x) - x))
+            owner.append(item.name)
+    residual = problem.residual(prediction)
+    with_gains = any(item.name == TAXEL_GAIN for item in causes)
+    taxels = x.shape[1] * x.shape[3] * x.shape[4] if with_gains else 0
+    loads = problem.weigh(x)
+    shared, size = len(effects), len(effects) + taxels
+    products = np.zeros((len(problem.episodes), size, size))
+    projections = np.zeros((len(problem.episodes), size))
+    energy = np.zeros(len(problem.episodes))
+    own = np.arange(shared, size)
+    for number, span in enumerate(problem.episodes):
+        r = residual[span]
+        rows = np.stack([effect[span].ravel() for effect in effects]) if shared else np.zeros((0, r.size))
+        products[number, :shared, :shared] = rows @ rows.T
+        projections[number, :shared] = rows @ r.ravel()
+        energy[number] = np.sum(r**2)
+        if with_gains:
+            load = loads[span]
+            products[number, own, own] = np.sum(load**2, axis=(0, 2)).ravel()
+            projections[number, shared:] = np.sum(load * r, axis=(0, 2)).ravel()
+            for row, effect in enumerate(effects):
+                across = np.sum(load * effect[span], axis=(0, 2)).ravel()
+                products[number, row, shared:] = products[number, shared:, row] = across
+    names = np.array(owner + [TAXEL_GAIN] * taxels)
+    return Tangent(names, products, projections, energy, problem.samples)

@@ -1,0 +1,65 @@
+"""``paxisim diagnose``."""
+
+import json
+
+import numpy as np
+import pytest
+
+from paxisim.augment.chain import Chain
+from paxisim.cli.diagnose import diagnose
+from paxisim.errors import InvalidValueError, OutputExistsError, UnknownNameError
+from paxisim.recording import Recording
+
+
+@pytest.fixture
+def path(tmp_path):
+    """Four episodes of presses on one pad of 2x2, whose normal force the sensor reads by 20 % too high."""
+    time = np.arange(0, 6, 0.05)
+    rng = np.random.default_rng(0)
+    shares = np.array([[0.4, 0.3], [0.2, 0.1]]) * np.array([0.2, -0.1, 1.0])[:, None, None]
+    tensors = []
+    for _ in range(4):
+        depth = rng.uniform(4, 10) * np.maximum(0, np.sin(2 * np.pi * rng.uniform(0.2, 0.6) * (time - 1))) * (time > 1)
+        tensors.append(depth[:, None, None, None, None] * shares)
+    simulated = np.concatenate(tensors)
+    measured = simulated * np.array([1, 1, 1.2])[:, None, None] + 0.02 * rng.standard_normal(simulated.shape)
+    at = np.concatenate([time + 30 * i for i in range(4)])
+    Recording(at, measured, simulated, episode=np.repeat(np.arange(4), len(time))).save(tmp_path / "a.mcap")
+    return tmp_path / "a.mcap"
+
+
+def test_it_prints_the_table_and_writes_the_files(path, capsys):
+    out = path.parent / "out"
+    diagnose(path, out, causes="axis_gain, rotation")
+    printed = capsys.readouterr().out
+    assert printed.startswith("Verdict: ")
+    assert "axis_gain" in printed
+    document = json.loads((out / "diagnosis.json").read_text(encoding="utf-8"))
+    assert [cause["name"] for cause in document["causes"]] == ["axis_gain"]
+    gain = {p["name"]: p["value"]["value"] for p in document["causes"][0]["parameters"]}["gain_z"]
+    assert gain == pytest.approx(1.2, abs=0.02)
+    assert len(Chain.load(out / "model.json")) == 1
+
+
+def test_a_diagnosis_is_not_overwritten_unasked(path):
+    out = path.parent / "out"
+    out.mkdir()
+    (out / "model.json").write_text("mine", encoding="utf-8")
+    with pytest.raises(OutputExistsError, match="--force"):
+        diagnose(path, out)
+    assert (out / "model.json").read_text(encoding="utf-8") == "mine"
+    diagnose(path, out, causes="axis_gain", force=True)
+    assert (out / "model.json").read_text(encoding="utf-8") != "mine"
+
+
+def test_bad_input_leaves_nothing(path):
+    out = path.parent / "out"
+    with pytest.raises(UnknownNameError):
+        diagnose(path, out, causes="nothing")
+    with pytest.raises(InvalidValueError, match="is a file"):
+        diagnose(path, path)
+    with pytest.raises(InvalidValueError, match="does not exist"):
+        diagnose(path, path.parent / "no" / "out")
+    with pytest.raises(FileNotFoundError):
+        diagnose(path.parent / "no.mcap", out)
+    assert not out.exists()

@@ -1,0 +1,206 @@
+"""`paxisim.diagnose` from the recording to the files, and what it says of recordings that are no good."""
+
+import dataclasses
+import json
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import paxisim.diagnose as package
+from paxisim.augment.chain import Chain
+from paxisim.diagnose import Diagnosis
+from paxisim.diagnose.advice import advice
+from paxisim.diagnose.diagnosis import Interval
+from paxisim.diagnose.run import diagnose
+from paxisim.errors import InvalidValueError, UnknownNameError
+from paxisim.recording import Recording
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from hidden.cases import make
+
+CAUSES = ("axis_gain", "rotation", "latency")
+
+
+def recording(causes=(), seed=3, **options):
+    case = make(causes, seed=seed, **{"rows": 4, "cols": 3, "duration": 5.0, **options})
+    return Recording(case.time, case.measured, case.simulated, case.covariates, case.episode)
+
+
+@pytest.fixture(scope="module")
+def rotated():
+    return diagnose(recording(("rotation",), strength=0.9), CAUSES, seed=1)
+
+
+def test_the_cause_is_named_with_its_gain_and_its_parameters(rotated):
+    assert [cause.name for cause in rotated.causes] == ["rotation"]
+    (cause,) = rotated.causes
+    assert [(p.name, p.value.low <= p.value.value <= p.value.high) for p in cause.parameters] == [
+        ("about_x", True),
+        ("about_y", True),
+        ("about_z", True),
+    ]
+    assert cause.gain.low <= cause.gain.value <= cause.gain.high
+    assert rotated.heldout.nrmse_after < 0.7 * rotated.heldout.nrmse_before
+    assert rotated.heldout.noise_floor < rotated.heldout.nrmse_before
+    assert rotated.heldout.explained.value > 0.5
+    assert len(rotated.heldout.gain_per_episode) == 8
+    assert 0 <= rotated.confidence["rotation"] <= 1
+    assert rotated.not_testable["creep"] == "not asked for"
+
+
+def test_the_model_brings_the_simulation_nearer_to_the_measurement(rotated):
+    given = recording(("rotation",), strength=0.9)
+    assert isinstance(rotated.model, Chain)
+    extended = rotated.model.run(given.simulated.astype(float), given.time, given.covariates)
+    before = np.mean((given.measured - given.simulated) ** 2)
+    assert np.mean((given.measured - extended) ** 2) < 0.5 * before
+
+
+def test_the_table_fits_a_terminal(rotated):
+    lines = str(rotated).splitlines()
+    assert lines[0] == f"Verdict: {rotated.verdict}"
+    assert max(map(len, lines)) <= 80
+    assert any(line.startswith("rotation") for line in lines)
+
+
+def test_files_hold_the_fields_by_name_and_come_back(rotated, tmp_path):
+    rotated.save(tmp_path / "out")
+    text = (tmp_path / "out" / "diagnosis.json").read_text(encoding="utf-8")
+    document = json.loads(text, parse_constant=lambda name: pytest.fail(f"{name} is no JSON"))
+    assert document.pop("format") == "paxisim-diagnosis/1"
+    assert list(document) == [field.name for field in dataclasses.fields(Diagnosis)]
+    assert Diagnosis.load(tmp_path / "out").to_json() == rotated.to_json()
+    assert str(Diagnosis.load(tmp_path / "out")) == str(rotated)
+    assert Chain.load(tmp_path / "out" / "model.json").to_json() == rotated.model.to_json()
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["diagnosis.json", "model.json"]
+
+
+def test_json_has_no_nan(rotated):
+    odd = dataclasses.replace(rotated, confidence={"rotation": math.nan})
+    assert json.loads(odd.to_json())["confidence"] == {"rotation": None}
+
+
+@pytest.mark.parametrize("text", ["", "[]", '{"format": "paxisim-diagnosis/2"}', '{"format": "paxisim-diagnosis/1"}'])
+def test_other_text_is_no_diagnosis(text):
+    with pytest.raises(InvalidValueError):
+        Diagnosis.from_json(text)
+
+
+def test_nothing_is_named_where_nothing_is_hidden():
+    found = diagnose(recording(), CAUSES)
+    assert (found.verdict, found.causes, len(found.model)) == ("no_discrepancy", (), 0)
+
+
+def test_the_same_seed_gives_the_same_diagnosis(rotated):
+    again = diagnose(recording(("rotation",), strength=0.9), CAUSES, seed=1)
+    assert again.to_json() == rotated.to_json()
+
+
+def test_what_is_outside_the_vocabulary_is_not_explained():
+    found = diagnose(recording(("hum",), strength=0.8), CAUSES)
+    assert found.verdict in ("unexplained", "partly_explained")
+    assert found.symptoms.left_over
+    assert any("left over" in line for line in found.advice)
+
+
+def test_a_stream_must_be_there():
+    given = recording()
+    for name in ("measured", "simulated"):
+        with pytest.raises(InvalidValueError, match=f"no {name} tensor"):
+            diagnose(dataclasses.replace(given, **{name: None}))
+
+
+def test_streams_must_overlap_in_time():
+    given = recording()
+    measured, simulated = given.measured.copy(), given.simulated.copy()
+    half = len(given) // 2
+    measured[:half], simulated[half:] = np.nan, np.nan
+    with pytest.raises(InvalidValueError, match="do not overlap"):
+        diagnose(dataclasses.replace(given, measured=measured, simulated=simulated))
+    measured[:] = np.nan
+    with pytest.raises(InvalidValueError, match="NaN at every sample"):
+        diagnose(dataclasses.replace(given, measured=measured))
+
+
+def test_samples_with_nan_are_left_out_and_said():
+    given = recording()
+    measured = given.measured.copy()
+    measured[50:60] = np.nan
+    covariates = {**given.covariates, "temperature": np.where(np.arange(len(given)) < 9, np.nan, 25.0)}
+    found = diagnose(dataclasses.replace(given, measured=measured, covariates=covariates), ("axis_gain",))
+    assert any("NaN" in warning for warning in found.symptoms.warnings)
+    assert any("'temperature' is not known" in warning for warning in found.symptoms.warnings)
+
+
+@pytest.mark.parametrize("name", ["measured", "simulated"])
+def test_signals_must_change(name):
+    given = recording()
+    with pytest.raises(InvalidValueError, match=f"{name} is constant"):
+        diagnose(dataclasses.replace(given, **{name: np.full_like(given.measured, 0.5)}))
+
+
+@pytest.mark.parametrize("scale", [1000.0, 0.001])
+def test_another_unit_is_told(scale):
+    given = recording()
+    with pytest.raises(InvalidValueError, match="must be in newtons"):
+        diagnose(dataclasses.replace(given, measured=given.measured * scale))
+
+
+def test_a_recording_must_last():
+    with pytest.raises(InvalidValueError, match="too short"):
+        diagnose(recording()[:30])
+
+
+def test_one_episode_is_cut_where_the_pads_are_free():
+    given = recording()
+    time = np.arange(len(given)) / given.rate
+    found = diagnose(dataclasses.replace(given, time=time, episode=np.zeros(len(given))), ("axis_gain",))
+    assert any("was cut into" in warning for warning in found.symptoms.warnings)
+
+
+def test_one_short_press_gives_no_certainty():
+    given = next(recording(("rotation",), strength=0.9).episodes())
+    found = diagnose(given, CAUSES)
+    assert found.verdict != "explained"
+    assert any(warning.startswith("one episode") for warning in found.symptoms.warnings)
+    assert any(warning.startswith("only 5") or warning.startswith("only 4") for warning in found.symptoms.warnings)
+
+
+@pytest.mark.parametrize(
+    "arguments", [{"causes": "creep"}, {"jobs": 0}, {"jobs": 1.5}], ids=["a string", "no jobs", "half a job"]
+)
+def test_arguments_are_checked(arguments):
+    with pytest.raises(InvalidValueError):
+        diagnose(recording(), **arguments)
+
+
+def test_only_recordings_and_known_causes():
+    with pytest.raises(InvalidValueError, match="Recording"):
+        diagnose(np.zeros(3))
+    with pytest.raises(UnknownNameError, match="creep"):
+        diagnose(recording(), ["crep"])
+
+
+def test_advice_is_of_rivals_and_of_what_was_not_excited():
+    lines = advice(
+        [("hysteresis", ("creep",))], {"drift": "too short", "layout": "not asked for"}, unexplained=False, episodes=2
+    )
+    assert lines[0].startswith("to tell hysteresis from creep: press and release in one triangle at three speeds")
+    assert any("8 episodes" in line for line in lines)
+    assert any(line.startswith("to show drift") for line in lines)
+    assert not any("layout" in line for line in lines)
+
+
+def test_an_interval_reads_well():
+    assert str(Interval(0.12345, 0.1, 0.15)) == "0.123 [0.1, 0.15]"
+    assert str(Interval(2.0)) == "2"
+
+
+def test_the_package_is_the_function():
+    assert callable(package)
+    assert "creep" in package.known_causes()
+    with pytest.raises(InvalidValueError, match="Recording"):
+        package(None)  # type: ignore[operator]
