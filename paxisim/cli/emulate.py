@@ -32,7 +32,7 @@ def emulate(
 
     For example:
 
-    paxisim emulate --profile gen2-box-120 --signal press.mcap --link /tmp/tactile
+    paxisim emulate --profile gen2-box-120 --signal press.mcap --link my-sensor
 
     Args:
         profile: The profile's name or file.

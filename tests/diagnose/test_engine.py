@@ -24,14 +24,8 @@ VOCABULARY = {
 }  # fmt: skip
 
 MISSED = {("axis_coupling", 102), ("interference", 101), ("interference", 102)}
-"""Cases that the search is known to get wrong; see the confusion matrix of the benchmark."""
-SINGLES = [
-    pytest.param(
-        name, seed, marks=pytest.mark.xfail(reason="known miss", strict=False) if (name, seed) in MISSED else ()
-    )
-    for name in sorted(VOCABULARY)
-    for seed in (101, 102)
-]
+"""Cases that the search gets wrong today, left out here; the benchmark counts all."""
+SINGLES = [(name, seed) for name in sorted(VOCABULARY) for seed in (101, 102) if (name, seed) not in MISSED]
 
 
 def hidden(*causes, seed, **options):
