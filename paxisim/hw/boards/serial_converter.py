@@ -36,6 +36,8 @@ QUIET = 0.02
 START_TIMEOUT = 1.0
 SCANNED = range(9)
 """Ids tried by the vendor's program."""
+SCAN_ROUNDS = 3
+"""Times that all ids are tried before the sensor counts as absent: a busy host may miss a whole round."""
 REFUSALS = 3
 """Replies with an error before it is believed; the request may have been damaged on its way."""
 
@@ -129,7 +131,7 @@ class SerialConverter(Board):
     def _scan(self) -> None:
         """Find the id that answers, the profile's own first."""
         index = self.profile.slots[0].index
-        for candidate in (index, *(i for i in SCANNED if i != index)):
+        for candidate in SCAN_ROUNDS * (index, *(i for i in SCANNED if i != index)):
             # the resultant, which every part has; a version some may lack
             if self._ask(read_request(candidate, self._start, taxels.BYTES_PER_TAXEL), REPLY_TIMEOUT) is not None:
                 self._id = candidate
