@@ -6,7 +6,11 @@ import pytest
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Leave out what needs robosuite where it cannot be installed, and nowhere else."""
+    """Try again what a stalled machine may fail, and leave out what needs robosuite where it cannot be installed."""
+    for item in items:
+        if item.get_closest_marker("real_time"):
+            # a machine that stands still for a second looks to a driver as a sensor that is silent
+            item.add_marker(pytest.mark.flaky(reruns=2))
     if sys.version_info >= (3, 13):
         reason = "robosuite 1.5.2 needs numpy < 2, which has no wheels for Python 3.13"
         for item in items:

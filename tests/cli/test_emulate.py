@@ -17,6 +17,8 @@ from paxisim.cli.scene_signal import LONGEST_CATCH_UP, SceneSignal
 from paxisim.hw.profile import load_profile
 from paxisim.recording import Recording
 
+pytestmark = pytest.mark.real_time
+
 SCENE = """<mujoco><option timestep="0.002" gravity="0 0 0"/><worldbody><body name="hand"/>
   <body name="ball" pos="0 0 -0.006"><joint type="slide" axis="0 0 1" damping="5"/>
     <geom type="box" size="0.02 0.02 0.006" mass="0.05"/></body></worldbody>

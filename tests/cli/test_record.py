@@ -29,7 +29,7 @@ PROFILE = "gen3-highspeed-mc-m2020"
 RECORD = [sys.executable, "-m", "paxisim.cli", "record"]
 DEADLINE = 60.0
 
-pytestmark = pytest.mark.filterwarnings("ignore:.*:UserWarning")
+pytestmark = [pytest.mark.real_time, pytest.mark.filterwarnings("ignore:.*:UserWarning")]
 
 
 @pytest.fixture(autouse=True)

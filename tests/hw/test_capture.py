@@ -26,6 +26,8 @@ from paxisim.hw.emulator import Emulator
 from paxisim.hw.extra_streams import CsvLines, ExtraStream, PolledFunction, UdpJson
 from paxisim.logs.mcap_reader import read_log
 
+pytestmark = pytest.mark.real_time
+
 PROFILE = profile()
 
 

@@ -20,6 +20,8 @@ from serial_peers import PATIENCE, reader_threads, wait_for
 
 from paxisim.hw.emulator import Emulator
 
+pytestmark = pytest.mark.real_time
+
 
 @pytest.fixture(autouse=True)
 def no_thread_is_left() -> Iterator[None]:

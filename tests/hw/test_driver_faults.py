@@ -20,6 +20,8 @@ from paxisim.hw.boards import control_box as box_driver
 from paxisim.hw.device import open_sensor
 from paxisim.hw.emulator import Emulator
 
+pytestmark = pytest.mark.real_time
+
 
 def forces_of(profile, messages):
     """What each message says, as `Frame.force` would hold it; None where it holds no reading."""

@@ -17,6 +17,8 @@ from paxisim.hw.frames.hand_board import RoundDecoder
 from paxisim.hw.framing import FrameDecoder
 from paxisim.hw.signals import press
 
+pytestmark = pytest.mark.real_time
+
 BOX = small("control-box", [("left", 0), ("right", 3)], settings={"mode": 5})
 CONVERTER = small("serial-converter")
 HIGH_SPEED = small("high-speed", [("thumb", 2), ("palm", 21)], rate=100.0)

@@ -18,6 +18,8 @@ from paxisim.hw.framing import FrameDecoder
 
 serial = pytest.importorskip("serial")
 
+pytestmark = pytest.mark.real_time
+
 PACED = small("high-speed", [("pad", 0)], rate=200.0, baud=115200)
 DEADLINE = 20.0
 

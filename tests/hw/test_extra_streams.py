@@ -17,6 +17,8 @@ import paxisim
 from paxisim.hw.clock import SystemClock
 from paxisim.hw.extra_streams import LONGEST_LINE, CsvLines, EnterKey, PolledFunction, UdpJson, load_function
 
+pytestmark = pytest.mark.real_time
+
 
 def wait_for(condition, what, seconds=30.0):
     deadline = time.monotonic() + seconds

@@ -16,6 +16,8 @@ pytest.importorskip("serial")
 from paxisim.hw.device import open_sensor
 from paxisim.hw.emulator import Emulator
 
+pytestmark = pytest.mark.real_time
+
 # a device that does everything another way than the tensor: order, axes, signs
 ORDER = (4, 9, 14, 3, 8, 13, 2, 7, 12, 1, 6, 11, 0, 5, 10)
 AXES = ("-y", "+x", "+z")

@@ -19,7 +19,7 @@ from paxisim.hw.profile import Profile, Slot, known_profiles, load_profile
 from paxisim.hw.profile_file import profile_toml
 from paxisim.hw.quality import LEAST_FRAMES
 
-pytestmark = pytest.mark.filterwarnings("ignore::paxisim.hw.profile.UnverifiedProfileWarning")
+pytestmark = [pytest.mark.real_time, pytest.mark.filterwarnings("ignore::paxisim.hw.profile.UnverifiedProfileWarning")]
 
 SECONDS = 0.2
 

@@ -25,7 +25,7 @@ PLATE = """<mujoco><option timestep="0.002" gravity="0 0 9.81"/><worldbody><body
   <body pos="0 0 -0.0062"><joint type="slide" axis="0 0 1" damping="5"/>
     <geom type="box" size="0.02 0.02 0.006" mass="0.1"/></body></worldbody></mujoco>"""
 
-pytestmark = pytest.mark.filterwarnings("ignore:.*never tried on a device:UserWarning")
+pytestmark = [pytest.mark.real_time, pytest.mark.filterwarnings("ignore:.*never tried on a device:UserWarning")]
 
 
 @pytest.fixture(autouse=True)
