@@ -61,6 +61,7 @@ class Cause:
         ahead: By what share of its gain it must be better than those.
         costs: How many times the energy that matters it must bring: more than 1 for one with many numbers, in which
             what no calibration has removed gathers.
+        form: Share of its gain that other causes may bring besides, as no form fits exactly what a sensor does.
         beyond: How far `values` are from what those could do, in units of what matters: at least 1 to be named.
     """
 
@@ -73,6 +74,7 @@ class Cause:
     simpler: tuple[str, ...] = ()
     ahead: float = 0.08
     costs: float = 1.0
+    form: float = 0.015
     beyond: Callable[[Values, Problem], float] = lambda values, problem: np.inf
 
     def is_material(self, values: Values, problem: Problem) -> bool:

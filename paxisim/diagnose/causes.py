@@ -7,7 +7,7 @@ import numpy as np
 from paxisim import augment
 from paxisim.augment.transform import Transform
 from paxisim.diagnose.cause import MANY, TAXEL_GAIN, Cause, Free, Values, register_cause
-from paxisim.diagnose.problem import Problem
+from paxisim.diagnose.problem import FloatArray, Problem
 from paxisim.errors import InvalidValueError
 
 AXES = "xyz"
@@ -72,6 +72,7 @@ register_cause(
         lambda p: tuple(Free(f"weight_{r:g}_peak", "1", 0.0, 0.0, 0.24, 0.05, 0.02) for r in _RADII),
         lambda v, p: augment.Hysteresis(tuple(v), tuple(r * p.peak for r in _RADII)),
         lambda p: [_unit(4, i, 0.0, 0.1) for i in range(4)],
+        form=0.15,
     )
 )
 
@@ -97,6 +98,7 @@ register_cause(
         lambda v, p: augment.Crosstalk(v[0], length=1.0, far=v[1], taken=v[2]),
         lambda p: [(0.02, 0.0, 0.0), (0.02, 1.0, 0.0), (0.02, 1.0, 1.0)],
         simpler=("axis_gain",),
+        form=0.025,
         beyond=lambda v, p: abs(v[0]) / 0.003,
     )
 )
@@ -111,6 +113,12 @@ def _coupling(values: Values) -> augment.AxisCoupling:
     return augment.AxisCoupling(matrix)
 
 
+def _unlike_rotation(matrix: FloatArray) -> float:
+    """How far a coupling is from antisymmetric, as a small rotation is, in units of what a rotation's fit leaves."""
+    symmetric, antisymmetric = (matrix + matrix.T) / 2 - np.eye(3), (matrix - matrix.T) / 2
+    return float(np.abs(symmetric).max() / (0.002 + 0.15 * np.abs(antisymmetric).max()))
+
+
 register_cause(
     Cause(
         "axis_coupling",
@@ -119,8 +127,8 @@ register_cause(
         lambda v, p: _coupling(v),
         lambda p: [_unit(6, i, 0.0, 0.1) for i in range(6)],
         simpler=("rotation",),
-        ahead=0.006,
-        beyond=lambda v, p: np.abs(_coupling(v).matrix + _coupling(v).matrix.T - 2 * np.eye(3)).max() / 0.03,
+        ahead=0.0005,
+        beyond=lambda v, p: _unlike_rotation(_coupling(v).matrix),
     )
 )
 
@@ -223,7 +231,7 @@ def _spread(gains: Values, problem: Problem) -> float:
     """Of the taxels' gains, by how hard each was pressed on, in units of what matters."""
     load = np.sum((problem.simulated * problem.weight) ** 2, axis=(0, 2))
     mean = np.average(gains, weights=load)
-    return float(np.sqrt(np.average((np.asarray(gains) - mean) ** 2, weights=load)) / 0.022)
+    return float(np.sqrt(np.average((np.asarray(gains) - mean) ** 2, weights=load)) / 0.026)
 
 
 register_cause(
@@ -236,6 +244,7 @@ register_cause(
         simpler=("axis_gain",),
         ahead=0.25,
         costs=MANY,
+        form=0.03,
         beyond=_spread,
     )
 )

@@ -101,7 +101,7 @@ def read_rounding(problem: Problem, device_step: float) -> Reading | None:
 
 def read_taxels(problem: Problem) -> Reading | None:
     """Taxels that do not answer on any axis while the simulation says that they are pressed."""
-    loaded = problem.simulated[:, :, 2] > max(0.15 * problem.peak, 0.3)
+    loaded = problem.simulated[:, :, 2] > max(0.06 * problem.peak, 0.6)  # beyond any dead band
     simulated, measured = problem.simulated, problem.measured
     dead = loaded.sum(axis=0) >= 8
     for axis in range(3):

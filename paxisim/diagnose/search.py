@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from paxisim.diagnose.cause import Cause
+from paxisim.diagnose.cause import TAXEL_GAIN, Cause
 from paxisim.diagnose.fitting import Fit, fit
 from paxisim.diagnose.problem import Problem
-from paxisim.diagnose.tangent import tangent_of
+from paxisim.diagnose.tangent import Tangent, tangent_of
 
 CONTEST = 4  # candidates that are fitted in full for one place
 EXCHANGE = 3  # of them where a cause that is in is put to the test again
@@ -24,13 +24,11 @@ class Thresholds:
 
     Attributes:
         material: Energy, as a share of the noise's: less does not matter to a user.
-        relative: Energy, as a share of what the others explain: less is what a form that does not quite fit leaves.
         episodes: Share of the episodes that must gain, of those in which the two models differ at all.
         most: Causes at most, those that are read off the data apart.
     """
 
     material: float = 0.003
-    relative: float = 0.03
     episodes: float = 0.7
     most: int = 5
 
@@ -105,8 +103,7 @@ class _Search:
             current = self._fitted(chosen)
             force = current.prediction - self._problem.zero
             tangent = tangent_of(self._problem, self._causes, force, current.prediction)
-            base = tangent.gain(chosen).sum()
-            gains = {n: float(tangent.gain([*chosen, n]).sum() - base) for n in self._by_name if n not in key}
+            gains = {n: _promise(tangent, chosen, n) for n in self._by_name if n not in key}
             self._gains[key] = dict(sorted(gains.items(), key=lambda item: -item[1]))
         return self._gains[key]
 
@@ -188,9 +185,23 @@ class _Search:
         return bool(gain.sum() > least and (gain[active] > 0).mean() >= self._limits.episodes)
 
     def _worth(self, more: Fit, fewer: Fit, name: str) -> bool:
-        explained = float((self._fitted(()).energy - fewer.energy).sum())
         least = self._limits.material * self._problem.samples * self._by_name[name].costs
-        return self._consistent(more, fewer, max(least, self._limits.relative * explained))
+        return self._consistent(more, fewer, max(least, self._misfit(fewer)))
+
+    def _misfit(self, found: Fit) -> float:
+        """Energy that the forms of a fit's causes may leave for others to explain."""
+        names = list(found.values)
+        without = {n: self._fitted([m for m in names if m != n], found) for n in names}
+        return sum(self._by_name[n].form * max(float((without[n].energy - found.energy).sum()), 0.0) for n in names)
 
     def _material(self, found: Fit, name: str) -> bool:
         return self._by_name[name].is_material(found.values[name], self._problem)  # type: ignore[arg-type]
+
+
+def _promise(tangent: Tangent, chosen: Sequence[str], name: str) -> float:
+    """What a cause may bring beside `chosen`: in other episodes, or half of it where but one shows it at all."""
+    names = [*chosen, name]
+    promise = float(tangent.gain(names).sum() - tangent.gain(chosen).sum())
+    if name == TAXEL_GAIN:
+        return promise
+    return max(promise, 0.5 * float(tangent.gain(names, False).sum() - tangent.gain(chosen, False).sum()))

@@ -36,8 +36,8 @@ class Tangent:
     energy: FloatArray
     samples: int
 
-    def gain(self, causes: Sequence[str]) -> FloatArray:
-        """``(episodes,)`` energy that `causes` explain in each episode, fitted on all the others."""
+    def gain(self, causes: Sequence[str], held_out: bool = True) -> FloatArray:
+        """``(episodes,)`` energy that `causes` explain in each episode, fitted on all the others, or on all."""
         which = np.flatnonzero(np.isin(self.owner, list(causes)))
         if not len(which):
             return np.zeros(len(self.energy))
@@ -46,9 +46,9 @@ class Tangent:
         total = products.sum(axis=0)
         prior = np.where(self.owner[which] == TAXEL_GAIN, 1 / _PRIOR**2, 0.0)
         ridge = np.diag(prior + 1e-6 * np.diag(total) + 1e-9)
-        values = np.linalg.solve(
-            total - products + ridge, (projections.sum(axis=0) - projections)[..., None]
-        )  # (episodes, d, 1)
+        left_out = products if held_out else np.zeros_like(products)
+        right = projections.sum(axis=0) - (projections if held_out else np.zeros_like(projections))
+        values = np.linalg.solve(total - left_out + ridge, right[..., None])  # (episodes, d, 1)
         explained = 2 * projections[:, None] @ values - np.swapaxes(values, 1, 2) @ products @ values
         return explained[:, 0, 0]
 
