@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -15,6 +15,9 @@ Values = Sequence[float]
 
 MANY = 5.0
 """What a cause with a number for each taxel or channel costs, see `Cause`."""
+
+FORM = 0.01
+"""Share of a cause's gain that most others may bring besides, see `Cause`."""
 
 TAXEL_GAIN = "taxel_gain"
 """The one cause with a number for each taxel; it is fitted in closed form."""
@@ -61,7 +64,8 @@ class Cause:
         ahead: By what share of its gain it must be better than those.
         costs: How many times the energy that matters it must bring: more than 1 for one with many numbers, in which
             what no calibration has removed gathers.
-        form: Share of its gain that other causes may bring besides, as no form fits exactly what a sensor does.
+        form: Share of its gain that another cause, by its name, may bring besides, as no form fits exactly what a sensor
+            does; `FORM` for those that are not listed.
         beyond: How far `values` are from what those could do, in units of what matters: at least 1 to be named.
     """
 
@@ -74,7 +78,7 @@ class Cause:
     simpler: tuple[str, ...] = ()
     ahead: float = 0.08
     costs: float = 1.0
-    form: float = 0.015
+    form: Mapping[str, float] = field(default_factory=dict)
     beyond: Callable[[Values, Problem], float] = lambda values, problem: np.inf
 
     def is_material(self, values: Values, problem: Problem) -> bool:

@@ -72,7 +72,7 @@ register_cause(
         lambda p: tuple(Free(f"weight_{r:g}_peak", "1", 0.0, 0.0, 0.24, 0.05, 0.02) for r in _RADII),
         lambda v, p: augment.Hysteresis(tuple(v), tuple(r * p.peak for r in _RADII)),
         lambda p: [_unit(4, i, 0.0, 0.1) for i in range(4)],
-        form=0.15,
+        form={"creep": 0.2, **dict.fromkeys(("stiffening", "axis_gain", "crosstalk", TAXEL_GAIN), 0.15), "dead_band": 0.05},
     )
 )
 
@@ -98,7 +98,7 @@ register_cause(
         lambda v, p: augment.Crosstalk(v[0], length=1.0, far=v[1], taken=v[2]),
         lambda p: [(0.02, 0.0, 0.0), (0.02, 1.0, 0.0), (0.02, 1.0, 1.0)],
         simpler=("axis_gain",),
-        form=0.025,
+        form={"axis_gain": 0.025, "stiffening": 0.025},
         beyond=lambda v, p: abs(v[0]) / 0.003,
     )
 )
@@ -180,6 +180,7 @@ register_cause(
         lambda p: (Free("tau_1", "s", 0.0, 0.0, 2.0, 0.02, 0.003), Free("tau_2", "s", 0.0, 0.0, 2.0, 0.02, 0.003)),
         lambda v, p: augment.Chain([augment.LowPass(v[0]), augment.LowPass(v[1])]),
         lambda p: [(0.01, 0.005), (0.03, 0.02), (0.1, 0.05)],
+        form={"latency": 0.025},
     )
 )
 
@@ -197,6 +198,7 @@ register_cause(
         lambda p: (Free("delay", "s", 0.0, 0.0, 0.5, 0.02, 0.003),),
         lambda v, p: augment.Latency(v[0], capacity=_capacity(p, v[0])),
         lambda p: [(0.01,), (0.03,), (0.1,)],
+        form={"low_pass": 0.025},
     )
 )
 
@@ -244,7 +246,7 @@ register_cause(
         simpler=("axis_gain",),
         ahead=0.25,
         costs=MANY,
-        form=0.03,
+        form={"stiffening": 0.03},
         beyond=_spread,
     )
 )

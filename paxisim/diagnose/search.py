@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from paxisim.diagnose.cause import TAXEL_GAIN, Cause
+from paxisim.diagnose.cause import FORM, TAXEL_GAIN, Cause
 from paxisim.diagnose.fitting import Fit, fit
 from paxisim.diagnose.problem import Problem
 from paxisim.diagnose.tangent import Tangent, tangent_of
@@ -24,7 +24,8 @@ class Thresholds:
 
     Attributes:
         material: Energy, as a share of the noise's: less does not matter to a user.
-        episodes: Share of the episodes that must gain, of those in which the two models differ at all.
+        episodes: Share of the episodes that must gain, of those in which the two models differ at all; or of what is
+            gained in some and lost in others.
         most: Causes at most, those that are read off the data apart.
     """
 
@@ -182,17 +183,21 @@ class _Search:
     def _consistent(self, more: Fit, fewer: Fit, least: float) -> bool:
         gain = fewer.energy - more.energy
         active = np.abs(gain) > 1e-2 * np.abs(gain).max()  # an episode without contact says nothing
-        return bool(gain.sum() > least and (gain[active] > 0).mean() >= self._limits.episodes)
+        better = gain[gain > 0].sum() / max(np.abs(gain).sum(), 1e-12)  # few may show it, if the others do not object
+        return bool(gain.sum() > least and max((gain[active] > 0).mean(), better) >= self._limits.episodes)
 
     def _worth(self, more: Fit, fewer: Fit, name: str) -> bool:
         least = self._limits.material * self._problem.samples * self._by_name[name].costs
-        return self._consistent(more, fewer, max(least, self._misfit(fewer)))
+        return self._consistent(more, fewer, max(least, self._misfit(fewer, name)))
 
-    def _misfit(self, found: Fit) -> float:
-        """Energy that the forms of a fit's causes may leave for others to explain."""
-        names = list(found.values)
-        without = {n: self._fitted([m for m in names if m != n], found) for n in names}
-        return sum(self._by_name[n].form * max(float((without[n].energy - found.energy).sum()), 0.0) for n in names)
+    def _misfit(self, found: Fit, name: str) -> float:
+        """Energy that the forms of a fit's causes may leave for `name` to explain."""
+        misfit = 0.0
+        for other in found.values:
+            without = self._fitted([n for n in found.values if n != other], found)
+            gain = float((without.energy - found.energy).sum())
+            misfit += self._by_name[other].form.get(name, FORM) * max(gain, 0.0)
+        return misfit
 
     def _material(self, found: Fit, name: str) -> bool:
         return self._by_name[name].is_material(found.values[name], self._problem)  # type: ignore[arg-type]
