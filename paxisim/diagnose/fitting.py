@@ -65,6 +65,8 @@ class _Stages:
         self._stages: list[Cause | None] = [*ordered[:zero_at], None, *ordered[zero_at:]]  # None: the zero is added
         self._at = {item.name: number for number, item in enumerate(self._stages) if item is not None}
         self._into: list[FloatArray] = []
+        self._out = problem.simulated
+        self._slope: FloatArray | None = None
         self._gains: FloatArray | None = None
 
     def predict(self, values: Fitted) -> tuple[FloatArray, Fitted]:
@@ -80,18 +82,32 @@ class _Stages:
         return x, full
 
     def residual(self, values: Fitted) -> FloatArray:
-        """The residual in a row; changes of `values` may then be tried with `moved`."""
-        return self._problem.residual(self.predict(values)[0]).ravel()
+        """The residual in a row; changes of `values` may then be tried with `moved` and `slope`."""
+        self._out = self.predict(values)[0]
+        self._slope = None
+        return self._problem.residual(self._out).ravel()
 
     def moved(self, values: Fitted, name: str) -> FloatArray:
         """The residual with other values of cause `name`, the others as they were last."""
+        return self._problem.residual(self._moved(values, name)).ravel()
+
+    def slope(self, values: Fitted, name: str) -> FloatArray:
+        """By how much the residual changes with a small change of cause `name`, the others as they were last."""
+        change = self._out - self._moved(values, name)
+        if not self._problem.reads_all:
+            if self._slope is None:
+                self._slope = self._problem.slope(self._out)
+            change *= self._slope
+        return self._problem.weigh(change).ravel()
+
+    def _moved(self, values: Fitted, name: str) -> FloatArray:
         begin = self._at[name]
         x = self._into[begin]
         for number, stage in enumerate(self._stages[begin:], start=begin):
             if stage is not None and stage.name == TAXEL_GAIN:
                 values = {**values, TAXEL_GAIN: self._best_gains(x, number, values, self._gains)}
             x = self._apply(stage, x, values)
-        return self._problem.residual(x).ravel()
+        return x
 
     def _apply(self, stage: Cause | None, x: FloatArray, values: Fitted) -> FloatArray:
         if stage is None:
@@ -162,8 +178,7 @@ def fit(problem: Problem, causes: Sequence[Cause], start: Fitted | None = None, 
         slopes = np.empty((len(free), len(best)))
         for row, (name, index, about) in enumerate(free):
             step = _step(values, name, index, about)
-            slopes[row] = stages.moved(_moved(values, name, index, step), name)
-            slopes[row] -= best
+            slopes[row] = stages.slope(_moved(values, name, index, step), name)
             slopes[row] *= about.scale / step
         normal, right = slopes @ slopes.T, slopes @ best
         before = energy

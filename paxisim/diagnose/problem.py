@@ -19,6 +19,7 @@ from paxisim.recording import Recording
 FloatArray = NDArray[np.float64]
 
 NO_RIPPLE = 1e-5  # of a step: what noise leaves of rounding is not computed below it
+REACH = 7.0  # times the noise: beyond it none of it changes the sign of a force
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,29 +99,53 @@ class Problem:
 
         The mean of a rounded value is a staircase that noise makes smooth; its first two harmonics are taken.
         """
-        ripples = self.step > 0 and self._ripple[0] > NO_RIPPLE
-        cuts = self.clips and self.dither > 0
-        if not ripples and not cuts:
+        if self.reads_all:
             return force
-        read = force - self._rounding(force) if ripples else force.copy()
-        if cuts:
+        read = force - self._rounding(force) if self._ripples else force.copy()
+        if self._cuts:
             normal = read[:, :, 2]
-            normal += self._cut(force[:, :, 2])
+            normal += self._cut_off(force[:, :, 2])
             np.maximum(normal, 0, out=normal)
         return read
 
-    def _cut(self, force: FloatArray) -> FloatArray:
+    @property
+    def reads_all(self) -> bool:
+        """Whether `read` returns what it is given."""
+        return not self._ripples and not self._cuts
+
+    @property
+    def _cuts(self) -> bool:
+        return self.clips and self.dither > 0
+
+    @property
+    def _ripples(self) -> bool:
+        return self.step > 0 and self._ripple[0] > NO_RIPPLE
+
+    def slope(self, force: FloatArray) -> FloatArray:
+        """By how much what is read of `force` changes with it; only where `reads_all` is False."""
+        small = 1e-3 * (self.step or self.dither)
+        return (self.read(force + small) - self.read(force - small)) / (2 * small)
+
+    def _cut_off(self, force: FloatArray) -> FloatArray:
         """What the readings below 0 that are read as 0 add to the mean."""
-        added = np.zeros_like(force)
-        near = force < 7 * self.dither
-        below = -force[near] / self.dither
+        table, scale = self._cut_table
+        place = np.clip((force + REACH * self.dither) * scale, 0.0, len(table) - 1.001)
+        low = place.astype(np.intp)
+        place -= low
+        return table[low] * (1 - place) + table[low + 1] * place
+
+    @cached_property
+    def _cut_table(self) -> tuple[FloatArray, float]:
+        """That addition between plus and minus `REACH` of the noise, and the places of the table in a newton."""
+        force = np.linspace(-REACH, REACH, 4001) * self.dither
+        below = -force / self.dither
         if self.dither < 0.5 * self.step:  # counts are told apart; what is far below is cut by the caller
             step = self.step / self.dither
-            added[near] = self.step * sum(ndtr(below - (k + 0.5) * step) for k in range(3))
+            table = self.step * np.sum([ndtr(below - (k + 0.5) * step) for k in range(3)], axis=0)
         else:
-            bell = np.exp(-0.5 * np.minimum(below**2, 1e3)) / np.sqrt(2 * np.pi)
-            added[near] = self.dither * (bell + below * ndtr(below))
-        return added
+            bell = np.exp(-0.5 * below**2) / np.sqrt(2 * np.pi)
+            table = self.dither * (bell + below * ndtr(below))
+        return table, 4000 / (2 * REACH * self.dither)
 
     @property
     def _ripple(self) -> tuple[float, float]:
