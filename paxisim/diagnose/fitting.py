@@ -24,13 +24,20 @@ class Fit:
 
     Attributes:
         values: By cause, in the order of its `free`; of the taxels' gains ``(pads, rows, cols)``.
-        prediction: ``(T, pads, 3, rows, cols)`` newtons, with the problem's zero.
         energy: ``(episodes,)`` squared residual in units of the noise, freed of each channel's mean.
+        problem: What was fitted.
+        causes: The causes.
     """
 
     values: Fitted
-    prediction: FloatArray
     energy: FloatArray
+    problem: Problem
+    causes: tuple[Cause, ...]
+
+    @property
+    def prediction(self) -> FloatArray:
+        """``(T, pads, 3, rows, cols)`` newtons, with the problem's zero; made anew, as many fits are kept."""
+        return predict(self.problem, self.causes, self.values)[0]
 
 
 def in_order(members: Sequence[tuple[str, Transform]]) -> augment.Chain:
@@ -156,7 +163,7 @@ def predict(problem: Problem, causes: Sequence[Cause], values: Fitted) -> tuple[
 
 
 def fit(problem: Problem, causes: Sequence[Cause], start: Fitted | None = None, steps: int = 8) -> Fit:
-    """Fit `causes` to all of a problem.
+    """Fit `causes` to all episodes of a problem, to as many of their frames as are needed.
 
     Args:
         problem: The recording.
@@ -164,6 +171,7 @@ def fit(problem: Problem, causes: Sequence[Cause], start: Fitted | None = None, 
         start: Values to begin with; a cause that is not in it begins with its best probe.
         steps: Iterations at most.
     """
+    whole, problem = problem, problem.thinned
     shared = [c for c in causes if c.name != TAXEL_GAIN]
     values = {n: np.asarray(v, dtype=float) for n, v in (start or {}).items() if n != TAXEL_GAIN}
     for item in shared:
@@ -199,14 +207,15 @@ def fit(problem: Problem, causes: Sequence[Cause], start: Fitted | None = None, 
             damping *= 8
         if before - energy < 1e-4 * before:
             break
-    return fit_of(problem, causes, values)
+    return fit_of(whole, causes, values)
 
 
 def fit_of(problem: Problem, causes: Sequence[Cause], values: Fitted) -> Fit:
     """A fit with given values."""
     prediction, values = predict(problem, causes, values)
     weighed = problem.residual(prediction)
-    return Fit(values, prediction, np.array([np.sum(weighed[span] ** 2) for span in problem.episodes]))
+    energy = np.array([np.sum(weighed[span] ** 2) for span in problem.episodes])
+    return Fit(values, energy, problem, tuple(causes))
 
 
 def _step(values: Fitted, name: str, index: int, free: Free) -> float:

@@ -19,6 +19,9 @@ from paxisim.recording import Recording
 FloatArray = NDArray[np.float64]
 
 NO_RIPPLE = 1e-5  # of a step: what noise leaves of rounding is not computed below it
+ENOUGH = 300_000  # numbers, for a fit
+LONGEST = 0.05  # s between the frames that are fitted
+BEND = 0.01  # of the noise's energy, that may lie between them
 REACH = 7.0  # times the noise: beyond it none of it changes the sign of a force
 
 
@@ -169,22 +172,60 @@ class Problem:
 
     def select(self, episodes: Sequence[int]) -> Problem:
         """The problem of these episodes alone, in the order given."""
-        spans = [self.episodes[number] for number in episodes]
-        frames = np.concatenate([np.arange(len(self.time))[span] for span in spans])
-        ends = np.cumsum([span.stop - span.start for span in spans])
-        zero = self.zero if isinstance(self.zero, (int, float)) else self.zero[frames]
+        return self._at([np.arange(self.episodes[number].start, self.episodes[number].stop) for number in episodes])
+
+    def _at(self, frames: Sequence[NDArray[np.intp]]) -> Problem:
+        """The problem of some frames of each episode."""
+        which = np.concatenate(frames)
+        ends = np.cumsum([len(own) for own in frames])
+        zero = self.zero if isinstance(self.zero, (int, float)) else self.zero[which]
         return replace(
             self,
-            measured=self.measured[frames],
-            simulated=self.simulated[frames],
-            time=self.time[frames],
-            covariates={name: values[frames] for name, values in self.covariates.items()},
-            episodes=tuple(
-                slice(int(end) - (span.stop - span.start), int(end)) for span, end in zip(spans, ends, strict=True)
-            ),
-            sigma=self.sigma[frames],
+            measured=self.measured[which],
+            simulated=self.simulated[which],
+            time=self.time[which],
+            covariates={name: values[which] for name, values in self.covariates.items()},
+            episodes=tuple(slice(int(end) - len(own), int(end)) for end, own in zip(ends, frames, strict=True)),
+            sigma=self.sigma[which],
             zero=zero,
         )
+
+    @cached_property
+    def stride(self) -> int:
+        """Every how many frames are enough for a fit: between them the simulation runs straight, to the noise.
+
+        A recording of few numbers is not thinned; models with memory hold their input straight between frames too.
+        """
+        interval = float(np.median(np.diff(self.time[self.episodes[0]])))
+        most = min(int(len(self.time) * self.alive.sum() / ENOUGH), int(LONGEST / max(interval, 1e-9)))
+        for stride in range(most, 1, -1):
+            if self._bend(stride) < BEND:
+                return stride
+        return 1
+
+    def _bend(self, stride: int) -> float:
+        """Mean square, in noise units, by which the simulation leaves the straight lines between every n-th frame."""
+        total = 0.0
+        for span in self.episodes:
+            kept, middle = self.simulated[span][::stride], self.simulated[span][stride // 2 :: stride]
+            count = min(len(kept) - 1, len(middle))
+            if count > 0:
+                way = (stride // 2) / stride
+                off = kept[:count] * (1 - way) + kept[1 : count + 1] * way - middle[:count]
+                total += float(np.sum((off * self.weight[span][stride // 2 :: stride][:count]) ** 2))
+        return total * stride / self.samples
+
+    @cached_property
+    def thinned(self) -> Problem:
+        """The problem of every `stride`-th frame."""
+        if self.stride == 1:
+            return self
+        return self._at([np.arange(span.start, span.stop, self.stride) for span in self.episodes])
+
+    @property
+    def kept(self) -> NDArray[np.intp]:
+        """The frames of `thinned`."""
+        return np.concatenate([np.arange(span.start, span.stop, self.stride) for span in self.episodes])
 
     @property
     def runs_through(self) -> bool:
