@@ -79,5 +79,6 @@ class Creep(Memory):
             return None
         y = x.copy()
         for amplitude, tau in np.broadcast(self.amplitude, self.tau):
-            y += float(amplitude) * (x + lag_sequence(x, float(tau), steps))
+            if amplitude:
+                y += float(amplitude) * (x + lag_sequence(x, float(tau), steps))
         return y

@@ -82,6 +82,8 @@ class Hysteresis(Memory):
             return None
         y = x.copy()
         for weight, radius in np.broadcast(self.weight, self.radius):
+            if not weight:
+                continue
             low, high = x - x.dtype.type(radius), x + x.dtype.type(radius)
             play = np.empty_like(x)
             previous = np.zeros_like(x[0])

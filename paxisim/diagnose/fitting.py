@@ -24,13 +24,20 @@ class Fit:
 
     Attributes:
         values: By cause, in the order of its `free`; of the taxels' gains ``(pads, rows, cols)``.
-        prediction: ``(T, pads, 3, rows, cols)`` newtons, with the problem's zero.
         energy: ``(episodes,)`` squared residual in units of the noise, freed of each channel's mean.
+        problem: What was fitted.
+        causes: The causes.
     """
 
     values: Fitted
-    prediction: FloatArray
     energy: FloatArray
+    problem: Problem
+    causes: tuple[Cause, ...]
+
+    @property
+    def prediction(self) -> FloatArray:
+        """``(T, pads, 3, rows, cols)`` newtons, with the problem's zero; made anew, as many fits are kept."""
+        return predict(self.problem, self.causes, self.values)[0]
 
 
 def in_order(members: Sequence[tuple[str, Transform]]) -> augment.Chain:
@@ -54,6 +61,93 @@ def made(problem: Problem, item: Cause, values: FloatArray) -> Transform:
     return item.make(values if item.name == TAXEL_GAIN else [float(v) for v in values], problem)  # type: ignore[arg-type]
 
 
+class _Stages:
+    """Causes one after the other; what went into each is kept, so that a change of one runs only what follows."""
+
+    def __init__(self, problem: Problem, causes: Sequence[Cause]) -> None:
+        ordered = sorted(causes, key=lambda item: item.order)
+        middle = cause(TAXEL_GAIN).order
+        zero_at = sum(item.order <= middle for item in ordered)
+        self._problem = problem
+        self._stages: list[Cause | None] = [*ordered[:zero_at], None, *ordered[zero_at:]]  # None: the zero is added
+        self._at = {item.name: number for number, item in enumerate(self._stages) if item is not None}
+        self._into: list[FloatArray] = []
+        self._out = problem.simulated
+        self._slope: FloatArray | None = None
+        self._gains: FloatArray | None = None
+
+    def predict(self, values: Fitted) -> tuple[FloatArray, Fitted]:
+        """What the causes make of the simulated stream, and the values, with the taxels' gains."""
+        x, full = self._problem.simulated, values
+        self._into = []
+        for number, stage in enumerate(self._stages):
+            self._into.append(x)
+            if stage is not None and stage.name == TAXEL_GAIN and TAXEL_GAIN not in values:
+                full = {**values, TAXEL_GAIN: self._best_gains(x, number, values, None)}
+            x = self._apply(stage, x, full)
+        self._gains = full.get(TAXEL_GAIN)
+        return x, full
+
+    def residual(self, values: Fitted) -> FloatArray:
+        """The residual in a row; changes of `values` may then be tried with `moved` and `slope`."""
+        self._out = self.predict(values)[0]
+        self._slope = None
+        return self._problem.residual(self._out).ravel()
+
+    def moved(self, values: Fitted, name: str) -> FloatArray:
+        """The residual with other values of cause `name`, the others as they were last."""
+        return self._problem.residual(self._moved(values, name)).ravel()
+
+    def slope(self, values: Fitted, name: str) -> FloatArray:
+        """By how much the residual changes with a small change of cause `name`, the others as they were last."""
+        change = self._out - self._moved(values, name)
+        if not self._problem.reads_all:
+            if self._slope is None:
+                self._slope = self._problem.slope(self._out)
+            change *= self._slope
+        return self._problem.weigh(change).ravel()
+
+    def _moved(self, values: Fitted, name: str) -> FloatArray:
+        begin = self._at[name]
+        x = self._into[begin]
+        for number, stage in enumerate(self._stages[begin:], start=begin):
+            if stage is not None and stage.name == TAXEL_GAIN:
+                values = {**values, TAXEL_GAIN: self._best_gains(x, number, values, self._gains)}
+            x = self._apply(stage, x, values)
+        return x
+
+    def _apply(self, stage: Cause | None, x: FloatArray, values: Fitted) -> FloatArray:
+        if stage is None:
+            return x + self._problem.zero if np.any(self._problem.zero) else x
+        if stage.name == TAXEL_GAIN:
+            return x * values[TAXEL_GAIN][:, None]
+        return self._problem.run(made(self._problem, stage, values[stage.name]), x)
+
+    def _best_gains(self, x: FloatArray, number: int, values: Fitted, near: FloatArray | None) -> FloatArray:
+        """``(pads, rows, cols)`` gains that fit best, drawn to 1 where little was pressed.
+
+        What comes after the gains acts on each taxel alone, so that one small change of all of them shows every slope.
+        """
+        problem, later = self._problem, self._stages[number + 1 :]
+
+        def end(force: FloatArray) -> FloatArray:
+            for stage in later:
+                force = self._apply(stage, force, values)
+            return force
+
+        straight = len(later) == 1  # nothing but the zero
+        rounds = 1 if straight or near is not None else 3
+        gains = np.ones((x.shape[1], *x.shape[3:])) if near is None else near
+        for turn in range(rounds):
+            now = end(x * gains[:, None])
+            slope = x if straight else (end(x * (gains[:, None] + 0.02)) - now) / 0.02
+            load = problem.weigh(slope)
+            change = np.sum(load * problem.residual(now), axis=(0, 2)) - (gains - 1) / _PRIOR**2
+            change /= np.sum(load**2, axis=(0, 2)) + 1 / _PRIOR**2
+            gains = np.clip(gains + (change if turn == 0 else 0.8 * change), 0.05, 5.0)
+        return gains
+
+
 def predict(problem: Problem, causes: Sequence[Cause], values: Fitted) -> tuple[FloatArray, Fitted]:
     """What the causes make of the simulated stream, with the problem's zero.
 
@@ -65,25 +159,11 @@ def predict(problem: Problem, causes: Sequence[Cause], values: Fitted) -> tuple[
     Returns:
         ``(T, pads, 3, rows, cols)`` newtons, and the values, with the taxels' gains.
     """
-    middle = cause(TAXEL_GAIN).order
-    before = [c for c in causes if c.order < middle]
-    after = [c for c in causes if c.order > middle]
-    y = problem.run(chain_of(problem, before, values), problem.simulated) if before else problem.simulated
-    late = chain_of(problem, after, values) if after else None
-
-    def end(force: FloatArray) -> FloatArray:
-        force = force + problem.zero
-        return problem.run(late, force) if late is not None else force
-
-    if any(c.name == TAXEL_GAIN for c in causes):
-        if TAXEL_GAIN not in values:
-            values = {**values, TAXEL_GAIN: _taxel_gains(problem, y, end, 1 if late is None else 3)}
-        y = y * values[TAXEL_GAIN][:, None]
-    return end(y), values
+    return _Stages(problem, causes).predict(values)
 
 
 def fit(problem: Problem, causes: Sequence[Cause], start: Fitted | None = None, steps: int = 8) -> Fit:
-    """Fit `causes` to all of a problem.
+    """Fit `causes` to all episodes of a problem, to as many of their frames as are needed.
 
     Args:
         problem: The recording.
@@ -91,24 +171,23 @@ def fit(problem: Problem, causes: Sequence[Cause], start: Fitted | None = None, 
         start: Values to begin with; a cause that is not in it begins with its best probe.
         steps: Iterations at most.
     """
+    whole, problem = problem, problem.thinned
     shared = [c for c in causes if c.name != TAXEL_GAIN]
     values = {n: np.asarray(v, dtype=float) for n, v in (start or {}).items() if n != TAXEL_GAIN}
-
-    def residual(values: Fitted) -> FloatArray:
-        some = [c for c in causes if c.name in values or c.name == TAXEL_GAIN]
-        return problem.residual(predict(problem, some, values)[0]).ravel()
-
-    for item in sorted(shared, key=lambda c: c.name not in values):
+    for item in shared:
         if item.name not in values:
-            values[item.name] = _best_probe(problem, item, values, residual)
+            begun = [c for c in causes if c.name in values or c.name in (item.name, TAXEL_GAIN)]
+            values[item.name] = _best_probe(problem, item, values, _Stages(problem, begun))
     free = [(c.name, i, f) for c in shared for i, f in enumerate(c.free(problem))]
-    best = residual(values)
+    stages = _Stages(problem, causes)
+    best = stages.residual(values)
     energy, damping = float(best @ best), 1e-3
     for _ in range(steps if free else 0):
         slopes = np.empty((len(free), len(best)))
         for row, (name, index, about) in enumerate(free):
             step = _step(values, name, index, about)
-            slopes[row] = (residual(_moved(values, name, index, step)) - best) * (about.scale / step)
+            slopes[row] = stages.slope(_moved(values, name, index, step), name)
+            slopes[row] *= about.scale / step
         normal, right = slopes @ slopes.T, slopes @ best
         before = energy
         for _ in range(5):
@@ -118,7 +197,7 @@ def fit(problem: Problem, causes: Sequence[Cause], start: Fitted | None = None, 
             for (n, i, f), amount in zip(free, change, strict=True):
                 trial[n][i] = np.clip(trial[n][i] + np.clip(amount, -5, 5) * f.scale, f.low, f.high)
             try:
-                new = residual(trial)
+                new = stages.residual(trial)
             except ValueError:  # values that are allowed one by one, but not together
                 damping *= 8
                 continue
@@ -128,14 +207,15 @@ def fit(problem: Problem, causes: Sequence[Cause], start: Fitted | None = None, 
             damping *= 8
         if before - energy < 1e-4 * before:
             break
-    return fit_of(problem, causes, values)
+    return fit_of(whole, causes, values)
 
 
 def fit_of(problem: Problem, causes: Sequence[Cause], values: Fitted) -> Fit:
     """A fit with given values."""
     prediction, values = predict(problem, causes, values)
     weighed = problem.residual(prediction)
-    return Fit(values, prediction, np.array([np.sum(weighed[span] ** 2) for span in problem.episodes]))
+    energy = np.array([np.sum(weighed[span] ** 2) for span in problem.episodes])
+    return Fit(values, energy, problem, tuple(causes))
 
 
 def _step(values: Fitted, name: str, index: int, free: Free) -> float:
@@ -150,37 +230,24 @@ def _moved(values: Fitted, name: str, index: int, step: float) -> Fitted:
     return {**values, name: moved}
 
 
-def _best_probe(problem, item, values, residual):  # type: ignore[no-untyped-def]
-    """The probe, taken as far as it helps, with which a cause begins."""
+def _best_probe(problem: Problem, item: Cause, values: Fitted, stages: _Stages) -> FloatArray:
+    """The probe, taken as far as it helps, with which a cause begins beside `values`."""
     free = item.free(problem)
     neutral = np.array([f.neutral for f in free])
     low, high = np.array([f.low for f in free]), np.array([f.high for f in free])
-    base = residual({**values, item.name: neutral})
+    defining = np.array([f.material is not None for f in free])
+    base = stages.residual({**values, item.name: neutral})
     best, least = neutral, base @ base
-    for probe in item.probes(problem):
-        probe = np.asarray(probe, dtype=float)
-        effect = residual({**values, item.name: probe}) - base
+    assert item.probes is not None
+    for given in item.probes(problem):
+        probe = np.asarray(given, dtype=float)
+        whole = stages.moved({**values, item.name: probe}, item.name)
+        effect = whole - base
         amount = -(effect @ base) / max(effect @ effect, 1e-12)
-        defining = np.array([f.material is not None for f in free])
         for share in (amount, 1.0):
             trial = np.where(defining, np.clip(neutral + share * (probe - neutral), low, high), probe)
-            new = residual({**values, item.name: trial})
+            same = np.array_equal(trial, probe)
+            new = whole if same else stages.moved({**values, item.name: trial}, item.name)
             if new @ new < least:
                 best, least = trial, new @ new
     return best
-
-
-def _taxel_gains(problem, y, end, rounds):  # type: ignore[no-untyped-def]
-    """``(pads, rows, cols)`` gains that fit best, drawn to 1 where little was pressed.
-
-    What comes after the gains acts on each taxel alone, so that one small change of all of them shows every slope.
-    """
-    gains = np.ones((y.shape[1], *y.shape[3:]))
-    for number in range(rounds):
-        now = end(y * gains[:, None])
-        slope = y if rounds == 1 else (end(y * (gains[:, None] + 0.02)) - now) / 0.02
-        load = problem.weigh(slope)
-        rest = problem.residual(now)
-        change = np.sum(load * rest, axis=(0, 2)) / (np.sum(load**2, axis=(0, 2)) + 1 / _PRIOR**2)
-        gains = np.clip(gains + (change if number == 0 or rounds == 1 else 0.8 * change), 0.05, 5.0)
-    return gains

@@ -18,6 +18,12 @@ from paxisim.recording import Recording
 
 FloatArray = NDArray[np.float64]
 
+NO_RIPPLE = 1e-5  # of a step: what noise leaves of rounding is not computed below it
+ENOUGH = 300_000  # numbers, for a fit
+LONGEST = 0.05  # s between the frames that are fitted
+BEND = 0.01  # of the noise's energy, that may lie between them
+REACH = 7.0  # times the noise: beyond it none of it changes the sign of a force
+
 
 @dataclass(frozen=True, eq=False)
 class Problem:
@@ -67,10 +73,24 @@ class Problem:
         """Number of numbers that are compared."""
         return int(len(self.time) * self.alive.sum())
 
+    @cached_property
+    def _alike(self) -> bool:
+        """Whether all episodes are sampled at the same times after their beginning, to a billionth of a second."""
+        each = [self.time[span] - self.time[span.start] for span in self.episodes]
+        return all(len(one) == len(each[0]) and np.abs(one - each[0]).max() < 1e-9 for one in each[1:])
+
     def run(self, transform: Transform, x: FloatArray) -> FloatArray:
         """`transform` on the sequence `x`, begun anew for each episode."""
         if not transform.has_memory:
             return transform.run(x, self.time, self.covariates)
+        if self._alike:  # then they are a batch: one pass over time for all
+
+            def batch(values: FloatArray) -> FloatArray:
+                return np.swapaxes(values.reshape(len(self.episodes), -1, *values.shape[1:]), 0, 1)
+
+            covariates = {name: batch(values) for name, values in self.covariates.items()}
+            made = transform.run(batch(x), self.time[self.episodes[0]], covariates)
+            return np.swapaxes(made, 0, 1).reshape(x.shape)
         parts = [
             transform.run(x[span], self.time[span], {name: c[span] for name, c in self.covariates.items()})
             for span in self.episodes
@@ -82,47 +102,130 @@ class Problem:
 
         The mean of a rounded value is a staircase that noise makes smooth; its first two harmonics are taken.
         """
-        read = self._rounded(force)
-        if self.clips and self.dither:
-            read = np.concatenate([read[:, :, :2], read[:, :, 2:] + self._cut(force[:, :, 2:])], axis=2)
-            np.maximum(read[:, :, 2], 0, out=read[:, :, 2])
+        if self.reads_all:
+            return force
+        read = force - self._rounding(force) if self._ripples else force.copy()
+        if self._cuts:
+            normal = read[:, :, 2]
+            normal += self._cut_off(force[:, :, 2])
+            np.maximum(normal, 0, out=normal)
         return read
 
-    def _cut(self, force: FloatArray) -> FloatArray:
+    @property
+    def reads_all(self) -> bool:
+        """Whether `read` returns what it is given."""
+        return not self._ripples and not self._cuts
+
+    @property
+    def _cuts(self) -> bool:
+        return self.clips and self.dither > 0
+
+    @property
+    def _ripples(self) -> bool:
+        return self.step > 0 and self._ripple[0] > NO_RIPPLE
+
+    def slope(self, force: FloatArray) -> FloatArray:
+        """By how much what is read of `force` changes with it; only where `reads_all` is False."""
+        small = 1e-3 * (self.step or self.dither)
+        return (self.read(force + small) - self.read(force - small)) / (2 * small)
+
+    def _cut_off(self, force: FloatArray) -> FloatArray:
         """What the readings below 0 that are read as 0 add to the mean."""
+        table, scale = self._cut_table
+        place = np.clip((force + REACH * self.dither) * scale, 0.0, len(table) - 1.001)
+        low = place.astype(np.intp)
+        place -= low
+        return table[low] * (1 - place) + table[low + 1] * place
+
+    @cached_property
+    def _cut_table(self) -> tuple[FloatArray, float]:
+        """That addition between plus and minus `REACH` of the noise, and the places of the table in a newton."""
+        force = np.linspace(-REACH, REACH, 4001) * self.dither
         below = -force / self.dither
         if self.dither < 0.5 * self.step:  # counts are told apart; what is far below is cut by the caller
             step = self.step / self.dither
-            return self.step * np.sum([ndtr(below - (k + 0.5) * step) for k in range(3)], axis=0)
-        bell = np.exp(-0.5 * np.minimum(below**2, 1e3)) / np.sqrt(2 * np.pi)
-        return self.dither * (bell + below * ndtr(below))
+            table = self.step * np.sum([ndtr(below - (k + 0.5) * step) for k in range(3)], axis=0)
+        else:
+            bell = np.exp(-0.5 * below**2) / np.sqrt(2 * np.pi)
+            table = self.dither * (bell + below * ndtr(below))
+        return table, 4000 / (2 * REACH * self.dither)
 
-    def _rounded(self, force: FloatArray) -> FloatArray:
-        if not self.step:
-            return force
-        angle = 2 * np.pi * force / self.step
+    @property
+    def _ripple(self) -> tuple[float, float]:
+        """What noise leaves of the first two harmonics of rounding."""
         spread = (np.pi * self.dither / self.step) ** 2
-        ripple = np.exp(-2 * spread) * np.sin(angle) - np.exp(-8 * spread) * np.sin(2 * angle) / 2
-        return force - self.step / np.pi * ripple
+        return float(np.exp(-2 * spread)), float(np.exp(-8 * spread))
+
+    def _rounding(self, force: FloatArray) -> FloatArray:
+        """What rounding takes from the mean; 7 digits of it are enough."""
+        first, second = self._ripple
+        turns = force / self.step
+        turns -= np.rint(turns)
+        angle = (2 * np.pi * turns).astype(np.float32)
+        ripple = np.sin(angle)
+        if second > NO_RIPPLE:
+            ripple *= np.float32(first) - np.float32(second) * np.cos(angle)
+        else:
+            ripple *= np.float32(first)
+        ripple *= np.float32(self.step / np.pi)
+        return ripple
 
     def select(self, episodes: Sequence[int]) -> Problem:
         """The problem of these episodes alone, in the order given."""
-        spans = [self.episodes[number] for number in episodes]
-        frames = np.concatenate([np.arange(len(self.time))[span] for span in spans])
-        ends = np.cumsum([span.stop - span.start for span in spans])
-        zero = self.zero if isinstance(self.zero, (int, float)) else self.zero[frames]
+        return self._at([np.arange(self.episodes[number].start, self.episodes[number].stop) for number in episodes])
+
+    def _at(self, frames: Sequence[NDArray[np.intp]]) -> Problem:
+        """The problem of some frames of each episode."""
+        which = np.concatenate(frames)
+        ends = np.cumsum([len(own) for own in frames])
+        zero = self.zero if isinstance(self.zero, (int, float)) else self.zero[which]
         return replace(
             self,
-            measured=self.measured[frames],
-            simulated=self.simulated[frames],
-            time=self.time[frames],
-            covariates={name: values[frames] for name, values in self.covariates.items()},
-            episodes=tuple(
-                slice(int(end) - (span.stop - span.start), int(end)) for span, end in zip(spans, ends, strict=True)
-            ),
-            sigma=self.sigma[frames],
+            measured=self.measured[which],
+            simulated=self.simulated[which],
+            time=self.time[which],
+            covariates={name: values[which] for name, values in self.covariates.items()},
+            episodes=tuple(slice(int(end) - len(own), int(end)) for end, own in zip(ends, frames, strict=True)),
+            sigma=self.sigma[which],
             zero=zero,
         )
+
+    @cached_property
+    def stride(self) -> int:
+        """Every how many frames are enough for a fit: between them the simulation runs straight, to the noise.
+
+        A recording of few numbers is not thinned; models with memory hold their input straight between frames too.
+        """
+        interval = float(np.median(np.diff(self.time[self.episodes[0]])))
+        most = min(int(len(self.time) * self.alive.sum() / ENOUGH), int(LONGEST / max(interval, 1e-9)))
+        for stride in range(most, 1, -1):
+            if self._bend(stride) < BEND:
+                return stride
+        return 1
+
+    def _bend(self, stride: int) -> float:
+        """Mean square, in noise units, by which the simulation leaves the straight lines between every n-th frame."""
+        total = 0.0
+        for span in self.episodes:
+            kept, middle = self.simulated[span][::stride], self.simulated[span][stride // 2 :: stride]
+            count = min(len(kept) - 1, len(middle))
+            if count > 0:
+                way = (stride // 2) / stride
+                off = kept[:count] * (1 - way) + kept[1 : count + 1] * way - middle[:count]
+                total += float(np.sum((off * self.weight[span][stride // 2 :: stride][:count]) ** 2))
+        return total * stride / self.samples
+
+    @cached_property
+    def thinned(self) -> Problem:
+        """The problem of every `stride`-th frame."""
+        if self.stride == 1:
+            return self
+        return self._at([np.arange(span.start, span.stop, self.stride) for span in self.episodes])
+
+    @property
+    def kept(self) -> NDArray[np.intp]:
+        """The frames of `thinned`."""
+        return np.concatenate([np.arange(span.start, span.stop, self.stride) for span in self.episodes])
 
     @property
     def runs_through(self) -> bool:
@@ -142,7 +245,11 @@ class Problem:
 
     def weigh(self, difference: FloatArray) -> FloatArray:
         """A difference of tensors in units of the noise, freed of each channel's mean."""
-        return (difference - np.sum(self._share * difference, axis=0)) * self.weight
+        shape = difference.shape
+        mean = np.einsum("tc,tc->c", self._share.reshape(shape[0], -1), difference.reshape(shape[0], -1))
+        weighed = difference - mean.reshape(shape[1:])
+        weighed *= self.weight
+        return weighed
 
 
 def noise_of(measured: FloatArray, simulated: FloatArray, episodes: tuple[slice, ...], step: float) -> FloatArray:

@@ -62,14 +62,12 @@ def tangent_of(problem: Problem, causes: Sequence[Cause], x: FloatArray, predict
         x: What the effects act on: the model's output, or the simulation itself while there is no model.
         prediction: What the residual is taken against.
     """
-    owner: list[str] = []
-    effects: list[FloatArray] = []
-    for item in causes:
-        if item.probes is None:
-            continue
-        for values in item.probes(problem):
-            effects.append(problem.weigh(problem.run(item.make(values, problem), x) - x))
-            owner.append(item.name)
+    every, frames, problem = problem.samples, problem.kept, problem.thinned
+    x, prediction = x[frames], prediction[frames]
+    probes = [(item, values) for item in causes if item.probes is not None for values in item.probes(problem)]
+    effects = np.empty((len(probes), *x.shape))
+    for row, (item, values) in enumerate(probes):
+        effects[row] = problem.weigh(problem.run(item.make(values, problem), x) - x)
     residual = problem.residual(prediction)
     with_gains = any(item.name == TAXEL_GAIN for item in causes)
     taxels = x.shape[1] * x.shape[3] * x.shape[4] if with_gains else 0
@@ -81,7 +79,7 @@ def tangent_of(problem: Problem, causes: Sequence[Cause], x: FloatArray, predict
     own = np.arange(shared, size)
     for number, span in enumerate(problem.episodes):
         r = residual[span]
-        rows = np.stack([effect[span].ravel() for effect in effects]) if shared else np.zeros((0, r.size))
+        rows = effects[:, span].reshape(shared, r.size)
         products[number, :shared, :shared] = rows @ rows.T
         projections[number, :shared] = rows @ r.ravel()
         energy[number] = np.sum(r**2)
@@ -89,8 +87,9 @@ def tangent_of(problem: Problem, causes: Sequence[Cause], x: FloatArray, predict
             load = loads[span]
             products[number, own, own] = np.sum(load**2, axis=(0, 2)).ravel()
             projections[number, shared:] = np.sum(load * r, axis=(0, 2)).ravel()
-            for row, effect in enumerate(effects):
-                across = np.sum(load * effect[span], axis=(0, 2)).ravel()
+            for row in range(shared):
+                across = np.einsum("tpkij,tpkij->pij", load, effects[row, span]).ravel()
                 products[number, row, shared:] = products[number, shared:, row] = across
-    names = np.array(owner + [TAXEL_GAIN] * taxels)
-    return Tangent(names, products, projections, energy, problem.samples)
+    names = np.array([item.name for item, _ in probes] + [TAXEL_GAIN] * taxels)
+    part = problem.samples / every  # the sums stand for those of all frames
+    return Tangent(names, products / part, projections / part, energy / part, every)
