@@ -178,7 +178,7 @@ def zero_of(
     counts = np.array([frames[span].sum() for span in problem.episodes])
     if frames.sum() < 10:
         return nothing
-    hidden = bool(problem.step) and problem.dither < 0.25 * problem.step
+    hidden = not resting and tells_under_load(problem)
     rest = problem.measured - problem.read(prediction)
     hiding = _hidden(problem, prediction) if hidden else None
     if hiding is not None:
@@ -264,8 +264,13 @@ def _resting(problem: Problem) -> NDArray[np.bool_]:
     return before
 
 
+def tells_under_load(problem: Problem) -> bool:
+    """Whether the noise at rest does not reach the next count, so that small offsets show only under load."""
+    return bool(problem.step) and problem.dither < 0.25 * problem.step
+
+
 def _telling(problem: Problem) -> NDArray[np.bool_]:
-    if problem.step and problem.dither < 0.25 * problem.step:
+    if tells_under_load(problem):
         return np.ones(len(problem.time), dtype=bool)
     return problem.at_rest if problem.at_rest.mean() > 0.05 else np.ones(len(problem.time), dtype=bool)
 

@@ -10,13 +10,15 @@ import numpy as np
 from paxisim import augment
 from paxisim.augment.transform import Transform
 from paxisim.diagnose.cause import MANY, TAXEL_GAIN, Cause, cause, known_causes
-from paxisim.diagnose.checks import Reading, Zero, read_layout, read_rounding, read_taxels, zero_of
+from paxisim.diagnose.checks import Reading, Zero, read_layout, read_rounding, read_taxels, tells_under_load, zero_of
 from paxisim.diagnose.fitting import Fitted, fit, in_order, made, predict
 from paxisim.diagnose.problem import FloatArray, Problem, Tolerance, problem_of, with_noise
 from paxisim.diagnose.search import Found, Thresholds, search
 from paxisim.recording import Recording
 
 __all__ = ["Explanation", "Named", "Thresholds", "Tolerance", "explain"]
+
+LEFT = 0.06  # of what the other causes explain, that their forms leave to an offset
 
 _THRESHOLDS, _TOLERANCE = Thresholds(), Tolerance()
 
@@ -140,7 +142,12 @@ def _with_zero(problem: Problem, zero: Zero) -> Problem:
 def _zero(problem: Problem, chosen: Sequence[Cause], values: Fitted, limits: Thresholds, slow: tuple[str, ...]) -> Zero:
     bare = predict(replace(problem, zero=0.0), chosen, values)[0]
     owned = any(item.name == "interference" for item in chosen)
-    return zero_of(problem, bare, MANY * limits.material, limits.episodes, names=slow, owned=owned)
+    material = MANY * limits.material
+    if tells_under_load(problem):  # what the other causes' forms leave is there, too
+        without = problem.residual(problem.simulated + problem.zero)
+        explained = np.sum(without**2) - np.sum(problem.residual(bare + problem.zero) ** 2)
+        material += LEFT * max(float(explained), 0.0) / problem.samples
+    return zero_of(problem, bare, material, limits.episodes, names=slow, owned=owned)
 
 
 def _read(

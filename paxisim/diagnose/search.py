@@ -80,12 +80,13 @@ class _Search:
         self._gains: dict[frozenset[str], dict[str, float]] = {}
 
     def run(self, chosen: list[str]) -> Found:
+        chosen = self._pruned(chosen)
         while len(chosen) < self._limits.most:
             self._tell(f"looking for a cause beside {', '.join(chosen) or 'none'}")
             kept = self._next(chosen)
             if kept is None:
                 break
-            chosen = self._exchanged(self._pruned([*chosen, kept]))
+            chosen = self._exchanged(self._pruned([*chosen, kept], kept))
         rivals = {name: self._rivals(chosen, name) for name in chosen}
         without = {name: self._fitted([n for n in chosen if n != name]) for name in chosen}
         return Found(self._fitted(chosen), without, rivals)
@@ -146,7 +147,7 @@ class _Search:
                 better = contest[name].energy.sum() - contest[best].energy.sum()
                 simpler = best in self._by_name[name].simpler
                 if best != name and (better > SIGNIFICANT or simpler) and self._material(contest[best], best):
-                    chosen = self._pruned([*chosen[:place], *chosen[place + 1 :], best])
+                    chosen = self._pruned([*chosen[:place], *chosen[place + 1 :], best], best)
                     break
             else:
                 break
@@ -171,13 +172,13 @@ class _Search:
                     return simple
         return name
 
-    def _pruned(self, chosen: list[str]) -> list[str]:
-        """Without the causes that the later ones have made superfluous."""
-        for name in chosen[:-1]:
+    def _pruned(self, chosen: list[str], kept: str = "") -> list[str]:
+        """Without the causes that the others, `kept` among them, have made superfluous."""
+        for name in [n for n in chosen if n != kept]:
             fewer = [n for n in chosen if n != name]
             whole = self._fitted(chosen)
             if not self._worth(whole, self._fitted(fewer, whole), name) or not self._material(whole, name):
-                return self._pruned(fewer)
+                return self._pruned(fewer, kept)
         return chosen
 
     def _consistent(self, more: Fit, fewer: Fit, least: float) -> bool:
