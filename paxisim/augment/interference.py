@@ -11,7 +11,8 @@ from paxisim.augment.transform import Covariates, Transform
 
 @dataclass(frozen=True, eq=False)
 class Interference(Transform):
-    """A common field that moves with a covariate c: ``y_k(p, i) = x_k(p, i) + linear_k(p) c + quadratic_k(p) c^2``.
+    """A common field that moves with a covariate c: ``y_k(p, i) = x_k(p, i) + linear_k(p) d + quadratic_k(p) d^2``,
+    where ``d = c - zeroed_at``.
 
     Hall sensors also feel what is not their own magnet: motors, steel, the earth, above all the other finger's magnets,
     which come nearer as the gripper closes. Its distance is large against a pitch, so that all taxels of a pad read the
@@ -24,14 +25,17 @@ class Interference(Transform):
     Attributes:
         linear: ``(..., pads, 3)`` newtons per unit of the covariate; pads may be 1.
         quadratic: ``(..., pads, 3)`` newtons per square of the unit of the covariate; pads may be 1.
-        covariate: Name of the covariate, in SI units, measured from where the field is none; an opening in m.
+        zeroed_at: The covariate's value at which the sensor was zeroed, so that it reads no field there.
+        covariate: Name of the covariate, in SI units; an opening in m.
     """
 
     linear: Any = parameter(((0.0, 0.0, 0.0),), "pk", unit="N/unit", typical=(-6.0, 6.0))
     quadratic: Any = parameter(((0.0, 0.0, 0.0),), "pk", unit="N/unit^2", typical=(-75.0, 75.0))
+    zeroed_at: Any = parameter(0.0, "", unit="unit")
     covariate: str = "gripper_opening"
 
     def apply(self, x: Any, covariates: Covariates) -> Any:
         """See `Transform.apply`."""
         c = self.fit_covariate(self.covariate, covariates, x)
-        return x + c * (self.fit("linear", x) + c * self.fit("quadratic", x))
+        d = c - self.fit("zeroed_at", x)
+        return x + d * (self.fit("linear", x) + d * self.fit("quadratic", x))

@@ -146,7 +146,9 @@ register_cause(
 def _interference(values: Values, problem: Problem) -> augment.Interference:
     pads = problem.measured.shape[1]
     linear, quadratic = np.reshape(values, (2, pads, 3))
-    return augment.Interference(linear, quadratic)
+    opening = problem.covariates["gripper_opening"]
+    rest = problem.at_rest if problem.at_rest.any() else np.ones(len(opening), dtype=bool)
+    return augment.Interference(linear, quadratic, zeroed_at=float(np.median(opening[rest])))
 
 
 def _interference_free(problem: Problem) -> tuple[Free, ...]:
