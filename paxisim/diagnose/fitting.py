@@ -92,20 +92,24 @@ class _Stages:
         """The residual in a row; changes of `values` may then be tried with `moved` and `slope`."""
         self._out = self.predict(values)[0]
         self._slope = None
-        return self._problem.residual(self._out).ravel()
+        return self._residual(self._out)
 
     def moved(self, values: Fitted, name: str) -> FloatArray:
         """The residual with other values of cause `name`, the others as they were last."""
-        return self._problem.residual(self._moved(values, name)).ravel()
+        return self._residual(self._moved(values, name))
 
     def slope(self, values: Fitted, name: str) -> FloatArray:
         """By how much the residual changes with a small change of cause `name`, the others as they were last."""
-        change = self._out - self._moved(values, name)
-        if not self._problem.reads_all:
+        problem, compared = self._problem, self._problem.compared
+        change = problem.at_compared(self._out) - problem.at_compared(self._moved(values, name))
+        if not compared.reads_all:
             if self._slope is None:
-                self._slope = self._problem.slope(self._out)
+                self._slope = compared.slope(problem.at_compared(self._out))
             change *= self._slope
-        return self._problem.weigh(change).ravel()
+        return compared.weigh(change).ravel()
+
+    def _residual(self, prediction: FloatArray) -> FloatArray:
+        return self._problem.compared.residual(self._problem.at_compared(prediction)).ravel()
 
     def _moved(self, values: Fitted, name: str) -> FloatArray:
         begin = self._at[name]
@@ -128,7 +132,7 @@ class _Stages:
 
         What comes after the gains acts on each taxel alone, so that one small change of all of them shows every slope.
         """
-        problem, later = self._problem, self._stages[number + 1 :]
+        problem, later, at = self._problem.compared, self._stages[number + 1 :], self._problem.at_compared
 
         def end(force: FloatArray) -> FloatArray:
             for stage in later:
@@ -141,8 +145,8 @@ class _Stages:
         for turn in range(rounds):
             now = end(x * gains[:, None])
             slope = x if straight else (end(x * (gains[:, None] + 0.02)) - now) / 0.02
-            load = problem.weigh(slope)
-            change = np.sum(load * problem.residual(now), axis=(0, 2)) - (gains - 1) / _PRIOR**2
+            load = problem.weigh(at(slope))
+            change = np.sum(load * problem.residual(at(now)), axis=(0, 2)) - (gains - 1) / _PRIOR**2
             change /= np.sum(load**2, axis=(0, 2)) + 1 / _PRIOR**2
             gains = np.clip(gains + (change if turn == 0 else 0.8 * change), 0.05, 5.0)
         return gains

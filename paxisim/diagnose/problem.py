@@ -197,7 +197,7 @@ class Problem:
         A recording of few numbers is not thinned; models with memory hold their input straight between frames too.
         """
         interval = float(np.median(np.diff(self.time[self.episodes[0]])))
-        most = min(int(len(self.time) * self.alive.sum() / ENOUGH), int(LONGEST / max(interval, 1e-9)))
+        most = min(self._spare, int(LONGEST / max(interval, 1e-9)))
         for stride in range(most, 1, -1):
             if self._bend(stride) < BEND:
                 return stride
@@ -218,14 +218,30 @@ class Problem:
     @cached_property
     def thinned(self) -> Problem:
         """The problem of every `stride`-th frame."""
-        if self.stride == 1:
-            return self
-        return self._at([np.arange(span.start, span.stop, self.stride) for span in self.episodes])
+        return self._every(self.stride)
+
+    @cached_property
+    def compared(self) -> Problem:
+        """The problem of as many frames as are needed to compare a prediction that was made for all of them."""
+        return self._every(self._spare)
+
+    def at_compared(self, values: FloatArray) -> FloatArray:
+        """Of ``(T, ...)`` values those at the frames of `compared`."""
+        return values if self._spare == 1 else values[self._kept(self._spare)]
+
+    def at_thinned(self, values: FloatArray) -> FloatArray:
+        """Of ``(T, ...)`` values those at the frames of `thinned`."""
+        return values if self.stride == 1 else values[self._kept(self.stride)]
 
     @property
-    def kept(self) -> NDArray[np.intp]:
-        """The frames of `thinned`."""
-        return np.concatenate([np.arange(span.start, span.stop, self.stride) for span in self.episodes])
+    def _spare(self) -> int:
+        return max(1, int(self.samples / ENOUGH))
+
+    def _kept(self, stride: int) -> NDArray[np.intp]:
+        return np.concatenate([np.arange(span.start, span.stop, stride) for span in self.episodes])
+
+    def _every(self, stride: int) -> Problem:
+        return self if stride == 1 else self._at([np.arange(s.start, s.stop, stride) for s in self.episodes])
 
     @property
     def runs_through(self) -> bool:

@@ -62,13 +62,15 @@ def tangent_of(problem: Problem, causes: Sequence[Cause], x: FloatArray, predict
         x: What the effects act on: the model's output, or the simulation itself while there is no model.
         prediction: What the residual is taken against.
     """
-    every, frames, problem = problem.samples, problem.kept, problem.thinned
-    x, prediction = x[frames], prediction[frames]
+    every, x, prediction = problem.samples, problem.at_thinned(x), problem.at_thinned(prediction)
+    whole = problem.thinned
+    problem = whole.compared
     probes = [(item, values) for item in causes if item.probes is not None for values in item.probes(problem)]
-    effects = np.empty((len(probes), *x.shape))
+    effects = np.empty((len(probes), *problem.measured.shape))
     for row, (item, values) in enumerate(probes):
-        effects[row] = problem.weigh(problem.run(item.make(values, problem), x) - x)
-    residual = problem.residual(prediction)
+        effects[row] = problem.weigh(whole.at_compared(whole.run(item.make(values, whole), x) - x))
+    x = whole.at_compared(x)
+    residual = problem.residual(whole.at_compared(prediction))
     with_gains = any(item.name == TAXEL_GAIN for item in causes)
     taxels = x.shape[1] * x.shape[3] * x.shape[4] if with_gains else 0
     loads = problem.weigh(x)
