@@ -1,22 +1,32 @@
-"""Interference: a magnetic field from outside, the same at all taxels."""
+"""Interference: a magnetic field from outside, nearly the same at all taxels."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Any
 
-from paxisim.augment.parameter import parameter
+import numpy as np
+from numpy.typing import NDArray
+
+from paxisim.augment.constant import constant
+from paxisim.augment.modes import each_mode
+from paxisim.augment.parameter import namespace, parameter
 from paxisim.augment.transform import Covariates, Transform
+from paxisim.errors import InvalidValueError
+
+_FLAT = (((0.0, 0.0, 0.0),), ((0.0, 0.0, 0.0),))
 
 
 @dataclass(frozen=True, eq=False)
 class Interference(Transform):
-    """A common field that moves with a covariate c: ``y_k(p, i) = x_k(p, i) + linear_k(p) d + quadratic_k(p) d^2``,
-    where ``d = c - zeroed_at``.
+    """A field that moves with a covariate: ``y_k(p, i) = x_k(p, i) + linear_k(p, i) d + quadratic_k(p, i) d^2``.
+
+    Here d is how far the covariate is from where the sensor was zeroed, and ``linear_k(p, i)`` is what the pad's middle
+    reads plus what it rises by from taxel to taxel along rows and columns; ``quadratic_k(p, i)`` likewise.
 
     Hall sensors also feel what is not their own magnet: motors, steel, the earth, above all the other finger's magnets,
-    which come nearer as the gripper closes. Its distance is large against a pitch, so that all taxels of a pad read the
-    same field, as a force that is not there. The constant part is zeroed away, and is `Offset` where it is not; for
+    which come nearer as the gripper closes. Its distance is larger than a pad, so that the taxels of a pad read nearly
+    the same field, as a force that is not there. The constant part is zeroed away, and is `Offset` where it is not; for
     several covariates put one transform each into the chain.
 
     Source: on one magnetic fingertip the pose of the finger alone moved the field by 100 uT (median), of which a
@@ -25,12 +35,17 @@ class Interference(Transform):
     Attributes:
         linear: ``(..., pads, 3)`` newtons per unit of the covariate; pads may be 1.
         quadratic: ``(..., pads, 3)`` newtons per square of the unit of the covariate; pads may be 1.
+        linear_rise: ``(..., 2, pads, 3)`` newtons per unit of the covariate, from one row to the next and from one
+            column to the next; pads may be 1.
+        quadratic_rise: ``(..., 2, pads, 3)`` the same per square of the unit of the covariate.
         zeroed_at: The covariate's value at which the sensor was zeroed, so that it reads no field there.
         covariate: Name of the covariate, in SI units; an opening in m.
     """
 
     linear: Any = parameter(((0.0, 0.0, 0.0),), "pk", unit="N/unit", typical=(-6.0, 6.0))
     quadratic: Any = parameter(((0.0, 0.0, 0.0),), "pk", unit="N/unit^2", typical=(-75.0, 75.0))
+    linear_rise: Any = parameter(_FLAT, "mpk", unit="N/unit")
+    quadratic_rise: Any = parameter(_FLAT, "mpk", unit="N/unit^2")
     zeroed_at: Any = parameter(0.0, "", unit="unit")
     covariate: str = "gripper_opening"
 
@@ -38,4 +53,21 @@ class Interference(Transform):
         """See `Transform.apply`."""
         c = self.fit_covariate(self.covariate, covariates, x)
         d = c - self.fit("zeroed_at", x)
-        return x + d * (self.fit("linear", x) + d * self.fit("quadratic", x))
+        return x + d * (self._at_taxels("linear", x) + d * self._at_taxels("quadratic", x))
+
+    def _at_taxels(self, name: str, x: Any) -> Any:
+        """``(..., pads, 3, rows, cols)`` the field of each taxel."""
+        rise = self.fit(f"{name}_rise", each_mode(x))
+        if rise.shape[-5] != 2:
+            raise InvalidValueError(
+                f"{self.name}: {name}_rise of shape {tuple(np.shape(getattr(self, f'{name}_rise')))} does not fit a "
+                f"tensor of shape {tuple(x.shape)}: it must be (..., 2, pads, 3), along rows and along columns"
+            )
+        places = constant(_places, (int(x.shape[-2]), int(x.shape[-1])), x)
+        return self.fit(name, x) + namespace(x).sum(rise * places, axis=-5)
+
+
+def _places(rows: int, cols: int) -> NDArray[np.float64]:
+    """``(2, 1, 1, rows, cols)`` row and column of each taxel, counted from the pad's middle."""
+    row, col = np.meshgrid(np.arange(rows) - (rows - 1) / 2, np.arange(cols) - (cols - 1) / 2, indexing="ij")
+    return np.stack([row, col])[:, None, None]

@@ -64,8 +64,8 @@ class Cause:
         ahead: By what share of its gain it must be better than those.
         costs: How many times the energy that matters it must bring: more than 1 for one with many numbers, in which
             what no calibration has removed gathers.
-        form: Share of its gain that another cause, by its name, may bring besides, as no form fits exactly what a sensor
-            does; `FORM` for those that are not listed.
+        form: Share of its gain that another cause, by its name, may bring besides, as no form fits exactly what a
+            sensor does; `FORM` for those that are not listed.
         beyond: How far `values` are from what those could do, in units of what matters: at least 1 to be named.
     """
 

@@ -11,6 +11,7 @@ from paxisim.diagnose.problem import FloatArray, Problem
 from paxisim.errors import InvalidValueError
 
 AXES = "xyz"
+_STATIC = ("axis_gain", "stiffening", "crosstalk")  # what acts on how hard a taxel is pressed
 
 
 def _unit(size: int, index: int, neutral: float, step: float) -> list[float]:
@@ -72,7 +73,11 @@ register_cause(
         lambda p: tuple(Free(f"weight_{r:g}_peak", "1", 0.0, 0.0, 0.24, 0.05, 0.02) for r in _RADII),
         lambda v, p: augment.Hysteresis(tuple(v), tuple(r * p.peak for r in _RADII)),
         lambda p: [_unit(4, i, 0.0, 0.1) for i in range(4)],
-        form={"creep": 0.2, **dict.fromkeys(("stiffening", "axis_gain", "crosstalk", TAXEL_GAIN), 0.15), "dead_band": 0.05},
+        form={
+            "creep": 0.2,
+            **dict.fromkeys(("stiffening", "axis_gain", "crosstalk", TAXEL_GAIN), 0.15),
+            "dead_band": 0.05,
+        },
     )
 )
 
@@ -143,19 +148,32 @@ register_cause(
 )
 
 
+_FIELD = (("linear", "N/m", 1.0), ("quadratic", "N/m^2", 50.0))
+
+
 def _interference(values: Values, problem: Problem) -> augment.Interference:
     pads = problem.measured.shape[1]
-    linear, quadratic = np.reshape(values, (2, pads, 3))
+    linear, quadratic = np.reshape(values, (2, 3, pads, 3))  # the middle, from row to row, from column to column
     opening = problem.covariates["gripper_opening"]
     rest = problem.at_rest if problem.at_rest.any() else np.ones(len(opening), dtype=bool)
-    return augment.Interference(linear, quadratic, zeroed_at=float(np.median(opening[rest])))
+    home = float(np.median(opening[rest]))
+    return augment.Interference(linear[0], quadratic[0], linear[1:], quadratic[1:], zeroed_at=home)
 
 
 def _interference_free(problem: Problem) -> tuple[Free, ...]:
     pads = problem.measured.shape[1]
-    names = [f"pad{p}_{axis}" for p in range(pads) for axis in AXES]
-    linear = [Free(f"linear_{n}", "N/m", 0.0, -1e4, 1e4, 1.0, 0.4) for n in names]
-    return (*linear, *[Free(f"quadratic_{n}", "N/m^2", 0.0, -1e6, 1e6, 50.0) for n in names])
+    free = []
+    for power, unit, scale in _FIELD:
+        for place in ("", "row_", "column_"):
+            material = 0.4 if power == "linear" and not place else None
+            names = [f"{power}_{place}pad{p}_{axis}" for p in range(pads) for axis in AXES]
+            free += [Free(n, unit, 0.0, -1e4 * scale, 1e4 * scale, scale, material) for n in names]
+    return tuple(free)
+
+
+def _interference_probes(problem: Problem) -> list[list[float]]:
+    free = _interference_free(problem)
+    return [_unit(len(free), index, 0.0, item.scale) for index, item in enumerate(free)]
 
 
 register_cause(
@@ -164,13 +182,7 @@ register_cause(
         55,
         _interference_free,
         _interference,
-        lambda p: (
-            [_unit(6 * p.measured.shape[1], i, 0.0, 1.0) for i in range(3 * p.measured.shape[1])]
-            + [
-                _unit(6 * p.measured.shape[1], i, 0.0, 50.0)
-                for i in range(3 * p.measured.shape[1], 6 * p.measured.shape[1])
-            ]
-        ),
+        _interference_probes,
         covariate="gripper_opening",
     )
 )
@@ -214,6 +226,7 @@ register_cause(
         ),
         lambda v, p: augment.DeadBand(v[0], v[1]),
         lambda p: [(0.06, 0.0), (0.12, 0.0), (0.2, 0.0), (0.3, 0.0)],
+        form=dict.fromkeys(_STATIC, 0.06),
     )
 )
 
@@ -227,6 +240,7 @@ register_cause(
         ),
         lambda v, p: augment.Saturation(-v[0], v[0], v[1]),
         lambda p: [(0.5 * p.peak, 0.2), (0.7 * p.peak, 0.2), (0.9 * p.peak, 0.2)],
+        form=dict.fromkeys(_STATIC, 0.07),
     )
 )
 

@@ -374,4 +374,6 @@ def with_noise(problem: Problem, tolerance: Tolerance) -> Problem:
     noise = noise_of(problem.measured, problem.simulated, problem.episodes, problem.step)
     allowed = tolerated(problem.simulated, problem.time, problem.episodes, tolerance)
     dither = dither_of(problem.measured, problem.at_rest, problem.episodes, problem.step)
+    if dither < 0.6 * problem.step:  # most readings repeat the one before, and their changes hide the noise
+        noise = np.maximum(noise, np.sqrt(problem.step**2 / 12 + dither**2))
     return replace(problem, sigma=np.sqrt(noise**2 + allowed), dither=dither)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from paxisim.diagnose.cause import FORM, TAXEL_GAIN, Cause
+from paxisim.diagnose.cause import FORM, Cause
 from paxisim.diagnose.fitting import Fit, fit
 from paxisim.diagnose.problem import Problem
 from paxisim.diagnose.tangent import Tangent, tangent_of
@@ -15,6 +15,7 @@ from paxisim.diagnose.tangent import Tangent, tangent_of
 CONTEST = 4  # candidates that are fitted in full for one place
 EXCHANGE = 3  # of them where a cause that is in is put to the test again
 SIGNIFICANT = 30.0  # energy, in units of the noise, that chance does not explain
+FEW = 6  # numbers of a cause
 NEAR = 0.6  # of the best one's gain: who has less is not fitted
 
 
@@ -208,6 +209,6 @@ def _promise(tangent: Tangent, chosen: Sequence[str], name: str) -> float:
     """What a cause may bring beside `chosen`: in other episodes, or half of it where but one shows it at all."""
     names = [*chosen, name]
     promise = float(tangent.gain(names).sum() - tangent.gain(chosen).sum())
-    if name == TAXEL_GAIN:
+    if (tangent.owner == name).sum() > FEW:  # in one episode they would fit noise
         return promise
     return max(promise, 0.5 * float(tangent.gain(names, False).sum() - tangent.gain(chosen, False).sum()))
