@@ -6,6 +6,7 @@ Recordings are made by `tests/hidden`, which shares no code with the diagnosis. 
 
 - ``--poor N``: motions of one slow speed, diagnosed, recorded again as advised, and diagnosed again.
 - ``--nested N``: the first N of each kind are diagnosed once more without two episodes that judge the model.
+- ``--suite N``: how often the cases of ``tests/diagnose/test_hidden_effects.py`` are solved, the rates it rests on.
 - ``--cost``: seconds and memory against length and number of taxels.
 - ``--json FILE``: each case is kept as a line of JSON; started again, what is in FILE is not done again.
 - ``--case single:17``: one case, in words, with what was hidden.
@@ -29,6 +30,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 from hidden_table.cost import costs
 from hidden_table.solve import compared, diagnosed, made, solve
+from hidden_table.suite import suite
 from hidden_table.table import table
 from hidden_table.tasks import KINDS, Outcome, Task, read_outcome, tasks, version
 
@@ -96,6 +98,7 @@ def main() -> None:
     parser.add_argument("--nested", type=int, default=0, help="cases of each kind to be judged by unseen episodes too")
     parser.add_argument("--json", type=Path, help="file of JSON lines to keep the cases in")
     parser.add_argument("--case", help="one case, such as single:17, in words")
+    parser.add_argument("--suite", type=int, default=0, help="draws of each case of the test suite")
     parser.add_argument("--cost", action="store_true", help="measure time and memory against size")
     arguments = parser.parse_args()
     if arguments.case:
@@ -105,10 +108,14 @@ def main() -> None:
         show(tasks({kind: int(number) + 1}, arguments.seed, arguments.family)[-1])
         return
     wanted = tasks({kind: getattr(arguments, kind) for kind in KINDS}, arguments.seed, arguments.family)
-    if not wanted and not arguments.cost:
-        parser.error("nothing to do: give --singles, --pairs, --triples, --nulls, --jsonsiders, --poor or --cost")
+    if not (wanted or arguments.suite or arguments.cost):
+        parser.error(
+            "nothing to do: give --singles, --pairs, --triples, --nulls, --outsiders, --poor, --suite or --cost"
+        )
     if wanted:
         table(run(wanted, arguments.nested, arguments.jobs, arguments.json))
+    if arguments.suite:
+        suite(arguments.suite, arguments.seed, arguments.jobs)
     if arguments.cost:
         costs(arguments.seed, arguments.jobs)
 

@@ -8,7 +8,7 @@ import traceback
 
 import numpy as np
 from hidden.cases import Case, again, joined, make
-from hidden.compare import compare
+from hidden.compare import LITTLE, compare, headroom_share
 
 import paxisim
 from hidden_table.baselines import baselines
@@ -17,7 +17,6 @@ from paxisim.diagnose.advice import motions_of
 from paxisim.diagnose.diagnosis import Diagnosis
 from paxisim.recording import Recording
 
-LITTLE = 0.02  # of the floor: where there is less headroom no share of it is given
 TRIES = 20  # to find a case in which poor motions show the effect at all
 
 
@@ -41,7 +40,7 @@ def solve(task: Task, nested: bool = False) -> Outcome:
         task,
         case.signal,
         answer,
-        share=_share(case, diagnosis),
+        share=headroom_share(case, diagnosis.heldout.nrmse_before, diagnosis.heldout.nrmse_after),
         nested=_nested(case, task.seed) if nested else None,
         compared=compared(case, diagnosis),
         baselines=named,
@@ -101,16 +100,6 @@ def _answer(diagnosis: Diagnosis, seconds: float) -> Answer:
         advice=diagnosis.advice,
         seconds=seconds,
     )
-
-
-def _share(case: Case, diagnosis: Diagnosis) -> float | None:
-    """Held-out share of the headroom above what the hidden effects themselves leave."""
-    if case.ideal is None:
-        return None
-    force = float(np.sum(case.measured.astype(float) ** 2))
-    floor = float(np.sum((case.measured - case.ideal.astype(float)) ** 2)) / force
-    before, after = diagnosis.heldout.nrmse_before**2, diagnosis.heldout.nrmse_after**2
-    return (before - after) / (before - floor) if before - floor > LITTLE * floor else None
 
 
 def _nested(case: Case, seed: int) -> float | None:

@@ -156,7 +156,11 @@ def _recorded(device, moves, starts, rng, ideal):
         return np.concatenate([part[i] for part in parts])
 
     grid = (-1, pad.pads, 3, pad.rows, pad.cols)
-    best = sensor.in_range(join(5)).reshape(grid).astype(np.float32) if ideal else None
+    best = None
+    if ideal:
+        coarse = nuisance.step if nuisance.step > device.own_step else 0.0  # then rounding is an effect
+        best = sensor.in_range(np.round(join(5) / coarse) * coarse if coarse else join(5))
+        best = best.reshape(grid).astype(np.float32)
     return Case(
         time=join(0),
         measured=join(1).reshape(grid).astype(np.float32),

@@ -33,6 +33,8 @@ import numpy as np
 
 from hidden.effects import DT, Episode
 
+LITTLE = 0.02  # of the floor: where there is less headroom no share of it is given
+
 
 @dataclass
 class Compared:
@@ -63,6 +65,24 @@ def compare(name, case, run, parameters):
     known = TRUE_PARAMETERS[name](case) if name in TRUE_PARAMETERS else {}
     asked = [(known[n], low, high) for n, (_, low, high) in parameters.items() if n in known and low is not None]
     return Compared(error, sum(low <= value <= high for value, low, high in asked), len(asked))
+
+
+def headroom_share(case, before, after):
+    """How much of the headroom above what the hidden effects themselves leave a model takes away, in energy.
+
+    Args:
+        case: made with ``ideal=True``.
+        before, after: root mean square error of simulation and model over that of the measured force.
+
+    Returns:
+        1 for a model as good as the hidden effects put on the same simulation; None where there is next to no headroom.
+    """
+    if case.ideal is None:
+        return None
+    measured = case.measured.astype(float)
+    floor = np.sum((measured - case.ideal) ** 2) / np.sum(measured**2)
+    room = before**2 - floor
+    return float((before**2 - after**2) / room) if room > LITTLE * floor else None
 
 
 class _Bench:
@@ -279,7 +299,7 @@ TRUE_PARAMETERS = {
         for j in range(3)
         if i != j
     },
-    "rotation": lambda case: _axes("about_", case.truth["rotation"]["vector"]),
+    "rotation": lambda case: _axes("about_", -case.truth["rotation"]["vector"]),  # of the sensor, not of the force
     "latency": lambda case: {"delay": case.truth["latency"]["delay"]},
     "saturation": lambda case: {"limit": case.truth["saturation"]["limit"]},
     "dead_band": lambda case: {"width": case.truth["dead_band"]["width"]},
