@@ -1,6 +1,6 @@
 """How often a hidden effect is named, and what else a diagnosis is worth.
 
-    python benchmarks/hidden_effects.py --singles 100 --pairs 60 --triples 40 --nulls 100 --jsonsiders 40 --jobs 2
+    python benchmarks/hidden_effects.py --singles 100 --pairs 60 --triples 40 --nulls 100 --outsiders 40 --jobs 2
 
 Recordings are made by `tests/hidden`, which shares no code with the diagnosis. Besides:
 
