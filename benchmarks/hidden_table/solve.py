@@ -17,6 +17,7 @@ from paxisim.diagnose.advice import motions_of
 from paxisim.diagnose.diagnosis import Diagnosis
 from paxisim.recording import Recording
 
+SLOW = 20.0  # Hz, of poor motions: what is advised takes minutes
 TRIES = 20  # to find a case in which poor motions show the effect at all
 
 
@@ -58,7 +59,7 @@ def made(task: Task) -> Case:
     if task.kind != "poor":
         return make(task.true, seed=task.seed, family=task.family, ideal=True, **NULLS[task.options])
     for attempt in range(TRIES):
-        case = make(task.true, seed=task.seed + 100_000_000 * attempt, family="poor")
+        case = make(task.true, seed=task.seed + 100_000_000 * attempt, family="poor", rate=SLOW)
         if case.signal > STRONG:
             break
     return case
