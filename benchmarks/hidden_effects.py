@@ -1,187 +1,123 @@
-"""How often a hidden effect is named: ``python benchmarks/hidden_effects.py --singles 100 --pairs 60 --nulls 100``.
+"""How often a hidden effect is named, and what else a diagnosis is worth.
 
-Recordings are made by `tests/hidden`, which shares no code with the diagnosis. Case number n of a kind has the seed
-``seed * 1_000_000 + n`` and a kind's number on top, so that each line of the list of misses can be made again.
+    python benchmarks/hidden_effects.py --singles 100 --pairs 60 --triples 40 --nulls 100 --outsiders 40 --jobs 2
+
+Recordings are made by `tests/hidden`, which shares no code with the diagnosis. Besides:
+
+- ``--poor N``: motions of one slow speed, diagnosed, recorded again as advised, and diagnosed again.
+- ``--nested N``: the first N of each kind are diagnosed once more without two episodes that judge the model.
+- ``--suite N``: how often the cases of ``tests/diagnose/test_hidden_effects.py`` are solved, the rates it rests on.
+- ``--cost``: seconds and memory against length and number of taxels.
+- ``--json FILE``: each case is kept as a line of JSON; started again, what is in FILE is not done again.
+- ``--case single:17``: one case, in words, with what was hidden.
+
+Case number n of a kind has the seed ``seed * 1_000_000 + n`` and a kind's number on top, whatever the counts are.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import sys
-import time
-import traceback
-from collections import Counter
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import dataclass
+from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy: one thread for each job
-
-import numpy as np
-
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
-from hidden.cases import make
-from hidden.effects import EFFECTS
-from hidden.outsiders import OUTSIDERS
-
-KINDS = {"single": 1, "pair": 2, "null": 3, "outsider": 4, "triple": 5}
-STRONG = 0.1  # of the noise's energy
-NULLS = {"plain": {}, "AR 0.95": {"rho": 0.95}, "0.1 N rounding": {"coarse": True}}
+from hidden_table.cost import costs
+from hidden_table.solve import compared, diagnosed, made, solve
+from hidden_table.suite import suite
+from hidden_table.table import table
+from hidden_table.tasks import KINDS, Outcome, Task, read_outcome, tasks, version
 
 
-@dataclass(frozen=True)
-class Task:
-    """A case to be made and diagnosed."""
-
-    kind: str
-    true: tuple[str, ...]
-    seed: int
-    family: str
-    options: str = "plain"
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """What was found in a case."""
-
-    task: Task
-    found: tuple[str, ...]
-    signal: float
-    explained: float
-    seconds: float
-    error: str = ""
-
-    @property
-    def exact(self) -> bool:
-        """Whether these and no others were named."""
-        return set(self.found) == set(self.task.true)
-
-    @property
-    def contained(self) -> bool:
-        """Whether all were named, others perhaps too."""
-        return set(self.task.true) <= set(self.found)
-
-
-def solve(task: Task) -> Outcome:
-    """Make a case and diagnose it."""
-    from paxisim.diagnose.engine import explain
-    from paxisim.recording import Recording
-
-    case = make(task.true, seed=task.seed, family=task.family, **NULLS[task.options])
-    begin = time.perf_counter()
-    try:
-        found = explain(Recording(case.time, case.measured, case.simulated, case.covariates, case.episode))
-    except Exception:  # a crash is a miss, and the other cases still count
-        spent = time.perf_counter() - begin
-        return Outcome(task, ("crash",), case.signal, 0.0, spent, traceback.format_exc(limit=-2))
-    names = tuple(item.name for item in found.found)
-    explained = 1 - float(found.energy.sum() / found.empty_energy.sum())
-    return Outcome(task, names, case.signal, explained, time.perf_counter() - begin)
-
-
-def tasks(arguments: argparse.Namespace) -> list[Task]:
-    """All cases that are asked for; singles go through the causes in turn, sets are drawn."""
-    rng = np.random.default_rng(arguments.seed)
-    families = ["development", "final"] if arguments.family == "both" else [arguments.family]
-    names, foreign = list(EFFECTS), list(OUTSIDERS)
+def kept(path: Path | None, code: str) -> list[Outcome]:
+    """The outcomes that a file holds; a last line that was cut off is not one."""
+    if path is None or not path.exists():
+        return []
     out = []
-    for kind, count in (
-        ("single", arguments.singles), ("pair", arguments.pairs), ("triple", arguments.triples),
-        ("null", arguments.nulls), ("outsider", arguments.outsiders),
-    ):  # fmt: skip
-        for number in range(count):
-            if kind == "single":
-                true = (names[number % len(names)],)
-            elif kind == "outsider":
-                true = (foreign[number % len(foreign)],)
-            else:
-                size = {"pair": 2, "triple": 3, "null": 0}[kind]
-                true = tuple(sorted(rng.choice(names, size, replace=False)))
-            seed = arguments.seed * 1_000_000 + KINDS[kind] * 10_000 + number
-            # the cycle over the causes must not go in step with that over the families
-            family = families[(number + number // len(names)) % len(families)]
-            options = list(NULLS)[number % len(NULLS)] if kind == "null" else "plain"
-            out.append(Task(kind, true, seed, family, options))
+    for line in path.read_text().splitlines(keepends=True):
+        if not line.endswith("\n"):
+            break
+        row = json.loads(line)
+        if row.pop("version") != code:
+            raise SystemExit(f"{path} holds results of another version of the code: give another file to --json")
+        out.append(read_outcome(row))
     return out
 
 
-def wilson(hits: int, count: int) -> str:
-    """A rate with its 95 % interval after Wilson."""
-    if not count:
-        return "-"
-    z, rate = 1.96, hits / count
-    middle = (rate + z * z / (2 * count)) / (1 + z * z / count)
-    half = z / (1 + z * z / count) * np.sqrt(rate * (1 - rate) / count + z * z / (4 * count**2))
-    return f"{hits:>4}/{count:<4} {100 * rate:5.1f} %  ({100 * (middle - half):.1f} to {100 * (middle + half):.1f})"
+def run(wanted: Sequence[Task], nested: int, jobs: int, path: Path | None) -> list[Outcome]:
+    """All outcomes, those that `path` holds not done again; on an interrupt those that are done."""
+    code = version()
+    done = {o.task: o for o in kept(path, code)}
+    outcomes = [done[task] for task in wanted if task in done]
+    left = [task for task in wanted if task not in done]
+    if path is not None and path.exists():  # without a line that was cut off
+        path.write_text("".join(json.dumps({"version": code, **o.as_row()}) + "\n" for o in done.values()))
+    with ProcessPoolExecutor(jobs) as pool:
+        try:
+            for job in as_completed([pool.submit(solve, task, task.number < nested) for task in left]):
+                outcome = job.result()
+                outcomes.append(outcome)
+                if path is not None:
+                    with path.open("a") as file:
+                        file.write(json.dumps({"version": code, **outcome.as_row()}) + "\n")
+                print(f"\r{len(outcomes)}/{len(wanted)}", end="", file=sys.stderr, flush=True)
+        except (KeyboardInterrupt, BrokenProcessPool) as error:
+            print(f"{type(error).__name__}: {len(outcomes)} of {len(wanted)} cases are in the table")
+            pool.shutdown(wait=False, cancel_futures=True)
+    print(file=sys.stderr)
+    return sorted(outcomes, key=lambda o: o.task.seed)
 
 
-def table(outcomes: list[Outcome]) -> None:
-    """Print the rates, the confusion matrix of the singles and the misses."""
-    kinds = {kind: [o for o in outcomes if o.task.kind == kind] for kind in KINDS}
-    singles, pairs, triples = kinds["single"], kinds["pair"], kinds["triple"]
-    strong = [o for o in singles if o.signal > STRONG]
-
-    def row(what: str, hits: int, count: int) -> None:
-        if count:
-            print(f"{what:<44} {wilson(hits, count)}")
-
-    row("exact singles", sum(o.exact for o in singles), len(singles))
-    row(f"exact singles, signal > {STRONG}", sum(o.exact for o in strong), len(strong))
-    row("exact pairs", sum(o.exact for o in pairs), len(pairs))
-    row("pairs with both named", sum(o.contained for o in pairs), len(pairs))
-    row("exact triples", sum(o.exact for o in triples), len(triples))
-    row("false names in nulls", sum(bool(o.found) for o in kinds["null"]), len(kinds["null"]))
-    for options in NULLS:
-        some = [o for o in kinds["null"] if o.task.options == options]
-        row(f"  of those, {options}", sum(bool(o.found) for o in some), len(some))
-    row(
-        "outsiders with a name of the vocabulary", sum(bool(o.found) for o in kinds["outsider"]), len(kinds["outsider"])
-    )
-    seconds = [o.seconds for o in outcomes]
-    print(f"seconds a case: median {np.median(seconds):.1f}, largest {max(seconds):.1f}")
-
-    if singles:
-        print("\nwhat was named for each single (count of cases)")
-        for name in EFFECTS:
-            named = Counter(" + ".join(sorted(o.found)) or "nothing" for o in singles if o.task.true == (name,))
-            if named:
-                print(f"  {name:<14} " + ", ".join(f"{what} {count}" for what, count in named.most_common()))
-    misses = [o for o in outcomes if o.task.kind != "outsider" and not o.exact]
-    if misses:
-        print("\nmisses, clearest effect first")
-        for o in sorted(misses, key=lambda o: -o.signal):
-            what = o.error.strip().splitlines()[-1] if o.error else ", ".join(o.found) or "nothing"
-            print(
-                f"  {' + '.join(o.task.true) or o.task.options:<32} named {what:<44} signal {o.signal:.3f}, seed "
-                f"{o.task.seed}, {o.task.family}, {100 * o.explained:.0f} % of the energy explained, {o.seconds:.0f} s"
-            )
+def show(task: Task) -> None:
+    """One case, in words."""
+    case = made(task)
+    print(f"{task.name}: {' + '.join(task.true) or 'nothing'} hidden, family {task.family}, seed {case.seed}")
+    print(f"signal {case.signal:.3f}, {len(case.time)} samples at {case.sensor.nuisance.rate:.0f} Hz\n{case.truth}\n")
+    diagnosis, seconds = diagnosed(case)
+    print(diagnosis)
+    print(f"\n{seconds:.1f} s")
+    for name, (error, inside, count) in compared(case, diagnosis).items():
+        print(f"{name}: error {error:.1%}, {inside} of {count} intervals hold the truth")
 
 
 def main() -> None:
-    """Parse the arguments, run the cases and print the table; on an interrupt, of those that are done."""
+    """Parse the arguments, run the cases and print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     for kind in KINDS:
-        parser.add_argument(f"--{kind}s", type=int, default=0, help=f"number of {kind}s")
+        plural = "" if kind == "poor" else "s"
+        parser.add_argument(f"--{kind}{plural}", dest=kind, type=int, default=0, help=f"number of {kind} cases")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=1, help="processes")
     parser.add_argument("--family", choices=("development", "final", "both"), default="both", help="of motions")
+    parser.add_argument("--nested", type=int, default=0, help="cases of each kind to be judged by unseen episodes too")
+    parser.add_argument("--json", type=Path, help="file of JSON lines to keep the cases in")
+    parser.add_argument("--case", help="one case, such as single:17, in words")
+    parser.add_argument("--suite", type=int, default=0, help="draws of each case of the test suite")
+    parser.add_argument("--cost", action="store_true", help="measure time and memory against size")
     arguments = parser.parse_args()
-    wanted = tasks(arguments)
-    if not wanted:
-        parser.error("nothing to do: give --singles, --pairs, --triples, --nulls or --outsiders")
-    outcomes: list[Outcome] = []
-    pool = ProcessPoolExecutor(arguments.jobs)
-    try:
-        for job in as_completed([pool.submit(solve, task) for task in wanted]):
-            outcomes.append(job.result())
-            print(f"\r{len(outcomes)}/{len(wanted)}", end="", file=sys.stderr, flush=True)
-    except KeyboardInterrupt:
-        print(f"interrupted: {len(outcomes)} of {len(wanted)} cases are in the table")
-    pool.shutdown(wait=False, cancel_futures=True)
-    print(file=sys.stderr)
-    table(sorted(outcomes, key=lambda o: o.task.seed))
+    if arguments.case:
+        kind, _, number = arguments.case.partition(":")
+        if kind not in KINDS or not number.isdigit():
+            parser.error(f"--case takes KIND:NUMBER with one of {', '.join(KINDS)}, got {arguments.case!r}")
+        show(tasks({kind: int(number) + 1}, arguments.seed, arguments.family)[-1])
+        return
+    wanted = tasks({kind: getattr(arguments, kind) for kind in KINDS}, arguments.seed, arguments.family)
+    if not (wanted or arguments.suite or arguments.cost):
+        parser.error(
+            "nothing to do: give --singles, --pairs, --triples, --nulls, --outsiders, --poor, --suite or --cost"
+        )
+    if wanted:
+        table(run(wanted, arguments.nested, arguments.jobs, arguments.json))
+    if arguments.suite:
+        suite(arguments.suite, arguments.seed, arguments.jobs)
+    if arguments.cost:
+        costs(arguments.seed, arguments.jobs)
 
 
 if __name__ == "__main__":

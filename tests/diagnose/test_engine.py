@@ -1,4 +1,4 @@
-"""The engine names what was hidden. Rates over many cases are in benchmarks/hidden_effects.py."""
+"""What the engine returns and refuses. Whether it names what was hidden: test_hidden_effects.py."""
 
 import sys
 from pathlib import Path
@@ -23,10 +23,6 @@ VOCABULARY = {
     "interference",
 }  # fmt: skip
 
-MISSED = {("axis_coupling", 102), ("interference", 101), ("interference", 102)}
-"""Cases that the search gets wrong today, left out here; the benchmark counts all."""
-SINGLES = [(name, seed) for name in sorted(VOCABULARY) for seed in (101, 102) if (name, seed) not in MISSED]
-
 
 def hidden(*causes, seed, **options):
     """A small recording in which `causes` are hidden."""
@@ -43,28 +39,11 @@ def test_every_name_of_the_vocabulary_is_known():
     assert set(known_causes()) >= VOCABULARY
 
 
-@pytest.mark.parametrize(("name", "seed"), SINGLES)
-def test_a_single_effect_is_named(name, seed):
-    recording, _ = hidden(name, seed=seed, strength=0.8)
-    explanation = explain(recording)
-    assert named(explanation) == {name}
-    assert explanation.energy.sum() < explanation.empty_energy.sum()
-    assert explanation.model.names == (name,) or name in ("drift", "interference")  # these bring a constant along
-
-
-@pytest.mark.parametrize("options", [{}, {"rho": 0.95}, {"coarse": True}, {"family": "final"}])
-@pytest.mark.parametrize("seed", [201, 202])
-def test_nothing_is_named_where_nothing_is_hidden(seed, options):
-    recording, case = hidden(seed=seed, **options)
+def test_without_a_cause_the_simulation_stays_as_it_is():
+    recording, case = hidden(seed=201)
     explanation = explain(recording)
     assert explanation.found == ()
     np.testing.assert_array_equal(explanation.prediction, case.simulated.astype(float))
-
-
-@pytest.mark.parametrize("pair", [("offset", "axis_gain"), ("dead_taxels", "creep")])
-def test_two_effects_are_both_named(pair):
-    recording, _ = hidden(*pair, seed=301, strength=0.8)
-    assert named(explain(recording)) == set(pair)
 
 
 def test_the_model_makes_the_prediction():

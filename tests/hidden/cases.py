@@ -1,12 +1,36 @@
 """Recordings with known truth: one effect, several, none, or one that is outside the vocabulary."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from hidden import contact, motions, sensor
+from hidden import advised, contact, motions, sensor
 from hidden.effects import EFFECTS, Episode, Pad
 from hidden.outsiders import OUTSIDERS
+
+
+@dataclass
+class Sensor:
+    """A sensor with its faults, which can be recorded again.
+
+    Attributes:
+        pad: its taxels. nuisance: its noise, clock and tolerances.
+        effects: by name, what each does to a force.
+        own_step: N a count, before an effect coarsened it.
+        warm: degC by which it warms up.
+    """
+
+    pad: Pad
+    nuisance: sensor.Nuisance
+    effects: dict
+    own_step: float
+    warm: float
+
+    def apply(self, force, episode):
+        """All effects, one after the other."""
+        for effect in self.effects.values():
+            force = effect(force, episode)
+        return force
 
 
 @dataclass
@@ -18,6 +42,8 @@ class Case:
         pitch: (row, column) m.
         causes: names of what was hidden. truth: their figures.
         signal: energy of the effect over the energy of the noise, both of what was measured.
+        sensor: to record again, or to do experiments on.
+        ideal: (T, pads, 3, rows, cols) N, what the hidden effects themselves make of the simulation, or None.
     """
 
     time: np.ndarray
@@ -30,10 +56,12 @@ class Case:
     truth: dict = field(default_factory=dict)
     signal: float = 0.0
     seed: int = 0
+    sensor: Sensor | None = None
+    ideal: np.ndarray | None = None
 
 
 def make(causes=(), *, seed, family="development", rows=6, cols=5, pads=2, strength=None, duration=9.0, rho=None,
-         strong_noise=False, coarse=False):  # fmt: skip
+         strong_noise=False, coarse=False, rate=None, ideal=False):  # fmt: skip
     """A recording in which `causes` are hidden.
 
     Args:
@@ -45,6 +73,8 @@ def make(causes=(), *, seed, family="development", rows=6, cols=5, pads=2, stren
         rho: correlation of the noise; default: drawn.
         strong_noise: five times the noise.
         coarse: rounding to whole 0.1 N in any case; else half of the sensors round finer.
+        rate: samples a second; default: drawn.
+        ideal: whether to keep what the effects make of the simulation; outsiders that remember have none.
     """
     rng = np.random.default_rng(seed)
     pitch = (4.35e-3, 4.52e-3)
@@ -52,56 +82,94 @@ def make(causes=(), *, seed, family="development", rows=6, cols=5, pads=2, stren
     size = (rows * pitch[0], cols * pitch[1])
     step = 0.1 if coarse or rng.random() < 0.5 else 0.01
     nuisance = sensor.draw(rng, pads, len(where), step, rho, strong_noise)
+    if rate is not None:
+        nuisance.rate = float(rate)
 
     moves = [motions.episode(kind, family, rng, size, pads, duration) for kind in motions.KINDS[family]]
-    true = [contact.field(move, where) for move in moves]
-    simulated = [contact.field(move, where, nuisance.pose_error) for move in moves]
-    peak = float(np.quantile(np.concatenate([np.abs(f).max(axis=(1, 2, 3)) for f in true]), 0.995))
-
-    pad = Pad(where, rows, cols, pads, peak)
+    loads = np.concatenate([np.abs(contact.field(move, where)).max(axis=(1, 2, 3)) for move in moves])
+    pad = Pad(where, rows, cols, pads, float(np.quantile(loads, 0.995)))
     known = {**EFFECTS, **OUTSIDERS}
     order = [name for name in known if name in causes]
     if len(order) != len(set(causes)):
         raise ValueError(f"unknown cause among {causes}")
-    effects, truth = [], {}
+    effects, truth = {}, {}
     for name in order:
-        apply, truth[name] = known[name](rng, pad, rng.random() if strength is None else strength)
-        effects.append(apply)
+        effects[name], truth[name] = known[name](rng, pad, rng.random() if strength is None else strength)
     own_step = nuisance.step
     if "quantisation" in truth:
         nuisance.step = truth["quantisation"]["step"]
-
     pauses = rng.uniform(20, 60, len(moves))
     starts = np.cumsum(pauses) + duration * np.arange(len(moves))
-    warm = rng.uniform(-0.5, 0.5)
+    device = Sensor(pad, nuisance, effects, own_step, rng.uniform(-0.5, 0.5))
+    case = _recorded(device, moves, starts, rng, ideal and not set(order) & set(OUTSIDERS))
+    return replace(case, pitch=pitch, causes=tuple(order), truth=truth, seed=seed)
+
+
+def again(case, kinds, *, seed):
+    """The same sensor, recorded with the motions that were asked for, after the first recording on the same clock.
+
+    Args:
+        case: the first recording.
+        kinds: names of `advised.ADVISED`.
+        seed: of the motions and the noise.
+    """
+    rng = np.random.default_rng(seed)
+    rows, cols = case.measured.shape[3:]
+    size = (rows * case.pitch[0], cols * case.pitch[1])
+    moves = [move for kind in kinds for move in advised.ADVISED[kind](rng, size, case.sensor.pad.pads)]
+    lengths = np.array([len(move.normal) for move in moves]) / motions.RATE
+    pauses = rng.uniform(20, 60, len(moves))
+    starts = case.time[-1] + np.cumsum(pauses) + np.concatenate([[0.0], np.cumsum(lengths)[:-1]])
+    new = _recorded(case.sensor, moves, starts, rng, False)
+    return replace(new, pitch=case.pitch, causes=case.causes, truth=case.truth, seed=seed)
+
+
+def joined(first, second):
+    """Two recordings of one sensor as one, the second after the first."""
+    both = {name: np.concatenate([getattr(first, name), getattr(second, name)]) for name in (
+        "time", "measured", "simulated")}  # fmt: skip
+    covariates = {n: np.concatenate([first.covariates[n], second.covariates[n]]) for n in first.covariates}
+    episode = np.concatenate([first.episode, second.episode + first.episode[-1] + 1])
+    return replace(first, **both, covariates=covariates, episode=episode, ideal=None)
+
+
+def _recorded(device, moves, starts, rng, ideal):
+    """What `device` reads of `moves` that begin at `starts`, with what is simulated of them."""
+    pad, nuisance = device.pad, device.nuisance
     parts, effect_energy, noise_energy = [], 0.0, 0.0
-    for number, (move, force, wanted, start) in enumerate(zip(moves, true, simulated, starts, strict=True)):
+    for number, (move, start) in enumerate(zip(moves, starts, strict=True)):
+        force, wanted = contact.field(move, pad.where), contact.field(move, pad.where, nuisance.pose_error)
         fine_time = start + np.arange(len(force)) / motions.RATE
-        temperature = 25 + warm * (1 - np.exp(-fine_time / 300))
-        changed = force
-        for apply in effects:
-            changed = apply(changed, Episode(start, move.opening, temperature))
+        temperature = 25 + device.warm * (1 - np.exp(-fine_time / 300))
+        about = Episode(start, move.opening, temperature)
+        changed = device.apply(force, about)
         time, read = sensor.sample(changed, nuisance, rng, motions.RATE)
         at = np.minimum(np.round(time * motions.RATE).astype(int), len(force) - 1)
-        coarser = (nuisance.step**2 - own_step**2) / 12  # energy of rounding to more than the device's own step
+        coarser = (nuisance.step**2 - device.own_step**2) / 12  # energy of rounding to more than the device's own step
         effect_energy += float(np.sum((changed[at] - force[at]) ** 2) + len(at) * nuisance.noise.size * coarser)
-        noise_energy += float(len(at) * np.sum(nuisance.noise**2 + own_step**2 / 12))
+        noise_energy += float(len(at) * np.sum(nuisance.noise**2 + device.own_step**2 / 12))
         covariates = {"gripper_opening": move.opening[at], "temperature": temperature[at]}
-        parts.append((start + time, read, wanted[at], covariates, np.full(len(at), number)))
+        best = device.apply(wanted, about)[at] if ideal else wanted[:0]
+        parts.append((start + time, read, wanted[at], covariates, np.full(len(at), number), best))
 
     def join(i):
         return np.concatenate([part[i] for part in parts])
 
-    grid = (-1, pads, 3, rows, cols)
+    grid = (-1, pad.pads, 3, pad.rows, pad.cols)
+    best = None
+    if ideal:
+        coarse = nuisance.step if nuisance.step > device.own_step else 0.0  # then rounding is an effect
+        best = sensor.in_range(np.round(join(5) / coarse) * coarse if coarse else join(5))
+        best = best.reshape(grid).astype(np.float32)
     return Case(
         time=join(0),
         measured=join(1).reshape(grid).astype(np.float32),
         simulated=join(2).reshape(grid).astype(np.float32),
         covariates={name: np.concatenate([part[3][name] for part in parts]) for name in parts[0][3]},
         episode=join(4),
-        pitch=pitch,
-        causes=tuple(order),
-        truth=truth,
+        pitch=(),
+        causes=(),
         signal=effect_energy / noise_energy,
-        seed=seed,
+        sensor=device,
+        ideal=best,
     )

@@ -36,7 +36,7 @@ class Motion:
     angle: float
 
 
-def _path(points, shape):
+def path(points, shape):
     """A curve through (duration, value) pairs; `shape` is "linear" or "smooth" (no jump of the slope)."""
     pieces, value = [], points[0][1]
     for duration, target in points:
@@ -84,22 +84,22 @@ def episode(kind, family, rng, size, pads=2, duration=9.0):
     peak = np.exp(rng.uniform(np.log(6.0), np.log(25.0)))
     free = [(duration, 0.0)]
     if kind == "press":
-        curve = _path(_press(rng, shape, peak) + _press(rng, shape, peak * rng.uniform(0.4, 1.0)), shape)
+        curve = path(_press(rng, shape, peak) + _press(rng, shape, peak * rng.uniform(0.4, 1.0)), shape)
     elif kind == "slide":
-        curve = _path([(0.7, 0.0), (0.4, 0.7 * peak), (duration - 2.8, 0.9 * peak), (0.6, 0.0), (1.1, 0.0)], shape)
+        curve = path([(0.7, 0.0), (0.4, 0.7 * peak), (duration - 2.8, 0.9 * peak), (0.6, 0.0), (1.1, 0.0)], shape)
     elif kind == "reverse":
         levels = peak * np.array([0.3, 0.9, 0.2, 0.75, 0.35, 0.6, 0.45, 1.0, 0.1, 0.5])
         times = np.exp(rng.uniform(np.log(0.15), np.log(0.9), len(levels)))
-        curve = _path([(0.7, 0.0), *zip(times, levels, strict=True), (0.5, 0.0), (1.0, 0.0)], shape)
+        curve = path([(0.7, 0.0), *zip(times, levels, strict=True), (0.5, 0.0), (1.0, 0.0)], shape)
     elif kind == "taps":
         taps = []
         for _ in range(9):
             taps += [(0.06, rng.uniform(0.5, 1) * peak), (rng.uniform(0.05, 0.3), peak * 0.6), (0.06, 0.0), (0.35, 0.0)]
-        curve = _path([(0.7, 0.0), *taps], shape)
+        curve = path([(0.7, 0.0), *taps], shape)
     elif kind == "gripper":
-        curve = _path(free, shape)
+        curve = path(free, shape)
     else:
-        curve = _path([(1.0, 0.0), (3.2, 12.0), (0.6, 12.0), (3.2, 0.0), (1.0, 0.0)], "linear")
+        curve = path([(1.0, 0.0), (3.2, 12.0), (0.6, 12.0), (3.2, 0.0), (1.0, 0.0)], "linear")
     curve = _fit(curve, length)
 
     contact = curve > 0
@@ -119,7 +119,7 @@ def episode(kind, family, rng, size, pads=2, duration=9.0):
     travel = 0.35 * half * sway[:, None] * (kind == "slide")
     centre = np.clip(middle + travel * mirror, -0.8 * half, 0.8 * half)
 
-    opening = 0.02 + 0.012 * _path([(0.5, 0.0), (0.4, 0.6), (0.5, -0.4), (0.4, 0.0)], shape)
+    opening = 0.02 + 0.012 * path([(0.5, 0.0), (0.4, 0.6), (0.5, -0.4), (0.4, 0.0)], shape)
     opening = _fit(opening, length)
     opening = np.where(contact, opening[np.argmax(contact)] - 2e-5 * curve, opening)
     if kind == "gripper":

@@ -60,5 +60,11 @@ def sample(force, nuisance, rng, fine_rate):
     read = clean + nuisance.noise * (0.7 * white + 0.7 * coloured)
     if nuisance.step:
         read = np.round(read / nuisance.step) * nuisance.step
+    return time, in_range(read)
+
+
+def in_range(read):
+    """(T, pads, 3, N) readings as a device can give them: a normal force is never negative."""
+    read = read.copy()
     read[:, :, 2] = np.maximum(read[:, :, 2], 0)
-    return time, np.clip(read, -12.8, 25.5)
+    return np.clip(read, -12.8, 25.5)

@@ -1,0 +1,140 @@
+"""Solve: a case is made, diagnosed, and compared with what was hidden in it."""
+
+from __future__ import annotations
+
+import resource
+import time
+import traceback
+
+import numpy as np
+from hidden.cases import Case, again, joined, make
+from hidden.compare import LITTLE, compare, headroom_share
+
+import paxisim
+from hidden_table.baselines import baselines
+from hidden_table.tasks import NULLS, STRONG, Answer, Outcome, Task
+from paxisim.diagnose.advice import motions_of
+from paxisim.diagnose.diagnosis import Diagnosis
+from paxisim.recording import Recording
+
+SLOW = 20.0  # Hz, of poor motions: what is advised takes minutes
+TRIES = 20  # to find a case in which poor motions show the effect at all
+
+
+def solve(task: Task, nested: bool = False) -> Outcome:
+    """Make a case and diagnose it; a crash is a miss, and the other cases still count.
+
+    Args:
+        task: The case.
+        nested: Whether to diagnose it once more without two episodes, and to judge the model on those.
+    """
+    case = made(task)
+    try:
+        diagnosis, seconds = diagnosed(case)
+    except Exception:
+        return Outcome(task, case.signal, None, memory=_memory(), error=traceback.format_exc(limit=-4))
+    answer = _answer(diagnosis, seconds)
+    if task.kind == "poor":
+        return _follow(task, case, answer)
+    named, shares = baselines(recording(case), case.ideal)
+    return Outcome(
+        task,
+        case.signal,
+        answer,
+        share=headroom_share(case, diagnosis.heldout.nrmse_before, diagnosis.heldout.nrmse_after),
+        nested=_nested(case, task.seed) if nested else None,
+        compared=compared(case, diagnosis),
+        baselines=named,
+        baseline_shares=shares,
+        memory=_memory(),
+    )
+
+
+def made(task: Task) -> Case:
+    """The recording of a task.
+
+    Of poor motions the first in which the effect stands above the noise, if there is one: what cannot be seen at all
+    is another question.
+    """
+    if task.kind != "poor":
+        return make(task.true, seed=task.seed, family=task.family, ideal=True, **NULLS[task.options])
+    for attempt in range(TRIES):
+        case = make(task.true, seed=task.seed + 100_000_000 * attempt, family="poor", rate=SLOW)
+        if case.signal > STRONG:
+            break
+    return case
+
+
+def recording(case: Case) -> Recording:
+    """A case as a user has it."""
+    return Recording(case.time, case.measured, case.simulated, case.covariates, case.episode)
+
+
+def diagnosed(case: Case) -> tuple[Diagnosis, float]:
+    """The diagnosis, and the seconds it took."""
+    begin = time.perf_counter()
+    diagnosis = paxisim.diagnose(recording(case))
+    return diagnosis, time.perf_counter() - begin
+
+
+def compared(case: Case, diagnosis: Diagnosis) -> dict[str, tuple[float, int, int]]:
+    """By cause that was hidden and named: error, intervals that hold the truth, intervals."""
+    out = {}
+    for found in diagnosis.causes:
+        if found.name in case.causes:
+            intervals = {p.name: (p.value.value, p.value.low, p.value.high) for p in found.parameters}
+            result = compare(found.name, case, diagnosis.model[found.name].run, intervals)
+            out[found.name] = (result.error, result.inside, result.intervals)
+    return out
+
+
+def _answer(diagnosis: Diagnosis, seconds: float) -> Answer:
+    explained = diagnosis.heldout.explained
+    return Answer(
+        verdict=diagnosis.verdict,
+        named=tuple(found.name for found in diagnosis.causes),
+        rivals={found.name: found.rivals for found in diagnosis.causes},
+        explained=None if explained is None else explained.value,
+        ceiling=diagnosis.heldout.ceiling_explained,
+        not_testable=tuple(diagnosis.not_testable),
+        left_over=tuple(item.what for item in diagnosis.symptoms.left_over),
+        advice=diagnosis.advice,
+        seconds=seconds,
+    )
+
+
+def _nested(case: Case, seed: int) -> float | None:
+    """The share of the headroom that the model explains in two episodes which took no part in anything."""
+    assert case.ideal is not None
+    load = np.abs(case.simulated).max(axis=(1, 2, 3, 4))
+    pressed = [e for e in np.unique(case.episode)[1:] if load[case.episode == e].max() > 0.1 * load.max()]
+    out = np.isin(case.episode, np.random.default_rng(seed).choice(pressed, 2, replace=False))
+    given = recording(case)
+    try:
+        model = paxisim.diagnose(given[~out]).model
+        predicted = model.run(case.simulated.astype(float), case.time, case.covariates)
+    except Exception:
+        return 0.0
+    before, after, floor = (
+        float(np.sum((case.measured[out] - stream[out].astype(float)) ** 2))
+        for stream in (case.simulated, predicted, case.ideal)
+    )
+    return (before - after) / (before - floor) if before - floor > LITTLE * floor else None
+
+
+def _follow(task: Task, case: Case, answer: Answer) -> Outcome:
+    """Record what is advised with the same sensor, and diagnose both recordings together."""
+    motions = motions_of(answer.advice)
+    if not motions:
+        return Outcome(task, case.signal, answer, after=answer, memory=_memory())
+    both = joined(case, again(case, motions, seed=task.seed + 1))
+    try:
+        after = _answer(*diagnosed(both))
+    except Exception:
+        error = traceback.format_exc(limit=-4)
+        return Outcome(task, case.signal, answer, motions=motions, memory=_memory(), error=error)
+    return Outcome(task, case.signal, answer, motions=motions, after=after, memory=_memory())
+
+
+def _memory() -> float:
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6

@@ -1,0 +1,202 @@
+"""Tasks: which cases are made, and what is known of each when it is done."""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from hidden.effects import EFFECTS
+from hidden.outsiders import OUTSIDERS
+
+KINDS = {"single": 1, "pair": 2, "null": 3, "outsider": 4, "triple": 5, "poor": 6}
+NULLS = {"plain": {}, "AR 0.95": {"rho": 0.95}, "0.1 N rounding": {"coarse": True}}
+STRONG = 0.1  # of the noise's energy: an effect that stands above it must be named
+
+
+@dataclass(frozen=True)
+class Task:
+    """A case to be made and diagnosed.
+
+    Attributes:
+        kind: Of `KINDS`. number: within its kind.
+        true: What is hidden.
+        seed: Of the recording.
+        family: Of motions.
+        options: Of `NULLS`.
+    """
+
+    kind: str
+    number: int
+    true: tuple[str, ...]
+    seed: int
+    family: str
+    options: str = "plain"
+
+    @property
+    def name(self) -> str:
+        """What ``--case`` takes."""
+        return f"{self.kind}:{self.number}"
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a diagnosis said.
+
+    Attributes:
+        verdict: As in `paxisim.Diagnosis`. named: causes. rivals: of each.
+        explained: Held-out share of the headroom, by the diagnosis' own noise floor.
+        ceiling: The same of the black box.
+        not_testable: Causes.
+        left_over: What structure was seen in what is left.
+        advice: What to record next.
+        seconds: That it took.
+    """
+
+    verdict: str
+    named: tuple[str, ...]
+    rivals: Mapping[str, tuple[str, ...]]
+    explained: float | None
+    ceiling: float | None
+    not_testable: tuple[str, ...]
+    left_over: tuple[str, ...]
+    advice: tuple[str, ...]
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of a case.
+
+    Attributes:
+        task: The case.
+        signal: Energy of the effect over that of the noise.
+        answer: Of the diagnosis; None if it crashed.
+        share: Held-out share of the headroom above what the hidden effect itself, put on the same simulation, leaves.
+        nested: The same on two episodes that the diagnosis never saw; None where that was not tried.
+        compared: By cause that was hidden and named: error, intervals that hold the truth, intervals.
+        baselines: By name of a baseline, what it named.
+        baseline_shares: By name of a baseline, its held-out share of the headroom.
+        motions: What was recorded next, for poor motions.
+        after: Of the diagnosis after that.
+        memory: Largest memory of the process so far, GB.
+        error: Traceback of a crash.
+    """
+
+    task: Task
+    signal: float
+    answer: Answer | None
+    share: float | None = None
+    nested: float | None = None
+    compared: Mapping[str, tuple[float, int, int]] = field(default_factory=dict)
+    baselines: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    baseline_shares: Mapping[str, float | None] = field(default_factory=dict)
+    motions: tuple[str, ...] = ()
+    after: Answer | None = None
+    memory: float = 0.0
+    error: str = ""
+
+    @property
+    def named(self) -> tuple[str, ...]:
+        """The causes."""
+        return self.answer.named if self.answer else ()
+
+    @property
+    def exact(self) -> bool:
+        """Whether these and no others were named."""
+        return is_exact(self.task, self.answer)
+
+    @property
+    def contained(self) -> bool:
+        """Whether all were named, others perhaps too."""
+        return self.answer is not None and set(self.task.true) <= set(self.named)
+
+    @property
+    def flagged(self) -> bool:
+        """Whether it was said that something is left which no cause explains."""
+        return self.answer is not None and self.answer.verdict in ("partly_explained", "unexplained")
+
+    def as_row(self) -> dict[str, Any]:
+        """As JSON holds it."""
+        return asdict(self)
+
+
+def is_exact(task: Task, answer: Answer | None) -> bool:
+    """Whether what is hidden was named, and nothing else."""
+    return answer is not None and set(answer.named) == set(task.true)
+
+
+def by_rivals(task: Task, answer: Answer | None) -> bool:
+    """Whether the set is wrong as it stands, and right with causes replaced by rivals that were named for them."""
+    if answer is None or is_exact(task, answer) or len(answer.named) != len(task.true):
+        return False
+    choices = [(name, *answer.rivals[name]) for name in answer.named]
+    return any(set(choice) == set(task.true) for choice in itertools.product(*choices))
+
+
+def is_confidently_wrong(task: Task, answer: Answer | None) -> bool:
+    """Whether the wrong causes were said to explain all."""
+    return answer is not None and answer.verdict == "explained" and not is_exact(task, answer)
+
+
+def read_outcome(row: Mapping[str, Any]) -> Outcome:
+    """What `Outcome.as_row` gave."""
+
+    def answer(of: Mapping[str, Any] | None) -> Answer | None:
+        if of is None:
+            return None
+        lists = {key: tuple(of[key]) for key in ("named", "not_testable", "left_over", "advice")}
+        rivals = {name: tuple(others) for name, others in of["rivals"].items()}
+        return Answer(**{**of, **lists, "rivals": rivals})
+
+    task = Task(**{**row["task"], "true": tuple(row["task"]["true"])})
+    return Outcome(
+        **{
+            **row,
+            "task": task,
+            "answer": answer(row["answer"]),
+            "after": answer(row["after"]),
+            "motions": tuple(row["motions"]),
+            "compared": {name: tuple(values) for name, values in row["compared"].items()},
+            "baselines": {name: tuple(values) for name, values in row["baselines"].items()},
+        }
+    )
+
+
+def tasks(counts: Mapping[str, int], seed: int, family: str) -> list[Task]:
+    """All cases that are asked for; singles go through the causes in turn, sets are drawn.
+
+    Case number n of a kind is the same for any counts.
+    """
+    families = ["development", "final"] if family == "both" else [family]
+    names, foreign = list(EFFECTS), list(OUTSIDERS)
+    out = []
+    for kind, place in KINDS.items():
+        rng = np.random.default_rng([seed, place])
+        for number in range(counts.get(kind, 0)):
+            if kind in ("single", "poor"):
+                true: Sequence[str] = (names[number % len(names)],)
+            elif kind == "outsider":
+                true = (foreign[number % len(foreign)],)
+            else:
+                size = {"pair": 2, "triple": 3, "null": 0}[kind]
+                true = sorted(map(str, rng.choice(names, size, replace=False)))
+            # the cycle over the causes must not go in step with that over the families
+            own = families[(number + number // len(names)) % len(families)] if kind != "poor" else "poor"
+            options = list(NULLS)[number % len(NULLS)] if kind == "null" else "plain"
+            out.append(Task(kind, number, tuple(true), seed * 1_000_000 + place * 10_000 + number, own, options))
+    return out
+
+
+def version() -> str:
+    """Of the code that a result depends on: results of different versions must not be mixed."""
+    root = Path(__file__).parents[2]
+    digest = hashlib.sha256()
+    for folder in ("paxisim/diagnose", "paxisim/augment", "tests/hidden"):
+        for path in sorted((root / folder).glob("*.py")):
+            digest.update(path.read_bytes())
+    return digest.hexdigest()[:12]
