@@ -80,19 +80,20 @@ class Hysteresis(Memory):
         """See `Transform.sweep`."""
         if is_torch(self.weight) or max(np.ndim(self.weight), np.ndim(self.radius)) > 1:
             return None
+        pairs = [(w, r) for w, r in np.broadcast(self.weight, self.radius) if w]
         y = x.copy()
-        for weight, radius in np.broadcast(self.weight, self.radius):
-            if not weight:
-                continue
-            low, high = x - x.dtype.type(radius), x + x.dtype.type(radius)
-            play = np.empty_like(x)
-            previous = np.zeros_like(x[0])
-            for i in range(len(x)):
-                np.minimum(high[i], previous, out=play[i])
-                previous = np.maximum(low[i], play[i], out=play[i])
-            play -= x
-            play *= x.dtype.type(weight)
-            y += play
+        if not pairs:
+            return y
+        weight, radius = np.array(pairs, dtype=x.dtype).T
+        radius = radius.reshape(-1, *[1] * (x.ndim - 1))
+        play, bound = np.zeros((2, len(pairs), *x.shape[1:]), dtype=x.dtype)
+        for frame, out in zip(x, y, strict=True):  # all plays of a frame at once, in buffers that stay in the cache
+            np.add(frame, radius, out=bound)
+            np.minimum(play, bound, out=play)
+            np.subtract(frame, radius, out=bound)
+            np.maximum(play, bound, out=play)
+            np.subtract(play, frame, out=bound)
+            out += np.tensordot(weight, bound, axes=1)
         return y
 
     def _play(self, frame: Any, play: Any) -> Any:

@@ -66,14 +66,19 @@ def lag(change: Any, ahead: Any, tau: Any, dt: Any) -> Any:
 
 def lag_sequence(x: NDArray[np.floating], tau: float, steps: list[float]) -> NDArray[np.floating]:
     """`lag` over a whole sequence: q - x at each frame of ``(time, ...)``, 0 at the first."""
-    ahead = np.zeros_like(x)
+    ahead = np.empty_like(x)
+    ahead[0] = 0
     dt = np.asarray(steps, dtype=x.dtype)
     lags = tau > 1e-30 * dt
     z = np.divide(dt, tau, out=np.zeros_like(dt), where=lags)
     share = np.divide(-np.expm1(-z), z, out=np.ones_like(z), where=z > 0)
-    change = np.diff(x, axis=0) * share[1:].reshape(-1, *[1] * (x.ndim - 1))
-    for i, decay in enumerate(np.exp(-z)[1:].tolist(), start=1):
+    change = np.empty(x.shape[1:], dtype=x.dtype)
+    for i, (decay, part) in enumerate(zip(np.exp(-z)[1:].tolist(), share[1:].tolist(), strict=True), start=1):
         if lags[i]:
+            np.subtract(x[i], x[i - 1], out=change)
+            np.multiply(change, part, out=change)
             np.multiply(ahead[i - 1], decay, out=ahead[i])
-            ahead[i] -= change[i - 1]
+            np.subtract(ahead[i], change, out=ahead[i])
+        else:
+            ahead[i] = 0
     return ahead

@@ -13,7 +13,7 @@ from paxisim.diagnose.cause import TAXEL_GAIN, Cause, Free, cause
 from paxisim.diagnose.problem import FloatArray, Problem
 
 _PROBE = 0.05  # of a parameter's scale, to see what it does
-_PRIOR = 0.1  # of a taxel's gain about 1: what keeps a gain that nothing was pressed on at 1
+PRIOR = 0.1  # of a taxel's gain about 1: what keeps a gain that nothing was pressed on at 1
 
 Fitted = Mapping[str, FloatArray]
 
@@ -146,8 +146,8 @@ class _Stages:
             now = end(x * gains[:, None])
             slope = x if straight else (end(x * (gains[:, None] + 0.02)) - now) / 0.02
             load = problem.weigh(at(slope))
-            change = np.sum(load * problem.residual(at(now)), axis=(0, 2)) - (gains - 1) / _PRIOR**2
-            change /= np.sum(load**2, axis=(0, 2)) + 1 / _PRIOR**2
+            change = np.sum(load * problem.residual(at(now)), axis=(0, 2)) - (gains - 1) / PRIOR**2
+            change /= np.sum(load**2, axis=(0, 2)) + 1 / PRIOR**2
             gains = np.clip(gains + (change if turn == 0 else 0.8 * change), 0.05, 5.0)
         return gains
 

@@ -13,6 +13,9 @@ from paxisim.recording import Recording
 LEAST_SECONDS = 2.0
 FEW_SECONDS = 20.0
 LEAST_FRAMES = 40
+MOST = 4_000_000  # numbers that are compared
+_LONGEST = 0.04  # s between the frames of a recording that is shortened
+_LEAST_EPISODES = 12  # of those that are kept
 _SCALE = 20.0  # times that measured and simulated forces may differ
 _REST = 0.3  # s without contact at which a long recording may be cut
 _GAP = 10.0  # intervals after which time has been interrupted
@@ -40,13 +43,16 @@ def prepare(recording: Recording) -> tuple[Recording, tuple[str, ...]]:
             f"the recording is too short to be diagnosed: {seconds:.2g} s and {frames} samples, at least "
             f"{LEAST_SECONDS:g} s and {LEAST_FRAMES} samples are needed"
         )
-    _check_signals(recording, warnings)
     if seconds < FEW_SECONDS:
         warnings.append(f"only {seconds:.1f} s were recorded: expect wide intervals and missed causes")
     cut = _cut(recording)
+    pieces = len(np.unique(cut.episode))
+    was_one = pieces > len(np.unique(recording.episode))
+    cut = _shortened(cut, warnings)
+    _check_signals(cut, warnings)
     count = len(np.unique(cut.episode))
-    if count > len(np.unique(recording.episode)):
-        warnings.append(f"one episode was cut into {count} where the pads are free; memory of earlier presses is lost")
+    if was_one:
+        warnings.append(f"one episode was cut into {pieces} where the pads are free; memory of earlier presses is lost")
     elif count == 1:
         warnings.append(
             "one episode: nothing can be held out, the figures are those of the fit, and no name is certain"
@@ -92,7 +98,8 @@ def _known(recording: Recording, warnings: list[str]) -> Recording:
     enough = sizes[episode] >= 4
     if not enough.any():
         raise InvalidValueError("no episode has 4 samples at which both streams are known")
-    return replace(recording, episode=episode)[enough]
+    recording = replace(recording, episode=episode)
+    return recording if enough.all() else recording[enough]
 
 
 def _check_signals(recording: Recording, warnings: list[str]) -> None:
@@ -141,6 +148,24 @@ def _cut(recording: Recording) -> Recording:
     episode = np.zeros(len(recording), dtype=np.int64)
     episode[cuts[1:]] = 1
     return replace(recording, episode=np.cumsum(episode))
+
+
+def _shortened(recording: Recording, warnings: list[str]) -> Recording:
+    """A recording of as many numbers as a diagnosis can hold: fewer frames of each episode, then fewer episodes."""
+    assert recording.measured is not None
+    numbers = recording.measured.size
+    if numbers <= MOST:
+        return recording
+    first = np.flatnonzero(np.diff(recording.episode, prepend=recording.episode[0] - 1))
+    number = np.cumsum(np.isin(np.arange(len(recording)), first)) - 1  # of each frame's episode
+    interval = float(np.median(np.diff(recording.time)))
+    stride = max(1, min(int(np.ceil(numbers / MOST)), int(_LONGEST / max(interval, 1e-9))))
+    skip = max(1, min(int(np.ceil(numbers / MOST / stride)), len(first) // _LEAST_EPISODES))
+    kept = ((np.arange(len(recording)) - first[number]) % stride == 0) & (number % skip == 0)
+    warnings.append(
+        f"the recording is long: one frame in {stride} of one episode in {skip} was compared, the figures are theirs"
+    )
+    return recording[kept]
 
 
 def _runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:

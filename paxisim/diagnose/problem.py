@@ -218,12 +218,12 @@ class Problem:
     @cached_property
     def thinned(self) -> Problem:
         """The problem of every `stride`-th frame."""
-        return self._every(self.stride)
+        return self.every(self.stride)
 
     @cached_property
     def compared(self) -> Problem:
         """The problem of as many frames as are needed to compare a prediction that was made for all of them."""
-        return self._every(self._spare)
+        return self.every(self._spare)
 
     def at_compared(self, values: FloatArray) -> FloatArray:
         """Of ``(T, ...)`` values those at the frames of `compared`."""
@@ -240,7 +240,8 @@ class Problem:
     def _kept(self, stride: int) -> NDArray[np.intp]:
         return np.concatenate([np.arange(span.start, span.stop, stride) for span in self.episodes])
 
-    def _every(self, stride: int) -> Problem:
+    def every(self, stride: int) -> Problem:
+        """The problem of every `stride`-th frame of each episode."""
         return self if stride == 1 else self._at([np.arange(s.start, s.stop, stride) for s in self.episodes])
 
     @property
