@@ -13,7 +13,7 @@ from paxisim.errors import InvalidValueError, UnknownNameError
 
 Values = Sequence[float]
 
-MANY = 5.0
+MANY = 7.0
 """What a cause with a number for each taxel or channel costs, see `Cause`."""
 
 FORM = 0.01

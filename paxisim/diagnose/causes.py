@@ -184,6 +184,7 @@ register_cause(
         _interference,
         _interference_probes,
         covariate="gripper_opening",
+        form=dict.fromkeys((*_STATIC, "creep", "hysteresis", "poisson", "dead_band"), 0.05),
     )
 )
 

@@ -167,7 +167,9 @@ def _gain_spread(found: Explanation, gains: FloatArray) -> FloatArray | None:
     load = load / np.maximum(np.abs(gains), 0.05)[:, None]
     by_axis = np.sum(load**2, axis=0)
     products = by_axis.sum(axis=1)
-    scores = np.stack([np.sum(scores[span], axis=(0, 2)) for span in problem.episodes]) / np.maximum(np.abs(gains), 0.05)
+    scores = np.stack([np.sum(scores[span], axis=(0, 2)) for span in problem.episodes]) / np.maximum(
+        np.abs(gains), 0.05
+    )
     prior = 1 / PRIOR**2
     total = products + prior
     episodes = np.sum(scores**2, axis=0) * count / (count - 1)

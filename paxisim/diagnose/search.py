@@ -15,6 +15,7 @@ from paxisim.diagnose.tangent import Tangent, tangent_of
 CONTEST = 4  # candidates that are fitted in full for one place
 EXCHANGE = 3  # of them where a cause that is in is put to the test again
 SIGNIFICANT = 30.0  # energy, in units of the noise, that chance does not explain
+DRIFTING = 0.05  # of what a drift explains, that its form leaves to a field that comes and goes
 FEW = 6  # numbers of a cause
 NEAR = 0.6  # of the best one's gain: who has less is not fitted
 
@@ -78,6 +79,8 @@ class _Search:
         self._problem, self._causes, self._limits, self._tell = problem, causes, limits, tell
         self._by_name = {item.name: item for item in causes}
         self._fits: dict[frozenset[str], Fit] = {}
+        with_zero, without = problem.residual(problem.simulated + problem.zero), problem.residual(problem.simulated)
+        self._zero_gain = max(float(np.sum(without**2) - np.sum(with_zero**2)), 0.0) if np.any(problem.zero) else 0.0
         self._gains: dict[frozenset[str], dict[str, float]] = {}
 
     def run(self, chosen: list[str]) -> Found:
@@ -194,7 +197,7 @@ class _Search:
 
     def _misfit(self, found: Fit, name: str) -> float:
         """Energy that the forms of a fit's causes may leave for `name` to explain."""
-        misfit = 0.0
+        misfit = DRIFTING * self._zero_gain if name == "interference" else 0.0
         for other in found.values:
             without = self._fitted([n for n in found.values if n != other], found)
             gain = float((without.energy - found.energy).sum())
