@@ -19,10 +19,11 @@ from paxisim.diagnose.problem import FloatArray, Problem
 from paxisim.diagnose.tangent import tangent_of
 
 MARGIN = 0.03  # of a cause's gain, by which a rival that was fitted may be worse
-IMITATES = 0.05  # of a cause's effect that a rival may leave: what forms are worth knowing to
+IMITATES = 0.18  # of a cause's effect that a rival may leave: no closer are the forms of the two known
+UNSEEN = 0.01  # of what a more general cause does, that it may do beyond one that was found
 CHANCE = 30.0  # energy, in units of the noise, that tells nothing
 GAUGE = "axis_gain"  # what a rival may bring with it
-LOOSE = 4.0  # probes of the gauge, beyond which it is no small correction
+LOOSE = 20.0  # probes of the gauge that cost as much as the whole effect: it is to be a small correction
 EPISODES = 12  # at most, on which effects are compared
 
 
@@ -53,25 +54,31 @@ def _fitted(item: Named, energy: float, least: float) -> dict[str, float]:
     A rival that can imitate the cause with more numbers is one only if it does better than chance would have it.
     """
     gain = float(item.energy_gain.sum())
-    slack = max(MARGIN * gain, least)
     near = {}
     for name, left in item.rivals_energy.items():
-        nested = item.name in cause(name).simpler
-        if left - energy < (-slack if nested else slack):
+        rival = cause(name)
+        nested = item.name in rival.simpler
+        slack = -max(rival.ahead / 2 * gain, least) if nested else max(MARGIN * gain, least)
+        if left - energy < slack:
             near[name] = (left - energy) / max(gain, 1e-12)
     return near
 
 
 def _imitating(found: Explanation, item: Named, searched: Sequence[Named]) -> dict[str, float]:
-    """Causes that imitate the effect of one on this motion, and what share of it they leave."""
+    """Causes that imitate the effect of one on this motion, and what share of it they leave.
+
+    One that was fitted counts only if it needs the gauge, which it was not given there; and one beside the gauge only
+    if it takes half of what that leaves.
+    """
     others = [other.name for other in searched if other is not item]
-    causes = [cause(name) for name in known_causes() if name not in found.not_searched and _is_searched(name)]
+    asked = [name for name in known_causes() if name not in found.not_searched and _is_searched(name)]
+    causes = [cause(name) for name in dict.fromkeys([*asked, GAUGE])]
     owner, products, projections, own = _sums(found, item, causes)
     if own <= 0:
         return {}
     limit = max(IMITATES * own, CHANCE)
     gauge = np.flatnonzero(owner == GAUGE)
-    products[gauge, gauge] += limit / LOOSE**2
+    products[gauge, gauge] += own / LOOSE**2
 
     def left(names: Sequence[str]) -> float:
         which = np.flatnonzero(np.isin(owner, names))
@@ -80,18 +87,19 @@ def _imitating(found: Explanation, item: Named, searched: Sequence[Named]) -> di
 
     alone = item.name == GAUGE or GAUGE in others
     common = others if alone else [*others, GAUGE]
-    if left(common) < limit:
-        return {} if alone else {GAUGE: left(common) / own}
     near = {}
-    for rival in causes:
-        if rival.name == item.name or rival.name in common:
+    for name in asked:
+        if name == item.name or name in others:
             continue
-        if item.name in rival.simpler:
-            share = _unseen(owner, products, rival.name, [*common, item.name])
-            if share < IMITATES:
-                near[rival.name] = share
-        elif left([*common, rival.name]) < limit:
-            near[rival.name] = left([*common, rival.name]) / own
+        if item.name in cause(name).simpler:
+            share = _unseen(owner, products, name, [*common, item.name])
+            if share < UNSEEN:
+                near[name] = share
+        else:
+            judged = name in item.rivals_energy and left([*others, name]) < limit
+            without = left(others if name == GAUGE else common)
+            if left([*common, name]) < min(limit, without / 2) and not judged:
+                near[name] = left([*common, name]) / own
     return near
 
 

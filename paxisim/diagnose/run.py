@@ -23,7 +23,8 @@ from paxisim.diagnose.symptoms import symptoms
 from paxisim.errors import InvalidValueError, MissingExtraError
 from paxisim.recording import Recording
 
-LITTLE = 0.2  # of what can be explained: who explains less, and leaves structure, has not found it
+LITTLE = 0.2  # of what can be explained: who explains less, and leaves clear structure, has not found it
+CLEAR = 2.0  # limits that a left-over must reach to be clear
 FAINT = 2.0  # times what is material that a cause must change the prediction by, to be testable
 
 
@@ -69,9 +70,9 @@ def diagnose(
     tell("looking for structure in what is left")
     structure = left_over(problem, found.prediction)
     share = explained_share(squares, squares.after, seed)
-    if found.found and structure and (share is None or share.value < LITTLE):
+    clear = any(item.statistic > CLEAR * item.limit for item in structure)
+    if found.found and clear and share is not None and share.value < LITTLE:
         found, squares = _nothing(found, simulated), replace(squares, after=squares.before, prediction=simulated)
-        structure = structure or left_over(problem, simulated)
     tell("comparing with a black box")
     black, note = _ceiling(problem, simulated, seed, jobs)
     tell("looking for what would do as well")
