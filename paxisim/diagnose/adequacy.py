@@ -23,6 +23,7 @@ LINE = 4.0  # power of a line over that beside it
 NEIGHBOUR = 3.0  # energy a frame that a taxel's neighbour explains of it
 HELD = 0.1  # of the frames in which nothing changes though it should
 SHAPE = 0.003  # energy a number that a shape explains in episodes it was not fitted to
+TOLERATED = 0.004  # of the force: so large an error may have a shape, as one of the pose has beyond first order
 FORM = 0.04  # of what a model explains: by so much the form of a true cause may be off
 
 _WINDOW = 1024  # frames of a spectrum
@@ -175,7 +176,7 @@ def _held(problem: Problem) -> Iterator[LeftOver]:
 
 def _shapes(shapes: Shapes) -> Iterator[LeftOver]:
     """Shapes that no noise has; most episodes must agree."""
-    limit = SHAPE + FORM * shapes.explained / shapes.samples
+    limit = SHAPE + (FORM * shapes.explained + TOLERATED**2 * shapes.load) / shapes.samples
     for name, gain in zip(shapes.names, shapes.gains(), strict=True):
         chance = float(gain.std(ddof=1)) * np.sqrt(len(gain)) if len(gain) > 1 else 0.0
         if gain.sum() > chance:

@@ -33,6 +33,7 @@ class Shapes:
         products: ``(groups, 3, shapes)`` of the shapes with themselves, by axis.
         projections: ``(groups, 3, shapes)`` of the shapes with the residual.
         explained: Energy of what the model changes, freed likewise.
+        load: Energy of the force itself, freed of constants.
         samples: Numbers compared.
     """
 
@@ -40,6 +41,7 @@ class Shapes:
     products: FloatArray
     projections: FloatArray
     explained: float
+    load: float
     samples: int
 
     def gains(self) -> FloatArray:
@@ -114,7 +116,9 @@ def _freed(problem: Problem, names: tuple[str, ...], grams: FloatArray, samples:
     pads, _, rows, cols = problem.alive.shape
     by_axis = free.reshape(len(grams), pads, 3, rows * cols, *free.shape[2:]).sum(axis=(1, 3))
     own = np.einsum("gaii->gai", by_axis)
-    return Shapes(names, own[:, :, 2:], by_axis[:, :, 0, 2:], float(own[:, :, 1].sum()), samples)
+    return Shapes(
+        names, own[:, :, 2:], by_axis[:, :, 0, 2:], float(own[:, :, 1].sum()), float(grams[:, :, 0, 0].sum()), samples
+    )
 
 
 def _scales(problem: Problem, x: FloatArray) -> dict[str, float]:
