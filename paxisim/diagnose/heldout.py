@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -202,29 +202,3 @@ def survives(gain: FloatArray, least: float, seed: int) -> float:
     if len(gain) < 2:
         return 0.5 * float(gain.sum() > least)
     return float(np.mean(draws_of(len(gain), seed) @ gain > least))
-
-
-def rivals_of(
-    found: Explanation, simpler: Mapping[str, Sequence[str]], margin: float, least: float
-) -> Mapping[str, tuple[str, ...]]:
-    """By cause, what would do as well in its place.
-
-    A rival that can imitate the cause with more numbers is one only if it does better than chance would have it.
-
-    Args:
-        found: The causes.
-        simpler: By name of a cause, those that it can imitate.
-        margin: Share of the cause's gain by which a rival may be worse.
-        least: Energy (noise units) that chance or the form of the noise may make.
-    """
-    rivals = {}
-    for cause in found.found:
-        slack = max(margin * float(cause.energy_gain.sum()), least)
-        worse = {name: energy - float(found.energy.sum()) for name, energy in cause.rivals_energy.items()}
-        near = {
-            name: amount
-            for name, amount in worse.items()
-            if amount < (-slack if cause.name in simpler.get(name, ()) else slack)
-        }
-        rivals[cause.name] = tuple(sorted(near, key=lambda name: near[name]))
-    return rivals

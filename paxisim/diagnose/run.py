@@ -14,16 +14,17 @@ from paxisim.diagnose.cause import cause, known_causes
 from paxisim.diagnose.ceiling import ceiling
 from paxisim.diagnose.diagnosis import Diagnosis, FoundCause, Interval, LeftOver, Verdict
 from paxisim.diagnose.engine import Explanation, Thresholds, Tolerance, explain
-from paxisim.diagnose.heldout import Squares, explained_share, figures, gains_of, hold_out, rivals_of, survives
+from paxisim.diagnose.heldout import Squares, explained_share, figures, gains_of, hold_out, survives
 from paxisim.diagnose.intervals import parameters_of
 from paxisim.diagnose.prepare import prepare
 from paxisim.diagnose.problem import FloatArray, Problem
+from paxisim.diagnose.rivals import rivals_of
 from paxisim.diagnose.symptoms import symptoms
 from paxisim.errors import InvalidValueError, MissingExtraError
 from paxisim.recording import Recording
 
-MARGIN = 0.03  # of a cause's gain, by which a rival may be worse and still be one
-LITTLE = 0.2  # of what can be explained: who explains less, and leaves structure, has not found it
+LITTLE = 0.2  # of what can be explained: who explains less, and leaves clear structure, has not found it
+CLEAR = 2.0  # limits that a left-over must reach to be clear
 FAINT = 2.0  # times what is material that a cause must change the prediction by, to be testable
 
 
@@ -67,16 +68,15 @@ def diagnose(
     tell("refitting to some episodes, judging on the others")
     squares = hold_out(found, simulated)
     tell("looking for structure in what is left")
-    explained = float((found.empty_energy - found.energy).sum()) / max(problem.samples, 1)
-    structure = left_over(problem, found.prediction, explained)
+    structure = left_over(problem, found.prediction)
     share = explained_share(squares, squares.after, seed)
-    if found.found and structure and (share is None or share.value < LITTLE):
+    clear = any(item.statistic > CLEAR * item.limit for item in structure)
+    if found.found and clear and share is not None and share.value < LITTLE:
         found, squares = _nothing(found, simulated), replace(squares, after=squares.before, prediction=simulated)
-        structure = structure or left_over(problem, simulated)
     tell("comparing with a black box")
     black, note = _ceiling(problem, simulated, seed, jobs)
-    simpler = {name: cause(name).simpler for name in known_causes()}
-    rivals = rivals_of(found, simpler, MARGIN, thresholds.material * problem.samples / 2)
+    tell("looking for what would do as well")
+    rivals = rivals_of(found, thresholds.material * problem.samples / 2)
     named = _named(found, squares, rivals, seed)
     one = len(problem.episodes) == 1
     verdict = _verdict(named, structure, one)

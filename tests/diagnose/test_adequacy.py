@@ -1,14 +1,18 @@
 """Adequacy: structure is seen, noise and tolerances are not."""
 
+import dataclasses
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from paxisim.diagnose.adequacy import left_over
+from paxisim.diagnose.adequacy import SHAPE, left_over
+from paxisim.diagnose.cause import cause
 from paxisim.diagnose.engine import Tolerance
+from paxisim.diagnose.fitting import fit
 from paxisim.diagnose.problem import problem_of
+from paxisim.diagnose.shapes import GROUPS, LONG, shapes_of
 from paxisim.recording import Recording
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
@@ -21,8 +25,8 @@ def problem(causes=(), seed=1, **options):
     return problem_of(recording, Tolerance())
 
 
-def said(given):
-    return [item.what for item in left_over(given, given.simulated)]
+def said(given, prediction=None):
+    return [item.what for item in left_over(given, given.simulated if prediction is None else prediction)]
 
 
 @pytest.mark.parametrize(
@@ -65,3 +69,59 @@ def test_repeated_frames_are_seen():
         held = given.measured[span]
         held[1::2] = held[: len(held) - len(held) % 2 : 2][: len(held[1::2])]
     assert any("repeated" in text for text in said(given))
+
+
+@pytest.mark.parametrize(
+    ("name", "strength"), [("hysteresis", 0.8), ("creep", 0.8), ("low_pass", 0.6), ("saturation", 0.6)]
+)
+def test_a_true_cause_may_have_a_form_that_is_not_quite_the_sensors(name, strength):
+    given = problem((name,), seed=6, rows=4, cols=3, strength=strength)
+    assert said(given)
+    assert said(given, fit(given, [cause(name)]).prediction) == []
+
+
+@pytest.mark.parametrize("name", ["stiffening", "creep", "axis_gain"])
+def test_gain_control_is_not_explained_away_by_a_neighbour(name):
+    given = problem(("gain_control",), seed=5, rows=4, cols=3, strength=0.5)
+    assert any("total force" in text for text in said(given, fit(given, [cause(name)]).prediction))
+
+
+def test_shapes_do_not_see_what_channels_may_be_off_by():
+    given = problem(seed=12, rows=4, cols=3)
+    rng = np.random.default_rng(0)
+    for span in given.episodes:
+        given.measured[span] += rng.uniform(-0.1, 0.1, given.alive.shape)
+    given.measured[:] += 0.05 * rng.standard_normal(given.alive.shape) * given.simulated
+    given = dataclasses.replace(given, step=0.0, clips=False)
+    shapes = shapes_of(given, given.simulated)
+    assert shapes.gains().sum(axis=1).max() < SHAPE * shapes.samples
+
+
+def test_a_shape_is_found_by_its_name_and_with_its_energy():
+    given = problem(seed=12, rows=4, cols=3)
+    total = given.simulated[:, :, 2:].sum(axis=(3, 4), keepdims=True)
+    effect = 0.2 * given.simulated * total / total.max()
+    given = dataclasses.replace(given, measured=given.simulated + effect, step=0.0, clips=False)
+    shapes = shapes_of(given, given.simulated)
+    gains = shapes.gains().sum(axis=1)
+    assert shapes.names[int(gains.argmax())] == "the pad's total force"
+    assert gains.max() > 0.8 * shapes_of(given, given.measured).explained
+
+
+def test_many_episodes_are_judged_in_groups():
+    given = problem(seed=12, rows=4, cols=3)
+    half = [slice(s.start + i * (s.stop - s.start) // 3, s.start + (i + 1) * (s.stop - s.start) // 3)
+            for s in given.episodes for i in range(3)]  # fmt: skip
+    shapes = shapes_of(dataclasses.replace(given, episodes=tuple(half)), given.simulated)
+    assert len(half) == 24
+    assert shapes.gains().shape == (len(shapes.names), GROUPS)
+    assert np.isfinite(shapes.gains()).all()
+
+
+def test_long_episodes_are_thinned_and_one_judges_itself():
+    given = problem(("rate_gain",), seed=5, strength=0.9, rows=2, cols=2, pads=1, duration=60.0)
+    assert len(given.time) > 2 * LONG
+    given = dataclasses.replace(given, episodes=(slice(0, len(given.time)),))
+    shapes = shapes_of(given, given.simulated)
+    assert shapes.samples <= LONG * given.alive.sum()
+    assert any("speed" in text for text in said(given))

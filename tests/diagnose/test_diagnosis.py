@@ -13,8 +13,8 @@ import paxisim.diagnose as package
 from paxisim.augment.chain import Chain
 from paxisim.diagnose import Diagnosis
 from paxisim.diagnose.advice import advice
-from paxisim.diagnose.diagnosis import Interval
-from paxisim.diagnose.run import diagnose
+from paxisim.diagnose.diagnosis import FoundCause, Interval, LeftOver
+from paxisim.diagnose.run import _verdict, diagnose
 from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.recording import Recording
 
@@ -104,6 +104,35 @@ def test_what_is_outside_the_vocabulary_is_not_explained():
     assert found.verdict in ("unexplained", "partly_explained")
     assert found.symptoms.left_over
     assert any("left over" in line for line in found.advice)
+
+
+def test_a_poor_motion_gives_no_certainty():
+    """One slow speed does not tell a gel that creeps from one with hysteresis."""
+    found = diagnose(recording(("creep",), strength=0.9, family="poor", duration=9.0), ("creep", "hysteresis"))
+    assert found.verdict == "ambiguous"
+    (cause,) = found.causes
+    assert {cause.name, *cause.rivals} == {"creep", "hysteresis"}
+    assert found.confidence[cause.name] <= 0.5
+    assert any("three speeds" in line for line in found.advice)
+
+
+def test_gain_control_is_not_called_stiffening():
+    given = recording(("gain_control",), strength=0.5, seed=5, duration=9.0)
+    found = diagnose(given, ("stiffening", "axis_gain", "creep"))
+    assert found.verdict in ("unexplained", "partly_explained")
+    assert any("total force" in item.what for item in found.symptoms.left_over)
+
+
+def test_the_verdict_is_explained_only_with_nothing_left_and_no_rivals():
+    cause = FoundCause("creep", (), Interval(0.9), (), "")
+    rivalled = dataclasses.replace(cause, rivals=("hysteresis",))
+    left = (LeftOver("a line", 9.0, 4.0),)
+    assert _verdict([cause], (), False) == "explained"
+    assert _verdict([cause, rivalled], (), False) == "ambiguous"
+    assert _verdict([cause], (), True) == "ambiguous"
+    assert _verdict([cause, rivalled], left, False) == "partly_explained"
+    assert _verdict([], left, False) == "unexplained"
+    assert _verdict([], (), False) == "no_discrepancy"
 
 
 def test_a_stream_must_be_there():

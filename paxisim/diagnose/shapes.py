@@ -1,0 +1,190 @@
+"""Shapes: what an error may go with, and how much of it each of them explains in episodes it was not fitted to.
+
+The residual is tried on some thirty hand-made shapes, one by one, each with one factor an axis. What every channel may
+be off by (a constant in each episode, its gain, a displacement) is taken out of both, which leaves a sharper view of
+what has another shape than adding it to the noise would. Only sums over episodes are kept, so that memory does not grow
+with the recording.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import lfilter
+
+from paxisim.diagnose.problem import FloatArray, Problem
+
+GROUPS = 16  # of episodes at most, that are held out together
+LONG = 4000  # frames of an episode that are kept: a longer one is thinned
+RIDGE = 1e-3  # of a shape's own energy
+
+_MOVING = 0.0015  # s by which a sample may be off its time stamp
+_TOLERATED = 3  # shapes that each channel may be off by beside a constant: gain, two displacements
+
+
+@dataclass(frozen=True, eq=False)
+class Shapes:
+    """Sums over groups of episodes, in units of the noise, freed of what is tolerated.
+
+    Attributes:
+        names: In words, of each shape.
+        products: ``(groups, 3, shapes)`` of the shapes with themselves, by axis.
+        projections: ``(groups, 3, shapes)`` of the shapes with the residual.
+        explained: Energy of what the model changes, freed likewise.
+        load: Energy of the force itself, freed of constants.
+        samples: Numbers compared.
+    """
+
+    names: tuple[str, ...]
+    products: FloatArray
+    projections: FloatArray
+    explained: float
+    load: float
+    samples: int
+
+    def gains(self) -> FloatArray:
+        """``(shapes, groups)`` energy that each shape explains in each group, fitted on the others."""
+        products, projections = np.moveaxis(self.products, -1, 0), np.moveaxis(self.projections, -1, 0)
+        factor = others(projections, 1) / (others(products, 1) + RIDGE * products.sum(axis=1, keepdims=True) + 1e-9)
+        return np.sum(2 * factor * projections - factor**2 * products, axis=2)
+
+
+def others(sums: FloatArray, axis: int) -> FloatArray:
+    """What all other groups sum to; a single group has to judge itself."""
+    return sums.sum(axis=axis, keepdims=True) - sums if sums.shape[axis] > 1 else sums
+
+
+def shapes_of(problem: Problem, prediction: FloatArray) -> Shapes:
+    """The sums for what a model leaves.
+
+    Args:
+        problem: The recording.
+        prediction: ``(T, pads, 3, rows, cols)`` newtons, the model's output.
+    """
+    noise = problem.sigma.min(axis=0)
+    scales = _scales(problem, prediction)
+    seen = np.zeros((prediction.shape[1], *prediction.shape[3:]))
+    names: list[str] = []
+    grams: list[FloatArray] = []
+    samples = 0
+    for number, span in enumerate(problem.episodes):
+        x = prediction[span]
+        thin = slice(None, None, -(-len(x) // LONG))
+        weight = (
+            problem.alive / np.sqrt(noise**2 + (_MOVING * _rate(problem.simulated[span], problem.time[span])) ** 2)
+        )[thin]
+        padded = np.pad(x[thin], ((0, 0), (0, 0), (0, 0), (1, 1), (1, 1)), mode="edge")
+        along = padded[..., 2:, 1:-1] - padded[..., :-2, 1:-1]
+        across = padded[..., 1:-1, 2:] - padded[..., 1:-1, :-2]
+        rest = (problem.measured[span] - problem.read(x))[thin]
+        kept = [np.ones_like(rest), x[thin], along, across, rest, (x - problem.simulated[span])[thin]]
+        names = []
+        for name, shape in _shapes_at(problem, span, x, seen, scales):
+            names.append(name)
+            kept.append(shape[thin])
+        rows = np.stack([np.broadcast_to(k, rest.shape) * weight for k in kept])
+        rows = np.moveaxis(rows.reshape(len(rows), len(rest), -1), 2, 0)
+        gram = _without_constant(np.matmul(rows, np.swapaxes(rows, 1, 2)))
+        samples += rest.shape[0] * int(problem.alive.sum())
+        if len(grams) < GROUPS:
+            grams.append(gram)
+        else:
+            grams[number % GROUPS] += gram
+        seen = np.maximum(seen, np.abs(x[:, :, 2]).max(axis=0))
+    return _freed(problem, tuple(names), np.array(grams), samples)
+
+
+def _without_constant(gram: FloatArray) -> FloatArray:
+    """Without the first row, a constant, and its part in the others."""
+    first = gram[:, :1]
+    return (gram - np.swapaxes(first, 1, 2) * first / (first[:, :, :1] + 1e-9))[:, 1:, 1:]
+
+
+def _freed(problem: Problem, names: tuple[str, ...], grams: FloatArray, samples: int) -> Shapes:
+    """Without the part of residual and shapes that the tolerated explain, over the whole recording."""
+    tolerated = slice(0, _TOLERATED)
+    total = grams.sum(axis=0)
+    ridge = 1e-6 * np.trace(total[:, tolerated, tolerated], axis1=-2, axis2=-1)[:, None, None] + 1e-9
+    factors = np.linalg.solve(
+        total[:, tolerated, tolerated] + ridge * np.eye(_TOLERATED), total[:, tolerated, _TOLERATED:]
+    )
+    mixed = np.swapaxes(factors, 1, 2) @ grams[:, :, tolerated, _TOLERATED:]
+    square = np.swapaxes(factors, 1, 2) @ grams[:, :, tolerated, tolerated] @ factors
+    free = grams[:, :, _TOLERATED:, _TOLERATED:] - mixed - np.swapaxes(mixed, 2, 3) + square
+    pads, _, rows, cols = problem.alive.shape
+    by_axis = free.reshape(len(grams), pads, 3, rows * cols, *free.shape[2:]).sum(axis=(1, 3))
+    own = np.einsum("gaii->gai", by_axis)
+    return Shapes(
+        names, own[:, :, 2:], by_axis[:, :, 0, 2:], float(own[:, :, 1].sum()), float(grams[:, :, 0, 0].sum()), samples
+    )
+
+
+def _scales(problem: Problem, x: FloatArray) -> dict[str, float]:
+    """What makes the shapes comparable between episodes."""
+    total, speed, rate = 0.0, 0.0, 0.0
+    for span in problem.episodes:
+        time = problem.time[span]
+        whole = np.abs(x[span, :, 2]).sum(axis=(2, 3))
+        total = max(total, float(whole.max()))
+        speed = max(speed, float(np.abs(_rate(whole, time)).max()))
+        rate = max(rate, float(np.abs(_rate(x[span], time)).max()))
+    return {"total": total + 1e-9, "speed": speed + 1e-9, "rate": rate + 1e-9}
+
+
+def _shapes_at(
+    problem: Problem, span: slice, x: FloatArray, seen: FloatArray, scales: dict[str, float]
+) -> Iterator[tuple[str, FloatArray]]:
+    """What an error may go with, in words, and the shape that it then has in this episode.
+
+    `seen` is the largest normal force of each taxel before.
+    """
+    time = problem.time[span]
+    rate = _rate(x, time)
+    interval = float(np.median(np.diff(time)))
+    size = np.linalg.norm(x, axis=2, keepdims=True) / problem.peak
+    normal = np.abs(x[:, :, 2:]) / problem.peak
+    most = np.maximum(np.maximum.accumulate(normal, axis=0), seen[None, :, None] / problem.peak)
+    total = np.abs(x[:, :, 2:]).sum(axis=(3, 4), keepdims=True) / scales["total"]
+    speed = np.abs(_rate(total, time)) * scales["total"] / scales["speed"]
+    sideways = np.linalg.norm(x.sum(axis=(3, 4), keepdims=True)[:, :, :2], axis=2, keepdims=True) / scales["total"]
+    friction = sideways / (total + 0.02)
+    rows, cols = (np.linspace(-1, 1, count) for count in x.shape[-2:])
+
+    def slow(values: FloatArray, tau: float) -> FloatArray:
+        keep = np.exp(-interval / tau)
+        return np.asarray(lfilter([1 - keep], [1, -keep], values, axis=0))
+
+    yield "the size of the force", x * size
+    yield "the square of the force's size", x * size**2
+    yield "the rate of the force", rate
+    for tau in (0.3, 1.5, 6.0):
+        yield f"the force of the last {tau:g} s", slow(x, tau)
+    yield "the pad's total force", x * total
+    yield "the square of the pad's total force", x * total**2
+    for tau in (0.3, 1.0, 3.0):
+        past = slow(total, tau)
+        yield f"the pad's total force of the last {tau:g} s", x * past
+        yield f"the square of the pad's total force of the last {tau:g} s", x * past**2
+    yield "the speed of a taxel's force", x * np.sqrt(np.abs(rate) / scales["rate"])
+    yield "the speed of the pad's force", x * np.sqrt(speed)
+    yield "the largest force before, against the present", x * normal / (most + 0.01)
+    yield "the largest force before", x * most
+    yield "the first part of the largest force before", x * np.exp(-most / 0.3)
+    yield "the row, times the rate: rows are read one after another", rate * rows[:, None]
+    yield "the column, times the rate: columns are read one after another", rate * cols
+    yield "the shear over the normal force", x * friction
+    yield "the shear beyond a share of the normal force", x * np.maximum(friction - 0.15, 0.0)
+    yield "the time", x * _centred(problem.time, span)
+    for name, values in problem.covariates.items():
+        if name != "gripper_opening" and np.ptp(values) > 1e-9:
+            yield f"{name}, times the force", x * _centred(values, span)
+
+
+def _centred(values: FloatArray, span: slice) -> FloatArray:
+    return ((values[span] - values.mean()) / max(float(np.ptp(values)), 1e-12))[:, None, None, None, None]
+
+
+def _rate(values: FloatArray, time: FloatArray) -> FloatArray:
+    return np.gradient(values, time, axis=0)
