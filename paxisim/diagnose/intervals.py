@@ -239,4 +239,6 @@ def _zero_spread(found: Explanation, name: str) -> FloatArray | None:
     means = np.stack([left[span].mean(axis=0) for span in spans])
     variance = np.einsum("e,e...->...", share**2, means**2) * len(spans) / degrees
     typical = np.median(variance, axis=(2, 3), keepdims=True)  # a few episodes tell a variance badly, taxels are alike
-    return np.sqrt(np.maximum(variance, typical)) * student.ppf(0.5 + LEVEL / 2, degrees)
+    reach = np.sqrt(np.maximum(variance, typical)) * student.ppf(0.5 + LEVEL / 2, degrees)
+    middle = problem.read(np.mean(problem.zero, axis=0, keepdims=True))[0] if np.ndim(problem.zero) else 0.0 * reach
+    return (problem.unread(middle + reach) - problem.unread(middle - reach)) / 2
