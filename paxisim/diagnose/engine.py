@@ -32,8 +32,8 @@ class Named:
         transform: What it does, with the fitted values.
         values: Fitted numbers by name; units are those of the cause's `free`, or N for arrays of forces.
         energy_gain: ``(episodes,)`` squared residual (noise units) that it takes away, the other causes refitted.
-        rivals_energy: Squared residual (noise units) that is left with this cause replaced by a rival, by its name; to
-            be compared with the sum of the explanation's `energy`.
+        rivals_energy: By how much more squared residual (noise units) is left, less if negative, with this cause replaced
+            by a rival, by its name.
     """
 
     name: str
@@ -204,8 +204,7 @@ def _explained(
         free = item.free(problem)
         figures = {f.name: float(v) for f, v in zip(free, values, strict=True)} if free else {"gain": values}
         gain = found.without[item.name].energy - found.fit.energy
-        # the fit's energies are freed of each channel's mean, those of an explanation are not
-        rivals = {n: float(now.sum() + e - found.fit.energy.sum()) for n, e in found.rivals[item.name].items()}
+        rivals = {n: e - float(found.fit.energy.sum()) for n, e in found.rivals[item.name].items()}
         named.append(Named(item.name, transform, figures, gain, rivals))
     for name, reading in read.items():
         members.append((cause(name).order, name, reading.transform))

@@ -15,6 +15,7 @@ from paxisim.diagnose.problem import FloatArray, Problem
 FOLDS = 4
 DRAWS = 400  # of the bootstrap
 LEVEL = 0.9  # of the intervals
+CHOSEN = "Causes were chosen on all episodes; their numbers were fitted without those held out."
 _ALIKE = 0.02  # of the force, by which the simulations of a repeated motion may differ
 
 
@@ -161,6 +162,8 @@ def figures(squares: Squares, seed: int, ceiling: FloatArray | None, note: str) 
     def normalised(values: FloatArray) -> float:
         return float(np.sqrt(values.sum() / max(squares.force.sum(), 1e-12)))
 
+    if len(squares.after) > 1 and np.any(squares.after != squares.before):
+        note = f"{note} {CHOSEN}".strip()
     black = None if ceiling is None else explained_share(squares, ceiling, seed)
     gains = (squares.before - squares.after) / np.maximum(squares.before, 1e-12)
     return HeldOut(

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 from scipy.stats import t as student
 
 from paxisim.diagnose.cause import TAXEL_GAIN, Cause, Free, cause
@@ -15,9 +17,10 @@ from paxisim.diagnose.fitting import PRIOR, Fitted, predict
 from paxisim.diagnose.problem import FloatArray, Problem, Tolerance
 
 LEVEL = 0.9
-_LEVELS, _PER_OCTAVE = 24, 3  # of force, down from the peak
-_LEAST_FRAMES = 20  # of an episode of which every other frame is left out
-_STEP = 0.02  # of a parameter's scale, to see what it does
+_LEVELS, _PER_OCTAVE = 64, 8  # of force, down from the peak
+_LEAST_REST = 5  # frames of an episode at rest
+_FINER = 4  # times the frames, to see what straight lines between them do
+_STEP = 0.1  # of a parameter's scale, to see what it does
 
 
 def parameters_of(found: Explanation) -> Mapping[str, tuple[FittedParameter, ...]]:
@@ -27,7 +30,7 @@ def parameters_of(found: Explanation) -> Mapping[str, tuple[FittedParameter, ...
 
 
 def _parameters(
-    found: Explanation, named: Named, spreads: Mapping[tuple[str, str], float]
+    found: Explanation, named: Named, spreads: Mapping[tuple[str, str], tuple[float, float]]
 ) -> Iterator[FittedParameter]:
     free = {item.name: item for item in cause(named.name).free(found.problem)}
     for name, value in named.values.items():
@@ -38,13 +41,17 @@ def _parameters(
             if reach is None:
                 yield FittedParameter(name, item.unit, Interval(number))
             else:
-                low, high = max(number - reach, item.low), min(number + reach, item.high)
+                low, high = max(number - reach[0], item.low), min(number + reach[1], item.high)
                 yield FittedParameter(name, item.unit, Interval(number, low, high))
             continue
         unit = "1" if named.name in (TAXEL_GAIN, "dead_taxels") and name != "value" else "N"
         unit = "s" if name == "tau" else unit
         array = np.asarray(value, dtype=float)
-        reach_of = _gain_spread(found, array) if named.name == TAXEL_GAIN else None
+        reach_of = None
+        if named.name == TAXEL_GAIN:
+            reach_of = _gain_spread(found, array)
+        elif (named.name, name) in (("offset", "offset"), ("drift", "amplitude")):
+            reach_of = _zero_spread(found, name)
         for place in np.ndindex(array.shape):
             label = name + "".join(f"_{i}" for i in place)
             number = float(array[place])
@@ -55,12 +62,12 @@ def _parameters(
                 yield FittedParameter(label, unit, Interval(number, number - reach, number + reach))
 
 
-def _spreads(found: Explanation) -> dict[tuple[str, str], float]:
-    """Half the width of each parameter's interval.
+def _spreads(found: Explanation) -> dict[tuple[str, str], tuple[float, float]]:
+    """How far each parameter's interval reaches below and above its value.
 
     Errors that episodes, channels or levels of force have in common do not average out within them: the scores of each
     are summed before they are squared. The last stand for a form that is not quite that of the sensor. To these come
-    what a contact that is off its place does, and what fewer frames would change.
+    what a contact that is off its place does, and what a simulation that bends between the frames would change.
     """
     problem = found.problem
     chosen = [named for named in found.found if cause(named.name).probes is not None or named.name == TAXEL_GAIN]
@@ -69,15 +76,46 @@ def _spreads(found: Explanation) -> dict[tuple[str, str], float]:
     if not free or len(problem.episodes) < 3:
         return {}
     values = {n.name: np.array([float(v) for v in n.values.values()]) for n in chosen if n.name != TAXEL_GAIN}  # type: ignore[arg-type]
+    problem = problem.thinned
     linear = _Linear(problem, causes, values, [(named.name, item) for named, item in free])
-    count = len(problem.episodes)
-    reach = linear.spread() * student.ppf(0.5 + LEVEL / 2, count - 1)
+    reach = linear.spread()
     moved = [linear.moved_by(effect) for effect in _misplaced(problem, linear.prediction)]
-    if min(span.stop - span.start for span in problem.episodes) >= 2 * _LEAST_FRAMES:
-        halved = _Linear(problem.every(2), causes, values, [(named.name, item) for named, item in free])
-        moved.append((halved.step() - linear.step()) / 2)
     reach = np.sqrt(reach**2 + np.sum(np.square(moved), axis=0))
-    return {(named.name, item.name): float(r) for (named, item), r in zip(free, reach, strict=True)}
+    finer = np.zeros(len(free))
+    if any(named.transform.has_memory for named in chosen):
+        finer = -linear.moved_by(_finer(problem, causes, linear.values) - linear.prediction)
+    low, high = reach + np.maximum(-finer, 0.0), reach + np.maximum(finer, 0.0)
+    return {
+        (named.name, item.name): (float(below), float(above))
+        for (named, item), below, above in zip(free, low, high, strict=True)
+    }
+
+
+def _finer(problem: Problem, causes: Sequence[Cause], values: Fitted) -> FloatArray:
+    """What the causes make of a simulation that bends smoothly between the frames instead of running straight."""
+    times, forces, zeros, spans = [], [], [], []
+    begin = 0
+    for span in problem.episodes:
+        time = problem.time[span]
+        if len(time) < 4 or np.diff(time).min() <= 0:
+            return predict(problem, causes, values)[0]
+        fine = np.interp(np.arange(_FINER * (len(time) - 1) + 1) / _FINER, np.arange(len(time)), time)
+        times.append(fine)
+        forces.append(CubicSpline(time, problem.simulated[span])(fine))
+        zeros.append(np.searchsorted(time, fine, side="right") - 1 + span.start)
+        spans.append(slice(begin, begin + len(fine)))
+        begin += len(fine)
+    nearest = np.concatenate(zeros)
+    fine = replace(
+        problem,
+        simulated=np.concatenate(forces),
+        time=np.concatenate(times),
+        covariates={name: np.interp(np.concatenate(times), problem.time, c) for name, c in problem.covariates.items()},
+        episodes=tuple(spans),
+        zero=problem.zero if isinstance(problem.zero, (int, float)) else problem.zero[nearest],
+    )
+    made = predict(fine, causes, values)[0]
+    return np.concatenate([made[span][::_FINER] for span in spans])
 
 
 class _Linear:
@@ -86,9 +124,10 @@ class _Linear:
     def __init__(
         self, problem: Problem, causes: Sequence[Cause], values: Fitted, free: Sequence[tuple[str, Free]]
     ) -> None:
-        self._problem = problem
-        self.prediction = predict(problem, causes, values)[0]
-        base = problem.residual(self.prediction)
+        self._problem, at = problem.compared, problem.at_compared
+        self._at = at
+        self.prediction, self.values = predict(problem, causes, values)
+        base = self._problem.residual(at(self.prediction))
         slope = np.zeros((len(free), *base.shape))
         for row, (name, item) in enumerate(free):
             index = [f.name for f in cause(name).free(problem)].index(item.name)
@@ -96,7 +135,7 @@ class _Linear:
             moved = values[name].copy()
             moved[index] += step
             try:
-                after = problem.residual(predict(problem, causes, {**values, name: moved})[0])
+                after = self._problem.residual(at(predict(problem, causes, {**values, name: moved})[0]))
                 slope[row] = (after - base) / step
             except ValueError:  # values that are allowed one by one, but not together
                 continue
@@ -107,35 +146,30 @@ class _Linear:
         self._inverse = np.linalg.pinv(normal / np.outer(scale, scale), rcond=1e-6) / np.outer(scale, scale)
 
     def spread(self) -> FloatArray:
-        """Standard errors by the parameter."""
+        """Half the widths of intervals that come from the scores."""
         problem, scores = self._problem, self._slope * self._base
         level = _levels(problem)
-        by_episode = np.stack([scores[:, span].sum(axis=1) for span in problem.episodes])  # (episodes, D, channels)
-        each = np.array([[np.bincount(level[s].ravel(), row[s].ravel(), _LEVELS) for row in scores] for s in problem.episodes])  # fmt: skip
-        cells = np.einsum("eac,ebc->ab", by_episode, by_episode)
+        by_episode = np.stack([scores[:, span].sum(axis=1) for span in problem.episodes], axis=-1)  # (D, C, episodes)
         count = len(problem.episodes)
         clusters = (
-            (_square(by_episode.sum(axis=2)) * count / (count - 1), 1),
-            (_square(by_episode.sum(axis=0).T), 1),
-            (_square(each.sum(axis=0).T), 1),
+            by_episode.sum(axis=1) * np.sqrt(count / (count - 1)),
+            by_episode.sum(axis=2),
+            np.stack([np.bincount(level.ravel(), row.ravel(), _LEVELS) for row in scores]),
         )
-        variances = [np.diag(self._inverse @ middle @ self._inverse) for middle, _ in clusters]
-        noise = np.diag(self._inverse @ cells @ self._inverse)  # is in each of them
-        together = np.sum(variances, axis=0) - 2 * noise
-        return np.sqrt(np.maximum(np.maximum(together, np.max(variances, axis=0)), 0.0))
+        each = [(self._inverse @ scores) ** 2 for scores in clusters]
+        variances = np.array([part.sum(axis=1) for part in each])  # (3, D)
+        # few that matter tell little of how much they vary
+        squares = np.array([np.sum(part**2, axis=1) for part in each])
+        degrees = np.maximum(variances**2 / np.maximum(squares, 1e-300) - 1, 1.0)
+        noise = np.sum((self._inverse @ by_episode.reshape(len(scores), -1)) ** 2, axis=1)  # it is in each of them
+        together = np.maximum(variances.sum(axis=0) - 2 * noise, variances.max(axis=0))
+        shared = variances.sum(axis=0) ** 2 / np.maximum((variances**2 / degrees).sum(axis=0), 1e-300)
+        return np.sqrt(together) * student.ppf(0.5 + LEVEL / 2, np.maximum(shared, 1.0))
 
     def moved_by(self, effect: FloatArray) -> FloatArray:
         """By how much an `effect` ``(T, pads, 3, rows, cols)`` on the reading (N) moves each parameter."""
-        weighed = self._problem.weigh(effect).reshape(self._base.shape)
+        weighed = self._problem.weigh(self._at(effect)).reshape(self._base.shape)
         return -self._inverse @ np.einsum("atc,tc->a", self._slope, weighed)
-
-    def step(self) -> FloatArray:
-        """By how much each parameter is from its optimum."""
-        return -self._inverse @ np.einsum("atc,tc->a", self._slope, self._base)
-
-
-def _square(scores: FloatArray) -> FloatArray:
-    return scores.T @ scores
 
 
 def _levels(problem: Problem) -> NDArray[np.intp]:
@@ -167,9 +201,8 @@ def _gain_spread(found: Explanation, gains: FloatArray) -> FloatArray | None:
     load = load / np.maximum(np.abs(gains), 0.05)[:, None]
     by_axis = np.sum(load**2, axis=0)
     products = by_axis.sum(axis=1)
-    scores = np.stack([np.sum(scores[span], axis=(0, 2)) for span in problem.episodes]) / np.maximum(
-        np.abs(gains), 0.05
-    )
+    scores = np.stack([np.sum(scores[span], axis=(0, 2)) for span in problem.episodes])
+    scores = scores / np.maximum(np.abs(gains), 0.05)
     prior = 1 / PRIOR**2
     total = products + prior
     episodes = np.sum(scores**2, axis=0) * count / (count - 1)
@@ -181,3 +214,31 @@ def _gain_spread(found: Explanation, gains: FloatArray) -> FloatArray | None:
     drawn = (prior * spread) ** 2
     error = np.sqrt(np.maximum(episodes, products) + axes + places + drawn) / total
     return error * student.ppf(0.5 + LEVEL / 2, count - 1)
+
+
+def _zero_spread(found: Explanation, name: str) -> FloatArray | None:
+    """``(pads, 3, rows, cols)`` half the width of each channel's interval: "offset" or the drift's "amplitude".
+
+    Told, as they are, by what the episodes leave at rest; by all of their frames where noise does not reach a count.
+    """
+    problem = found.problem
+    curves = [np.ones(len(problem.time))]
+    for named in found.found:
+        if named.name == "drift":
+            curves.append(-np.expm1(-(problem.time - problem.time[0]) / np.max(named.values["tau"])))
+    hides = 0 < problem.dither < 0.25 * problem.step
+    frames = np.ones(len(problem.time), dtype=bool) if hides else problem.at_rest
+    spans = [np.flatnonzero(frames[span]) + span.start for span in problem.episodes]
+    spans = [span for span in spans if len(span) >= _LEAST_REST]
+    if len(spans) <= len(curves) + 1:
+        return None
+    left = problem.measured - problem.read(found.prediction)
+    basis = np.array([[curve[span].mean() for curve in curves] for span in spans])  # (episodes, curves)
+    share = (np.linalg.pinv(basis.T @ basis) @ basis.T)[0 if name == "offset" else -1]  # of each episode
+    degrees = len(spans) - len(curves)
+    means = np.stack([left[span].mean(axis=0) for span in spans])
+    variance = np.einsum("e,e...->...", share**2, means**2) * len(spans) / degrees
+    typical = np.median(variance, axis=(2, 3), keepdims=True)  # a few episodes tell a variance badly, taxels are alike
+    reach = np.sqrt(np.maximum(variance, typical)) * student.ppf(0.5 + LEVEL / 2, degrees)
+    middle = problem.read(np.mean(problem.zero, axis=0, keepdims=True))[0] if np.ndim(problem.zero) else 0.0 * reach
+    return (problem.unread(middle + reach) - problem.unread(middle - reach)) / 2

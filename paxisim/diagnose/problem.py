@@ -111,6 +111,20 @@ class Problem:
             np.maximum(normal, 0, out=normal)
         return read
 
+    def unread(self, reading: FloatArray) -> FloatArray:
+        """The constant force that reads, on average, as `reading` ``(pads, 3, rows, cols)``; below 0 as it is."""
+        if self.reads_all:
+            return reading
+        size = float(np.abs(reading).max()) + 2 * self.step + 2 * self.dither
+        force = np.linspace(-size, size, 4001)
+        grid = np.broadcast_to(force[:, None, None, None, None], (len(force), 1, 3, 1, 1))
+        read = np.maximum.accumulate(self.read(grid)[:, 0, :, 0, 0], axis=0)
+        found = np.empty_like(reading)
+        for axis in range(3):
+            rising = np.flatnonzero(np.diff(read[:, axis], prepend=-np.inf) > 1e-9)
+            found[:, axis] = np.interp(reading[:, axis], read[rising, axis], force[rising])
+        return found
+
     @property
     def reads_all(self) -> bool:
         """Whether `read` returns what it is given."""

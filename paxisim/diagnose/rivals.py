@@ -34,11 +34,10 @@ def rivals_of(found: Explanation, least: float) -> Mapping[str, tuple[str, ...]]
         found: The causes.
         least: Energy (noise units) that chance or the form of the noise may make.
     """
-    energy = float(np.sum(found.problem.residual(found.prediction) ** 2))
     searched = [item for item in found.found if _is_searched(item.name)]
     rivals: dict[str, tuple[str, ...]] = {item.name: () for item in found.found}
     for item in searched:
-        near = {**_imitating(found, item, searched), **_fitted(item, energy, least)}
+        near = {**_imitating(found, item, searched), **_fitted(item, least)}
         rivals[item.name] = tuple(sorted(near, key=lambda name: near[name]))
     return rivals
 
@@ -48,19 +47,19 @@ def _is_searched(name: str) -> bool:
     return cause(name).probes is not None or name == TAXEL_GAIN
 
 
-def _fitted(item: Named, energy: float, least: float) -> dict[str, float]:
+def _fitted(item: Named, least: float) -> dict[str, float]:
     """Rivals that were fitted in the cause's place, and by how much worse they are as a share of its gain.
 
     A rival that can imitate the cause with more numbers is one only if it does better than chance would have it.
     """
     gain = float(item.energy_gain.sum())
     near = {}
-    for name, left in item.rivals_energy.items():
+    for name, worse in item.rivals_energy.items():
         rival = cause(name)
         nested = item.name in rival.simpler
         slack = -max(rival.ahead / 2 * gain, least) if nested else max(MARGIN * gain, least)
-        if left - energy < slack:
-            near[name] = (left - energy) / max(gain, 1e-12)
+        if worse < slack:
+            near[name] = worse / max(gain, 1e-12)
     return near
 
 
