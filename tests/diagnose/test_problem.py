@@ -1,0 +1,71 @@
+"""A problem reads as a sensor does, runs its episodes alike, and leaves out frames only where nothing is lost."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from paxisim import augment
+from paxisim.diagnose import prepare as preparing
+from paxisim.diagnose.prepare import prepare
+from paxisim.diagnose.problem import ENOUGH, Problem
+from paxisim.recording import Recording
+
+
+def problem(step=0.1, dither=0.03, clips=True, frames=60, interval=0.01, cols=3):
+    """Three episodes of slow pushes."""
+    time = np.concatenate([start + interval * np.arange(frames) for start in (0.0, 50.0, 100.0)])
+    push = np.tile(np.sin(np.linspace(0, np.pi, frames)) ** 2, 3)
+    force = push[:, None, None, None, None] * np.ones((1, 2, 3, 2, cols)) * np.array([0.3, -0.2, 1.0])[:, None, None]
+    spans = tuple(slice(k * frames, (k + 1) * frames) for k in range(3))
+    alive = np.ones(force.shape[1:], dtype=bool)
+    return Problem(force, force, time, {}, spans, np.full_like(force, 0.03), 1.0, alive, step, dither, clips)
+
+
+@pytest.mark.parametrize(("step", "dither"), [(0.1, 0.03), (0.1, 0.06), (0.01, 0.03)])
+def test_what_is_read_is_the_mean_of_noisy_counts(step, dither):
+    made = problem(step, dither)
+    level = np.linspace(-0.3, 0.4, 29)
+    force = np.broadcast_to(level[:, None, None, None, None], (29, 1, 3, 1, 1)).copy()
+    noise = dither * np.random.default_rng(3).standard_normal((40_000, 29))
+    counts = np.round((level + noise) / step) * step
+    read = made.read(force)[:, 0, :, 0, 0]
+    np.testing.assert_allclose(read[:, 0], counts.mean(axis=0), atol=4e-3)  # two harmonics of the staircase
+    np.testing.assert_allclose(read[:, 2], np.maximum(counts, 0).mean(axis=0), atol=4e-3)
+
+
+def test_the_force_behind_a_mean_reading_is_found_again():
+    made = problem()
+    level = np.linspace(0.02, 0.4, 12).reshape(1, 1, 3, 4) * np.ones((2, 3, 1, 1))
+    again = made.unread(made.read(level[None])[0])
+    np.testing.assert_allclose(again, level, atol=1e-3)
+
+
+def test_episodes_that_are_sampled_alike_run_as_each_would_alone():
+    made = problem()
+    chain = augment.Chain([augment.Creep((0.2,), (0.3,)), augment.Hysteresis((0.1,), (0.05,)), augment.LowPass(0.02)])
+    alone = [chain.run(made.simulated[span], made.time[span]) for span in made.episodes]
+    np.testing.assert_allclose(made.run(chain, made.simulated), np.concatenate(alone), atol=1e-12)
+    shifted = replace(made, time=made.time + 1e-3 * np.sin(np.arange(len(made.time))))
+    assert not shifted._alike
+
+
+def test_frames_are_left_out_only_of_a_recording_that_has_many_and_runs_straight():
+    assert problem().thinned.stride == 1
+    long = problem(frames=4000, cols=8, interval=0.005)
+    assert long.samples > 2 * ENOUGH
+    assert long.stride > 1
+    assert len(long.thinned.time) == sum(len(range(0, 4000, long.stride)) for _ in long.episodes)
+    rough = replace(long, simulated=long.simulated + 0.2 * (np.arange(len(long.time)) % 2)[:, None, None, None, None])
+    assert rough.stride == 1
+
+
+def test_a_recording_that_is_too_long_is_shortened_and_says_so(monkeypatch):
+    monkeypatch.setattr(preparing, "MOST", 20_000)
+    made = problem(frames=400, cols=4)
+    noise = 0.01 * np.random.default_rng(4).standard_normal(made.measured.shape)
+    recording = Recording(made.time, made.measured + noise, made.simulated, {}, np.repeat(np.arange(3), 400))
+    shortened, warnings = prepare(recording)
+    assert any("the recording is long" in warning for warning in warnings)
+    assert len(np.unique(shortened.episode)) == 3
+    assert shortened.measured.size <= 2 * 20_000
