@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import resource
+import signal
 import time
 import traceback
 
@@ -17,6 +18,7 @@ from paxisim.diagnose.advice import motions_of
 from paxisim.diagnose.diagnosis import Diagnosis
 from paxisim.recording import Recording
 
+PATIENCE = 600.0  # s of processor time
 SLOW = 20.0  # Hz, of poor motions: what is advised takes minutes
 TRIES = 20  # to find a case in which poor motions show the effect at all
 
@@ -71,9 +73,22 @@ def recording(case: Case) -> Recording:
 
 
 def diagnosed(case: Case) -> tuple[Diagnosis, float]:
-    """The diagnosis, and the seconds it took."""
+    """The diagnosis, and the seconds it took.
+
+    Raises:
+        TimeoutError: It takes more than `PATIENCE`: a search that does not end must not hold up the other cases.
+    """
+
+    def give_up(number: int, frame: object) -> None:
+        raise TimeoutError(f"no answer after {PATIENCE:.0f} s of processor time")
+
+    signal.signal(signal.SIGVTALRM, give_up)
+    signal.setitimer(signal.ITIMER_VIRTUAL, PATIENCE)
     begin = time.perf_counter()
-    diagnosis = paxisim.diagnose(recording(case))
+    try:
+        diagnosis = paxisim.diagnose(recording(case))
+    finally:
+        signal.setitimer(signal.ITIMER_VIRTUAL, 0)
     return diagnosis, time.perf_counter() - begin
 
 
