@@ -18,6 +18,7 @@ from paxisim.diagnose.heldout import Squares, explained_share, figures, gains_of
 from paxisim.diagnose.intervals import parameters_of
 from paxisim.diagnose.prepare import prepare
 from paxisim.diagnose.problem import FloatArray, Problem
+from paxisim.diagnose.streams import Streams
 from paxisim.diagnose.symptoms import symptoms
 from paxisim.errors import InvalidValueError, MissingExtraError
 from paxisim.recording import Recording
@@ -96,6 +97,23 @@ def diagnose(
             episodes=len(problem.episodes),
         ),
         model=found.model,
+        streams=_streams(recording, problem, squares),
+    )
+
+
+def _streams(recording: Recording, problem: Problem, squares: Squares) -> Streams:
+    assert recording.measured is not None
+    assert recording.simulated is not None
+    return Streams(
+        time=recording.time,
+        episode=recording.episode,
+        measured=recording.measured,
+        simulated=recording.simulated,
+        extended=problem.read(squares.prediction).astype(np.float32),
+        covariates=problem.covariates,
+        pads=recording.pads,
+        layout=recording.layout,
+        step=problem.step,
     )
 
 

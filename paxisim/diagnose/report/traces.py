@@ -1,0 +1,96 @@
+"""Traces: when the error happens: the worst episodes in time, and its shares by phase and frequency."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from paxisim.diagnose.diagnosis import Place, Symptoms
+from paxisim.diagnose.report.style import (
+    AXES,
+    EXTENDED,
+    INK,
+    MEASURED,
+    MUTED,
+    SIMULATED,
+    WIDTH,
+    Picture,
+    finish,
+    panel,
+    thin,
+)
+from paxisim.diagnose.streams import Streams
+
+EPISODES = 3
+
+
+def worst_episodes(streams: Streams) -> list[Picture]:
+    """The episodes with the largest error, each by its worst taxel."""
+    energy = np.array(
+        [np.sum((streams.measured[s] - streams.simulated[s]) ** 2, axis=0, dtype=float) for s in streams.episodes]
+    )
+    order = np.argsort(-energy.sum(axis=(1, 2, 3, 4)), kind="stable")[:EPISODES]
+    return [_trace(streams, int(number), energy[number]) for number in order]
+
+
+def _trace(streams: Streams, number: int, energy: np.ndarray) -> Picture:
+    from matplotlib.figure import Figure
+
+    span = streams.episodes[number]
+    pad, axis, row, col = (int(i) for i in np.unravel_index(int(energy.argmax()), energy.shape))
+    where = (span, pad, axis, row, col)
+    time = streams.time[span] - streams.time[span.start]
+    measured, simulated, extended = streams.measured[where], streams.simulated[where], streams.extended[where]
+    before, after = (float(np.sqrt(np.mean((measured - other) ** 2))) for other in (simulated, extended))
+
+    figure = Figure(figsize=(WIDTH, 3.1), layout="constrained")
+    above, below = figure.subplots(2, 1, sharex=True, height_ratios=[2.3, 1])
+    t, m, s, e = thin(time, measured, simulated, extended)
+    above.plot(t, m, color=MEASURED, linewidth=2.4, label="measured")
+    above.plot(t, s, color=SIMULATED, linewidth=1.3, linestyle=(0, (4, 1.5)), label="simulated")
+    above.plot(t, e, color=EXTENDED, linewidth=1.3, label="extended")
+    above.set_ylabel(f"{AXES[axis]} force, N")
+    below.plot(t, s - m, color=SIMULATED, linewidth=1.1)
+    below.plot(t, e - m, color=EXTENDED, linewidth=1.1)
+    below.axhline(0, color=MUTED, linewidth=0.7)
+    below.set_ylabel("error, N")
+    below.set_xlabel("time in the episode, s")
+    figure.align_ylabels()
+    place = f"pad {streams.pads[pad]}, taxel ({row}, {col}), {AXES[axis]}"
+    return finish(
+        figure,
+        f"Episode {number}, {place}: error {before:.2g} N becomes {after:.2g} N",
+        f"Traces of {place} in episode {number}: measured, simulated and extended force, and both errors beneath. The "
+        f"root mean square error is {before:.3g} N before and {after:.3g} N after.",
+    )
+
+
+def shares(symptoms: Symptoms) -> list[Picture]:
+    """The error by what the pads do, by frequency and by pad and axis."""
+    whole = sum(place.before for place in symptoms.pads)
+    groups: list[tuple[str, Sequence[Place]]] = [
+        ("what the pad does", symptoms.phases),
+        ("frequency", symptoms.frequencies),
+        ("pad and axis", (*symptoms.pads, *symptoms.axes)),
+    ]
+    return [_shares(name, group) for name, group in groups if group and whole > 0]
+
+
+def _shares(name: str, group: Sequence[Place]) -> Picture:
+    figure, axes = panel(0.9 + 0.3 * len(group))
+    rows = np.arange(len(group))
+    axes.barh(rows - 0.19, [100 * p.before for p in group], height=0.36, color=SIMULATED, label="simulated")
+    axes.barh(rows + 0.19, [100 * p.after for p in group], height=0.36, color=EXTENDED, label="extended")
+    axes.set_yticks(rows, [p.where for p in group], color=INK)
+    axes.invert_yaxis()
+    axes.grid(axis="y", visible=False)
+    axes.tick_params(axis="y", length=0)
+    axes.set_xlabel("% of the error's energy before")
+    words = "; ".join(f"{p.where} {p.before:.0%} before, {p.after:.0%} after" for p in group)
+    most = max(group, key=lambda place: place.before)
+    return finish(
+        figure,
+        f"By {name}: {'most' if most.before > 0.5 else 'the largest part'} is in {most.where} ({most.before:.0%})",
+        f"Bars of the error's energy by {name}: {words}.",
+    )
