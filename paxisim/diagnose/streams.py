@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -41,7 +42,7 @@ class Streams:
     def episodes(self) -> tuple[slice, ...]:
         """The samples of each episode."""
         edges = [*np.flatnonzero(np.diff(self.episode, prepend=self.episode[0] - 1)), len(self.time)]
-        return tuple(slice(int(a), int(b)) for a, b in zip(edges[:-1], edges[1:], strict=True))
+        return tuple(slice(int(a), int(b)) for a, b in itertools.pairwise(edges))
 
     @property
     def peak(self) -> float:

@@ -6,18 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.augment.interference import Interference
+from paxisim.diagnose.report import marks
 from paxisim.diagnose.report.effect import Effect, Series
 from paxisim.diagnose.report.maps import MOST_PADS, grid_of_maps
 from paxisim.diagnose.report.style import (
     AXES,
-    EXTENDED,
-    MEASURED,
-    SIMULATED,
     Picture,
     binned,
     finish,
     panel,
-    scattered,
     thin,
 )
 
@@ -26,7 +23,7 @@ _LENGTHS = {"gripper_opening": ("gripper opening, mm", 1e3), "temperature": ("te
 
 def field(effect: Effect) -> list[Picture]:
     """Interference: the mean reading of a pad against the covariate it goes with, on the two worst axes."""
-    member = effect.chain[effect.cause.name]
+    member = effect.member
     name = member.covariate if isinstance(member, Interference) else "gripper_opening"
     label, scale = _LENGTHS.get(name, (name, 1.0))
     x = scale * effect.streams.covariates[name]
@@ -45,10 +42,9 @@ def _field(effect: Effect, pad: int, axis: int, x: Series, frames: NDArray[np.bo
     x, seen, adds = x[frames], measured - without, model - without
     middle = float(np.mean(seen - adds))  # the field is told up to a constant
     figure, axes = panel()
-    axes.plot(*scattered(x, seen), ".", color=MEASURED, alpha=0.3, markersize=4, markeredgewidth=0, label="measured")
-    axes.axhline(middle, color=SIMULATED, linewidth=1.3, linestyle=(0, (4, 1.5)), label="without")
-    means = binned(x, adds + middle, bins=60, least=1)
-    axes.plot(means[0], means[1], color=EXTENDED, linewidth=2.0, label=f"with {effect.cause.name}")
+    marks.cloud(axes, x, seen)
+    marks.level(axes, middle)
+    marks.with_cause(axes, *binned(x, adds + middle, bins=60, least=1), effect.cause.name)
     axes.set_xlabel(f"{label}; nothing touches the pads")
     axes.set_ylabel(f"{AXES[axis]} reading, N a taxel")
     swing = float(adds.max() - adds.min())
@@ -78,7 +74,7 @@ def zero(effect: Effect) -> list[Picture]:
         f"at {effect.place((pad, axis, row, col))}.",
         legend=False,
     )
-    return [_in_time(effect, (pad, axis, row, col)), spread]
+    return [_in_time(effect, shift), spread]
 
 
 def _amount(effect: Effect) -> Series:
@@ -88,29 +84,31 @@ def _amount(effect: Effect) -> Series:
     return ends[1] - ends[0] if effect.cause.name == "drift" else ends[0]
 
 
-def _in_time(effect: Effect, channel: tuple[int, int, int, int]) -> Picture:
+def _in_time(effect: Effect, shift: Series) -> Picture:
+    """The mean of the taxels of one pad's axis that are off to the side to which most are: their noise averages out."""
+    sides = np.stack([np.clip(shift, 0, None), np.clip(-shift, 0, None)]).sum(axis=(3, 4))
+    side, pad, axis = (int(i) for i in np.unravel_index(int(sides.argmax()), sides.shape))
+    taxels = shift[pad, axis] * (1 - 2 * side) > 0
+    arrays = (effect.streams.measured, effect.without, effect.model)
+    measured, lacking, model = (a[:, pad, axis][:, taxels].mean(axis=1, dtype=float) for a in arrays)
+    seen, adds = measured - lacking, model - lacking
     frames = _free(effect)
     minutes = (effect.streams.time - effect.streams.time[0]) / 60
-    measured, without, model = effect.at(channel)
-    seen, adds = measured - without, model - without
     figure, axes = panel()
-    axes.plot(
-        *thin(minutes[frames], seen[frames]), ".", color=MEASURED, alpha=0.25, markersize=3.5, markeredgewidth=0
+    marks.cloud(axes, minutes[frames], seen[frames], faint=True)
+    rests = [np.arange(s.start, s.stop)[frames[s]] for s in effect.streams.episodes]
+    rests = [rest for rest in rests if len(rest)]
+    marks.level(axes)
+    marks.with_cause(axes, *thin(minutes, adds), effect.cause.name)
+    marks.means(
+        axes, np.array([minutes[rest].mean() for rest in rests]), np.array([seen[rest].mean() for rest in rests])
     )
-    spans = [np.arange(s.start, s.stop)[frames[s]] for s in effect.streams.episodes]
-    spans = [span for span in spans if len(span)]
-    axes.plot(
-        [minutes[span].mean() for span in spans], [seen[span].mean() for span in spans],
-        "o", color=MEASURED, markersize=5, label="measured, mean",
-    )  # fmt: skip
-    axes.axhline(0, color=SIMULATED, linewidth=1.3, linestyle=(0, (4, 1.5)), label="without")
-    axes.plot(*thin(minutes, adds), color=EXTENDED, linewidth=1.8, label=f"with {effect.cause.name}")
     axes.set_xlabel("time, min; nothing touches the pads")
-    axes.set_ylabel(f"{AXES[channel[1]]} reading, N")
-    place = effect.place(channel)
+    axes.set_ylabel(f"{AXES[axis]} reading, N a taxel")
+    place = f"pad {effect.streams.pads[pad]}, {AXES[axis]}, mean of {int(taxels.sum())} taxels"
     return finish(
         figure,
-        "The zero wanders from rest to rest" if effect.cause.name == "drift" else "At rest it does not read zero",
+        f"{'The zero wanders' if effect.cause.name == 'drift' else 'At rest it does not read zero'} ({place})",
         f"Readings with nothing pressed in time, {place}: the means of the episodes lie on the line of the model with "
         f"{effect.cause.name}.",
     )

@@ -4,62 +4,65 @@ from __future__ import annotations
 
 import numpy as np
 
-from paxisim.diagnose.report.effect import Effect
-from paxisim.diagnose.report.style import (
-    AXES,
-    EXTENDED,
-    INK,
-    MEASURED,
-    SIMULATED,
-    Picture,
-    binned,
-    finish,
-    panel,
-    scattered,
-)
+from paxisim.diagnose.report import marks
+from paxisim.diagnose.report.effect import Effect, Series
+from paxisim.diagnose.report.style import AXES, EXTENDED, INK, Picture, binned, finish, panel, scattered
 
 _TITLES = {
-    "stiffening": "The reading bends away from the straight line",
-    "saturation": "Large forces are cut off",
+    "axis_gain": "All is too large or too small by a factor",
     "dead_band": "Small forces are not read",
-    "axis_gain": "The reading is too large or too small by a constant factor",
-    "taxel_gain": "This taxel reads too much or too little by a constant factor",
+    "layout": "Every point lies off the line on which both agree",
+    "quantisation": "A smooth force is read in steps",
+    "saturation": "Large forces are cut off",
+    "stiffening": "The reading bends away from the straight line",
+    "taxel_gain": "This taxel is off by a factor of its own",
 }
 _NEAR = 4.0  # widths of a dead band that its picture shows
+_STEPS = 8.0  # of rounding
 
 
 def curves(effect: Effect) -> list[Picture]:
     """Stiffening, saturation and dead band: force against force, and what is added to the straight line."""
-    return [_force_force(effect), _bend(effect)]
+    return [force_force(effect), _bend(effect)]
 
 
 def gain_curves(effect: Effect) -> list[Picture]:
     """Axis gain: force against force, and the factor of each axis."""
-    return [_force_force(effect), _factors(effect)]
+    return [force_force(effect), _factors(effect)]
 
 
-def _range(effect: Effect, x: np.ndarray) -> np.ndarray:
-    """Samples to be shown: all but the crowd at rest; for a dead band only small forces."""
-    wanted = np.abs(x) > 0.002 * np.abs(x).max()
+def _pooled(effect: Effect) -> tuple[Series, Series, Series]:
+    """The pressed samples of all taxels of the most affected pad's axis; small forces for what acts on those."""
+    pad, axis, _, _ = effect.channel
+    arrays = (effect.streams.measured, effect.without, effect.model)
+    measured, lacking, model = (a[:, pad, axis].astype(float).ravel() for a in arrays)
+    return _shown(effect, measured, lacking, model)
+
+
+def _shown(effect: Effect, measured: Series, lacking: Series, model: Series) -> tuple[Series, Series, Series]:
+    most = float(np.abs(lacking).max())
+    near = most
+    sizes = {p.name: p.value.value for p in effect.cause.parameters}
     if effect.cause.name == "dead_band":
-        width = next((p.value.value for p in effect.cause.parameters if p.name == "width"), np.abs(x).max())
-        wanted = np.abs(x) < max(_NEAR * width, 5 * effect.streams.step)
-        wanted &= np.abs(x) > 0.002 * np.abs(x).max()
-    return wanted if wanted.sum() >= 20 else np.ones(len(x), dtype=bool)
+        near = max(_NEAR * sizes.get("width", most), 5 * effect.streams.step)
+    elif effect.cause.name == "quantisation":
+        near = _STEPS * sizes.get("step", most)
+    kept = (np.abs(lacking) > 0.004 * min(near, most)) & (np.abs(lacking) <= near)
+    if kept.sum() < 20:
+        kept = np.ones(len(lacking), dtype=bool)
+    return measured[kept], lacking[kept], model[kept]
 
 
-def _force_force(effect: Effect) -> Picture:
+def force_force(effect: Effect) -> Picture:
+    """What the most affected taxel reads, against what it would read without the cause."""
     channel, name = effect.channel, effect.cause.name
-    measured, without, model = effect.at(channel)
-    kept = _range(effect, without)
-    measured, without, model = measured[kept], without[kept], model[kept]
-    figure, axes = panel(3.1)
-    x, y = scattered(without, measured)
-    axes.plot(x, y, ".", color=MEASURED, alpha=0.3, markersize=4, label="measured", markeredgewidth=0)
-    ends = np.array([without.min(), without.max()])
-    axes.plot(ends, ends, color=SIMULATED, linewidth=1.3, linestyle=(0, (4, 1.5)), label="without")
-    order = np.argsort(without)
-    axes.plot(*scattered(without[order], model[order], points=200), color=EXTENDED, linewidth=1.8, label=f"with {name}")
+    measured, lacking, model = _shown(effect, *effect.at(channel))
+    figure, axes = panel(3.0)
+    marks.cloud(axes, lacking, measured)
+    ends = np.array([lacking.min(), lacking.max()])
+    marks.without(axes, ends, ends)
+    order = np.argsort(lacking, kind="stable")
+    marks.with_cause(axes, *scattered(lacking[order], model[order], points=250), name)
     axes.set_xlabel(f"{AXES[channel[1]]} force without {name}, N")
     axes.set_ylabel(f"{AXES[channel[1]]} force read, N")
     return finish(
@@ -71,25 +74,28 @@ def _force_force(effect: Effect) -> Picture:
 
 
 def _bend(effect: Effect) -> Picture:
-    channel, name = effect.channel, effect.cause.name
-    measured, without, model = effect.at(channel)
-    kept = _range(effect, without)
-    x, seen, adds = without[kept], (measured - without)[kept], (model - without)[kept]
-    figure, axes = panel(3.1)
-    axes.plot(*scattered(x, seen), ".", color=MEASURED, alpha=0.2, markersize=3.5, markeredgewidth=0)
-    means = binned(x, seen, bins=20)
-    axes.plot(means[0], means[1], "o", color=MEASURED, markersize=4.5, label="measured, mean")
-    axes.axhline(0, color=SIMULATED, linewidth=1.3, linestyle=(0, (4, 1.5)), label="without")
-    order = np.argsort(x)
-    axes.plot(*scattered(x[order], adds[order], points=200), color=EXTENDED, linewidth=1.8, label=f"with {name}")
-    axes.set_xlabel(f"{AXES[channel[1]]} force without {name}, N")
+    (pad, axis, _, _), name = effect.channel, effect.cause.name
+    measured, lacking, model = _pooled(effect)
+    seen, adds = measured - lacking, model - lacking
+    figure, axes = panel(3.0)
+    marks.cloud(axes, lacking, seen, faint=True)
+    x, mean, fitted = binned(lacking, seen, adds, bins=24, least=8)
+    marks.level(axes)
+    if name == "stiffening":  # it acts on the size of the force, so that taxels under shear differ
+        marks.with_cause(axes, x, fitted, name)
+    else:
+        order = np.argsort(lacking, kind="stable")
+        marks.with_cause(axes, *scattered(lacking[order], adds[order], points=250), name)
+    marks.means(axes, x, mean)
+    wide = float(max(np.abs(mean).max(), np.abs(fitted).max()))
+    axes.set_ylim(max(float(seen.min()), -2.2 * wide), min(float(seen.max()), 2.2 * wide))
+    axes.set_xlabel(f"{AXES[axis]} force without {name}, N")
     axes.set_ylabel("what comes on top, N")
-    place = effect.place(channel)
     return finish(
         figure,
-        "The same, minus the straight line",
-        f"Measured force minus that of the model without {name}, against the latter, {place}: the means lie on "
-        "the curve of the model with it.",
+        "The same, minus the straight line; all taxels",
+        f"Measured force minus that of the model without {name}, against the latter, all taxels of pad "
+        f"{effect.streams.pads[pad]}, {AXES[axis]}: the means lie on the curve of the model with it.",
     )
 
 
@@ -104,7 +110,7 @@ def _factors(effect: Effect) -> Picture:
         axes.annotate(
             f"{value.value:.3f}", (value.value, place), (0, 7), textcoords="offset points", ha="center", color=INK
         )
-    axes.axvline(1, color=SIMULATED, linewidth=1.3, linestyle=(0, (4, 1.5)))
+    marks.level_across(axes, 1)
     axes.set_yticks(range(len(parameters)), [p.name.removeprefix("gain_") for p in parameters], color=INK)
     axes.set_ylim(len(parameters) - 0.5, -0.75)
     axes.margins(x=0.15)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from paxisim.augment.chain import Chain
 from paxisim.augment.drift import Drift
+from paxisim.augment.transform import Transform
 from paxisim.diagnose.diagnosis import FoundCause
 from paxisim.diagnose.streams import Streams
 
@@ -34,6 +35,12 @@ class Effect:
     model: NDArray[np.float32]
     without: NDArray[np.float32]
     chain: Chain
+
+    @property
+    def member(self) -> Transform:
+        """The cause's transform; a chain wraps one that stands later than its stage."""
+        member = self.chain[self.cause.name]
+        return member[0] if isinstance(member, Chain) and len(member) == 1 else member
 
     @cached_property
     def energy(self) -> Series:

@@ -89,9 +89,7 @@ def grid_of_maps(
     high, wide = layout.size
     height = float(np.clip(width * high / wide, 0.5, 2.2))
     figure = Figure(figsize=(WIDTH, rows * (height + 0.32) + (0.5 if strip else 0.1)), layout="constrained")
-    grid = figure.add_gridspec(
-        rows + strip, columns, height_ratios=[height + 0.2] * rows + ([0.12] if strip else [])
-    )
+    grid = figure.add_gridspec(rows + strip, columns, height_ratios=[height + 0.2] * rows + ([0.12] if strip else []))
     for number, (values, title) in enumerate(zip(maps, titles, strict=True)):
         axes = figure.add_subplot(grid[number // columns, number % columns])
         draw_map(axes, layout, values, limit, signed)
@@ -129,7 +127,7 @@ def draw_map(axes: Axes, layout: TaxelLayout, values: NDArray[np.float64], limit
 def _strip(axes: Axes, limit: float, signed: bool, unit: str) -> None:
     from matplotlib.colors import to_rgba
 
-    steps = np.linspace(-limit if signed else 0, limit, 31)
+    steps = np.linspace(-limit if signed else 0, limit, 17)
     for left, right in zip(steps[:-1], steps[1:], strict=True):
         middle = (left + right) / 2
         colour = to_rgba(SIMULATED if middle >= 0 else EXTENDED, min(abs(middle) / limit, 1))

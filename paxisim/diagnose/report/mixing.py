@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from paxisim.diagnose.report import marks
 from paxisim.diagnose.report.effect import Effect, Series
 from paxisim.diagnose.report.maps import draw_map
 from paxisim.diagnose.report.style import (
@@ -43,23 +44,25 @@ def _mixing(effect: Effect, pad: int) -> Series:
 
 
 def _leak(effect: Effect, pad: int, into: int, source: int) -> Picture:
-    measured, own, model = effect.sums(pad, into)
-    load = effect.sums(pad, source)[1]
-    kept = np.abs(load) > 0.01 * np.abs(load).max()
-    seen, adds, load = (measured - own)[kept], (model - own)[kept], load[kept]
-    slope = float((load @ adds) / max(load @ load, 1e-12))
-    figure, axes = panel(3.1)
-    axes.plot(*scattered(load, seen), ".", color=MEASURED, alpha=0.35, markersize=4, markeredgewidth=0, label="measured")
-    axes.axhline(0, color=SIMULATED, linewidth=1.3, linestyle=(0, (4, 1.5)), label="without")
+    measured, own, _ = effect.sums(pad, into)
+    forces = [effect.sums(pad, axis)[1] for axis in range(3)]
+    factors = _mixing(effect, pad)[into] - np.eye(3)[into]
+    others = sum(factors[axis] * forces[axis] for axis in range(3) if axis != source)
+    kept = np.abs(forces[source]) > 0.01 * np.abs(forces[source]).max()
+    load, seen = forces[source][kept], (measured - own - others)[kept]
+    slope = float(factors[source])
+    figure, axes = panel(3.0)
+    marks.cloud(axes, load, seen)
+    marks.level(axes)
     ends = np.array([min(load.min(), 0), max(load.max(), 0)])
-    axes.plot(ends, slope * ends, color=EXTENDED, linewidth=2.0, label=f"with {effect.cause.name}")
+    marks.with_cause(axes, ends, slope * ends, effect.cause.name)
     axes.set_xlabel(f"{AXES[source]} force of the pad, N")
     axes.set_ylabel(f"what comes on top on {AXES[into]}, N")
     name = effect.streams.pads[pad]
     return finish(
         figure,
         f"{abs(slope):.0%} of the force on {AXES[source]} is read on {AXES[into]} (pad {name})",
-        f"Measured {AXES[into]} force of pad {name} minus that of the model without {effect.cause.name}, against the "
+        f"Measured {AXES[into]} force of pad {name} beyond that of the model without {effect.cause.name}, against the "
         f"{AXES[source]} force: points lie along a line of slope {slope:.3g}, as the model says.",
     )
 
@@ -68,7 +71,7 @@ def _matrix(effect: Effect, matrix: Series, pad: int) -> Picture:
     from matplotlib.colors import to_rgba
     from matplotlib.patches import Rectangle
 
-    figure, axes = panel(3.1)
+    figure, axes = panel(3.0)
     change = matrix - np.eye(3)
     limit = max(float(np.abs(change).max()), 1e-9)
     for row in range(3):
@@ -76,7 +79,9 @@ def _matrix(effect: Effect, matrix: Series, pad: int) -> Picture:
             value = change[row, col]
             colour = to_rgba(SIMULATED if value >= 0 else EXTENDED, 0.75 * abs(value) / limit)
             axes.add_patch(Rectangle((col - 0.47, row - 0.47), 0.94, 0.94, facecolor=colour, edgecolor="none"))
-            axes.text(col, row, f"{matrix[row, col]:.3f}", ha="center", va="center", color=INK, fontsize=10)
+            axes.text(
+                col, row, f"{round(matrix[row, col], 3) + 0.0:.3f}", ha="center", va="center", color=INK, fontsize=10
+            )
     axes.set_xlim(-0.5, 2.5)
     axes.set_ylim(2.5, -0.5)
     axes.set_aspect("equal")
@@ -86,7 +91,7 @@ def _matrix(effect: Effect, matrix: Series, pad: int) -> Picture:
     axes.tick_params(length=0)
     axes.set_xticks(range(3), [f"force on {axis}" for axis in AXES], color=INK)
     axes.set_yticks(range(3), [f"read on {axis}" for axis in AXES], color=INK)
-    words = "; ".join(", ".join(f"{v:.3f}" for v in row) for row in matrix)
+    words = "; ".join(", ".join(f"{round(v, 3) + 0.0:.3f}" for v in row) for row in matrix)
     return finish(
         figure,
         "How each axis is read on each; without the cause, ones and zeros",
@@ -124,11 +129,12 @@ def _moment(effect: Effect) -> Picture:
     for axes, values, title in zip(pair, (seen, adds), ("measured on top", f"{effect.cause.name} adds"), strict=True):
         if shear:
             draw_map(axes, streams.layout, load, 1.25 * float(np.abs(load).max() or 1.0))
-            axes.quiver(
+            arrows = axes.quiver(
                 *where.T, *values[:2].reshape(2, -1), angles="xy", scale_units="xy",
-                scale=largest / (1.1e3 * min(streams.layout.pitch)), width=0.014, zorder=4,
+                scale=largest / (0.85e3 * min(streams.layout.pitch)), width=0.014, zorder=4, clip_on=False,
                 color=MEASURED if axes is pair[0] else EXTENDED,
             )  # fmt: skip
+            arrows.set_in_layout(False)
         else:
             draw_map(axes, streams.layout, values[2].reshape(shape), largest, signed=True)
         axes.set_title(title, fontsize=8.5, pad=3, color=INK)
@@ -165,10 +171,10 @@ def _beside(effect: Effect) -> Picture:
     kept = np.abs(x) > 0.01 * np.abs(x).max()
     figure, axes = panel()
     seen, adds = (measured - without)[kept], (model - without)[kept]
-    px, ps, pa = scattered(x[kept], seen, adds)
-    axes.plot(px, ps, ".", color=MEASURED, alpha=0.35, markersize=4, markeredgewidth=0, label="measured")
-    axes.axhline(0, color=SIMULATED, linewidth=1.3, linestyle=(0, (4, 1.5)), label="without")
-    axes.plot(px, pa, ".", color=EXTENDED, markersize=3, markeredgewidth=0, label=f"with {effect.cause.name}")
+    marks.cloud(axes, x[kept], seen)
+    marks.level(axes)
+    px, adds = scattered(x[kept], adds)
+    axes.plot(px, adds, "o", color=EXTENDED, markersize=2.4, markeredgewidth=0, label=f"with {effect.cause.name}")
     axes.set_xlabel(label)
     axes.set_ylabel(f"on top on {AXES[axis]}, N")
     return finish(

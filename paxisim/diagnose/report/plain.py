@@ -4,18 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from paxisim.diagnose.report import marks
 from paxisim.diagnose.report.effect import Effect
-from paxisim.diagnose.report.style import (
-    AXES,
-    EXTENDED,
-    MEASURED,
-    SIMULATED,
-    Picture,
-    finish,
-    panel,
-    scattered,
-    thin,
-)
+from paxisim.diagnose.report.style import AXES, Picture, finish, panel, thin
 
 
 def plain(effect: Effect) -> list[Picture]:
@@ -24,15 +15,15 @@ def plain(effect: Effect) -> list[Picture]:
     number = int(effect.energy[(slice(None), *channel)].argmax())
     span = effect.streams.episodes[number]
     time = effect.streams.time[span] - effect.streams.time[span.start]
-    t, measured, without, model = thin(time, *effect.at(channel, span))
+    t, measured, lacking, model = thin(time, *effect.at(channel, span))
     place = effect.place(channel)
 
     figure, axes = panel()
-    axes.axhline(0, color=SIMULATED, linewidth=1.2, linestyle=(0, (4, 1.5)), label="without")
-    axes.plot(t, measured - without, ".", color=MEASURED, alpha=0.4, markersize=3.5, label="measured")
-    axes.plot(t, model - without, color=EXTENDED, linewidth=1.7, label=f"with {name}")
+    marks.level(axes)
+    marks.cloud(axes, t, measured - lacking)
+    marks.with_cause(axes, t, model - lacking, name)
     axes.set_xlabel("time in the episode, s")
-    axes.set_ylabel(f"on top on {AXES[channel[1]]}, N")
+    axes.set_ylabel(f"what comes on top on {AXES[channel[1]]}, N")
     in_time = finish(
         figure,
         f"What {name} adds is what is missing",
@@ -40,18 +31,18 @@ def plain(effect: Effect) -> list[Picture]:
         f"episode {number}.",
     )
 
-    measured, without, model = effect.at(channel)
-    adds, seen = model - without, measured - without
+    measured, lacking, model = effect.at(channel)
+    adds, seen = model - lacking, measured - lacking
     figure, axes = panel()
-    axes.plot(*scattered(adds, seen), ".", color=MEASURED, alpha=0.3, markersize=4, markeredgewidth=0, label="measured")
+    marks.cloud(axes, adds, seen)
+    marks.level(axes)
     ends = np.array([adds.min(), adds.max()])
-    axes.axhline(0, color=SIMULATED, linewidth=1.2, linestyle=(0, (4, 1.5)), label="without")
-    axes.plot(ends, ends, color=EXTENDED, linewidth=1.8, label=f"with {name}")
+    marks.with_cause(axes, ends, ends, name)
     axes.set_xlabel(f"{name} says, N")
     axes.set_ylabel("missing without it, N")
     against = finish(
         figure,
-        "Point by point: what is missing against what the cause says",
+        "Point by point: what is missing, and what the cause says",
         f"What the measurement has beyond the model without {name}, against what {name} adds, {place}: points lie "
         "about the line on which both are equal.",
     )

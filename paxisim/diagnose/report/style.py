@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import base64
 import io
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -27,7 +28,8 @@ _VARIABLES = {INK: "ink", PAPER: "paper", MUTED: "muted", GRID: "grid", SIMULATE
 
 WIDTH, HEIGHT = 3.75, 2.7  # inches; 360 pixels of CSS wide
 AXES = "xyz"
-POINTS = 700  # at most in a line or a cloud
+_LONG = re.compile(r"(\.\d\d)\d+")  # a hundredth of a point is fine enough
+POINTS = 500  # at most in a line or a cloud
 
 
 @dataclass(frozen=True)
@@ -113,6 +115,7 @@ def _svg(figure: Figure) -> str:
     for colour, name in _VARIABLES.items():
         text = text.replace(colour, f"var(--{name})")
     text = text.replace("'DejaVu Sans'", "system-ui, sans-serif")
+    text = re.sub(r' (?:d|x|y)="[^"]*"', lambda match: _LONG.sub(r"\1", match[0]), text)
     light = "".join(f"--{name}:{colour};" for colour, name in _VARIABLES.items())
     dark = "".join(f"--{name}:{DARK[colour]};" for colour, name in _VARIABLES.items())
     style = f"<style>svg{{{light}}}@media(prefers-color-scheme:dark){{svg{{{dark}}}}}</style>"

@@ -5,17 +5,21 @@ from __future__ import annotations
 import numpy as np
 
 from paxisim.augment.dead_taxels import DeadTaxels
+from paxisim.augment.gains import TaxelGain
 from paxisim.augment.layout_faults import LayoutFault
-from paxisim.diagnose.report.curves import gain_curves
+from paxisim.diagnose.report import marks
+from paxisim.diagnose.report.curves import force_force
 from paxisim.diagnose.report.effect import Effect, Series
 from paxisim.diagnose.report.maps import MOST_PADS, grid_of_maps
-from paxisim.diagnose.report.style import AXES, EXTENDED, MEASURED, SIMULATED, Picture, finish, panel, thin
+from paxisim.diagnose.report.style import AXES, Picture, finish, panel, thin
 
 
 def taxel_gains(effect: Effect) -> list[Picture]:
     """The gain of each taxel as a map, and force against force of the taxel that it changes most."""
     streams = effect.streams
-    gains = np.asarray(effect.chain[effect.cause.name].gain, dtype=float)  # type: ignore[attr-defined]
+    member = effect.member
+    assert isinstance(member, TaxelGain)
+    gains = np.asarray(member.gain, dtype=float)
     gains = 100 * (np.broadcast_to(gains, (len(streams.pads), *streams.measured.shape[-2:])) - 1)
     pads = sorted(np.argsort(-(gains**2).sum(axis=(1, 2)), kind="stable")[:MOST_PADS].tolist())
     limit = float(np.abs(gains[pads]).max()) or 1.0
@@ -29,13 +33,13 @@ def taxel_gains(effect: Effect) -> list[Picture]:
         f"Maps of the fitted gain of each taxel, from {gains.min():+.1f} % to {gains.max():+.1f} %.",
         legend=False,
     )
-    return [spread, gain_curves(effect)[0]]
+    return [spread, force_force(effect)]
 
 
 def dead(effect: Effect) -> list[Picture]:
     """Which taxels do not answer, and one of them while it is pressed."""
     streams = effect.streams
-    member = effect.chain[effect.cause.name]
+    member = effect.member
     assert isinstance(member, DeadTaxels)
     gone = np.asarray(member.dead, dtype=float) + np.asarray(member.stuck, dtype=float)
     gone = np.broadcast_to(gone, (len(streams.pads), *streams.measured.shape[-2:]))
@@ -57,19 +61,21 @@ def dead(effect: Effect) -> list[Picture]:
 
 def layout(effect: Effect) -> list[Picture]:
     """What a wrong mapping does: the force as simulated, as measured, and as simulated with the mapping put right."""
-    member = effect.chain[effect.cause.name]
+    member = effect.member
     assert isinstance(member, LayoutFault)
     pictures = []
     moved = member.flip_rows or member.flip_cols or member.transpose or member.pad_order is not None
     if moved:
         pictures.append(_moved(effect))
     turned = [axis for axis in range(3) if member.axis_signs[axis] < 0 or member.axis_order[axis] != axis]
-    for axis in turned[:2]:
+    for axis in turned[:1]:
         energy = effect.energy[:, :, axis]
         number, pad, row, col = (int(i) for i in np.unravel_index(int(energy.argmax()), energy.shape))
         title = f"{AXES[axis]} has the wrong sign" if member.axis_signs[axis] < 0 else f"{AXES[axis]} is another axis"
         pictures.append(_trace(effect, (pad, axis, row, col), number, title))
-    if not turned:
+    if not moved:
+        pictures.append(force_force(effect))
+    elif not turned:
         channel = effect.channel
         number = int(effect.energy[(slice(None), *channel)].argmax())
         pictures.append(_trace(effect, channel, number, "A taxel reads what another one feels"))
@@ -99,12 +105,9 @@ def _moved(effect: Effect) -> Picture:
 def _trace(effect: Effect, channel: tuple[int, int, int, int], number: int, title: str) -> Picture:
     span = effect.streams.episodes[number]
     time: Series = effect.streams.time[span] - effect.streams.time[span.start]
-    t, measured, without, model = thin(time, *effect.at(channel, span))
+    t, measured, lacking, model = thin(time, *effect.at(channel, span))
     figure, axes = panel()
-    axes.plot(t, measured, color=MEASURED, linewidth=2.6, label="measured")
-    axes.plot(t, without, color=SIMULATED, linewidth=1.4, linestyle=(0, (4, 1.5)), label="without")
-    axes.plot(t, model, color=EXTENDED, linewidth=1.4, label=f"with {effect.cause.name}")
-    axes.set_xlabel("time in the episode, s")
+    marks.force_trace(axes, t, measured, lacking, model, effect.cause.name)
     axes.set_ylabel(f"{AXES[channel[1]]} force, N")
     place = effect.place(channel)
     return finish(

@@ -3,22 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
-from paxisim.diagnose.report.effect import Effect, Series
-from paxisim.diagnose.report.style import (
-    AXES,
-    EXTENDED,
-    INK,
-    MEASURED,
-    MUTED,
-    SIMULATED,
-    Picture,
-    finish,
-    panel,
-    thin,
-)
+from paxisim.diagnose.report import marks
+from paxisim.diagnose.report.effect import Channel, Effect, Series
+from paxisim.diagnose.report.style import AXES, EXTENDED, INK, MUTED, SIMULATED, Picture, finish, panel, thin
 
 _EDGE = 12.0  # delays that a picture of an edge is wide
+_MOST = 4  # episodes that are searched for the shift
 
 
 def holds(effect: Effect) -> list[Picture]:
@@ -27,13 +19,12 @@ def holds(effect: Effect) -> list[Picture]:
     number = effect.best_episode(pad, axis)
     span = effect.streams.episodes[number]
     time = effect.streams.time[span] - effect.streams.time[span.start]
-    t, measured, without, model = thin(time, *effect.sums(pad, axis, span))
+    t, measured, lacking, model = thin(time, *effect.sums(pad, axis, span))
     place = f"pad {effect.streams.pads[pad]}, {AXES[axis]}, all taxels, episode {number}"
     name = effect.cause.name
 
     figure, axes = panel()
-    _three(axes, t, measured, without, model, name)
-    axes.set_xlabel("time in the episode, s")
+    marks.force_trace(axes, t, measured, lacking, model, name)
     axes.set_ylabel(f"{AXES[axis]} force of the pad, N")
     whole = finish(
         figure,
@@ -42,18 +33,18 @@ def holds(effect: Effect) -> list[Picture]:
     )
 
     figure, axes = panel()
-    axes.axhline(0, color=SIMULATED, linewidth=1.2, linestyle=(0, (4, 1.5)), label="without")
-    axes.plot(t, measured - without, ".", color=MEASURED, alpha=0.4, markersize=3.5, label="measured")
-    axes.plot(t, model - without, color=EXTENDED, linewidth=1.8, label=f"with {name}")
-    pressed = np.abs(without) > 0.1 * np.abs(without).max()
-    axes.fill_between(t, 0, 1, where=pressed.tolist(), transform=axes.get_xaxis_transform(), color=MUTED, alpha=0.12, lw=0)
+    marks.level(axes)
+    marks.cloud(axes, t, measured - lacking)
+    marks.with_cause(axes, t, model - lacking, name)
+    pressed = (np.abs(lacking) > 0.1 * np.abs(lacking).max()).tolist()
+    axes.fill_between(t, 0, 1, where=pressed, transform=axes.get_xaxis_transform(), color=MUTED, alpha=0.13, lw=0)
     axes.set_xlabel("time in the episode, s; grey: pressed")
     axes.set_ylabel("what comes on top, N")
     grows = finish(
         figure,
-        "What comes on top builds up while pressed and dies away when released",
+        "What comes on top builds up while pressed, and dies away after",
         f"Measured force minus the model without {name} in time, {place}: it grows under load and decays after it, as "
-        f"the model with {name} does, by up to {np.abs(model - without).max():.3g} N.",
+        f"the model with {name} does, by up to {np.abs(model - lacking).max():.3g} N.",
     )
     return [whole, grows]
 
@@ -64,85 +55,76 @@ def edges(effect: Effect) -> list[Picture]:
     number = int(effect.energy[(slice(None), *channel)].argmax())
     span = effect.streams.episodes[number]
     time = effect.streams.time[span] - effect.streams.time[span.start]
-    measured, without, model = effect.at(channel, span)
-    lag = _lag(effect, channel)
+    measured, lacking, model = effect.at(channel, span)
+    lags, errors = _shifted(effect, channel)
+    best = float(lags[errors.argmin()])
     interval = float(np.median(np.diff(time)))
-    half = float(np.clip(_EDGE * abs(lag) / 2, 8 * interval, 1.5))
-    middle = time[_busiest(np.abs(model - without), max(1, round(2 * half / interval)))]
+    half = float(np.clip(_EDGE * abs(best) / 2, 10 * interval, 1.5))
+    middle = float(np.clip(time[np.abs(model - lacking).argmax()], time[0] + half, time[-1] - half))
     near = np.abs(time - middle) <= half
-    axis, name = channel[1], effect.cause.name
+    name = effect.cause.name
 
     figure, axes = panel()
-    axes.plot(time[near], without[near], color=SIMULATED, linewidth=1.4, linestyle=(0, (4, 1.5)), label="without")
-    axes.plot(time[near], measured[near], "o", color=MEASURED, markersize=4, alpha=0.8, label="measured")
-    axes.plot(time[near], model[near], color=EXTENDED, linewidth=1.7, label=f"with {name}")
+    marks.without(axes, time[near], lacking[near])
+    marks.with_cause(axes, time[near], model[near], name)
+    marks.points(axes, time[near], measured[near])
     axes.set_xlabel("time in the episode, s")
-    axes.set_ylabel(f"{AXES[axis]} force, N")
+    axes.set_ylabel(f"{AXES[channel[1]]} force, N")
     place = f"{effect.place(channel)}, episode {number}"
     close = finish(
         figure,
-        f"The measurement comes {'late' if lag > 0 else 'early'}: {abs(1e3 * lag):.0f} ms at this taxel"
-        if name == "latency"
-        else "Edges are rounded, and short swings are lost",
+        f"The measurement comes {'late' if best > 0 else 'early'}" if name == "latency" else "Edges are rounded",
         f"The fastest moment of {place}: measured points lie on the model with {name}, beside the one without.",
     )
-    return [close, _correlation(effect, channel) if name == "latency" else _swings(effect, channel)]
+    return [close, _shift(effect, channel, lags, errors) if name == "latency" else _swings(effect, channel)]
 
 
-def _busiest(size: Series, width: int) -> int:
-    """The middle of the stretch of `width` samples in which there is most."""
-    return int(np.argmax(np.convolve(size**2, np.ones(min(width, len(size))), mode="same")))
-
-
-def _lags(effect: Effect, channel: tuple[int, int, int, int]) -> tuple[Series, Series, Series]:
-    """Lags (s), and how well the measured changes follow those of the model without and with the cause."""
-    streams = effect.streams
+def _shifted(effect: Effect, channel: Channel) -> tuple[Series, Series]:
+    """Lags (s), and the root mean square (N) that is left of a pad's axis when the model without comes later by each."""
+    streams, (pad, axis, _, _) = effect.streams, channel
     interval = float(np.median(np.diff(streams.time[streams.episodes[0]])))
-    fine = interval / 8
-    reach = max(0.25, 12 * interval)
-    lags = np.arange(-round(reach / fine), round(reach / fine) + 1) * fine
-    products = np.zeros((2, len(lags)))
-    energies = np.zeros((3, 1))
-    for span in streams.episodes:
-        even = np.arange(streams.time[span][0], streams.time[span][-1], fine)
-        changes = [np.diff(np.interp(even, streams.time[span], v)) for v in effect.at(channel, span)]
-        for row, other in enumerate(changes[1:]):
-            size = 2 * len(other)
-            cross = np.fft.irfft(np.fft.rfft(changes[0], size) * np.conj(np.fft.rfft(other, size)), size)
-            products[row] += cross[np.round(lags / fine).astype(int)]
-        energies += np.array([[float(c @ c)] for c in changes])
-    scale = np.sqrt(energies[0] * energies[1:])
-    without, with_it = products / np.maximum(scale, 1e-12)
-    return lags, without, with_it
+    reach = max(0.2, 8 * interval)
+    lags = np.linspace(-reach, reach, 81)
+    squares, count = np.zeros(len(lags)), 0
+    most = np.argsort(-effect.energy[:, pad, axis].sum(axis=(1, 2)), kind="stable")[:_MOST]
+    for span in (streams.episodes[int(number)] for number in most):
+        time = streams.time[span]
+        fresh = np.concatenate([[True], np.diff(time) > 0])  # a spline needs times that grow
+        curve = CubicSpline(time[fresh], effect.without[span, pad, axis][fresh], axis=0)
+        measured = streams.measured[span, pad, axis]
+        for place, lag in enumerate(lags):
+            squares[place] += np.sum((measured - curve(np.clip(time - lag, time[0], time[-1]))) ** 2)
+        count += measured.size
+    return lags, np.sqrt(squares / max(count, 1))
 
 
-def _lag(effect: Effect, channel: tuple[int, int, int, int]) -> float:
-    lags, without, _ = _lags(effect, channel)
-    return float(lags[without.argmax()])
-
-
-def _correlation(effect: Effect, channel: tuple[int, int, int, int]) -> Picture:
-    lags, without, with_it = _lags(effect, channel)
+def _shift(effect: Effect, channel: Channel, lags: Series, errors: Series) -> Picture:
+    best = int(errors.argmin())
+    none = int(np.abs(lags).argmin())
     figure, axes = panel()
-    axes.plot(1e3 * lags, without, color=SIMULATED, linewidth=1.5, linestyle=(0, (4, 1.5)), label="without")
-    axes.plot(1e3 * lags, with_it, color=EXTENDED, linewidth=1.8, label=f"with {effect.cause.name}")
-    peaks = [float(1e3 * lags[v.argmax()]) for v in (without, with_it)]
-    for peak, values, colour in zip(peaks, (without, with_it), (SIMULATED, EXTENDED), strict=True):
-        axes.plot([peak], [values.max()], "o", color=colour, markersize=6)
-        axes.annotate(f"{peak:.0f} ms", (peak, values.max()), (7, 1), textcoords="offset points", color=INK)
-    axes.axvline(0, color=MUTED, linewidth=0.8)
-    axes.set_ylim(top=1.12)
-    axes.set_xlabel("measured later than the model by, ms")
-    axes.set_ylabel("agreement of the changes")
+    axes.plot(1e3 * lags, errors, color=EXTENDED, linewidth=1.8)
+    axes.plot([0], [errors[none]], "o", color=SIMULATED, markersize=7)
+    axes.plot([1e3 * lags[best]], [errors[best]], "o", color=EXTENDED, markersize=7)
+    axes.annotate("as recorded", (0, errors[none]), (-9, 0), textcoords="offset points", ha="right", va="center")
+    axes.annotate(
+        f"{1e3 * lags[best]:.0f} ms", (1e3 * lags[best], errors[best]), (0, -13), textcoords="offset points",
+        ha="center", color=INK,
+    )  # fmt: skip
+    axes.set_ylim(-0.16 * float(errors.max()), 1.08 * float(errors.max()))
+    axes.set_yticks([tick for tick in axes.get_yticks() if 0 <= tick <= errors.max()])
+    axes.set_xlabel("simulation shifted to later by, ms")
+    axes.set_ylabel("error, N")
+    pad, axis, _, _ = channel
     return finish(
         figure,
-        f"The two streams agree best when shifted by {peaks[0]:.0f} ms",
-        f"Correlation of the changes of measured and modelled force against the lag, {effect.place(channel)}: without "
-        f"the cause it peaks at {peaks[0]:.0f} ms, with it at {peaks[1]:.0f} ms.",
+        f"The streams agree best when one is shifted by {abs(1e3 * lags[best]):.0f} ms",
+        f"Error of pad {effect.streams.pads[pad]}, {AXES[axis]}, against the shift of the simulation: "
+        f"{errors[none]:.3g} N as recorded, least with {errors[best]:.3g} N at {1e3 * lags[best]:.0f} ms.",
+        legend=False,
     )
 
 
-def _swings(effect: Effect, channel: tuple[int, int, int, int]) -> Picture:
+def _swings(effect: Effect, channel: Channel) -> Picture:
     """How much of each frequency is measured, of what the model without the cause has."""
     streams = effect.streams
     interval = float(np.median(np.diff(streams.time[streams.episodes[0]])))
@@ -156,14 +138,14 @@ def _swings(effect: Effect, channel: tuple[int, int, int, int]) -> Picture:
             cross += np.array([cut[0] * np.conj(cut[1]), cut[2] * np.conj(cut[1])])
             own += np.abs(cut[1]) ** 2
     frequency = np.fft.rfftfreq(size, interval)
-    seen = (own > 1e-4 * own.max()) & (frequency > 0)
+    seen = (own > 3e-4 * own.max()) & (frequency > 0)
     measured, model = np.abs(cross[:, seen]) / own[seen]
     figure, axes = panel()
-    axes.axhline(1, color=SIMULATED, linewidth=1.2, linestyle=(0, (4, 1.5)), label="without")
-    axes.plot(frequency[seen], measured, "o", color=MEASURED, markersize=3.5, alpha=0.6, label="measured")
-    axes.plot(frequency[seen], model, color=EXTENDED, linewidth=1.8, label=f"with {effect.cause.name}")
+    marks.level(axes, 1)
+    marks.with_cause(axes, frequency[seen], model, effect.cause.name)
+    marks.points(axes, frequency[seen], measured)
     axes.set_xscale("log")
-    axes.set_ylim(0, max(1.25, min(1.6, float(measured.max()))))
+    axes.set_ylim(0, max(1.25, min(1.6, float(measured.max(initial=0.0)))))
     axes.set_xlabel("frequency, Hz")
     axes.set_ylabel("measured / without")
     axes.xaxis.set_major_formatter("{x:g}")
@@ -173,9 +155,3 @@ def _swings(effect: Effect, channel: tuple[int, int, int, int]) -> Picture:
         f"Share of the force that is measured against frequency, {effect.place(channel)}: measured points fall with "
         "frequency as the model with the cause does.",
     )
-
-
-def _three(axes, t, measured, without, model, name) -> None:  # type: ignore[no-untyped-def]
-    axes.plot(t, measured, color=MEASURED, linewidth=2.4, label="measured")
-    axes.plot(t, without, color=SIMULATED, linewidth=1.3, linestyle=(0, (4, 1.5)), label="without")
-    axes.plot(t, model, color=EXTENDED, linewidth=1.4, label=f"with {name}")
