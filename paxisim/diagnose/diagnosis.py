@@ -17,6 +17,7 @@ from paxisim.errors import InvalidValueError, MissingExtraError
 from paxisim.logs.atomic import whole_file
 
 FORMAT = "paxisim-diagnosis/1"
+REPORT = "report.html"
 WIDTH = 80
 
 Verdict = Literal["no_discrepancy", "explained", "ambiguous", "partly_explained", "unexplained"]
@@ -265,18 +266,18 @@ class Diagnosis:
         """
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
-        files = self.files()
+        for name, text in self.files().items():
+            _write(folder / name, text)
         try:
-            files["report.html"] = self.report()
+            page = self.report()
         except MissingExtraError as error:
-            warnings.warn(f"no report.html is written: {error}", stacklevel=2)
-            (folder / "report.html").unlink(missing_ok=True)
-        for name, text in files.items():
-            with whole_file(folder / name) as path:
-                path.write_text(text, encoding="utf-8")
+            (folder / REPORT).unlink(missing_ok=True)
+            warnings.warn(f"no {REPORT} is written: {error}", stacklevel=2)
+        else:
+            _write(folder / REPORT, page)
 
     def files(self) -> dict[str, str]:
-        """The JSON that `save` writes, by file name."""
+        """The JSON files that `save` writes, by name."""
         return {"model.json": self.model.to_json() + "\n", "diagnosis.json": self.to_json() + "\n"}
 
     @classmethod
@@ -304,6 +305,11 @@ class Diagnosis:
             lines += ["", "Record next"]
             lines += [line for item in self.advice for line in _wrap(f"- {item}", "  ")]
         return "\n".join(lines)
+
+
+def _write(path: Path, text: str) -> None:
+    with whole_file(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
 
 
 def _wrap(text: str, indent: str) -> list[str]:

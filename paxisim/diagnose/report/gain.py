@@ -21,18 +21,21 @@ def _bars(heldout: HeldOut) -> Picture:
     if heldout.ceiling_nrmse is not None:
         rows.append(("black box", heldout.ceiling_nrmse, MUTED))
     figure, axes = panel(0.85 + 0.38 * len(rows))
+    most = max(heldout.nrmse_before, heldout.nrmse_after, heldout.noise_floor)
     for place, (_, value, colour) in enumerate(rows):
-        axes.barh(place, 100 * value, height=0.62, color=colour)
-        axes.annotate(f"{value:.1%}", (100 * value, place), (4, 0), textcoords="offset points", va="center", color=INK)
+        end = 100 * min(value, 1.1 * most)  # a black box that fails says so, and does not flatten the others
+        axes.barh(place, end, height=0.62, color=colour)
+        axes.annotate(f"{value:.1%}", (end, place), (4, 0), textcoords="offset points", va="center", color=INK)
     axes.axvline(100 * heldout.noise_floor, color=INK, linewidth=1.2, linestyle=(0, (3, 2)))
+    left = heldout.noise_floor < 0.55 * most
     axes.annotate(
-        f"noise floor {heldout.noise_floor:.1%}", (100 * heldout.noise_floor, -0.52), (0, 2),
-        textcoords="offset points", ha="left" if heldout.noise_floor < 0.6 * rows[0][1] else "right",
+        f"noise floor {heldout.noise_floor:.1%}", (100 * heldout.noise_floor, -0.52),
+        (4, 3) if left else (-4, 3), textcoords="offset points", ha="left" if left else "right",
         color=INK, fontsize=8,
     )  # fmt: skip
     axes.set_yticks(range(len(rows)), [name for name, _, _ in rows], color=INK)
     axes.set_ylim(len(rows) - 0.5, -0.85)
-    axes.set_xlim(0, 118 * max(value for _, value, _ in rows))
+    axes.set_xlim(0, 136 * most)
     axes.grid(axis="y", visible=False)
     axes.tick_params(axis="y", length=0)
     axes.set_xlabel("held-out error, % of the measured force")

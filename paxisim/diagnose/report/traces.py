@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from paxisim.diagnose.report.style import (
 from paxisim.diagnose.streams import Streams
 
 EPISODES = 3
+SECONDS = 12.0  # at most in a trace
 
 
 def worst_episodes(streams: Streams) -> list[Picture]:
@@ -42,11 +44,12 @@ def _trace(streams: Streams, number: int, energy: np.ndarray) -> Picture:
     where = (span, pad, axis, row, col)
     time = streams.time[span] - streams.time[span.start]
     measured, simulated, extended = streams.measured[where], streams.simulated[where], streams.extended[where]
+    near = _near_worst(time, measured - simulated)
     before, after = (float(np.sqrt(np.mean((measured - other) ** 2))) for other in (simulated, extended))
 
     figure = Figure(figsize=(WIDTH, 3.1), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=[2.3, 1])
-    t, m, s, e = thin(time, measured, simulated, extended)
+    t, m, s, e = thin(time[near], measured[near], simulated[near], extended[near])
     above.plot(t, m, color=MEASURED, linewidth=2.4, label="measured")
     above.plot(t, s, color=SIMULATED, linewidth=1.3, linestyle=(0, (4, 1.5)), label="simulated")
     above.plot(t, e, color=EXTENDED, linewidth=1.3, label="extended")
@@ -66,18 +69,33 @@ def _trace(streams: Streams, number: int, energy: np.ndarray) -> Picture:
     )
 
 
+def _near_worst(time: np.ndarray, error: np.ndarray) -> slice:
+    """The samples of `SECONDS` about the largest error; all where there are no more."""
+    if time[-1] - time[0] <= SECONDS:
+        return slice(0, len(time))
+    middle = np.clip(time[np.abs(error).argmax()], time[0] + SECONDS / 2, time[-1] - SECONDS / 2)
+    start, stop = np.searchsorted(time, [middle - SECONDS / 2, middle + SECONDS / 2])
+    return slice(int(start), int(stop))
+
+
 def shares(symptoms: Symptoms) -> list[Picture]:
-    """The error by what the pads do, by frequency and by pad and axis."""
-    whole = sum(place.before for place in symptoms.pads)
-    groups: list[tuple[str, Sequence[Place]]] = [
-        ("what the pad does", symptoms.phases),
-        ("frequency", symptoms.frequencies),
-        ("pad and axis", (*symptoms.pads, *symptoms.axes)),
-    ]
-    return [_shares(name, group) for name, group in groups if group and whole > 0]
+    """The error by what the pads do, by frequency, and by pad and axis."""
+    pictures = []
+    if sum(place.before for place in symptoms.pads) <= 0:
+        return pictures
+    for name, group in (("what the pad does", symptoms.phases), ("frequency", symptoms.frequencies)):
+        if group:
+            most = max(group, key=lambda place: place.before)
+            word = "while " if group is symptoms.phases else "at "
+            title = f"By {name}: {'most' if most.before > 0.5 else 'more than elsewhere'} {word}{most.where}"
+            pictures.append(_shares(f"{title} ({most.before:.0%})", name, group))
+    pads = [replace(place, where=f"pad {place.where}") for place in symptoms.pads]
+    worst = [max(group, key=lambda place: place.before) for group in (pads, symptoms.axes)]
+    title = "By pad and axis: " + ", ".join(f"{place.where} has {place.before:.0%}" for place in worst)
+    return [*pictures, _shares(title, "pad and axis", (*pads, *symptoms.axes))]
 
 
-def _shares(name: str, group: Sequence[Place]) -> Picture:
+def _shares(title: str, name: str, group: Sequence[Place]) -> Picture:
     figure, axes = panel(0.9 + 0.3 * len(group))
     rows = np.arange(len(group))
     axes.barh(rows - 0.19, [100 * p.before for p in group], height=0.36, color=SIMULATED, label="simulated")
@@ -86,11 +104,6 @@ def _shares(name: str, group: Sequence[Place]) -> Picture:
     axes.invert_yaxis()
     axes.grid(axis="y", visible=False)
     axes.tick_params(axis="y", length=0)
-    axes.set_xlabel("% of the error's energy before")
+    axes.set_xlabel("% of the simulation's error energy")
     words = "; ".join(f"{p.where} {p.before:.0%} before, {p.after:.0%} after" for p in group)
-    most = max(group, key=lambda place: place.before)
-    return finish(
-        figure,
-        f"By {name}: {'most' if most.before > 0.5 else 'the largest part'} is in {most.where} ({most.before:.0%})",
-        f"Bars of the error's energy by {name}: {words}.",
-    )
+    return finish(figure, title, f"Bars of the error's energy by {name}: {words}.")
