@@ -8,7 +8,7 @@ from paxisim.diagnose.report.style import EXTENDED, INK, MUTED, PAPER, SIMULATED
 
 def gain_pictures(diagnosis: Diagnosis) -> list[Picture]:
     """What the extended model gains on episodes that took no part in its fit."""
-    pictures = [_bars(diagnosis.heldout)]
+    pictures = [_bars(diagnosis.heldout, bool(diagnosis.causes))]
     if diagnosis.causes:
         pictures.append(_causes(diagnosis))
         if len(diagnosis.heldout.gain_per_episode) > 1:
@@ -16,8 +16,15 @@ def gain_pictures(diagnosis: Diagnosis) -> list[Picture]:
     return pictures
 
 
-def _bars(heldout: HeldOut) -> Picture:
-    rows = [("simulation", heldout.nrmse_before, SIMULATED), ("extended", heldout.nrmse_after, EXTENDED)]
+def percent(value: float) -> str:
+    """A share in words; a black box that fails is not worth its digits."""
+    return f"{value:.1%}" if value < 10 else "over 1000%"
+
+
+def _bars(heldout: HeldOut, extended: bool) -> Picture:
+    rows = [("simulation", heldout.nrmse_before, SIMULATED)]
+    if extended:
+        rows.append(("extended", heldout.nrmse_after, EXTENDED))
     if heldout.ceiling_nrmse is not None:
         rows.append(("black box", heldout.ceiling_nrmse, MUTED))
     figure, axes = panel(0.85 + 0.38 * len(rows))
@@ -25,7 +32,7 @@ def _bars(heldout: HeldOut) -> Picture:
     for place, (_, value, colour) in enumerate(rows):
         end = 100 * min(value, 1.1 * most)  # a black box that fails says so, and does not flatten the others
         axes.barh(place, end, height=0.62, color=colour)
-        axes.annotate(f"{value:.1%}", (end, place), (4, 0), textcoords="offset points", va="center", color=INK)
+        axes.annotate(percent(value), (end, place), (4, 0), textcoords="offset points", va="center", color=INK)
     axes.axvline(100 * heldout.noise_floor, color=INK, linewidth=1.2, linestyle=(0, (3, 2)))
     left = heldout.noise_floor < 0.55 * most
     axes.annotate(
@@ -39,10 +46,11 @@ def _bars(heldout: HeldOut) -> Picture:
     axes.grid(axis="y", visible=False)
     axes.tick_params(axis="y", length=0)
     axes.set_xlabel("held-out error, % of the measured force")
-    words = ", ".join(f"{name} {value:.1%}" for name, value, _ in rows)
+    words = ", ".join(f"{name} {percent(value)}" for name, value, _ in rows)
+    becomes = f" becomes {heldout.nrmse_after:.1%}" if extended else ""
     return finish(
         figure,
-        f"Error on held-out data: {heldout.nrmse_before:.1%} becomes {heldout.nrmse_after:.1%}",
+        f"Error on held-out data: {heldout.nrmse_before:.1%}{becomes}",
         f"Bars of the normalised error on held-out data: {words}; the noise floor is {heldout.noise_floor:.1%}.",
         legend=False,
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -19,10 +20,10 @@ if TYPE_CHECKING:
 MOST_PADS = 4  # that are drawn; of more the worst
 
 
-def places(streams: Streams) -> list[Picture]:
-    """Where the error lives: a map of taxels for each pad and axis, before and after."""
+def places(streams: Streams, extended: bool = True) -> list[Picture]:
+    """Where the error lives: a map of taxels for each pad and axis, before and, if there is a model, after."""
     before = _error(streams, streams.simulated)
-    after = _error(streams, streams.extended)
+    after = _error(streams, streams.extended) if extended else None
     pads = sorted(np.argsort(-(before**2).sum(axis=(1, 2, 3)), kind="stable")[:MOST_PADS].tolist())
     limit = float(before[pads].max()) or 1.0
     order = np.argsort(-(before**2).sum(axis=(0, 2, 3)), kind="stable")
@@ -38,25 +39,29 @@ def _error(streams: Streams, other: NDArray[np.float32]) -> NDArray[np.float64]:
 def _places(
     streams: Streams,
     before: NDArray[np.float64],
-    after: NDArray[np.float64],
+    after: NDArray[np.float64] | None,
     pads: Sequence[int],
     axis: int,
     limit: float,
 ) -> Picture:
-    maps = [values[pad, axis] for pad in pads for values in (before, after)]
-    titles = [f"pad {streams.pads[pad]}, {when}" for pad in pads for when in ("before", "after")]
-    figure = grid_of_maps(streams.layout, maps, titles, 2, limit)
-    whole = [float(np.sqrt(np.mean(v[:, axis] ** 2))) for v in (before, after)]
     worst = int(np.argmax(before[:, axis]))
     pad, row, col = np.unravel_index(worst, before[:, axis].shape)
-    return finish(
-        figure,
-        f"{AXES[axis]}: {whole[0]:.2g} N becomes {whole[1]:.2g} N",
-        f"Maps of the error of each taxel on {AXES[axis]}, before and after, for each pad. Overall {whole[0]:.3g} N "
-        f"before and {whole[1]:.3g} N after; the worst taxel is ({row}, {col}) of pad {streams.pads[int(pad)]} with "
-        f"{before[:, axis].max():.3g} N.",
-        legend=False,
-    )
+    at = f"the worst taxel is ({row}, {col}) of pad {streams.pads[int(pad)]} with {before[:, axis].max():.3g} N"
+    was = float(np.sqrt(np.mean(before[:, axis] ** 2)))
+    if after is None:
+        maps, titles = [before[pad, axis] for pad in pads], [f"pad {streams.pads[pad]}" for pad in pads]
+        title = f"{AXES[axis]}: {was:.2g} N"
+        alt = f"Maps of the error of each taxel on {AXES[axis]} for each pad. Overall {was:.3g} N; {at}."
+    else:
+        maps = [values[pad, axis] for pad in pads for values in (before, after)]
+        titles = [f"pad {streams.pads[pad]}, {when}" for pad in pads for when in ("before", "after")]
+        now = float(np.sqrt(np.mean(after[:, axis] ** 2)))
+        title = f"{AXES[axis]}: {was:.2g} N becomes {now:.2g} N"
+        alt = (
+            f"Maps of the error of each taxel on {AXES[axis]}, before and after, for each pad. Overall {was:.3g} N "
+            f"before and {now:.3g} N after; before, {at}."
+        )
+    return finish(grid_of_maps(streams.layout, maps, titles, 2, limit), title, alt, legend=False)
 
 
 def grid_of_maps(
@@ -128,7 +133,7 @@ def _strip(axes: Axes, limit: float, signed: bool, unit: str) -> None:
     from matplotlib.colors import to_rgba
 
     steps = np.linspace(-limit if signed else 0, limit, 17)
-    for left, right in zip(steps[:-1], steps[1:], strict=True):
+    for left, right in itertools.pairwise(steps):
         middle = (left + right) / 2
         colour = to_rgba(SIMULATED if middle >= 0 else EXTENDED, min(abs(middle) / limit, 1))
         axes.axvspan(left, right, facecolor=colour, edgecolor="none", linewidth=0)

@@ -6,7 +6,7 @@ from importlib.resources import files
 from typing import Any
 
 from paxisim._version import __version__
-from paxisim.diagnose.diagnosis import SENTENCES, Diagnosis, FoundCause, Interval
+from paxisim.diagnose.diagnosis import Diagnosis, FoundCause, Interval
 from paxisim.errors import MissingExtraError
 
 HEADS = {
@@ -15,6 +15,13 @@ HEADS = {
     "ambiguous": "{causes} may explain the difference, and so may others",
     "partly_explained": "{causes} explain{s} a part of the difference",
     "unexplained": "Something is wrong, and no known cause explains it",
+}
+TAILS = {
+    "no_discrepancy": "What is left is within noise and tolerances.",
+    "explained": "Nothing of note is left over.",
+    "ambiguous": "This recording cannot tell them apart: record what is advised below.",
+    "partly_explained": "What is left over has structure, which no known cause explains.",
+    "unexplained": "The difference has structure, so it is no noise; what is known of it stands below.",
 }
 _MANY = 8  # parameters; of more the range is given
 
@@ -34,7 +41,6 @@ def page(diagnosis: Diagnosis) -> str:
 
     environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=StrictUndefined)
     environment.filters["percent"] = _percent
-    environment.filters["interval"] = str
     template = files("paxisim.diagnose.report").joinpath("page.html.j2").read_text(encoding="utf-8")
     return environment.from_string(template).render(_context(diagnosis))
 
@@ -47,14 +53,14 @@ def _context(diagnosis: Diagnosis) -> dict[str, Any]:
     from paxisim.diagnose.report.style import drawing
     from paxisim.diagnose.report.traces import shares, worst_episodes
 
-    streams = diagnosis.streams
+    streams, extended = diagnosis.streams, bool(diagnosis.causes)
     with drawing():
         found = [] if streams is None else effects(diagnosis.causes, diagnosis.model, streams)
         pictures = {effect.cause.name: evidence(effect) for effect in found}
         context = {
-            "maps": [] if streams is None else places(streams),
-            "traces": [] if streams is None else worst_episodes(streams),
-            "shares": shares(diagnosis.symptoms),
+            "maps": [] if streams is None else places(streams, extended),
+            "traces": [] if streams is None else worst_episodes(streams, extended),
+            "shares": shares(diagnosis.symptoms, extended),
             "gain": gain_pictures(diagnosis),
         }
     causes = [
@@ -74,7 +80,7 @@ def _context(diagnosis: Diagnosis) -> dict[str, Any]:
         **context,
         "diagnosis": diagnosis,
         "head": _head(diagnosis),
-        "sentence": SENTENCES[diagnosis.verdict],
+        "sentence": TAILS[diagnosis.verdict],
         "causes": causes,
         "reasons": reasons,
         "covariates": diagnosis.model.covariate_names,
@@ -106,11 +112,11 @@ def _parameters(cause: FoundCause) -> list[tuple[str, str]]:
     return [(p.name, f"{p.value}{'' if p.unit == '1' else ' ' + p.unit}") for p in parameters]
 
 
-def _percent(value: Interval | float | None) -> str:
-    if value is None:
-        return "–"
-    if isinstance(value, Interval):
-        if value.low is None or value.high is None:
-            return f"{value.value:.0%}"
-        return f"{value.value:.0%} [{value.low:.0%}, {value.high:.0%}]"
-    return f"{value:.1%}"
+def _percent(value: Interval | float) -> str:
+    from paxisim.diagnose.report.gain import percent
+
+    if not isinstance(value, Interval):
+        return percent(value)
+    if value.low is None or value.high is None:
+        return f"{value.value:.0%}"
+    return f"{value.value:.0%} [{value.low:.0%}, {value.high:.0%}]"

@@ -80,7 +80,7 @@ def edges(effect: Effect) -> list[Picture]:
 
 
 def _shifted(effect: Effect, channel: Channel) -> tuple[Series, Series]:
-    """Lags (s), and the root mean square (N) that is left of a pad's axis when the model without comes later by each."""
+    """Lags (s), and the root mean square (N) that a pad's axis leaves with the model without shifted by each."""
     streams, (pad, axis, _, _) = effect.streams, channel
     interval = float(np.median(np.diff(streams.time[streams.episodes[0]])))
     reach = max(0.2, 8 * interval)

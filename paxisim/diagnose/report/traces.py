@@ -27,16 +27,16 @@ EPISODES = 3
 SECONDS = 12.0  # at most in a trace
 
 
-def worst_episodes(streams: Streams) -> list[Picture]:
-    """The episodes with the largest error, each by its worst taxel."""
+def worst_episodes(streams: Streams, extended: bool = True) -> list[Picture]:
+    """The episodes with the largest error, each by its worst taxel; with the extended model, if there is one."""
     energy = np.array(
         [np.sum((streams.measured[s] - streams.simulated[s]) ** 2, axis=0, dtype=float) for s in streams.episodes]
     )
     order = np.argsort(-energy.sum(axis=(1, 2, 3, 4)), kind="stable")[:EPISODES]
-    return [_trace(streams, int(number), energy[number]) for number in order]
+    return [_trace(streams, int(number), energy[number], extended) for number in order]
 
 
-def _trace(streams: Streams, number: int, energy: np.ndarray) -> Picture:
+def _trace(streams: Streams, number: int, energy: np.ndarray, with_model: bool) -> Picture:
     from matplotlib.figure import Figure
 
     span = streams.episodes[number]
@@ -52,15 +52,24 @@ def _trace(streams: Streams, number: int, energy: np.ndarray) -> Picture:
     t, m, s, e = thin(time[near], measured[near], simulated[near], extended[near])
     above.plot(t, m, color=MEASURED, linewidth=2.4, label="measured")
     above.plot(t, s, color=SIMULATED, linewidth=1.3, linestyle=(0, (4, 1.5)), label="simulated")
-    above.plot(t, e, color=EXTENDED, linewidth=1.3, label="extended")
+    if with_model:
+        above.plot(t, e, color=EXTENDED, linewidth=1.3, label="extended")
     above.set_ylabel(f"{AXES[axis]} force, N")
     below.plot(t, s - m, color=SIMULATED, linewidth=1.1)
-    below.plot(t, e - m, color=EXTENDED, linewidth=1.1)
+    if with_model:
+        below.plot(t, e - m, color=EXTENDED, linewidth=1.1)
     below.axhline(0, color=MUTED, linewidth=0.7)
     below.set_ylabel("error, N")
     below.set_xlabel("time in the episode, s")
     figure.align_ylabels()
     place = f"pad {streams.pads[pad]}, taxel ({row}, {col}), {AXES[axis]}"
+    if not with_model:
+        return finish(
+            figure,
+            f"Episode {number}, {place}: error {before:.2g} N",
+            f"Traces of {place} in episode {number}: measured and simulated force, and the error beneath. The root "
+            f"mean square error is {before:.3g} N.",
+        )
     return finish(
         figure,
         f"Episode {number}, {place}: error {before:.2g} N becomes {after:.2g} N",
@@ -78,8 +87,8 @@ def _near_worst(time: np.ndarray, error: np.ndarray) -> slice:
     return slice(int(start), int(stop))
 
 
-def shares(symptoms: Symptoms) -> list[Picture]:
-    """The error by what the pads do, by frequency, and by pad and axis."""
+def shares(symptoms: Symptoms, extended: bool = True) -> list[Picture]:
+    """The error by what the pads do, by frequency, and by pad and axis; also after, if there is a model."""
     pictures = []
     if sum(place.before for place in symptoms.pads) <= 0:
         return pictures
@@ -88,22 +97,24 @@ def shares(symptoms: Symptoms) -> list[Picture]:
             most = max(group, key=lambda place: place.before)
             word = "while " if group is symptoms.phases else "at "
             title = f"By {name}: {'most' if most.before > 0.5 else 'more than elsewhere'} {word}{most.where}"
-            pictures.append(_shares(f"{title} ({most.before:.0%})", name, group))
+            pictures.append(_shares(f"{title} ({most.before:.0%})", name, group, extended))
     pads = [replace(place, where=f"pad {place.where}") for place in symptoms.pads]
     worst = [max(group, key=lambda place: place.before) for group in (pads, symptoms.axes)]
     title = "By pad and axis: " + ", ".join(f"{place.where} has {place.before:.0%}" for place in worst)
-    return [*pictures, _shares(title, "pad and axis", (*pads, *symptoms.axes))]
+    return [*pictures, _shares(title, "pad and axis", (*pads, *symptoms.axes), extended)]
 
 
-def _shares(title: str, name: str, group: Sequence[Place]) -> Picture:
+def _shares(title: str, name: str, group: Sequence[Place], extended: bool) -> Picture:
     figure, axes = panel(0.9 + 0.3 * len(group))
     rows = np.arange(len(group))
-    axes.barh(rows - 0.19, [100 * p.before for p in group], height=0.36, color=SIMULATED, label="simulated")
-    axes.barh(rows + 0.19, [100 * p.after for p in group], height=0.36, color=EXTENDED, label="extended")
+    height, shift = (0.36, 0.19) if extended else (0.6, 0.0)
+    axes.barh(rows - shift, [100 * p.before for p in group], height=height, color=SIMULATED, label="simulated")
+    if extended:
+        axes.barh(rows + shift, [100 * p.after for p in group], height=height, color=EXTENDED, label="extended")
     axes.set_yticks(rows, [p.where for p in group], color=INK)
     axes.invert_yaxis()
     axes.grid(axis="y", visible=False)
     axes.tick_params(axis="y", length=0)
     axes.set_xlabel("% of the simulation's error energy")
-    words = "; ".join(f"{p.where} {p.before:.0%} before, {p.after:.0%} after" for p in group)
+    words = "; ".join(f"{p.where} {p.before:.0%}" + (f", {p.after:.0%} after" if extended else "") for p in group)
     return finish(figure, title, f"Bars of the error's energy by {name}: {words}.")
