@@ -44,7 +44,8 @@ def _field(effect: Effect, pad: int, axis: int, x: Series, frames: NDArray[np.bo
     figure, axes = panel()
     marks.cloud(axes, x, seen)
     marks.level(axes, middle)
-    marks.with_cause(axes, *binned(x, adds + middle, bins=60, least=1), effect.cause.name)
+    mean, fitted = binned(x, adds + middle, bins=60, least=1)
+    marks.with_cause(axes, mean, fitted, effect.cause.name)
     axes.set_xlabel(f"{label}; nothing touches the pads")
     axes.set_ylabel(f"{AXES[axis]} reading, N a taxel")
     swing = float(adds.max() - adds.min())
@@ -99,7 +100,8 @@ def _in_time(effect: Effect, shift: Series) -> Picture:
     rests = [np.arange(s.start, s.stop)[frames[s]] for s in effect.streams.episodes]
     rests = [rest for rest in rests if len(rest)]
     marks.level(axes)
-    marks.with_cause(axes, *thin(minutes, adds), effect.cause.name)
+    at, fitted = thin(minutes, adds)
+    marks.with_cause(axes, at, fitted, effect.cause.name)
     marks.means(
         axes, np.array([minutes[rest].mean() for rest in rests]), np.array([seen[rest].mean() for rest in rests])
     )

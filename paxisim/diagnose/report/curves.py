@@ -15,7 +15,7 @@ _TITLES = {
     "quantisation": "A smooth force is read in steps",
     "saturation": "Large forces are cut off",
     "stiffening": "The reading bends away from the straight line",
-    "taxel_gain": "This taxel is off by a factor of its own",
+    "taxel_gain": "A taxel off by a factor of its own",
 }
 _NEAR = 4.0  # widths of a dead band that its picture shows
 _STEPS = 8.0  # of rounding
@@ -62,12 +62,13 @@ def force_force(effect: Effect) -> Picture:
     ends = np.array([lacking.min(), lacking.max()])
     marks.without(axes, ends, ends)
     order = np.argsort(lacking, kind="stable")
-    marks.with_cause(axes, *scattered(lacking[order], model[order], points=250), name)
+    x, fitted = scattered(lacking[order], model[order], points=250)
+    marks.with_cause(axes, x, fitted, name)
     axes.set_xlabel(f"{AXES[channel[1]]} force without {name}, N")
     axes.set_ylabel(f"{AXES[channel[1]]} force read, N")
     return finish(
         figure,
-        _TITLES.get(name, f"What {name} does to the reading"),
+        f"{_TITLES.get(name, f'What {name} does to the reading')} ({effect.place(channel)})",
         f"Measured force against that of the model without {name}, {effect.place(channel)}: points leave the "
         f"straight line, and the model with {name} follows them.",
     )
@@ -81,11 +82,11 @@ def _bend(effect: Effect) -> Picture:
     marks.cloud(axes, lacking, seen, faint=True)
     x, mean, fitted = binned(lacking, seen, adds, bins=24, least=8)
     marks.level(axes)
-    if name == "stiffening":  # it acts on the size of the force, so that taxels under shear differ
-        marks.with_cause(axes, x, fitted, name)
-    else:
+    at, curve = x, fitted
+    if name != "stiffening":  # that acts on the size of the force, so that taxels under shear differ
         order = np.argsort(lacking, kind="stable")
-        marks.with_cause(axes, *scattered(lacking[order], adds[order], points=250), name)
+        at, curve = scattered(lacking[order], adds[order], points=250)
+    marks.with_cause(axes, at, curve, name)
     marks.means(axes, x, mean)
     wide = float(max(np.abs(mean).max(), np.abs(fitted).max()))
     axes.set_ylim(max(float(seen.min()), -2.2 * wide), min(float(seen.max()), 2.2 * wide))

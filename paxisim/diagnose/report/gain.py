@@ -88,6 +88,8 @@ def _causes(diagnosis: Diagnosis) -> Picture:
 
 
 def _episodes(heldout: HeldOut) -> Picture:
+    from matplotlib.ticker import MaxNLocator
+
     gains = [100 * gain for gain in heldout.gain_per_episode]
     figure, axes = panel(2.0)
     shown = [max(gain, -100.0) for gain in gains]
@@ -96,7 +98,7 @@ def _episodes(heldout: HeldOut) -> Picture:
     axes.set_ylim(min(0.0, 1.1 * min(shown)), 100)
     axes.set_xlabel("episode")
     axes.set_ylabel("% of its error")
-    axes.xaxis.get_major_locator().set_params(integer=True)
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.grid(axis="x", visible=False)
     better = sum(gain > 0 for gain in gains)
     return finish(

@@ -66,13 +66,13 @@ def _places(
 
 def grid_of_maps(
     layout: TaxelLayout,
-    maps: Sequence[NDArray[np.float64]],
+    maps: Sequence[np.ndarray],
     titles: Sequence[str],
     columns: int,
     limit: float,
     *,
     signed: bool = False,
-    unit: str = "N",
+    unit: str = " N",
     strip: bool = True,
 ) -> Figure:
     """A figure of maps with one scale, and the scale beneath.
@@ -84,7 +84,7 @@ def grid_of_maps(
         columns: Maps side by side.
         limit: Value of the full colour.
         signed: Whether values below 0 have a colour of their own.
-        unit: Of the values.
+        unit: What follows a value on the scale.
         strip: Whether the scale is drawn.
     """
     from matplotlib.figure import Figure
@@ -104,7 +104,7 @@ def grid_of_maps(
     return figure
 
 
-def draw_map(axes: Axes, layout: TaxelLayout, values: NDArray[np.float64], limit: float, signed: bool = False) -> None:
+def draw_map(axes: Axes, layout: TaxelLayout, values: np.ndarray, limit: float, signed: bool = False) -> None:
     """Cells whose colour is the stronger, the larger the value; row 0 is at the top."""
     from matplotlib.collections import PatchCollection
     from matplotlib.colors import to_rgba
@@ -143,6 +143,6 @@ def _strip(axes: Axes, limit: float, signed: bool, unit: str) -> None:
     for spine in axes.spines.values():
         spine.set_visible(False)
     ticks = [-limit, 0, limit] if signed else [0, limit / 2, limit]
-    axes.set_xticks(ticks, [f"{tick:.2g} {unit}" for tick in ticks])
+    axes.set_xticks(ticks, [f"{tick:.2g}{unit}" for tick in ticks])
     for label, side in zip(axes.get_xticklabels(), ("left", "center", "right"), strict=True):
         label.set_horizontalalignment(side)

@@ -17,9 +17,8 @@ DASHES = (0, (4, 1.5))
 def cloud(axes: Axes, x: np.ndarray, y: np.ndarray, faint: bool = False) -> None:
     """Measured samples as points; faint ones stand behind their means, and in no legend."""
     x, y = scattered(x, y)
-    label = {} if faint else {"label": "measured"}
-    alpha = 0.18 if faint else 0.35
-    axes.plot(x, y, "o", color=MEASURED, alpha=alpha, markersize=2.8, markeredgewidth=0, **label)
+    alpha, label = (0.18, None) if faint else (0.35, "measured")
+    axes.plot(x, y, "o", color=MEASURED, alpha=alpha, markersize=2.8, markeredgewidth=0, label=label)
 
 
 def means(axes: Axes, x: np.ndarray, y: np.ndarray) -> None:

@@ -50,6 +50,7 @@ def _context(diagnosis: Diagnosis) -> dict[str, Any]:
     from paxisim.diagnose.report.gain import gain_pictures
     from paxisim.diagnose.report.kinds import WORDS, evidence
     from paxisim.diagnose.report.maps import places
+    from paxisim.diagnose.report.remains import remains
     from paxisim.diagnose.report.style import drawing
     from paxisim.diagnose.report.traces import shares, worst_episodes
 
@@ -62,6 +63,7 @@ def _context(diagnosis: Diagnosis) -> dict[str, Any]:
             "traces": [] if streams is None else worst_episodes(streams, extended),
             "shares": shares(diagnosis.symptoms, extended),
             "gain": gain_pictures(diagnosis),
+            "remains": remains(streams, extended) if streams is not None and diagnosis.symptoms.left_over else [],
         }
     causes = [
         {

@@ -52,7 +52,7 @@ def drawing() -> Iterator[None]:
     """Settings of matplotlib under which figures are made and written; those from before come back."""
     from matplotlib import rc_context
 
-    settings: dict[str, Any] = {
+    settings: Any = {
         "font.family": "DejaVu Sans",
         "font.size": 9.0,
         "axes.labelsize": 9.0,

@@ -29,8 +29,8 @@ def taxel_gains(effect: Effect) -> list[Picture]:
     )  # fmt: skip
     spread = finish(
         figure,
-        f"Taxels differ: from {gains.min():+.0f} % to {gains.max():+.0f} %",
-        f"Maps of the fitted gain of each taxel, from {gains.min():+.1f} % to {gains.max():+.1f} %.",
+        f"Taxels differ: from {gains.min():+.0f}% to {gains.max():+.0f}%",
+        f"Maps of the fitted gain of each taxel, from {gains.min():+.1f}% to {gains.max():+.1f}%.",
         legend=False,
     )
     return [spread, force_force(effect)]

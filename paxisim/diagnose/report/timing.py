@@ -83,19 +83,26 @@ def _shifted(effect: Effect, channel: Channel) -> tuple[Series, Series]:
     """Lags (s), and the root mean square (N) that a pad's axis leaves with the model without shifted by each."""
     streams, (pad, axis, _, _) = effect.streams, channel
     interval = float(np.median(np.diff(streams.time[streams.episodes[0]])))
-    reach = max(0.2, 8 * interval)
-    lags = np.linspace(-reach, reach, 81)
-    squares, count = np.zeros(len(lags)), 0
     most = np.argsort(-effect.energy[:, pad, axis].sum(axis=(1, 2)), kind="stable")[:_MOST]
+    parts = []
     for span in (streams.episodes[int(number)] for number in most):
         time = streams.time[span]
         fresh = np.concatenate([[True], np.diff(time) > 0])  # a spline needs times that grow
-        curve = CubicSpline(time[fresh], effect.without[span, pad, axis][fresh], axis=0)
-        measured = streams.measured[span, pad, axis]
-        for place, lag in enumerate(lags):
-            squares[place] += np.sum((measured - curve(np.clip(time - lag, time[0], time[-1]))) ** 2)
-        count += measured.size
-    return lags, np.sqrt(squares / max(count, 1))
+        parts.append((time, CubicSpline(time[fresh], effect.without[span, pad, axis][fresh], axis=0), span))
+
+    def left(lags: Series) -> Series:
+        squares = np.zeros(len(lags))
+        for time, curve, span in parts:
+            measured = streams.measured[span, pad, axis]
+            for place, lag in enumerate(lags):
+                squares[place] += np.sum((measured - curve(np.clip(time - lag, time[0], time[-1]))) ** 2)
+        return np.sqrt(squares / sum(streams.measured[span, pad, axis].size for _, _, span in parts))
+
+    coarse = np.linspace(-1, 1, 41) * max(0.2, 8 * interval)
+    best = int(np.clip(left(coarse).argmin(), 1, len(coarse) - 2))
+    fine = np.linspace(coarse[best - 1], coarse[best + 1], 21)[1:-1]
+    lags = np.unique(np.concatenate([coarse, fine]))
+    return lags, left(lags)
 
 
 def _shift(effect: Effect, channel: Channel, lags: Series, errors: Series) -> Picture:
