@@ -51,7 +51,7 @@ def main() -> None:
     both.paste(shown.crop((0, 0, WIDTH, middle)), (0, 0))
     both.paste(shown.crop((0, middle, WIDTH, shown.height)), (WIDTH + GAP, 0))
     both = both.resize((both.width * 2 // 3, both.height * 2 // 3), Image.Resampling.LANCZOS)
-    both.quantize(255, dither=Image.Dither.NONE).save(OUTPUT, optimize=True)
+    both.quantize(200, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(OUTPUT, optimize=True)
     print(f"{OUTPUT}: {OUTPUT.stat().st_size / 1e3:.0f} kB")
 
 

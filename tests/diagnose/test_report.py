@@ -153,7 +153,6 @@ def test_the_snippet_runs(interfered, pages, tmp_path, monkeypatch):
         "force": streams.simulated[:50], "time": streams.time[:50], "dt": 0.01,
         "covariates": {name: values[:50] for name, values in streams.covariates.items()},
         "now": {name: values[0] for name, values in streams.covariates.items()},
-        "intervals": {},
     }  # fmt: skip
     exec(code, names)
     assert names["readings"].shape == names["force"].shape

@@ -112,7 +112,11 @@ def _shift(effect: Effect, channel: Channel, lags: Series, errors: Series) -> Pi
     axes.plot(1e3 * lags, errors, color=EXTENDED, linewidth=1.8)
     axes.plot([0], [errors[none]], "o", color=SIMULATED, markersize=7)
     axes.plot([1e3 * lags[best]], [errors[best]], "o", color=EXTENDED, markersize=7)
-    axes.annotate("as recorded", (0, errors[none]), (-9, 0), textcoords="offset points", ha="right", va="center")
+    side = -1 if lags[best] > 0 else 1  # away from the valley
+    axes.annotate(
+        "as recorded", (0, errors[none]), (9 * side, 0), textcoords="offset points",
+        ha="right" if side < 0 else "left", va="center",
+    )  # fmt: skip
     axes.annotate(
         f"{1e3 * lags[best]:.0f} ms", (1e3 * lags[best], errors[best]), (0, -13), textcoords="offset points",
         ha="center", color=INK,
