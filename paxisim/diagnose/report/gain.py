@@ -45,13 +45,14 @@ def _bars(heldout: HeldOut, extended: bool) -> Picture:
     axes.set_xlim(0, 136 * most)
     axes.grid(axis="y", visible=False)
     axes.tick_params(axis="y", length=0)
-    axes.set_xlabel("held-out error, % of the measured force")
+    axes.set_xlabel("error, % of the measured force")
     words = ", ".join(f"{name} {percent(value)}" for name, value, _ in rows)
+    where = "on held-out data" if len(heldout.gain_per_episode) > 1 else "of the fit"
     becomes = f" becomes {heldout.nrmse_after:.1%}" if extended else ""
     return finish(
         figure,
-        f"Error on held-out data: {heldout.nrmse_before:.1%}{becomes}",
-        f"Bars of the normalised error on held-out data: {words}; the noise floor is {heldout.noise_floor:.1%}.",
+        f"Error {where}: {heldout.nrmse_before:.1%}{becomes}",
+        f"Bars of the normalised error {where}: {words}; the noise floor is {heldout.noise_floor:.1%}.",
         legend=False,
     )
 
@@ -82,7 +83,7 @@ def _causes(diagnosis: Diagnosis) -> Picture:
     return finish(
         figure,
         "What each cause takes away, were it the last to be added",
-        f"Bars of the held-out gain by cause, with intervals: {words}.",
+        f"Bars of the gain by cause, with intervals: {words}.",
         legend=False,
     )
 

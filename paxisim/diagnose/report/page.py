@@ -84,6 +84,7 @@ def _context(diagnosis: Diagnosis) -> dict[str, Any]:
         "head": _head(diagnosis),
         "sentence": TAILS[diagnosis.verdict],
         "causes": causes,
+        "held_out": len(diagnosis.heldout.gain_per_episode) > 1,
         "reasons": reasons,
         "covariates": diagnosis.model.covariate_names,
         "around": _has_around(),

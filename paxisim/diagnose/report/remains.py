@@ -6,7 +6,7 @@ import numpy as np
 
 from paxisim.diagnose.report.effect import Series
 from paxisim.diagnose.report.marks import DASHES
-from paxisim.diagnose.report.style import EXTENDED, SIMULATED, Picture, finish, panel
+from paxisim.diagnose.report.style import EXTENDED, SIMULATED, Picture, finish, logarithmic, panel
 from paxisim.diagnose.streams import Streams
 
 _LINE = 6.0  # times its surroundings: a line of the spectrum
@@ -23,18 +23,19 @@ def remains(streams: Streams, extended: bool) -> list[Picture]:
 
 def _frequencies(streams: Streams, kinds) -> Picture:  # type: ignore[no-untyped-def]
     figure, axes = panel()
-    frequency, size = np.zeros(0), np.zeros(0)
+    frequency, size, sizes = np.zeros(0), np.zeros(0), []
     for other, colour, label, style in kinds:
         frequency, size = _spectrum(streams, other)
+        sizes.append(size)
         axes.plot(frequency, size, color=colour, linewidth=1.5, linestyle=style, label=label)
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    axes.xaxis.set_major_formatter("{x:g}")
+    logarithmic(axes, "x", frequency)
+    logarithmic(axes, "y", np.concatenate(sizes))
     axes.set_xlabel("frequency, Hz")
     axes.set_ylabel("error, N per √Hz")
     around = np.array([np.median(size[max(0, i - 6) : i + 7]) for i in range(len(size))])
     at = int(np.argmax(size / np.maximum(around, 1e-12)))
-    line = f": a line at {frequency[at]:.2g} Hz" if size[at] > np.sqrt(_LINE) * around[at] else ""
+    told = at > 3 and size[at] > np.sqrt(_LINE) * around[at]
+    line = f": a line at {frequency[at]:.2g} Hz" if told else ""
     return finish(
         figure,
         f"What is left, by frequency{line}",
@@ -45,7 +46,8 @@ def _frequencies(streams: Streams, kinds) -> Picture:  # type: ignore[no-untyped
 def _spectrum(streams: Streams, other: np.ndarray) -> tuple[Series, Series]:
     """Frequencies (Hz) and the error's root power spectral density (N per root Hz), mean of channels and episodes."""
     interval = float(np.median(np.diff(streams.time[streams.episodes[0]])))
-    length = min(min(s.stop - s.start for s in streams.episodes), max(32, round(8.0 / interval)))
+    typical = int(np.median([s.stop - s.start for s in streams.episodes]))  # shorter episodes are left out
+    length = min(typical, max(32, round(8.0 / interval)))
     window = np.hanning(length)
     power, count = np.zeros(length // 2 + 1), 0
     for span in streams.episodes:

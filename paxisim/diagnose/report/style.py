@@ -126,6 +126,18 @@ def _data_uri(svg: str) -> str:
     return "data:image/svg+xml;base64," + base64.b64encode(svg.encode()).decode()
 
 
+def logarithmic(axes: Axes, which: str, values: np.ndarray) -> None:
+    """A logarithmic axis, "x" or "y", with labels at 1, 2 and 5 where it spans little, else at powers of ten."""
+    low, high = float(values.min()), float(values.max())
+    steps = (1, 2, 5) if high < 300 * low else (1,)
+    powers = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
+    ticks = [step * 10.0**power for power in powers for step in steps]
+    ticks = [tick for tick in ticks if low * 0.999 <= tick <= high * 1.001]
+    getattr(axes, f"set_{which}scale")("log")
+    getattr(axes, f"set_{which}ticks")(ticks, [f"{tick:g}" for tick in ticks])
+    getattr(axes, f"set_{which}ticks")([], minor=True)
+
+
 def thin(*arrays: np.ndarray, points: int = POINTS) -> tuple[np.ndarray, ...]:
     """Every n-th of the samples, so that at most `points` are left."""
     step = max(1, -(-len(arrays[0]) // points))

@@ -7,7 +7,18 @@ from scipy.interpolate import CubicSpline
 
 from paxisim.diagnose.report import marks
 from paxisim.diagnose.report.effect import Channel, Effect, Series
-from paxisim.diagnose.report.style import AXES, EXTENDED, INK, MUTED, SIMULATED, Picture, finish, panel, thin
+from paxisim.diagnose.report.style import (
+    AXES,
+    EXTENDED,
+    INK,
+    MUTED,
+    SIMULATED,
+    Picture,
+    finish,
+    logarithmic,
+    panel,
+    thin,
+)
 
 _EDGE = 12.0  # delays that a picture of an edge is wide
 _MOST = 4  # episodes that are searched for the shift
@@ -139,7 +150,8 @@ def _swings(effect: Effect, channel: Channel) -> Picture:
     """How much of each frequency is measured, of what the model without the cause has."""
     streams = effect.streams
     interval = float(np.median(np.diff(streams.time[streams.episodes[0]])))
-    size = min(min(s.stop - s.start for s in streams.episodes), max(16, round(4.0 / interval)))
+    typical = int(np.median([s.stop - s.start for s in streams.episodes]))  # shorter episodes are left out
+    size = min(typical, max(16, round(4.0 / interval)))
     window = np.hanning(size)
     cross, own = np.zeros((2, size // 2 + 1), dtype=complex), np.zeros(size // 2 + 1)
     for span in streams.episodes:
@@ -155,11 +167,10 @@ def _swings(effect: Effect, channel: Channel) -> Picture:
     marks.level(axes, 1)
     marks.with_cause(axes, frequency[seen], model, effect.cause.name)
     marks.points(axes, frequency[seen], measured)
-    axes.set_xscale("log")
+    logarithmic(axes, "x", frequency[seen])
     axes.set_ylim(0, max(1.25, min(1.6, float(measured.max(initial=0.0)))))
     axes.set_xlabel("frequency, Hz")
     axes.set_ylabel("measured / without")
-    axes.xaxis.set_major_formatter("{x:g}")
     return finish(
         figure,
         "The faster the swing, the less of it arrives",

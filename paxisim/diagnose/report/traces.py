@@ -24,7 +24,7 @@ from paxisim.diagnose.report.style import (
 from paxisim.diagnose.streams import Streams
 
 EPISODES = 3
-SECONDS = 12.0  # at most in a trace
+SECONDS = 40.0  # at most in a trace
 
 
 def worst_episodes(streams: Streams, extended: bool = True) -> list[Picture]:
