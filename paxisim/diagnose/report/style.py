@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
 INK, PAPER, MUTED, GRID = "#1f2328", "#fffffe", "#656d76", "#d8dee4"
 MEASURED, SIMULATED, EXTENDED = INK, "#d9480f", "#1971c2"
-NAMES = {MEASURED: "measured", SIMULATED: "simulated", EXTENDED: "extended"}
 DARK = {INK: "#e6edf3", PAPER: "#161b22", MUTED: "#9aa4ae", GRID: "#30363d", SIMULATED: "#ff922b", EXTENDED: "#4dabf7"}
 _VARIABLES = {INK: "ink", PAPER: "paper", MUTED: "muted", GRID: "grid", SIMULATED: "simulated", EXTENDED: "extended"}
 
