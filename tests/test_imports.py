@@ -12,7 +12,7 @@ import paxisim
 
 PACKAGE = Path(paxisim.__file__).parent
 # what is heavy or optional; what a name needs is imported when that name is first used
-OPTIONAL = {"torch", "serial", "matplotlib", "trimesh", "robosuite", "pyarrow", "rerun", "paxini_sdk"}
+OPTIONAL = {"torch", "serial", "matplotlib", "trimesh", "robosuite", "pyarrow", "rerun", "paxini_sdk", "jinja2"}
 HEAVY = OPTIONAL | {"mujoco", "numpy", "scipy", "lxml", "tyro", "mcap", "orjson"}
 
 # imports run one way, towards the lower number; parts with the same number do not import one another

@@ -10,6 +10,12 @@ import tyro
 from paxisim.cli.output import progress
 from paxisim.errors import InvalidValueError, OutputExistsError
 
+FILES = {
+    "report.html": "the diagnosis in pictures, for a browser",
+    "diagnosis.json": "the diagnosis in numbers",
+    "model.json": "the extended sensor model",
+}
+
 
 def diagnose(
     recording: Annotated[Path, tyro.conf.Positional],
@@ -23,7 +29,8 @@ def diagnose(
     """Say what the simulation gets wrong, why, and what fixing it gains.
 
     The recording holds what the sensor measured and what the simulation, replaying the same motion, says. Written are
-    diagnosis.json and model.json, the extended sensor model.
+    report.html, the diagnosis in pictures; diagnosis.json, the same in numbers; and model.json, the extended sensor
+    model.
 
     For example:
 
@@ -45,9 +52,13 @@ def diagnose(
     progress(f"reading {recording}")
     found = run(Recording.load(recording), names, seed=seed, jobs=jobs, progress=progress)
     _check_folder(output, force)
+    progress("drawing the report")
     found.save(output)
     print(found)
-    print(f"\n{output / 'diagnosis.json'}: the diagnosis\n{output / 'model.json'}: the extended sensor model")
+    print()
+    for name, what in FILES.items():
+        if (output / name).exists():  # the report needs an extra; without it there was a warning
+            print(f"{output / name}: {what}")
 
 
 def _check_folder(folder: Path, force: bool) -> None:
@@ -56,6 +67,6 @@ def _check_folder(folder: Path, force: bool) -> None:
         raise InvalidValueError(f"the output must be a folder, {folder} is a file")
     if not folder.absolute().parent.is_dir():
         raise InvalidValueError(f"the output's folder does not exist: {folder.absolute().parent}")
-    for name in ("diagnosis.json", "model.json"):
+    for name in FILES:
         if (folder / name).exists() and not force:
             raise OutputExistsError(f"{folder / name} exists; --force overwrites it")

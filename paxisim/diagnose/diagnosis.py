@@ -5,16 +5,19 @@ from __future__ import annotations
 import json
 import math
 import textwrap
+import warnings
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
 from paxisim.augment.chain import Chain
-from paxisim.errors import InvalidValueError
+from paxisim.diagnose.streams import Streams
+from paxisim.errors import InvalidValueError, MissingExtraError
 from paxisim.logs.atomic import whole_file
 
 FORMAT = "paxisim-diagnosis/1"
+REPORT = "report.html"
 WIDTH = 80
 
 Verdict = Literal["no_discrepancy", "explained", "ambiguous", "partly_explained", "unexplained"]
@@ -184,6 +187,7 @@ class Diagnosis:
         symptoms: Where the error lives.
         advice: What to record next.
         model: The extended sensor model.
+        streams: What it was made from, for the pictures of the report; None in a diagnosis that was loaded.
     """
 
     verdict: Verdict
@@ -194,6 +198,7 @@ class Diagnosis:
     symptoms: Symptoms
     advice: tuple[str, ...]
     model: Chain = field(default_factory=Chain)
+    streams: Streams | None = field(default=None, repr=False, compare=False)
 
     def to_json(self) -> str:
         """The diagnosis as JSON text; a number that is not finite becomes null."""
@@ -237,10 +242,24 @@ class Diagnosis:
         except (KeyError, TypeError, AttributeError) as error:
             raise InvalidValueError(f"the diagnosis lacks or misuses a field: {error}") from error
 
-    def save(self, folder: str | Path) -> None:
-        """Write ``diagnosis.json`` and ``model.json`` into `folder`, which is made if need be.
+    def report(self) -> str:
+        """The diagnosis in pictures: one HTML page that needs nothing else, neither network nor script.
 
-        Each file is written whole or not at all; ``model.json`` is what `Chain.load` reads.
+        A diagnosis that was loaded has no streams: its page says so and lacks the pictures that are made of them.
+
+        Raises:
+            MissingExtraError: matplotlib or jinja2 is not installed.
+        """
+        from paxisim.diagnose.report.page import page
+
+        return page(self)
+
+    def save(self, folder: str | Path) -> None:
+        """Write ``diagnosis.json``, ``model.json`` and ``report.html`` into `folder`, which is made if need be.
+
+        Each file is written whole or not at all; ``model.json`` is what `Chain.load` reads. Where matplotlib or jinja2
+        is missing there is a warning in place of the report, and an older report in the folder is removed, as it would
+        be of another diagnosis.
 
         Raises:
             OSError: The folder or a file in it cannot be written.
@@ -248,11 +267,17 @@ class Diagnosis:
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
         for name, text in self.files().items():
-            with whole_file(folder / name) as path:
-                path.write_text(text, encoding="utf-8")
+            _write(folder / name, text)
+        try:
+            page = self.report()
+        except MissingExtraError as error:
+            (folder / REPORT).unlink(missing_ok=True)
+            warnings.warn(f"no {REPORT} is written: {error}", stacklevel=2)
+        else:
+            _write(folder / REPORT, page)
 
     def files(self) -> dict[str, str]:
-        """What `save` writes, by file name."""
+        """The JSON files that `save` writes, by name."""
         return {"model.json": self.model.to_json() + "\n", "diagnosis.json": self.to_json() + "\n"}
 
     @classmethod
@@ -280,6 +305,11 @@ class Diagnosis:
             lines += ["", "Record next"]
             lines += [line for item in self.advice for line in _wrap(f"- {item}", "  ")]
         return "\n".join(lines)
+
+
+def _write(path: Path, text: str) -> None:
+    with whole_file(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
 
 
 def _wrap(text: str, indent: str) -> list[str]:

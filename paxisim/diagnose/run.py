@@ -19,6 +19,7 @@ from paxisim.diagnose.intervals import parameters_of
 from paxisim.diagnose.prepare import prepare
 from paxisim.diagnose.problem import FloatArray, Problem
 from paxisim.diagnose.rivals import rivals_of
+from paxisim.diagnose.streams import Streams
 from paxisim.diagnose.symptoms import symptoms
 from paxisim.errors import InvalidValueError, MissingExtraError
 from paxisim.recording import Recording
@@ -88,6 +89,7 @@ def diagnose(
         heldout=figures(squares, seed, black, note),
         confidence=_confidence(found, rivals, thresholds, seed, bool(structure)),
         not_testable=missing,
+        streams=_streams(recording, problem, squares),
         symptoms=symptoms(problem, simulated, found.prediction, recording.pads, warnings=warnings, left_over=structure),
         advice=advice(
             [(item.name, item.rivals) for item in named],
@@ -186,3 +188,19 @@ def _not_excited(problem: Problem, found: Explanation, wanted: set[str]) -> dict
         if energy < limit * problem.samples:
             missing[name] = "this motion does not excite it: at a size worth finding it would stay within the noise"
     return missing
+
+
+def _streams(recording: Recording, problem: Problem, squares: Squares) -> Streams:
+    assert recording.measured is not None
+    assert recording.simulated is not None
+    return Streams(
+        time=recording.time,
+        episode=recording.episode,
+        measured=recording.measured,
+        simulated=recording.simulated,
+        extended=problem.read(squares.prediction).astype(np.float32),
+        covariates=problem.covariates,
+        pads=recording.pads,
+        layout=recording.layout,
+        step=problem.step,
+    )

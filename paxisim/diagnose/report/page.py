@@ -1,0 +1,125 @@
+"""Page: a diagnosis as one HTML file."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from typing import Any
+
+from paxisim._version import __version__
+from paxisim.diagnose.diagnosis import Diagnosis, FoundCause, Interval
+from paxisim.errors import MissingExtraError
+
+HEADS = {
+    "no_discrepancy": "The simulation agrees with the measurement",
+    "explained": "{causes} explain{s} the difference",
+    "ambiguous": "{causes} may explain the difference, and so may others",
+    "partly_explained": "{causes} explain{s} a part of the difference",
+    "unexplained": "Something is wrong, and no known cause explains it",
+}
+TAILS = {
+    "no_discrepancy": "What is left is within noise and tolerances.",
+    "explained": "Nothing of note is left over.",
+    "ambiguous": "This recording cannot tell them apart: record what is advised below.",
+    "partly_explained": "What is left over has structure, which no known cause explains.",
+    "unexplained": "The difference has structure, so it is no noise; what is known of it stands below.",
+}
+_MANY = 8  # parameters; of more the range is given
+
+
+def page(diagnosis: Diagnosis) -> str:
+    """The report; see `Diagnosis.report`.
+
+    Raises:
+        MissingExtraError: matplotlib or jinja2 is not installed.
+    """
+    for module in ("matplotlib", "jinja2"):
+        try:
+            __import__(module)
+        except ImportError as error:
+            raise MissingExtraError(module, "diagnose", "the report of a diagnosis") from error
+    from jinja2 import Environment, StrictUndefined
+
+    environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=StrictUndefined)
+    environment.filters["percent"] = _percent
+    template = files("paxisim.diagnose.report").joinpath("page.html.j2").read_text(encoding="utf-8")
+    return environment.from_string(template).render(_context(diagnosis))
+
+
+def _context(diagnosis: Diagnosis) -> dict[str, Any]:
+    from paxisim.diagnose.report.effect import effects
+    from paxisim.diagnose.report.gain import gain_pictures
+    from paxisim.diagnose.report.kinds import WORDS, evidence
+    from paxisim.diagnose.report.maps import places
+    from paxisim.diagnose.report.remains import remains
+    from paxisim.diagnose.report.style import drawing
+    from paxisim.diagnose.report.traces import shares, worst_episodes
+
+    streams, extended = diagnosis.streams, bool(diagnosis.causes)
+    with drawing():
+        found = [] if streams is None else effects(diagnosis.causes, diagnosis.model, streams)
+        pictures = {effect.cause.name: evidence(effect) for effect in found}
+        context = {
+            "maps": [] if streams is None else places(streams, extended),
+            "traces": [] if streams is None else worst_episodes(streams, extended),
+            "shares": shares(diagnosis.symptoms, extended),
+            "gain": gain_pictures(diagnosis),
+            "remains": remains(streams, extended) if streams is not None and diagnosis.symptoms.left_over else [],
+        }
+    causes = [
+        {
+            "found": cause,
+            "words": WORDS.get(cause.name, ""),
+            "pictures": pictures.get(cause.name, []),
+            "parameters": _parameters(cause),
+            "confidence": diagnosis.confidence.get(cause.name),
+        }
+        for cause in diagnosis.causes
+    ]
+    reasons: dict[str, list[str]] = {}
+    for name, why in diagnosis.not_testable.items():
+        reasons.setdefault(why, []).append(name)
+    return {
+        **context,
+        "diagnosis": diagnosis,
+        "head": _head(diagnosis),
+        "sentence": TAILS[diagnosis.verdict],
+        "causes": causes,
+        "held_out": len(diagnosis.heldout.gain_per_episode) > 1,
+        "reasons": reasons,
+        "covariates": diagnosis.model.covariate_names,
+        "around": _has_around(),
+        "version": __version__,
+    }
+
+
+def _head(diagnosis: Diagnosis) -> str:
+    names = [cause.name.replace("_", " ") for cause in diagnosis.causes]
+    joined = names[0] if len(names) == 1 else ", ".join(names[:-1]) + " and " + names[-1] if names else ""
+    text = HEADS[diagnosis.verdict].format(causes=joined, s="s" if len(names) == 1 else "")
+    return text[:1].upper() + text[1:]
+
+
+def _has_around() -> bool:
+    from paxisim.augment.gcs import GCS
+
+    return hasattr(GCS, "around")
+
+
+def _parameters(cause: FoundCause) -> list[tuple[str, str]]:
+    """Names and values; many are summed up."""
+    parameters = cause.parameters
+    unit = "" if not parameters or parameters[0].unit == "1" else f" {parameters[0].unit}"
+    if len(parameters) > _MANY:
+        values = [p.value.value for p in parameters]
+        return [(f"{len(parameters)} parameters", f"from {min(values):.3g} to {max(values):.3g}{unit}")]
+    return [(p.name, f"{p.value}{'' if p.unit == '1' else ' ' + p.unit}") for p in parameters]
+
+
+def _percent(value: Interval | float) -> str:
+    from paxisim.diagnose.report.gain import percent
+
+    if not isinstance(value, Interval):
+        return percent(value)
+    if value.low is None or value.high is None:
+        return f"{value.value:.0%}"
+    return f"{value.value:.0%} [{value.low:.0%}, {value.high:.0%}]"

@@ -1,0 +1,167 @@
+"""Style: the look that all pictures of a report share, and how a figure becomes text of a page.
+
+A picture is drawn as wide as a phone, so that its text has the size of the page's; a wider window shows several side by
+side. Colours are named: in the SVG they are variables, which a dark page sets otherwise.
+"""
+
+from __future__ import annotations
+
+import base64
+import io
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+INK, PAPER, MUTED, GRID = "#1f2328", "#fffffe", "#656d76", "#d8dee4"
+MEASURED, SIMULATED, EXTENDED = INK, "#d9480f", "#1971c2"
+DARK = {INK: "#e6edf3", PAPER: "#161b22", MUTED: "#9aa4ae", GRID: "#30363d", SIMULATED: "#ff922b", EXTENDED: "#4dabf7"}
+_VARIABLES = {INK: "ink", PAPER: "paper", MUTED: "muted", GRID: "grid", SIMULATED: "simulated", EXTENDED: "extended"}
+
+WIDTH, HEIGHT = 3.75, 2.7  # inches; 360 pixels of CSS wide
+AXES = "xyz"
+_LONG = re.compile(r"(\.\d\d)\d+")  # a hundredth of a point is fine enough
+POINTS = 500  # at most in a line or a cloud
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A picture of the page.
+
+    Attributes:
+        source: What an ``img`` shows: SVG as a data URI.
+        title: What to see, in a sentence.
+        alt: What it shows, for who cannot see it.
+    """
+
+    source: str
+    title: str
+    alt: str
+
+
+@contextmanager
+def drawing() -> Iterator[None]:
+    """Settings of matplotlib under which figures are made and written; those from before come back."""
+    from matplotlib import rc_context
+
+    settings: Any = {
+        "font.family": "DejaVu Sans",
+        "font.size": 9.0,
+        "axes.labelsize": 9.0,
+        "xtick.labelsize": 8.0,
+        "ytick.labelsize": 8.0,
+        "legend.fontsize": 8.0,
+        "text.color": INK,
+        "axes.labelcolor": INK,
+        "axes.edgecolor": MUTED,
+        "xtick.color": MUTED,
+        "ytick.color": MUTED,
+        "axes.linewidth": 0.7,
+        "axes.facecolor": "none",
+        "figure.facecolor": PAPER,
+        "savefig.facecolor": PAPER,
+        "axes.spines.top": False,
+        "axes.spines.right": False,
+        "axes.grid": True,
+        "grid.color": GRID,
+        "grid.linewidth": 0.6,
+        "axes.axisbelow": True,
+        "legend.frameon": False,
+        "lines.solid_capstyle": "round",
+        "svg.fonttype": "none",
+        "svg.hashsalt": "paxisim",
+        "path.simplify": True,
+    }
+    with rc_context(settings):
+        yield
+
+
+def panel(height: float = HEIGHT) -> tuple[Figure, Axes]:
+    """A figure as wide as a phone, with one pair of axes."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(WIDTH, height), layout="constrained")
+    return figure, figure.add_subplot()
+
+
+def finish(figure: Figure, title: str, alt: str, legend: bool = True) -> Picture:
+    """The figure as a picture, with a legend of its labelled lines above the axes."""
+    if legend:
+        labelled = {}
+        for axes in figure.axes:
+            handles, labels = axes.get_legend_handles_labels()
+            labelled.update(dict(zip(labels, handles, strict=True)))
+        if labelled:
+            figure.legend(
+                labelled.values(), labelled.keys(), loc="outside upper left", ncols=3, handlelength=1.4,
+                columnspacing=1.1, borderpad=0.1, handletextpad=0.5,
+            )  # fmt: skip
+    return Picture(_data_uri(_svg(figure)), title, alt)
+
+
+def _svg(figure: Figure) -> str:
+    buffer = io.StringIO()
+    figure.savefig(buffer, format="svg", metadata=dict.fromkeys(("Date", "Creator", "Format", "Type")))
+    text = buffer.getvalue()
+    text = text[text.index("<svg") :]
+    for colour, name in _VARIABLES.items():
+        text = text.replace(colour, f"var(--{name})")
+    text = text.replace("'DejaVu Sans'", "system-ui, sans-serif")
+    text = re.sub(r' (?:d|x|y)="[^"]*"', lambda match: _LONG.sub(r"\1", match[0]), text)
+    light = "".join(f"--{name}:{colour};" for colour, name in _VARIABLES.items())
+    dark = "".join(f"--{name}:{DARK[colour]};" for colour, name in _VARIABLES.items())
+    style = f"<style>svg{{{light}}}@media(prefers-color-scheme:dark){{svg{{{dark}}}}}</style>"
+    return text.replace("<defs>", style + "<defs>", 1)
+
+
+def _data_uri(svg: str) -> str:
+    return "data:image/svg+xml;base64," + base64.b64encode(svg.encode()).decode()
+
+
+def logarithmic(axes: Axes, which: str, values: np.ndarray) -> None:
+    """A logarithmic axis, "x" or "y", with labels at 1, 2 and 5 where it spans little, else at powers of ten."""
+    low, high = float(values.min()), float(values.max())
+    steps = (1, 2, 5) if high < 300 * low else (1,)
+    powers = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
+    ticks = [step * 10.0**power for power in powers for step in steps]
+    ticks = [tick for tick in ticks if low * 0.999 <= tick <= high * 1.001]
+    getattr(axes, f"set_{which}scale")("log")
+    getattr(axes, f"set_{which}ticks")(ticks, [f"{tick:g}" for tick in ticks])
+    getattr(axes, f"set_{which}ticks")([], minor=True)
+
+
+def thin(*arrays: np.ndarray, points: int = POINTS) -> tuple[np.ndarray, ...]:
+    """Every n-th of the samples, so that at most `points` are left."""
+    step = max(1, -(-len(arrays[0]) // points))
+    return tuple(array[::step] for array in arrays)
+
+
+def scattered(x: np.ndarray, *others: np.ndarray, points: int = POINTS) -> tuple[np.ndarray, ...]:
+    """At most `points` samples, spread evenly over the range of `x`: rare values are kept, crowded ones thinned."""
+    if len(x) <= points:
+        return (x, *others)
+    low, high = float(x.min()), float(x.max())
+    cell = np.minimum((40 * (x - low) / max(high - low, 1e-12)).astype(int), 39)
+    order = np.argsort(cell, kind="stable")
+    within = np.arange(len(x)) - np.searchsorted(cell[order], cell[order])  # a sample's place in its cell
+    sizes = np.bincount(cell, minlength=40)
+    share = max(1, points // max(int((sizes > 0).sum()), 1))
+    step = np.maximum(1, -(-sizes // share))
+    kept = np.sort(order[within % step[cell[order]] == 0])
+    return tuple(array[kept] for array in (x, *others))
+
+
+def binned(x: np.ndarray, *others: np.ndarray, bins: int = 24, least: int = 5) -> tuple[np.ndarray, ...]:
+    """Means of all arrays in `bins` equal parts of the range of `x`, where there are enough samples."""
+    low, high = float(x.min()), float(x.max())
+    cell = np.minimum((bins * (x - low) / max(high - low, 1e-12)).astype(int), bins - 1)
+    count = np.bincount(cell, minlength=bins)
+    kept = count >= min(least, max(1, len(x) // bins))
+    return tuple(np.bincount(cell, weights=a, minlength=bins)[kept] / count[kept] for a in (x, *others))

@@ -1,0 +1,117 @@
+"""Taxels: causes that have a number for each taxel, as maps beside the trace of the taxel that shows them best."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from paxisim.augment.dead_taxels import DeadTaxels
+from paxisim.augment.gains import TaxelGain
+from paxisim.augment.layout_faults import LayoutFault
+from paxisim.diagnose.report import marks
+from paxisim.diagnose.report.curves import force_force
+from paxisim.diagnose.report.effect import Effect, Series
+from paxisim.diagnose.report.maps import MOST_PADS, grid_of_maps
+from paxisim.diagnose.report.style import AXES, Picture, finish, panel, thin
+
+
+def taxel_gains(effect: Effect) -> list[Picture]:
+    """The gain of each taxel as a map, and force against force of the taxel that it changes most."""
+    streams = effect.streams
+    member = effect.member
+    assert isinstance(member, TaxelGain)
+    gains = np.asarray(member.gain, dtype=float)
+    gains = 100 * (np.broadcast_to(gains, (len(streams.pads), *streams.measured.shape[-2:])) - 1)
+    pads = sorted(np.argsort(-(gains**2).sum(axis=(1, 2)), kind="stable")[:MOST_PADS].tolist())
+    limit = float(np.abs(gains[pads]).max()) or 1.0
+    figure = grid_of_maps(
+        streams.layout, [gains[pad] for pad in pads], [f"pad {streams.pads[pad]}" for pad in pads], 2, limit,
+        signed=True, unit="%",
+    )  # fmt: skip
+    spread = finish(
+        figure,
+        f"Taxels differ: from {gains.min():+.0f}% to {gains.max():+.0f}%",
+        f"Maps of the fitted gain of each taxel, from {gains.min():+.1f}% to {gains.max():+.1f}%.",
+        legend=False,
+    )
+    return [spread, force_force(effect)]
+
+
+def dead(effect: Effect) -> list[Picture]:
+    """Which taxels do not answer, and one of them while it is pressed."""
+    streams = effect.streams
+    member = effect.member
+    assert isinstance(member, DeadTaxels)
+    gone = np.asarray(member.dead, dtype=float) + np.asarray(member.stuck, dtype=float)
+    gone = np.broadcast_to(gone, (len(streams.pads), *streams.measured.shape[-2:]))
+    pads = sorted(np.argsort(-gone.sum(axis=(1, 2)), kind="stable")[:MOST_PADS].tolist())
+    titles = [f"pad {streams.pads[pad]}" for pad in pads]
+    figure = grid_of_maps(streams.layout, [gone[pad] for pad in pads], titles, 2, 1.0, strip=False)
+    count = int(gone.sum())
+    names = ", ".join(f"pad {streams.pads[p]} ({r}, {c})" for p, r, c in np.argwhere(gone > 0)[:12])
+    where = finish(
+        figure,
+        f"{count} taxel{'s do' if count > 1 else ' does'} not answer",
+        f"Maps of the taxels that do not answer: {names}.",
+        legend=False,
+    )
+    channel = effect.channel
+    number = int(effect.energy[(slice(None), *channel)].argmax())
+    return [where, _trace(effect, channel, number, "It is pressed, and reads the same all the time")]
+
+
+def layout(effect: Effect) -> list[Picture]:
+    """What a wrong mapping does: the force as simulated, as measured, and as simulated with the mapping put right."""
+    member = effect.member
+    assert isinstance(member, LayoutFault)
+    pictures = []
+    moved = member.flip_rows or member.flip_cols or member.transpose or member.pad_order is not None
+    if moved:
+        pictures.append(_moved(effect))
+    turned = [axis for axis in range(3) if member.axis_signs[axis] < 0 or member.axis_order[axis] != axis]
+    for axis in turned[:1]:
+        energy = effect.energy[:, :, axis]
+        number, pad, row, col = (int(i) for i in np.unravel_index(int(energy.argmax()), energy.shape))
+        title = f"{AXES[axis]} has the wrong sign" if member.axis_signs[axis] < 0 else f"{AXES[axis]} is another axis"
+        pictures.append(_trace(effect, (pad, axis, row, col), number, title))
+    if not moved:
+        pictures.append(force_force(effect))
+    elif not turned:
+        channel = effect.channel
+        number = int(effect.energy[(slice(None), *channel)].argmax())
+        pictures.append(_trace(effect, channel, number, "A taxel reads what another one feels"))
+    return pictures
+
+
+def _moved(effect: Effect) -> Picture:
+    streams = effect.streams
+    number = int(effect.energy.sum(axis=(1, 2, 3, 4)).argmax())
+    span = streams.episodes[number]
+    change = [float(np.sum((effect.model[t] - effect.without[t]) ** 2)) for t in range(span.start, span.stop)]
+    at = span.start + int(np.argmax(change))
+    kinds = ((effect.without, "simulated"), (streams.measured, "measured"), (effect.model, "put right"))
+    pads = range(min(len(streams.pads), MOST_PADS))
+    maps = [np.abs(values[at, pad, 2]).astype(float) for pad in pads for values, _ in kinds]
+    titles = [f"{streams.pads[pad]}, {name}" for pad in pads for _, name in kinds]
+    figure = grid_of_maps(streams.layout, maps, titles, 3, float(np.max(maps)) or 1.0)
+    return finish(
+        figure,
+        "Simulated and measured are the same picture, laid out otherwise",
+        f"Maps of the normal force {streams.time[at] - streams.time[span.start]:.1f} s into episode {number}: as "
+        "simulated, as measured, and as simulated with the layout put right, which looks like the measured one.",
+        legend=False,
+    )
+
+
+def _trace(effect: Effect, channel: tuple[int, int, int, int], number: int, title: str) -> Picture:
+    span = effect.streams.episodes[number]
+    time: Series = effect.streams.time[span] - effect.streams.time[span.start]
+    t, measured, lacking, model = thin(time, *effect.at(channel, span))
+    figure, axes = panel()
+    marks.force_trace(axes, t, measured, lacking, model, effect.cause.name)
+    axes.set_ylabel(f"{AXES[channel[1]]} force, N")
+    place = effect.place(channel)
+    return finish(
+        figure,
+        f"{title} ({place})",
+        f"Measured force of {place} in episode {number}, and the model with and without {effect.cause.name}.",
+    )

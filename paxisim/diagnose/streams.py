@@ -1,0 +1,55 @@
+"""Streams: what a diagnosis was made from, kept in memory for the pictures of its report."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from paxisim.layout import TaxelLayout
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Streams:
+    """Measured, simulated and extended tensors on one clock; no file of a diagnosis holds them.
+
+    Attributes:
+        time: ``(T,)`` seconds.
+        episode: ``(T,)`` the number of each sample's episode, 0, 1, ...
+        measured: ``(T, pads, 3, rows, cols)`` float32 newtons.
+        simulated: The same, as it came.
+        extended: The same, what a sensor reads on average by the extended model, fitted to other episodes.
+        covariates: ``(T,)`` each, by name.
+        pads: The pads' names.
+        layout: Their taxels.
+        step: Newtons a count of the sensor, 0 if it does not count.
+    """
+
+    time: NDArray[np.float64]
+    episode: NDArray[np.int64]
+    measured: NDArray[np.float32]
+    simulated: NDArray[np.float32]
+    extended: NDArray[np.float32]
+    covariates: Mapping[str, NDArray[np.float64]]
+    pads: tuple[str, ...]
+    layout: TaxelLayout
+    step: float = 0.0
+
+    @property
+    def episodes(self) -> tuple[slice, ...]:
+        """The samples of each episode."""
+        edges = [*np.flatnonzero(np.diff(self.episode, prepend=self.episode[0] - 1)), len(self.time)]
+        return tuple(slice(int(a), int(b)) for a, b in itertools.pairwise(edges))
+
+    @property
+    def peak(self) -> float:
+        """The force (N) that the most loaded taxel reaches in the simulation, 99.5 % quantile over time."""
+        return float(np.quantile(np.abs(self.simulated).max(axis=(1, 2, 3, 4)), 0.995))
+
+    @property
+    def at_rest(self) -> NDArray[np.bool_]:
+        """``(T,)`` where no taxel is pressed."""
+        return np.abs(self.simulated).max(axis=(1, 2, 3, 4)) < 0.01 * max(self.peak, 1e-9)

@@ -1,0 +1,166 @@
+"""The pictures of the report: those of every cause, on any layout."""
+
+import dataclasses
+import html
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("matplotlib")
+pytest.importorskip("jinja2")
+
+from paxisim import augment
+from paxisim.diagnose import Diagnosis
+from paxisim.diagnose.cause import cause, known_causes
+from paxisim.diagnose.diagnosis import FittedParameter, FoundCause, HeldOut, Interval, Symptoms
+from paxisim.diagnose.problem import Tolerance, problem_of
+from paxisim.diagnose.report.effect import effects, run
+from paxisim.diagnose.report.kinds import KINDS, WORDS, evidence
+from paxisim.diagnose.report.style import binned, drawing, scattered
+from paxisim.diagnose.streams import Streams
+from paxisim.layout import TaxelLayout
+from paxisim.recording import Recording
+
+sys.path.insert(0, str(Path(__file__).parent))
+from report_pages import check_pictures, pictures_of, recording
+
+READ = {  # what `checks` reads off the data, by name
+    "layout": augment.LayoutFault(flip_rows=True, pad_order=(1, 0)),
+    "offset": augment.Offset(np.full((2, 3, 4, 3), 0.2)),
+    "drift": augment.Drift(amplitude=np.full((2, 3, 4, 3), 0.5), tau=120.0),
+    "quantisation": augment.Quantisation((0.3,) * 3),
+    "dead_taxels": augment.DeadTaxels(np.eye(4, 3)[None] * np.ones((2, 1, 1))),
+    "taxel_gain": augment.TaxelGain(np.linspace(0.8, 1.2, 24).reshape(2, 4, 3)),
+}
+
+
+CROSS = TaxelLayout(1, 5, (4e-3, 4e-3), positions=[[0, 0, 0], [8e-3, 0, 0], [-8e-3, 0, 0], [0, 8e-3, 0], [0, -8e-3, 0]])
+
+
+def streams_of(given, extended=None):
+    episode = given.episode
+    return Streams(
+        given.time, episode, given.measured, given.simulated, given.simulated if extended is None else extended,
+        given.covariates, given.pads, given.layout, 0.1,
+    )  # fmt: skip
+
+
+def found_cause(name, parameters=()):
+    return FoundCause(name, tuple(parameters), Interval(0.5, 0.4, 0.6), (), "A sentence.")
+
+
+def member_of(name, problem):
+    """A transform of the cause, and what a diagnosis would say of its parameters."""
+    if name in READ:
+        value = Interval(0.3, 0.2, 0.4)
+        return READ[name], [FittedParameter("step", "N", value)]
+    about = cause(name)
+    values = list(about.probes(problem)[0])
+    parameters = [
+        FittedParameter(free.name, free.unit, Interval(value, value - 0.01, value + 0.01))
+        for free, value in zip(about.free(problem), values, strict=True)
+    ]
+    return about.make(values, problem), parameters
+
+
+@pytest.fixture(scope="module")
+def given():
+    return recording(("hysteresis",), strength=0.8)
+
+
+@pytest.fixture(scope="module")
+def problem(given):
+    return problem_of(given, Tolerance())
+
+
+def test_every_cause_has_its_own_pictures_and_words():
+    assert set(KINDS) == set(WORDS) <= set(known_causes())
+
+
+@pytest.mark.parametrize("name", sorted(KINDS))
+def test_the_pictures_of_every_cause(name, given, problem):
+    transform, parameters = member_of(name, problem)
+    chain = augment.Chain([transform], [name])
+    with drawing():
+        (effect,) = effects((found_cause(name, parameters),), chain, streams_of(given))
+        made = evidence(effect)
+    assert len(made) == 2
+    body = "".join(
+        f'<figure><figcaption>{html.escape(p.title)}</figcaption>\n<img src="{p.source}" alt="{html.escape(p.alt)}">'
+        for p in made
+    )
+    check_pictures(pictures_of(body))
+    assert all("--paper" in svg for _, _, svg in pictures_of(body))
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Shaken(augment.Offset):
+    """A user's own transform."""
+
+
+def test_a_cause_of_the_users_own_has_the_plain_pictures(given):
+    chain = augment.Chain([Shaken(np.linspace(0, 1, 72).reshape(2, 3, 4, 3))], ["shaken"])
+    with drawing():
+        (effect,) = effects((found_cause("shaken"),), chain, streams_of(given))
+        titles = [picture.title for picture in evidence(effect)]
+    assert titles[0] == "What shaken adds is what is missing"
+    assert len(titles) == 2
+
+
+@pytest.mark.parametrize(
+    ("rows", "cols", "pads", "layout"),
+    [
+        (1, 5, 1, CROSS),
+        (12, 10, 1, None),
+        (1, 16, 2, None),
+        (8, 1, 5, None),
+    ],
+    ids=["a cross", "many taxels", "a row", "a column"],
+)  # fmt: skip
+def test_any_layout_can_be_drawn(rows, cols, pads, layout):
+    rng = np.random.default_rng(0)
+    time = np.arange(0, 12, 0.05)
+    press = np.maximum(0, np.sin(time))[:, None, None, None, None]
+    simulated = press * rng.uniform(0.1, 1, (pads, 3, rows, cols))
+    measured = 1.1 * simulated + 0.02 * rng.standard_normal(simulated.shape)
+    own = Recording(time, measured, simulated, episode=(time > 6).astype(int), layout=layout)
+    transforms = {
+        "poisson": augment.Poisson(0.2, 0.2),
+        "crosstalk": augment.Crosstalk(0.05, length=1.0),
+        "rotation": augment.Rotation(((0.1, 0.0, 0.2),)),
+        "offset": augment.Offset(rng.normal(0, 0.1, simulated.shape[1:])),
+    }
+    chain = augment.Chain(transforms.values(), transforms)
+    streams = streams_of(own, run(chain, streams_of(own)))
+    heldout = HeldOut(0.2, 0.1, 0.05, "repeated motions", None, (0.5,))
+    causes = tuple(found_cause(name) for name in transforms)
+    found = Diagnosis("explained", causes, heldout, {}, {}, Symptoms(), (), chain, streams)
+    pictures = pictures_of(found.report())
+    check_pictures(pictures)
+    assert len(pictures) == 3 + 2 + 2 * 4 + 2
+
+
+def test_effects_are_with_and_without_and_drift_goes_on(given):
+    streams = streams_of(given)
+    drift, gain = READ["drift"], augment.AxisGain((1.0, 1.0, 1.5))
+    chain = augment.Chain([gain, drift], ["axis_gain", "drift"])
+    first, second = effects((found_cause("drift"), found_cause("axis_gain")), chain, streams)
+    time = streams.time - streams.time[0]
+    curve = 0.5 * -np.expm1(-time / 120.0)
+    np.testing.assert_allclose(first.model[:, 1, 0, 2, 2] - first.without[:, 1, 0, 2, 2], curve, atol=1e-4)
+    np.testing.assert_allclose(
+        second.model[:, 0, 2] - second.without[:, 0, 2], 0.5 * streams.simulated[:, 0, 2], atol=1e-4
+    )
+    assert second.channel[1] == 2
+
+
+def test_thinning_keeps_the_ends():
+    x = np.concatenate([np.zeros(5000), np.linspace(0, 1, 50)])
+    thinned, same = scattered(x, x, points=300)
+    assert len(thinned) <= 320
+    np.testing.assert_array_equal(thinned, same)
+    assert (thinned > 0.5).sum() >= 20
+    middle, mean = binned(np.linspace(0, 1, 1000), np.linspace(0, 2, 1000), bins=10)
+    np.testing.assert_allclose(mean, 2 * middle)
