@@ -32,8 +32,8 @@ class Named:
         transform: What it does, with the fitted values.
         values: Fitted numbers by name; units are those of the cause's `free`, or N for arrays of forces.
         energy_gain: ``(episodes,)`` squared residual (noise units) that it takes away, the other causes refitted.
-        rivals_energy: By how much more squared residual (noise units) is left, less if negative, with this cause replaced
-            by a rival, by its name.
+        rivals_energy: By how much more squared residual (noise units) is left, less if negative, with this cause
+            replaced by a rival, by its name.
     """
 
     name: str
