@@ -104,6 +104,10 @@ def read_taxels(problem: Problem) -> Reading | None:
     loaded = problem.simulated[:, :, 2] > max(0.06 * problem.peak, 0.6)  # beyond any dead band
     simulated, measured = problem.simulated, problem.measured
     dead = loaded.sum(axis=0) >= 8
+    # one that answers late rises when it is no longer pressed
+    rise = np.quantile(measured[:, :, 2] - np.median(measured[:, :, 2], axis=0), 0.998, axis=0)
+    noise = np.median(problem.sigma[:, :, 2], axis=0)
+    dead &= rise < np.maximum(0.4 * np.quantile(simulated[:, :, 2], 0.998, axis=0), 3.5 * noise)
     for axis in range(3):
         x, y = simulated[:, :, axis], measured[:, :, axis]
         x, y = x - x.mean(axis=0), y - np.median(y, axis=0)

@@ -27,6 +27,8 @@ class Tangent:
         products: ``(episodes, D, D)`` of the effects with one another.
         projections: ``(episodes, D)`` of the effects with the residual.
         energy: ``(episodes,)`` of the residual.
+        trust: ``(episodes, D)`` what each episode counts when values are fitted: little for a taxel at the edge of its
+            contacts, where what is tolerated of the contact's place is as large as the force, sample after sample.
         samples: Numbers compared.
     """
 
@@ -34,6 +36,7 @@ class Tangent:
     products: FloatArray
     projections: FloatArray
     energy: FloatArray
+    trust: FloatArray
     samples: int
 
     def gain(self, causes: Sequence[str], held_out: bool = True) -> FloatArray:
@@ -43,12 +46,13 @@ class Tangent:
             return np.zeros(len(self.energy))
         products = self.products[:, which[:, None], which]
         projections = self.projections[:, which]
-        total = products.sum(axis=0)
+        trust = self.trust[:, which]
+        counted, right = products * trust[..., None], projections * trust
+        total = counted.sum(axis=0)
         prior = np.where(self.owner[which] == TAXEL_GAIN, 1 / _PRIOR**2, 0.0)
         ridge = np.diag(prior + 1e-6 * np.diag(total) + 1e-9)
-        left_out = products if held_out else np.zeros_like(products)
-        right = projections.sum(axis=0) - (projections if held_out else np.zeros_like(projections))
-        values = np.linalg.solve(total - left_out + ridge, right[..., None])  # (episodes, d, 1)
+        out = 1.0 if held_out else 0.0
+        values = np.linalg.solve(total - out * counted + ridge, (right.sum(axis=0) - out * right)[..., None])
         explained = 2 * projections[:, None] @ values - np.swapaxes(values, 1, 2) @ products @ values
         return explained[:, 0, 0]
 
@@ -78,6 +82,7 @@ def tangent_of(problem: Problem, causes: Sequence[Cause], x: FloatArray, predict
     products = np.zeros((len(problem.episodes), size, size))
     projections = np.zeros((len(problem.episodes), size))
     energy = np.zeros(len(problem.episodes))
+    trust = np.ones((len(problem.episodes), size))
     own = np.arange(shared, size)
     for number, span in enumerate(problem.episodes):
         r = residual[span]
@@ -87,6 +92,8 @@ def tangent_of(problem: Problem, causes: Sequence[Cause], x: FloatArray, predict
         energy[number] = np.sum(r**2)
         if with_gains:
             load = loads[span]
+            tolerated = 1 - (problem.sigma[span].min(axis=0) * problem.weight[span]) ** 2
+            trust[number, shared:] = 1 / (1 + np.sum(tolerated, axis=(0, 2)).ravel())
             products[number, own, own] = np.sum(load**2, axis=(0, 2)).ravel()
             projections[number, shared:] = np.sum(load * r, axis=(0, 2)).ravel()
             for row in range(shared):
@@ -94,4 +101,4 @@ def tangent_of(problem: Problem, causes: Sequence[Cause], x: FloatArray, predict
                 products[number, row, shared:] = products[number, shared:, row] = across
     names = np.array([item.name for item, _ in probes] + [TAXEL_GAIN] * taxels)
     part = problem.samples / every  # the sums stand for those of all frames
-    return Tangent(names, products / part, projections / part, energy / part, every)
+    return Tangent(names, products / part, projections / part, energy / part, trust, every)
