@@ -19,7 +19,7 @@ from paxisim.diagnose.shapes import Shapes, others, shapes_of
 CONTACT = 2.5  # variance under load over that at rest
 TOGETHER = 4.0  # variance of a pad's mean over that of independent taxels
 BURST = 20.0  # energy of the worst hundredth of the frames at rest over the usual
-LINE = 4.0  # power of a line over that beside it
+LINE = 6.0  # power of a line over that beside it
 NEIGHBOUR = 3.0  # energy a frame that a taxel's neighbour explains of it
 HELD = 0.1  # of the frames in which nothing changes though it should
 SHAPE = 0.003  # energy a number that a shape explains in episodes it was not fitted to
