@@ -19,11 +19,12 @@ from paxisim.diagnose.shapes import Shapes, others, shapes_of
 CONTACT = 2.5  # variance under load over that at rest
 TOGETHER = 4.0  # variance of a pad's mean over that of independent taxels
 BURST = 20.0  # energy of the worst hundredth of the frames at rest over the usual
-LINE = 4.0  # power of a line over that beside it
+LINE = 6.0  # power of a line over that beside it
 NEIGHBOUR = 3.0  # energy a frame that a taxel's neighbour explains of it
 HELD = 0.1  # of the frames in which nothing changes though it should
 SHAPE = 0.003  # energy a number that a shape explains in episodes it was not fitted to
 TOLERATED = 0.004  # of the force: so large an error may have a shape, as one of the pose has beyond first order
+AGREE = 1.2  # standard errors over episodes that a shape must gain: a single episode that gains alone has 1
 FORM = 0.04  # of what a model explains: by so much the form of a true cause may be off
 
 _WINDOW = 1024  # frames of a spectrum
@@ -179,5 +180,5 @@ def _shapes(shapes: Shapes) -> Iterator[LeftOver]:
     limit = SHAPE + (FORM * shapes.explained + TOLERATED**2 * shapes.load) / shapes.samples
     for name, gain in zip(shapes.names, shapes.gains(), strict=True):
         chance = float(gain.std(ddof=1)) * np.sqrt(len(gain)) if len(gain) > 1 else 0.0
-        if gain.sum() > chance:
+        if gain.sum() > AGREE * chance:
             yield LeftOver(f"the error goes with {name}", float(gain.sum()) / shapes.samples, limit)

@@ -36,6 +36,8 @@ class Free:
         scale: By how much it typically moves; the search steps in these units.
         material: A cause is named only if one of its numbers is this far from neutral; None for a number that it is not
             named for, such as a time constant.
+        spread: How far from neutral it may be expected: it stays there as long as the data do not say otherwise. None
+            where the data always do.
     """
 
     name: str
@@ -45,6 +47,7 @@ class Free:
     high: float
     scale: float
     material: float | None = None
+    spread: float | None = None
 
 
 @dataclass(frozen=True)

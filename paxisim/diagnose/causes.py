@@ -148,7 +148,7 @@ register_cause(
 )
 
 
-_FIELD = (("linear", "N/m", 1.0), ("quadratic", "N/m^2", 50.0))
+_FIELD = (("linear", "N/m", 1.0, 15.0), ("quadratic", "N/m^2", 50.0, 600.0))
 
 
 def _interference(values: Values, problem: Problem) -> augment.Interference:
@@ -163,11 +163,11 @@ def _interference(values: Values, problem: Problem) -> augment.Interference:
 def _interference_free(problem: Problem) -> tuple[Free, ...]:
     pads = problem.measured.shape[1]
     free = []
-    for power, unit, scale in _FIELD:
+    for power, unit, scale, spread in _FIELD:
         for place in ("", "row_", "column_"):
             material = 0.4 if power == "linear" and not place else None
             names = [f"{power}_{place}pad{p}_{axis}" for p in range(pads) for axis in AXES]
-            free += [Free(n, unit, 0.0, -1e4 * scale, 1e4 * scale, scale, material) for n in names]
+            free += [Free(n, unit, 0.0, -1e4 * scale, 1e4 * scale, scale, material, spread) for n in names]
     return tuple(free)
 
 

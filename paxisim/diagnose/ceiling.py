@@ -75,7 +75,8 @@ def _left(problem: Problem, inputs: FloatArray, wanted: FloatArray, seed: int) -
             here = judged & (episode == number)
             true = wanted[:, here]
             guess = model.predict(inputs[:, here].reshape(-1, inputs.shape[-1])).reshape(true.shape)
-            left[number] = np.sum((true - guess) ** 2) / max(float(np.sum(true**2)), 1e-12)
+            if true.any():  # where these taxels are not off at all, nothing is said of the others
+                left[number] = np.sum((true - guess) ** 2) / np.sum(true**2)
     return left
 
 

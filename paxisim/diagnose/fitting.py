@@ -184,15 +184,23 @@ def fit(problem: Problem, causes: Sequence[Cause], start: Fitted | None = None, 
             values[item.name] = _best_probe(problem, item, values, _Stages(problem, begun))
     free = [(c.name, i, f) for c in shared for i, f in enumerate(c.free(problem))]
     stages = _Stages(problem, causes)
-    best = stages.residual(values)
-    energy, damping = float(best @ best), 1e-3
+    held = np.array([0.0 if f.spread is None else 1 / f.spread for _, _, f in free])
+    neutral, scale = np.array([f.neutral for _, _, f in free]), np.array([f.scale for _, _, f in free])
+
+    def away(values: Fitted) -> FloatArray:
+        """How far the parameters are from what is expected of them, in units of their spread."""
+        return held * (np.array([values[n][i] for n, i, _ in free]) - neutral)
+
+    best, off = stages.residual(values), away(values)
+    energy, damping = float(best @ best + off @ off), 1e-3
     for _ in range(steps if free else 0):
         slopes = np.empty((len(free), len(best)))
         for row, (name, index, about) in enumerate(free):
             step = _step(values, name, index, about)
             slopes[row] = stages.slope(_moved(values, name, index, step), name)
             slopes[row] *= about.scale / step
-        normal, right = slopes @ slopes.T, slopes @ best
+        normal = slopes @ slopes.T + np.diag((held * scale) ** 2)
+        right = slopes @ best + held * scale * off
         before = energy
         for _ in range(5):
             ridge = damping * np.diag(np.diag(normal) + 1e-6 * np.trace(normal) + 1e-9)
@@ -205,8 +213,10 @@ def fit(problem: Problem, causes: Sequence[Cause], start: Fitted | None = None, 
             except ValueError:  # values that are allowed one by one, but not together
                 damping *= 8
                 continue
-            if new @ new < energy:
-                values, best, energy, damping = trial, new, float(new @ new), damping / 4
+            expected = away(trial)
+            total = float(new @ new + expected @ expected)
+            if total < energy:
+                values, best, off, energy, damping = trial, new, expected, total, damping / 4
                 break
             damping *= 8
         if before - energy < 1e-4 * before:

@@ -52,12 +52,13 @@ def _fitted(item: Named, least: float) -> dict[str, float]:
 
     A rival that can imitate the cause with more numbers is one only if it does better than chance would have it.
     """
-    gain = float(item.energy_gain.sum())
+    gain, own = float(item.energy_gain.sum()), cause(item.name)
     near = {}
     for name, worse in item.rivals_energy.items():
         rival = cause(name)
+        margin = min(MARGIN, 1.5 * own.ahead) if name in own.simpler else MARGIN
         nested = item.name in rival.simpler
-        slack = -max(rival.ahead / 2 * gain, least) if nested else max(MARGIN * gain, least)
+        slack = -max(rival.ahead / 2 * gain, least) if nested else max(margin * gain, least)
         if worse < slack:
             near[name] = worse / max(gain, 1e-12)
     return near

@@ -84,8 +84,9 @@ class _Search:
         self._gains: dict[frozenset[str], dict[str, float]] = {}
 
     def run(self, chosen: list[str]) -> Found:
-        chosen = self._pruned(chosen)
-        while len(chosen) < self._limits.most:
+        chosen, seen = self._pruned(chosen), set[frozenset[str]]()
+        while len(chosen) < self._limits.most and frozenset(chosen) not in seen:
+            seen.add(frozenset(chosen))
             self._tell(f"looking for a cause beside {', '.join(chosen) or 'none'}")
             kept = self._next(chosen)
             if kept is None:

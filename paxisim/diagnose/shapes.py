@@ -17,7 +17,7 @@ from scipy.signal import lfilter
 from paxisim.diagnose.problem import FloatArray, Problem
 
 GROUPS = 16  # of episodes at most, that are held out together
-LONG = 4000  # frames of an episode that are kept: a longer one is thinned
+LONG = 2000  # frames of an episode that are kept: a longer one is thinned
 RIDGE = 1e-3  # of a shape's own energy
 
 _MOVING = 0.0015  # s by which a sample may be off its time stamp
@@ -85,7 +85,7 @@ def shapes_of(problem: Problem, prediction: FloatArray) -> Shapes:
             names.append(name)
             kept.append(shape[thin])
         rows = np.stack([np.broadcast_to(k, rest.shape) * weight for k in kept])
-        rows = np.moveaxis(rows.reshape(len(rows), len(rest), -1), 2, 0)
+        rows = np.ascontiguousarray(np.moveaxis(rows.reshape(len(rows), len(rest), -1), 2, 0))
         gram = _without_constant(np.matmul(rows, np.swapaxes(rows, 1, 2)))
         samples += rest.shape[0] * int(problem.alive.sum())
         if len(grams) < GROUPS:
