@@ -84,6 +84,7 @@ AUGMENT = [
     "Drift",
     "Encoding",
     "Firmware",
+    "FittedGCS",
     "GCS",
     "GCSReading",
     "History",

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from paxisim._lazy import lazy
 
 if TYPE_CHECKING:
+    from paxisim.augment.around import FittedGCS as FittedGCS
     from paxisim.augment.axis_coupling import AxisCoupling as AxisCoupling
     from paxisim.augment.chain import Chain as Chain
     from paxisim.augment.creep import Creep as Creep
@@ -57,6 +58,7 @@ if TYPE_CHECKING:
     from paxisim.augment.transform import Transform as Transform
 
 _HOMES = {
+    "paxisim.augment.around": ("FittedGCS",),
     "paxisim.augment.axis_coupling": ("AxisCoupling",),
     "paxisim.augment.chain": ("Chain",),
     "paxisim.augment.creep": ("Creep",),

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from scipy.stats import t as student
 
+from paxisim.augment.chain import Chain
+from paxisim.augment.parameter import parameters
+from paxisim.augment.transform import Transform
 from paxisim.diagnose.cause import TAXEL_GAIN, cause
 from paxisim.diagnose.diagnosis import FittedParameter, Interval
 from paxisim.diagnose.engine import Explanation, Named
@@ -21,6 +26,60 @@ def parameters_of(found: Explanation) -> Mapping[str, tuple[FittedParameter, ...
     """By cause, its fitted numbers with units and 90 % intervals."""
     spreads = _spreads(found)
     return {named.name: tuple(_parameters(found, named, spreads)) for named in found.found}
+
+
+def model_intervals(
+    found: Explanation, fitted: Mapping[str, tuple[FittedParameter, ...]]
+) -> Mapping[str, Mapping[str, Any]]:
+    """What the parameters of the model's members may be, as ``GCS.around`` takes it.
+
+    A cause's numbers need not be its transform's: each is moved to both ends of its interval, and what the transform's
+    parameters then are is taken, as far as it is physical.
+
+    Args:
+        found: The causes and the model.
+        fitted: By cause, its fitted numbers, as `parameters_of` gives them.
+    """
+    intervals = {}
+    for named in found.found:
+        own = [p for p in fitted[named.name] if p.value.low is not None and p.value.high is not None]
+        if not own or named.name not in found.model.names:
+            continue
+        member = found.model[named.name]
+        item = cause(named.name)
+        free = [f.name for f in item.free(found.problem)]
+        if free:
+            middle = [float(named.values[name]) for name in free]  # type: ignore[arg-type]
+            moved = []
+            for p in own:
+                for end in (p.value.low, p.value.high):
+                    values = list(middle)
+                    values[free.index(p.name)] = float(end)  # type: ignore[arg-type]
+                    try:
+                        moved.append(item.make(values, found.problem))
+                    except ValueError:  # values that are allowed one by one, but not together
+                        continue
+            reach = _reach(item.make(middle, found.problem), moved)
+            alike = isinstance(member, Chain) and len(member) == 1 and not isinstance(named.transform, Chain)
+            intervals[named.name] = {member.names[0]: reach} if alike else reach
+        else:
+            shape = np.shape(named.values["gain"])
+            ends = [np.reshape([getattr(p.value, end) for p in own], shape) for end in ("low", "high")]
+            intervals[named.name] = _reach(named.transform, [replace(named.transform, gain=e.clip(min=0)) for e in ends])  # type: ignore[call-arg]
+    return {name: own for name, own in intervals.items() if own}
+
+
+def _reach(middle: Transform, moved: Sequence[Transform]) -> dict[str, Any]:
+    """By parameter of a transform its least and largest values among `moved` ones, of those that differ."""
+    if isinstance(middle, Chain):
+        members = {n: _reach(middle[n], [other[n] for other in moved]) for n in middle.names}  # type: ignore[index]
+        return {name: own for name, own in members.items() if own}
+    out: dict[str, Any] = {}
+    for name in parameters(middle):
+        values = np.stack([np.asarray(getattr(t, name), dtype=np.float64) for t in (middle, *moved)])
+        if np.ptp(values, axis=0).any():
+            out[name] = values.min(axis=0), values.max(axis=0)
+    return out
 
 
 def _parameters(

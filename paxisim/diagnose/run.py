@@ -12,10 +12,10 @@ from paxisim.diagnose.adequacy import left_over
 from paxisim.diagnose.advice import advice
 from paxisim.diagnose.cause import cause, known_causes
 from paxisim.diagnose.ceiling import ceiling
-from paxisim.diagnose.diagnosis import Diagnosis, FoundCause, Interval, LeftOver, Verdict
+from paxisim.diagnose.diagnosis import Diagnosis, FittedParameter, FoundCause, Interval, LeftOver, Verdict
 from paxisim.diagnose.engine import Explanation, Thresholds, Tolerance, explain
 from paxisim.diagnose.heldout import Squares, explained_share, figures, gains_of, hold_out, rivals_of, survives
-from paxisim.diagnose.intervals import parameters_of
+from paxisim.diagnose.intervals import model_intervals, parameters_of
 from paxisim.diagnose.prepare import prepare
 from paxisim.diagnose.problem import FloatArray, Problem
 from paxisim.diagnose.symptoms import symptoms
@@ -77,7 +77,8 @@ def diagnose(
     black, note = _ceiling(problem, simulated, seed, jobs)
     simpler = {name: cause(name).simpler for name in known_causes()}
     rivals = rivals_of(found, simpler, MARGIN, thresholds.material * problem.samples / 2)
-    named = _named(found, squares, rivals, seed)
+    parameters = parameters_of(found)
+    named = _named(found, squares, rivals, parameters, seed)
     one = len(problem.episodes) == 1
     verdict = _verdict(named, structure, one)
     missing = {**found.not_searched, **_not_excited(problem, found, set(causes or known_causes()))}
@@ -96,6 +97,7 @@ def diagnose(
             episodes=len(problem.episodes),
         ),
         model=found.model,
+        intervals=model_intervals(found, parameters),
     )
 
 
@@ -127,9 +129,13 @@ def _ceiling(problem: Problem, simulated: FloatArray, seed: int, jobs: int) -> t
 
 
 def _named(
-    found: Explanation, squares: Squares, rivals: Mapping[str, tuple[str, ...]], seed: int
+    found: Explanation,
+    squares: Squares,
+    rivals: Mapping[str, tuple[str, ...]],
+    parameters: Mapping[str, tuple[FittedParameter, ...]],
+    seed: int,
 ) -> tuple[FoundCause, ...]:
-    gains, parameters = gains_of(found, squares, seed), parameters_of(found)
+    gains = gains_of(found, squares, seed)
     causes = [
         FoundCause(
             item.name,
