@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from paxisim.augment.transform import Transform
-from paxisim.diagnose.problem import Problem
+from paxisim.diagnose.problem import FloatArray, Problem
 from paxisim.errors import InvalidValueError, UnknownNameError
 
 Values = Sequence[float]
@@ -62,6 +62,11 @@ class Cause:
         costs: How many times the energy that matters it must bring: more than 1 for one with many numbers, in which
             what no calibration has removed gathers.
         beyond: How far `values` are from what those could do, in units of what matters: at least 1 to be named.
+        solve: For one with a number for each taxel or channel: the array that fits best, in closed form, given the
+            problem, what comes in, a function that says what the causes behind it make of what goes out, and whether
+            there are none. It then has no `free`, and `make` takes the array.
+        solves: What that array is called, in a report and in the transform.
+        barred: Why it cannot be told in a problem; empty if it can.
     """
 
     name: str
@@ -74,6 +79,9 @@ class Cause:
     ahead: float = 0.08
     costs: float = 1.0
     beyond: Callable[[Values, Problem], float] = lambda values, problem: np.inf
+    solve: Callable[[Problem, FloatArray, Callable[[FloatArray], FloatArray], bool], FloatArray] | None = None
+    solves: str = ""
+    barred: Callable[[Problem], str] = lambda problem: ""
 
     def is_material(self, values: Values, problem: Problem) -> bool:
         """Whether some number is far enough from neutral to matter."""

@@ -7,6 +7,8 @@ import numpy as np
 from paxisim import augment
 from paxisim.augment.transform import Transform
 from paxisim.diagnose.cause import MANY, TAXEL_GAIN, Cause, Free, Values, register_cause
+from paxisim.diagnose.channels import bent_apart, mixes_alike, zero_is_fitted
+from paxisim.diagnose.fitting import taxel_gains
 from paxisim.diagnose.problem import Problem
 from paxisim.errors import InvalidValueError
 
@@ -30,6 +32,7 @@ register_cause(
         _gains,
         lambda v, p: augment.AxisGain(tuple(v)),
         lambda p: [_unit(3, k, 1.0, 0.1) for k in range(3)],
+        barred=bent_apart,
     )
 )
 
@@ -45,6 +48,7 @@ register_cause(
         lambda p: [(0.9, 0.6 * p.peak), (0.9, 0.1 * p.peak)],
         simpler=("axis_gain",),
         beyond=lambda v, p: abs(v[0] - 1) / 0.008,
+        barred=bent_apart,
     )
 )
 
@@ -82,6 +86,7 @@ register_cause(
         lambda p: (Free("cx", "1", 0.0, 0.0, 1.0, 0.05, 0.012), Free("cy", "1", 0.0, 0.0, 1.0, 0.05, 0.012)),
         lambda v, p: augment.Poisson(v[0], v[1], reach=2.9),
         lambda p: [(0.1, 0.0), (0.0, 0.1)],
+        barred=mixes_alike,
     )
 )
 
@@ -98,6 +103,7 @@ register_cause(
         lambda p: [(0.02, 0.0, 0.0), (0.02, 1.0, 0.0), (0.02, 1.0, 1.0)],
         simpler=("axis_gain",),
         beyond=lambda v, p: abs(v[0]) / 0.003,
+        barred=mixes_alike,
     )
 )
 
@@ -121,6 +127,7 @@ register_cause(
         simpler=("rotation",),
         ahead=0.006,
         beyond=lambda v, p: np.abs(_coupling(v).matrix + _coupling(v).matrix.T - 2 * np.eye(3)).max() / 0.03,
+        barred=mixes_alike,
     )
 )
 
@@ -131,6 +138,7 @@ register_cause(
         lambda p: tuple(Free(f"about_{axis}", "rad", 0.0, -0.6, 0.6, 0.05, 0.012) for axis in AXES),
         lambda v, p: augment.Rotation((tuple(v),)),
         lambda p: [_unit(3, k, 0.0, 0.05) for k in range(3)],
+        barred=mixes_alike,
     )
 )
 
@@ -202,6 +210,7 @@ register_cause(
         ),
         lambda v, p: augment.DeadBand(v[0], v[1]),
         lambda p: [(0.06, 0.0), (0.12, 0.0), (0.2, 0.0), (0.3, 0.0)],
+        barred=bent_apart,
     )
 )
 
@@ -215,6 +224,7 @@ register_cause(
         ),
         lambda v, p: augment.Saturation(-v[0], v[0], v[1]),
         lambda p: [(0.5 * p.peak, 0.2), (0.7 * p.peak, 0.2), (0.9 * p.peak, 0.2)],
+        barred=bent_apart,
     )
 )
 
@@ -237,17 +247,21 @@ register_cause(
         ahead=0.25,
         costs=MANY,
         beyond=_spread,
+        solve=taxel_gains,
+        solves="gain",
+        barred=bent_apart,
     )
 )
 
 
 def _read(name: str, order: float) -> Cause:
     """One that `checks` reads off the data."""
+    barred = {"layout": mixes_alike, "offset": zero_is_fitted}.get(name, lambda problem: "")
 
     def make(values: Values, problem: Problem) -> Transform:
         raise InvalidValueError(f"{name} is read off the data, it is not made from numbers")
 
-    return Cause(name, order, lambda p: (), make, None)
+    return Cause(name, order, lambda p: (), make, None, barred=barred)
 
 
 for _name, _order in (("layout", 0), ("offset", 76), ("drift", 77), ("quantisation", 90), ("dead_taxels", 95)):

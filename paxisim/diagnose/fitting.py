@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,7 +23,7 @@ class Fit:
     """Causes with fitted parameters.
 
     Attributes:
-        values: By cause, in the order of its `free`; of the taxels' gains ``(pads, rows, cols)``.
+        values: By cause, in the order of its `free`, or the array that was solved for.
         prediction: ``(T, pads, 3, rows, cols)`` newtons, with the problem's zero.
         energy: ``(episodes,)`` squared residual in units of the noise, freed of each channel's mean.
     """
@@ -51,7 +51,7 @@ def chain_of(problem: Problem, causes: Sequence[Cause], values: Fitted) -> augme
 
 def made(problem: Problem, item: Cause, values: FloatArray) -> Transform:
     """A cause's transform with fitted values."""
-    return item.make(values if item.name == TAXEL_GAIN else [float(v) for v in values], problem)  # type: ignore[arg-type]
+    return item.make(values if item.solve else [float(v) for v in values], problem)  # type: ignore[arg-type]
 
 
 def predict(problem: Problem, causes: Sequence[Cause], values: Fitted) -> tuple[FloatArray, Fitted]:
@@ -60,26 +60,36 @@ def predict(problem: Problem, causes: Sequence[Cause], values: Fitted) -> tuple[
     Args:
         problem: The recording.
         causes: Which ones.
-        values: Of each; where the taxels' gains are missing those are taken that fit best.
+        values: Of each; where the array of one that is solved in closed form is missing, that which fits best is taken.
 
     Returns:
-        ``(T, pads, 3, rows, cols)`` newtons, and the values, with the taxels' gains.
+        ``(T, pads, 3, rows, cols)`` newtons, and the values, with those arrays.
     """
+    ordered = sorted(causes, key=lambda c: c.order)
+    y, done = problem.simulated, 0
+    for place, item in enumerate(ordered):
+        if item.solve is None:
+            continue
+        y = _run(problem, ordered[done:place], values, y)
+        if item.name not in values:
+            behind = [c for c in ordered[place + 1 :] if c.solve is None]
+            known = values
+            solved = item.solve(problem, y, lambda force: _end(problem, behind, known, force), not behind)  # noqa: B023
+            values = {**values, item.name: solved}
+        y = problem.run(made(problem, item, values[item.name]), y)
+        done = place + 1
+    return _end(problem, ordered[done:], values, y), values
+
+
+def _end(problem: Problem, ordered: Sequence[Cause], values: Fitted, force: FloatArray) -> FloatArray:
+    """What the causes make of `force`, the zero put in where it belongs."""
     middle = cause(TAXEL_GAIN).order
-    before = [c for c in causes if c.order < middle]
-    after = [c for c in causes if c.order > middle]
-    y = problem.run(chain_of(problem, before, values), problem.simulated) if before else problem.simulated
-    late = chain_of(problem, after, values) if after else None
+    force = _run(problem, [c for c in ordered if c.order < middle], values, force) + problem.zero
+    return _run(problem, [c for c in ordered if c.order > middle], values, force)
 
-    def end(force: FloatArray) -> FloatArray:
-        force = force + problem.zero
-        return problem.run(late, force) if late is not None else force
 
-    if any(c.name == TAXEL_GAIN for c in causes):
-        if TAXEL_GAIN not in values:
-            values = {**values, TAXEL_GAIN: _taxel_gains(problem, y, end, 1 if late is None else 3)}
-        y = y * values[TAXEL_GAIN][:, None]
-    return end(y), values
+def _run(problem: Problem, causes: Sequence[Cause], values: Fitted, force: FloatArray) -> FloatArray:
+    return problem.run(chain_of(problem, causes, values), force) if causes else force
 
 
 def fit(problem: Problem, causes: Sequence[Cause], start: Fitted | None = None, steps: int = 8) -> Fit:
@@ -91,11 +101,12 @@ def fit(problem: Problem, causes: Sequence[Cause], start: Fitted | None = None, 
         start: Values to begin with; a cause that is not in it begins with its best probe.
         steps: Iterations at most.
     """
-    shared = [c for c in causes if c.name != TAXEL_GAIN]
-    values = {n: np.asarray(v, dtype=float) for n, v in (start or {}).items() if n != TAXEL_GAIN}
+    shared = [c for c in causes if c.solve is None]
+    known = {c.name for c in shared}
+    values = {n: np.asarray(v, dtype=float) for n, v in (start or {}).items() if n in known}
 
     def residual(values: Fitted) -> FloatArray:
-        some = [c for c in causes if c.name in values or c.name == TAXEL_GAIN]
+        some = [c for c in causes if c.name in values or c.solve]
         return problem.residual(predict(problem, some, values)[0]).ravel()
 
     for item in sorted(shared, key=lambda c: c.name not in values):
@@ -170,17 +181,17 @@ def _best_probe(problem, item, values, residual):  # type: ignore[no-untyped-def
     return best
 
 
-def _taxel_gains(problem, y, end, rounds):  # type: ignore[no-untyped-def]
-    """``(pads, rows, cols)`` gains that fit best, drawn to 1 where little was pressed.
+def taxel_gains(problem: Problem, y: FloatArray, end: Callable[[FloatArray], FloatArray], last: bool) -> FloatArray:
+    """``(pads, rows, cols)`` gains that fit best, drawn to 1 where little was pressed; see `Cause.solve`.
 
     What comes after the gains acts on each taxel alone, so that one small change of all of them shows every slope.
     """
     gains = np.ones((y.shape[1], *y.shape[3:]))
-    for number in range(rounds):
+    for number in range(1 if last else 3):
         now = end(y * gains[:, None])
-        slope = y if rounds == 1 else (end(y * (gains[:, None] + 0.02)) - now) / 0.02
+        slope = y if last else (end(y * (gains[:, None] + 0.02)) - now) / 0.02
         load = problem.weigh(slope)
         rest = problem.residual(now)
         change = np.sum(load * rest, axis=(0, 2)) / (np.sum(load**2, axis=(0, 2)) + 1 / _PRIOR**2)
-        gains = np.clip(gains + (change if number == 0 or rounds == 1 else 0.8 * change), 0.05, 5.0)
+        gains = np.clip(gains + (change if number == 0 else 0.8 * change), 0.05, 5.0)
     return gains

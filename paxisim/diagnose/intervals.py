@@ -114,21 +114,22 @@ def _parameters(
 def _spreads(found: Explanation) -> dict[tuple[str, str], float]:
     """Half the width of each parameter's interval: from the scores of episodes, and those of channels, as clusters."""
     problem = found.problem
-    chosen = [named for named in found.found if cause(named.name).probes is not None or named.name == TAXEL_GAIN]
+    chosen = [named for named in found.found if cause(named.name).probes is not None or cause(named.name).solve]
     causes = [cause(named.name) for named in chosen]
-    free = [(n, item) for n, c in zip(chosen, causes, strict=True) if n.name != TAXEL_GAIN for item in c.free(problem)]
+    moved = [(n, c) for n, c in zip(chosen, causes, strict=True) if c.solve is None]
+    free = [(n, item) for n, c in moved for item in c.free(problem)]
     if not free or len(problem.episodes) < 3:
         return {}
-    values = {n.name: np.array([float(v) for v in n.values.values()]) for n in chosen if n.name != TAXEL_GAIN}  # type: ignore[arg-type]
+    values = {n.name: np.array([float(v) for v in n.values.values()]) for n, _ in moved}  # type: ignore[arg-type]
     base = problem.residual(predict(problem, causes, values)[0])
     slopes = []
     for named, item in free:
         index = list(named.values).index(item.name)
         step = _STEP * item.scale * (-1 if values[named.name][index] + _STEP * item.scale > item.high else 1)
-        moved = values[named.name].copy()
-        moved[index] += step
+        value = values[named.name].copy()
+        value[index] += step
         try:
-            change = problem.residual(predict(problem, causes, {**values, named.name: moved})[0]) - base
+            change = problem.residual(predict(problem, causes, {**values, named.name: value})[0]) - base
         except ValueError:  # values that are allowed one by one, but not together
             change = np.zeros_like(base)
         slopes.append(change / step)
