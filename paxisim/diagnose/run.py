@@ -18,6 +18,7 @@ from paxisim.diagnose.heldout import Squares, explained_share, figures, gains_of
 from paxisim.diagnose.intervals import model_intervals, parameters_of
 from paxisim.diagnose.prepare import prepare
 from paxisim.diagnose.problem import FloatArray, Problem
+from paxisim.diagnose.repeats import UNUSUAL, settling, with_untold
 from paxisim.diagnose.symptoms import symptoms
 from paxisim.errors import InvalidValueError, MissingExtraError
 from paxisim.recording import Recording
@@ -59,6 +60,16 @@ def diagnose(
     tell = progress or (lambda text: None)
     tell("checking the recording")
     recording, warnings = prepare(recording)
+    fresh, off = settling(recording)
+    settled: tuple[LeftOver, ...] = ()
+    if fresh:
+        first = "the first episode" if fresh == 1 else f"the first {fresh} episodes"
+        settled = (LeftOver(f"under load {first} read otherwise than the later ones of the same motion", off, UNUSUAL),)
+        warnings += (
+            f"{first}, of a motion that is repeated, read otherwise than the later ones ({off:.1f} times as far off as "
+            "those are): the sensor had not settled. They are left out; the model is that of the settled sensor",
+        )
+        recording = after(recording, fresh)
     thresholds = Thresholds()
     found = explain(recording, causes, thresholds=thresholds, tolerance=Tolerance(), progress=progress)
     assert recording.simulated is not None
@@ -73,11 +84,15 @@ def diagnose(
     if found.found and structure and (share is None or share.value < LITTLE):
         found, squares = _nothing(found, simulated), replace(squares, after=squares.before, prediction=simulated)
         structure = structure or left_over(problem, simulated)
+    structure = (*settled, *structure)
     tell("comparing with a black box")
     black, note = _ceiling(problem, simulated, seed, jobs)
     simpler = {name: cause(name).simpler for name in known_causes()}
     rivals = rivals_of(found, simpler, MARGIN, thresholds.material * problem.samples / 2)
+    searched = [name for name in causes or known_causes() if name not in found.not_searched]
+    rivals = with_untold(problem, rivals, searched)
     parameters = parameters_of(found)
+    warnings += _at_bounds(found)
     named = _named(found, squares, rivals, parameters, seed)
     one = len(problem.episodes) == 1
     verdict = _verdict(named, structure, one)
@@ -92,13 +107,22 @@ def diagnose(
         symptoms=symptoms(problem, simulated, found.prediction, recording.pads, warnings=warnings, left_over=structure),
         advice=advice(
             [(item.name, item.rivals) for item in named],
-            missing,
+            {name: why for name, why in missing.items() if not cause(name).barred(problem)},
             unexplained=bool(structure),
             episodes=len(problem.episodes),
         ),
         model=found.model,
         intervals=model_intervals(found, parameters),
     )
+
+
+def after(recording: Recording, first: int) -> Recording:
+    """The recording without its first episodes that have a load."""
+    assert recording.simulated is not None
+    load = np.abs(recording.simulated).max(axis=(1, 2, 3, 4))
+    numbers = list(dict.fromkeys(recording.episode.tolist()))
+    loaded = [number for number in numbers if load[recording.episode == number].max() > 0.5 * load.max()]
+    return recording.select(numbers[numbers.index(loaded[first]) :])
 
 
 def _verdict(named: Sequence[FoundCause], structure: Sequence[LeftOver], one: bool) -> Verdict:
@@ -126,6 +150,18 @@ def _ceiling(problem: Problem, simulated: FloatArray, seed: int, jobs: int) -> t
         return ceiling(problem, simulated, seed, jobs), ""
     except MissingExtraError as error:
         return None, str(error)
+
+
+def _at_bounds(found: Explanation) -> tuple[str, ...]:
+    """Numbers that would go on beyond what is allowed: what they are part of is not to be believed as it stands."""
+    lines = []
+    for item in found.found:
+        for free in cause(item.name).free(found.problem):
+            value = item.values.get(free.name)
+            at = [bound for bound in (free.low, free.high) if bound != free.neutral and value == bound]
+            if at and free.material is not None:
+                lines.append(f"{free.name} of {item.name} is at its bound, {at[0]:g} {free.unit}: other causes may hold it there")
+    return tuple(lines)
 
 
 def _named(
