@@ -12,7 +12,7 @@ from paxisim.diagnose.cause import MANY, Cause, Values, register_cause
 from paxisim.diagnose.problem import FloatArray, Problem
 
 KNOTS = 9
-BEND = 0.02  # of the peak, by which a curve must leave its straight line to matter
+BEND = 0.01  # of the peak, by which a curve must leave its straight line to matter
 _STEP = 0.01  # of the peak, to see what an error at a knot does
 _PRIOR = 3.0  # of the peak: what keeps the error at a knot where no load was
 
