@@ -1,7 +1,7 @@
 """What a diagnosis makes of a real sensor: ``python benchmarks/eflesh.py FOLDER``.
 
-FOLDER holds two recordings of eFlesh, ``press_1`` and ``press_2`` (see `paxisim.logs.eflesh`). The linear readout of the
-load cell and everything else is fitted to the first; the second is what all are judged on, in the channels' own unit::
+FOLDER holds two recordings of eFlesh, ``press_1`` and ``press_2`` (see `paxisim.logs.eflesh`). The linear readout of
+the load cell and everything else is fitted to the first; the second is what all are judged on, in the channels' unit::
 
     NRMSE = sqrt(sum (measured - predicted)^2 / sum measured^2)    over all samples and channels of press_2
 

@@ -96,7 +96,9 @@ def _check(chain: Chain, intervals: Mapping[str, Any]) -> None:
             try:
                 low, high = (np.asarray(bound, dtype=np.float64) for bound in bounds)
             except (TypeError, ValueError) as error:
-                raise InvalidValueError(f"GCS.around: {name}.{parameter} must be (low, high), got {bounds!r}") from error
+                raise InvalidValueError(
+                    f"GCS.around: {name}.{parameter} must be (low, high), got {bounds!r}"
+                ) from error
             if low.shape != shape or high.shape != shape:
                 raise InvalidValueError(
                     f"GCS.around: the bounds of {name}.{parameter} must have its shape {shape}, got {low.shape} and "
@@ -128,4 +130,4 @@ def _one(member: Transform, intervals: Mapping[str, Any], rng: Any, batch: tuple
         share = uniform(rng, (*batch, *low.shape), (0.0, 1.0))
         low, high = as_like(low, share), as_like(high, share)
         values[name] = (low + (high - low) * share).clip(min=about.low, max=about.high)  # for rounding
-    return dataclasses.replace(member, **values) if values else member
+    return dataclasses.replace(member, **values) if values else member  # type: ignore[type-var]

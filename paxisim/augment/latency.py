@@ -1,4 +1,4 @@
-"""Latency: readings arrive late, by a delay that may jitter; in a recording, also ahead of what they are held against."""
+"""Latency: readings arrive late, by a delay that may jitter; in a recording they may also be ahead."""
 
 from __future__ import annotations
 
@@ -54,8 +54,8 @@ class Latency(Memory):
         capacity: Number of frames that are kept, at least 3.
 
     Raises:
-        InvalidValueError: Also if a seed is no integer, or `capacity` is below 3 or not a whole number; if a `delay` below
-            0 has jitter, is one of several, or meets a stream.
+        InvalidValueError: Also if a seed is no integer, or `capacity` is below 3 or not a whole number; if a `delay`
+            below 0 has jitter, is one of several, or meets a stream.
     """
 
     stage: ClassVar[str] = "electronics"
@@ -90,8 +90,8 @@ class Latency(Memory):
         """
         if self._reads_ahead:
             raise InvalidValueError(
-                f"Latency: with a delay of {float(self.delay):g} s frames would have to be read before they come: delay "
-                "the simulated stream by as much instead, or leave the latency out; run(x, time) takes a whole sequence"
+                f"Latency: with a delay of {float(self.delay):g} s a frame would be read before it comes; delay "
+                "the simulated stream instead, or leave the latency out, or use run(x, time) on a whole sequence"
             )
         xp = namespace(x)
         frames = xp.concat([_slot(x)] * self.capacity, axis=-5)

@@ -11,6 +11,7 @@ from paxisim.augment.channel_curve import hats
 from paxisim.diagnose.cause import MANY, Cause, Values, register_cause
 from paxisim.diagnose.problem import FloatArray, Problem
 
+CHANNEL_CURVE = "channel_curve"
 KNOTS = 9
 BEND = 0.01  # of the peak, by which a curve must leave its straight line to matter
 _STEP = 0.01  # of the peak, to see what an error at a knot does
@@ -55,14 +56,33 @@ def _solve(problem: Problem, y: FloatArray, end: Callable[[FloatArray], FloatArr
         now = end(bent)
         slopes = shapes if last else np.stack([(end(bent + step * shape) - now) / step for shape in shapes])
         effects = np.stack([problem.weigh(slope) for slope in slopes])
-        normal = np.einsum("at...,bt...->...ab", effects, effects, optimize=True)
         right = np.einsum("at...,t...->...a", effects, problem.residual(now), optimize=True)
-        ridge = 1 / (_PRIOR * problem.peak) ** 2 + 1e-7 * np.trace(normal, axis1=-2, axis2=-1)[..., None, None]
-        change = np.linalg.solve(normal + ridge * np.eye(KNOTS), right[..., None])[..., 0]
+        change = np.linalg.solve(_normal(problem, effects), right[..., None])[..., 0]
         error += np.moveaxis(change, -1, 0)
     after = problem.measured - problem.read(end(y + np.sum(shapes * error[:, None], axis=0)))
     share = problem.weight**2
     return error + np.sum(share * after, axis=0) / np.maximum(share.sum(axis=0), 1e-12)
+
+
+def _normal(problem: Problem, effects: FloatArray) -> FloatArray:
+    """``(pads, 3, rows, cols, KNOTS, KNOTS)`` products of the knots' effects, with what holds a knot without load."""
+    normal = np.einsum("at...,bt...->...ab", effects, effects, optimize=True)
+    ridge = 1 / (_PRIOR * problem.peak) ** 2 + 1e-7 * np.trace(normal, axis1=-2, axis2=-1)[..., None, None]
+    return normal + ridge * np.eye(KNOTS)
+
+
+def curve_error(problem: Problem, prediction: FloatArray) -> FloatArray:
+    """``(KNOTS, pads, 3, rows, cols)`` N, standard errors of the fitted errors, with episodes as the replicates."""
+    low, high = (np.asarray(value) for value in _ends(problem))
+    shapes = np.moveaxis(hats(problem.simulated, low, high, KNOTS), 1, 0)
+    effects = np.stack([problem.weigh(shape) for shape in shapes])
+    rest, inverse = problem.residual(prediction), np.linalg.inv(_normal(problem, effects))
+    square = np.zeros(inverse.shape[:-1])
+    for span in problem.episodes:
+        score = np.einsum("at...,t...->...a", effects[:, span], rest[span], optimize=True)
+        square += (inverse @ score[..., None])[..., 0] ** 2
+    count = len(problem.episodes)
+    return np.moveaxis(np.sqrt(square * count / (count - 1)), -1, 0)
 
 
 def _bend(values: Values, problem: Problem) -> float:
@@ -88,7 +108,7 @@ def _probes(problem: Problem) -> list[FloatArray]:
 
 register_cause(
     Cause(
-        "channel_curve",
+        CHANNEL_CURVE,
         74,  # it commutes with what is late, and has to be solved for once only if nothing follows
         lambda p: (),
         _curve,

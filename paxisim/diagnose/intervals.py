@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,6 +12,7 @@ from paxisim.augment.chain import Chain
 from paxisim.augment.parameter import parameters
 from paxisim.augment.transform import Transform
 from paxisim.diagnose.cause import TAXEL_GAIN, cause
+from paxisim.diagnose.channels import CHANNEL_CURVE, curve_error
 from paxisim.diagnose.diagnosis import FittedParameter, Interval
 from paxisim.diagnose.engine import Explanation, Named
 from paxisim.diagnose.fitting import predict
@@ -43,29 +43,30 @@ def model_intervals(
     intervals = {}
     for named in found.found:
         own = [p for p in fitted[named.name] if p.value.low is not None and p.value.high is not None]
-        if not own or named.name not in found.model.names:
+        if not own:
             continue
-        member = found.model[named.name]
-        item = cause(named.name)
-        free = [f.name for f in item.free(found.problem)]
-        if free:
-            middle = [float(named.values[name]) for name in free]  # type: ignore[arg-type]
-            moved = []
-            for p in own:
-                for end in (p.value.low, p.value.high):
-                    values = list(middle)
-                    values[free.index(p.name)] = float(end)  # type: ignore[arg-type]
-                    try:
-                        moved.append(item.make(values, found.problem))
-                    except ValueError:  # values that are allowed one by one, but not together
-                        continue
-            reach = _reach(item.make(middle, found.problem), moved)
-            alike = isinstance(member, Chain) and len(member) == 1 and not isinstance(named.transform, Chain)
-            intervals[named.name] = {member.names[0]: reach} if alike else reach
-        else:
-            shape = np.shape(named.values["gain"])
+        item, problem = cause(named.name), found.problem
+        if item.solve:
+            shape = np.shape(named.values[item.solves])
             ends = [np.reshape([getattr(p.value, end) for p in own], shape) for end in ("low", "high")]
-            intervals[named.name] = _reach(named.transform, [replace(named.transform, gain=e.clip(min=0)) for e in ends])  # type: ignore[call-arg]
+        else:
+            names = list(named.values)
+            middle = [float(value) for value in named.values.values()]  # type: ignore[arg-type]
+            ends = [
+                [float(end) if name == p.name else value for name, value in zip(names, middle, strict=True)]  # type: ignore[arg-type]
+                for p in own
+                for end in (p.value.low, p.value.high)
+            ]
+        moved = []
+        for values in ends:
+            try:
+                moved.append(item.make(values, problem))  # type: ignore[arg-type]
+            except ValueError:  # values that are allowed one by one, but not together
+                continue
+        reach = _reach(named.transform, moved)
+        member = found.model[named.name]
+        alone = isinstance(member, Chain) and not isinstance(named.transform, Chain)  # put in its place by `in_order`
+        intervals[named.name] = {member.names[0]: reach} if alone else reach
     return {name: own for name, own in intervals.items() if own}
 
 
@@ -100,7 +101,12 @@ def _parameters(
         unit = "1" if named.name in (TAXEL_GAIN, "dead_taxels") and name != "value" else "N"
         unit = "s" if name == "tau" else unit
         array = np.asarray(value, dtype=float)
-        reach_of = _gain_spread(found, array) if named.name == TAXEL_GAIN else None
+        reach_of = None
+        if named.name == TAXEL_GAIN:
+            reach_of = _gain_spread(found, array)
+        elif named.name == CHANNEL_CURVE and len(found.problem.episodes) >= 3:
+            count = len(found.problem.episodes)
+            reach_of = curve_error(found.problem, found.prediction) * student.ppf(0.5 + LEVEL / 2, count - 1)
         for place in np.ndindex(array.shape):
             label = name + "".join(f"_{i}" for i in place)
             number = float(array[place])

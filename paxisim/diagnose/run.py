@@ -160,7 +160,9 @@ def _at_bounds(found: Explanation) -> tuple[str, ...]:
             value = item.values.get(free.name)
             at = [bound for bound in (free.low, free.high) if bound != free.neutral and value == bound]
             if at and free.material is not None:
-                lines.append(f"{free.name} of {item.name} is at its bound, {at[0]:g} {free.unit}: other causes may hold it there")
+                lines.append(
+                    f"{free.name} of {item.name} is at its bound, {at[0]:g} {free.unit}: other causes may hold it there"
+                )
     return tuple(lines)
 
 

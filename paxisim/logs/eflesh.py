@@ -3,11 +3,12 @@
 A recording is two CSV files without a header, as eFlesh's characterisation writes them, beside one another:
 
 - ``NAME.sensor.csv``: Unix time (s), then x, y and z of each magnetometer in turn, in microtesla.
-- ``NAME.states.csv``: Unix time (s), the robot's x, y and z (mm), and the load cell's force in grams-force; -1 says that
-  there is no new reading.
+- ``NAME.states.csv``: Unix time (s), the robot's x, y and z (mm), and the load cell's force in grams-force; -1 says
+  that there is no new reading.
 
-Each magnetometer is a taxel of one row, so that the tensor is ``(T, 1, 3, 1, magnetometers)`` with **microtesla** in it,
-as the metadata's ``unit`` says. Where the magnetometers sit the files do not say: the layout's pitch stands for nothing.
+Each magnetometer is a taxel of one row, so that the tensor is ``(T, 1, 3, 1, magnetometers)`` with **microtesla** in
+it, as the metadata's ``unit`` says. Where the magnetometers sit the files do not say: the layout's pitch stands for
+nothing.
 What the robot and the load cell say is interpolated to the sensor's times, and is NaN where neighbouring readings are
 more than `MAX_GAP` apart: the covariates are ``load`` (N) and ``robot_x``, ``robot_y``, ``robot_z`` (m).
 
@@ -78,7 +79,9 @@ def _table(path: Path) -> NDArray[np.float64]:
     try:
         table = np.loadtxt(lines, delimiter=",", ndmin=2, comments=None)
     except ValueError as error:
-        raise InvalidValueError(f"{path}: rows must be numbers, all of one length, without a header: {error}") from error
+        raise InvalidValueError(
+            f"{path}: rows must be numbers, all of one length, without a header: {error}"
+        ) from error
     if not np.isfinite(table).all():
         raise InvalidValueError(f"{path}, line {int(np.argmin(np.isfinite(table).all(axis=1))) + 1} holds no number")
     return table

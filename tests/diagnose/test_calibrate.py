@@ -72,9 +72,7 @@ def test_bad_input():
     several = dataclasses.replace(recording, covariates={"load": np.ones((len(recording), 3))})
     with pytest.raises(InvalidValueError, match="one number a sample"):
         paxisim.calibrate_readout(several, "load")
-    noise = dataclasses.replace(
-        recording, covariates={"load": np.random.default_rng(0).normal(size=len(recording))}
-    )
+    noise = dataclasses.replace(recording, covariates={"load": np.random.default_rng(0).normal(size=len(recording))})
     with pytest.raises(InvalidValueError, match="no channel goes with 'load'"):
         paxisim.calibrate_readout(noise, "load")
     simulated = dataclasses.replace(recording, measured=None, simulated=recording.measured)

@@ -65,3 +65,10 @@ def test_what_the_recording_cannot_tell_is_admitted(found):
     assert any("the sensor had not settled" in warning for warning in found.symptoms.warnings)
     assert any("first" in item.what for item in found.symptoms.left_over)
     assert "rotation" in found.not_testable
+
+
+def test_training_is_randomised_around_the_model(found):
+    chain = paxisim.GCS.around(found.model, found.intervals).sample(np.random.default_rng(0), (4,))
+    assert np.asarray(chain["channel_curve"]["channel_curve"].error).shape == (4, 9, 1, 3, 1, 5)
+    frame = np.ones((4, 1, 3, 1, 5))
+    assert np.isfinite(chain.step(frame, chain.initial_state(frame), 0.0)[0]).all()
