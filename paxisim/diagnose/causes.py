@@ -196,7 +196,7 @@ register_cause(
         71,
         lambda p: (Free("delay", "s", 0.0, -0.5, 0.5, 0.02, 0.003),),
         lambda v, p: augment.Latency(v[0], capacity=_capacity(p, v[0])),
-        lambda p: [(0.01,), (0.03,), (0.1,)],
+        lambda p: [(-0.1,), (0.01,), (0.03,), (0.1,)],
     )
 )
 
