@@ -12,8 +12,10 @@ from typing import TYPE_CHECKING
 from paxisim._lazy import lazy
 
 if TYPE_CHECKING:
+    from paxisim.augment.around import FittedGCS as FittedGCS
     from paxisim.augment.axis_coupling import AxisCoupling as AxisCoupling
     from paxisim.augment.chain import Chain as Chain
+    from paxisim.augment.channel_curve import ChannelCurve as ChannelCurve
     from paxisim.augment.creep import Creep as Creep
     from paxisim.augment.crosstalk import Crosstalk as Crosstalk
     from paxisim.augment.dead_band import DeadBand as DeadBand
@@ -57,8 +59,10 @@ if TYPE_CHECKING:
     from paxisim.augment.transform import Transform as Transform
 
 _HOMES = {
+    "paxisim.augment.around": ("FittedGCS",),
     "paxisim.augment.axis_coupling": ("AxisCoupling",),
     "paxisim.augment.chain": ("Chain",),
+    "paxisim.augment.channel_curve": ("ChannelCurve",),
     "paxisim.augment.creep": ("Creep",),
     "paxisim.augment.crosstalk": ("Crosstalk",),
     "paxisim.augment.dead_band": ("DeadBand",),

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,9 @@ from paxisim.augment.transform import Transform
 from paxisim.bump import GaussianBump, bump_heights
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
+
+if TYPE_CHECKING:
+    from paxisim.augment.around import FittedGCS
 
 PAPER_LAYOUT = TaxelLayout(6, 5, (26.1e-3 / 6, 22.6e-3 / 5))
 """The paper's sensor, PX6AX-GEN1-PAP-L4629, pooled to 6x5."""
@@ -103,6 +107,22 @@ class GCS:
             raise InvalidValueError(f"GCS: dropout_of must be 'taxel' or 'gain', got {self.dropout_of!r}")
         Poisson(reach=self.reach, falloff=self.falloff)
 
+    @staticmethod
+    def around(model: Chain, intervals: Mapping[str, Any]) -> FittedGCS:
+        """Randomisation centred on a fitted model, to be used as any other GCS.
+
+        Args:
+            model: The fitted chain, e.g. ``diagnosis.model``.
+            intervals: What its parameters are drawn within, e.g. ``diagnosis.intervals``; see `FittedGCS`.
+
+        Raises:
+            UnknownNameError: There is no such member or parameter.
+            InvalidValueError: Bounds that are not finite, not in order, or not of the parameter's shape.
+        """
+        from paxisim.augment.around import FittedGCS
+
+        return FittedGCS(model=model, intervals=intervals)
+
     def sample(
         self, rng: Any, batch_shape: tuple[int, ...] = (), *, layout: TaxelLayout = PAPER_LAYOUT, pads: int = 2
     ) -> Chain:
@@ -128,14 +148,14 @@ class GCS:
     ) -> Chain:
         """`sample` for ``(pads, rows, cols)`` taxels, on a grid or at `positions`; ``torch.compile`` can trace it."""
         ranges, taxels_shape = self.ranges, (*batch_shape, *taxels)
-        cx = _uniform(rng, batch_shape, ranges.convolution)
-        cy = _uniform(rng, batch_shape, ranges.convolution)
+        cx = uniform(rng, batch_shape, ranges.convolution)
+        cy = uniform(rng, batch_shape, ranges.convolution)
         axes = (*batch_shape, taxels[0], 3) if self.axis_gain_per_pad else (*batch_shape, 3)
-        axis_gain = _uniform(rng, axes, ranges.axis_gain)
+        axis_gain = uniform(rng, axes, ranges.axis_gain)
         mean, spread = ranges.taxel_gain
         deviation = math.sqrt(spread) if self.taxel_gain_is_variance else spread
         taxel_gain = (mean + deviation * _normal(rng, taxels_shape)).clip(min=0)
-        kept = _uniform(rng, taxels_shape, (0.0, 1.0)) >= ranges.dropout
+        kept = uniform(rng, taxels_shape, (0.0, 1.0)) >= ranges.dropout
         taxel_gain = taxel_gain * kept if self.dropout_of == "taxel" else taxel_gain * kept + ~kept
         members: list[Transform] = []
         if self.convolution:
@@ -168,7 +188,7 @@ class GCS:
             ``h_max``, if geometry is switched off.
         """
         shape = (*batch_shape, pads, 2)
-        share, deviation = _uniform(rng, shape, (0.0, 1.0)), _uniform(rng, shape, self.ranges.deviation)
+        share, deviation = uniform(rng, shape, (0.0, 1.0)), uniform(rng, shape, self.ranges.deviation)
         if not isinstance(rng, np.random.Generator):
             share, deviation = share.cpu().numpy(), deviation.cpu().numpy()
         center = np.asarray(share, dtype=np.float64) * [layout.cols, layout.rows]
@@ -180,7 +200,8 @@ class GCS:
         return bump_heights(model, layout, center, deviation)
 
 
-def _uniform(rng: Any, shape: tuple[int, ...], bounds: tuple[float, float]) -> Any:
+def uniform(rng: Any, shape: tuple[int, ...], bounds: tuple[float, float]) -> Any:
+    """Uniform float32 numbers, of numpy or torch as `rng` is; see `GCS.sample`."""
     low, high = bounds
     if isinstance(rng, np.random.Generator):
         return np.asarray(low + (high - low) * rng.random(shape), dtype=np.float32)

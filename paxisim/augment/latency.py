@@ -1,14 +1,16 @@
-"""Latency: readings arrive late, by a delay that may jitter."""
+"""Latency: readings arrive late, by a delay that may jitter; in a recording they may also be ahead."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from paxisim.augment.parameter import namespace, parameter
+from paxisim.augment.parameter import as_like, can_look, is_torch, namespace, parameter
 from paxisim.augment.random_numbers import SEEDS, check_seed, no_draws, uniform
 from paxisim.augment.transform import Covariates, Memory, State
 from paxisim.errors import InvalidValueError
@@ -21,13 +23,17 @@ class Latency(Memory):
     Conversion, the bus, the operating system's buffers. x runs straight from frame to frame, so that the delay need
     not be a whole number of frames, and frames may come at any times. All taxels of an environment are late together.
 
-    - d is never negative, and grows by at most `dt` from frame to frame: a reading does not arrive before an older one.
+    - In a stream d is never negative, and grows by at most `dt` from frame to frame: a reading does not arrive before
+      an older one.
     - u is a function of the seed and the number of frames so far (see `WhiteNoise` on seeds, and `reset`).
     - No more than `capacity` frames are kept. Where they come so fast that ``capacity - 2`` of them do not span ``delay
       + jitter``, the delay is right all the same, but x is drawn through fewer of them and short peaks are cut: a frame
       is dropped if those before and after it are less than ``2 (delay + jitter) / (capacity - 2)`` apart. Time and
       memory grow with `capacity`.
     - The first frame, and that after `reset`, is taken to have been there forever.
+    - A `delay` below 0 is for recordings whose other stream is the late one: `run` then reads ahead in the sequence,
+      whose last frame is held. It is one number, without jitter. Frame by frame there is no such thing, as no sensor
+      reads the future: delay the simulated stream instead.
 
     Example:
         ``Latency(delay=1.5)``:
@@ -42,18 +48,19 @@ class Latency(Memory):
     The range is ours: 5 to 120 ms, with some ms of jitter.
 
     Attributes:
-        delay: ``(...)`` mean delay (s).
+        delay: ``(...)`` mean delay (s); below 0 one number, for `run` alone.
         jitter: ``(...)`` largest deviation from it (s).
         seed: ``(...)`` whole numbers in [0, 2^32).
         capacity: Number of frames that are kept, at least 3.
 
     Raises:
-        InvalidValueError: Also if a seed is no integer, or `capacity` is below 3 or not a whole number.
+        InvalidValueError: Also if a seed is no integer, or `capacity` is below 3 or not a whole number; if a `delay`
+            below 0 has jitter, is one of several, or meets a stream.
     """
 
     stage: ClassVar[str] = "electronics"
 
-    delay: Any = parameter(0.0, unit="s", low=0.0, typical=(0.005, 0.12))
+    delay: Any = parameter(0.0, unit="s", typical=(0.005, 0.12))
     jitter: Any = parameter(0.0, unit="s", low=0.0, typical=(0.0, 0.005))
     seed: Any = parameter(0, low=0, high=SEEDS - 1, typical=(0, SEEDS - 1), whole=True)
     capacity: int = 16
@@ -64,6 +71,16 @@ class Latency(Memory):
         check_seed("Latency", self.seed)
         if not isinstance(self.capacity, int) or self.capacity < 3:
             raise InvalidValueError(f"Latency: capacity must be a whole number of at least 3, got {self.capacity!r}")
+        if self._reads_ahead and (math.prod(np.shape(self.delay)) > 1 or _any(self.jitter, lambda jitter: jitter != 0)):
+            raise InvalidValueError(
+                f"Latency: a delay below 0 must be one number, without jitter, got delay {self.delay!r} and jitter "
+                f"{self.jitter!r}"
+            )
+
+    @property
+    def _reads_ahead(self) -> bool:
+        """Whether some delay is below 0; one that is traced, or on an accelerator, is taken not to be."""
+        return _any(self.delay, lambda delay: delay < 0)
 
     def initial_state(self, x: Any, covariates: Covariates | None = None) -> State:
         """The frames kept, oldest first, their ages (s), the last delay (s), and the number of frames so far.
@@ -71,6 +88,11 @@ class Latency(Memory):
         They are ``(*batch, capacity, pads, 3, rows, cols)``, ``(*batch, capacity, 1, 1, 1, 1)``, and twice
         ``(*batch, 1, 1, 1, 1)``.
         """
+        if self._reads_ahead:
+            raise InvalidValueError(
+                f"Latency: with a delay of {float(self.delay):g} s a frame would be read before it comes; delay "
+                "the simulated stream instead, or leave the latency out, or use run(x, time) on a whole sequence"
+            )
         xp = namespace(x)
         frames = xp.concat([_slot(x)] * self.capacity, axis=-5)
         ages = xp.zeros_like(frames[..., :1, :1, :1, :1])
@@ -103,6 +125,14 @@ class Latency(Memory):
         weights = xp.concat([way[_FIRST], way[_NEWER] - way[_OLDER], 1 - way[_LAST]], axis=-5)
         return xp.sum(weights * frames, axis=-5), (frames, ages, late, count + 1)
 
+    def run(self, x: Any, time: Any, covariates: Covariates | None = None) -> Any:
+        """See `Transform.run`."""
+        if not self._reads_ahead:
+            return super().run(x, time, covariates)
+        steps = self._time_steps(x, time)
+        self._check_frame(x[0])
+        return _moved(x, np.cumsum(steps), float(self.delay))
+
     def sweep(self, x: NDArray[np.floating], steps: list[float]) -> NDArray[np.floating] | None:
         """See `Transform.sweep`."""
         if np.ndim(self.delay) or np.ndim(self.jitter) or self.jitter:
@@ -110,14 +140,29 @@ class Latency(Memory):
         delay, dt = float(self.delay), np.array(steps)
         if len(dt) > 1 and dt[1:].min() <= delay * 2 / (self.capacity - 2):
             return None  # stepping would leave out frames
-        time = np.cumsum(dt)
-        then = np.maximum(time - delay, 0.0)
-        after = np.clip(np.searchsorted(time, then, side="right"), 1, max(1, len(time) - 1))
-        if len(time) == 1:
-            return x.copy()
-        way = ((then - time[after - 1]) / (time[after] - time[after - 1])).astype(x.dtype)
-        way = way.reshape(-1, *[1] * (x.ndim - 1))
-        return x[after - 1] * (1 - way) + x[after] * way
+        return _moved(x, np.cumsum(dt), delay)
+
+
+def _any(value: Any, holds: Callable[[Any], Any]) -> bool:
+    """Whether something holds for any of a parameter's numbers, as far as they can be looked at."""
+    if isinstance(value, (int, float)):  # most of the cost of a small frame was in what follows
+        return bool(holds(value))
+    if is_torch(value):
+        return can_look(value) and bool(holds(value).any())
+    return bool(np.any(holds(np.asarray(value))))
+
+
+def _moved(x: Any, time: NDArray[np.float64], delay: float) -> Any:
+    """``(time, ...)`` with each frame as it was `delay` ago, drawn straight between frames; both ends are held."""
+    if len(time) == 1:
+        return x + 0
+    then = np.clip(time - delay, time[0], time[-1])
+    after = np.clip(np.searchsorted(time, then, side="right"), 1, len(time) - 1)
+    gap = time[after] - time[after - 1]
+    way = np.divide(then - time[after - 1], gap, out=np.ones_like(gap), where=gap > 0)  # after a jump: what came last
+    xp = namespace(x)
+    way, before, after = as_like(way.reshape(-1, *[1] * (x.ndim - 1)), x), xp.asarray(after - 1), xp.asarray(after)
+    return x[before] * (1 - way) + x[after] * way
 
 
 def _slot(x: Any) -> Any:

@@ -120,7 +120,7 @@ def check(owner: str, name: str, value: Any, about: Parameter) -> None:
         length = value.shape[value.ndim - len(about.core) + about.core.index(axis)]
         if length != 3 and (length != 1 or "j" in about.core):
             raise InvalidValueError(f"{what} must have shape {_expected(about)}, got {tuple(value.shape)}")
-    if not _can_look(value):
+    if not can_look(value):
         return
     xp = namespace(value)
     numbers = xp.astype(value.detach() if is_torch(value) else value, xp.float64)  # type: ignore[attr-defined]
@@ -173,7 +173,8 @@ def _expected(about: Parameter) -> str:
     return "(" + ", ".join(["...", *(lengths[axis] for axis in about.core)]) + ")"
 
 
-def _can_look(value: Any) -> bool:
+def can_look(value: Any) -> bool:
+    """Whether a value can be read without waiting for a device, or breaking a trace."""
     if not is_torch(value):
         return True
     import torch

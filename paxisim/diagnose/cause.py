@@ -8,13 +8,15 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from paxisim.augment.transform import Transform
-from paxisim.diagnose.problem import Problem
+from paxisim.diagnose.problem import FloatArray, Problem
 from paxisim.errors import InvalidValueError, UnknownNameError
 
 Values = Sequence[float]
 
 MANY = 7.0
 """What a cause with a number for each taxel or channel costs, see `Cause`."""
+
+Solve = Callable[[Problem, FloatArray, Callable[[FloatArray], FloatArray], bool, "FloatArray | None"], FloatArray]
 
 FORM = 0.01
 """Share of a cause's gain that most others may bring besides, see `Cause`."""
@@ -70,6 +72,11 @@ class Cause:
         form: Share of its gain that another cause, by its name, may bring besides, as no form fits exactly what a
             sensor does; `FORM` for those that are not listed.
         beyond: How far `values` are from what those could do, in units of what matters: at least 1 to be named.
+        solve: For one with a number for each taxel or channel: the array that fits best, in closed form, given the
+            problem, what comes in, a function that says what the causes behind it make of what goes out, whether there
+            are none, and an array near it, if one is known. It then has no `free`, and `make` takes the array.
+        solves: What that array is called, in a report and in the transform.
+        barred: Why it cannot be told in a problem; empty if it can.
     """
 
     name: str
@@ -83,6 +90,9 @@ class Cause:
     costs: float = 1.0
     form: Mapping[str, float] = field(default_factory=dict)
     beyond: Callable[[Values, Problem], float] = lambda values, problem: np.inf
+    solve: Solve | None = None
+    solves: str = ""
+    barred: Callable[[Problem], str] = lambda problem: ""
 
     def is_material(self, values: Values, problem: Problem) -> bool:
         """Whether some number is far enough from neutral to matter."""

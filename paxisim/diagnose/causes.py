@@ -7,6 +7,8 @@ import numpy as np
 from paxisim import augment
 from paxisim.augment.transform import Transform
 from paxisim.diagnose.cause import MANY, TAXEL_GAIN, Cause, Free, Values, register_cause
+from paxisim.diagnose.channels import bent_apart, mixes_alike, zero_is_fitted
+from paxisim.diagnose.fitting import taxel_gains
 from paxisim.diagnose.problem import FloatArray, Problem
 from paxisim.errors import InvalidValueError
 
@@ -31,6 +33,7 @@ register_cause(
         _gains,
         lambda v, p: augment.AxisGain(tuple(v)),
         lambda p: [_unit(3, k, 1.0, 0.1) for k in range(3)],
+        barred=bent_apart,
     )
 )
 
@@ -46,6 +49,7 @@ register_cause(
         lambda p: [(0.9, 0.6 * p.peak), (0.9, 0.1 * p.peak)],
         simpler=("axis_gain",),
         beyond=lambda v, p: abs(v[0] - 1) / 0.008,
+        barred=bent_apart,
     )
 )
 
@@ -88,6 +92,7 @@ register_cause(
         lambda p: (Free("cx", "1", 0.0, 0.0, 1.0, 0.05, 0.012), Free("cy", "1", 0.0, 0.0, 1.0, 0.05, 0.012)),
         lambda v, p: augment.Poisson(v[0], v[1], reach=2.9),
         lambda p: [(0.1, 0.0), (0.0, 0.1)],
+        barred=mixes_alike,
     )
 )
 
@@ -105,6 +110,7 @@ register_cause(
         simpler=("axis_gain",),
         form={"axis_gain": 0.025, "stiffening": 0.025},
         beyond=lambda v, p: abs(v[0]) / 0.003,
+        barred=mixes_alike,
     )
 )
 
@@ -134,6 +140,7 @@ register_cause(
         simpler=("rotation",),
         ahead=0.0005,
         beyond=lambda v, p: _unlike_rotation(_coupling(v).matrix),
+        barred=mixes_alike,
     )
 )
 
@@ -144,6 +151,7 @@ register_cause(
         lambda p: tuple(Free(f"about_{axis}", "rad", 0.0, -0.6, 0.6, 0.05, 0.012) for axis in AXES),
         lambda v, p: augment.Rotation((tuple(v),)),
         lambda p: [_unit(3, k, 0.0, 0.05) for k in range(3)],
+        barred=mixes_alike,
     )
 )
 
@@ -210,9 +218,9 @@ register_cause(
     Cause(
         "latency",
         71,
-        lambda p: (Free("delay", "s", 0.0, 0.0, 0.5, 0.02, 0.003),),
+        lambda p: (Free("delay", "s", 0.0, -0.5, 0.5, 0.02, 0.003),),
         lambda v, p: augment.Latency(v[0], capacity=_capacity(p, v[0])),
-        lambda p: [(0.01,), (0.03,), (0.1,)],
+        lambda p: [(-0.1,), (0.01,), (0.03,), (0.1,)],
         form={"low_pass": 0.025},
     )
 )
@@ -228,6 +236,7 @@ register_cause(
         lambda v, p: augment.DeadBand(v[0], v[1]),
         lambda p: [(0.06, 0.0), (0.12, 0.0), (0.2, 0.0), (0.3, 0.0)],
         form=dict.fromkeys(_STATIC, 0.06),
+        barred=bent_apart,
     )
 )
 
@@ -242,6 +251,7 @@ register_cause(
         lambda v, p: augment.Saturation(-v[0], v[0], v[1]),
         lambda p: [(0.5 * p.peak, 0.2), (0.7 * p.peak, 0.2), (0.9 * p.peak, 0.2)],
         form=dict.fromkeys(_STATIC, 0.07),
+        barred=bent_apart,
     )
 )
 
@@ -265,17 +275,21 @@ register_cause(
         costs=MANY,
         form={"stiffening": 0.03},
         beyond=_spread,
+        solve=taxel_gains,
+        solves="gain",
+        barred=bent_apart,
     )
 )
 
 
 def _read(name: str, order: float) -> Cause:
     """One that `checks` reads off the data."""
+    barred = {"layout": mixes_alike, "offset": zero_is_fitted}.get(name, lambda problem: "")
 
     def make(values: Values, problem: Problem) -> Transform:
         raise InvalidValueError(f"{name} is read off the data, it is not made from numbers")
 
-    return Cause(name, order, lambda p: (), make, None)
+    return Cause(name, order, lambda p: (), make, None, barred=barred)
 
 
 for _name, _order in (("layout", 0), ("offset", 76), ("drift", 77), ("quantisation", 90), ("dead_taxels", 95)):

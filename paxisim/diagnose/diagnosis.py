@@ -11,6 +11,8 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
+
 from paxisim.augment.chain import Chain
 from paxisim.diagnose.streams import Streams
 from paxisim.errors import InvalidValueError, MissingExtraError
@@ -187,6 +189,9 @@ class Diagnosis:
         symptoms: Where the error lives.
         advice: What to record next.
         model: The extended sensor model.
+        intervals: What the model's parameters may be, 90 %: by member and parameter the lowest and the highest value,
+            arrays of the parameter's shape, as ``GCS.around(model, intervals)`` takes them. A parameter without an
+            interval is not in it.
         streams: What it was made from, for the pictures of the report; None in a diagnosis that was loaded.
     """
 
@@ -198,6 +203,7 @@ class Diagnosis:
     symptoms: Symptoms
     advice: tuple[str, ...]
     model: Chain = field(default_factory=Chain)
+    intervals: Mapping[str, Any] = field(default_factory=dict)
     streams: Streams | None = field(default=None, repr=False, compare=False)
 
     def to_json(self) -> str:
@@ -212,6 +218,7 @@ class Diagnosis:
             "symptoms": asdict(self.symptoms),
             "advice": list(self.advice),
             "model": json.loads(self.model.to_json()),
+            "intervals": _as_lists(self.intervals),
         }
         return json.dumps(_finite(document), indent=1, allow_nan=False)
 
@@ -238,6 +245,7 @@ class Diagnosis:
                 symptoms=_symptoms(document["symptoms"]),
                 advice=tuple(document["advice"]),
                 model=Chain.from_json(json.dumps(document["model"])),
+                intervals=_as_arrays(document["intervals"]),
             )
         except (KeyError, TypeError, AttributeError) as error:
             raise InvalidValueError(f"the diagnosis lacks or misuses a field: {error}") from error
@@ -374,6 +382,19 @@ def _finite(value: Any) -> Any:
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
+
+
+def _as_lists(intervals: Mapping[str, Any]) -> Any:
+    if isinstance(intervals, Mapping):
+        return {name: _as_lists(item) for name, item in intervals.items()}
+    return [np.asarray(bound).tolist() for bound in intervals]
+
+
+def _as_arrays(document: Any) -> Any:
+    if isinstance(document, Mapping):
+        return {name: _as_arrays(item) for name, item in document.items()}
+    low, high = document
+    return np.asarray(low, dtype=np.float64), np.asarray(high, dtype=np.float64)
 
 
 def _interval(document: Mapping[str, Any] | None) -> Interval | None:

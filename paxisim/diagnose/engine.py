@@ -9,7 +9,7 @@ import numpy as np
 
 from paxisim import augment
 from paxisim.augment.transform import Transform
-from paxisim.diagnose.cause import MANY, TAXEL_GAIN, Cause, cause, known_causes
+from paxisim.diagnose.cause import MANY, Cause, cause, known_causes
 from paxisim.diagnose.checks import Reading, Zero, read_layout, read_rounding, read_taxels, tells_under_load, zero_of
 from paxisim.diagnose.fitting import Fitted, fit, in_order, made, predict
 from paxisim.diagnose.problem import FloatArray, Problem, Tolerance, problem_of, with_noise
@@ -110,13 +110,17 @@ def explain(
         if item.covariate and item.covariate not in raw.covariates:
             not_searched[item.name] = f"the recording has no covariate {item.covariate!r}"
             wanted.remove(item)
+        elif why := item.barred(raw):
+            not_searched[item.name] = why
+            wanted.remove(item)
+            names.remove(item.name)
     if "drift" in names and (not raw.runs_through or len(raw.episodes) < 4):
         not_searched["drift"] = "slow changes show only over several episodes on one clock"
 
     tell("reading layout, rounding and dead taxels")
     read, problem = _read(raw, names, tolerance, device_step)
     slow = tuple(name for name in ("offset", "drift") if name in names)
-    searched = [item for item in wanted if item.probes is not None or item.name == TAXEL_GAIN]
+    searched = [item for item in wanted if item.probes is not None or item.solve]
     zero = zero_of(
         problem, problem.simulated, MANY * thresholds.material, thresholds.episodes, names=slow, resting=True
     )
@@ -202,7 +206,7 @@ def _explained(
         transform = made(problem, item, values)
         members.append((item.order, item.name, transform))
         free = item.free(problem)
-        figures = {f.name: float(v) for f, v in zip(free, values, strict=True)} if free else {"gain": values}
+        figures = {f.name: float(v) for f, v in zip(free, values, strict=True)} if free else {item.solves: values}
         gain = found.without[item.name].energy - found.fit.energy
         rivals = {n: e - float(found.fit.energy.sum()) for n, e in found.rivals[item.name].items()}
         named.append(Named(item.name, transform, figures, gain, rivals))
@@ -228,7 +232,7 @@ def _explained(
 
     def refit(train: Sequence[int]) -> FloatArray:
         part = problem.select(train)
-        fitted = fit(part, chosen, {n: v for n, v in found.fit.values.items() if n != TAXEL_GAIN})
+        fitted = fit(part, chosen, found.fit.values)
         if zero.gain:
             own = _zero(part, chosen, fitted.values, limits, slow)
             elapsed = problem.time - part.time[0]

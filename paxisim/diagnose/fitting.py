@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,7 +23,7 @@ class Fit:
     """Causes with fitted parameters.
 
     Attributes:
-        values: By cause, in the order of its `free`; of the taxels' gains ``(pads, rows, cols)``.
+        values: By cause, in the order of its `free`, or the array that was solved for.
         energy: ``(episodes,)`` squared residual in units of the noise, freed of each channel's mean.
         problem: What was fitted.
         causes: The causes.
@@ -58,7 +58,7 @@ def chain_of(problem: Problem, causes: Sequence[Cause], values: Fitted) -> augme
 
 def made(problem: Problem, item: Cause, values: FloatArray) -> Transform:
     """A cause's transform with fitted values."""
-    return item.make(values if item.name == TAXEL_GAIN else [float(v) for v in values], problem)  # type: ignore[arg-type]
+    return item.make(values if item.solve else [float(v) for v in values], problem)  # type: ignore[arg-type]
 
 
 class _Stages:
@@ -74,18 +74,18 @@ class _Stages:
         self._into: list[FloatArray] = []
         self._out = problem.simulated
         self._slope: FloatArray | None = None
-        self._gains: FloatArray | None = None
+        self._solved: Fitted = {}
 
     def predict(self, values: Fitted) -> tuple[FloatArray, Fitted]:
-        """What the causes make of the simulated stream, and the values, with the taxels' gains."""
+        """What the causes make of the simulated stream, and the values, with the arrays that were solved for."""
         x, full = self._problem.simulated, values
         self._into = []
         for number, stage in enumerate(self._stages):
             self._into.append(x)
-            if stage is not None and stage.name == TAXEL_GAIN and TAXEL_GAIN not in values:
-                full = {**values, TAXEL_GAIN: self._best_gains(x, number, values, None)}
+            if stage is not None and stage.solve and stage.name not in full:
+                full = {**full, stage.name: self._solve(stage, x, number, full, None)}
             x = self._apply(stage, x, full)
-        self._gains = full.get(TAXEL_GAIN)
+        self._solved = {item.name: full[item.name] for item in self._stages if item is not None and item.solve}
         return x, full
 
     def residual(self, values: Fitted) -> FloatArray:
@@ -115,41 +115,28 @@ class _Stages:
         begin = self._at[name]
         x = self._into[begin]
         for number, stage in enumerate(self._stages[begin:], start=begin):
-            if stage is not None and stage.name == TAXEL_GAIN:
-                values = {**values, TAXEL_GAIN: self._best_gains(x, number, values, self._gains)}
+            if stage is not None and stage.solve:
+                solved = self._solve(stage, x, number, values, self._solved.get(stage.name))
+                values = {**values, stage.name: solved}
             x = self._apply(stage, x, values)
         return x
 
     def _apply(self, stage: Cause | None, x: FloatArray, values: Fitted) -> FloatArray:
         if stage is None:
             return x + self._problem.zero if np.any(self._problem.zero) else x
-        if stage.name == TAXEL_GAIN:
-            return x * values[TAXEL_GAIN][:, None]
         return self._problem.run(made(self._problem, stage, values[stage.name]), x)
 
-    def _best_gains(self, x: FloatArray, number: int, values: Fitted, near: FloatArray | None) -> FloatArray:
-        """``(pads, rows, cols)`` gains that fit best, drawn to 1 where little was pressed.
-
-        What comes after the gains acts on each taxel alone, so that one small change of all of them shows every slope.
-        """
-        problem, later, at = self._problem.compared, self._stages[number + 1 :], self._problem.at_compared
+    def _solve(self, stage: Cause, x: FloatArray, number: int, values: Fitted, near: FloatArray | None) -> FloatArray:
+        """What `Cause.solve` gives for the stage, whose own arrays and those of later ones are not known yet."""
+        later = [item for item in self._stages[number + 1 :] if item is None or not item.solve]
 
         def end(force: FloatArray) -> FloatArray:
-            for stage in later:
-                force = self._apply(stage, force, values)
+            for item in later:
+                force = self._apply(item, force, values)
             return force
 
-        straight = len(later) == 1  # nothing but the zero
-        rounds = 1 if straight or near is not None else 3
-        gains = np.ones((x.shape[1], *x.shape[3:])) if near is None else near
-        for turn in range(rounds):
-            now = end(x * gains[:, None])
-            slope = x if straight else (end(x * (gains[:, None] + 0.02)) - now) / 0.02
-            load = problem.weigh(at(slope))
-            change = np.sum(load * problem.residual(at(now)), axis=(0, 2)) - (gains - 1) / PRIOR**2
-            change /= np.sum(load**2, axis=(0, 2)) + 1 / PRIOR**2
-            gains = np.clip(gains + (change if turn == 0 else 0.8 * change), 0.05, 5.0)
-        return gains
+        assert stage.solve is not None
+        return stage.solve(self._problem, x, end, all(item is None for item in later), near)
 
 
 def predict(problem: Problem, causes: Sequence[Cause], values: Fitted) -> tuple[FloatArray, Fitted]:
@@ -158,10 +145,10 @@ def predict(problem: Problem, causes: Sequence[Cause], values: Fitted) -> tuple[
     Args:
         problem: The recording.
         causes: Which ones.
-        values: Of each; where the taxels' gains are missing those are taken that fit best.
+        values: Of each; where the array of one that is solved in closed form is missing, that which fits best is taken.
 
     Returns:
-        ``(T, pads, 3, rows, cols)`` newtons, and the values, with the taxels' gains.
+        ``(T, pads, 3, rows, cols)`` newtons, and the values, with those arrays.
     """
     return _Stages(problem, causes).predict(values)
 
@@ -176,11 +163,12 @@ def fit(problem: Problem, causes: Sequence[Cause], start: Fitted | None = None, 
         steps: Iterations at most.
     """
     whole, problem = problem, problem.thinned
-    shared = [c for c in causes if c.name != TAXEL_GAIN]
-    values = {n: np.asarray(v, dtype=float) for n, v in (start or {}).items() if n != TAXEL_GAIN}
+    shared = [c for c in causes if c.solve is None]
+    known = {c.name for c in shared}
+    values = {n: np.asarray(v, dtype=float) for n, v in (start or {}).items() if n in known}
     for item in shared:
         if item.name not in values:
-            begun = [c for c in causes if c.name in values or c.name in (item.name, TAXEL_GAIN)]
+            begun = [c for c in causes if c.name in values or c.name == item.name or c.solve]
             values[item.name] = _best_probe(problem, item, values, _Stages(problem, begun))
     free = [(c.name, i, f) for c in shared for i, f in enumerate(c.free(problem))]
     stages = _Stages(problem, causes)
@@ -189,7 +177,7 @@ def fit(problem: Problem, causes: Sequence[Cause], start: Fitted | None = None, 
 
     def away(values: Fitted) -> FloatArray:
         """How far the parameters are from what is expected of them, in units of their spread."""
-        return held * (np.array([values[n][i] for n, i, _ in free]) - neutral)
+        return held * (np.array([values[n][i] for n, i, _ in free], dtype=np.float64) - neutral)
 
     best, off = stages.residual(values), away(values)
     energy, damping = float(best @ best + off @ off), 1e-3
@@ -265,3 +253,22 @@ def _best_probe(problem: Problem, item: Cause, values: Fitted, stages: _Stages) 
             if new @ new < least:
                 best, least = trial, new @ new
     return best
+
+
+def taxel_gains(
+    problem: Problem, x: FloatArray, end: Callable[[FloatArray], FloatArray], last: bool, near: FloatArray | None
+) -> FloatArray:
+    """``(pads, rows, cols)`` gains that fit best, drawn to 1 where little was pressed; see `Cause.solve`.
+
+    What comes after the gains acts on each taxel alone, so that one small change of all of them shows every slope.
+    """
+    rounds = 1 if last or near is not None else 3
+    gains = np.ones((x.shape[1], *x.shape[3:])) if near is None else near
+    for turn in range(rounds):
+        now = end(x * gains[:, None])
+        slope = x if last else (end(x * (gains[:, None] + 0.02)) - now) / 0.02
+        load = problem.weigh(slope)
+        change = np.sum(load * problem.residual(now), axis=(0, 2)) - (gains - 1) / PRIOR**2
+        change /= np.sum(load**2, axis=(0, 2)) + 1 / PRIOR**2
+        gains = np.clip(gains + (change if turn == 0 else 0.8 * change), 0.05, 5.0)
+    return gains

@@ -4,13 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.stats import t as student
 
+from paxisim.augment.chain import Chain
+from paxisim.augment.parameter import parameters
+from paxisim.augment.transform import Transform
 from paxisim.diagnose.cause import TAXEL_GAIN, Cause, Free, cause
+from paxisim.diagnose.channels import CHANNEL_CURVE, curve_error
 from paxisim.diagnose.diagnosis import FittedParameter, Interval
 from paxisim.diagnose.engine import Explanation, Named
 from paxisim.diagnose.fitting import PRIOR, Fitted, predict
@@ -27,6 +32,61 @@ def parameters_of(found: Explanation) -> Mapping[str, tuple[FittedParameter, ...
     """By cause, its fitted numbers with units and 90 % intervals."""
     spreads = _spreads(found)
     return {named.name: tuple(_parameters(found, named, spreads)) for named in found.found}
+
+
+def model_intervals(
+    found: Explanation, fitted: Mapping[str, tuple[FittedParameter, ...]]
+) -> Mapping[str, Mapping[str, Any]]:
+    """What the parameters of the model's members may be, as ``GCS.around`` takes it.
+
+    A cause's numbers need not be its transform's: each is moved to both ends of its interval, and what the transform's
+    parameters then are is taken, as far as it is physical.
+
+    Args:
+        found: The causes and the model.
+        fitted: By cause, its fitted numbers, as `parameters_of` gives them.
+    """
+    intervals = {}
+    for named in found.found:
+        own = [p for p in fitted[named.name] if p.value.low is not None and p.value.high is not None]
+        if not own:
+            continue
+        item, problem = cause(named.name), found.problem
+        if item.solve:
+            shape = np.shape(named.values[item.solves])
+            ends = [np.reshape([getattr(p.value, end) for p in own], shape) for end in ("low", "high")]
+        else:
+            names = list(named.values)
+            middle = [float(value) for value in named.values.values()]  # type: ignore[arg-type]
+            ends = [
+                [float(end) if name == p.name else value for name, value in zip(names, middle, strict=True)]  # type: ignore[arg-type]
+                for p in own
+                for end in (p.value.low, p.value.high)
+            ]
+        moved = []
+        for values in ends:
+            try:
+                moved.append(item.make(values, problem))  # type: ignore[arg-type]
+            except ValueError:  # values that are allowed one by one, but not together
+                continue
+        reach = _reach(named.transform, moved)
+        member = found.model[named.name]
+        alone = isinstance(member, Chain) and not isinstance(named.transform, Chain)  # put in its place by `in_order`
+        intervals[named.name] = {member.names[0]: reach} if alone else reach
+    return {name: own for name, own in intervals.items() if own}
+
+
+def _reach(middle: Transform, moved: Sequence[Transform]) -> dict[str, Any]:
+    """By parameter of a transform its least and largest values among `moved` ones, of those that differ."""
+    if isinstance(middle, Chain):
+        members = {n: _reach(middle[n], [other[n] for other in moved]) for n in middle.names}  # type: ignore[index]
+        return {name: own for name, own in members.items() if own}
+    out: dict[str, Any] = {}
+    for name in parameters(middle):
+        values = np.stack([np.asarray(getattr(t, name), dtype=np.float64) for t in (middle, *moved)])
+        if np.ptp(values, axis=0).any():
+            out[name] = values.min(axis=0), values.max(axis=0)
+    return out
 
 
 def _parameters(
@@ -52,6 +112,9 @@ def _parameters(
             reach_of = _gain_spread(found, array)
         elif (named.name, name) in (("offset", "offset"), ("drift", "amplitude")):
             reach_of = _zero_spread(found, name)
+        elif named.name == CHANNEL_CURVE and len(found.problem.episodes) >= 3:
+            count = len(found.problem.episodes)
+            reach_of = curve_error(found.problem, found.prediction) * student.ppf(0.5 + LEVEL / 2, count - 1)
         for place in np.ndindex(array.shape):
             label = name + "".join(f"_{i}" for i in place)
             number = float(array[place])
@@ -70,12 +133,13 @@ def _spreads(found: Explanation) -> dict[tuple[str, str], tuple[float, float]]:
     what a contact that is off its place does, and what a simulation that bends between the frames would change.
     """
     problem = found.problem
-    chosen = [named for named in found.found if cause(named.name).probes is not None or named.name == TAXEL_GAIN]
+    chosen = [named for named in found.found if cause(named.name).probes is not None or cause(named.name).solve]
     causes = [cause(named.name) for named in chosen]
-    free = [(n, item) for n, c in zip(chosen, causes, strict=True) if n.name != TAXEL_GAIN for item in c.free(problem)]
+    fitted = [(n, c) for n, c in zip(chosen, causes, strict=True) if c.solve is None]
+    free = [(n, item) for n, c in fitted for item in c.free(problem)]
     if not free or len(problem.episodes) < 3:
         return {}
-    values = {n.name: np.array([float(v) for v in n.values.values()]) for n in chosen if n.name != TAXEL_GAIN}  # type: ignore[arg-type]
+    values = {n.name: np.array([float(v) for v in n.values.values()]) for n, _ in fitted}  # type: ignore[arg-type]
     problem = problem.thinned
     linear = _Linear(problem, causes, values, [(named.name, item) for named, item in free])
     reach = linear.spread()

@@ -42,6 +42,7 @@ class Problem:
         dither: Noise before rounding (N).
         clips: Whether a normal reading never goes below 0.
         zero: ``(T, pads, 3, rows, cols)`` or 0: what is read without any force (N), known so far.
+        least: The least force (N) that is simulated, at most 0.
     """
 
     measured: FloatArray
@@ -56,6 +57,7 @@ class Problem:
     dither: float
     clips: bool = False
     zero: FloatArray | float = 0.0
+    least: float = 0.0
 
     @cached_property
     def weight(self) -> FloatArray:
@@ -72,6 +74,12 @@ class Problem:
     def samples(self) -> int:
         """Number of numbers that are compared."""
         return int(len(self.time) * self.alive.sum())
+
+    @cached_property
+    def one_load(self) -> bool:
+        """Whether the simulation says one and the same for all channels, as a load cell's force does."""
+        loads = self.simulated[:, self.alive]
+        return loads.shape[1] > 1 and bool(np.all(loads == loads[:, :1]))
 
     @cached_property
     def _alike(self) -> bool:
@@ -380,6 +388,7 @@ def problem_of(recording: Recording, tolerance: Tolerance) -> Problem:
     problem = Problem(
         measured, simulated, recording.time, covariates, episodes, np.ones(1), peak,
         np.ones(measured.shape[1:], dtype=bool), step, 0.0, clips=bool(measured[:, :, 2].min() >= 0),
+        least=min(float(simulated.min()), 0.0),
     )  # fmt: skip
     return with_noise(problem, tolerance)
 

@@ -44,7 +44,7 @@ def rivals_of(found: Explanation, least: float) -> Mapping[str, tuple[str, ...]]
 
 def _is_searched(name: str) -> bool:
     """Whether a cause is fitted; those that are read off the data have no rivals."""
-    return cause(name).probes is not None or name == TAXEL_GAIN
+    return cause(name).probes is not None or cause(name).solve is not None
 
 
 def _fitted(item: Named, least: float) -> dict[str, float]:

@@ -12,12 +12,13 @@ from paxisim.diagnose.adequacy import left_over
 from paxisim.diagnose.advice import advice
 from paxisim.diagnose.cause import cause, known_causes
 from paxisim.diagnose.ceiling import ceiling
-from paxisim.diagnose.diagnosis import Diagnosis, FoundCause, Interval, LeftOver, Verdict
+from paxisim.diagnose.diagnosis import Diagnosis, FittedParameter, FoundCause, Interval, LeftOver, Verdict
 from paxisim.diagnose.engine import Explanation, Thresholds, Tolerance, explain
 from paxisim.diagnose.heldout import Squares, explained_share, figures, gains_of, hold_out, survives
-from paxisim.diagnose.intervals import parameters_of
+from paxisim.diagnose.intervals import model_intervals, parameters_of
 from paxisim.diagnose.prepare import prepare
 from paxisim.diagnose.problem import FloatArray, Problem
+from paxisim.diagnose.repeats import UNUSUAL, settling, with_untold
 from paxisim.diagnose.rivals import rivals_of
 from paxisim.diagnose.streams import Streams
 from paxisim.diagnose.symptoms import symptoms
@@ -61,6 +62,16 @@ def diagnose(
     tell = progress or (lambda text: None)
     tell("checking the recording")
     recording, warnings = prepare(recording)
+    fresh, off = settling(recording)
+    settled: tuple[LeftOver, ...] = ()
+    if fresh:
+        first = "the first episode" if fresh == 1 else f"the first {fresh} episodes"
+        settled = (LeftOver(f"under load {first} read otherwise than the later ones of the same motion", off, UNUSUAL),)
+        warnings += (
+            f"{first}, of a motion that is repeated, read otherwise than the later ones ({off:.1f} times as far off as "
+            "those are): the sensor had not settled. They are left out; the model is that of the settled sensor",
+        )
+        recording = after(recording, fresh)
     thresholds = Thresholds()
     found = explain(recording, causes, thresholds=thresholds, tolerance=Tolerance(), progress=progress)
     assert recording.simulated is not None
@@ -74,11 +85,16 @@ def diagnose(
     clear = any(item.statistic > CLEAR * item.limit for item in structure)
     if found.found and clear and share is not None and share.value < LITTLE:
         found, squares = _nothing(found, simulated), replace(squares, after=squares.before, prediction=simulated)
+    structure = (*settled, *structure)
     tell("comparing with a black box")
     black, note = _ceiling(problem, simulated, seed, jobs)
     tell("looking for what would do as well")
     rivals = rivals_of(found, thresholds.material * problem.samples / 2)
-    named = _named(found, squares, rivals, seed)
+    searched = [name for name in causes or known_causes() if name not in found.not_searched]
+    rivals = with_untold(problem, rivals, searched)
+    parameters = parameters_of(found)
+    warnings += _at_bounds(found)
+    named = _named(found, squares, rivals, parameters, seed)
     one = len(problem.episodes) == 1
     verdict = _verdict(named, structure, one)
     missing = {**found.not_searched, **_not_excited(problem, found, set(causes or known_causes()))}
@@ -93,12 +109,22 @@ def diagnose(
         symptoms=symptoms(problem, simulated, found.prediction, recording.pads, warnings=warnings, left_over=structure),
         advice=advice(
             [(item.name, item.rivals) for item in named],
-            missing,
+            {name: why for name, why in missing.items() if not cause(name).barred(problem)},
             unexplained=bool(structure),
             episodes=len(problem.episodes),
         ),
         model=found.model,
+        intervals=model_intervals(found, parameters),
     )
+
+
+def after(recording: Recording, first: int) -> Recording:
+    """The recording without its first episodes that have a load."""
+    assert recording.simulated is not None
+    load = np.abs(recording.simulated).max(axis=(1, 2, 3, 4))
+    numbers = list(dict.fromkeys(recording.episode.tolist()))
+    loaded = [number for number in numbers if load[recording.episode == number].max() > 0.5 * load.max()]
+    return recording.select(numbers[numbers.index(loaded[first]) :])
 
 
 def _verdict(named: Sequence[FoundCause], structure: Sequence[LeftOver], one: bool) -> Verdict:
@@ -128,10 +154,28 @@ def _ceiling(problem: Problem, simulated: FloatArray, seed: int, jobs: int) -> t
         return None, str(error)
 
 
+def _at_bounds(found: Explanation) -> tuple[str, ...]:
+    """Numbers that would go on beyond what is allowed: what they are part of is not to be believed as it stands."""
+    lines = []
+    for item in found.found:
+        for free in cause(item.name).free(found.problem):
+            value = item.values.get(free.name)
+            at = [bound for bound in (free.low, free.high) if bound != free.neutral and value == bound]
+            if at and free.material is not None:
+                lines.append(
+                    f"{free.name} of {item.name} is at its bound, {at[0]:g} {free.unit}: other causes may hold it there"
+                )
+    return tuple(lines)
+
+
 def _named(
-    found: Explanation, squares: Squares, rivals: Mapping[str, tuple[str, ...]], seed: int
+    found: Explanation,
+    squares: Squares,
+    rivals: Mapping[str, tuple[str, ...]],
+    parameters: Mapping[str, tuple[FittedParameter, ...]],
+    seed: int,
 ) -> tuple[FoundCause, ...]:
-    gains, parameters = gains_of(found, squares, seed), parameters_of(found)
+    gains = gains_of(found, squares, seed)
     causes = [
         FoundCause(
             item.name,

@@ -25,6 +25,11 @@ def load_aligned(
     if max_gap is not None and not max_gap > 0:
         raise InvalidValueError(f"max_gap must be a positive time in s, got {max_gap!r}")
     wanted = None if pads is None else _names(pads)
+    if path.name.endswith(".sensor.csv"):
+        from paxisim.logs.eflesh import read_eflesh
+
+        found = read_eflesh(path)
+        return found if wanted is None else found.choose(wanted)
     if suffix == ".csv":
         from paxisim.logs.csv import read_csv
 

@@ -15,6 +15,7 @@ import numpy as np
 from paxisim.augment import (
     axis_coupling,
     chain,
+    channel_curve,
     creep,
     crosstalk,
     dead_band,
@@ -89,6 +90,11 @@ EXAMPLES: dict[str, Example] = {
             ]
         ),
         linear=True,
+    ),
+    "ChannelCurve": Example(
+        lambda rng: channel_curve.ChannelCurve(
+            rng.uniform(-0.3, 0.3, (4, *FRAME)), rng.uniform(-2.1, -1.9), rng.uniform(1.4, 1.6)
+        )
     ),
     "Creep": Example(
         lambda rng: creep.Creep(rng.uniform(-0.1, 0.25, 3), 10 ** rng.uniform(-2, 1, 3)),

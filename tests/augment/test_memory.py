@@ -277,6 +277,40 @@ def test_any_signal_is_delayed_exactly_if_the_frames_suffice(kind, delay):
     np.testing.assert_allclose(y, np.interp(time - delay, time, x), atol=1e-11)
 
 
+@both
+@pytest.mark.parametrize("delay", [-0.02, -0.13])
+def test_a_delay_below_zero_reads_ahead_in_a_sequence(kind, delay):
+    rng = np.random.default_rng(0)
+    time, x = times(kind, 5.0, 200), rng.normal(size=200)
+    y = respond(Latency(delay), x, time)
+    np.testing.assert_allclose(y, np.interp(time - delay, time, x), atol=1e-11)
+    (again,) = Chain.from_json(Chain([Latency(delay)]).to_json())
+    np.testing.assert_array_equal(respond(again, x, time), y)
+    np.testing.assert_allclose(respond(Chain([Latency(-delay), Latency(delay)]), time, time)[20:-20], time[20:-20])
+    np.testing.assert_array_equal(respond(Latency(delay), [3.0], [0.0]), [3.0])
+
+
+def test_no_stream_reads_ahead():
+    frame = np.zeros(FRAME)
+    with pytest.raises(InvalidValueError, match=r"Latency: with a delay of -0\.04 s .* delay the simulated stream"):
+        Latency(-0.04).initial_state(frame)
+    with pytest.raises(InvalidValueError, match="the simulated stream"):
+        Chain([LowPass(0.1), Latency(np.array(-0.04))]).initial_state(frame)
+
+
+@pytest.mark.parametrize("wrong", [{"delay": np.array([-0.01, 0.02])}, {"delay": -0.02, "jitter": 0.01}])
+def test_a_delay_below_zero_is_one_number_without_jitter(wrong):
+    with pytest.raises(InvalidValueError, match="Latency: a delay below 0 must be one number, without jitter"):
+        Latency(**wrong)
+
+
+@needs_torch
+def test_torch_reads_ahead_as_numpy_does():
+    time, x = times("irregular", 5.0, 50), np.random.default_rng(0).normal(size=(50, *FRAME))
+    ours = Latency(torch.tensor(-0.1, dtype=torch.float64)).run(torch.as_tensor(x), time)
+    np.testing.assert_allclose(ours.numpy(), Latency(-0.1).run(x, time), atol=1e-12)
+
+
 @pytest.mark.parametrize("frames", [1, 2, 5, 14])
 def test_a_delay_of_whole_frames_is_a_shift(frames):
     x = np.random.default_rng(0).normal(size=100)

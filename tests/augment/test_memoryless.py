@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from paxisim.augment.axis_coupling import AxisCoupling
 from paxisim.augment.chain import Chain
+from paxisim.augment.channel_curve import ChannelCurve
 from paxisim.augment.crosstalk import Crosstalk
 from paxisim.augment.dead_band import DeadBand
 from paxisim.augment.dead_taxels import DeadTaxels
@@ -39,6 +40,23 @@ def press(row, col, rows=7, cols=7, newtons=1.0):
     x = np.zeros((1, 3, rows, cols))
     x[0, 2, row, col] = newtons
     return x
+
+
+class TestChannelCurve:
+    def test_the_worked_example(self):
+        curve = ChannelCurve(np.reshape([0.0, 0.4, 0.2], (3, 1, 1, 1, 1)), 0.0, 2.0)
+        y = [curve(taxel(0, 0, x))[0, 2, 0, 0] for x in (0, 0.5, 1, 3)]
+        np.testing.assert_allclose(y, [0, 0.7, 1.4, 3.2])
+
+    def test_each_channel_has_its_own_and_beyond_the_ends_the_error_stays(self):
+        error = np.random.default_rng(0).normal(size=(5, 2, 3, 6, 5))
+        curve = ChannelCurve(error, -1.0, 3.0)
+        for load, at in ((-7.0, 0), (-1.0, 0), (0.0, 1), (3.0, 4), (50.0, 4)):
+            np.testing.assert_allclose(curve(np.full((2, 3, 6, 5), load)), load + error[at])
+
+    def test_one_knot_is_an_offset(self):
+        x = frame()
+        np.testing.assert_allclose(ChannelCurve(np.full((1, 1, 1, 1, 1), 0.3))(x), x + 0.3)
 
 
 class TestOffset:

@@ -1,0 +1,100 @@
+"""What a diagnosis makes of a real sensor: ``python benchmarks/eflesh.py FOLDER``.
+
+FOLDER holds two recordings of eFlesh, ``press_1`` and ``press_2`` (see `paxisim.logs.eflesh`). The linear readout of
+the load cell and everything else is fitted to the first; the second is what all are judged on, in the channels' unit::
+
+    NRMSE = sqrt(sum (measured - predicted)^2 / sum measured^2)    over all samples and channels of press_2
+
+The last columns take the linear readout's error as 1.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy
+
+import numpy as np
+
+import paxisim
+from paxisim.diagnose.prepare import prepare
+from paxisim.diagnose.repeats import settling
+from paxisim.diagnose.run import after
+
+LAGS = (1, 2, 4, 8, 16, 32)  # samples that the black box may look back
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--seed", type=int, default=0)
+    arguments = parser.parse_args()
+    first, second = (paxisim.Recording.load(arguments.folder / f"press_{n}.sensor.csv") for n in (1, 2))
+    known = np.isfinite(second.covariates["load"])
+    first, second = first[np.isfinite(first.covariates["load"])], second[known]
+    readout = paxisim.calibrate_readout(first, "load")
+    fitted, held = readout.apply(first), readout.apply(second)
+    cut = prepare(fitted)[0]
+    settled = len(cut) - len(after(cut, settling(cut)[0]))  # samples before
+
+    measured = second.measured.astype(np.float64)
+    scale = np.sum(measured**2)
+
+    def nrmse(predicted: np.ndarray) -> float:
+        return float(np.sqrt(np.sum((measured - predicted) ** 2) / scale))
+
+    linear = nrmse(readout.to_channels(held.simulated))
+
+    def row(name: str, predicted: np.ndarray, before: float | None = None) -> float:
+        value = nrmse(predicted)
+        step = "" if before is None else f"{before**2 - value**2:9.5f} of the squares"
+        print(f"{name:<46} {value:8.4f} {value / linear:7.3f} {step}", flush=True)
+        return value
+
+    def apart(model: Callable, start: int = 0) -> np.ndarray:
+        """Channel by channel, of the load."""
+        load, later = first.covariates["load"], second.covariates["load"]
+        flat = first.measured.reshape(len(first), -1).astype(np.float64)
+        return np.stack([model(load[start:], c[start:], later) for c in flat.T], axis=1).reshape(measured.shape)
+
+    print(f"{'':<46} {'NRMSE':>8} {'ratio':>7}")
+    row("linear readout", readout.to_channels(held.simulated))
+    row("cubic of the load, a channel each", apart(lambda x, y, z: np.polyval(np.polyfit(x, y, 3), z)))
+    row("the same, settled cycles only", apart(lambda x, y, z: np.polyval(np.polyfit(x, y, 3), z), settled))
+    row("black box (boosting on the load's past)", apart(lambda x, y, z: _boost(x, y, z, arguments.seed)))
+    row("the same, settled cycles only", apart(lambda x, y, z: _boost(x, y, z, arguments.seed), settled))
+    begin = time.perf_counter()
+    found = paxisim.diagnose(fitted, seed=arguments.seed, progress=lambda text: print(text, file=sys.stderr))
+    seconds = time.perf_counter() - begin
+    last = row("extended model", readout.to_channels(found.model.run(held.simulated.astype(float), held.time)))
+    print(f"\n{found}\n\nThe parts of the gain, in the order of the causes; each set is fitted anew to press_1")
+    before = row("linear readout", readout.to_channels(held.simulated))
+    before = row("+ settled cycles only", apart(lambda x, y, z: np.polyval(np.polyfit(x, y, 1), z), settled), before)
+    names = [cause.name for cause in found.causes]
+    for count in range(1, len(names)):
+        part = paxisim.diagnose(fitted, names[:count], seed=arguments.seed)
+        model = part.model.run(held.simulated.astype(float), held.time)
+        before = row(f"+ {names[count - 1]}", readout.to_channels(model), before)
+    if names:
+        print(f"{'+ ' + names[-1]:<46} {last:8.4f} {last / linear:7.3f} {before**2 - last**2:9.5f} of the squares")
+    print(f"\ndiagnosed in {seconds:.0f} s")
+
+
+def _boost(load: np.ndarray, channel: np.ndarray, later: np.ndarray, seed: int) -> np.ndarray:
+    from sklearn.ensemble import HistGradientBoostingRegressor
+
+    def past(x: np.ndarray) -> np.ndarray:
+        return np.stack([x, *(x - np.concatenate([np.full(lag, x[0]), x[:-lag]]) for lag in LAGS)], axis=1)
+
+    model = HistGradientBoostingRegressor(max_iter=150, max_leaf_nodes=24, min_samples_leaf=40, random_state=seed)
+    return model.fit(past(load), channel).predict(past(later))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,133 @@
+"""FittedGCS: domain randomisation around a sensor model that was fitted to measurements."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from paxisim.augment.chain import Chain
+from paxisim.augment.gcs import GCS, PAPER_LAYOUT, uniform
+from paxisim.augment.latency import Latency
+from paxisim.augment.parameter import as_like, parameters
+from paxisim.augment.transform import Transform
+from paxisim.errors import InvalidValueError, UnknownNameError
+from paxisim.layout import TaxelLayout
+
+
+@dataclass(frozen=True)
+class FittedGCS(GCS):
+    """GCS whose chains are those of a fitted model, its parameters drawn within what the data leaves open.
+
+    The fit says what C and S of the paper had to guess, so `convolution`, `scaling` and their ranges are of no use
+    here; the surfaces (G) are drawn as in `GCS`, as no fit tells them. Every number that has an interval is drawn from
+    the uniform distribution over it, each by itself; all others are those of the model. The 90 % intervals of a
+    diagnosis are meant: uniform, as a policy should see their ends as often as their middle.
+
+    A latency below 0 says how a recording's streams lay on the clock and is nothing that a sensor does: it is left out,
+    so that the chains can be stepped.
+
+    Example:
+        ```python
+        found = paxisim.diagnose(recording)
+        gcs = paxisim.GCS.around(found.model, found.intervals)
+        chain = gcs.sample(np.random.default_rng(0), (4096,))  # one for each environment
+        ```
+
+    Attributes:
+        model: The fitted chain.
+        intervals: By member of the chain and parameter, lowest and highest value of the parameter's own shape:
+            ``{"creep": {"amplitude": ([0.1, 0.0], [0.2, 0.1])}}``. A member that is itself a chain has such a mapping
+            of its members.
+
+    Raises:
+        UnknownNameError: There is no such member or parameter.
+        InvalidValueError: Bounds that are not finite, not in order, or not of the parameter's shape.
+    """
+
+    model: Chain = field(default_factory=Chain)
+    intervals: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Check the choices and the intervals."""
+        super().__post_init__()
+        if not isinstance(self.model, Chain):
+            raise InvalidValueError(f"GCS.around: the model must be a Chain, got {type(self.model).__name__}")
+        _check(self.model, self.intervals)
+
+    def sample(
+        self, rng: Any, batch_shape: tuple[int, ...] = (), *, layout: TaxelLayout = PAPER_LAYOUT, pads: int = 2
+    ) -> Chain:
+        """Draw a chain like the model.
+
+        Args:
+            rng: As for `GCS.sample`.
+            batch_shape: Leading dimensions of the frames that get parameters of their own.
+            layout: Not needed: the model is of one layout.
+            pads: Not needed.
+
+        Returns:
+            The model's members under their names; a drawn parameter is float32, ``(*batch, ...)`` its own shape.
+        """
+        return _drawn(self.model, self.intervals, rng, tuple(batch_shape))
+
+    def sample_taxels(
+        self, rng: Any, batch_shape: tuple[int, ...], taxels: tuple[int, int, int], positions: TaxelLayout | None
+    ) -> Chain:
+        """`sample`, as ``paxisim.augment.torch.GCS`` calls it."""
+        return _drawn(self.model, self.intervals, rng, tuple(batch_shape))
+
+
+def _check(chain: Chain, intervals: Mapping[str, Any]) -> None:
+    for name, own in intervals.items():
+        member = chain[name]
+        if not isinstance(own, Mapping):
+            raise InvalidValueError(f"GCS.around: the intervals of {name} must be a mapping by parameter, got {own!r}")
+        if isinstance(member, Chain):
+            _check(member, own)
+            continue
+        for parameter, bounds in own.items():
+            if parameter not in parameters(member):
+                raise UnknownNameError(f"parameter of {name}", parameter, parameters(member))
+            shape = np.shape(getattr(member, parameter))
+            try:
+                low, high = (np.asarray(bound, dtype=np.float64) for bound in bounds)
+            except (TypeError, ValueError) as error:
+                raise InvalidValueError(
+                    f"GCS.around: {name}.{parameter} must be (low, high), got {bounds!r}"
+                ) from error
+            if low.shape != shape or high.shape != shape:
+                raise InvalidValueError(
+                    f"GCS.around: the bounds of {name}.{parameter} must have its shape {shape}, got {low.shape} and "
+                    f"{high.shape}"
+                )
+            if not (np.isfinite(low).all() and np.isfinite(high).all() and np.all(low <= high)):
+                raise InvalidValueError(f"GCS.around: the bounds of {name}.{parameter} must be finite and in order")
+
+
+def _drawn(chain: Chain, intervals: Mapping[str, Any], rng: Any, batch: tuple[int, ...]) -> Chain:
+    members, names = [], []
+    for name, member in zip(chain.names, chain.members, strict=True):
+        own = intervals.get(name, {})
+        if isinstance(member, Latency) and float(member.delay) < 0:
+            continue
+        members.append(_drawn(member, own, rng, batch) if isinstance(member, Chain) else _one(member, own, rng, batch))
+        names.append(name)
+    return Chain(members, names)
+
+
+def _one(member: Transform, intervals: Mapping[str, Any], rng: Any, batch: tuple[int, ...]) -> Transform:
+    values = {}
+    for name, about in parameters(member).items():
+        if name not in intervals:
+            continue
+        low, high = (np.asarray(bound, dtype=np.float64) for bound in intervals[name])
+        if isinstance(member, Latency):
+            low = np.maximum(low, 0.0)
+        share = uniform(rng, (*batch, *low.shape), (0.0, 1.0))
+        low, high = as_like(low, share), as_like(high, share)
+        values[name] = (low + (high - low) * share).clip(min=about.low, max=about.high)  # for rounding
+    return dataclasses.replace(member, **values) if values else member  # type: ignore[type-var]

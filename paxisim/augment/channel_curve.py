@@ -1,0 +1,59 @@
+"""ChannelCurve: each channel answers to the load along a curve of its own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from paxisim.augment.modes import each_mode
+from paxisim.augment.parameter import as_like, namespace, parameter
+from paxisim.augment.transform import Covariates, Transform
+
+
+@dataclass(frozen=True, eq=False)
+class ChannelCurve(Transform):
+    """The reading of each channel is off by an amount that depends on the load: a curve through M knots.
+
+    The knots stand at M loads from `low` to `high`, equally far apart; ``error_m`` is what the channel reads too much
+    at the m-th. Between knots the error runs straight, beyond the ends it stays as it is there, so that nothing runs
+    away outside of what was measured. A single axis of a magnetometer is bent by where it lies in the field, one up,
+    another down: a law that all taxels share (`Stiffening`, `Saturation`) cannot say that.
+
+    Example:
+        ``ChannelCurve(error, low=0.0, high=2.0)`` with knots at 0, 1 and 2 N and errors of 0, 0.4 and 0.2 N:
+
+        | x (N) | y (N) |
+        |---|---|
+        | 0 | 0 |
+        | 0.5 | 0.7 |
+        | 1 | 1.4 |
+        | 3 | 3.2 |
+
+    The range is ours.
+
+    Attributes:
+        error: ``(..., M, pads, 3, rows, cols)`` reading less load at each knot (N); any of the last four may be 1 long.
+        low: ``(...)`` load at the first knot (N).
+        high: ``(...)`` load at the last knot (N), above `low`.
+    """
+
+    error: Any = parameter((((((0.0,),),),),), "mpkrc", unit="N", typical=(-0.3, 0.3))
+    low: Any = parameter(0.0, unit="N")
+    high: Any = parameter(1.0, unit="N")
+
+    def apply(self, x: Any, covariates: Covariates) -> Any:
+        """See `Transform.apply`."""
+        xp = namespace(x)
+        low, high = self.fit("low", x), self.fit("high", x)
+        error = self.fit("error", each_mode(x))
+        return x + xp.sum(error * hats(x, low, high, error.shape[-5]), axis=-5)
+
+
+def hats(x: Any, low: Any, high: Any, count: int) -> Any:
+    """How much each of `count` knots has to say at the loads `x`: ``(*batch, count, pads, 3, rows, cols)``, sum 1."""
+    xp = namespace(x)
+    width = high - low
+    place = (x - low) / xp.where(width > 0, width, xp.ones_like(width)) * (count - 1)
+    place = each_mode(xp.clip(place, 0, count - 1))
+    knots = as_like(list(range(count)), x).reshape(count, 1, 1, 1, 1)
+    return xp.clip(1 - xp.abs(place - knots), 0, 1)

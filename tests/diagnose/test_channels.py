@@ -1,0 +1,78 @@
+"""Sensors whose channels are no newtons are diagnosed, and what one load cannot tell is said."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from field_sensor import press
+
+import paxisim
+from paxisim.diagnose.engine import explain
+from paxisim.diagnose.prepare import prepare
+from paxisim.diagnose.problem import Tolerance, problem_of
+from paxisim.diagnose.repeats import one_speed, settling
+from paxisim.diagnose.run import diagnose
+
+CAUSES = ("channel_curve", "latency", "hysteresis", "rotation", "stiffening", "offset")
+
+
+def ready(recording):
+    return prepare(paxisim.calibrate_readout(recording, "load").apply(recording))[0]
+
+
+def test_curves_of_the_channels_and_a_late_load_cell_are_named():
+    given = ready(press(lead=0.2))
+    found = explain(given, CAUSES)
+    assert {item.name for item in found.found} == {"channel_curve", "latency"}
+    (latency,) = (item for item in found.found if item.name == "latency")
+    assert latency.values["delay"] == pytest.approx(-0.2, abs=0.01)
+    assert found.energy.sum() < 1.2 * found.problem.samples
+    for name in ("rotation", "stiffening", "offset"):
+        assert name in found.not_searched
+    other = press(seed=1, lead=0.2)
+    readout = paxisim.calibrate_readout(press(lead=0.2), "load")
+    held = readout.apply(other)
+    error = readout.to_channels(found.model.run(held.simulated.astype(float), held.time)) - other.measured
+    assert np.sqrt(np.mean(error**2)) < 1.5 * 1.5  # of the noise
+
+
+def test_a_straight_sensor_has_no_curve():
+    assert explain(ready(press(bend=0.0)), CAUSES).found == ()
+
+
+def test_force_sensors_have_no_curve_a_channel():
+    force = np.zeros((200, 1, 3, 2, 2))
+    force[:, 0, 2] = 1 + np.sin(np.arange(200) / 9)[:, None, None]
+    force[:, 0, 2, 1, 1] *= 2
+    noise = np.random.default_rng(0).normal(size=force.shape) * 0.05
+    recording = paxisim.Recording(np.arange(200) / 20, force + noise, force)
+    assert "channel_curve" in explain(recording, ("channel_curve",)).not_searched
+
+
+def test_one_speed_cannot_tell_creep_from_hysteresis():
+    assert one_speed(problem_of(ready(press()), Tolerance()))
+    assert not one_speed(problem_of(ready(press(periods=(6.0, 20.0))), Tolerance()))
+
+
+def test_a_sensor_that_settles_is_told_and_its_first_presses_left_out():
+    assert settling(ready(press()))[0] == 0
+    fresh, off = settling(ready(press(fresh=0.1)))
+    assert 1 <= fresh <= 4
+    assert off > 4
+    found = diagnose(paxisim.calibrate_readout(press(fresh=0.1), "load").apply(press(fresh=0.1)), CAUSES)
+    assert any("had not settled" in warning for warning in found.symptoms.warnings)
+    assert any("read otherwise than the later ones" in item.what for item in found.symptoms.left_over)
+    assert found.verdict == "partly_explained"
+
+
+def test_different_motions_say_nothing_of_settling():
+    assert settling(ready(press(fresh=0.1, periods=(6.0, 20.0, 11.0))))[0] >= 1  # by phase they are one motion
+    uneven = press(fresh=0.1)
+    half = np.arange(len(uneven)) > len(uneven) // 2
+    uneven.measured[half] *= 0.5
+    uneven.covariates["load"][half] *= 0.5
+    assert settling(ready(uneven)) == (0, 0.0)

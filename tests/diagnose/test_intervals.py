@@ -1,0 +1,70 @@
+"""A diagnosis' intervals are those of its model's parameters, and GCS draws around the model with them."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from hidden.cases import make
+
+from paxisim import GCS
+from paxisim.diagnose import Diagnosis
+from paxisim.diagnose.run import diagnose
+from paxisim.recording import Recording
+
+
+@pytest.fixture(scope="module", params=["rotation", "creep", "low_pass", "taxel_gain"])
+def found(request):
+    case = make((request.param,), seed=5, rows=4, cols=3, duration=5.0, strength=0.9)
+    recording = Recording(case.time, case.measured, case.simulated, case.covariates, case.episode)
+    return diagnose(recording, (request.param,), seed=1)
+
+
+def leaves(intervals, model):
+    for name, own in intervals.items():
+        member = model[name]
+        if hasattr(member, "members"):
+            yield from leaves(own, member)
+        else:
+            for parameter, (low, high) in own.items():
+                yield member, parameter, low, high
+
+
+def test_the_fit_is_within_the_intervals(found):
+    every = list(leaves(found.intervals, found.model))
+    assert every
+    for member, parameter, low, high in every:
+        value = np.asarray(getattr(member, parameter), dtype=float)
+        assert np.all((low <= value) & (value <= high))
+
+
+def test_the_ends_are_those_of_the_causes_numbers(found):
+    (cause,) = found.causes
+    if cause.name != "rotation":
+        pytest.skip("its numbers have other names than its transform's parameters")
+    ((low, high),) = found.intervals["rotation"].values()
+    np.testing.assert_allclose(np.ravel(low), [p.value.low for p in cause.parameters])
+    np.testing.assert_allclose(np.ravel(high), [p.value.high for p in cause.parameters])
+
+
+def test_gcs_draws_around_a_diagnosis_and_one_that_was_saved(found, tmp_path):
+    found.save(tmp_path / "out")
+    loaded = Diagnosis.load(tmp_path / "out")
+    chains = [
+        GCS.around(diagnosis.model, diagnosis.intervals).sample(np.random.default_rng(0), (50,))
+        for diagnosis in (found, loaded)
+    ]
+    assert chains[0].to_json() == chains[1].to_json()
+    for member, parameter, low, high in leaves(found.intervals, found.model):
+        drawn = [m for chain in chains for m in flat(chain) if type(m) is type(member)]
+        values = np.asarray(getattr(drawn[0], parameter))
+        assert values.shape == (50, *low.shape)
+        assert np.ptp(values, axis=0)[high > low].min() > 0
+
+
+def flat(chain):
+    for member in chain:
+        yield from flat(member) if hasattr(member, "members") else (member,)

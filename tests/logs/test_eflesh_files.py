@@ -1,0 +1,89 @@
+"""eFlesh's recordings: fields of magnetometers beside a robot and a load cell."""
+
+import numpy as np
+import pytest
+
+from paxisim.errors import InvalidValueError
+from paxisim.logs.eflesh import NEWTONS
+from paxisim.recording import Recording
+
+START = 1743486221.5
+
+
+def write(folder, sensor, states, name="press"):
+    for ending, table in (("sensor", sensor), ("states", states)):
+        rows = "\n".join(",".join(repr(float(value)) for value in row) for row in table)
+        (folder / f"{name}.{ending}.csv").write_text(rows + "\n", encoding="utf-8")
+    return folder / f"{name}.sensor.csv"
+
+
+def tables(count=20, magnetometers=5):
+    time = START + 0.1 * np.arange(count)
+    sensor = np.column_stack([time, np.arange(count * 3 * magnetometers).reshape(count, -1)])
+    states = np.column_stack(
+        [time + 0.05, np.full(count, 315.0), np.full(count, -100.0), 288.0 - np.arange(count), 100.0 * np.arange(count)]
+    )
+    return sensor, states
+
+
+def test_magnetometers_are_taxels_in_microtesla_beside_the_load_in_newtons(tmp_path):
+    sensor, states = tables()
+    recording = Recording.load(write(tmp_path, sensor, states))
+    assert recording.measured.shape == (20, 1, 3, 1, 5)
+    np.testing.assert_array_equal(recording.measured[7, 0, :, 0, 2], sensor[7, 1 + 6 : 1 + 9])
+    assert recording.metadata["unit"] == "uT"
+    np.testing.assert_allclose(recording.time, 0.1 * np.arange(20), atol=1e-6)
+    load = recording.covariates["load"]
+    assert np.isnan(load[0])  # the load cell's first reading came later
+    np.testing.assert_allclose(load[1:], (np.arange(1, 20) - 0.5) * 100 * NEWTONS, rtol=1e-5)
+    np.testing.assert_allclose(recording.covariates["robot_z"][1:], 0.288 - 1e-3 * (np.arange(1, 20) - 0.5), rtol=1e-5)
+
+
+def test_minus_one_is_no_reading_and_long_gaps_are_not_bridged(tmp_path):
+    sensor, states = tables(60)
+    states[3:5, 4] = -1
+    states[20:45, 4] = -1  # 2.6 s from one reading to the next
+    load = Recording.load(write(tmp_path, sensor, states)).covariates["load"]
+    np.testing.assert_allclose(load[4], 350 * NEWTONS, rtol=1e-5)
+    assert np.isnan(load[21:45]).all()
+    assert np.isfinite(load[1:20]).all()
+
+
+def test_any_number_of_magnetometers_and_pads_by_name(tmp_path):
+    path = write(tmp_path, *tables(magnetometers=2))
+    recording = Recording.load(path, pads=["eflesh"])
+    assert recording.measured.shape[1:] == (1, 3, 1, 2)
+    with pytest.raises(LookupError, match="eflesh"):
+        Recording.load(path, pads=["left"])
+
+
+@pytest.mark.parametrize(
+    ("spoil", "match"),
+    [
+        (lambda sensor, states: (sensor[:, :-1], states), "expected a time and x, y, z of each magnetometer"),
+        (lambda sensor, states: (sensor, states[:, :-1]), "expected time, x, y, z and force"),
+        (lambda sensor, states: (sensor, states * [1, 1, 1, 1, 0] - [0, 0, 0, 0, 1]), "no reading at all"),
+        (lambda sensor, states: (sensor[::-1], states), "time runs back in line 2"),
+        (lambda sensor, states: (sensor * np.nan, states), "line 1 holds no number"),
+    ],
+)
+def test_other_files_are_refused(tmp_path, spoil, match):
+    with pytest.raises(InvalidValueError, match=match):
+        Recording.load(write(tmp_path, *spoil(*tables())))
+
+
+def test_the_other_file_is_needed(tmp_path):
+    path = write(tmp_path, *tables())
+    (tmp_path / "press.states.csv").unlink()
+    with pytest.raises(FileNotFoundError, match=r"there is no .*press\.states\.csv"):
+        Recording.load(path)
+
+
+def test_text_is_refused(tmp_path):
+    path = write(tmp_path, *tables())
+    path.write_text("time,a,b,c\n1,2,3,4\n", encoding="utf-8")
+    with pytest.raises(InvalidValueError, match="without a header"):
+        Recording.load(path)
+    path.write_text("", encoding="utf-8")
+    with pytest.raises(InvalidValueError, match="is empty"):
+        Recording.load(path)
