@@ -40,6 +40,8 @@ class Free:
             named for, such as a time constant.
         spread: How far from neutral it may be expected: it stays there as long as the data do not say otherwise. None
             where the data always do.
+        together: Numbers of a cause with the same word here act on other channels each, and are tried together.
+        channel: Pad and axis that such a number acts on alone.
     """
 
     name: str
@@ -50,6 +52,8 @@ class Free:
     scale: float
     material: float | None = None
     spread: float | None = None
+    together: str = ""
+    channel: tuple[int, int] = (0, 0)
 
 
 @dataclass(frozen=True)

@@ -174,8 +174,11 @@ def _interference_free(problem: Problem) -> tuple[Free, ...]:
     for power, unit, scale, spread in _FIELD:
         for place in ("", "row_", "column_"):
             material = 0.4 if power == "linear" and not place else None
-            names = [f"{power}_{place}pad{p}_{axis}" for p in range(pads) for axis in AXES]
-            free += [Free(n, unit, 0.0, -1e4 * scale, 1e4 * scale, scale, material, spread) for n in names]
+            for pad in range(pads):
+                for k, axis in enumerate(AXES):
+                    name, shape = f"{power}_{place}pad{pad}_{axis}", power + place
+                    bounds = (-1e4 * scale, 1e4 * scale)
+                    free.append(Free(name, unit, 0.0, *bounds, scale, material, spread, shape, (pad, k)))
     return tuple(free)
 
 

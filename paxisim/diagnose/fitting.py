@@ -76,6 +76,11 @@ class _Stages:
         self._slope: FloatArray | None = None
         self._solved: Fitted = {}
 
+    @property
+    def channels(self) -> tuple[int, ...]:
+        """Pads, axes, rows and columns."""
+        return self._problem.alive.shape
+
     def predict(self, values: Fitted) -> tuple[FloatArray, Fitted]:
         """What the causes make of the simulated stream, and the values, with the arrays that were solved for."""
         x, full = self._problem.simulated, values
@@ -177,16 +182,12 @@ def fit(problem: Problem, causes: Sequence[Cause], start: Fitted | None = None, 
 
     def away(values: Fitted) -> FloatArray:
         """How far the parameters are from what is expected of them, in units of their spread."""
-        return held * (np.array([values[n][i] for n, i, _ in free], dtype=np.float64) - neutral)
+        return np.asarray(held * (np.array([values[n][i] for n, i, _ in free]) - neutral), dtype=np.float64)
 
     best, off = stages.residual(values), away(values)
     energy, damping = float(best @ best + off @ off), 1e-3
     for _ in range(steps if free else 0):
-        slopes = np.empty((len(free), len(best)))
-        for row, (name, index, about) in enumerate(free):
-            step = _step(values, name, index, about)
-            slopes[row] = stages.slope(_moved(values, name, index, step), name)
-            slopes[row] *= about.scale / step
+        slopes = _slopes(stages, values, free, len(best))
         normal = slopes @ slopes.T + np.diag((held * scale) ** 2)
         right = slopes @ best + held * scale * off
         before = energy
@@ -210,6 +211,25 @@ def fit(problem: Problem, causes: Sequence[Cause], start: Fitted | None = None, 
         if before - energy < 1e-4 * before:
             break
     return fit_of(whole, causes, values)
+
+
+def _slopes(stages: _Stages, values: Fitted, free: Sequence[tuple[str, int, Free]], size: int) -> FloatArray:
+    """``(free, size)`` by how much the residual changes with each number, in units of its scale."""
+    slopes = np.zeros((len(free), size))
+    shape = stages.channels
+    tried: dict[tuple[str, str], FloatArray] = {}
+    for row, (name, index, about) in enumerate(free):
+        if about.together:
+            key = name, about.together
+            if key not in tried:
+                moved = values[name].copy()
+                moved[[i for n, i, f in free if (n, f.together) == key]] += _PROBE * about.scale
+                tried[key] = stages.slope({**values, name: moved}, name).reshape(-1, *shape) / _PROBE
+            slopes[row].reshape(-1, *shape)[(slice(None), *about.channel)] = tried[key][(slice(None), *about.channel)]
+        else:
+            step = _step(values, name, index, about)
+            slopes[row] = stages.slope(_moved(values, name, index, step), name) * (about.scale / step)
+    return slopes
 
 
 def fit_of(problem: Problem, causes: Sequence[Cause], values: Fitted) -> Fit:
@@ -236,6 +256,8 @@ def _best_probe(problem: Problem, item: Cause, values: Fitted, stages: _Stages) 
     """The probe, taken as far as it helps, with which a cause begins beside `values`."""
     free = item.free(problem)
     neutral = np.array([f.neutral for f in free])
+    if all(f.together for f in free):  # many that are told from one another at once
+        return neutral
     low, high = np.array([f.low for f in free]), np.array([f.high for f in free])
     defining = np.array([f.material is not None for f in free])
     base = stages.residual({**values, item.name: neutral})

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from paxisim import augment
-from paxisim.diagnose.cause import TAXEL_GAIN, Cause, cause, known_causes
+from paxisim.diagnose.cause import Cause, cause, known_causes
 from paxisim.diagnose.engine import Explanation, Named
 from paxisim.diagnose.problem import FloatArray, Problem
 from paxisim.diagnose.tangent import tangent_of
