@@ -98,7 +98,7 @@ class Parameters:
     """
 
     handle_size: float = 30e-3
-    handle_height: float = 30e-3
+    handle_height: float = 35e-3
     peg_size: float = 20e-3
     peg_length: float = 35e-3
     density: float = 1000.0
