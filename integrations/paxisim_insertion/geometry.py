@@ -55,6 +55,11 @@ def keypoints(parameters: Parameters) -> NDArray[np.floating]:
     return np.array([(x, y, z) for x in (-half, half) for y in (-half, half) for z in (0.0, top)])
 
 
+def contact_attributes(parameters: Parameters) -> dict[str, str]:
+    """Attributes of a geom that make printed plastic of it: a push of 20 N sinks in by less than a tenth of a mm."""
+    return {"friction": f"{parameters.friction} 0.005 0.0001", "solref": "0.006 1", "solimp": "0.99 0.995 0.0005"}
+
+
 def to_mjcf(pieces: Pieces, name: str, rgba: str, **attributes: str) -> tuple[list[ET.Element], list[ET.Element]]:
     """The pieces as MJCF.
 

@@ -14,7 +14,7 @@ from robosuite.environments.manipulation.manipulation_env import ManipulationEnv
 from robosuite.models.arenas import TableArena
 from robosuite.models.tasks import ManipulationTask
 
-from .geometry import base_pieces, peg_pieces, to_mjcf
+from .geometry import base_pieces, contact_attributes, peg_pieces, to_mjcf
 from .reward import Insertion, insertion, reward_terms, weighted
 from .tasks import Parameters, Task
 
@@ -165,7 +165,7 @@ class InsertionScene(ManipulationEnv):
         arena = TableArena(table_full_size=size, table_offset=(0, 0, TABLE_HEIGHT))
         arena.set_origin([0, 0, 0])
         self.model = ManipulationTask(mujoco_arena=arena, mujoco_robots=[robot], mujoco_objects=[])
-        touched = {"friction": f"{self.parameters.friction} 0.005 0.0001", "solref": "0.008 1"}
+        touched = contact_attributes(self.parameters)
         base = ET.SubElement(self.model.worldbody, "body", {"name": "base", "pos": _text(self.base)})
         geoms, meshes = to_mjcf(base_pieces(self.task, self.parameters), "base", _BASE_COLOUR, **touched)
         base.extend(geoms)
