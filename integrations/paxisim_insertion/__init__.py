@@ -17,7 +17,9 @@ from .tasks import Task as Task
 
 def _register() -> None:
     for name in TASKS:
-        gymnasium.register(f"paxisim/{name}-v0", entry_point="paxisim_insertion.env:InsertionEnv", kwargs={"task": name})
+        gymnasium.register(
+            f"paxisim/{name}-v0", entry_point="paxisim_insertion.env:InsertionEnv", kwargs={"task": name}
+        )
 
 
 _register()

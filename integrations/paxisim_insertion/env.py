@@ -7,9 +7,10 @@ from typing import Any
 import gymnasium
 import mujoco
 import numpy as np
-import paxisim
 from gymnasium import spaces
 from numpy.typing import NDArray
+
+import paxisim
 
 from .methods import find_method
 from .reward import reward_terms, weighted
@@ -40,7 +41,8 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
 
     The episode is truncated after the task's number of steps. It goes on after success, since the paper's bonus is a
     term of every step's reward: an episode that ended with it would be worth less than one that hovers in the hole.
-    ``info["is_success"]`` tells whether the insertion has succeeded in this episode, ``info["reward_terms"]`` the terms.
+    ``info["is_success"]`` tells whether the insertion has succeeded in this episode; ``info["reward_terms"]`` has the
+    reward's terms.
 
     Attributes:
         scene: The robosuite environment.
@@ -86,10 +88,10 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         self._layout, self._pads = self._tactile.pads.layout, len(self._tactile.pads)
         self._history = self.method.history(self.task, self._layout)
         shape = self._history.encoding.shape(self._pads, self._history.k)
-        entries = {"p": _pose_space(1), PRIVILEGED: _pose_space(2)}
+        entries: Any = {"p": _pose_space(1), PRIVILEGED: _pose_space(2)}
         if shape[0]:
             entries["tactile"] = spaces.Box(-LARGEST_FORCE, LARGEST_FORCE, shape, np.float32)
-        self.observation_space = spaces.Dict(entries)
+        self.observation_space: Any = spaces.Dict(entries)
         self.action_space = spaces.Box(-1.0, 1.0, (len(self.task.axes),), np.float32)
         self._axes = list(self.task.axes)
         self._chain: paxisim.Chain = paxisim.Chain([])
@@ -152,9 +154,10 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         if self.render_mode is None:
             return None
         model, data = self.scene.model_and_data
-        if self._renderer is None:
+        renderer = self._renderer
+        if renderer is None:
             try:
-                self._renderer = mujoco.Renderer(model, 480, 640)
+                renderer = self._renderer = mujoco.Renderer(model, 480, 640)
             except Exception as error:  # each OpenGL backend raises its own
                 raise paxisim.UnsupportedError(
                     f"cannot draw the scene ({error}): without a display set MUJOCO_GL=egl or MUJOCO_GL=osmesa"
@@ -163,8 +166,8 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         camera.lookat, camera.distance = self.scene.hole_top + [0, 0, 0.03], 0.4
         camera.azimuth, camera.elevation = 150, -20
         options.geomgroup[0], options.sitegroup[:] = 0, 0
-        self._renderer.update_scene(data, camera, options)
-        return self._renderer.render()
+        renderer.update_scene(data, camera, options)
+        return renderer.render()
 
     def close(self) -> None:
         """Free the renderer."""
@@ -185,7 +188,7 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         seen = np.zeros(6) if self.task.hole_is_hidden else tip
         observation = {"p": seen, PRIVILEGED: np.concatenate([peg, tip])}
         observation = {name: value.astype(np.float32) for name, value in observation.items()}
-        if "tactile" in self.observation_space.spaces:  # type: ignore[attr-defined]
+        if "tactile" in self.observation_space.spaces:
             observation["tactile"] = self._history.read()
         return observation
 

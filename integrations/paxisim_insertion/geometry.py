@@ -50,7 +50,7 @@ def base_pieces(task: Task, parameters: Parameters) -> Pieces:
 
 
 def keypoints(parameters: Parameters) -> NDArray[np.floating]:
-    """``(8, 3)`` corners of the peg's bounding box (m, peg's frame); inserted, they lie there in the base's frame too."""
+    """``(8, 3)`` corners of the peg's bounding box (m, peg's frame). Inserted, they lie there in the base's frame."""
     half, top = parameters.peg_size / 2, parameters.peg_length
     return np.array([(x, y, z) for x in (-half, half) for y in (-half, half) for z in (0.0, top)])
 
@@ -77,11 +77,11 @@ def to_mjcf(pieces: Pieces, name: str, rgba: str, **attributes: str) -> tuple[li
         label = f"{name}_{index}"
         shape = {"name": label, "group": "1", "rgba": rgba, **attributes}
         if isinstance(piece, (trimesh.primitives.Box, trimesh.primitives.Cylinder)):
-            shape["pos"] = _numbers(piece.primitive.transform[:3, 3])
+            shape["pos"] = _numbers(np.asarray(piece.primitive.transform)[:3, 3])
         if isinstance(piece, trimesh.primitives.Box):
             shape |= {"type": "box", "size": _numbers(np.asarray(piece.primitive.extents) / 2)}
         elif isinstance(piece, trimesh.primitives.Cylinder):
-            size = (piece.primitive.radius, piece.primitive.height / 2)
+            size = np.array([piece.primitive.radius, piece.primitive.height], dtype=float) / [1, 2]
             shape |= {"type": "cylinder", "size": _numbers(size)}
         else:
             # MuJoCo moves a mesh to its centre of mass and the geom with it, so that it stays where it was

@@ -40,6 +40,9 @@ class InsertionScene(ManipulationEnv):
         nominal: ``(3, 3)`` rotation of the fingertip that points straight down, its fingers closing along y.
     """
 
+    sim: Any  # robosuite has no types
+    model_timestep: Any
+
     def __init__(
         self,
         task: Task,
@@ -98,7 +101,7 @@ class InsertionScene(ManipulationEnv):
         self.reset()
         if self.tactile is not None and surface is not None:
             self.tactile.set_surface(surface)
-        model, data = self.model_and_data
+        _, data = self.model_and_data
         peg = self.hole_top + bottom
         handle = self.parameters.peg_length + self.parameters.handle_height / 2
         grip = peg + [grasp[0], 0.0, handle + grasp[1]] - self._tip_to_grip
@@ -177,7 +180,7 @@ class InsertionScene(ManipulationEnv):
         self.model.asset.extend(meshes + more)
 
     def edit_model_xml(self, xml_str: str) -> str:
-        """robosuite infers inertia from its collision group alone; the peg's geoms are in the one that is drawn."""
+        """Let the geoms that are drawn have inertia too, as the peg's are in that group; robosuite means the other."""
         root = ET.fromstring(super().edit_model_xml(xml_str))
         compiler = root.find("compiler")
         assert compiler is not None
@@ -213,7 +216,7 @@ class InsertionScene(ManipulationEnv):
         mujoco.mju_quat2Vel(self._nominal_vector, quat, 1.0)
 
     def _find_fingertips(self) -> None:
-        """Where the fingers touch: the vector from there to the grip site, and their joints when they touch each other."""
+        """Where the fingers touch: the vector from the grip site to there, and their joints when they meet."""
         model, data = self.model_and_data
         gripper = self.robots[0].gripper["right"]
         position, rotation = self.fingertip

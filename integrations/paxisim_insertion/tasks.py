@@ -86,8 +86,8 @@ class Parameters:
             length: the paper says "randomly placed".
         start: The box, from the middle of the hole's upper edge, in which the peg's bottom begins: lower and upper
             corner. Where the paper prints [1.5 cm, 1.5 cm] for y, [-1.5 cm, 1.5 cm] is meant.
-        engage_depth: How far below the base's upper face the peg's bottom must be for the peg to count as engaged, so that
-            resting on the rim does not.
+        engage_depth: How far below the base's upper face the peg's bottom must be for the peg to count as engaged:
+            resting on the rim is not enough.
         success_depth: h_th, the insertion has succeeded when the peg's bottom is closer than this to the hole's.
         epsilon: The epsilon of the reaching and the engagement reward.
         kp: Stiffness of the controller (1/s^2), robosuite's default.
@@ -126,7 +126,9 @@ class Parameters:
             raise paxisim.InvalidValueError(f"grasp_offset must not be negative, got {self.grasp_offset}")
         low, high = self.start
         if any(a > b for a, b in zip(low, high, strict=True)) or low[2] < 0:
-            raise paxisim.InvalidValueError(f"start must be a lower and an upper corner above the base, got {self.start}")
+            raise paxisim.InvalidValueError(
+                f"start must be a lower and an upper corner above the base, got {self.start}"
+            )
         if self.peg_length <= self.hole_depth or self.success_depth >= self.hole_depth:
             raise paxisim.InvalidValueError(
                 f"the hole ({self.hole_depth:g} m) must be shallower than the peg ({self.peg_length:g} m) is long and "

@@ -7,8 +7,9 @@ from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any, ClassVar
 
-import paxisim
 from robosuite.models.grippers import GRIPPER_MAPPING, GripperModel, register_gripper
+
+import paxisim
 
 DEFAULT_SENSOR = paxisim.Pad(paxisim.sensor("paxini-gen1-l4629").layout.pool(2, 2))
 """The paper's sensor, 12x10 taxels pooled to 6x5."""
@@ -58,7 +59,7 @@ class TactileGripper(GripperModel):
             idn: robosuite's identification of this gripper.
         """
         self._taxels: dict[str, list[str]] = {}
-        super().__init__(idn=idn)
+        super().__init__(idn=idn)  # type: ignore[call-arg] - of the gripper that this is mixed into
         taxels = [name for names in self._taxels.values() for name in names]
         # robosuite tells collision geoms by their group, and the taxels are in the one that is drawn
         self._contact_geoms = [*self._contact_geoms, *taxels]

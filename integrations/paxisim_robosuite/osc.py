@@ -1,8 +1,8 @@
 """fast_controller: robosuite's operational space control with the same torques, at a fraction of its time.
 
 robosuite computes per substep what does not change within it, or not at all: six Jacobians where one will do, three
-pseudo-inverses of matrices that are positive definite, the pose of a base that is bolted down (twice), the limits of the
-action, and what the gripper was told at the start of the control step. The physics and the control law stay as they are.
+pseudo-inverses of matrices that are positive definite, the pose of a base that is bolted down (twice), the limits of
+the action, and what the gripper was told when the control step began. The physics and the control law stay as they are.
 """
 
 from __future__ import annotations
@@ -18,10 +18,11 @@ from robosuite.controllers.composite import composite_controller
 from robosuite.controllers.parts.arm import OperationalSpaceController
 from robosuite.controllers.parts.gripper.simple_grip import SimpleGripController
 from robosuite.utils.control_utils import orientation_error
-from scipy.linalg.lapack import dposv
+from scipy.linalg import get_lapack_funcs
 
 NAME = "PAXI_FAST"
 _NULLSPACE_KP = 10.0  # robosuite's
+(_posv,) = get_lapack_funcs(("posv",))  # solves with a positive definite matrix
 
 
 def fast_controller(robot: str = "Panda", **arm: Any) -> dict[str, Any]:
@@ -34,7 +35,7 @@ def fast_controller(robot: str = "Panda", **arm: Any) -> dict[str, Any]:
     Returns:
         For ``controller_configs=`` of a robosuite environment.
     """
-    config = copy.deepcopy(load_composite_controller_config(robot=robot))
+    config: Any = copy.deepcopy(load_composite_controller_config(robot=robot))
     config["type"] = NAME
     for part in config["body_parts"].values():
         part.update(arm)
@@ -44,6 +45,10 @@ def fast_controller(robot: str = "Panda", **arm: Any) -> dict[str, Any]:
 class FastOSC(OperationalSpaceController):
     """`OperationalSpaceController` of an arm on a fixed base, without interpolation."""
 
+    origin_pos: Any  # robosuite has no types
+    origin_ori: Any
+    goal_pos: Any
+    goal_ori: Any
     _jacobian: NDArray[np.floating] | None = None
 
     def update(self, force: bool = False) -> None:
@@ -82,17 +87,17 @@ class FastOSC(OperationalSpaceController):
         velocity = np.concatenate([self.ref_pos_vel, self.ref_ori_vel])
         wanted = self.kp * error - self.kd * velocity
         jacobian = self.J_full
-        _, to_joints, _ = dposv(self.mass_matrix, jacobian.T)
+        _, to_joints, _ = _posv(self.mass_matrix, jacobian.T)
         inverse_inertia = jacobian @ to_joints
         if self.uncoupling:
-            _, force, bad = dposv(inverse_inertia[:3, :3], wanted[:3])
-            _, torque, bad_too = dposv(inverse_inertia[3:, 3:], wanted[3:])
+            _, force, bad = _posv(inverse_inertia[:3, :3], wanted[:3])
+            _, torque, bad_too = _posv(inverse_inertia[3:, 3:], wanted[3:])
             wrench = np.concatenate([force, torque])
         else:
-            _, wrench, bad = dposv(inverse_inertia, wanted)
+            _, wrench, bad = _posv(inverse_inertia, wanted)
             bad_too = 0
         posture = _NULLSPACE_KP * (self.initial_joint - self.joint_pos) - 2 * np.sqrt(_NULLSPACE_KP) * self.joint_vel
-        _, in_task, bad_as_well = dposv(inverse_inertia, jacobian @ posture)
+        _, in_task, bad_as_well = _posv(inverse_inertia, jacobian @ posture)
         if bad or bad_too or bad_as_well:
             return super().run_controller()  # at a singularity robosuite's pseudo-inverses decide
         self.torques = jacobian.T @ (wrench - in_task) + self.mass_matrix @ posture + self.torque_compensation
@@ -109,7 +114,8 @@ class FastController(composite_controller.CompositeController):
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         """Build it as robosuite does."""
         super().__init__(*args, **kwargs)
-        self._limits: tuple[NDArray[np.floating], NDArray[np.floating]] | None = None
+        self.part_controller_config: Any = None
+        self._limits: Any = None
         self._origin_is_known = False
         self._held: dict[str, Any] = {}
 

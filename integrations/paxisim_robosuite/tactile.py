@@ -1,4 +1,4 @@
-"""TactileSim: the pads of a robosuite simulation, bound, re-bumped and read. TactileWrapper: an environment with them."""
+"""TactileSim: the pads of a robosuite simulation. TactileWrapper: an environment with an observable for them."""
 
 from __future__ import annotations
 
@@ -6,11 +6,12 @@ from collections import OrderedDict
 from typing import Any
 
 import numpy as np
-import paxisim
 from numpy.typing import NDArray
 from robosuite.utils.binding_utils import MjSim
 from robosuite.utils.observables import Observable
 from robosuite.wrappers import Wrapper
+
+import paxisim
 
 from .gripper import TactileGripper
 

@@ -2,13 +2,14 @@
 
 import gymnasium
 import numpy as np
-import paxisim
 import pytest
 from gymnasium.utils.env_checker import check_env
 from paxisim_insertion import METHODS, TASKS, InsertionEnv, Parameters
 from paxisim_insertion.env import PRIVILEGED
 from paxisim_insertion.expert import expert_action
 from stable_baselines3.common.env_checker import check_env as check_env_sb3
+
+import paxisim
 
 
 @pytest.fixture(scope="module", params=TASKS)
@@ -73,7 +74,9 @@ def test_a_frozen_axis_and_the_rotation_stay(env):
     assert np.abs(observation[PRIVILEGED][9:]).max() < 0.03
 
 
-@pytest.mark.filterwarnings("ignore:.*observation.* image", "ignore:The minimal resolution")  # a tactile picture is none
+@pytest.mark.filterwarnings(
+    "ignore:.*observation.* image", "ignore:The minimal resolution"
+)  # a tactile picture is none
 @pytest.mark.parametrize(("task", "method"), [("SX-2mm", "GCS"), ("RY-2mm", "NT"), ("SQ-1mm", "TF")])
 def test_the_checkers_of_gymnasium_and_stable_baselines(task, method):
     made = gymnasium.make(f"paxisim/{task}-v0", method=method)

@@ -5,11 +5,12 @@ from dataclasses import replace
 
 import mujoco
 import numpy as np
-import paxisim
 import pytest
 from paxisim_insertion import TASKS, Parameters
 from paxisim_insertion.geometry import base_pieces, contact_attributes, keypoints, peg_pieces, to_mjcf
 from paxisim_insertion.tasks import find_task
+
+import paxisim
 
 PARAMETERS = Parameters()
 

@@ -1,7 +1,6 @@
 """The asymmetric SAC policy: who sees what, batch normalisation, and the replay buffer."""
 
 import numpy as np
-import paxisim
 import pytest
 import torch
 from gymnasium import spaces
@@ -10,6 +9,8 @@ from paxisim_insertion.env import PRIVILEGED
 from paxisim_insertion.policy import AsymmetricPolicy
 from paxisim_insertion.replay import HistoryReplayBuffer
 from stable_baselines3.common.buffers import DictReplayBuffer
+
+import paxisim
 
 ACTIONS = spaces.Box(-1, 1, (2,), np.float32)
 LAYOUT = paxisim.sensor("paxini-gen1-l4629").layout.pool(2, 2)
@@ -151,7 +152,9 @@ def test_the_replay_buffer_gives_back_what_was_added(method, count):
         for name in ("actions", "rewards", "dones"):
             assert torch.equal(getattr(first, name), getattr(second, name))
     sampled = lean.sample(64).observations["tactile"]
-    known = {row.numpy().tobytes() for row in torch.as_tensor(plain.observations["tactile"]).reshape(-1, *sampled.shape[1:])}
+    known = {
+        row.numpy().tobytes() for row in torch.as_tensor(plain.observations["tactile"]).reshape(-1, *sampled.shape[1:])
+    }
     assert all(row.numpy().tobytes() in known for row in sampled)
 
 

@@ -1,7 +1,6 @@
 """Tactile versions of robosuite's grippers, and what they read in one of its environments."""
 
 import numpy as np
-import paxisim
 import pytest
 import robosuite
 from paxisim_robosuite import TactileWrapper, fast_controller, register
@@ -9,6 +8,8 @@ from paxisim_robosuite.gripper import READY_MADE
 from robosuite.models.grippers import GRIPPER_MAPPING, gripper_factory
 from robosuite.models.world import MujocoWorldBase
 from robosuite.wrappers import GymWrapper
+
+import paxisim
 
 QUIET = {"has_renderer": False, "has_offscreen_renderer": False, "use_camera_obs": False, "control_freq": 20}
 
