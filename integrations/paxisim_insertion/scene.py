@@ -153,6 +153,18 @@ class InsertionScene(ManipulationEnv):
         action = np.zeros(3) if action is None else action
         return weighted(reward_terms(self.insertion, action, self.parameters.epsilon))
 
+    def _pre_action(self, action: NDArray[np.floating], policy_step: bool = False) -> None:
+        """What robosuite's robot does with an action, without the records it keeps for its observables."""
+        robot = self.robots[0]
+        controller = robot.composite_controller
+        controller.update_state()
+        if policy_step:
+            controller.set_goal(action)
+        model, data = self.model_and_data
+        for part, command in controller.run_controller(robot._enabled_parts).items():
+            low, high = model.actuator_ctrlrange[self._actuators[part]].T
+            data.ctrl[self._actuators[part]] = np.minimum(np.maximum(command, low), high)
+
     def _post_action(self, action: NDArray[np.floating]) -> tuple[float, bool, dict[str, Any]]:
         # the action here is a goal in the world: InsertionEnv has the task's action and its penalty
         return 0.0, False, {}
@@ -190,6 +202,10 @@ class InsertionScene(ManipulationEnv):
     def _setup_references(self) -> None:
         super()._setup_references()
         model, data = self.model_and_data
+        # one contact between a round handle and a taxel, as between a ball and it: four times as fast as several, and
+        # the same totals. Between boxes MuJoCo makes four either way. Before it became a default there was no such bit
+        several = getattr(mujoco.mjtDisableBit, "mjDSBL_MULTICCD", 0)
+        model.opt.disableflags |= int(several)
         self._peg = model.body("peg").id
         joint = model.joint("peg")
         self._peg_qpos, self._peg_dof = int(joint.qposadr[0]), int(joint.dofadr[0])
@@ -198,6 +214,7 @@ class InsertionScene(ManipulationEnv):
         self._grip = model.site(gripper.important_sites["grip_site"]).id
         fingers = [model.joint(name) for name in gripper.joints]
         self._fingers = np.array([int(finger.qposadr[0]) for finger in fingers])
+        self._actuators = {part: np.asarray(ids) for part, ids in robot._ref_actuators_indexes_dict.items()}
         names = robot.robot_model.joints
         self._arm = np.array([int(model.joint(name).qposadr[0]) for name in names])
         self._arm_dofs = np.array([int(model.joint(name).dofadr[0]) for name in names])
