@@ -102,6 +102,11 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         self._renderer: mujoco.Renderer | None = None
 
     @property
+    def frames(self) -> int:
+        """Number of frames in the tactile history, k."""
+        return self._history.k
+
+    @property
     def reading(self) -> NDArray[np.float32]:
         """``(pads, 3, rows, cols)`` newtons: the newest reading, after the chain and before the encoding."""
         return self._force
