@@ -73,14 +73,15 @@ def frame(env: InsertionEnv) -> NDArray[np.uint8]:
     import cv2
 
     scene = env.render()
-    assert scene is not None and env.scene.tactile is not None
+    assert scene is not None
+    assert env.scene.tactile is not None
     figure = paxisim.plot_pads(env.reading, env.scene.tactile.pads.layout)
     drawn = io.BytesIO()
     figure.savefig(drawn, format="png", dpi=HEIGHT / figure.get_size_inches()[1])
     beside = cv2.imdecode(np.frombuffer(drawn.getvalue(), np.uint8), cv2.IMREAD_COLOR)
     assert beside is not None
     width = 2 * round(beside.shape[1] * HEIGHT / beside.shape[0] / 2)  # films want even sizes
-    return np.hstack([scene, cv2.resize(beside, (width, HEIGHT))[:, :, ::-1]])
+    return np.hstack([scene, cv2.resize(beside, (width, HEIGHT))[:, :, ::-1]]).astype(np.uint8)
 
 
 if __name__ == "__main__":

@@ -20,8 +20,8 @@ class HistoryReplayBuffer(DictReplayBuffer):
 
     It keeps the newest frame of each observation and puts the history together when it is sampled: SAC's default of a
     million transitions takes 1.7 GB for GCS with k = 20, and not 29. What is sampled is what was added, to the bit. The
-    first frame of an episode stands for those before it, as in `paxisim.History`. Observations without ``"tactile"`` are
-    kept as they are.
+    first frame of an episode stands for those before it, as in `paxisim.History`. Observations without tactile history
+    are kept as they are.
 
     `keep_in` moves it to files, so that a run that was killed goes on with all it had seen.
     """

@@ -110,7 +110,7 @@ class Run:
 
     def make_envs(self) -> VecEnv:
         """All of the run's environments, each in a process of its own if there are several."""
-        makers = [lambda index=index: self.make_env(index) for index in range(self.envs)]
+        makers: list[Any] = [lambda index=index: self.make_env(index) for index in range(self.envs)]
         return SubprocVecEnv(makers, start_method="forkserver") if self.envs > 1 else DummyVecEnv(makers)
 
     def model(self, env: VecEnv, device: str = "auto") -> SAC:

@@ -160,10 +160,10 @@ class InsertionScene(ManipulationEnv):
         controller.update_state()
         if policy_step:
             controller.set_goal(action)
-        model, data = self.model_and_data
+        _, data = self.model_and_data
         for part, command in controller.run_controller(robot._enabled_parts).items():
-            low, high = model.actuator_ctrlrange[self._actuators[part]].T
-            data.ctrl[self._actuators[part]] = np.minimum(np.maximum(command, low), high)
+            actuators, low, high = self._actuators[part]
+            data.ctrl[actuators] = np.minimum(np.maximum(command, low), high)
 
     def _post_action(self, action: NDArray[np.floating]) -> tuple[float, bool, dict[str, Any]]:
         # the action here is a goal in the world: InsertionEnv has the task's action and its penalty
@@ -204,8 +204,10 @@ class InsertionScene(ManipulationEnv):
         model, data = self.model_and_data
         # one contact between a round handle and a taxel, as between a ball and it: four times as fast as several, and
         # the same totals. Between boxes MuJoCo makes four either way. Before it became a default there was no such bit
-        several = getattr(mujoco.mjtDisableBit, "mjDSBL_MULTICCD", 0)
-        model.opt.disableflags |= int(several)
+        several = int(getattr(mujoco.mjtDisableBit, "mjDSBL_MULTICCD", 0))
+        # the trees of the bodies' geoms find the same contacts as testing all pairs, and here that is faster
+        trees = int(mujoco.mjtDisableBit.mjDSBL_MIDPHASE)
+        model.opt.disableflags |= several | trees
         self._peg = model.body("peg").id
         joint = model.joint("peg")
         self._peg_qpos, self._peg_dof = int(joint.qposadr[0]), int(joint.dofadr[0])
@@ -214,7 +216,10 @@ class InsertionScene(ManipulationEnv):
         self._grip = model.site(gripper.important_sites["grip_site"]).id
         fingers = [model.joint(name) for name in gripper.joints]
         self._fingers = np.array([int(finger.qposadr[0]) for finger in fingers])
-        self._actuators = {part: np.asarray(ids) for part, ids in robot._ref_actuators_indexes_dict.items()}
+        self._actuators = {
+            part: (np.asarray(ids), *model.actuator_ctrlrange[ids].T.copy())
+            for part, ids in robot._ref_actuators_indexes_dict.items()
+        }
         names = robot.robot_model.joints
         self._arm = np.array([int(model.joint(name).qposadr[0]) for name in names])
         self._arm_dofs = np.array([int(model.joint(name).dofadr[0]) for name in names])

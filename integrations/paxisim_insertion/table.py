@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -54,7 +55,7 @@ def table(results: Path = RESULTS) -> None:
         _print(f"Ablation: paper's real robot / our {sensor}", ABLATION_REAL, found, sensor)
 
 
-def _print(title: str, paper: dict[str, tuple[float | None, ...]], found: list[Result], sensor: str) -> None:
+def _print(title: str, paper: Mapping[str, tuple[float | None, ...]], found: list[Result], sensor: str) -> None:
     print(f"\n{title}\n\n| method | {' | '.join(TASKS)} |\n|{'---|' * (1 + len(TASKS))}")
     for method, rates in paper.items():
         cells = []

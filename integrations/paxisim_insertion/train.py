@@ -69,6 +69,7 @@ def train(
             progress = Progress(run, steps, save_every)
             model.learn(steps - done, callback=progress, reset_num_timesteps=False, log_interval=10)
         run.save(model)
+        model.logger.close()
     finally:
         env.close()
 

@@ -4,15 +4,7 @@ Importing it registers ``PaxiPandaGripper``, ``PaxiRobotiq85Gripper``, ``PaxiRob
 ``PaxiXArm7Gripper`` and ``PaxiRethinkGripper`` with robosuite.
 """
 
-import logging
-
-_before = logging.root.manager.disable
-logging.disable(logging.WARNING)  # robosuite warns of optional parts of its own
-try:
-    import robosuite as robosuite
-finally:
-    logging.disable(_before)
-
+from ._quiet import robosuite as _robosuite  # noqa: F401 - first, for it speaks when it is imported
 from .gripper import TactileGripper as TactileGripper
 from .gripper import register as register
 from .gripper import register_ready_made as register_ready_made

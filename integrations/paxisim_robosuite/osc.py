@@ -20,6 +20,8 @@ from robosuite.controllers.composite import composite_controller
 from robosuite.controllers.parts.arm import OperationalSpaceController
 from robosuite.controllers.parts.gripper.simple_grip import SimpleGripController
 
+from ._quiet import quietly
+
 NAME = "PAXI_FAST"
 _NULLSPACE_KP = 10.0  # robosuite's
 
@@ -34,7 +36,8 @@ def fast_controller(robot: str = "Panda", **arm: Any) -> dict[str, Any]:
     Returns:
         For ``controller_configs=`` of a robosuite environment.
     """
-    config: Any = copy.deepcopy(load_composite_controller_config(robot=robot))
+    with quietly():  # it says which file it reads
+        config: Any = copy.deepcopy(load_composite_controller_config(robot=robot))
     config["type"] = NAME
     for part in config["body_parts"].values():
         part.update(arm)
@@ -52,13 +55,15 @@ class FastOSC(OperationalSpaceController):
 
     def run_controller(self) -> NDArray[np.floating]:
         """Torques (N m) towards the goal."""
-        model, data = self.sim.model._model, self.sim.data._data
         if self._jacobian is None:
+            self._model, self._data = self.sim.model._model, self.sim.data._data
             self._site = self.sim.model.site_name2id(self.ref_name)
-            self._jacobian, self._mass = np.zeros((6, model.nv)), np.zeros((model.nv, model.nv))
+            self._jacobian, self._mass = np.zeros((6, self._model.nv)), np.zeros((self._model.nv, self._model.nv))
+            self._positional, self._rotational = self._jacobian[:3], self._jacobian[3:]
             self._dofs, self._joints = np.asarray(self.qvel_index), np.asarray(self.qpos_index)
-        mujoco.mj_jacSite(model, data, self._jacobian[:3], self._jacobian[3:], self._site)
-        mujoco.mj_fullM(model, self._mass, data.qM)
+        data = self._data
+        mujoco.mj_jacSite(self._model, data, self._positional, self._rotational, self._site)
+        mujoco.mj_fullM(self._model, self._mass, data.qM)
         goal_pos, goal_ori = self.goal_pos, self.goal_ori
         if self.input_ref_frame == "base":
             goal_pos, goal_ori = self.origin_pos + self.origin_ori @ goal_pos, self.origin_ori @ goal_ori
@@ -66,11 +71,14 @@ class FastOSC(OperationalSpaceController):
             self._mass,
             self._jacobian,
             self._dofs,
-            goal_pos - data.site_xpos[self._site],
+            self._joints,
+            np.ascontiguousarray(goal_pos),
             np.ascontiguousarray(goal_ori),
-            data.site_xmat[self._site].reshape(3, 3),
+            data.site_xpos[self._site],
+            data.site_xmat[self._site],
+            data.qpos,
             data.qvel,
-            np.asarray(self.initial_joint) - data.qpos[self._joints],
+            np.asarray(self.initial_joint),
             data.qfrc_bias,
             self.kp,
             self.kd,
@@ -82,7 +90,7 @@ class FastOSC(OperationalSpaceController):
 
 @numba.njit(cache=True)
 def _torques(
-    full_mass, full_jacobian, dofs, apart, goal, rotation, qvel, posture, bias, kp, kd, uncoupled
+    full_mass, full_jacobian, dofs, joints, goal, goal_axes, at, axes, qpos, qvel, posture, bias, kp, kd, uncoupled
 ):  # pragma: no cover - compiled
     """The control law of `OperationalSpaceController`, with solves where it inverts."""
     count = len(dofs)
@@ -90,17 +98,20 @@ def _torques(
     velocity, towards = np.empty(count), np.empty(count)
     for i in range(count):
         velocity[i] = qvel[dofs[i]]
-        towards[i] = _NULLSPACE_KP * posture[i] - 2 * np.sqrt(_NULLSPACE_KP) * velocity[i]
+        apart = posture[i] - qpos[joints[i]]
+        towards[i] = _NULLSPACE_KP * apart - 2 * np.sqrt(_NULLSPACE_KP) * velocity[i]
         for j in range(count):
             mass[i, j] = full_mass[dofs[i], dofs[j]]
         for j in range(6):
             jacobian[j, i] = full_jacobian[j, dofs[i]]
     error = np.zeros(6)
-    error[:3] = apart
+    error[:3] = goal - at
     for column in range(3):  # half the sum of the cross products of the axes
         for i in range(3):
             j, k = (i + 1) % 3, (i + 2) % 3
-            error[3 + i] += 0.5 * (rotation[j, column] * goal[k, column] - rotation[k, column] * goal[j, column])
+            error[3 + i] += 0.5 * (
+                axes[3 * j + column] * goal_axes[k, column] - axes[3 * k + column] * goal_axes[j, column]
+            )
     wanted = kp * error - kd * (jacobian @ velocity)
     transposed = np.ascontiguousarray(jacobian.T)
     mobility = jacobian @ np.linalg.solve(mass, transposed)
@@ -129,7 +140,7 @@ class FastController(composite_controller.CompositeController):
         self.part_controller_config: Any = None
         self._limits: Any = None
         self._origin_is_known = False
-        self._held: dict[str, Any] = {}
+        self._is_new = True
 
     def _init_controllers(self) -> None:
         super()._init_controllers()
@@ -149,19 +160,16 @@ class FastController(composite_controller.CompositeController):
     def set_goal(self, all_action: NDArray[np.floating]) -> None:
         """Give every part its goal for this control step."""
         super().set_goal(all_action)
-        self._held.clear()
+        self._is_new = True
 
     def run_controller(self, enabled_parts: dict[str, bool]) -> dict[str, Any]:
-        """Controls of every part for this substep."""
+        """Controls of the parts for this substep; those that keep theirs until the next goal are left out."""
         self._applied_action_dict.clear()
         for part, controller in self.part_controllers.items():
-            if enabled_parts.get(part, False):
-                if type(controller) is not SimpleGripController or controller.interpolator is not None:
-                    self._applied_action_dict[part] = controller.run_controller()
-                    continue
-                if part not in self._held:
-                    self._held[part] = controller.run_controller()
-                self._applied_action_dict[part] = self._held[part]
+            holds = type(controller) is SimpleGripController and controller.interpolator is None
+            if enabled_parts.get(part, False) and (self._is_new or not holds):
+                self._applied_action_dict[part] = controller.run_controller()
+        self._is_new = False
         return self._applied_action_dict
 
     @property
