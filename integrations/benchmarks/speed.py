@@ -15,7 +15,7 @@ from paxisim_insertion import TASKS, InsertionEnv, InsertionScene
 from paxisim_robosuite import TactileWrapper, fast_controller
 from robosuite.controllers import load_composite_controller_config
 
-ROUNDS, STEPS = 25, 4
+ROUNDS, STEPS = 40, 4
 QUIET = {"has_renderer": False, "has_offscreen_renderer": False, "use_camera_obs": False, "control_freq": 20}
 
 

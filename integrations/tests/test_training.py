@@ -127,6 +127,21 @@ def test_a_run_of_other_versions_or_of_another_layout(killed, tmp_path):
         Run.open(tmp_path)
 
 
+def test_environments_in_processes_of_their_own(tmp_path):
+    env = Run(tmp_path, "SX-2mm", "GCS", seed=4, envs=2).make_envs()
+    try:
+        env.seed(4)
+        observation = env.reset()
+        assert observation["tactile"].shape == (2, 120, 6, 5)
+        assert np.abs(observation["tactile"][0] - observation["tactile"][1]).max() > 0.01
+        after, reward, done, _ = env.step(np.zeros((2, 2)))
+        assert after["privileged"].shape == (2, 12)
+        assert reward.shape == (2,)
+        assert not done.any()
+    finally:
+        env.close()
+
+
 def test_wilson_intervals():
     # Brown, Cai and DasGupta (2001) give the interval's formula; these are its values by hand
     assert wilson(0, 10) == (0.0, pytest.approx(1.96**2 / (10 + 1.96**2)))
