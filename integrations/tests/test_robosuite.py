@@ -85,29 +85,63 @@ def test_an_environment_without_pads_is_refused():
         TactileWrapper(env)
 
 
+def gripped(wrapper, steps):
+    """The tactile tensor, and the cube's weight (N), after closing the fingers on the cube of Lift."""
+    wrapper.reset()
+    env = wrapper.unwrapped
+    model, data = env.sim.model._model, env.sim.data._data
+    pads = paxisim.find_pads(model)
+    joint = model.joint(env.cube.joints[0])
+    address, dof = joint.qposadr[0], joint.dofadr[0]
+    action = np.zeros(env.action_dim)
+    action[-1] = 1
+    for step in range(steps):
+        if step < 0.7 * steps:  # hold the cube between the fingers until they have closed
+            data.qpos[address : address + 7] = [*data.xpos[pads.bodies].mean(axis=0), 1, 0, 0, 0]
+            data.qvel[dof : dof + 6] = 0
+        observation, *_ = wrapper.step(action)
+    return observation["robot0_tactile"], model.body(env.cube.root_body).mass[0] * 9.81
+
+
 def test_a_cube_is_felt_and_counts_as_grasped(lift):
     observation = lift.reset()
-    force = observation["robot0_tactile"]
-    assert force.shape == (2, 3, 6, 5)
-    assert force.dtype == np.float32
-    assert not force.any()
-    env = lift.unwrapped
-    model, data = env.sim.model._model, env.sim.data._data
-    cube = env.cube.joints[0]
-    address, dof = model.joint(cube).qposadr[0], model.joint(cube).dofadr[0]
-    tip = data.site_xpos[env.robots[0].eef_site_id["right"]]
-    for step in range(20):
-        if step < 12:  # hold the cube between the fingers until they have closed
-            data.qpos[address : address + 7] = [*tip, 1, 0, 0, 0]
-            data.qvel[dof : dof + 6] = 0
-        observation, *_ = lift.step(np.array([0, 0, 0, 0, 0, 0, 1.0]))
-    force = observation["robot0_tactile"]
+    assert observation["robot0_tactile"].shape == (2, 3, 6, 5)
+    assert observation["robot0_tactile"].dtype == np.float32
+    assert not observation["robot0_tactile"].any()
+    force, weight = gripped(lift, 20)
     total = force.sum(axis=(-2, -1))
     # the fingers push with kp * opening, about 20 N on a cube of 4 cm, against 1 N of dry friction
     assert np.all((total[:, 2] > 15) & (total[:, 2] < 22)), total
-    weight = model.body(env.cube.root_body).mass[0] * 9.81
     assert total[:, 1].sum() == pytest.approx(weight, rel=0.3)  # y points down the fingers: the cube hangs
+    env = lift.unwrapped
     assert env._check_grasp(env.robots[0].gripper, env.cube)
+
+
+@pytest.mark.parametrize("gripper", ["PaxiRobotiq140Gripper", "PaxiRethinkGripper"])
+def test_other_grippers_feel_it_too(gripper):
+    env = robosuite.make("Lift", robots="Panda", gripper_types=gripper, hard_reset=False, seed=0, **QUIET)
+    total = gripped(TactileWrapper(env, seed=0), 40)[0].sum(axis=(-2, -1))
+    assert np.all(total[:, 2] > 10), total
+    assert total[0, 2] == pytest.approx(total[1, 2], rel=0.1)
+    assert env._check_grasp(env.robots[0].gripper, env.cube)
+
+
+@pytest.mark.parametrize(
+    ("task", "robots", "grippers", "names"),
+    [
+        ("Stack", "UR5e", "PaxiRobotiq85Gripper", {"robot0_tactile"}),
+        ("Lift", "XArm7", "PaxiXArm7Gripper", {"robot0_tactile"}),
+        ("TwoArmLift", "Baxter", "PaxiRethinkGripper", {"robot0_right_tactile", "robot0_left_tactile"}),
+        ("TwoArmLift", ["Panda", "UR5e"], ["PaxiPandaGripper", "Robotiq140Gripper"], {"robot0_tactile"}),
+    ],
+)
+def test_any_environment_and_robot(task, robots, grippers, names):
+    env = robosuite.make(task, robots=robots, gripper_types=grippers, hard_reset=False, seed=0, **QUIET)
+    wrapper = TactileWrapper(env, seed=0)
+    wrapper.reset()
+    observation, *_ = wrapper.step(np.zeros(env.action_dim))
+    assert names == {name for name in observation if name.endswith("tactile")}
+    assert all(observation[name].shape == (2, 3, 6, 5) for name in names)
 
 
 def test_the_surface_changes_with_the_episode_and_with_the_seed(lift):
