@@ -1,0 +1,25 @@
+"""The paper's six blind insertion tasks in robosuite, as gymnasium environments.
+
+Importing it registers ``paxisim/RY-2mm-v0``, ``RU-2mm``, ``SQ-2mm``, ``SQ-1mm``, ``SX-2mm`` and ``SY-2mm``:
+``gymnasium.make("paxisim/SX-2mm-v0", method="GCS")``.
+"""
+
+import gymnasium
+
+from .env import InsertionEnv as InsertionEnv
+from .methods import METHODS as METHODS
+from .methods import Method as Method
+from .scene import InsertionScene as InsertionScene
+from .tasks import TASKS as TASKS
+from .tasks import Parameters as Parameters
+from .tasks import Task as Task
+
+
+def _register() -> None:
+    for name in TASKS:
+        gymnasium.register(
+            f"paxisim/{name}-v0", entry_point="paxisim_insertion.env:InsertionEnv", kwargs={"task": name}
+        )
+
+
+_register()

@@ -1,0 +1,209 @@
+"""InsertionEnv: the paper's blind insertion tasks as gymnasium environments."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium
+import mujoco
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+import paxisim
+
+from .methods import find_method
+from .reward import reward_terms, weighted
+from .scene import InsertionScene
+from .tasks import Parameters, find_task
+
+CONTROL_DT = 0.05
+LARGEST_FORCE, LARGEST_POSE = 1e3, 10.0
+"""Bounds of the observation space (N; m and rad), beyond whatever occurs; checkers dislike infinite ones."""
+
+PRIVILEGED = "privileged"
+"""The entry of the observation that the critic may see and the actor must not."""
+
+
+class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.float32]]):
+    """One task, seen as one method sees it.
+
+    The action is the change of the fingertip's goal along the axes that are not frozen, in [-1, 1], times the task's
+    action scale; the goal starts from where the fingertip is. Rotation and the frozen axis stay as they began.
+
+    The observation:
+
+    - ``"p"`` ``(6,)``: p_t, the fingertip's position (m) in the base's frame, and its rotation vector (rad) from
+      pointing straight down. Zeros where the hole is hidden.
+    - ``"tactile"``: the encoded history, see `paxisim.History`; absent for NT.
+    - ``"privileged"`` ``(12,)``: position and rotation vector of the peg, then of the fingertip, in the base's frame.
+      For the critic only.
+
+    The episode is truncated after the task's number of steps. It goes on after success, since the paper's bonus is a
+    term of every step's reward: an episode that ended with it would be worth less than one that hovers in the hole.
+    ``info["is_success"]`` tells whether the insertion has succeeded in this episode; ``info["reward_terms"]`` has the
+    reward's terms.
+
+    Attributes:
+        scene: The robosuite environment.
+        task: The task.
+        method: The method.
+    """
+
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 20}  # noqa: RUF012 - gymnasium's own name and type
+
+    def __init__(
+        self,
+        task: str = "SX-2mm",
+        method: str = "GCS",
+        *,
+        sensor: paxisim.Chain | None = None,
+        parameters: Parameters | None = None,
+        terminate_on_success: bool = False,
+        render_mode: str | None = None,
+    ) -> None:
+        """Build the environment.
+
+        Args:
+            task: Name of a task.
+            method: Name of a method.
+            sensor: A surrogate of a real sensor: the simulator's readings pass through it, in place of what the
+                method draws for its episodes; the surface stays flat.
+            parameters: What the paper leaves open.
+            terminate_on_success: End the episode with the first success, as an evaluation may.
+            render_mode: ``"rgb_array"`` or None.
+
+        Raises:
+            UnknownNameError: There is no such task or method.
+            InvalidValueError: Another render mode.
+        """
+        self.task, self.method = find_task(task), find_method(method)
+        if render_mode not in (None, "rgb_array"):
+            raise paxisim.InvalidValueError(f"render_mode must be None or 'rgb_array', got {render_mode!r}")
+        self.parameters = parameters or Parameters()
+        self.sensor, self.render_mode, self._terminate = sensor, render_mode, terminate_on_success
+        self.scene = InsertionScene(self.task, self.parameters)
+        assert self.scene.tactile is not None
+        self._tactile = self.scene.tactile
+        self._layout, self._pads = self._tactile.pads.layout, len(self._tactile.pads)
+        self._history = self.method.history(self.task, self._layout)
+        shape = self._history.encoding.shape(self._pads, self._history.k)
+        entries: Any = {"p": _pose_space(1), PRIVILEGED: _pose_space(2)}
+        if shape[0]:
+            entries["tactile"] = spaces.Box(-LARGEST_FORCE, LARGEST_FORCE, shape, np.float32)
+        self.observation_space: Any = spaces.Dict(entries)
+        self.action_space = spaces.Box(-1.0, 1.0, (len(self.task.axes),), np.float32)
+        self._axes = list(self.task.axes)
+        self._chain: paxisim.Chain = paxisim.Chain([])
+        self._state: Any = ()
+        self._home = np.zeros(3)
+        self._steps, self._succeeded = 0, False
+        self._force = np.zeros((self._pads, 3, self._layout.rows, self._layout.cols), dtype=np.float32)
+        self._renderer: mujoco.Renderer | None = None
+
+    @property
+    def frames(self) -> int:
+        """Number of frames in the tactile history, k."""
+        return self._history.k
+
+    @property
+    def reading(self) -> NDArray[np.float32]:
+        """``(pads, 3, rows, cols)`` newtons: the newest reading, after the chain and before the encoding."""
+        return self._force
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, NDArray[np.float32]], dict[str, Any]]:
+        """Begin an episode: draw start, grasp, surface and chain, and close the fingers on the peg."""
+        super().reset(seed=seed)
+        rng = self.np_random
+        low, high = self.parameters.start
+        bottom = rng.uniform(low, high)
+        grasp = rng.uniform(-1, 1, 2) * self.parameters.grasp_offset
+        gcs = self.method.gcs if self.sensor is None else None
+        draw = gcs or paxisim.GCS(geometry=False, convolution=False, scaling=False)
+        surface = draw.sample_surface(rng, layout=self._layout, pads=self._pads)
+        self._chain = self.sensor or draw.sample(rng, layout=self._layout, pads=self._pads)
+        self.scene.place(bottom, grasp, surface)
+        self._home = self.scene.fingertip[0]
+        self._steps, self._succeeded = 0, False
+        self._history.reset()
+        force = self._tactile.read()
+        self._state = self._chain.initial_state(force)
+        self._feel(force, 0.0)
+        return self._observe(), {"is_success": False}
+
+    def step(
+        self, action: NDArray[np.floating]
+    ) -> tuple[dict[str, NDArray[np.float32]], float, bool, bool, dict[str, Any]]:
+        """Move for 50 ms."""
+        action = np.clip(np.asarray(action, dtype=float), -1, 1)
+        goal = self._home.copy()
+        goal[self._axes] = self.scene.fingertip[0][self._axes] + self.task.action_scale * action
+        self.scene.step(self.scene.goal(goal))
+        self._steps += 1
+        self._feel(self._tactile.read(), CONTROL_DT)
+        state = self.scene.insertion
+        self._succeeded |= state.success
+        terms = reward_terms(state, action, self.parameters.epsilon)
+        info = {"is_success": self._succeeded, "reward_terms": terms}
+        truncated = self._steps >= self.task.max_steps
+        return self._observe(), weighted(terms), self._terminate and state.success, truncated, info
+
+    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+        """A picture ``(480, 640, 3)`` of the scene.
+
+        Raises:
+            UnsupportedError: MuJoCo cannot draw without a display here.
+        """
+        if self.render_mode is None:
+            return None
+        model, data = self.scene.model_and_data
+        renderer = self._renderer
+        if renderer is None:
+            try:
+                renderer = self._renderer = mujoco.Renderer(model, 480, 640)
+            except Exception as error:  # each OpenGL backend raises its own
+                raise paxisim.UnsupportedError(
+                    f"cannot draw the scene ({error}): without a display set MUJOCO_GL=egl or MUJOCO_GL=osmesa"
+                ) from error
+        camera, options = mujoco.MjvCamera(), mujoco.MjvOption()
+        camera.lookat, camera.distance = self.scene.hole_top + [0, 0, 0.03], 0.4
+        camera.azimuth, camera.elevation = 150, -20
+        options.geomgroup[0], options.sitegroup[:] = 0, 0
+        renderer.update_scene(data, camera, options)
+        return renderer.render()
+
+    def close(self) -> None:
+        """Free the renderer."""
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
+
+    def _feel(self, force: NDArray[np.float32], dt: float) -> None:
+        force, self._state = self._chain.step(force, self._state, dt)
+        self._force = np.asarray(force, dtype=np.float32)
+        self._history.append(self._force)
+
+    def _observe(self) -> dict[str, NDArray[np.float32]]:
+        position, rotation = self.scene.fingertip
+        tip = np.concatenate([position - self.scene.base, _rotation_vector(rotation @ self.scene.nominal.T)])
+        position, rotation = self.scene.peg
+        peg = np.concatenate([position - self.scene.base, _rotation_vector(rotation)])
+        seen = np.zeros(6) if self.task.hole_is_hidden else tip
+        observation = {"p": seen, PRIVILEGED: np.concatenate([peg, tip])}
+        observation = {name: value.astype(np.float32) for name, value in observation.items()}
+        if "tactile" in self.observation_space.spaces:
+            observation["tactile"] = self._history.read()
+        return observation
+
+
+def _pose_space(poses: int) -> spaces.Box:
+    return spaces.Box(-LARGEST_POSE, LARGEST_POSE, (6 * poses,), np.float32)
+
+
+def _rotation_vector(rotation: NDArray[np.floating]) -> NDArray[np.floating]:
+    quat, vector = np.zeros(4), np.zeros(3)
+    mujoco.mju_mat2Quat(quat, np.ascontiguousarray(rotation).reshape(-1))
+    mujoco.mju_quat2Vel(vector, quat, 1.0)
+    return vector

@@ -1,0 +1,67 @@
+"""``python -m paxisim_insertion.evaluate --run runs/SX-2mm_GCS_0``: how often a trained policy succeeds."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from stable_baselines3 import SAC
+
+import paxisim
+
+from .env import InsertionEnv
+from .results import IN_SIMULATION, RESULTS, Result, wilson
+from .run import Run, versions
+from .shell import command
+
+FIRST_SEED = 1_000_000
+"""Of the evaluation's episodes, which no training run uses."""
+
+
+def evaluate(
+    run: Path,
+    *,
+    trials: int = 50,
+    sensor: Path | None = None,
+    out: Path = RESULTS,
+    other_versions: bool = False,
+) -> None:
+    """Evaluate a run's newest policy on fixed episodes, and write the result.
+
+    Args:
+        run: Folder of the run.
+        trials: Episodes.
+        sensor: A surrogate of a real sensor, a chain that paxisim saved. Default: what the method is trained with.
+        out: Folder of the result.
+        other_versions: Evaluate although the software's versions are not the run's.
+    """
+    if trials < 1:
+        raise paxisim.InvalidValueError(f"expected at least one trial, got {trials}")
+    this = Run.open(run, other_versions=other_versions)
+    chain = None if sensor is None else paxisim.Chain.load(sensor)
+    env = InsertionEnv(this.task, this.method, sensor=chain, parameters=this.parameters, terminate_on_success=True)
+    try:
+        model = this.policy(env)
+        successes = sum(succeeds(env, model, FIRST_SEED + trial) for trial in range(trials))
+    finally:
+        env.close()
+    name = IN_SIMULATION if sensor is None else f"surrogate {sensor.stem}"
+    rate, interval = successes / trials, wilson(successes, trials)
+    training = {"steps": model.num_timesteps, "updates": model._n_updates, "envs": this.envs}
+    result = Result(this.task, this.method, name, this.seed, trials, rate, interval, versions(), training)
+    path = result.save(out)
+    print(f"{this.task} {this.method} {name}: {successes} of {trials}, {interval[0]:.2f} to {interval[1]:.2f}; {path}")
+
+
+def succeeds(env: InsertionEnv, model: SAC, seed: int) -> bool:
+    """Whether the policy's most likely actions solve the episode of this seed."""
+    observation, info = env.reset(seed=seed)
+    terminated = truncated = False
+    while not (terminated or truncated):
+        action, _ = model.predict(observation, deterministic=True)  # type: ignore[arg-type]
+        observation, _, terminated, truncated, info = env.step(action)
+    return bool(info["is_success"])
+
+
+if __name__ == "__main__":
+    sys.exit(command(evaluate))

@@ -1,0 +1,121 @@
+"""Pegs and bases of the tasks as convex pieces, made with trimesh and written as MJCF.
+
+A piece is a trimesh primitive where it is a box or a cylinder, which MuJoCo collides exactly, else a convex mesh.
+The frame of a peg lies in the middle of its bottom, z up; the frame of a base in the middle of the hole's bottom.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from .tasks import Parameters, Task
+
+SEGMENTS = 24
+"""Pieces around a round hole; its polygon has the hole's circle inscribed, so no peg of the stated size is blocked."""
+
+Pieces = list[trimesh.Trimesh]
+
+
+def peg_pieces(task: Task, parameters: Parameters) -> Pieces:
+    """Shaft and handle of a peg, in the peg's frame."""
+    return [
+        _prism(task.peg == "round", parameters.peg_size, 0.0, parameters.peg_length),
+        _prism(
+            task.handle == "cylinder",
+            parameters.handle_size,
+            parameters.peg_length,
+            parameters.peg_length + parameters.handle_height,
+        ),
+    ]
+
+
+def base_pieces(task: Task, parameters: Parameters) -> Pieces:
+    """Floor and walls of a base, in the base's frame. The hole is as wide as the peg and the clearance together."""
+    width = parameters.peg_size + task.clearance
+    half, depth = parameters.base_size / 2, parameters.hole_depth
+    pieces: Pieces = [_box((-half, -half, -parameters.floor), (half, half, 0.0))]
+    if task.hole == "round":
+        return pieces + _ring(width / 2, half, depth)
+    inner = width / 2
+    if task.hole != "groove along y":
+        pieces += [_box((-half, inner, 0.0), (half, half, depth)), _box((-half, -half, 0.0), (half, -inner, depth))]
+    if task.hole != "groove along x":
+        side = half if task.hole == "groove along y" else inner
+        pieces += [_box((inner, -side, 0.0), (half, side, depth)), _box((-half, -side, 0.0), (-inner, side, depth))]
+    return pieces
+
+
+def keypoints(parameters: Parameters) -> NDArray[np.floating]:
+    """``(8, 3)`` corners of the peg's bounding box (m, peg's frame). Inserted, they lie there in the base's frame."""
+    half, top = parameters.peg_size / 2, parameters.peg_length
+    return np.array([(x, y, z) for x in (-half, half) for y in (-half, half) for z in (0.0, top)])
+
+
+def contact_attributes(parameters: Parameters) -> dict[str, str]:
+    """Attributes of a geom that make printed plastic of it: a push of 20 N sinks in by less than a tenth of a mm."""
+    return {"friction": f"{parameters.friction} 0.005 0.0001", "solref": "0.006 1", "solimp": "0.99 0.995 0.0005"}
+
+
+def to_mjcf(pieces: Pieces, name: str, rgba: str, **attributes: str) -> tuple[list[ET.Element], list[ET.Element]]:
+    """The pieces as MJCF.
+
+    Args:
+        pieces: Convex pieces in the frame of the body they belong to.
+        name: First part of the names of geoms and meshes.
+        rgba: Their colour.
+        **attributes: Further attributes of the geoms.
+
+    Returns:
+        Geoms, for the body, and meshes, for the assets.
+    """
+    geoms, meshes = [], []
+    for index, piece in enumerate(pieces):
+        label = f"{name}_{index}"
+        shape = {"name": label, "group": "1", "rgba": rgba, **attributes}
+        if isinstance(piece, (trimesh.primitives.Box, trimesh.primitives.Cylinder)):
+            shape["pos"] = _numbers(np.asarray(piece.primitive.transform)[:3, 3])
+        if isinstance(piece, trimesh.primitives.Box):
+            shape |= {"type": "box", "size": _numbers(np.asarray(piece.primitive.extents) / 2)}
+        elif isinstance(piece, trimesh.primitives.Cylinder):
+            size = np.array([piece.primitive.radius, piece.primitive.height], dtype=float) / [1, 2]
+            shape |= {"type": "cylinder", "size": _numbers(size)}
+        else:
+            # MuJoCo moves a mesh to its centre of mass and the geom with it, so that it stays where it was
+            shape |= {"type": "mesh", "mesh": label}
+            meshes.append(ET.Element("mesh", {"name": label, "vertex": _numbers(piece.vertices.reshape(-1))}))
+        geoms.append(ET.Element("geom", shape))
+    return geoms, meshes
+
+
+def _prism(is_round: bool, size: float, low: float, high: float) -> trimesh.Trimesh:
+    half = size / 2
+    if not is_round:
+        return _box((-half, -half, low), (half, half, high))
+    middle = trimesh.transformations.translation_matrix((0, 0, (low + high) / 2))
+    return trimesh.primitives.Cylinder(radius=half, height=high - low, transform=middle)
+
+
+def _box(low: tuple[float, float, float], high: tuple[float, float, float]) -> trimesh.Trimesh:
+    return trimesh.primitives.Box(bounds=np.array([low, high]))
+
+
+def _ring(radius: float, half: float, depth: float) -> Pieces:
+    """Wedges between a round hole and the square around it."""
+    angles = np.linspace(0, 2 * np.pi, SEGMENTS + 1)
+    around = np.column_stack([np.cos(angles), np.sin(angles)])
+    inner = around * radius / np.cos(np.pi / SEGMENTS)
+    outer = around * (half / np.abs(around).max(axis=1))[:, None]
+    pieces: Pieces = []
+    for first in range(SEGMENTS):
+        corners = np.vstack([inner[first : first + 2], outer[first : first + 2]])
+        both = [np.column_stack([corners, np.full(4, z)]) for z in (0.0, depth)]
+        pieces.append(trimesh.convex.convex_hull(np.vstack(both)))
+    return pieces
+
+
+def _numbers(values: object) -> str:
+    return " ".join(f"{value:.9g}" for value in np.asarray(values, dtype=float))

@@ -1,0 +1,88 @@
+"""``python -m paxisim_insertion.play --task SX-2mm``: a film of an episode, what the pads feel beside the scene."""
+
+from __future__ import annotations
+
+import io
+import sys
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+import paxisim
+
+from .env import InsertionEnv
+from .expert import expert_action
+from .run import Run
+from .shell import command
+
+HEIGHT = 480
+"""Of the film (pixels), that of the scene's picture."""
+
+
+def play(
+    task: str = "SX-2mm",
+    *,
+    run: Path | None = None,
+    seed: int = 0,
+    out: Path = Path("insertion.mp4"),
+    force: bool = False,
+) -> None:
+    """Film an episode of a trained policy, or of the scripted expert that sees the poses.
+
+    Args:
+        task: Name of the task, for the expert.
+        run: Folder of a run; its policy plays the run's task.
+        seed: Of the episode.
+        out: The film, MP4.
+        force: Overwrite it.
+    """
+    import cv2  # robosuite brings it
+
+    if out.exists() and not force:
+        raise paxisim.OutputExistsError(f"{out} exists already: name another, or pass --force")
+    model = None
+    if run is None:
+        env = InsertionEnv(task, "GCS", terminate_on_success=True, render_mode="rgb_array")
+    else:
+        this = Run.open(run)
+        env = this.make_env(terminate_on_success=True, render_mode="rgb_array").unwrapped
+        assert isinstance(env, InsertionEnv)
+        model = this.policy(env)
+    observation, info = env.reset(seed=seed)
+    film = None
+    try:
+        terminated = truncated = False
+        while not (terminated or truncated):
+            picture = frame(env)
+            if film is None:
+                size = (picture.shape[1], picture.shape[0])
+                film = cv2.VideoWriter(str(out), cv2.VideoWriter.fourcc(*"mp4v"), env.metadata["render_fps"], size)
+            film.write(cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))
+            action = expert_action(env) if model is None else model.predict(observation, deterministic=True)[0]  # type: ignore[arg-type]
+            observation, _, terminated, truncated, info = env.step(action)
+    finally:
+        if film is not None:
+            film.release()
+        env.close()
+    print(f"{env.task.name} seed {seed}: {'inserted' if info['is_success'] else 'not inserted'}; {out}")
+
+
+def frame(env: InsertionEnv) -> NDArray[np.uint8]:
+    """The scene and, right of it, the pads' newest reading, ``(480, width, 3)``."""
+    import cv2
+
+    scene = env.render()
+    assert scene is not None
+    assert env.scene.tactile is not None
+    figure = paxisim.plot_pads(env.reading, env.scene.tactile.pads.layout)
+    drawn = io.BytesIO()
+    figure.savefig(drawn, format="png", dpi=HEIGHT / figure.get_size_inches()[1])
+    beside = cv2.imdecode(np.frombuffer(drawn.getvalue(), np.uint8), cv2.IMREAD_COLOR)
+    assert beside is not None
+    width = 2 * round(beside.shape[1] * HEIGHT / beside.shape[0] / 2)  # films want even sizes
+    return np.hstack([scene, cv2.resize(beside, (width, HEIGHT))[:, :, ::-1]]).astype(np.uint8)
+
+
+if __name__ == "__main__":
+    sys.exit(command(play))

@@ -1,0 +1,178 @@
+"""Run: the folder of one training run: what it is, its newest model, and all it has seen."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+from dataclasses import asdict, dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from stable_baselines3 import SAC
+from stable_baselines3.common.monitor import Monitor
+from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecEnv
+
+import paxisim
+
+from .env import InsertionEnv
+from .methods import find_method
+from .policy import AsymmetricPolicy
+from .replay import HistoryReplayBuffer
+from .tasks import Parameters, find_task
+
+PACKAGES = ("mujoco", "robosuite", "stable-baselines3", "torch", "gymnasium", "numpy")
+BUFFER = 1_000_000
+"""Transitions in the replay buffer, stable-baselines3's default."""
+
+
+def versions() -> dict[str, str]:
+    """The versions that a result depends on."""
+    found = {name: version(name) for name in PACKAGES}
+    return {"paxisim": paxisim.__version__, "python": platform.python_version(), **found}
+
+
+@dataclass(frozen=True)
+class Run:
+    """One training run in a folder: ``run.json``, ``model.zip``, ``replay/`` and ``progress.csv``.
+
+    Attributes:
+        folder: The folder.
+        task: Name of the task.
+        method: Name of the method.
+        seed: Seed of the run.
+        envs: Environments that collect at the same time.
+        buffer: Transitions in the replay buffer, all environments together.
+        parameters: What the paper leaves open.
+    """
+
+    folder: Path
+    task: str
+    method: str
+    seed: int = 0
+    envs: int = 1
+    buffer: int = BUFFER
+    parameters: Parameters = Parameters()  # noqa: RUF009 - frozen
+
+    @property
+    def model_path(self) -> Path:
+        """The newest model."""
+        return self.folder / "model.zip"
+
+    def create(self) -> None:
+        """Write what the run is.
+
+        Raises:
+            OutputExistsError: The folder has a run already.
+        """
+        path = self.folder / "run.json"
+        if path.exists():
+            raise paxisim.OutputExistsError(f"{self.folder} has a run already: go on with --resume, or name another")
+        find_task(self.task)
+        find_method(self.method)
+        self.folder.mkdir(parents=True, exist_ok=True)
+        _replace(path, json.dumps({**self._identity(), "versions": versions()}, indent=1) + "\n")
+
+    @classmethod
+    def open(cls, folder: Path, *, other_versions: bool = False) -> Run:
+        """A run that is there.
+
+        Args:
+            folder: Its folder.
+            other_versions: Accept a run of other software versions.
+
+        Raises:
+            InvalidValueError: There is no run, or it is of other versions, or not readable.
+        """
+        path = folder / "run.json"
+        if not path.exists():
+            raise paxisim.InvalidValueError(f"{folder} has no run: make one with python -m paxisim_insertion.train")
+        try:
+            found = json.loads(path.read_text(encoding="utf-8"))
+            made_with = found.pop("versions")
+            values = found.pop("parameters")
+            values = {key: _tuples(value) for key, value in values.items()}
+            run = cls(folder, parameters=Parameters(**values), **found)
+        except (ValueError, TypeError, KeyError) as error:
+            raise paxisim.InvalidValueError(f"{path} is not a run of this version: {error}") from error
+        differ = {name: made for name, made in made_with.items() if versions().get(name) != made}
+        if differ and not other_versions:
+            told = ", ".join(f"{name} {made} (here {versions().get(name)})" for name, made in differ.items())
+            raise paxisim.InvalidValueError(f"{folder} was made with {told}: use those, or pass --other-versions")
+        return run
+
+    def make_env(self, index: int = 0, **options: Any) -> Monitor:
+        """One of the run's environments, seeded."""
+        env = InsertionEnv(self.task, self.method, parameters=self.parameters, **options)
+        env.reset(seed=self.seed * 1000 + index)
+        return Monitor(env, info_keywords=("is_success",))
+
+    def make_envs(self) -> VecEnv:
+        """All of the run's environments, each in a process of its own if there are several."""
+        makers: list[Any] = [lambda index=index: self.make_env(index) for index in range(self.envs)]
+        return SubprocVecEnv(makers, start_method="forkserver") if self.envs > 1 else DummyVecEnv(makers)
+
+    def model(self, env: VecEnv, device: str = "auto") -> SAC:
+        """The run's newest model, or its first; its replay buffer is in the folder, with all that was seen.
+
+        Raises:
+            InvalidValueError: The model was made for other observations, as of another layout or k.
+        """
+        if self.model_path.exists():
+            try:
+                model = SAC.load(self.model_path, env=env, device=device)
+            except ValueError as error:
+                raise paxisim.InvalidValueError(f"{self.model_path} does not fit the environment: {error}") from error
+        else:
+            model = SAC(
+                AsymmetricPolicy,
+                env,
+                buffer_size=self.buffer,
+                # as many updates as steps were taken: with one environment, that is stable-baselines3's default
+                gradient_steps=-1,
+                replay_buffer_class=HistoryReplayBuffer,
+                replay_buffer_kwargs={"history": env.get_attr("frames")[0]},
+                seed=self.seed,
+                device=device,
+            )
+        buffer = model.replay_buffer
+        assert isinstance(buffer, HistoryReplayBuffer)
+        buffer.keep_in(self.folder / "replay")
+        return model
+
+    def policy(self, env: InsertionEnv) -> SAC:
+        """The newest model, to act in `env`.
+
+        Raises:
+            InvalidValueError: There is none yet, or it was trained on other observations.
+        """
+        if not self.model_path.exists():
+            raise paxisim.InvalidValueError(f"{self.folder} has no model yet: train it first")
+        model = SAC.load(self.model_path, device="cpu")
+        if model.observation_space != env.observation_space or model.action_space != env.action_space:
+            raise paxisim.InvalidValueError(
+                f"{self.model_path} was trained on {model.observation_space}, the environment has "
+                f"{env.observation_space}: a run of another layout, k or task"
+            )
+        return model
+
+    def save(self, model: SAC) -> None:
+        """Replace the newest model by this one; at no moment is there none."""
+        new = self.folder / "model.new.zip"
+        model.save(new)
+        os.replace(new, self.model_path)
+
+    def _identity(self) -> dict[str, Any]:
+        own = {name: getattr(self, name) for name in ("task", "method", "seed", "envs", "buffer")}
+        return {**own, "parameters": asdict(self.parameters)}
+
+
+def _tuples(value: Any) -> Any:
+    return tuple(_tuples(item) for item in value) if isinstance(value, list) else value
+
+
+def _replace(path: Path, text: str) -> None:
+    new = path.with_suffix(".new")
+    new.write_text(text, encoding="utf-8")
+    os.replace(new, path)

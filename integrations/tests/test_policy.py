@@ -1,0 +1,163 @@
+"""The asymmetric SAC policy: who sees what, batch normalisation, and the replay buffer."""
+
+import numpy as np
+import pytest
+import torch
+from gymnasium import spaces
+from paxisim_insertion import METHODS, TASKS
+from paxisim_insertion.env import PRIVILEGED
+from paxisim_insertion.policy import AsymmetricPolicy
+from paxisim_insertion.replay import HistoryReplayBuffer
+from stable_baselines3.common.buffers import DictReplayBuffer
+
+import paxisim
+
+ACTIONS = spaces.Box(-1, 1, (2,), np.float32)
+LAYOUT = paxisim.sensor("paxini-gen1-l4629").layout.pool(2, 2)
+
+
+def space_of(method, task="SX-2mm"):
+    history = METHODS[method].history(TASKS[task], LAYOUT)
+    shape = history.encoding.shape(2, history.k)
+    entries = {"p": (6,), PRIVILEGED: (12,)} | ({"tactile": shape} if shape[0] else {})
+    return spaces.Dict({name: spaces.Box(-10, 10, size, np.float32) for name, size in entries.items()})
+
+
+def policy_of(method):
+    torch.manual_seed(0)
+    return AsymmetricPolicy(space_of(method), ACTIONS, lambda _: 3e-4)
+
+
+def drawn(space, batch, seed=0):
+    rng = np.random.default_rng(seed)
+    return {name: rng.standard_normal((batch, *box.shape)).astype(np.float32) for name, box in space.spaces.items()}
+
+
+def torched(observation):
+    return {name: torch.as_tensor(value) for name, value in observation.items()}
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_nothing_privileged_reaches_the_actor_and_nothing_else_the_critic(method):
+    policy = policy_of(method)
+    policy.set_training_mode(False)
+    observation = drawn(space_of(method), 4)
+    other = {**observation, PRIVILEGED: observation[PRIVILEGED] + 1}
+    np.testing.assert_array_equal(
+        policy.predict(observation, deterministic=True)[0], policy.predict(other, deterministic=True)[0]
+    )
+    inputs = {name: value.requires_grad_() for name, value in torched(observation).items()}
+    mean, log_std, _ = policy.actor.get_action_dist_params(inputs)
+    (mean.sum() + log_std.sum()).backward()
+    assert inputs[PRIVILEGED].grad is None
+    assert inputs["p"].grad.abs().max() > 0
+    if "tactile" in inputs:
+        assert inputs["tactile"].grad.abs().max() > 0
+    inputs = {name: value.requires_grad_() for name, value in torched(observation).items()}
+    sum(q.sum() for q in policy.critic(inputs, torch.zeros(4, 2))).backward()
+    assert inputs[PRIVILEGED].grad.abs().max() > 0
+    assert all(value.grad is None for name, value in inputs.items() if name != PRIVILEGED)
+
+
+def test_the_layers_are_the_papers():
+    policy = policy_of("GCS")
+    kinds = [type(layer).__name__ for layer in policy.actor.features_extractor.tactile]
+    assert kinds == ["Conv2d", "BatchNorm2d", "ReLU"] * 4 + ["Flatten", "Linear", "ReLU"]
+    features = policy.actor.features_extractor
+    assert [layer.out_features for layer in (features.tactile[-2], features.pose[0])] == [128, 128]
+    for net in (policy.actor.latent_pi, policy.critic.q_networks[0][:4]):
+        assert [layer.out_features for layer in net if isinstance(layer, torch.nn.Linear)] == [256, 256]
+    assert not [m for m in policy.critic.modules() if isinstance(m, torch.nn.BatchNorm2d)]
+    assert policy.critic.features_extractor is not policy.critic_target.features_extractor
+
+
+def test_batch_normalisation_learns_from_the_update_with_gradient_alone():
+    policy = policy_of("GCS")
+    norm = policy.actor.features_extractor.tactile[1]
+    observation = torched(drawn(space_of("GCS"), 8))
+    policy.set_training_mode(True)
+    before = norm.running_mean.clone()
+    with torch.no_grad():
+        torch.manual_seed(1)
+        alone = policy.actor.action_log_prob({name: value[:1] for name, value in observation.items()})[1]
+        torch.manual_seed(1)
+        among = policy.actor.action_log_prob({name: value[[0, 0, 3]] for name, value in observation.items()})[1]
+    assert torch.equal(norm.running_mean, before)
+    assert policy.actor.training, "it goes on as it was"
+    assert alone.shape == (1,)
+    assert among.shape == (3,)
+    policy.actor.action_log_prob(observation)
+    assert not torch.equal(norm.running_mean, before)
+    # a target does not depend on what else is in its batch
+    with torch.no_grad():
+        means = [policy.actor.get_action_dist_params(observation)[0] for _ in range(1)]
+        policy.actor.set_training_mode(False)
+        alone = policy.actor.get_action_dist_params({k: v[:1] for k, v in observation.items()})[0]
+        among = policy.actor.get_action_dist_params(observation)[0]
+    torch.testing.assert_close(alone, among[:1])
+    assert (means[0][:1] - alone).abs().max() > 1e-4, "in training mode it does"
+
+
+class Episodes:
+    """Random frames as histories, in episodes of random length."""
+
+    def __init__(self, space, k, envs, seed=0):
+        self.space, self.k, self.rng = space, k, np.random.default_rng(seed)
+        self.histories = [self._begin() for _ in range(envs)]
+
+    def _frame(self):
+        shape = self.space["tactile"].shape
+        return self.rng.standard_normal((shape[0] // self.k, *shape[1:])).astype(np.float32)
+
+    def _begin(self):
+        return [self._frame()] * self.k
+
+    def _observe(self):
+        observation = drawn(self.space, len(self.histories), int(self.rng.integers(1 << 30)))
+        observation["tactile"] = np.stack([np.concatenate(history) for history in self.histories])
+        return observation
+
+    def transitions(self, count):
+        observation = self._observe()
+        for _ in range(count):
+            self.histories = [[*history[1:], self._frame()] for history in self.histories]
+            after = self._observe()
+            done = self.rng.random(len(self.histories)) < 0.1
+            infos = [{"TimeLimit.truncated": bool(self.rng.random() < 0.5)} for _ in done]
+            action = self.rng.uniform(-1, 1, (len(done), 2)).astype(np.float32)
+            yield observation, after, action, self.rng.random(len(done)), done, infos
+            self.histories = [self._begin() if d else h for d, h in zip(done, self.histories, strict=True)]
+            observation = {**self._observe(), "p": after["p"], PRIVILEGED: after[PRIVILEGED]}
+
+
+@pytest.mark.parametrize(("method", "count"), [("GCS", 60), ("GCS", 300), ("TF", 150), ("CoP", 150)])
+def test_the_replay_buffer_gives_back_what_was_added(method, count):
+    space = space_of(method)
+    k = METHODS[method].history(TASKS["SX-2mm"], LAYOUT).k
+    lean = HistoryReplayBuffer(200, space, ACTIONS, "cpu", 2, history=k)
+    plain = DictReplayBuffer(200, space, ACTIONS, "cpu", 2)
+    for transition in Episodes(space, k, 2).transitions(count):
+        lean.add(*transition)
+        plain.add(*transition)
+    oldest = (lean.pos + k - 1) if lean.full else 0
+    inside = np.arange(oldest, oldest + 100 - k) % 100 if lean.full else np.arange(lean.pos)
+    for seed in range(3):
+        np.random.seed(seed)  # noqa: NPY002
+        first = lean._get_samples(inside)
+        np.random.seed(seed)  # noqa: NPY002
+        second = plain._get_samples(inside)
+        for name in ("observations", "next_observations"):
+            for key in space.spaces:
+                assert torch.equal(getattr(first, name)[key], getattr(second, name)[key]), (name, key)
+        for name in ("actions", "rewards", "dones"):
+            assert torch.equal(getattr(first, name), getattr(second, name))
+    sampled = lean.sample(64).observations["tactile"]
+    known = {
+        row.numpy().tobytes() for row in torch.as_tensor(plain.observations["tactile"]).reshape(-1, *sampled.shape[1:])
+    }
+    assert all(row.numpy().tobytes() in known for row in sampled)
+
+
+def test_a_history_that_does_not_divide():
+    with pytest.raises(paxisim.InvalidValueError, match="120 channels of tactile history are not those of 7 frames"):
+        HistoryReplayBuffer(10, space_of("GCS"), ACTIONS, history=7)

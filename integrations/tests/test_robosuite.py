@@ -1,0 +1,206 @@
+"""Tactile versions of robosuite's grippers, and what they read in one of its environments."""
+
+import numpy as np
+import pytest
+import robosuite
+from paxisim_robosuite import TactileWrapper, fast_controller, register
+from paxisim_robosuite.gripper import READY_MADE
+from robosuite.controllers.parts.arm import OperationalSpaceController
+from robosuite.models.grippers import GRIPPER_MAPPING, gripper_factory
+from robosuite.models.world import MujocoWorldBase
+from robosuite.wrappers import GymWrapper
+
+import paxisim
+
+QUIET = {"has_renderer": False, "has_offscreen_renderer": False, "use_camera_obs": False, "control_freq": 20}
+
+
+@pytest.fixture(scope="module")
+def lift():
+    env = robosuite.make("Lift", robots="Panda", gripper_types="PaxiPandaGripper", hard_reset=False, seed=0, **QUIET)
+    yield TactileWrapper(env, seed=0)
+    env.close()
+
+
+def compiled(gripper):
+    """As robosuite compiles it, which merges the assets that a file has twice."""
+    world = MujocoWorldBase()
+    world.merge(gripper)
+    return world.get_model()
+
+
+@pytest.mark.parametrize("gripper", READY_MADE)
+def test_a_ready_made_gripper_differs_from_robosuites_by_its_pads_alone(gripper):
+    plain, tactile = gripper_factory(gripper, idn=0), gripper_factory(f"Paxi{gripper}", idn=0)
+    without, with_pads = compiled(plain), compiled(tactile)
+    pads = paxisim.find_pads(with_pads, prefix=tactile.naming_prefix)
+    assert pads.shape == (2, 3, 6, 5)
+    assert with_pads.nbody == without.nbody + 2
+    assert with_pads.nq == without.nq
+    np.testing.assert_array_equal(with_pads.jnt_range, without.jnt_range)
+    np.testing.assert_array_equal(with_pads.actuator_gainprm, without.actuator_gainprm)
+    touching = {plain_name for plain_name in plain.contact_geoms if with_pads.geom(plain_name).conaffinity[0]}
+    assert 0 < len(plain.contact_geoms) - len(touching) <= sum(len(mount.replaces) for mount in tactile.mounts)
+    taxels = {with_pads.geom(int(geom)).name for geom in pads.geoms.reshape(-1)}
+    assert taxels <= set(tactile.contact_geoms)
+    # robosuite's list for this one names geoms that its file does not have
+    for side in () if gripper == "XArm7Gripper" else ("left", "right"):
+        assert len(taxels & set(tactile.important_geoms[f"{side}_fingerpad"])) == 30
+
+
+def test_mounts_and_sensor_of_ones_own():
+    layout = paxisim.TaxelLayout(3, 2, 4e-3)
+    mount = paxisim.Mount("finger_joint1_tip", (0, -0.009, -0.015), (0, 0, 1, 1), ("finger1_pad_collision",))
+    register("OnePadPandaGripper", "PandaGripper", layout, [mount])
+    try:
+        model = compiled(gripper_factory("OnePadPandaGripper", idn=0))
+    finally:
+        del GRIPPER_MAPPING["OnePadPandaGripper"]
+    assert paxisim.find_pads(model).shape == (1, 3, 3, 2)
+    replaced, kept = model.geom("gripper0_finger1_pad_collision"), model.geom("gripper0_finger2_pad_collision")
+    assert not replaced.contype[0]
+    assert not replaced.conaffinity[0]
+    assert kept.contype[0]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        (("A", "PandaGriper"), paxisim.UnknownNameError, "did you mean 'PandaGripper'"),
+        (("A", "PandaGripper", "paxini-gen1"), paxisim.UnknownNameError, "unknown sensor"),
+        (("PandaGripper", "PandaGripper"), paxisim.InvalidValueError, "expected a new name"),
+        (("A", "PandaGripper", "paxini-gen1-l4629", []), paxisim.InvalidValueError, "at least one mount"),
+        (("A", "PaxiPandaGripper"), paxisim.InvalidValueError, "no mounts are known for PaxiPandaGripper"),
+    ],
+)
+def test_what_cannot_be_registered(arguments, error, message):
+    with pytest.raises(error, match=message):
+        register(*arguments)
+    assert "A" not in GRIPPER_MAPPING
+
+
+def test_an_environment_without_pads_is_refused():
+    env = robosuite.make("Lift", robots="Panda", seed=0, **QUIET)
+    with pytest.raises(paxisim.InvalidValueError, match=r"no gripper of the environment has pads .*PandaGripper"):
+        TactileWrapper(env)
+
+
+def gripped(wrapper, steps):
+    """The tactile tensor, and the cube's weight (N), after closing the fingers on the cube of Lift."""
+    wrapper.reset()
+    env = wrapper.unwrapped
+    model, data = env.sim.model._model, env.sim.data._data
+    pads = paxisim.find_pads(model)
+    joint = model.joint(env.cube.joints[0])
+    address, dof = joint.qposadr[0], joint.dofadr[0]
+    action = np.zeros(env.action_dim)
+    action[-1] = 1
+    for step in range(steps):
+        if step < 0.7 * steps:  # hold the cube between the fingers until they have closed
+            data.qpos[address : address + 7] = [*data.xpos[pads.bodies].mean(axis=0), 1, 0, 0, 0]
+            data.qvel[dof : dof + 6] = 0
+        observation, *_ = wrapper.step(action)
+    return observation["robot0_tactile"], model.body(env.cube.root_body).mass[0] * 9.81
+
+
+def test_a_cube_is_felt_and_counts_as_grasped(lift):
+    observation = lift.reset()
+    assert observation["robot0_tactile"].shape == (2, 3, 6, 5)
+    assert observation["robot0_tactile"].dtype == np.float32
+    assert not observation["robot0_tactile"].any()
+    force, weight = gripped(lift, 20)
+    total = force.sum(axis=(-2, -1))
+    # the fingers push with kp * opening, about 20 N on a cube of 4 cm, against 1 N of dry friction
+    assert np.all((total[:, 2] > 15) & (total[:, 2] < 22)), total
+    assert total[:, 1].sum() == pytest.approx(weight, rel=0.3)  # y points down the fingers: the cube hangs
+    env = lift.unwrapped
+    assert env._check_grasp(env.robots[0].gripper, env.cube)
+
+
+@pytest.mark.parametrize("gripper", ["PaxiRobotiq140Gripper", "PaxiRethinkGripper"])
+def test_other_grippers_feel_it_too(gripper):
+    env = robosuite.make("Lift", robots="Panda", gripper_types=gripper, hard_reset=False, seed=0, **QUIET)
+    total = gripped(TactileWrapper(env, seed=0), 40)[0].sum(axis=(-2, -1))
+    assert np.all(total[:, 2] > 10), total
+    assert total[0, 2] == pytest.approx(total[1, 2], rel=0.1)
+    assert env._check_grasp(env.robots[0].gripper, env.cube)
+
+
+@pytest.mark.parametrize(
+    ("task", "robots", "grippers", "names"),
+    [
+        ("Stack", "UR5e", "PaxiRobotiq85Gripper", {"robot0_tactile"}),
+        ("Lift", "XArm7", "PaxiXArm7Gripper", {"robot0_tactile"}),
+        ("TwoArmLift", "Baxter", "PaxiRethinkGripper", {"robot0_right_tactile", "robot0_left_tactile"}),
+        ("TwoArmLift", ["Panda", "UR5e"], ["PaxiPandaGripper", "Robotiq140Gripper"], {"robot0_tactile"}),
+    ],
+)
+def test_any_environment_and_robot(task, robots, grippers, names):
+    env = robosuite.make(task, robots=robots, gripper_types=grippers, hard_reset=False, seed=0, **QUIET)
+    wrapper = TactileWrapper(env, seed=0)
+    wrapper.reset()
+    observation, *_ = wrapper.step(np.zeros(env.action_dim))
+    assert names == {name for name in observation if name.endswith("tactile")}
+    assert all(observation[name].shape == (2, 3, 6, 5) for name in names)
+
+
+def test_the_surface_changes_with_the_episode_and_with_the_seed(lift):
+    def heights():
+        lift.reset()
+        model = lift.unwrapped.sim.model._model
+        return model.geom_size[paxisim.find_pads(model).geoms, 2].copy()
+
+    first, second = heights(), heights()
+    assert np.ptp(first) > 1e-5
+    assert np.all(first != second, axis=1).any()
+    lift.gcs = None
+    try:
+        np.testing.assert_array_equal(heights(), second)
+    finally:
+        lift.gcs = paxisim.GCS()
+
+
+@pytest.mark.filterwarnings("ignore:.*precision lowered")  # of robosuite's own action space
+def test_gym_wrapper_and_hard_resets():
+    env = robosuite.make("Lift", robots="Panda", gripper_types="PaxiPandaGripper", hard_reset=True, seed=0, **QUIET)
+    gym = GymWrapper(TactileWrapper(env, seed=0), keys=["robot0_proprio-state", "robot0_tactile"], flatten_obs=False)
+    assert gym.observation_space["robot0_tactile"].shape == (2, 3, 6, 5)
+    assert gym.observation_space["robot0_tactile"].dtype == np.float32
+    for _ in range(2):
+        before = env.sim
+        observation, _ = gym.reset()
+        assert env.sim is not before
+        assert observation["robot0_tactile"] in gym.observation_space["robot0_tactile"]
+        pads = paxisim.find_pads(env.sim.model._model)
+        assert np.all(env.sim.model._model.geom_priority[pads.geoms] == 1)
+        # the gel of a compiled model, not the file's
+        assert np.all(env.sim.model._model.body_invweight0[pads.bodies, 0] > 1000)
+        gym.step(np.zeros(7))
+    gym.close()
+
+
+@pytest.mark.parametrize("settings", [{}, {"input_type": "absolute", "input_ref_frame": "world", "kp": 100}])
+def test_the_fast_controller_gives_robosuites_torques(settings):
+    fast = fast_controller("Panda", **settings)
+    envs = [
+        robosuite.make("Lift", robots="Panda", controller_configs=config, hard_reset=False, seed=1, **QUIET)
+        for config in ({**fast, "type": "BASIC"}, fast)
+    ]
+    for env in envs:
+        env.reset()
+    ours = envs[1].robots[0].composite_controller.part_controllers["right"]
+    rng = np.random.default_rng(0)
+    start = envs[0].sim.data.site_xpos[envs[0].robots[0].eef_site_id["right"]].copy()
+    for _ in range(10):
+        action = rng.uniform(-1, 1, 7)
+        if settings:
+            action[:3] = start + 0.05 * action[:3]
+            action[3:6] = np.pi * np.array([1, 0.1, 0]) / np.linalg.norm([1, 0.1, 0])
+        for env in envs:
+            env.step(action)
+        envs[1].sim.step1()
+        torques = ours.run_controller()
+        assert np.abs(torques).max() > 1
+        np.testing.assert_allclose(torques, OperationalSpaceController.run_controller(ours), rtol=1e-9, atol=1e-9)
+    # in the first substep after a reset robosuite's own uses the state from before the gripper was opened
+    np.testing.assert_allclose(envs[1].sim.data.qpos, envs[0].sim.data.qpos, atol=1e-4)

@@ -1,0 +1,159 @@
+"""Training runs: killed and resumed, evaluated, tabulated; and what is said when something is wrong."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from paxisim_insertion.evaluate import evaluate
+from paxisim_insertion.replay import HistoryReplayBuffer
+from paxisim_insertion.results import Result, wilson
+from paxisim_insertion.run import Run, versions
+from paxisim_insertion.shell import command
+from paxisim_insertion.table import table
+from paxisim_insertion.train import train
+
+import paxisim
+
+SIZE = 3000
+
+
+def in_shell(*words):
+    """A training process."""
+    path = os.pathsep.join(sys.path)
+    arguments = [sys.executable, "-m", "paxisim_insertion.train", "--buffer", str(SIZE), "--save-every", "1", *words]
+    return subprocess.Popen(arguments, env=os.environ | {"PYTHONPATH": path}, stdout=subprocess.PIPE, text=True)
+
+
+@pytest.fixture(scope="module")
+def killed(tmp_path_factory):
+    """The folder of a run that was killed after its first model was saved."""
+    folder = tmp_path_factory.mktemp("run") / "SY"
+    process = in_shell("--task", "SY-2mm", "--method", "GCS", "--steps", "100000", "--out", str(folder))
+    deadline = time.monotonic() + 100
+    while not (folder / "model.zip").exists() and time.monotonic() < deadline:
+        assert process.poll() is None
+        time.sleep(0.2)
+    time.sleep(1.5)
+    process.send_signal(signal.SIGKILL)
+    process.communicate()
+    return folder
+
+
+def test_a_run_that_was_killed_goes_on_with_all_it_had_seen(killed):
+    run = Run.open(killed)
+    assert (run.task, run.method, run.seed, run.envs, run.buffer) == ("SY-2mm", "GCS", 0, 1, SIZE)
+    collected = int(np.load(killed / "replay" / "_cursor.npy")[0])
+    env = run.make_envs()
+    model = run.model(env, "cpu")
+    saved = model.num_timesteps
+    assert 0 < saved <= collected
+    assert isinstance(model.replay_buffer, HistoryReplayBuffer)
+    assert model.replay_buffer.pos == collected
+    assert torch.isfinite(model.replay_buffer.sample(32).observations["tactile"]).all()
+    env.close()
+    updates = model._n_updates
+    train(out=killed, resume=True, steps=saved + 12, save_every=1e9, device="cpu")
+    env = run.make_envs()
+    again = run.model(env, "cpu")
+    env.close()
+    assert again.num_timesteps == saved + 12
+    assert again.replay_buffer.pos == collected + 12
+    assert again._n_updates >= updates
+    before, after = model.policy.state_dict(), again.policy.state_dict()
+    changed = any(not torch.equal(before[name], after[name]) for name in before)
+    assert changed == (again.num_timesteps > 101), "it learns as soon as there are 100 steps"
+
+
+def test_a_run_is_evaluated_and_tabulated(killed, tmp_path, capsys):
+    evaluate(killed, trials=1, out=tmp_path)
+    chain = paxisim.Chain([paxisim.augment.Poisson(0.2, 0.2)])
+    chain.save(tmp_path / "poisson.model")
+    evaluate(killed, trials=1, sensor=tmp_path / "poisson.model", out=tmp_path)
+    found = [Result.load(path) for path in sorted(tmp_path.glob("*.json"))]
+    assert [result.sensor for result in found] == ["sim", "surrogate poisson"]
+    assert {(r.task, r.method, r.seed, r.trials) for r in found} == {("SY-2mm", "GCS", 0, 1)}
+    assert found[0].versions == versions()
+    assert found[0].training["steps"] > 0
+    capsys.readouterr()
+    table(tmp_path)
+    shown = capsys.readouterr().out
+    rate = f"{found[0].success_rate:.2f}"
+    assert f"| GCS | 1.00 /  | 0.90 /  | 0.84 /  | 0.98 /  | 0.98 /  | 0.76 / {rate} |" in shown
+    assert "Paper's real robot / our surrogate poisson" in shown
+
+
+def test_what_is_wrong_is_said_in_one_line(killed, tmp_path, capsys):
+    def said(function, *words):
+        assert command(function, list(words)) == 2
+        line = capsys.readouterr().err
+        assert line.count("\n") == 1
+        return line
+
+    assert "unknown task 'SX-3mm'" in said(train, "--task", "SX-3mm", "--out", str(tmp_path / "a"))
+    assert "unknown method 'DTT'" in said(train, "--method", "DTT", "--out", str(tmp_path / "a"))
+    assert not (tmp_path / "a").exists()
+    assert "has a run already" in said(train, "--out", str(killed))
+    assert "has no run" in said(train, "--resume", "--out", str(tmp_path))
+    assert "has no run" in said(evaluate, "--run", str(tmp_path))
+    assert "at least one trial" in said(evaluate, "--run", str(killed), "--trials", "0")
+    assert "No such file" in said(evaluate, "--run", str(killed), "--sensor", str(tmp_path / "none.json"))
+
+
+def test_a_run_of_other_versions_or_of_another_layout(killed, tmp_path):
+    document = json.loads((killed / "run.json").read_text())
+    document["versions"]["mujoco"] = "3.0.0"
+    (tmp_path / "run.json").write_text(json.dumps(document))
+    with pytest.raises(paxisim.InvalidValueError, match=r"made with mujoco 3\.0\.0 \(here .*--other-versions"):
+        Run.open(tmp_path)
+    assert Run.open(tmp_path, other_versions=True).task == "SY-2mm"
+    document["method"] = "DT"
+    document["task"] = "SX-2mm"
+    (tmp_path / "run.json").write_text(json.dumps(document))
+    (tmp_path / "model.zip").write_bytes((killed / "model.zip").read_bytes())
+    run = Run.open(tmp_path, other_versions=True)
+    env = Run(tmp_path, "SX-2mm", "TF").make_env().unwrapped
+    with pytest.raises(paxisim.InvalidValueError, match="was trained on"):
+        run.policy(env)
+    env.close()
+    (tmp_path / "run.json").write_text("{}")
+    with pytest.raises(paxisim.InvalidValueError, match="not a run of this version"):
+        Run.open(tmp_path)
+
+
+def test_environments_in_processes_of_their_own(tmp_path):
+    env = Run(tmp_path, "SX-2mm", "GCS", seed=4, envs=2).make_envs()
+    try:
+        env.seed(4)
+        observation = env.reset()
+        assert observation["tactile"].shape == (2, 120, 6, 5)
+        assert np.abs(observation["tactile"][0] - observation["tactile"][1]).max() > 0.01
+        after, reward, done, _ = env.step(np.zeros((2, 2)))
+        assert after["privileged"].shape == (2, 12)
+        assert reward.shape == (2,)
+        assert not done.any()
+    finally:
+        env.close()
+
+
+def test_wilson_intervals():
+    # Brown, Cai and DasGupta (2001) give the interval's formula; these are its values by hand
+    assert wilson(0, 10) == (0.0, pytest.approx(1.96**2 / (10 + 1.96**2)))
+    assert wilson(10, 10) == (pytest.approx(10 / (10 + 1.96**2)), 1.0)
+    low, high = wilson(45, 50)
+    assert (low, high) == (pytest.approx(0.786, abs=1e-3), pytest.approx(0.957, abs=1e-3))
+    with pytest.raises(paxisim.InvalidValueError):
+        wilson(3, 2)
+
+
+def test_a_result_that_is_none(tmp_path):
+    path = Path(tmp_path / "x.json")
+    path.write_text('{"task": "SX-2mm"}')
+    with pytest.raises(paxisim.InvalidValueError, match="is not a result"):
+        Result.load(path)
