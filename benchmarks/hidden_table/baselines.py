@@ -70,7 +70,9 @@ def linear_of(recording: Recording, ideal: Floats | None = None) -> Linear:
     read, raw, problem = _read(recording)
     causes = [cause(name) for name in known_causes()]
     causes = [
-        c for c in causes if c.probes is not None and (not c.covariate or c.covariate in problem.covariates)
+        c
+        for c in causes
+        if c.probes is not None and not c.barred(problem) and (not c.covariate or c.covariate in problem.covariates)
     ]  # those with a probe are searched for
     probes = [(c, values) for c in causes for values in c.probes(problem)]  # type: ignore[misc]
     shape = problem.simulated.shape[1:]

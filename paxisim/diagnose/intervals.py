@@ -52,6 +52,9 @@ def model_intervals(
         if not own:
             continue
         item, problem = cause(named.name), found.problem
+        if item.probes is None and not item.solve:  # read off the data: its numbers are the transform's
+            intervals[named.name] = _read_ends(named, own)
+            continue
         if item.solve:
             shape = np.shape(named.values[item.solves])
             ends = [np.reshape([getattr(p.value, end) for p in own], shape) for end in ("low", "high")]
@@ -74,6 +77,16 @@ def model_intervals(
         alone = isinstance(member, Chain) and not isinstance(named.transform, Chain)  # put in its place by `in_order`
         intervals[named.name] = {member.names[0]: reach} if alone else reach
     return {name: own for name, own in intervals.items() if own}
+
+
+def _read_ends(named: Named, own: Sequence[FittedParameter]) -> dict[str, Any]:
+    """By array of a cause that was read off the data, the least and largest values that its numbers may have."""
+    out: dict[str, Any] = {}
+    for name, value in named.values.items():
+        ends = [p.value for p in own if p.name.startswith(f"{name}_")]
+        if np.ndim(value) and len(ends) == np.size(value):
+            out[name] = tuple(np.reshape([getattr(e, end) for e in ends], np.shape(value)) for end in ("low", "high"))
+    return out
 
 
 def _reach(middle: Transform, moved: Sequence[Transform]) -> dict[str, Any]:

@@ -32,6 +32,7 @@ READ = {  # what `checks` reads off the data, by name
     "drift": augment.Drift(amplitude=np.full((2, 3, 4, 3), 0.5), tau=120.0),
     "quantisation": augment.Quantisation((0.3,) * 3),
     "dead_taxels": augment.DeadTaxels(np.eye(4, 3)[None] * np.ones((2, 1, 1))),
+    "channel_curve": augment.ChannelCurve(np.linspace(0, 0.5, 9).reshape(9, 1, 1, 1, 1), 0.0, 8.0),
     "taxel_gain": augment.TaxelGain(np.linspace(0.8, 1.2, 24).reshape(2, 4, 3)),
 }
 

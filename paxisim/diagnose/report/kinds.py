@@ -18,6 +18,7 @@ from paxisim.diagnose.report.timing import edges, holds
 KINDS: Mapping[str, Callable[[Effect], list[Picture]]] = {
     "axis_coupling": axes_mixed,
     "axis_gain": gain_curves,
+    "channel_curve": curves,
     "creep": holds,
     "crosstalk": neighbours,
     "dead_band": curves,
@@ -41,6 +42,7 @@ KINDS: Mapping[str, Callable[[Effect], list[Picture]]] = {
 WORDS: Mapping[str, str] = {
     "axis_coupling": "A force on one axis is read on another as well.",
     "axis_gain": "Each axis reads too much or too little by a factor of its own.",
+    "channel_curve": "Each channel answers to the load along a curve of its own.",
     "creep": "Under a steady load the reading goes on growing, and it comes back slowly.",
     "crosstalk": "A taxel also reads a part of what its neighbours feel.",
     "dead_band": "Small forces are not read.",

@@ -5,7 +5,10 @@ from __future__ import annotations
 from importlib.resources import files
 from typing import Any
 
+import numpy as np
+
 from paxisim._version import __version__
+from paxisim.augment.chain import Chain
 from paxisim.diagnose.diagnosis import Diagnosis, FoundCause, Interval
 from paxisim.errors import MissingExtraError
 
@@ -87,7 +90,7 @@ def _context(diagnosis: Diagnosis) -> dict[str, Any]:
         "held_out": len(diagnosis.heldout.gain_per_episode) > 1,
         "reasons": reasons,
         "covariates": diagnosis.model.covariate_names,
-        "around": _has_around(),
+        "reads_ahead": _reads_ahead(diagnosis.model),
         "version": __version__,
     }
 
@@ -99,10 +102,13 @@ def _head(diagnosis: Diagnosis) -> str:
     return text[:1].upper() + text[1:]
 
 
-def _has_around() -> bool:
-    from paxisim.augment.gcs import GCS
-
-    return hasattr(GCS, "around")
+def _reads_ahead(model: Chain) -> bool:
+    """Whether a frame's reading needs frames to come, as where the simulated stream is the late one."""
+    if "latency" not in model.names:
+        return False
+    member = model["latency"]
+    member = member[0] if isinstance(member, Chain) else member  # put in its place by the engine
+    return float(np.min(member.delay)) < 0  # type: ignore[union-attr]
 
 
 def _parameters(cause: FoundCause) -> list[tuple[str, str]]:
