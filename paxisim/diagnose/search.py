@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -36,19 +37,24 @@ class Thresholds:
     most: int = 5
 
 
-@dataclass(frozen=True, eq=False)
 class Found:
     """What a search ends with.
 
     Attributes:
         fit: The causes with their values.
         without: By cause, the fit of the others.
-        rivals: By cause, the energy that is left with a rival in its place, by the rival's name.
     """
 
-    fit: Fit
-    without: Mapping[str, Fit] = field(default_factory=dict)
-    rivals: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    def __init__(self, search: _Search, chosen: Sequence[str]) -> None:
+        """Remember; rivals are fitted when they are asked for."""
+        self._search, self._chosen = search, chosen
+        self.fit = search.fitted(chosen)
+        self.without = {name: search.fitted([n for n in chosen if n != name]) for name in chosen}
+
+    @cached_property
+    def rivals(self) -> Mapping[str, Mapping[str, float]]:
+        """By cause, the energy that is left with a rival in its place, by the rival's name."""
+        return {name: self._search.rivals(self._chosen, name) for name in self._chosen}
 
 
 def search(
@@ -92,11 +98,10 @@ class _Search:
             if kept is None:
                 break
             chosen = self._exchanged(self._pruned([*chosen, kept], kept))
-        rivals = {name: self._rivals(chosen, name) for name in chosen}
-        without = {name: self._fitted([n for n in chosen if n != name]) for name in chosen}
-        return Found(self._fitted(chosen), without, rivals)
+        return Found(self, chosen)
 
-    def _fitted(self, names: Sequence[str], start: Fit | None = None) -> Fit:
+    def fitted(self, names: Sequence[str], start: Fit | None = None) -> Fit:
+        """The fit of a set of causes, begun with the values of another where it has them."""
         key = frozenset(names)
         if key not in self._fits:
             known = {} if start is None else {n: v for n, v in start.values.items() if n in key}
@@ -107,7 +112,7 @@ class _Search:
         """What each other cause would take away in addition while it is small, largest first."""
         key = frozenset(chosen)
         if key not in self._gains:
-            current = self._fitted(chosen)
+            current = self.fitted(chosen)
             force = current.prediction - self._problem.zero
             tangent = tangent_of(self._problem, self._causes, force, current.prediction)
             gains = {n: _promise(tangent, chosen, n) for n in self._by_name if n not in key}
@@ -129,8 +134,8 @@ class _Search:
 
     def _next(self, chosen: Sequence[str]) -> str | None:
         """The cause that brings most beside `chosen`, if one brings enough."""
-        current = self._fitted(chosen)
-        contest = {n: self._fitted([*chosen, n], current) for n in self._near(chosen, CONTEST)}
+        current = self.fitted(chosen)
+        contest = {n: self.fitted([*chosen, n], current) for n in self._near(chosen, CONTEST)}
         for name in sorted(contest, key=lambda n: contest[n].energy.sum()):
             name = self._simplest(name, contest, current)
             if self._worth(contest[name], current, name) and self._material(contest[name], name):
@@ -144,10 +149,10 @@ class _Search:
                 break
             for place, name in enumerate(chosen):
                 rest = [n for n in chosen if n != name]
-                without = self._fitted(rest, self._fitted(chosen))
+                without = self.fitted(rest, self.fitted(chosen))
                 near = [n for n in self._near(rest, EXCHANGE) if n != name]
-                contest = {n: self._fitted([*rest, n], without) for n in near}
-                contest[name] = self._fitted(chosen)
+                contest = {n: self.fitted([*rest, n], without) for n in near}
+                contest[name] = self.fitted(chosen)
                 best = self._simplest(min(contest, key=lambda n: contest[n].energy.sum()), contest, without)
                 better = contest[name].energy.sum() - contest[best].energy.sum()
                 simpler = best in self._by_name[name].simpler
@@ -158,11 +163,12 @@ class _Search:
                 break
         return chosen
 
-    def _rivals(self, chosen: Sequence[str], name: str) -> dict[str, float]:
+    def rivals(self, chosen: Sequence[str], name: str) -> dict[str, float]:
+        """Energy that is left with others in place of one cause, by their names."""
         rest = [n for n in chosen if n != name]
-        without = self._fitted(rest, self._fitted(chosen))
+        without = self.fitted(rest, self.fitted(chosen))
         near = [n for n in list(self._ranked(rest))[: EXCHANGE + 1] if n != name]
-        return {n: float(self._fitted([*rest, n], without).energy.sum()) for n in near}
+        return {n: float(self.fitted([*rest, n], without).energy.sum()) for n in near}
 
     def _simplest(self, name: str, contest: Mapping[str, Fit], without: Fit) -> str:
         """`name`, or a simpler candidate of which it does no more than that one can."""
@@ -181,8 +187,8 @@ class _Search:
         """Without the causes that the others, `kept` among them, have made superfluous."""
         for name in [n for n in chosen if n != kept]:
             fewer = [n for n in chosen if n != name]
-            whole = self._fitted(chosen)
-            if not self._worth(whole, self._fitted(fewer, whole), name) or not self._material(whole, name):
+            whole = self.fitted(chosen)
+            if not self._worth(whole, self.fitted(fewer, whole), name) or not self._material(whole, name):
                 return self._pruned(fewer, kept)
         return chosen
 
@@ -200,7 +206,7 @@ class _Search:
         """Energy that the forms of a fit's causes may leave for `name` to explain."""
         misfit = DRIFTING * self._zero_gain if name == "interference" else 0.0
         for other in found.values:
-            without = self._fitted([n for n in found.values if n != other], found)
+            without = self.fitted([n for n in found.values if n != other], found)
             gain = float((without.energy - found.energy).sum())
             misfit += self._by_name[other].form.get(name, FORM) * max(gain, 0.0)
         return misfit
