@@ -223,7 +223,7 @@ def _explained(
         transform = augment.Offset(zero.offset)
         members.append((cause("offset").order, "offset", transform))
         if "offset" in zero.gain:
-            named.append(Named("offset", transform, {"offset": zero.offset}, zero.gain["offset"], {}))
+            named.append(Named("offset", transform, {"value": zero.offset}, zero.gain["offset"], {}))
     if np.any(zero.amplitude):
         transform = augment.Drift(amplitude=zero.amplitude, tau=zero.tau)
         members.append((cause("drift").order, "drift", transform))

@@ -123,8 +123,8 @@ def _parameters(
         reach_of = None
         if named.name == TAXEL_GAIN:
             reach_of = _gain_spread(found, array)
-        elif (named.name, name) in (("offset", "offset"), ("drift", "amplitude")):
-            reach_of = _zero_spread(found, name)
+        elif (named.name, name) in (("offset", "value"), ("drift", "amplitude")):
+            reach_of = _zero_spread(found, named.name)
         elif named.name == CHANNEL_CURVE and len(found.problem.episodes) >= 3:
             count = len(found.problem.episodes)
             reach_of = curve_error(found.problem, found.prediction) * student.ppf(0.5 + LEVEL / 2, count - 1)

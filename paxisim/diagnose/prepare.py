@@ -52,7 +52,7 @@ def prepare(recording: Recording) -> tuple[Recording, tuple[str, ...]]:
     _check_signals(cut, warnings)
     count = len(np.unique(cut.episode))
     if was_one:
-        warnings.append(f"one episode was cut into {pieces} where the pads are free; memory of earlier presses is lost")
+        warnings.append(f"one episode was cut into {pieces} where the pads are free")
     elif count == 1:
         warnings.append(
             "one episode: nothing can be held out, the figures are those of the fit, and no name is certain"

@@ -87,11 +87,19 @@ class Problem:
         each = [self.time[span] - self.time[span.start] for span in self.episodes]
         return all(len(one) == len(each[0]) and np.abs(one - each[0]).max() < 1e-9 for one in each[1:])
 
+    @cached_property
+    def _in_one_piece(self) -> tuple[slice, ...]:
+        """Episodes; those that follow one another without a break are one, as the sensor then remembers."""
+        breaks = np.diff(self.time, prepend=-np.inf)
+        usual = 1.5 * float(np.median(breaks[1:]))
+        starts = [span.start for span in self.episodes if not 0 < breaks[span.start] <= usual]
+        return tuple(slice(a, b) for a, b in itertools.pairwise([*starts, len(self.time)]))
+
     def run(self, transform: Transform, x: FloatArray) -> FloatArray:
-        """`transform` on the sequence `x`, begun anew for each episode."""
+        """`transform` on the sequence `x`, begun anew for each episode that does not go on from the one before."""
         if not transform.has_memory:
             return transform.run(x, self.time, self.covariates)
-        if self._alike:  # then they are a batch: one pass over time for all
+        if self._alike and len(self._in_one_piece) == len(self.episodes):  # then they are a batch: one pass over time for all
 
             def batch(values: FloatArray) -> FloatArray:
                 return np.swapaxes(values.reshape(len(self.episodes), -1, *values.shape[1:]), 0, 1)
@@ -101,7 +109,7 @@ class Problem:
             return np.swapaxes(made, 0, 1).reshape(x.shape)
         parts = [
             transform.run(x[span], self.time[span], {name: c[span] for name, c in self.covariates.items()})
-            for span in self.episodes
+            for span in self._in_one_piece
         ]
         return np.concatenate(parts)
 

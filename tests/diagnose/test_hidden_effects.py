@@ -25,6 +25,8 @@ from hidden.cases import make
 from hidden.compare import compare, headroom_share
 from hidden.effects import EFFECTS
 
+pytestmark = pytest.mark.rates
+
 PAIRS = (("axis_gain", "offset"), ("latency", "rotation"), ("creep", "taxel_gain"))
 OUTSIDERS = ("mullins", "hum", "gain_control", "row_scan", "swapped_neighbours", "bursts")
 NULLS = ({}, {"rho": 0.95}, {"coarse": True}, {"family": "final"}, {"rho": 0.95, "family": "final"})
