@@ -53,6 +53,7 @@ EXCITES: Mapping[str, str] = {
     "crosstalk": "probe",
     "saturation": "staircase",
     "stiffening": "staircase",
+    "channel_curve": "staircase",
     "dead_band": "light",
     "taxel_gain": "places",
     "axis_gain": "loads",

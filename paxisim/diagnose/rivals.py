@@ -71,7 +71,8 @@ def _imitating(found: Explanation, item: Named, searched: Sequence[Named]) -> di
     if it takes half of what that leaves.
     """
     others = [other.name for other in searched if other is not item]
-    asked = [name for name in known_causes() if name not in found.not_searched and _is_searched(name)]
+    asked = [n for n in known_causes() if n not in found.not_searched and _is_searched(n)]
+    asked = [n for n in asked if not cause(n).barred(found.problem)]
     causes = [cause(name) for name in dict.fromkeys([*asked, GAUGE])]
     owner, products, projections, own = _sums(found, item, causes)
     if own <= 0:

@@ -137,7 +137,7 @@ def test_a_loaded_diagnosis_says_what_its_page_lacks(pages, two, tmp_path):
 
 
 def test_one_episode_claims_no_gain(two):
-    heldout = dataclasses.replace(two.heldout, gain_per_episode=(0.5,))
+    heldout = dataclasses.replace(two.heldout, gain_per_episode=(0.5,), note="")
     page = dataclasses.replace(two, heldout=heldout, streams=None).report()
     assert "no gain is claimed" in page
     assert "figures of the fit" in page

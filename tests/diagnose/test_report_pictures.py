@@ -137,7 +137,7 @@ def test_any_layout_can_be_drawn(rows, cols, pads, layout):
     streams = streams_of(own, run(chain, streams_of(own)))
     heldout = HeldOut(0.2, 0.1, 0.05, "repeated motions", None, (0.5,))
     causes = tuple(found_cause(name) for name in transforms)
-    found = Diagnosis("explained", causes, heldout, {}, {}, Symptoms(), (), chain, streams)
+    found = Diagnosis("explained", causes, heldout, {}, {}, Symptoms(), (), chain, streams=streams)
     pictures = pictures_of(found.report())
     check_pictures(pictures)
     assert len(pictures) == 3 + 2 + 2 * 4 + 2
