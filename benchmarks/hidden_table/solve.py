@@ -99,7 +99,7 @@ def compared(case: Case, diagnosis: Diagnosis) -> dict[str, tuple[float, int, in
         if found.name in case.causes:
             intervals = {p.name: (p.value.value, p.value.low, p.value.high) for p in found.parameters}
             result = compare(found.name, case, diagnosis.model[found.name].run, intervals)
-            out[found.name] = (result.error, result.inside, result.intervals)
+            out[found.name] = (float(result.error), int(result.inside), int(result.intervals))
     return out
 
 

@@ -99,7 +99,7 @@ class Problem:
         """`transform` on the sequence `x`, begun anew for each episode that does not go on from the one before."""
         if not transform.has_memory:
             return transform.run(x, self.time, self.covariates)
-        if self._alike and len(self._in_one_piece) == len(self.episodes):  # then they are a batch: one pass over time for all
+        if self._alike and len(self._in_one_piece) == len(self.episodes):  # a batch: one pass over time for all
 
             def batch(values: FloatArray) -> FloatArray:
                 return np.swapaxes(values.reshape(len(self.episodes), -1, *values.shape[1:]), 0, 1)
