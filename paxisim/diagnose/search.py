@@ -17,6 +17,7 @@ CONTEST = 4  # candidates that are fitted in full for one place
 EXCHANGE = 3  # of them where a cause that is in is put to the test again
 SIGNIFICANT = 30.0  # energy, in units of the noise, that chance does not explain
 DRIFTING = 0.05  # of what a drift explains, that its form leaves to a field that comes and goes
+UNREPEATED = 3.0  # times what matters that a cause must bring which but few of the episodes show
 FEW = 6  # numbers of a cause
 NEAR = 0.6  # of the best one's gain: who has less is not fitted
 
@@ -194,9 +195,14 @@ class _Search:
 
     def _consistent(self, more: Fit, fewer: Fit, least: float) -> bool:
         gain = fewer.energy - more.energy
+        if gain.sum() <= least:
+            return False
         active = np.abs(gain) > 1e-2 * np.abs(gain).max()  # an episode without contact says nothing
-        better = gain[gain > 0].sum() / max(np.abs(gain).sum(), 1e-12)  # few may show it, if the others do not object
-        return bool(gain.sum() > least and max((gain[active] > 0).mean(), better) >= self._limits.episodes)
+        if (gain[active] > 0).mean() >= self._limits.episodes:
+            return True
+        # few may show it, then more of it, if the others do not object
+        better = gain[gain > 0].sum() / max(np.abs(gain).sum(), 1e-12)
+        return bool(gain.sum() > UNREPEATED * least and better >= self._limits.episodes)
 
     def _worth(self, more: Fit, fewer: Fit, name: str) -> bool:
         least = self._limits.material * self._problem.samples * self._by_name[name].costs
