@@ -50,6 +50,8 @@ ERROR = 0.3  # of the effect's size, for what has other parameters than the fitt
 GAIN = 0.7  # of the headroom, held out
 
 SEED = int(os.environ.get("PAXISIM_SEED", int.from_bytes(os.urandom(4), "big")))
+MORE = {"interference": ("gripper", "gripper", "gripper")}
+"""Episodes besides those of the family, which has but one that shows the effect: the others know nothing of it."""
 SMALL = {"rows": 4, "cols": 3, "duration": 6.0, "rate": 20}
 
 
@@ -64,6 +66,7 @@ def recorded(names, number, seed, strength, **options):
     family = ("development", "final")[rng.integers(2)]
     strength = rng.uniform(strength, 1.0)
     options = {"family": family, **SMALL, **options}
+    options["more"] = sum((MORE.get(name, ()) for name in names), ())
     return make(names, seed=int(rng.integers(2**31)), strength=strength, ideal=True, **options)
 
 

@@ -61,7 +61,7 @@ class Case:
 
 
 def make(causes=(), *, seed, family="development", rows=6, cols=5, pads=2, strength=None, duration=9.0, rho=None,
-         strong_noise=False, coarse=False, rate=None, ideal=False):  # fmt: skip
+         strong_noise=False, coarse=False, rate=None, ideal=False, more=()):  # fmt: skip
     """A recording in which `causes` are hidden.
 
     Args:
@@ -75,6 +75,7 @@ def make(causes=(), *, seed, family="development", rows=6, cols=5, pads=2, stren
         coarse: rounding to whole 0.1 N in any case; else half of the sensors round finer.
         rate: samples a second; default: drawn.
         ideal: whether to keep what the effects make of the simulation; outsiders that remember have none.
+        more: kinds of episodes that follow those of the family.
     """
     rng = np.random.default_rng(seed)
     pitch = (4.35e-3, 4.52e-3)
@@ -85,7 +86,7 @@ def make(causes=(), *, seed, family="development", rows=6, cols=5, pads=2, stren
     if rate is not None:
         nuisance.rate = float(rate)
 
-    moves = [motions.episode(kind, family, rng, size, pads, duration) for kind in motions.KINDS[family]]
+    moves = [motions.episode(kind, family, rng, size, pads, duration) for kind in (*motions.KINDS[family], *more)]
     loads = np.concatenate([np.abs(contact.field(move, where)).max(axis=(1, 2, 3)) for move in moves])
     pad = Pad(where, rows, cols, pads, float(np.quantile(loads, 0.995)))
     known = {**EFFECTS, **OUTSIDERS}
