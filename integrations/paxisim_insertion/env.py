@@ -129,7 +129,7 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         self._steps, self._succeeded = 0, False
         self._history.reset()
         force = self._tactile.read()
-        self._state = self._chain.initial_state(force)
+        self._state = self._chain.initial_state(force, self._covariates())
         self._feel(force, 0.0)
         return self._observe(), {"is_success": False}
 
@@ -181,9 +181,12 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
             self._renderer = None
 
     def _feel(self, force: NDArray[np.float32], dt: float) -> None:
-        force, self._state = self._chain.step(force, self._state, dt)
+        force, self._state = self._chain.step(force, self._state, dt, self._covariates())
         self._force = np.asarray(force, dtype=np.float32)
         self._history.append(self._force)
+
+    def _covariates(self) -> dict[str, float]:
+        return {"gripper_opening": self.scene.opening}
 
     def _observe(self) -> dict[str, NDArray[np.float32]]:
         position, rotation = self.scene.fingertip

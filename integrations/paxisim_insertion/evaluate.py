@@ -5,12 +5,13 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+from scipy.stats import binomtest
 from stable_baselines3 import SAC
 
 import paxisim
 
 from .env import InsertionEnv
-from .results import IN_SIMULATION, RESULTS, Result, wilson
+from .results import IN_SIMULATION, RESULTS, Result
 from .run import Run, versions
 from .shell import command
 
@@ -46,9 +47,9 @@ def evaluate(
     finally:
         env.close()
     name = IN_SIMULATION if sensor is None else f"surrogate {sensor.stem}"
-    rate, interval = successes / trials, wilson(successes, trials)
+    interval = tuple(binomtest(successes, trials).proportion_ci(method="wilson"))
     training = {"steps": model.num_timesteps, "updates": model._n_updates, "envs": this.envs}
-    result = Result(this.task, this.method, name, this.seed, trials, rate, interval, versions(), training)
+    result = Result(this.task, this.method, name, this.seed, trials, successes / trials, interval, versions(), training)
     path = result.save(out)
     print(f"{this.task} {this.method} {name}: {successes} of {trials}, {interval[0]:.2f} to {interval[1]:.2f}; {path}")
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -61,18 +60,3 @@ class Result:
             return cls(**{**found, "interval": tuple(found["interval"])})
         except (ValueError, TypeError, KeyError) as error:
             raise paxisim.InvalidValueError(f"{path} is not a result: {error}") from error
-
-
-def wilson(successes: int, trials: int, z: float = 1.96) -> tuple[float, float]:
-    """The Wilson score interval of a share, by default of 95 %.
-
-    Raises:
-        InvalidValueError: There are no trials, or more successes than trials.
-    """
-    if not 0 <= successes <= trials or trials == 0:
-        raise paxisim.InvalidValueError(f"expected 0 to {trials} successes of at least one trial, got {successes}")
-    share = successes / trials
-    middle = share + z * z / (2 * trials)
-    half = z * math.sqrt(share * (1 - share) / trials + z * z / (4 * trials * trials))
-    scale = 1 + z * z / trials
-    return max(0.0, (middle - half) / scale), min(1.0, (middle + half) / scale)

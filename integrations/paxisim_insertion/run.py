@@ -129,8 +129,6 @@ class Run:
                 AsymmetricPolicy,
                 env,
                 buffer_size=self.buffer,
-                # as many updates as steps were taken: with one environment, that is stable-baselines3's default
-                gradient_steps=-1,
                 replay_buffer_class=HistoryReplayBuffer,
                 replay_buffer_kwargs={"history": env.get_attr("frames")[0]},
                 seed=self.seed,

@@ -133,6 +133,12 @@ class InsertionScene(ManipulationEnv):
         return data.xpos[self._peg].copy(), data.xmat[self._peg].reshape(3, 3).copy()
 
     @property
+    def opening(self) -> float:
+        """Distance (m) between the two fingers' faces."""
+        _, data = self.model_and_data
+        return float(np.sum(data.qpos[self._fingers] * _SIDES)) - 2 * self._closed
+
+    @property
     def base(self) -> NDArray[np.floating]:
         """Position (m) of the base in the world, the middle of the hole's bottom; its axes are the world's."""
         return np.array([0.0, 0.0, TABLE_HEIGHT + self.parameters.floor])

@@ -7,6 +7,8 @@ from gymnasium.utils.env_checker import check_env
 from paxisim_insertion import METHODS, TASKS, InsertionEnv, Parameters
 from paxisim_insertion.env import PRIVILEGED
 from paxisim_insertion.expert import expert_action
+from paxisim_insertion.shell import command
+from paxisim_insertion.surrogate import draw, surrogate
 from stable_baselines3.common.env_checker import check_env as check_env_sb3
 
 import paxisim
@@ -155,6 +157,23 @@ def test_a_surrogate_sensor_takes_the_place_of_what_the_method_draws(tmp_path):
     assert np.abs(raw - before).max() > 0.01, "the peg stands on the base"
     assert np.abs(made.reading - raw).max() > 1e-3, "the low-pass remembers"
     assert np.ptp(made.scene.model_and_data[0].geom_size[made.scene.tactile.pads.geoms, 2]) < 1e-9
+    made.close()
+
+
+def test_drawn_surrogates(tmp_path, capsys):
+    assert command(surrogate, ["--seed", "3", "--out", str(tmp_path / "3.json")]) == 0
+    assert "interference" in capsys.readouterr().out
+    drawn = paxisim.Chain.load(tmp_path / "3.json")
+    assert drawn.to_json() == draw(3).to_json() != draw(4).to_json()
+    made = InsertionEnv("SX-2mm", "DT", sensor=drawn)
+    made.reset(seed=0)
+    assert made.scene.opening == pytest.approx(made.parameters.handle_size, abs=2e-3)
+    raw = made.scene.tactile.read()
+    assert np.abs(made.reading - raw).max() > 0.1
+    np.testing.assert_allclose(made.reading / 0.1, np.round(made.reading / 0.1), atol=1e-4)
+    counts = made.reading
+    made.step(np.zeros(2))
+    assert np.abs(made.reading - counts).max() < 1
     made.close()
 
 

@@ -13,7 +13,7 @@ import pytest
 import torch
 from paxisim_insertion.evaluate import evaluate
 from paxisim_insertion.replay import HistoryReplayBuffer
-from paxisim_insertion.results import Result, wilson
+from paxisim_insertion.results import Result
 from paxisim_insertion.run import Run, versions
 from paxisim_insertion.shell import command
 from paxisim_insertion.table import table
@@ -140,16 +140,6 @@ def test_environments_in_processes_of_their_own(tmp_path):
         assert not done.any()
     finally:
         env.close()
-
-
-def test_wilson_intervals():
-    # Brown, Cai and DasGupta (2001) give the interval's formula; these are its values by hand
-    assert wilson(0, 10) == (0.0, pytest.approx(1.96**2 / (10 + 1.96**2)))
-    assert wilson(10, 10) == (pytest.approx(10 / (10 + 1.96**2)), 1.0)
-    low, high = wilson(45, 50)
-    assert (low, high) == (pytest.approx(0.786, abs=1e-3), pytest.approx(0.957, abs=1e-3))
-    with pytest.raises(paxisim.InvalidValueError):
-        wilson(3, 2)
 
 
 def test_a_result_that_is_none(tmp_path):

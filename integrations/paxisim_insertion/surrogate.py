@@ -1,0 +1,68 @@
+"""``python -m paxisim_insertion.surrogate --seed 1 --out sensor-1.json``: a sensor that stands for a real one.
+
+It is a surrogate: a chain of what real pads are known to do, drawn from ranges that no training has seen; no real
+sensor is involved. GCS draws white gains, a 3x3 kernel and no memory; here gains differ from pad to pad and lean across
+each, shear comes from a wider kernel, and there are stiffening, creep, hysteresis, a field, a dead band and counts.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+import paxisim
+from paxisim import augment
+
+from .shell import command
+
+PADS, ROWS, COLS = 2, 6, 5
+OPEN = 0.08
+"""Opening (m) at which the sensor is zeroed, the Panda gripper's largest."""
+
+COUNT = 0.1
+"""Newtons a count, as PaXini's pads report them."""
+
+
+def draw(seed: int) -> paxisim.Chain:
+    """A surrogate, the same for the same seed.
+
+    Returns:
+        A chain for tensors ``(2, 3, 6, 5)`` in newtons. It needs the covariate ``gripper_opening`` (m).
+    """
+    rng = np.random.default_rng(seed)
+    direction = rng.uniform(0, 2 * np.pi, (PADS, 1, 1))
+    row, col = np.meshgrid(np.linspace(-1, 1, ROWS), np.linspace(-1, 1, COLS), indexing="ij")
+    lean = rng.uniform(0.1, 0.3, (PADS, 1, 1)) * (np.cos(direction) * row + np.sin(direction) * col)
+    field = rng.uniform(-6, 6, (PADS, 3))
+    return paxisim.Chain(
+        [
+            augment.Stiffening(rng.uniform(0.8, 1.2), 1.0),
+            augment.Creep(rng.uniform(0.03, 0.15, 2), (rng.uniform(0.2, 1), rng.uniform(2, 10))),
+            augment.Hysteresis(rng.uniform(0.03, 0.1, 3), (0.05, 0.2, 0.8)),
+            augment.Poisson(*rng.uniform(0.1, 0.3, 2), reach=2.9, falloff=rng.uniform(0.5, 2)),
+            augment.PadAxisGain(rng.uniform(0.6, 1.4, (PADS, 3))),
+            augment.TaxelGain(np.maximum(1 + lean + rng.normal(0, 0.1, lean.shape), 0.2)),
+            augment.Interference(linear=field, linear_rise=field * rng.uniform(-0.1, 0.1, (2, 1, 1)), zeroed_at=OPEN),
+            augment.DeadBand(rng.uniform(0.05, 0.15, 3), rng.uniform(0, 1)),
+            augment.Quantisation((COUNT,) * 3),
+        ]
+    )
+
+
+def surrogate(seed: int = 1, *, out: Path | None = None) -> None:
+    """Draw a surrogate of a real sensor, for ``evaluate --sensor``.
+
+    Args:
+        seed: Of the draw.
+        out: Its file. Default: sensor-SEED.json.
+    """
+    path = out or Path(f"sensor-{seed}.json")
+    chain = draw(seed)
+    chain.save(path)
+    print(f"{path}: {', '.join(chain.names)}")
+
+
+if __name__ == "__main__":
+    sys.exit(command(surrogate))
