@@ -10,6 +10,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from gymnasium import Env
+from gymnasium.wrappers import TransformReward
 from stable_baselines3 import SAC
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecEnv
@@ -25,6 +27,11 @@ from .tasks import Parameters, find_task
 PACKAGES = ("mujoco", "robosuite", "stable-baselines3", "torch", "gymnasium", "numpy")
 BUFFER = 1_000_000
 """Transitions in the replay buffer, stable-baselines3's default."""
+
+REWARD_SCALE = 0.05
+"""What the reward is multiplied by in training. It does not change which policy is best. But SAC's temperature begins
+at 1, and with rewards of several hundred a step it takes most of a training to grow to what they need; until then the
+policy hardly explores."""
 
 
 def versions() -> dict[str, str]:
@@ -44,6 +51,7 @@ class Run:
         seed: Seed of the run.
         envs: Environments that collect at the same time.
         buffer: Transitions in the replay buffer, all environments together.
+        reward_scale: What the reward is multiplied by, see `REWARD_SCALE`.
         parameters: What the paper leaves open.
     """
 
@@ -53,6 +61,7 @@ class Run:
     seed: int = 0
     envs: int = 1
     buffer: int = BUFFER
+    reward_scale: float = REWARD_SCALE
     parameters: Parameters = Parameters()  # noqa: RUF009 - frozen
 
     @property
@@ -102,11 +111,11 @@ class Run:
             raise paxisim.InvalidValueError(f"{folder} was made with {told}: use those, or pass --other-versions")
         return run
 
-    def make_env(self, index: int = 0, **options: Any) -> Monitor:
-        """One of the run's environments, seeded."""
-        env = InsertionEnv(self.task, self.method, parameters=self.parameters, **options)
+    def make_env(self, index: int = 0) -> Env:
+        """One of the run's environments, seeded; what it logs is not scaled."""
+        env = InsertionEnv(self.task, self.method, parameters=self.parameters)
         env.reset(seed=self.seed * 1000 + index)
-        return Monitor(env, info_keywords=("is_success",))
+        return TransformReward(Monitor(env, info_keywords=("is_success",)), lambda reward: self.reward_scale * reward)
 
     def make_envs(self) -> VecEnv:
         """All of the run's environments, each in a process of its own if there are several."""
@@ -162,7 +171,7 @@ class Run:
         os.replace(new, self.model_path)
 
     def _identity(self) -> dict[str, Any]:
-        own = {name: getattr(self, name) for name in ("task", "method", "seed", "envs", "buffer")}
+        own = {name: getattr(self, name) for name in ("task", "method", "seed", "envs", "buffer", "reward_scale")}
         return {**own, "parameters": asdict(self.parameters)}
 
 
