@@ -23,8 +23,7 @@ import numpy as np
 
 import paxisim
 from paxisim.diagnose.prepare import prepare
-from paxisim.diagnose.repeats import settling
-from paxisim.diagnose.run import after
+from paxisim.diagnose.repeats import settled
 
 LAGS = (1, 2, 4, 8, 16, 32)  # samples that the black box may look back
 
@@ -41,7 +40,7 @@ def main() -> None:
     readout = paxisim.calibrate_readout(first, "load")
     fitted, held = readout.apply(first), readout.apply(second)
     cut = prepare(fitted)[0]
-    settled = len(cut) - len(after(cut, settling(cut)[0]))  # samples before
+    start = len(cut) - len(settled(cut)[0])  # samples before
 
     measured = second.measured.astype(np.float64)
     scale = np.sum(measured**2)
@@ -66,16 +65,16 @@ def main() -> None:
     print(f"{'':<46} {'NRMSE':>8} {'ratio':>7}")
     row("linear readout", readout.to_channels(held.simulated))
     row("cubic of the load, a channel each", apart(lambda x, y, z: np.polyval(np.polyfit(x, y, 3), z)))
-    row("the same, settled cycles only", apart(lambda x, y, z: np.polyval(np.polyfit(x, y, 3), z), settled))
+    row("the same, settled cycles only", apart(lambda x, y, z: np.polyval(np.polyfit(x, y, 3), z), start))
     row("black box (boosting on the load's past)", apart(lambda x, y, z: _boost(x, y, z, arguments.seed)))
-    row("the same, settled cycles only", apart(lambda x, y, z: _boost(x, y, z, arguments.seed), settled))
+    row("the same, settled cycles only", apart(lambda x, y, z: _boost(x, y, z, arguments.seed), start))
     begin = time.perf_counter()
     found = paxisim.diagnose(fitted, seed=arguments.seed, progress=lambda text: print(text, file=sys.stderr))
     seconds = time.perf_counter() - begin
     last = row("extended model", readout.to_channels(found.model.run(held.simulated.astype(float), held.time)))
     print(f"\n{found}\n\nThe parts of the gain, in the order of the causes; each set is fitted anew to press_1")
     before = row("linear readout", readout.to_channels(held.simulated))
-    before = row("+ settled cycles only", apart(lambda x, y, z: np.polyval(np.polyfit(x, y, 1), z), settled), before)
+    before = row("+ settled cycles only", apart(lambda x, y, z: np.polyval(np.polyfit(x, y, 1), z), start), before)
     names = [cause.name for cause in found.causes]
     for count in range(1, len(names)):
         part = paxisim.diagnose(fitted, names[:count], seed=arguments.seed)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
-from paxisim.logs.aligned import Aligned, CountsToForce, Method
+from paxisim.logs.aligned import Aligned, CountsToForce, Method, episode_starts
 
 # kept in fields of their own, so that a file holds each of them once
 _FIELDS_NOT_METADATA = ("format", "layout", "pads", "time_zero_ns")
@@ -142,7 +142,7 @@ class Recording:
 
     def _starts(self) -> NDArray[np.intp]:
         """Index of the first sample of each episode."""
-        return np.flatnonzero(np.diff(self.episode, prepend=self.episode[0] - 1))
+        return episode_starts(self.episode)
 
     @property
     def tensor(self) -> NDArray[np.float32]:

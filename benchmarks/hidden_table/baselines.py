@@ -18,7 +18,8 @@ from scipy.stats import chi2
 
 from paxisim.diagnose.cause import TAXEL_GAIN, cause, known_causes
 from paxisim.diagnose.checks import read_layout, read_rounding, read_taxels
-from paxisim.diagnose.problem import Problem, Tolerance, problem_of, with_noise
+from paxisim.diagnose.noise import Tolerance
+from paxisim.diagnose.problem import Problem, problem_of, with_noise
 from paxisim.recording import Recording
 
 Floats = NDArray[np.floating]

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Sequence
 import numpy as np
 from hidden.effects import EFFECTS
 from hidden.outsiders import OUTSIDERS
+from scipy.stats import binomtest
 
 from hidden_table.baselines import NAMES
 from hidden_table.tasks import NULLS, STRONG, Answer, Outcome, by_rivals, is_confidently_wrong, is_exact
@@ -17,10 +18,8 @@ WORST = 40
 
 def wilson(hits: float, count: int) -> tuple[float, float]:
     """The 95 % interval of a rate after Wilson."""
-    z, rate = 1.96, hits / count
-    middle = (rate + z * z / (2 * count)) / (1 + z * z / count)
-    half = z / (1 + z * z / count) * np.sqrt(rate * (1 - rate) / count + z * z / (4 * count**2))
-    return float(max(middle - half, 0)), float(min(middle + half, 1))
+    interval = binomtest(round(hits), count).proportion_ci(method="wilson")
+    return float(interval.low), float(interval.high)
 
 
 def _rate(hits: float, count: int) -> str:

@@ -6,16 +6,21 @@ with `fast_controller`, and "pads" has the paper's pads as well: their forces, G
 """
 
 import logging
+import os
 import time
 from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import robosuite
 from paxisim_insertion import TASKS, InsertionEnv, InsertionScene
+from paxisim_insertion.run import Run
 from paxisim_robosuite import TactileWrapper, fast_controller
 from robosuite.controllers import load_composite_controller_config
 
 ROUNDS, STEPS = 40, 4
+SCALING_STEPS = 40
 QUIET = {"has_renderer": False, "has_offscreen_renderer": False, "use_camera_obs": False, "control_freq": 20}
 
 
@@ -69,6 +74,24 @@ def insertion(task: str) -> dict[str, Callable[[], object]]:
     return {**steps, "pads": lambda: env.step(np.zeros(len(env.task.axes)))}
 
 
+def scaling(task: str = "SX-2mm") -> None:
+    """Print steps per second of environments in processes of their own, over those of one; the largest of a few."""
+    cores = os.cpu_count() or 1
+    best: dict[int, float] = {}
+    with TemporaryDirectory() as folder:
+        for count in (1, cores, 2 * cores):
+            envs = Run(Path(folder), task, "GCS", envs=count).make_envs()
+            envs.reset()
+            for _ in range(5):
+                start = time.perf_counter()
+                for _ in range(SCALING_STEPS):
+                    envs.step(np.zeros((count, *envs.action_space.shape)))
+                rate = count * SCALING_STEPS / (time.perf_counter() - start)
+                best[count] = max(best.get(count, 0.0), rate)
+            envs.close()
+    print(f"\n{cores} cores; {task}, GCS: " + ", ".join(f"{n} processes {r / best[1]:.2f}" for n, r in best.items()))
+
+
 def main() -> None:
     """Print the table."""
     logging.getLogger("robosuite_logs").setLevel(logging.ERROR)
@@ -79,6 +102,7 @@ def main() -> None:
         for which, values in seconds.items():
             ratio = np.median(seconds["robosuite"] / values)
             print(f"| {name} | {which} | {1e3 * np.median(values):.1f} | {ratio:.2f} |", flush=True)
+    scaling()
 
 
 if __name__ == "__main__":

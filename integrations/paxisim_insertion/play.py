@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,12 +43,12 @@ def play(
     if out.exists() and not force:
         raise paxisim.OutputExistsError(f"{out} exists already: name another, or pass --force")
     model = None
+    shown: dict[str, Any] = {"terminate_on_success": True, "render_mode": "rgb_array"}
     if run is None:
-        env = InsertionEnv(task, "GCS", terminate_on_success=True, render_mode="rgb_array")
+        env = InsertionEnv(task, "GCS", **shown)
     else:
         this = Run.open(run)
-        env = this.make_env(terminate_on_success=True, render_mode="rgb_array").unwrapped
-        assert isinstance(env, InsertionEnv)
+        env = InsertionEnv(this.task, this.method, parameters=this.parameters, **shown)
         model = this.policy(env)
     observation, info = env.reset(seed=seed)
     film = None

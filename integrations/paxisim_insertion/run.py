@@ -115,7 +115,9 @@ class Run:
         """One of the run's environments, seeded; what it logs is not scaled."""
         env = InsertionEnv(self.task, self.method, parameters=self.parameters)
         env.reset(seed=self.seed * 1000 + index)
-        return TransformReward(Monitor(env, info_keywords=("is_success",)), lambda reward: self.reward_scale * reward)
+        return TransformReward(
+            Monitor(env, info_keywords=("is_success",)), lambda reward: self.reward_scale * float(reward)
+        )
 
     def make_envs(self) -> VecEnv:
         """All of the run's environments, each in a process of its own if there are several."""

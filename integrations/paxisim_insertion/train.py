@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 import time
-from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +22,7 @@ def train(
     seed: int = 0,
     *,
     steps: int = 300_000,
-    envs: int = 1,
+    envs: int = 4,
     out: Path | None = None,
     resume: bool = False,
     other_versions: bool = False,
@@ -39,7 +38,8 @@ def train(
         method: Name of the method.
         seed: Seed of networks, environments and exploration.
         steps: Environment steps in all.
-        envs: Environments that collect at the same time, each in a process of its own.
+        envs: Environments that collect at the same time, each in a process of its own; there is one update for a step
+            of all of them.
         out: Folder of the run. Default: runs/TASK_METHOD_SEED.
         resume: Go on with the run that is there; task, method, seed, envs and buffer are then the run's.
         other_versions: Go on although the software's versions are not the run's.
@@ -62,8 +62,7 @@ def train(
         # other episodes than those before the end that it is resumed from
         set_random_seed(run.seed + done)
         env.seed(run.seed + done)
-        formats = ["csv"] + (["tensorboard"] if find_spec("tensorboard") else [])
-        model.set_logger(configure(str(folder / f"log_{done}"), formats))
+        model.set_logger(configure(str(folder / f"log_{done}"), ["csv", "tensorboard"]))
         print(f"{run.task} {run.method} seed {run.seed}: {done} of {steps} steps done, in {folder}", flush=True)
         if done < steps:
             progress = Progress(run, steps, save_every)

@@ -11,13 +11,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from paxisim_insertion.env import InsertionEnv
 from paxisim_insertion.evaluate import evaluate
 from paxisim_insertion.replay import HistoryReplayBuffer
 from paxisim_insertion.results import Result
 from paxisim_insertion.run import Run, versions
 from paxisim_insertion.shell import command
 from paxisim_insertion.table import table
+from paxisim_insertion.tasks import Parameters
 from paxisim_insertion.train import train
+from stable_baselines3.common.logger import configure
 
 import paxisim
 
@@ -27,7 +30,18 @@ SIZE = 3000
 def in_shell(*words):
     """A training process."""
     path = os.pathsep.join(sys.path)
-    arguments = [sys.executable, "-m", "paxisim_insertion.train", "--buffer", str(SIZE), "--save-every", "1", *words]
+    arguments = [
+        sys.executable,
+        "-m",
+        "paxisim_insertion.train",
+        "--buffer",
+        str(SIZE),
+        "--save-every",
+        "1",
+        "--envs",
+        "1",
+        *words,
+    ]
     return subprocess.Popen(arguments, env=os.environ | {"PYTHONPATH": path}, stdout=subprocess.PIPE, text=True)
 
 
@@ -140,6 +154,37 @@ def test_environments_in_processes_of_their_own(tmp_path):
         assert not done.any()
     finally:
         env.close()
+
+
+def test_a_short_training_is_better_than_chance(tmp_path):
+    """With the peg above the hole it is to learn to push down, gently: blind, 1600 steps, half a minute."""
+    above = Parameters(start=((0, -5e-4, 2e-3), (0, 5e-4, 4e-3)), grasp_offset=(0, 0))
+    run = Run(tmp_path, "SX-2mm", "NT", envs=2, buffer=SIZE, parameters=above)
+    run.create()
+    envs = run.make_envs()
+    env = InsertionEnv("SX-2mm", "NT", parameters=above)
+
+    def mean_return(act):
+        total = 0.0
+        for seed in range(4):
+            observation, _ = env.reset(seed=seed)
+            truncated = False
+            while not truncated:
+                observation, reward, _, truncated, _ = env.step(act(observation))
+                total += reward / 4
+        return total
+
+    try:
+        model = run.model(envs, "cpu")
+        model.set_logger(configure(None, []))
+        env.action_space.seed(0)
+        by_chance = mean_return(lambda observation: env.action_space.sample())
+        model.learn(1600)
+        trained = mean_return(lambda observation: model.predict(observation, deterministic=True)[0])
+    finally:
+        envs.close()
+        env.close()
+    assert trained > 1.5 * by_chance, f"seed {run.seed}: {by_chance:.0f} by chance, {trained:.0f} trained"
 
 
 def test_a_result_that_is_none(tmp_path):

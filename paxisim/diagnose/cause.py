@@ -21,8 +21,14 @@ Solve = Callable[[Problem, FloatArray, Callable[[FloatArray], FloatArray], bool,
 FORM = 0.01
 """Share of a cause's gain that most others may bring besides, see `Cause`."""
 
+UNLIKE = 0.002
+"""The same for those that look like no other."""
+
 TAXEL_GAIN = "taxel_gain"
 """The one cause with a number for each taxel; it is fitted in closed form."""
+
+GAIN_PRIOR = 0.1
+"""Spread of a taxel's gain about 1: what keeps a gain that nothing was pressed on at 1."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +80,8 @@ class Cause:
         costs: How many times the energy that matters it must bring: more than 1 for one with many numbers, in which
             what no calibration has removed gathers.
         form: Share of its gain that another cause, by its name, may bring besides, as no form fits exactly what a
-            sensor does; `FORM` for those that are not listed.
+            sensor does; that one's `mistaken` where it is not listed.
+        mistaken: Share of another cause's gain that this one may bring only because that one's form does not fit.
         beyond: How far `values` are from what those could do, in units of what matters: at least 1 to be named.
         solve: For one with a number for each taxel or channel: the array that fits best, in closed form, given the
             problem, what comes in, a function that says what the causes behind it make of what goes out, whether there
@@ -93,10 +100,16 @@ class Cause:
     ahead: float = 0.08
     costs: float = 1.0
     form: Mapping[str, float] = field(default_factory=dict)
+    mistaken: float = FORM
     beyond: Callable[[Values, Problem], float] = lambda values, problem: np.inf
     solve: Solve | None = None
     solves: str = ""
     barred: Callable[[Problem], str] = lambda problem: ""
+
+    @property
+    def is_searched(self) -> bool:
+        """Whether it is fitted; else it is read off the data, and has no rivals."""
+        return self.probes is not None or self.solve is not None
 
     def is_material(self, values: Values, problem: Problem) -> bool:
         """Whether some number is far enough from neutral to matter."""

@@ -6,13 +6,14 @@ import numpy as np
 
 from paxisim import augment
 from paxisim.augment.transform import Transform
-from paxisim.diagnose.cause import MANY, TAXEL_GAIN, Cause, Free, Values, register_cause
+from paxisim.diagnose.cause import MANY, TAXEL_GAIN, UNLIKE, Cause, Free, Values, register_cause
 from paxisim.diagnose.channels import bent_apart, mixes_alike, zero_is_fitted
 from paxisim.diagnose.fitting import taxel_gains
 from paxisim.diagnose.problem import FloatArray, Problem
 from paxisim.errors import InvalidValueError
 
 AXES = "xyz"
+_MIXED = dict.fromkeys(("axis_coupling", "rotation"), 0.03)
 _STATIC = ("axis_gain", "stiffening", "crosstalk")  # what acts on how hard a taxel is pressed
 
 
@@ -79,7 +80,7 @@ register_cause(
         lambda p: [_unit(4, i, 0.0, 0.1) for i in range(4)],
         form={
             "creep": 0.2,
-            **dict.fromkeys(("stiffening", "axis_gain", "crosstalk", TAXEL_GAIN), 0.15),
+            **dict.fromkeys((*_STATIC, TAXEL_GAIN), 0.15),
             "dead_band": 0.05,
         },
     )
@@ -92,6 +93,7 @@ register_cause(
         lambda p: (Free("cx", "1", 0.0, 0.0, 1.0, 0.05, 0.012), Free("cy", "1", 0.0, 0.0, 1.0, 0.05, 0.012)),
         lambda v, p: augment.Poisson(v[0], v[1], reach=2.9),
         lambda p: [(0.1, 0.0), (0.0, 0.1)],
+        mistaken=UNLIKE,
         barred=mixes_alike,
     )
 )
@@ -139,6 +141,7 @@ register_cause(
         lambda p: [_unit(6, i, 0.0, 0.1) for i in range(6)],
         simpler=("rotation",),
         ahead=0.0005,
+        mistaken=UNLIKE,
         beyond=lambda v, p: _unlike_rotation(_coupling(v).matrix),
         barred=mixes_alike,
     )
@@ -151,6 +154,7 @@ register_cause(
         lambda p: tuple(Free(f"about_{axis}", "rad", 0.0, -0.6, 0.6, 0.05, 0.012) for axis in AXES),
         lambda v, p: augment.Rotation((tuple(v),)),
         lambda p: [_unit(3, k, 0.0, 0.05) for k in range(3)],
+        mistaken=UNLIKE,
         barred=mixes_alike,
     )
 )
@@ -195,7 +199,7 @@ register_cause(
         _interference,
         _interference_probes,
         covariate="gripper_opening",
-        form=dict.fromkeys((*_STATIC, "creep", "hysteresis", "poisson", "dead_band"), 0.05),
+        form={**dict.fromkeys((*_STATIC, "creep", "hysteresis", "poisson", "dead_band"), 0.05), **_MIXED},
     )
 )
 
@@ -276,7 +280,7 @@ register_cause(
         simpler=("axis_gain",),
         ahead=0.25,
         costs=MANY,
-        form={"stiffening": 0.03},
+        form={"stiffening": 0.03, **_MIXED},
         beyond=_spread,
         solve=taxel_gains,
         solves="gain",

@@ -12,9 +12,10 @@ from scipy.stats import t as student
 
 from paxisim import augment
 from paxisim.augment.transform import Transform
-from paxisim.diagnose.problem import FloatArray, Problem
+from paxisim.diagnose.problem import FloatArray, Problem, showing
 
 CLEARLY = 0.05  # by how much a correlation must be better for a fault of the layout to be named
+CLEARLY_DRIFT = 30.0  # energy, in units of the noise, by which a drift alone must do better than an offset
 TAUS = (60.0, 120.0, 200.0, 350.0, 600.0, 1200.0)  # s, of a drift
 FALSE_CHANNELS = 0.05  # share of the channels said to drift, or to be off, of which that is not so
 
@@ -63,11 +64,12 @@ def read_layout(problem: Problem) -> Reading | None:
 
 
 def _alike(measured: FloatArray, simulated: FloatArray, problem: Problem) -> FloatArray:
-    """The correlation in each episode in which something is pressed, about each taxel's rest."""
+    """The correlation in each episode that has something to compare, about each taxel's rest."""
     out = []
+    least = max(0.1 * float(np.abs(simulated).max()), problem.step)
     for span in problem.episodes:
         a, b = measured[span], simulated[span]
-        if np.abs(b).max() > 0.1 * problem.peak:
+        if np.abs(b).max() > least:
             a = a - np.median(measured, axis=0)
             out.append(np.sum(a * b) / np.sqrt(np.sum(a * a) * np.sum(b * b) + 1e-12))
     return np.array(out or [0.0])
@@ -195,8 +197,7 @@ def zero_of(
     needed = material * problem.samples
 
     def matters(gain: FloatArray) -> bool:
-        active = np.abs(gain) > 1e-2 * np.abs(gain).max()
-        return bool(gain.sum() > needed and (gain[active] > 0).mean() >= share)
+        return bool(gain.sum() > needed and (gain[showing(gain)] > 0).mean() >= share)
 
     per_frame = frames.mean()  # the energy of all samples from that of those which tell
     without = _Sums(problem, rest, others, frames)
@@ -211,6 +212,13 @@ def zero_of(
         if matters(gain) and tried[best].rejects().any():
             gains["drift"], chosen, tau = gain, tried[best], TAUS[best]
             amplitude = np.where(problem.alive, chosen.values()[..., -1].reshape(zeros.shape), 0.0)
+        elif "offset" in names and not owned:  # or is it a drift from a zero that was right at the beginning?
+            tried = [_Sums(problem, rest, [*others[1:], -np.expm1(-time / tau)], frames) for tau in TAUS]
+            best = max(range(len(TAUS)), key=lambda i: tried[i].explained().sum())
+            gain = tried[best].heldout().sum(axis=1) / per_frame
+            if matters(gain) and np.sum(tried[best].heldout() - without.heldout()) > CLEARLY_DRIFT:
+                amplitude = np.where(problem.alive, tried[best].values()[..., -1].reshape(zeros.shape), 0.0)
+                return Zero(zeros, amplitude, TAUS[best], {"drift": gain})
     offset = np.where(problem.alive, chosen.values()[..., 0].reshape(zeros.shape), 0.0)
     if "offset" in names:
         left, ratio = offset.copy(), 0.0

@@ -9,10 +9,11 @@ import numpy as np
 
 from paxisim import augment
 from paxisim.augment.transform import Transform
-from paxisim.diagnose.cause import MANY, Cause, cause, known_causes
+from paxisim.diagnose.cause import MANY, cause, known_causes
 from paxisim.diagnose.checks import Reading, Zero, read_layout, read_rounding, read_taxels, tells_under_load, zero_of
-from paxisim.diagnose.fitting import Fitted, fit, in_order, made, predict
-from paxisim.diagnose.problem import FloatArray, Problem, Tolerance, problem_of, with_noise
+from paxisim.diagnose.fitting import Fit, Fitted, fit, in_order, made, predict
+from paxisim.diagnose.noise import Tolerance
+from paxisim.diagnose.problem import FloatArray, Problem, problem_of, with_noise
 from paxisim.diagnose.search import Found, Thresholds, search
 from paxisim.recording import Recording
 
@@ -64,18 +65,18 @@ class Explanation:
     empty_energy: FloatArray
     energy: FloatArray
     not_searched: Mapping[str, str] = field(default_factory=dict)
-    refit: Callable[[Sequence[int]], FloatArray] = field(default=lambda train: np.zeros(0), repr=False)
+    refit: Callable[[Problem], FloatArray] = field(default=lambda part: np.zeros(0), repr=False)
 
-    def fit_on(self, train_episodes: Sequence[int]) -> FloatArray:
-        """The prediction of the same causes, fitted on some episodes only.
+    def fit_on(self, spans: Sequence[slice]) -> FloatArray:
+        """The prediction of the same causes, fitted on some samples only.
 
         Args:
-            train_episodes: Their positions in `problem.episodes`.
+            spans: The samples; each span is fitted as an episode.
 
         Returns:
             ``(T, pads, 3, rows, cols)`` newtons for the whole recording.
         """
-        return self.refit(train_episodes)
+        return self.refit(self.problem.cut(spans))
 
 
 def explain(
@@ -120,20 +121,17 @@ def explain(
     tell("reading layout, rounding and dead taxels")
     read, problem = _read(raw, names, tolerance, device_step)
     slow = tuple(name for name in ("offset", "drift") if name in names)
-    searched = [item for item in wanted if item.probes is not None or item.solve]
-    zero = zero_of(
-        problem, problem.simulated, MANY * thresholds.material, thresholds.episodes, names=slow, resting=True
-    )
+    searched = [item for item in wanted if item.is_searched]
+    material, hidden = MANY * thresholds.material, tells_under_load(problem)
+    zero = zero_of(problem, problem.simulated, material, thresholds.episodes, names=slow, resting=not hidden)
     problem = _with_zero(problem, zero)
     found = search(problem, searched, thresholds, tell)
     tell("reading offset and drift")
-    chosen = [cause(name) for name in found.fit.values]
-    again = _zero(problem, chosen, found.fit.values, thresholds, slow)
+    again = _zero(problem, found.fit, thresholds, slow)
     if again.gain or zero.gain:
         problem = _with_zero(problem, again)
         found = search(problem, searched, thresholds, tell, list(found.fit.values))
-        chosen = [cause(name) for name in found.fit.values]
-        again = _zero(problem, chosen, found.fit.values, thresholds, slow)
+        again = _zero(problem, found.fit, thresholds, slow)
         problem = _with_zero(problem, again)
     zero = again
     return _explained(raw, problem, read, found, zero, not_searched, thresholds, slow)
@@ -143,8 +141,10 @@ def _with_zero(problem: Problem, zero: Zero) -> Problem:
     return replace(problem, zero=zero.at(problem.time - problem.time[0]))
 
 
-def _zero(problem: Problem, chosen: Sequence[Cause], values: Fitted, limits: Thresholds, slow: tuple[str, ...]) -> Zero:
-    bare = predict(replace(problem, zero=0.0), chosen, values)[0]
+def _zero(problem: Problem, fitted: Fit, limits: Thresholds, slow: tuple[str, ...]) -> Zero:
+    """What is read without a force beside causes that were fitted."""
+    chosen = [cause(name) for name in fitted.values]
+    bare = predict(replace(problem, zero=0.0), chosen, fitted.values)[0]
     owned = any(item.name == "interference" for item in chosen)
     material = MANY * limits.material
     if tells_under_load(problem):  # what the other causes' forms leave is there, too
@@ -215,9 +215,9 @@ def _explained(
         if name == "layout":
             gain = energy(raw.simulated) - energy(problem.simulated)
         elif name == "quantisation":
-            gain = energy(prediction, lambda force: force) - energy(prediction)
+            gain = energy(prediction, lambda force: force) - now
         else:
-            gain = energy(predict(problem, chosen, found.fit.values)[0]) - energy(prediction)
+            gain = energy(predict(problem, chosen, found.fit.values)[0]) - now
         named.append(Named(name, reading.transform, reading.values, gain, {}))
     if np.any(zero.offset):
         transform = augment.Offset(zero.offset)
@@ -230,11 +230,10 @@ def _explained(
         figures = {"amplitude": zero.amplitude, "tau": zero.tau}
         named.append(Named("drift", transform, figures, zero.gain["drift"], {}))
 
-    def refit(train: Sequence[int]) -> FloatArray:
-        part = problem.select(train)
+    def refit(part: Problem) -> FloatArray:
         fitted = fit(part, chosen, found.fit.values)
         if zero.gain:
-            own = _zero(part, chosen, fitted.values, limits, slow)
+            own = _zero(part, fitted, limits, slow)
             elapsed = problem.time - part.time[0]
             return whole(replace(problem, zero=own.at(np.maximum(elapsed, 0.0))), fitted.values)
         return whole(problem, fitted.values)

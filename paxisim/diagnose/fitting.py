@@ -9,11 +9,10 @@ import numpy as np
 
 from paxisim import augment
 from paxisim.augment.transform import STAGES, Transform
-from paxisim.diagnose.cause import TAXEL_GAIN, Cause, Free, cause
+from paxisim.diagnose.cause import GAIN_PRIOR, TAXEL_GAIN, Cause, Free, cause
 from paxisim.diagnose.problem import FloatArray, Problem
 
 _PROBE = 0.05  # of a parameter's scale, to see what it does
-PRIOR = 0.1  # of a taxel's gain about 1: what keeps a gain that nothing was pressed on at 1
 
 Fitted = Mapping[str, FloatArray]
 
@@ -290,7 +289,7 @@ def taxel_gains(
         now = end(x * gains[:, None])
         slope = x if last else (end(x * (gains[:, None] + 0.02)) - now) / 0.02
         load = problem.weigh(slope)
-        change = np.sum(load * problem.residual(now), axis=(0, 2)) - (gains - 1) / PRIOR**2
-        change /= np.sum(load**2, axis=(0, 2)) + 1 / PRIOR**2
+        change = np.sum(load * problem.residual(now), axis=(0, 2)) - (gains - 1) / GAIN_PRIOR**2
+        change /= np.sum(load**2, axis=(0, 2)) + 1 / GAIN_PRIOR**2
         gains = np.clip(gains + (change if turn == 0 else 0.8 * change), 0.05, 5.0)
     return gains

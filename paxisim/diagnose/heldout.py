@@ -15,6 +15,7 @@ from paxisim.diagnose.problem import FloatArray, Problem
 FOLDS = 4
 DRAWS = 400  # of the bootstrap
 LEVEL = 0.9  # of the intervals
+LONE = 0.5  # of the gain, that one episode has which is held out half by half
 CHOSEN = "Causes were chosen on all episodes; their numbers were fitted without those held out."
 _ALIKE = 0.02  # of the force, by which the simulations of a repeated motion may differ
 
@@ -30,6 +31,7 @@ class Squares:
         force: ``(episodes,)`` the measured force.
         prediction: ``(T, pads, 3, rows, cols)`` the held-out predictions, N.
         source: Where the floor is read from.
+        lone: Number of the episode that was held out in halves, as it alone shows most of what was found; or None.
     """
 
     before: FloatArray
@@ -38,6 +40,7 @@ class Squares:
     force: FloatArray
     prediction: FloatArray
     source: str
+    lone: int | None = None
 
 
 def folds_of(problem: Problem) -> list[list[int]]:
@@ -49,6 +52,8 @@ def folds_of(problem: Problem) -> list[list[int]]:
 def hold_out(found: Explanation, simulated: FloatArray) -> Squares:
     """Errors of the model on episodes it was not fitted to; with a single episode, on that one.
 
+    An episode that alone shows most of what was found is held out one half after the other.
+
     Args:
         found: The causes, with the way to fit them again.
         simulated: ``(T, pads, 3, rows, cols)`` the recording's simulation as it came, N.
@@ -56,12 +61,19 @@ def hold_out(found: Explanation, simulated: FloatArray) -> Squares:
     problem = found.problem
     count = len(problem.episodes)
     prediction = found.prediction
+    lone = _lone(found)
     if count > 1 and found.found:
         prediction = prediction.copy()
         for fold in folds_of(problem):
-            refitted = found.fit_on([e for e in range(count) if e not in fold])
-            for episode in fold:
-                prediction[problem.episodes[episode]] = refitted[problem.episodes[episode]]
+            others = [span for number, span in enumerate(problem.episodes) if number not in fold]
+            refitted = found.fit_on(others)
+            for number in fold:
+                span = problem.episodes[number]
+                prediction[span] = refitted[span]
+                if number == lone:
+                    halves = _halves(span)
+                    for own, other in (halves, halves[::-1]):
+                        prediction[own] = found.fit_on(sorted([*others, other], key=lambda s: s.start))[own]
     if any(cause.name == "dead_taxels" for cause in found.found):  # then what they should have read is part of the gain
         problem = replace(problem, alive=np.ones_like(problem.alive))
     after = problem.measured - problem.read(prediction)
@@ -74,7 +86,19 @@ def hold_out(found: Explanation, simulated: FloatArray) -> Squares:
         _squares(problem, problem.measured),
         prediction,
         source,
+        lone if count > 1 and found.found else None,
     )
+
+
+def _lone(found: Explanation) -> int | None:
+    """The episode that alone shows most of what was found; without it nothing could be fitted to the others."""
+    gain = np.maximum(found.empty_energy - found.energy, 0.0)
+    return int(np.argmax(gain)) if gain.max() > LONE * gain.sum() else None
+
+
+def _halves(span: slice) -> tuple[slice, slice]:
+    middle = (span.start + span.stop) // 2
+    return slice(span.start, middle), slice(middle, span.stop)
 
 
 def _squares(problem: Problem, values: FloatArray) -> FloatArray:
@@ -162,6 +186,10 @@ def figures(squares: Squares, seed: int, ceiling: FloatArray | None, note: str) 
     def normalised(values: FloatArray) -> float:
         return float(np.sqrt(values.sum() / max(squares.force.sum(), 1e-12)))
 
+    if squares.lone is not None:
+        note = (
+            f"{note} Episode {squares.lone + 1}, which alone shows most, was held out one half after the other.".strip()
+        )
     if len(squares.after) > 1 and np.any(squares.after != squares.before):
         note = f"{note} {CHOSEN}".strip()
     black = None if ceiling is None else explained_share(squares, ceiling, seed)

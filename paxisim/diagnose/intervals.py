@@ -14,12 +14,13 @@ from scipy.stats import t as student
 from paxisim.augment.chain import Chain
 from paxisim.augment.parameter import parameters
 from paxisim.augment.transform import Transform
-from paxisim.diagnose.cause import TAXEL_GAIN, Cause, Free, cause
+from paxisim.diagnose.cause import GAIN_PRIOR, TAXEL_GAIN, Cause, Free, cause
 from paxisim.diagnose.channels import CHANNEL_CURVE, curve_error
 from paxisim.diagnose.diagnosis import FittedParameter, Interval
 from paxisim.diagnose.engine import Explanation, Named
-from paxisim.diagnose.fitting import PRIOR, Fitted, predict
-from paxisim.diagnose.problem import FloatArray, Problem, Tolerance
+from paxisim.diagnose.fitting import Fitted, predict
+from paxisim.diagnose.noise import Tolerance, differences
+from paxisim.diagnose.problem import FloatArray, Problem
 
 LEVEL = 0.9
 _LEVELS, _PER_OCTAVE = 64, 8  # of force, down from the peak
@@ -52,7 +53,7 @@ def model_intervals(
         if not own:
             continue
         item, problem = cause(named.name), found.problem
-        if item.probes is None and not item.solve:  # read off the data: its numbers are the transform's
+        if not item.is_searched:  # read off the data: its numbers are the transform's
             intervals[named.name] = _read_ends(named, own)
             continue
         if item.solve:
@@ -146,7 +147,7 @@ def _spreads(found: Explanation) -> dict[tuple[str, str], tuple[float, float]]:
     what a contact that is off its place does, and what a simulation that bends between the frames would change.
     """
     problem = found.problem
-    chosen = [named for named in found.found if cause(named.name).probes is not None or cause(named.name).solve]
+    chosen = [named for named in found.found if cause(named.name).is_searched]
     causes = [cause(named.name) for named in chosen]
     fitted = [(n, c) for n, c in zip(chosen, causes, strict=True) if c.solve is None]
     free = [(n, item) for n, c in fitted for item in c.free(problem)]
@@ -257,10 +258,8 @@ def _levels(problem: Problem) -> NDArray[np.intp]:
 
 def _misplaced(problem: Problem, x: FloatArray) -> Iterator[FloatArray]:
     """What contacts that are off by the tolerance along rows and columns change in `x`."""
-    padded = np.pad(x, ((0, 0), (0, 0), (0, 0), (1, 1), (1, 1)))
-    place = Tolerance().place
-    yield place * (padded[..., 1:-1, 2:] - padded[..., 1:-1, :-2]) / 2
-    yield place * (padded[..., 2:, 1:-1] - padded[..., :-2, 1:-1]) / 2
+    for change in differences(x):
+        yield Tolerance().place * change / 2
 
 
 def _gain_spread(found: Explanation, gains: FloatArray) -> FloatArray | None:
@@ -280,14 +279,14 @@ def _gain_spread(found: Explanation, gains: FloatArray) -> FloatArray | None:
     products = by_axis.sum(axis=1)
     scores = np.stack([np.sum(scores[span], axis=(0, 2)) for span in problem.episodes])
     scores = scores / np.maximum(np.abs(gains), 0.05)
-    prior = 1 / PRIOR**2
+    prior = 1 / GAIN_PRIOR**2
     total = products + prior
     episodes = np.sum(scores**2, axis=0) * count / (count - 1)
     tolerance = Tolerance()
     axes = np.sum((tolerance.gain * gains[:, None] * by_axis) ** 2, axis=1)
     places = sum(np.sum(load * problem.weigh(e), axis=(0, 2)) ** 2 for e in _misplaced(problem, found.prediction))
     told = products > prior
-    spread = float(np.std(gains[told])) if told.sum() > 1 else PRIOR
+    spread = float(np.std(gains[told])) if told.sum() > 1 else GAIN_PRIOR
     drawn = (prior * spread) ** 2
     error = np.sqrt(np.maximum(episodes, products) + axes + places + drawn) / total
     return error * student.ppf(0.5 + LEVEL / 2, count - 1)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError
+from paxisim.logs.aligned import episode_starts
 from paxisim.recording import Recording
 
 LEAST_SECONDS = 2.0
@@ -156,7 +157,7 @@ def _shortened(recording: Recording, warnings: list[str]) -> Recording:
     numbers = recording.measured.size
     if numbers <= MOST:
         return recording
-    first = np.flatnonzero(np.diff(recording.episode, prepend=recording.episode[0] - 1))
+    first = episode_starts(recording.episode)
     number = np.cumsum(np.isin(np.arange(len(recording)), first)) - 1  # of each frame's episode
     interval = float(np.median(np.diff(recording.time)))
     stride = max(1, min(int(np.ceil(numbers / MOST)), int(_LONGEST / max(interval, 1e-9))))

@@ -10,13 +10,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
-from scipy.stats import norm
 
 from paxisim.augment.transform import Transform
+from paxisim.diagnose.noise import FloatArray, Tolerance, dither_of, noise_of, step_of, tolerated
 from paxisim.errors import InvalidValueError
+from paxisim.logs.aligned import episode_spans
 from paxisim.recording import Recording
-
-FloatArray = NDArray[np.float64]
 
 NO_RIPPLE = 1e-5  # of a step: what noise leaves of rounding is not computed below it
 ENOUGH = 300_000  # numbers, for a fit
@@ -202,7 +201,11 @@ class Problem:
 
     def select(self, episodes: Sequence[int]) -> Problem:
         """The problem of these episodes alone, in the order given."""
-        return self._at([np.arange(self.episodes[number].start, self.episodes[number].stop) for number in episodes])
+        return self.cut([self.episodes[number] for number in episodes])
+
+    def cut(self, spans: Sequence[slice]) -> Problem:
+        """The problem of these samples, each span an episode."""
+        return self._at([np.arange(span.start, span.stop) for span in spans])
 
     def _at(self, frames: Sequence[NDArray[np.intp]]) -> Problem:
         """The problem of some frames of each episode."""
@@ -299,76 +302,14 @@ class Problem:
         return weighed
 
 
-def noise_of(measured: FloatArray, simulated: FloatArray, episodes: tuple[slice, ...], step: float) -> FloatArray:
-    """The noise of each channel (N), from how the residual changes from sample to sample.
-
-    Changes are small against the noise for whatever is slow, an effect included; half of them by size is taken, so
-    that fast moments do not count. A channel that is quieter than half of its axis is given that axis' median.
-    """
-    residual = measured - simulated
-    steps = np.concatenate([np.diff(residual[span], axis=0) for span in episodes])
-    sigma = np.sqrt(np.median(steps**2, axis=0) / 0.455 / 2)
-    typical = np.median(sigma, axis=(0, 2, 3), keepdims=True)
-    if measured[:, :, 2].min() >= 0:  # what is cut off below 0 hides the noise of a normal force at rest
-        typical[:, 2] = max(typical[0, 2, 0, 0], float(np.mean(typical[:, :2])))
-    return np.maximum(np.maximum(sigma, typical), max(step / np.sqrt(12), 1e-3))
+def peak_of(simulated: NDArray[np.floating]) -> float:
+    """The force (N) that the most loaded taxel reaches, 99.5 % quantile over time."""
+    return float(np.quantile(np.abs(simulated).max(axis=(1, 2, 3, 4)), 0.995))
 
 
-def step_of(measured: FloatArray) -> float:
-    """The step (N) in which a sensor counts; 0 where no step is to be seen."""
-    values = np.unique(np.round(measured[:: max(1, len(measured) // 400)].ravel(), 5))
-    gaps = np.diff(values)
-    gaps = gaps[gaps > 2e-4]
-    if not len(gaps):
-        return 0.0
-    step = float(np.median(gaps[gaps < 1.5 * gaps.min()]))
-    for _ in range(3):  # large readings tell the step more exactly than neighbours do, once their number is known
-        counts = np.round(values / step)
-        near = np.abs(counts) <= 0.1 / 1e-5 * step
-        step = float(np.sum(values[near] * counts[near]) / max(np.sum(counts[near] ** 2), 1.0)) or step
-    off = np.abs(values / step - np.round(values / step))
-    return step if np.quantile(off, 0.99) < 0.02 else 0.0
-
-
-@dataclass(frozen=True)
-class Tolerance:
-    """What every calibrated sensor and every replayed motion is off by, and what nobody needs explained.
-
-    Attributes:
-        gain: Share of the force.
-        time: Seconds between a sample and its time stamp.
-        place: Pitches by which the simulated contact may be off.
-    """
-
-    gain: float = 0.01
-    time: float = 0.0015
-    place: float = 0.02
-
-
-def tolerated(x: FloatArray, time: FloatArray, episodes: tuple[slice, ...], tolerance: Tolerance) -> FloatArray:
-    """``(T, pads, 3, rows, cols)`` variance (N^2) that `tolerance` allows about the simulation `x`."""
-    speed = np.concatenate([np.gradient(x[span], time[span], axis=0) for span in episodes])
-    padded = np.pad(x, ((0, 0), (0, 0), (0, 0), (1, 1), (1, 1)))
-    across = (padded[..., 1:-1, 2:] - padded[..., 1:-1, :-2]) ** 2
-    along = (padded[..., 2:, 1:-1] - padded[..., :-2, 1:-1]) ** 2
-    return (tolerance.gain * x) ** 2 + (tolerance.time * speed) ** 2 + tolerance.place**2 * (across + along)
-
-
-def dither_of(measured: FloatArray, quiet: NDArray[np.bool_], episodes: tuple[slice, ...], step: float) -> float:
-    """The noise before rounding (N), from the shear that is read where nothing is pressed.
-
-    Where it is small against a step it is told from how often a channel leaves its commonest count.
-    """
-    if not quiet.any():
-        return 0.0
-    shear = measured[quiet][:, :, :2]
-    each = [measured[span][quiet[span]][:, :, :2].std(axis=0) for span in episodes if quiet[span].sum() >= 5]
-    spread = float(np.median(each)) if each else 0.0
-    if spread > 0.6 * step:
-        return float(np.sqrt(spread**2 - step**2 / 12))
-    counts = np.round(shear / step)
-    away = np.mean(counts != np.median(counts, axis=0), axis=0)
-    return float(0.5 * step / norm.isf(np.clip(np.median(away), 1e-3, 0.8) / 2))
+def showing(gain: FloatArray) -> NDArray[np.bool_]:
+    """``(episodes,)`` those that say something of a cause, by what it gains or loses in each: not those at rest."""
+    return np.abs(gain) > 1e-2 * np.abs(gain).max()
 
 
 def problem_of(recording: Recording, tolerance: Tolerance) -> Problem:
@@ -384,11 +325,10 @@ def problem_of(recording: Recording, tolerance: Tolerance) -> Problem:
     for name, values in (("measured", measured), ("simulated", simulated)):
         if not np.isfinite(values).all():
             raise InvalidValueError(f"{name} must be finite; load the recording with missing='drop'")
-    starts = [*np.flatnonzero(np.diff(recording.episode, prepend=recording.episode[0] - 1)), len(recording)]
-    episodes = tuple(slice(int(a), int(b)) for a, b in itertools.pairwise(starts))
+    episodes = episode_spans(recording.episode)
     if min(span.stop - span.start for span in episodes) < 2:
         raise InvalidValueError("each episode needs two samples at least")
-    peak = float(np.quantile(np.abs(simulated).max(axis=(1, 2, 3, 4)), 0.995))
+    peak = peak_of(simulated)
     if not peak > 0:
         raise InvalidValueError("the simulated tensor is 0 throughout: there is nothing to compare")
     step = step_of(measured)

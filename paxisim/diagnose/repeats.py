@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from paxisim.diagnose.diagnosis import LeftOver
 from paxisim.diagnose.problem import FloatArray, Problem
+from paxisim.logs.aligned import episode_spans
 from paxisim.recording import Recording
 
 ALIKE = 0.15  # of its peak, by which the load of a repeated motion may differ
@@ -17,8 +18,30 @@ SPEEDS = 2.0  # times by which the slowest and the fastest pass differ where the
 MEMORY = ("creep", "hysteresis")
 """Causes that differ only in what the speed does to them."""
 
+_HAS_LOAD = 0.5  # of the recording's largest load, that an episode with a load reaches
 _PHASES = 100
 _LOADED = 0.02  # of the peak
+
+
+def settled(recording: Recording) -> tuple[Recording, tuple[LeftOver, ...], tuple[str, ...]]:
+    """The recording without the first episodes, in which the sensor had not settled; what they show; and a warning."""
+    count, off = settling(recording)
+    if not count:
+        return recording, (), ()
+    first = "the first episode" if count == 1 else f"the first {count} episodes"
+    left = LeftOver(f"under load {first} read otherwise than the later ones of the same motion", off, UNUSUAL)
+    warning = (
+        f"{first}, of a motion that is repeated, read otherwise than the later ones ({off:.1f} times as far off as "
+        "those are): the sensor had not settled. They are left out; the model is that of the settled sensor"
+    )
+    return recording[_loaded(recording)[count].start :], (left,), (warning,)
+
+
+def _loaded(recording: Recording) -> list[slice]:
+    """The episodes with a load."""
+    assert recording.simulated is not None
+    load = np.abs(recording.simulated).max(axis=(1, 2, 3, 4))
+    return [span for span in episode_spans(recording.episode) if load[span].max() > _HAS_LOAD * load.max()]
 
 
 def settling(recording: Recording) -> tuple[int, float]:
@@ -38,8 +61,7 @@ def settling(recording: Recording) -> tuple[int, float]:
     assert recording.simulated is not None
     load = np.abs(recording.simulated).max(axis=(1, 2, 3, 4)).astype(np.float64)
     error = (recording.measured - recording.simulated).reshape(len(load), -1).astype(np.float64)
-    starts = [*np.flatnonzero(np.diff(recording.episode, prepend=recording.episode[0] - 1)), len(load)]
-    spans = [slice(a, b) for a, b in itertools.pairwise(starts) if load[a:b].max() > 0.5 * load.max()]
+    spans = _loaded(recording)
     if len(spans) < LEAST:
         return 0, 0.0
     loads, errors = [], []

@@ -22,6 +22,8 @@ MARGIN = 0.03  # of a cause's gain, by which a rival that was fitted may be wors
 IMITATES = 0.18  # of a cause's effect that a rival may leave: no closer are the forms of the two known
 UNSEEN = 0.01  # of what a more general cause does, that it may do beyond one that was found
 CHANCE = 30.0  # energy, in units of the noise, that tells nothing
+INSIDE = 0.05  # of a cause's effect, that a rival may leave which can do all of it
+TIED = 0.3  # of the largest of a rival's numbers, that one must reach to be part of the imitation
 GAUGE = "axis_gain"  # what a rival may bring with it
 LOOSE = 20.0  # probes of the gauge that cost as much as the whole effect: it is to be a small correction
 EPISODES = 12  # at most, on which effects are compared
@@ -34,17 +36,12 @@ def rivals_of(found: Explanation, least: float) -> Mapping[str, tuple[str, ...]]
         found: The causes.
         least: Energy (noise units) that chance or the form of the noise may make.
     """
-    searched = [item for item in found.found if _is_searched(item.name)]
+    searched = [item for item in found.found if cause(item.name).is_searched]
     rivals: dict[str, tuple[str, ...]] = {item.name: () for item in found.found}
     for item in searched:
-        near = {**_imitating(found, item, searched), **_fitted(item, least)}
+        near = {**_imitating(found, item, searched, least), **_fitted(item, least)}
         rivals[item.name] = tuple(sorted(near, key=lambda name: near[name]))
     return rivals
-
-
-def _is_searched(name: str) -> bool:
-    """Whether a cause is fitted; those that are read off the data have no rivals."""
-    return cause(name).probes is not None or cause(name).solve is not None
 
 
 def _fitted(item: Named, least: float) -> dict[str, float]:
@@ -64,15 +61,14 @@ def _fitted(item: Named, least: float) -> dict[str, float]:
     return near
 
 
-def _imitating(found: Explanation, item: Named, searched: Sequence[Named]) -> dict[str, float]:
+def _imitating(found: Explanation, item: Named, searched: Sequence[Named], least: float) -> dict[str, float]:
     """Causes that imitate the effect of one on this motion, and what share of it they leave.
 
     One that was fitted counts only if it needs the gauge, which it was not given there; and one beside the gauge only
     if it takes half of what that leaves.
     """
     others = [other.name for other in searched if other is not item]
-    asked = [n for n in known_causes() if n not in found.not_searched and _is_searched(n)]
-    asked = [n for n in asked if not cause(n).barred(found.problem)]
+    asked = [n for n in known_causes() if n not in found.not_searched and cause(n).is_searched]
     causes = [cause(name) for name in dict.fromkeys([*asked, GAUGE])]
     owner, products, projections, own = _sums(found, item, causes)
     if own <= 0:
@@ -94,7 +90,7 @@ def _imitating(found: Explanation, item: Named, searched: Sequence[Named]) -> di
             continue
         if item.name in cause(name).simpler:
             share = _unseen(owner, products, name, [*common, item.name])
-            if share < UNSEEN:
+            if share < UNSEEN or _is_half_told(owner, products, projections, own, name, others, least):
                 near[name] = share
         else:
             judged = name in item.rivals_energy and left([*others, name]) < limit
@@ -110,6 +106,31 @@ def _unseen(owner: FloatArray, products: FloatArray, rival: str, names: Sequence
     across = products[np.ix_(which, its)]
     whole = float(np.trace(products[np.ix_(its, its)]))
     return 1 - float(np.sum(across * _solved(products[np.ix_(which, which)], across))) / max(whole, 1e-12)
+
+
+def _is_half_told(
+    owner: FloatArray,
+    products: FloatArray,
+    projections: FloatArray,
+    own: float,
+    rival: str,
+    others: Sequence[str],
+    least: float,
+) -> bool:
+    """Whether a rival that can do all that a cause does can do so with a number fewer, to what matters.
+
+    The cause ties numbers of the rival to one another, as a rotation ties what normal force adds to shear to what shear
+    adds to normal force. Where one of them hardly shows, the tie is an assumption.
+    """
+    which = np.flatnonzero(np.isin(owner, [rival, *others]))
+    matrix, right = products[np.ix_(which, which)], projections[which]
+    values = _solved(matrix, right)
+    if own - float(right @ values) > INSIDE * own:
+        return False
+    costs = values**2 / np.maximum(np.diag(np.linalg.pinv(matrix)), 1e-12)
+    its = owner[which] == rival
+    size = np.abs(values[its])
+    return bool(np.any(costs[its][size >= TIED * size.max()] < least))
 
 
 def _solved(products: FloatArray, right: FloatArray) -> FloatArray:
@@ -136,7 +157,7 @@ def _applied(problem: Problem, model: augment.Chain, without: str) -> FloatArray
     kept = [
         (member, name)
         for member, name in zip(model.members, model.names, strict=True)
-        if name != without and _is_searched(name)
+        if name != without and cause(name).is_searched
     ]
     chain = augment.Chain([member for member, _ in kept], [name for _, name in kept])
     return problem.run(chain, problem.simulated) if kept else problem.simulated

@@ -17,8 +17,8 @@ from paxisim.diagnose.engine import Explanation, Thresholds, Tolerance, explain
 from paxisim.diagnose.heldout import Squares, explained_share, figures, gains_of, hold_out, survives
 from paxisim.diagnose.intervals import model_intervals, parameters_of
 from paxisim.diagnose.prepare import prepare
-from paxisim.diagnose.problem import FloatArray, Problem
-from paxisim.diagnose.repeats import UNUSUAL, settling, with_untold
+from paxisim.diagnose.problem import FloatArray, Problem, showing
+from paxisim.diagnose.repeats import settled, with_untold
 from paxisim.diagnose.rivals import rivals_of
 from paxisim.diagnose.streams import Streams
 from paxisim.diagnose.symptoms import symptoms
@@ -62,16 +62,8 @@ def diagnose(
     tell = progress or (lambda text: None)
     tell("checking the recording")
     recording, warnings = prepare(recording)
-    fresh, off = settling(recording)
-    settled: tuple[LeftOver, ...] = ()
-    if fresh:
-        first = "the first episode" if fresh == 1 else f"the first {fresh} episodes"
-        settled = (LeftOver(f"under load {first} read otherwise than the later ones of the same motion", off, UNUSUAL),)
-        warnings += (
-            f"{first}, of a motion that is repeated, read otherwise than the later ones ({off:.1f} times as far off as "
-            "those are): the sensor had not settled. They are left out; the model is that of the settled sensor",
-        )
-        recording = after(recording, fresh)
+    recording, unsettled, note = settled(recording)
+    warnings += note
     thresholds = Thresholds()
     found = explain(recording, causes, thresholds=thresholds, tolerance=Tolerance(), progress=progress)
     assert recording.simulated is not None
@@ -85,7 +77,7 @@ def diagnose(
     clear = any(item.statistic > CLEAR * item.limit for item in structure)
     if found.found and clear and share is not None and share.value < LITTLE:
         found, squares = _nothing(found, simulated), replace(squares, after=squares.before, prediction=simulated)
-    structure = (*settled, *structure)
+    structure = (*unsettled, *structure)
     tell("comparing with a black box")
     black, note = _ceiling(problem, simulated, seed, jobs)
     tell("looking for what would do as well")
@@ -116,15 +108,6 @@ def diagnose(
         model=found.model,
         intervals=model_intervals(found, parameters),
     )
-
-
-def after(recording: Recording, first: int) -> Recording:
-    """The recording without its first episodes that have a load."""
-    assert recording.simulated is not None
-    load = np.abs(recording.simulated).max(axis=(1, 2, 3, 4))
-    numbers = list(dict.fromkeys(recording.episode.tolist()))
-    loaded = [number for number in numbers if load[recording.episode == number].max() > 0.5 * load.max()]
-    return recording.select(numbers[numbers.index(loaded[first]) :])
 
 
 def _verdict(named: Sequence[FoundCause], structure: Sequence[LeftOver], one: bool) -> Verdict:
@@ -190,10 +173,10 @@ def _named(
 
 
 def _evidence(gain: FloatArray, share: Interval) -> str:
-    active = np.abs(gain) > 1e-2 * np.abs(gain).max()
-    better = int((gain[active] > 0).sum())
+    shown = gain[showing(gain)]
+    better = int((shown > 0).sum())
     return (
-        f"Without it the model is worse in {better} of the {int(active.sum())} episodes that show it, and "
+        f"Without it the model is worse in {better} of the {len(shown)} episodes that show it, and "
         f"{share.value:.0%} of the explainable error comes back."
     )
 

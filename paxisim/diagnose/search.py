@@ -10,13 +10,16 @@ import numpy as np
 
 from paxisim.diagnose.cause import FORM, Cause
 from paxisim.diagnose.fitting import Fit, fit
-from paxisim.diagnose.problem import Problem
+from paxisim.diagnose.problem import Problem, showing
 from paxisim.diagnose.tangent import Tangent, tangent_of
 
 CONTEST = 4  # candidates that are fitted in full for one place
 EXCHANGE = 3  # of them where a cause that is in is put to the test again
 SIGNIFICANT = 30.0  # energy, in units of the noise, that chance does not explain
 DRIFTING = 0.05  # of what a drift explains, that its form leaves to a field that comes and goes
+COARSE = 0.7  # of a step: with less noise before rounding an offset is not told well
+HIDDEN = 0.07  # of what such an offset explains, that it may leave to most others
+MOST_HIDDEN = 0.02  # of the noise's energy, that this may be where no noise smooths the rounding
 UNREPEATED = 3.0  # times what matters that a cause must bring which but few of the episodes show
 FEW = 6  # numbers of a cause
 NEAR = 0.6  # of the best one's gain: who has less is not fitted
@@ -86,8 +89,15 @@ class _Search:
         self._problem, self._causes, self._limits, self._tell = problem, causes, limits, tell
         self._by_name = {item.name: item for item in causes}
         self._fits: dict[frozenset[str], Fit] = {}
-        with_zero, without = problem.residual(problem.simulated + problem.zero), problem.residual(problem.simulated)
-        self._zero_gain = max(float(np.sum(without**2) - np.sum(with_zero**2)), 0.0) if np.any(problem.zero) else 0.0
+        self._zero_gain = self._hidden = 0.0
+        if np.any(problem.zero):
+            with_zero = problem.residual(problem.simulated + problem.zero)
+            self._zero_gain = max(float(np.sum(problem.residual(problem.simulated) ** 2) - np.sum(with_zero**2)), 0.0)
+            told = problem.dither / (COARSE * problem.step) if problem.step else 1.0
+            if told < 1:
+                read = [problem.read(problem.simulated + zero) for zero in (0.0, problem.zero)]
+                without, whole = (float(np.sum(((problem.measured - r) * problem.weight) ** 2)) for r in read)
+                self._hidden = min(HIDDEN * max(without - whole, 0.0), MOST_HIDDEN * (1 - told) * problem.samples)
         self._gains: dict[frozenset[str], dict[str, float]] = {}
 
     def run(self, chosen: list[str]) -> Found:
@@ -99,7 +109,7 @@ class _Search:
             if kept is None:
                 break
             chosen = self._exchanged(self._pruned([*chosen, kept], kept))
-        return Found(self, chosen)
+        return Found(self, self._pruned(chosen))
 
     def fitted(self, names: Sequence[str], start: Fit | None = None) -> Fit:
         """The fit of a set of causes, begun with the values of another where it has them."""
@@ -197,8 +207,7 @@ class _Search:
         gain = fewer.energy - more.energy
         if gain.sum() <= least:
             return False
-        active = np.abs(gain) > 1e-2 * np.abs(gain).max()  # an episode without contact says nothing
-        if (gain[active] > 0).mean() >= self._limits.episodes:
+        if (gain[showing(gain)] > 0).mean() >= self._limits.episodes:
             return True
         # few may show it, then more of it, if the others do not object
         better = gain[gain > 0].sum() / max(np.abs(gain).sum(), 1e-12)
@@ -210,11 +219,12 @@ class _Search:
 
     def _misfit(self, found: Fit, name: str) -> float:
         """Energy that the forms of a fit's causes may leave for `name` to explain."""
-        misfit = DRIFTING * self._zero_gain if name == "interference" else 0.0
+        item = self._by_name[name]
+        misfit = DRIFTING * self._zero_gain if name == "interference" else self._hidden * item.mistaken / FORM
         for other in found.values:
             without = self.fitted([n for n in found.values if n != other], found)
             gain = float((without.energy - found.energy).sum())
-            misfit += self._by_name[other].form.get(name, FORM) * max(gain, 0.0)
+            misfit += self._by_name[other].form.get(name, item.mistaken) * max(gain, 0.0)
         return misfit
 
     def _material(self, found: Fit, name: str) -> bool:

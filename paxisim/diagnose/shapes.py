@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import lfilter
 
+from paxisim.diagnose.noise import differences
 from paxisim.diagnose.problem import FloatArray, Problem
 
 GROUPS = 16  # of episodes at most, that are held out together
@@ -75,11 +76,14 @@ def shapes_of(problem: Problem, prediction: FloatArray) -> Shapes:
         weight = (
             problem.alive / np.sqrt(noise**2 + (_MOVING * _rate(problem.simulated[span], problem.time[span])) ** 2)
         )[thin]
-        padded = np.pad(x[thin], ((0, 0), (0, 0), (0, 0), (1, 1), (1, 1)), mode="edge")
-        along = padded[..., 2:, 1:-1] - padded[..., :-2, 1:-1]
-        across = padded[..., 1:-1, 2:] - padded[..., 1:-1, :-2]
         rest = (problem.measured[span] - problem.read(x))[thin]
-        kept = [np.ones_like(rest), x[thin], along, across, rest, (x - problem.simulated[span])[thin]]
+        kept = [
+            np.ones_like(rest),
+            x[thin],
+            *differences(x[thin], beyond="edge"),
+            rest,
+            (x - problem.simulated[span])[thin],
+        ]
         names = []
         for name, shape in _shapes_at(problem, span, x, seen, scales):
             names.append(name)

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from paxisim.diagnose.problem import peak_of
 from paxisim.layout import TaxelLayout
+from paxisim.logs.aligned import episode_spans
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -41,13 +42,12 @@ class Streams:
     @property
     def episodes(self) -> tuple[slice, ...]:
         """The samples of each episode."""
-        edges = [*np.flatnonzero(np.diff(self.episode, prepend=self.episode[0] - 1)), len(self.time)]
-        return tuple(slice(int(a), int(b)) for a, b in itertools.pairwise(edges))
+        return episode_spans(self.episode)
 
     @property
     def peak(self) -> float:
         """The force (N) that the most loaded taxel reaches in the simulation, 99.5 % quantile over time."""
-        return float(np.quantile(np.abs(self.simulated).max(axis=(1, 2, 3, 4)), 0.995))
+        return peak_of(self.simulated)
 
     @property
     def at_rest(self) -> NDArray[np.bool_]:

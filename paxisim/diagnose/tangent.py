@@ -12,10 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from paxisim.diagnose.cause import TAXEL_GAIN, Cause
+from paxisim.diagnose.cause import GAIN_PRIOR, TAXEL_GAIN, Cause
 from paxisim.diagnose.problem import FloatArray, Problem
-
-_PRIOR = 0.1  # of a taxel's gain about 1: what keeps a gain that nothing was pressed on at 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +47,7 @@ class Tangent:
         trust = self.trust[:, which]
         counted, right = products * trust[..., None], projections * trust
         total = counted.sum(axis=0)
-        prior = np.where(self.owner[which] == TAXEL_GAIN, 1 / _PRIOR**2, 0.0)
+        prior = np.where(self.owner[which] == TAXEL_GAIN, 1 / GAIN_PRIOR**2, 0.0)
         ridge = np.diag(prior + 1e-6 * np.diag(total) + 1e-9)
         out = 1.0 if held_out else 0.0
         values = np.linalg.solve(total - out * counted + ridge, (right.sum(axis=0) - out * right)[..., None])

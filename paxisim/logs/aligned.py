@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, Protocol
@@ -83,3 +84,14 @@ class CountsToForce(Protocol):
     def to_force(self, counts: NDArray[np.int16]) -> NDArray[np.float32]:
         """``(..., N, 3)`` counts -> ``(..., 3, rows, cols)`` newtons."""
         ...
+
+
+def episode_starts(episode: NDArray[np.integer]) -> NDArray[np.intp]:
+    """Index of the first sample of each episode, from each sample's number ``(T,)``."""
+    return np.flatnonzero(np.diff(episode, prepend=episode[0] - 1))
+
+
+def episode_spans(episode: NDArray[np.integer]) -> tuple[slice, ...]:
+    """The samples of each episode, from each sample's number ``(T,)``."""
+    edges = [*episode_starts(episode).tolist(), len(episode)]
+    return tuple(slice(a, b) for a, b in itertools.pairwise(edges))

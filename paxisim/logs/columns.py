@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError
-from paxisim.logs.aligned import Aligned
+from paxisim.logs.aligned import Aligned, episode_starts
 
 INDEX_COLUMNS = ("timestamp", "time", "episode_index", "frame_index", "index")
 _PREFIXES = {"measured": "tactile", "simulated": "simulated"}
@@ -42,7 +42,7 @@ def to_columns(recording: Aligned) -> dict[str, NDArray[np.generic]]:
     """
     time = np.asarray(recording.time)
     episode = np.zeros(len(time), np.int64) if recording.episode is None else recording.episode
-    first = np.flatnonzero(np.diff(episode, prepend=episode[0] - 1))
+    first = episode_starts(episode)
     begin = np.repeat(first, np.diff([*first, len(time)]))
     index = np.arange(len(time))
     columns: dict[str, NDArray[np.generic]] = dict(

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.logs import schemas
-from paxisim.logs.aligned import Aligned
+from paxisim.logs.aligned import Aligned, episode_starts
 from paxisim.logs.atomic import whole_file
 from paxisim.logs.mcap_writer import LogWriter
 
@@ -45,7 +45,7 @@ def log_times(recording: Aligned) -> tuple[NDArray[np.int64], list[int], list[in
     if episode is None:
         episode = np.zeros(len(recording.time), dtype=np.int64)
     offset = np.round(recording.time * 1e9).astype(np.int64)
-    starts = np.flatnonzero(np.diff(episode, prepend=episode[0] - 1))
+    starts = episode_starts(episode)
     zeros = _zeros(offset, starts, recording.metadata.get("start"))
     return offset + np.repeat(zeros, np.diff([*starts, len(offset)])), starts.tolist(), zeros
 

@@ -12,8 +12,9 @@ from field_sensor import press
 
 import paxisim
 from paxisim.diagnose.engine import explain
+from paxisim.diagnose.noise import Tolerance
 from paxisim.diagnose.prepare import prepare
-from paxisim.diagnose.problem import Tolerance, problem_of
+from paxisim.diagnose.problem import problem_of
 from paxisim.diagnose.repeats import one_speed, settling
 from paxisim.diagnose.run import diagnose
 

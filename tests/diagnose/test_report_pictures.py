@@ -15,7 +15,8 @@ from paxisim import augment
 from paxisim.diagnose import Diagnosis
 from paxisim.diagnose.cause import cause, known_causes
 from paxisim.diagnose.diagnosis import FittedParameter, FoundCause, HeldOut, Interval, Symptoms
-from paxisim.diagnose.problem import Tolerance, problem_of
+from paxisim.diagnose.noise import Tolerance
+from paxisim.diagnose.problem import problem_of
 from paxisim.diagnose.report.effect import effects, run
 from paxisim.diagnose.report.kinds import KINDS, WORDS, evidence
 from paxisim.diagnose.report.style import binned, drawing, scattered

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from paxisim.diagnose.cause import cause
+from paxisim.diagnose.cause import cause, known_causes
 from paxisim.diagnose.engine import Explanation, Named, Tolerance
 from paxisim.diagnose.fitting import in_order
 from paxisim.diagnose.problem import problem_of
@@ -40,7 +40,9 @@ def rivals(given, name, values, gain=1e6, **left):
     given = replace(given, measured=prediction, step=0.0, clips=False)
     named = Named(name, transform, {}, np.array([gain]), left)
     model = in_order([(name, transform)])
-    return rivals_of(Explanation(given, (named,), model, prediction, np.zeros(1), np.zeros(1)), least=100.0)[name]
+    barred = {other: why for other in known_causes() if (why := cause(other).barred(given))}
+    found = Explanation(given, (named,), model, prediction, np.zeros(1), np.zeros(1), barred)
+    return rivals_of(found, least=100.0)[name]
 
 
 CREEP = (0.1, 0.3, 0.1, 5.0)
@@ -67,6 +69,10 @@ def test_what_has_a_shape_of_its_own_has_no_rivals_on_any_motion(poor, rich, nam
 def test_one_direction_of_shear_does_not_tell_rotation_from_coupling(poor, rich):
     assert "axis_coupling" in rivals(poor, "rotation", (0.03, 0.0, 0.1))
     assert rivals(rich, "rotation", (0.03, 0.0, 0.1)) == ()
+
+
+def test_a_rotation_whose_tilt_of_shear_into_normal_force_hardly_shows_may_be_a_coupling(rich):
+    assert rivals(rich, "rotation", (0.004, 0.0, 0.0)) == ("axis_coupling",)
 
 
 def test_a_rival_that_was_fitted_is_one_if_it_leaves_hardly_more(rich):

@@ -1,0 +1,88 @@
+"""Noise: what of a difference between the streams is not to be explained, read from the streams themselves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """What every calibrated sensor and every replayed motion is off by, and what nobody needs explained.
+
+    Attributes:
+        gain: Share of the force.
+        time: Seconds between a sample and its time stamp.
+        place: Pitches by which the simulated contact may be off.
+    """
+
+    gain: float = 0.01
+    time: float = 0.0015
+    place: float = 0.02
+
+
+def noise_of(measured: FloatArray, simulated: FloatArray, episodes: tuple[slice, ...], step: float) -> FloatArray:
+    """The noise of each channel (N), from how the residual changes from sample to sample.
+
+    Changes are small against the noise for whatever is slow, an effect included; half of them by size is taken, so
+    that fast moments do not count. A channel that is quieter than half of its axis is given that axis' median.
+    """
+    residual = measured - simulated
+    steps = np.concatenate([np.diff(residual[span], axis=0) for span in episodes])
+    sigma = np.sqrt(np.median(steps**2, axis=0) / 0.455 / 2)
+    typical = np.median(sigma, axis=(0, 2, 3), keepdims=True)
+    if measured[:, :, 2].min() >= 0:  # what is cut off below 0 hides the noise of a normal force at rest
+        typical[:, 2] = max(typical[0, 2, 0, 0], float(np.mean(typical[:, :2])))
+    return np.maximum(np.maximum(sigma, typical), max(step / np.sqrt(12), 1e-3))
+
+
+def step_of(measured: FloatArray) -> float:
+    """The step (N) in which a sensor counts; 0 where no step is to be seen."""
+    values = np.unique(np.round(measured[:: max(1, len(measured) // 400)].ravel(), 5))
+    gaps = np.diff(values)
+    gaps = gaps[gaps > 2e-4]
+    if not len(gaps):
+        return 0.0
+    step = float(np.median(gaps[gaps < 1.5 * gaps.min()]))
+    for _ in range(3):  # large readings tell the step more exactly than neighbours do, once their number is known
+        counts = np.round(values / step)
+        near = np.abs(counts) <= 0.1 / 1e-5 * step
+        step = float(np.sum(values[near] * counts[near]) / max(np.sum(counts[near] ** 2), 1.0)) or step
+    off = np.abs(values / step - np.round(values / step))
+    return step if np.quantile(off, 0.99) < 0.02 else 0.0
+
+
+def dither_of(measured: FloatArray, quiet: NDArray[np.bool_], episodes: tuple[slice, ...], step: float) -> float:
+    """The noise before rounding (N), from the shear that is read where nothing is pressed.
+
+    Where it is small against a step it is told from how often a channel leaves its commonest count.
+    """
+    if not quiet.any():
+        return 0.0
+    shear = measured[quiet][:, :, :2]
+    each = [measured[span][quiet[span]][:, :, :2].std(axis=0) for span in episodes if quiet[span].sum() >= 5]
+    spread = float(np.median(each)) if each else 0.0
+    if spread > 0.6 * step:
+        return float(np.sqrt(spread**2 - step**2 / 12))
+    counts = np.round(shear / step)
+    away = np.mean(counts != np.median(counts, axis=0), axis=0)
+    return float(0.5 * step / norm.isf(np.clip(np.median(away), 1e-3, 0.8) / 2))
+
+
+def tolerated(x: FloatArray, time: FloatArray, episodes: tuple[slice, ...], tolerance: Tolerance) -> FloatArray:
+    """``(T, pads, 3, rows, cols)`` variance (N^2) that `tolerance` allows about the simulation `x`."""
+    speed = np.concatenate([np.gradient(x[span], time[span], axis=0) for span in episodes])
+    along, across = differences(x)
+    return (tolerance.gain * x) ** 2 + (tolerance.time * speed) ** 2 + tolerance.place**2 * (across**2 + along**2)
+
+
+def differences(x: FloatArray, beyond: Literal["constant", "edge"] = "constant") -> tuple[FloatArray, FloatArray]:
+    """How the two neighbours of each taxel differ along columns, and along rows; beyond the pad is 0, or its edge."""
+    padded = np.pad(x, ((0, 0), (0, 0), (0, 0), (1, 1), (1, 1)), mode=beyond)
+    return padded[..., 2:, 1:-1] - padded[..., :-2, 1:-1], padded[..., 1:-1, 2:] - padded[..., 1:-1, :-2]
