@@ -24,6 +24,9 @@ LARGEST_FORCE, LARGEST_POSE = 1e3, 10.0
 PRIVILEGED = "privileged"
 """The entry of the observation that the critic may see and the actor must not."""
 
+RAW = "raw"
+"""The entry that neither sees: the newest reading before the chain, for a replay buffer that draws its own chains."""
+
 
 class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.float32]]):
     """One task, seen as one method sees it.
@@ -36,6 +39,8 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
     - ``"p"`` ``(6,)``: p_t, the fingertip's position (m) in the base's frame, and its rotation vector (rad) from
       pointing straight down. Zeros where the hole is hidden.
     - ``"tactile"``: the encoded history, see `paxisim.History`; absent for NT.
+    - ``"raw"`` ``(pads, 3, rows, cols)``: for a method that randomises, the newest reading before its chain, in
+      newtons. For the replay buffer only.
     - ``"privileged"`` ``(12,)``: position and rotation vector of the peg, then of the fingertip, in the base's frame.
       For the critic only.
 
@@ -91,6 +96,9 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         entries: Any = {"p": _pose_space(1), PRIVILEGED: _pose_space(2)}
         if shape[0]:
             entries["tactile"] = spaces.Box(-LARGEST_FORCE, LARGEST_FORCE, shape, np.float32)
+        frame = (self._pads, 3, self._layout.rows, self._layout.cols)
+        if self.method.gcs is not None:
+            entries[RAW] = spaces.Box(-LARGEST_FORCE, LARGEST_FORCE, frame, np.float32)
         self.observation_space: Any = spaces.Dict(entries)
         self.action_space = spaces.Box(-1.0, 1.0, (len(self.task.axes),), np.float32)
         self._axes = list(self.task.axes)
@@ -98,13 +106,23 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         self._state: Any = ()
         self._home = np.zeros(3)
         self._steps, self._succeeded = 0, False
-        self._force = np.zeros((self._pads, 3, self._layout.rows, self._layout.cols), dtype=np.float32)
+        self._raw = self._force = np.zeros(frame, dtype=np.float32)
         self._renderer: mujoco.Renderer | None = None
 
     @property
     def frames(self) -> int:
         """Number of frames in the tactile history, k."""
         return self._history.k
+
+    @property
+    def history(self) -> paxisim.History:
+        """What the policy sees of the readings."""
+        return self._history
+
+    @property
+    def layout(self) -> paxisim.TaxelLayout:
+        """The taxels of each pad."""
+        return self._layout
 
     @property
     def reading(self) -> NDArray[np.float32]:
@@ -181,6 +199,7 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
             self._renderer = None
 
     def _feel(self, force: NDArray[np.float32], dt: float) -> None:
+        self._raw = np.asarray(force, dtype=np.float32)
         force, self._state = self._chain.step(force, self._state, dt, self._covariates())
         self._force = np.asarray(force, dtype=np.float32)
         self._history.append(self._force)
@@ -198,6 +217,8 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         observation = {name: value.astype(np.float32) for name, value in observation.items()}
         if "tactile" in self.observation_space.spaces:
             observation["tactile"] = self._history.read()
+        if RAW in self.observation_space.spaces:
+            observation[RAW] = self._raw
         return observation
 
 

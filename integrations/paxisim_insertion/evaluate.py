@@ -48,7 +48,7 @@ def evaluate(
         env.close()
     name = IN_SIMULATION if sensor is None else f"surrogate {sensor.stem}"
     interval = tuple(binomtest(successes, trials).proportion_ci(method="wilson"))
-    training = {"steps": model.num_timesteps, "updates": model._n_updates, "envs": this.envs}
+    training = {"steps": model.num_timesteps, "updates": model._n_updates, "envs": this.envs, "redraw": this.redraw}
     result = Result(this.task, this.method, name, this.seed, trials, successes / trials, interval, versions(), training)
     path = result.save(out)
     print(f"{this.task} {this.method} {name}: {successes} of {trials}, {interval[0]:.2f} to {interval[1]:.2f}; {path}")

@@ -14,6 +14,9 @@ from stable_baselines3.common.vec_env import VecNormalize
 
 import paxisim
 
+from .env import RAW
+from .redraw import Redraw
+
 
 class HistoryReplayBuffer(DictReplayBuffer):
     """A replay buffer for observations with a ``"tactile"`` history of k frames, oldest first.
@@ -23,11 +26,20 @@ class HistoryReplayBuffer(DictReplayBuffer):
     first frame of an episode stands for those before it, as in `paxisim.History`. Observations without tactile history
     are kept as they are.
 
+    With `redraw` it keeps raw frames instead, the observation's ``"raw"``, and makes each history that is sampled of
+    them, with a draw of its own.
+
     `keep_in` moves it to files, so that a run that was killed goes on with all it had seen.
     """
 
     def __init__(
-        self, buffer_size: int, observation_space: spaces.Dict, *args: Any, history: int = 1, **kwargs: Any
+        self,
+        buffer_size: int,
+        observation_space: spaces.Dict,
+        *args: Any,
+        history: int = 1,
+        redraw: Redraw | None = None,
+        **kwargs: Any,
     ) -> None:
         """As `DictReplayBuffer`.
 
@@ -36,12 +48,14 @@ class HistoryReplayBuffer(DictReplayBuffer):
             observation_space: Of the environment.
             *args: For `DictReplayBuffer`.
             history: k.
+            redraw: What makes encoded frames of raw ones.
             **kwargs: For `DictReplayBuffer`.
 
         Raises:
             InvalidValueError: The history's channels are not those of k frames.
         """
-        entries = dict(observation_space.spaces)
+        entries = {name: space for name, space in observation_space.spaces.items() if redraw is not None or name != RAW}
+        self._redraw, self._frame = redraw, "tactile" if redraw is None else RAW
         self._k, self._channels = history, 0
         if "tactile" in entries:
             shape = entries["tactile"].shape
@@ -52,6 +66,8 @@ class HistoryReplayBuffer(DictReplayBuffer):
                 )
             self._channels = shape[0] // history
             entries["tactile"] = spaces.Box(-np.inf, np.inf, (self._channels, *shape[1:]), np.float32)
+        if redraw is not None:
+            del entries["tactile"]
         super().__init__(buffer_size, spaces.Dict(entries), *args, **kwargs)
         # how many transitions of the same episode went before
         self._age = np.zeros((self.buffer_size, self.n_envs), dtype=np.int32)
@@ -109,16 +125,22 @@ class HistoryReplayBuffer(DictReplayBuffer):
         return self._get_samples((from_oldest + self.pos) % self.buffer_size, env)
 
     def _newest(self, observation: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-        if not self._channels:
-            return observation
-        return {**observation, "tactile": observation["tactile"][:, -self._channels :]}
+        if self._redraw is not None:
+            return {name: observation[name] for name in self.observations}
+        kept = {name: value for name, value in observation.items() if name != RAW}
+        if self._channels:
+            kept["tactile"] = observation["tactile"][:, -self._channels :]
+        return kept
 
     def _stacks(self, batch_inds: NDArray[Any], envs: NDArray[Any]) -> dict[str, NDArray[Any]]:
         """The histories of observations and next observations."""
         back = np.minimum(np.arange(self._k - 1, -1, -1), self._age[batch_inds, envs][:, None])
-        frames = self.observations["tactile"][(batch_inds[:, None] - back) % self.buffer_size, envs[:, None]]
-        after = self.next_observations["tactile"][batch_inds, envs][:, None]
-        stacks = {"observations": frames, "next_observations": np.concatenate([frames[:, 1:], after], axis=1)}
+        frames = self.observations[self._frame][(batch_inds[:, None] - back) % self.buffer_size, envs[:, None]]
+        after = self.next_observations[self._frame][batch_inds, envs][:, None]
+        frames = np.concatenate([frames, after], axis=1)
+        if self._redraw is not None:
+            frames = self._redraw(frames)
+        stacks = {"observations": frames[:, :-1], "next_observations": frames[:, 1:]}
         return {name: stack.reshape(len(batch_inds), -1, *stack.shape[3:]) for name, stack in stacks.items()}
 
     def _get_samples(self, batch_inds: NDArray[Any], env: VecNormalize | None = None) -> DictReplayBufferSamples:
@@ -126,7 +148,7 @@ class HistoryReplayBuffer(DictReplayBuffer):
         stacks = self._stacks(batch_inds, envs) if self._channels else {}
         observed = {}
         for name, stored in (("observations", self.observations), ("next_observations", self.next_observations)):
-            values = {key: stored[key][batch_inds, envs] for key in stored if key != "tactile"}
+            values = {key: stored[key][batch_inds, envs] for key in stored if key != self._frame}
             if stacks:
                 values["tactile"] = stacks[name]
             values = self._normalize_obs(values, env)

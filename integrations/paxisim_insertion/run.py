@@ -21,12 +21,15 @@ import paxisim
 from .env import InsertionEnv
 from .methods import find_method
 from .policy import AsymmetricPolicy
+from .redraw import Redraw
 from .replay import HistoryReplayBuffer
 from .tasks import Parameters, find_task
 
 PACKAGES = ("mujoco", "robosuite", "stable-baselines3", "torch", "gymnasium", "numpy")
 BUFFER = 1_000_000
 """Transitions in the replay buffer, stable-baselines3's default."""
+
+_FIELDS = ("task", "method", "seed", "envs", "buffer", "reward_scale", "redraw")
 
 REWARD_SCALE = 0.05
 """What the reward is multiplied by in training. It does not change which policy is best. But SAC's temperature begins
@@ -52,6 +55,7 @@ class Run:
         envs: Environments that collect at the same time.
         buffer: Transitions in the replay buffer, all environments together.
         reward_scale: What the reward is multiplied by, see `REWARD_SCALE`.
+        redraw: Draw GCS anew for each sample of the replay buffer too, see `Redraw`; the paper draws once an episode.
         parameters: What the paper leaves open.
     """
 
@@ -62,6 +66,7 @@ class Run:
     envs: int = 1
     buffer: int = BUFFER
     reward_scale: float = REWARD_SCALE
+    redraw: bool = True
     parameters: Parameters = Parameters()  # noqa: RUF009 - frozen
 
     @property
@@ -141,7 +146,7 @@ class Run:
                 env,
                 buffer_size=self.buffer,
                 replay_buffer_class=HistoryReplayBuffer,
-                replay_buffer_kwargs={"history": env.get_attr("frames")[0]},
+                replay_buffer_kwargs={"history": env.get_attr("frames")[0], "redraw": self._redraw()},
                 seed=self.seed,
                 device=device,
             )
@@ -172,8 +177,15 @@ class Run:
         model.save(new)
         os.replace(new, self.model_path)
 
+    def _redraw(self) -> Redraw | None:
+        gcs = find_method(self.method).gcs
+        if not self.redraw or gcs is None:
+            return None
+        env = InsertionEnv(self.task, self.method, parameters=self.parameters)
+        return Redraw(gcs, env.history.encoding, env.layout, self.seed)
+
     def _identity(self) -> dict[str, Any]:
-        own = {name: getattr(self, name) for name in ("task", "method", "seed", "envs", "buffer", "reward_scale")}
+        own = {name: getattr(self, name) for name in _FIELDS}
         return {**own, "parameters": asdict(self.parameters)}
 
 

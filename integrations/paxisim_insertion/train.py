@@ -28,6 +28,7 @@ def train(
     other_versions: bool = False,
     save_every: float = 30.0,
     buffer: int = BUFFER,
+    redraw: bool = True,
     threads: int = 1,
     device: str = "auto",
 ) -> None:
@@ -41,10 +42,11 @@ def train(
         envs: Environments that collect at the same time, each in a process of its own; there is one update for a step
             of all of them.
         out: Folder of the run. Default: runs/TASK_METHOD_SEED.
-        resume: Go on with the run that is there; task, method, seed, envs and buffer are then the run's.
+        resume: Go on with the run that is there; what it is was settled when it began.
         other_versions: Go on although the software's versions are not the run's.
         save_every: Seconds between two saved models; of what was experienced nothing is lost.
         buffer: Transitions in the replay buffer.
+        redraw: Draw GCS anew for each sample of the replay buffer too; the paper draws once an episode.
         threads: Threads of torch.
         device: Torch's device.
     """
@@ -52,7 +54,7 @@ def train(
     if resume:
         run = Run.open(folder, other_versions=other_versions)
     else:
-        run = Run(folder, task, method, seed, envs, buffer)
+        run = Run(folder, task, method, seed, envs, buffer, redraw=redraw)
         run.create()
     torch.set_num_threads(threads)
     env = run.make_envs()
