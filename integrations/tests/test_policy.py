@@ -1,12 +1,15 @@
 """The asymmetric SAC policy: who sees what, batch normalisation, and the replay buffer."""
 
+import itertools
+
 import numpy as np
 import pytest
 import torch
 from gymnasium import spaces
 from paxisim_insertion import METHODS, TASKS
-from paxisim_insertion.env import PRIVILEGED
+from paxisim_insertion.env import PRIVILEGED, RAW
 from paxisim_insertion.policy import AsymmetricPolicy
+from paxisim_insertion.redraw import Redraw
 from paxisim_insertion.replay import HistoryReplayBuffer
 from stable_baselines3.common.buffers import DictReplayBuffer
 
@@ -20,6 +23,8 @@ def space_of(method, task="SX-2mm"):
     history = METHODS[method].history(TASKS[task], LAYOUT)
     shape = history.encoding.shape(2, history.k)
     entries = {"p": (6,), PRIVILEGED: (12,)} | ({"tactile": shape} if shape[0] else {})
+    if METHODS[method].gcs is not None:
+        entries[RAW] = (2, 3, 6, 5)
     return spaces.Dict({name: spaces.Box(-10, 10, size, np.float32) for name, size in entries.items()})
 
 
@@ -49,7 +54,7 @@ def test_nothing_privileged_reaches_the_actor_and_nothing_else_the_critic(method
     inputs = {name: value.requires_grad_() for name, value in torched(observation).items()}
     mean, log_std, _ = policy.actor.get_action_dist_params(inputs)
     (mean.sum() + log_std.sum()).backward()
-    assert inputs[PRIVILEGED].grad is None
+    assert all(value.grad is None for name, value in inputs.items() if name in (PRIVILEGED, RAW))
     assert inputs["p"].grad.abs().max() > 0
     if "tactile" in inputs:
         assert inputs["tactile"].grad.abs().max() > 0
@@ -147,7 +152,7 @@ def test_the_replay_buffer_gives_back_what_was_added(method, count):
         np.random.seed(seed)  # noqa: NPY002
         second = plain._get_samples(inside)
         for name in ("observations", "next_observations"):
-            for key in space.spaces:
+            for key in set(space.spaces) - {RAW}:
                 assert torch.equal(getattr(first, name)[key], getattr(second, name)[key]), (name, key)
         for name in ("actions", "rewards", "dones"):
             assert torch.equal(getattr(first, name), getattr(second, name))
@@ -156,6 +161,38 @@ def test_the_replay_buffer_gives_back_what_was_added(method, count):
         row.numpy().tobytes() for row in torch.as_tensor(plain.observations["tactile"]).reshape(-1, *sampled.shape[1:])
     }
     assert all(row.numpy().tobytes() in known for row in sampled)
+
+
+def redrawing(gcs, count=40):
+    """A buffer of one environment that draws anew, and the raw frames that were added to it."""
+    space = space_of("GCS")
+    redraw = Redraw(gcs, paxisim.encoding("GCS", LAYOUT), LAYOUT, seed=1)
+    buffer = HistoryReplayBuffer(200, space, ACTIONS, "cpu", 1, history=20, redraw=redraw)
+    raw = np.abs(np.random.default_rng(0).standard_normal((count + 1, 2, 3, 6, 5))).astype(np.float32)
+    fixed = drawn(space, 1, 0)
+    for before, after in itertools.pairwise(raw[:, None]):
+        buffer.add({**fixed, RAW: before}, {**fixed, RAW: after}, np.zeros((1, 2)), np.zeros(1), np.zeros(1), [{}])
+    return buffer, raw
+
+
+def test_without_randomisation_a_history_that_is_drawn_anew_is_what_was_read():
+    buffer, raw = redrawing(paxisim.GCS(convolution=False, scaling=False))
+    assert "tactile" not in buffer.observations
+    found = buffer._get_samples(np.array([0, 5, 30]))
+    for row, last in enumerate((0, 5, 30)):
+        for values, newest in ((found.observations, last), (found.next_observations, last + 1)):
+            frames = raw[np.maximum(np.arange(newest - 19, newest + 1), 0)]
+            np.testing.assert_array_equal(values["tactile"][row].numpy(), frames.reshape(120, 6, 5))
+
+
+def test_each_history_has_one_draw_and_each_sample_its_own():
+    buffer, raw = redrawing(paxisim.GCS(convolution=False))
+    found = buffer._get_samples(np.array([30, 30]))
+    gains = found.observations["tactile"].numpy().reshape(2, 20, 2, 3, 6, 5) / raw[11:31]
+    np.testing.assert_allclose(gains, np.broadcast_to(gains[:, :1], gains.shape), rtol=1e-4, atol=1e-6)
+    assert np.abs(gains[0, 0] - gains[1, 0]).max() > 0.1
+    after = found.next_observations["tactile"].numpy().reshape(2, 20, 2, 3, 6, 5) / raw[12:32]
+    np.testing.assert_allclose(after[:, 0], gains[:, 0], rtol=1e-4, atol=1e-6)
 
 
 def test_a_history_that_does_not_divide():
