@@ -1,0 +1,54 @@
+"""What is read off the data without a search: a zero that is off or drifts, and a layout whose shear is weak."""
+
+import numpy as np
+import pytest
+
+from paxisim.diagnose.checks import read_layout, zero_of
+from paxisim.diagnose.problem import Problem
+
+EPISODES, FRAMES, NOISE = 8, 60, 0.02
+SIZE = (2, 3, 3, 2)
+
+
+def problem(measured_of, axes=(0.3, -0.2, 1.0), seed=4):
+    """Eight presses, half a minute apart: x, y and z of unlike shape; `measured_of` their force and the time."""
+    rng = np.random.default_rng(seed)
+    time = np.concatenate([30.0 * k + 0.05 * np.arange(FRAMES) for k in range(EPISODES)])
+    phase = np.linspace(-1, 1, FRAMES)
+    push = np.maximum(np.cos(np.pi * phase), 0)
+    shapes = np.stack([push * np.sin(3 * phase), push * phase, push], axis=1)  # at rest half of the time
+    force = np.tile(shapes, (EPISODES, 1))[:, None, :, None, None] * np.ones((1, *SIZE)) * np.reshape(axes, (3, 1, 1))
+    measured = measured_of(force, time) + NOISE * rng.standard_normal(force.shape)
+    spans = tuple(slice(k * FRAMES, (k + 1) * FRAMES) for k in range(EPISODES))
+    alive = np.ones(SIZE, dtype=bool)
+    return Problem(measured, force, time, {}, spans, np.full_like(force, NOISE), float(force.max()), alive, 0.0, NOISE)
+
+
+AMPLITUDE = 0.03 * np.where(np.random.default_rng(9).random(SIZE) < 0.5, -1, 1)
+
+
+@pytest.mark.parametrize(
+    ("added", "name"),
+    [
+        (lambda time: np.ones_like(time), "offset"),
+        (lambda time: -np.expm1(-time / 150), "drift"),
+        (lambda time: np.zeros_like(time), None),
+    ],
+)
+def test_a_drift_from_a_right_zero_is_no_offset_and_an_offset_no_drift(added, name):
+    made = problem(lambda force, time: force + added(time)[:, None, None, None, None] * AMPLITUDE)
+    found = zero_of(made, made.simulated, 0.021, 0.7)
+    assert set(found.gain) == ({name} if name else set())
+    if name:
+        expected = added(made.time)[:, None, None, None, None] * AMPLITUDE
+        assert np.abs(found.at(made.time) - expected).max() < 0.5 * np.abs(AMPLITUDE).max()
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_a_sign_is_told_where_shear_is_small_beside_normal_force(axis):
+    signs = np.where(np.arange(3) == axis, -1, 1)
+    made = problem(lambda force, time: force * signs[:, None, None], axes=(0.15, 0.4, 6.0))
+    reading = read_layout(made)
+    assert reading is not None
+    assert reading.transform.axis_signs == tuple(signs)
+    assert read_layout(problem(lambda force, time: force, axes=(0.15, 0.4, 6.0))) is None

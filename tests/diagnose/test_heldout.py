@@ -1,0 +1,52 @@
+"""Held-out predictions come from fits that have not seen what they predict, also where one episode shows it all."""
+
+import numpy as np
+import pytest
+
+from paxisim.augment import Chain
+from paxisim.diagnose.engine import Explanation, Named
+from paxisim.diagnose.heldout import figures, hold_out
+from paxisim.diagnose.problem import Problem
+
+EPISODES, FRAMES = 6, 40
+SHAPE = (EPISODES * FRAMES, 1, 3, 2, 2)
+
+
+def explanation(gain, fits):
+    """Of a cause that gains `gain` in each episode; each fit predicts its own number, and is kept in `fits`."""
+    rng = np.random.default_rng(0)
+    force = np.abs(rng.standard_normal(SHAPE))
+    spans = tuple(slice(k * FRAMES, (k + 1) * FRAMES) for k in range(EPISODES))
+    time = np.arange(len(force)) * 0.05
+    alive = np.ones(SHAPE[1:], dtype=bool)
+    problem = Problem(force, force, time, {}, spans, np.full(SHAPE, 0.1), 3.0, alive, 0.0, 0.0)
+
+    def refit(part):
+        fits.append(part.time)
+        return np.full(SHAPE, float(len(fits)))
+
+    named = Named("creep", Chain(), {}, np.asarray(gain, dtype=float), {})
+    energy = np.ones(EPISODES)
+    return Explanation(problem, (named,), Chain(), force, energy + gain, energy, refit=refit)
+
+
+@pytest.mark.parametrize(("gain", "lone"), [([1, 1, 1, 1, 1, 1], None), ([0, 0, 0, 9, 1, 0], 3)])
+def test_nothing_is_predicted_by_a_fit_that_has_seen_it(gain, lone):
+    fits = []
+    found = explanation(np.array(gain), fits)
+    squares = hold_out(found, found.problem.simulated)
+    assert squares.lone == lone
+    by = squares.prediction[:, 0, 0, 0, 0].astype(int)  # number of the fit that predicted each frame
+    for frame, number in enumerate(by):
+        assert found.problem.time[frame] not in fits[number - 1]
+    if lone is not None:
+        span = found.problem.episodes[lone]
+        first, second = by[span][0], by[span][-1]
+        assert first != second
+        assert found.problem.time[span][-1] in fits[first - 1], "the other half is in the fit"
+        assert found.problem.time[span][0] in fits[second - 1]
+        assert all(np.all(np.diff(times) > 0) for times in fits)
+        assert (
+            "Episode 4, which alone shows most, was held out one half after the other."
+            in figures(squares, 0, None, "").note
+        )
