@@ -6,7 +6,6 @@ import sys
 from pathlib import Path
 
 from scipy.stats import binomtest
-from stable_baselines3 import SAC
 
 import paxisim
 
@@ -14,6 +13,7 @@ from .env import InsertionEnv
 from .results import IN_SIMULATION, RESULTS, Result
 from .run import Run, versions
 from .shell import command
+from .trained import Trained
 
 FIRST_SEED = 1_000_000
 """Of the evaluation's episodes, which no training run uses."""
@@ -42,25 +42,24 @@ def evaluate(
     chain = None if sensor is None else paxisim.Chain.load(sensor)
     env = InsertionEnv(this.task, this.method, sensor=chain, parameters=this.parameters, terminate_on_success=True)
     try:
-        model = this.policy(env)
-        successes = sum(succeeds(env, model, FIRST_SEED + trial) for trial in range(trials))
+        trained = this.policy(env)
+        successes = sum(succeeds(env, trained, FIRST_SEED + trial) for trial in range(trials))
     finally:
         env.close()
     name = IN_SIMULATION if sensor is None else f"surrogate {sensor.stem}"
     interval = tuple(binomtest(successes, trials).proportion_ci(method="wilson"))
-    training = {"steps": model.num_timesteps, "updates": model._n_updates, "envs": this.envs, "redraw": this.redraw}
+    training = {"steps": trained.steps, "updates": trained.updates, "envs": this.envs, "redraw": this.redraw}
     result = Result(this.task, this.method, name, this.seed, trials, successes / trials, interval, versions(), training)
     path = result.save(out)
     print(f"{this.task} {this.method} {name}: {successes} of {trials}, {interval[0]:.2f} to {interval[1]:.2f}; {path}")
 
 
-def succeeds(env: InsertionEnv, model: SAC, seed: int) -> bool:
+def succeeds(env: InsertionEnv, trained: Trained, seed: int) -> bool:
     """Whether the policy's most likely actions solve the episode of this seed."""
     observation, info = env.reset(seed=seed)
     terminated = truncated = False
     while not (terminated or truncated):
-        action, _ = model.predict(observation, deterministic=True)  # type: ignore[arg-type]
-        observation, _, terminated, truncated, info = env.step(action)
+        observation, _, terminated, truncated, info = env.step(trained.act(observation))
     return bool(info["is_success"])
 
 

@@ -42,14 +42,14 @@ def play(
 
     if out.exists() and not force:
         raise paxisim.OutputExistsError(f"{out} exists already: name another, or pass --force")
-    model = None
+    trained = None
     shown: dict[str, Any] = {"terminate_on_success": True, "render_mode": "rgb_array"}
     if run is None:
         env = InsertionEnv(task, "GCS", **shown)
     else:
         this = Run.open(run)
         env = InsertionEnv(this.task, this.method, parameters=this.parameters, **shown)
-        model = this.policy(env)
+        trained = this.policy(env)
     observation, info = env.reset(seed=seed)
     film = None
     try:
@@ -60,7 +60,7 @@ def play(
                 size = (picture.shape[1], picture.shape[0])
                 film = cv2.VideoWriter(str(out), cv2.VideoWriter.fourcc(*"mp4v"), env.metadata["render_fps"], size)
             film.write(cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))
-            action = expert_action(env) if model is None else model.predict(observation, deterministic=True)[0]  # type: ignore[arg-type]
+            action = expert_action(env) if trained is None else trained.act(observation)
             observation, _, terminated, truncated, info = env.step(action)
     finally:
         if film is not None:

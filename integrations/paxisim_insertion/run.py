@@ -24,6 +24,7 @@ from .policy import AsymmetricPolicy
 from .redraw import Redraw
 from .replay import HistoryReplayBuffer
 from .tasks import Parameters, find_task
+from .trained import ACTOR, Trained
 
 PACKAGES = ("mujoco", "robosuite", "stable-baselines3", "torch", "gymnasium", "numpy")
 BUFFER = 1_000_000
@@ -155,13 +156,15 @@ class Run:
         buffer.keep_in(self.folder / "replay")
         return model
 
-    def policy(self, env: InsertionEnv) -> SAC:
-        """The newest model, to act in `env`.
+    def policy(self, env: InsertionEnv) -> Trained:
+        """The newest policy, to act in `env`.
 
         Raises:
             InvalidValueError: There is none yet, or it was trained on other observations.
         """
         if not self.model_path.exists():
+            if (self.folder / ACTOR).exists():
+                return Trained.load(self.folder, env)
             raise paxisim.InvalidValueError(f"{self.folder} has no model yet: train it first")
         model = SAC.load(self.model_path, device="cpu")
         if model.observation_space != env.observation_space or model.action_space != env.action_space:
@@ -169,7 +172,7 @@ class Run:
                 f"{self.model_path} was trained on {model.observation_space}, the environment has "
                 f"{env.observation_space}: a run of another layout, k or task"
             )
-        return model
+        return Trained.of(model)
 
     def save(self, model: SAC) -> None:
         """Replace the newest model by this one; at no moment is there none."""

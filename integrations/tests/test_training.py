@@ -13,6 +13,7 @@ import pytest
 import torch
 from paxisim_insertion.env import InsertionEnv
 from paxisim_insertion.evaluate import evaluate
+from paxisim_insertion.export import export
 from paxisim_insertion.replay import HistoryReplayBuffer
 from paxisim_insertion.results import Result
 from paxisim_insertion.run import Run, versions
@@ -101,6 +102,26 @@ def test_a_run_is_evaluated_and_tabulated(killed, tmp_path, capsys):
     rate = f"{found[0].success_rate:.2f}"
     assert f"| GCS | 1.00 /  | 0.90 /  | 0.84 /  | 0.98 /  | 0.98 /  | 0.76 / {rate} |" in shown
     assert "Paper's real robot / our surrogate poisson" in shown
+
+
+def test_the_actor_alone_acts_as_the_model_does(killed, tmp_path, capsys):
+    out = tmp_path / "policy"
+    assert command(export, ["--run", str(killed), "--out", str(out)]) == 0
+    assert sorted(path.name for path in out.iterdir()) == ["actor.pt", "run.json"]
+    run = Run.open(out)
+    env = InsertionEnv(run.task, run.method)
+    observation, _ = env.reset(seed=1)
+    whole, small = Run.open(killed).policy(env), run.policy(env)
+    np.testing.assert_array_equal(small.act(observation), whole.act(observation))
+    assert (small.steps, small.updates) == (whole.steps, whole.updates)
+    evaluate(out, trials=1, out=tmp_path)
+    assert "SY-2mm GCS sim:" in capsys.readouterr().out
+    assert command(export, ["--run", str(killed), "--out", str(out)]) == 2
+    assert "exists already" in capsys.readouterr().err
+    (out / "actor.pt").write_bytes(b"nothing")
+    with pytest.raises(paxisim.InvalidValueError, match=r"actor\.pt is no actor"):
+        run.policy(env)
+    env.close()
 
 
 def test_what_is_wrong_is_said_in_one_line(killed, tmp_path, capsys):

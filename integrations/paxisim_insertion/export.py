@@ -1,0 +1,38 @@
+"""``python -m paxisim_insertion.export --run runs/SX-2mm_GCS_0 --out policies/SX-2mm_GCS_0``: a run's actor alone."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from pathlib import Path
+
+import paxisim
+
+from .env import InsertionEnv
+from .run import Run
+from .shell import command
+
+
+def export(run: Path, *, out: Path, other_versions: bool = False) -> None:
+    """Write what acting needs of a run, about a megabyte, to a folder that evaluate and play take as a run.
+
+    Args:
+        run: Folder of the run.
+        out: The new folder.
+        other_versions: Go on although the software's versions are not the run's.
+    """
+    this = Run.open(run, other_versions=other_versions)
+    if out.exists():
+        raise paxisim.OutputExistsError(f"{out} exists already: name another")
+    env = InsertionEnv(this.task, this.method, parameters=this.parameters)
+    try:
+        trained = this.policy(env)
+    finally:
+        env.close()
+    out.mkdir(parents=True)
+    shutil.copyfile(run / "run.json", out / "run.json")
+    print(trained.save(out))
+
+
+if __name__ == "__main__":
+    sys.exit(command(export))
