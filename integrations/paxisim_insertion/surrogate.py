@@ -21,22 +21,28 @@ PADS, ROWS, COLS = 2, 6, 5
 OPEN = 0.08
 """Opening (m) at which the sensor is zeroed, the Panda gripper's largest."""
 
+FIELD = "interference"
 COUNT = 0.1
 """Newtons a count, as PaXini's pads report them."""
 
 
-def draw(seed: int) -> paxisim.Chain:
+def draw(seed: int, *, field: bool = True) -> paxisim.Chain:
     """A surrogate, the same for the same seed.
 
+    Args:
+        seed: Of the draw.
+        field: With the field of the other finger's magnets, in a sensor that was zeroed while the gripper was open:
+            closed on the peg each taxel is off by up to 0.3 N. Without, it is as if zeroed at that opening.
+
     Returns:
-        A chain for tensors ``(2, 3, 6, 5)`` in newtons. It needs the covariate ``gripper_opening`` (m).
+        A chain for tensors ``(2, 3, 6, 5)`` in newtons. With a field it needs the covariate ``gripper_opening`` (m).
     """
     rng = np.random.default_rng(seed)
     direction = rng.uniform(0, 2 * np.pi, (PADS, 1, 1))
     row, col = np.meshgrid(np.linspace(-1, 1, ROWS), np.linspace(-1, 1, COLS), indexing="ij")
     lean = rng.uniform(0.1, 0.3, (PADS, 1, 1)) * (np.cos(direction) * row + np.sin(direction) * col)
-    field = rng.uniform(-6, 6, (PADS, 3))
-    return paxisim.Chain(
+    per_metre = rng.uniform(-6, 6, (PADS, 3))
+    chain = paxisim.Chain(
         [
             augment.Stiffening(rng.uniform(0.8, 1.2), 1.0),
             augment.Creep(rng.uniform(0.03, 0.15, 2), (rng.uniform(0.2, 1), rng.uniform(2, 10))),
@@ -44,22 +50,27 @@ def draw(seed: int) -> paxisim.Chain:
             augment.Poisson(*rng.uniform(0.1, 0.3, 2), reach=2.9, falloff=rng.uniform(0.5, 2)),
             augment.PadAxisGain(rng.uniform(0.6, 1.4, (PADS, 3))),
             augment.TaxelGain(np.maximum(1 + lean + rng.normal(0, 0.1, lean.shape), 0.2)),
-            augment.Interference(linear=field, linear_rise=field * rng.uniform(-0.1, 0.1, (2, 1, 1)), zeroed_at=OPEN),
+            augment.Interference(
+                linear=per_metre, linear_rise=per_metre * rng.uniform(-0.1, 0.1, (2, 1, 1)), zeroed_at=OPEN
+            ),
             augment.DeadBand(rng.uniform(0.05, 0.15, 3), rng.uniform(0, 1)),
             augment.Quantisation((COUNT,) * 3),
         ]
     )
+    kept = [(name, member) for name, member in zip(chain.names, chain.members, strict=True) if field or name != FIELD]
+    return paxisim.Chain([member for _, member in kept], [name for name, _ in kept])
 
 
-def surrogate(seed: int = 1, *, out: Path | None = None) -> None:
+def surrogate(seed: int = 1, *, field: bool = True, out: Path | None = None) -> None:
     """Draw a surrogate of a real sensor, for ``evaluate --sensor``.
 
     Args:
         seed: Of the draw.
+        field: With the field of the other finger's magnets, zeroed while the gripper was open.
         out: Its file. Default: sensor-SEED.json.
     """
     path = out or Path(f"sensor-{seed}.json")
-    chain = draw(seed)
+    chain = draw(seed, field=field)
     chain.save(path)
     print(f"{path}: {', '.join(chain.names)}")
 

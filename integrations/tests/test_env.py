@@ -165,6 +165,9 @@ def test_drawn_surrogates(tmp_path, capsys):
     assert "interference" in capsys.readouterr().out
     drawn = paxisim.Chain.load(tmp_path / "3.json")
     assert drawn.to_json() == draw(3).to_json() != draw(4).to_json()
+    without = draw(3, field=False)
+    assert set(drawn.names) - set(without.names) == {"interference"}
+    assert without["creep"].amplitude == pytest.approx(drawn["creep"].amplitude)
     made = InsertionEnv("SX-2mm", "DT", sensor=drawn)
     made.reset(seed=0)
     assert made.scene.opening == pytest.approx(made.parameters.handle_size, abs=2e-3)

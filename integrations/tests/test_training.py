@@ -12,15 +12,16 @@ import numpy as np
 import pytest
 import torch
 from paxisim_insertion.env import InsertionEnv
-from paxisim_insertion.evaluate import evaluate
+from paxisim_insertion.evaluate import FIRST_SEED, evaluate, succeeds
 from paxisim_insertion.export import export
 from paxisim_insertion.replay import HistoryReplayBuffer
-from paxisim_insertion.results import Result
+from paxisim_insertion.results import RESULTS, Result
 from paxisim_insertion.run import Run, versions
 from paxisim_insertion.shell import command
 from paxisim_insertion.table import table
 from paxisim_insertion.tasks import Parameters
 from paxisim_insertion.train import train
+from scipy.stats import binom
 from stable_baselines3.common.logger import configure
 
 import paxisim
@@ -206,6 +207,26 @@ def test_a_short_training_is_better_than_chance(tmp_path):
         envs.close()
         env.close()
     assert trained > 1.5 * by_chance, f"seed {run.seed}: {by_chance:.0f} by chance, {trained:.0f} trained"
+
+
+POLICIES = Path(__file__).parents[1] / "policies"
+
+
+@pytest.mark.parametrize("folder", sorted(POLICIES.iterdir()), ids=lambda folder: folder.name)
+def test_the_policies_that_are_kept_do_what_their_results_say(folder):
+    run = Run.open(folder, other_versions=True)
+    result = Result.load(RESULTS / f"{folder.name.replace(f'_{run.seed}', '')}_sim_{run.seed}.json")
+    assert (result.task, result.method, result.seed) == (run.task, run.method, run.seed)
+    env = InsertionEnv(run.task, run.method, parameters=run.parameters, terminate_on_success=True)
+    try:
+        trained = run.policy(env)
+        assert trained.steps == result.training["steps"]
+        solved = sum(succeeds(env, trained, FIRST_SEED + trial) for trial in range(12))
+    finally:
+        env.close()
+    # a result of `trials` and one of 12 share their seeds; another processor may end an episode otherwise
+    low, high = binom.ppf([1e-4, 1 - 1e-4], 12, np.clip(result.success_rate, 0.02, 0.98))
+    assert low <= solved <= high, f"{solved} of 12, expected {result.success_rate:.2f}"
 
 
 def test_a_result_that_is_none(tmp_path):
