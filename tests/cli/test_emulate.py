@@ -5,6 +5,7 @@ import re
 import signal
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -45,8 +46,11 @@ def scene(folder):
 
 
 def started(*words, **options):
+    """An emulator that Ctrl-C reaches, also where what runs the tests was started without it, as by nohup and &."""
     command = [sys.executable, "-W", "ignore", "-m", "paxisim.cli", "emulate", *words]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **options)
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    reached = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
+    return subprocess.Popen(command, preexec_fn=reached, **pipes, **options)
 
 
 def test_a_process_with_a_port_that_a_driver_reads_and_ctrl_c_ends():
