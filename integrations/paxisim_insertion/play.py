@@ -28,6 +28,7 @@ def play(
     seed: int = 0,
     out: Path = Path("insertion.mp4"),
     force: bool = False,
+    other_versions: bool = False,
 ) -> None:
     """Film an episode of a trained policy, or of the scripted expert that sees the poses.
 
@@ -37,6 +38,7 @@ def play(
         seed: Of the episode.
         out: The film, MP4.
         force: Overwrite it.
+        other_versions: Play although the software's versions are not the run's.
     """
     import cv2  # robosuite brings it
 
@@ -47,7 +49,7 @@ def play(
     if run is None:
         env = InsertionEnv(task, "GCS", **shown)
     else:
-        this = Run.open(run)
+        this = Run.open(run, other_versions=other_versions)
         env = InsertionEnv(this.task, this.method, parameters=this.parameters, **shown)
         trained = this.policy(env)
     observation, info = env.reset(seed=seed)

@@ -111,9 +111,11 @@ class Run:
             run = cls(folder, parameters=Parameters(**values), **found)
         except (ValueError, TypeError, KeyError) as error:
             raise paxisim.InvalidValueError(f"{path} is not a run of this version: {error}") from error
-        differ = {name: made for name, made in made_with.items() if versions().get(name) != made}
+        here = versions()
+        # 2.13.0+cpu and 2.13.0 are one version
+        differ = {n: made for n, made in made_with.items() if here.get(n, "").split("+")[0] != made.split("+")[0]}
         if differ and not other_versions:
-            told = ", ".join(f"{name} {made} (here {versions().get(name)})" for name, made in differ.items())
+            told = ", ".join(f"{name} {made} (here {here.get(name)})" for name, made in differ.items())
             raise paxisim.InvalidValueError(f"{folder} was made with {told}: use those, or pass --other-versions")
         return run
 
