@@ -149,7 +149,7 @@ class Run:
                 env,
                 buffer_size=self.buffer,
                 replay_buffer_class=HistoryReplayBuffer,
-                replay_buffer_kwargs={"history": env.get_attr("frames")[0], "redraw": self._redraw()},
+                replay_buffer_kwargs={"history": env.get_attr("frames")[0], "redraw": self._redraw(env)},
                 seed=self.seed,
                 device=device,
             )
@@ -182,12 +182,11 @@ class Run:
         model.save(new)
         os.replace(new, self.model_path)
 
-    def _redraw(self) -> Redraw | None:
+    def _redraw(self, env: VecEnv) -> Redraw | None:
         gcs = find_method(self.method).gcs
         if not self.redraw or gcs is None:
             return None
-        env = InsertionEnv(self.task, self.method, parameters=self.parameters)
-        return Redraw(gcs, env.history.encoding, env.layout, self.seed)
+        return Redraw(gcs, env.get_attr("history")[0].encoding, env.get_attr("layout")[0], self.seed)
 
     def _identity(self) -> dict[str, Any]:
         own = {name: getattr(self, name) for name in _FIELDS}

@@ -205,20 +205,25 @@ def zero_of(
     if not matters((without.heldout() - plain.heldout()).sum(axis=1) / per_frame):
         others, without = others[:1], plain
     chosen = without
-    if with_drift:
-        tried = [_Sums(problem, rest, [*others, -np.expm1(-time / tau)], frames) for tau in TAUS]
+
+    def drifting(curves: list[FloatArray]) -> tuple[_Sums, float]:
+        """The fit of `curves` and a drift, with the time constant that explains most."""
+        tried = [_Sums(problem, rest, [*curves, -np.expm1(-time / tau)], frames) for tau in TAUS]
         best = max(range(len(TAUS)), key=lambda i: tried[i].explained().sum())
-        gain = (tried[best].heldout() - without.heldout()).sum(axis=1) / per_frame
-        if matters(gain) and tried[best].rejects().any():
-            gains["drift"], chosen, tau = gain, tried[best], TAUS[best]
+        return tried[best], TAUS[best]
+
+    if with_drift:
+        beside, best_tau = drifting(others)
+        gain = (beside.heldout() - without.heldout()).sum(axis=1) / per_frame
+        if matters(gain) and beside.rejects().any():
+            gains["drift"], chosen, tau = gain, beside, best_tau
             amplitude = np.where(problem.alive, chosen.values()[..., -1].reshape(zeros.shape), 0.0)
         elif "offset" in names and not owned:  # or is it a drift from a zero that was right at the beginning?
-            tried = [_Sums(problem, rest, [*others[1:], -np.expm1(-time / tau)], frames) for tau in TAUS]
-            best = max(range(len(TAUS)), key=lambda i: tried[i].explained().sum())
-            gain = tried[best].heldout().sum(axis=1) / per_frame
-            if matters(gain) and np.sum(tried[best].heldout() - without.heldout()) > CLEARLY_DRIFT:
-                amplitude = np.where(problem.alive, tried[best].values()[..., -1].reshape(zeros.shape), 0.0)
-                return Zero(zeros, amplitude, TAUS[best], {"drift": gain})
+            alone, best_tau = drifting(others[1:])
+            gain = alone.heldout().sum(axis=1) / per_frame
+            if matters(gain) and np.sum(alone.heldout() - without.heldout()) > CLEARLY_DRIFT:
+                amplitude = np.where(problem.alive, alone.values()[..., -1].reshape(zeros.shape), 0.0)
+                return Zero(zeros, amplitude, best_tau, {"drift": gain})
     offset = np.where(problem.alive, chosen.values()[..., 0].reshape(zeros.shape), 0.0)
     if "offset" in names:
         left, ratio = offset.copy(), 0.0
