@@ -5,8 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import paxisim
+from paxisim import augment
 
 from .tasks import Task
+
+LARGEST_OFFSET = 0.5
+"""Newtons: 5 counts of a PaXini pad, the most that is taken for the field of the fingers over a gripper's travel."""
 
 
 @dataclass(frozen=True)
@@ -46,9 +50,10 @@ METHODS: dict[str, Method] = {
         Method("GCS w/o S", "GCS", paxisim.GCS(scaling=False)),
         Method("GCS w/o C", "GCS", paxisim.GCS(convolution=False)),
         Method("CoP", "CoP", k=10),
+        Method("GCS+O", "GCS", paxisim.GCS(augment.Ranges(offset=LARGEST_OFFSET))),
     )
 }
-"""The paper's methods and its ablations by name; and CoP, which others have found to do well."""
+"""The paper's methods and its ablations by name; CoP, which others have found to do well; GCS with offsets."""
 
 
 def find_method(name: str) -> Method:

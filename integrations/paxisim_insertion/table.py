@@ -49,9 +49,10 @@ def table(results: Path = RESULTS) -> None:
     """
     found = [Result.load(path) for path in sorted(results.glob("*.json"))]
     surrogates = sorted({result.sensor for result in found} - {IN_SIMULATION})
-    _print("Simulation (paper / ours)", TABLE_2_SIM, found, IN_SIMULATION)
+    more = {r.method: (None,) * len(TASKS) for r in found if r.method not in TABLE_2_SIM}
+    _print("Simulation (paper / ours)", {**TABLE_2_SIM, **more}, found, IN_SIMULATION)
     for sensor in surrogates or ["surrogate"]:
-        _print(f"Paper's real robot / our {sensor}", TABLE_2_REAL, found, sensor)
+        _print(f"Paper's real robot / our {sensor}", {**TABLE_2_REAL, **more}, found, sensor)
         _print(f"Ablation: paper's real robot / our {sensor}", ABLATION_REAL, found, sensor)
 
 

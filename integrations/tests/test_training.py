@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -94,6 +95,7 @@ def test_a_run_is_evaluated_and_tabulated(killed, tmp_path, capsys):
     evaluate(killed, trials=1, sensor=tmp_path / "poisson.model", out=tmp_path)
     found = [Result.load(path) for path in sorted(tmp_path.glob("*.json"))]
     assert [result.sensor for result in found] == ["sim", "surrogate poisson"]
+    replace(found[0], method="GCS+O", success_rate=0.25).save(tmp_path)
     assert {(r.task, r.method, r.seed, r.trials) for r in found} == {("SY-2mm", "GCS", 0, 1)}
     assert found[0].versions == versions()
     assert found[0].training["steps"] > 0
@@ -102,6 +104,7 @@ def test_a_run_is_evaluated_and_tabulated(killed, tmp_path, capsys):
     shown = capsys.readouterr().out
     rate = f"{found[0].success_rate:.2f}"
     assert f"| GCS | 1.00 /  | 0.90 /  | 0.84 /  | 0.98 /  | 0.98 /  | 0.76 / {rate} |" in shown
+    assert "| GCS+O |  /  |  /  |  /  |  /  |  /  |  / 0.25 |" in shown, "a method that the paper has not"
     assert "Paper's real robot / our surrogate poisson" in shown
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from paxisim.augment.chain import Chain
 from paxisim.augment.gains import AxisGain, PadAxisGain, TaxelGain
+from paxisim.augment.offset import Offset
 from paxisim.augment.poisson import Poisson
 from paxisim.augment.transform import Transform
 from paxisim.bump import GaussianBump, bump_heights
@@ -35,6 +36,8 @@ class Ranges:
         dropout: Probability with which a taxel is dropped.
         convolution: Bounds of the uniform distribution of c_x and c_y.
         deviation: Bounds of the uniform distribution of s_x and s_y, the bump's deviations in taxels.
+        offset: Largest size (N) of a constant that all taxels of a pad share, uniform for each pad and axis: a sensor
+            that was zeroed in another field. The paper has none, and 0 draws none.
 
     Raises:
         InvalidValueError: Bounds in the wrong order, not finite or negative, or a probability outside [0, 1].
@@ -45,6 +48,7 @@ class Ranges:
     dropout: float = 0.2
     convolution: tuple[float, float] = (0.1, 0.3)
     deviation: tuple[float, float] = (1.0, 3.0)
+    offset: float = 0.0
 
     def __post_init__(self) -> None:
         """Check the values."""
@@ -57,6 +61,8 @@ class Ranges:
             raise InvalidValueError(f"GCS: taxel_gain must be a finite mean and spread, got {self.taxel_gain}")
         if not 0 <= self.dropout <= 1:
             raise InvalidValueError(f"GCS: dropout must be a probability, got {self.dropout!r}")
+        if not 0 <= self.offset < math.inf:
+            raise InvalidValueError(f"GCS: offset must be finite and at least 0 N, got {self.offset!r}")
 
 
 @dataclass(frozen=True)
@@ -136,9 +142,9 @@ class GCS:
             pads: Number of pads.
 
         Returns:
-            Chain of ``poisson``, ``axis_gain`` (or ``pad_axis_gain``) and ``taxel_gain``, those that are switched on.
-            Parameters are float32: ``cx, cy (*batch)``, ``(*batch, 3)`` (or ``(*batch, pads, 3)``), and
-            ``(*batch, pads, rows, cols)``.
+            Chain of ``poisson``, ``axis_gain`` (or ``pad_axis_gain``) and ``taxel_gain``, those that are switched on,
+            and ``offset`` if its range is not 0. Parameters are float32: ``cx, cy (*batch)``, ``(*batch, 3)`` (or
+            ``(*batch, pads, 3)``), ``(*batch, pads, rows, cols)`` and ``(*batch, pads, 3, rows, cols)``.
         """
         positions = None if layout.is_grid else layout
         return self.sample_taxels(rng, tuple(batch_shape), (pads, layout.rows, layout.cols), positions)
@@ -163,6 +169,10 @@ class GCS:
         if self.scaling:
             members.append(PadAxisGain(axis_gain) if self.axis_gain_per_pad else AxisGain(axis_gain))
             members.append(TaxelGain(taxel_gain))
+        if ranges.offset:
+            shared = uniform(rng, (*batch_shape, taxels[0], 3), (-ranges.offset, ranges.offset))[..., None, None]
+            reads = taxel_gain > 0 if self.scaling else taxel_gain >= 0  # a dropped taxel stays at 0
+            members.append(Offset(shared * reads[..., None, :, :]))
         return Chain(members)
 
     def sample_surface(

@@ -34,7 +34,7 @@ def drawn(rng, gcs=None, environments=4000, **options):
     return {
         f"{name}.{field}": np.asarray(getattr(member, field), dtype=float)
         for name, member in zip(chain.names, chain, strict=True)
-        for field in ("cx", "cy", "gain")
+        for field in ("cx", "cy", "gain", "value")
         if hasattr(member, field)
     }
 
@@ -101,6 +101,27 @@ def test_other_ranges():
     np.testing.assert_allclose(values["poisson.cx"], 0.4)
 
 
+def test_an_offset_is_shared_by_the_taxels_that_were_not_dropped(rng):
+    values = drawn(rng, GCS(Ranges(offset=0.5)), 1000)
+    offset = values["offset.value"]
+    kept = np.broadcast_to(values["taxel_gain.gain"][:, :, None] > 0, offset.shape)
+    assert np.all(offset[~kept] == 0)
+    shared = np.where(kept, offset, np.nan)
+    largest, least = np.nanmax(shared, axis=(-2, -1)), np.nanmin(shared, axis=(-2, -1))
+    np.testing.assert_array_equal(largest, least)
+    assert_drawn_from(largest, stats.uniform(-0.5, 1.0))
+
+
+def test_an_offset_changes_nothing_else_and_holds_without_scaling():
+    plain = drawn(np.random.default_rng(0), GCS(), 1)
+    more = drawn(np.random.default_rng(0), GCS(Ranges(offset=0.5)), 1)
+    assert set(more) - set(plain) == {"offset.value"}
+    for name, value in plain.items():
+        np.testing.assert_array_equal(more[name], value)
+    alone = drawn(np.random.default_rng(0), GCS(Ranges(offset=0.5), scaling=False), 50)["offset.value"]
+    assert np.all(alone != 0), "without scaling no taxel is dropped"
+
+
 def test_surfaces_are_those_of_gaussian_bumps(rng):
     heights = GCS().sample_surface(rng, (500,), layout=LAYOUT)
     assert heights.shape == (500, 2, 6, 5)
@@ -145,7 +166,7 @@ def test_the_ablation_changes_nothing_else(off, rng):
     kinds = [type(member) for member in part]
     assert kinds == ([AxisGain, TaxelGain] if off == "convolution" else [Poisson])
     for name, member in zip(part.names, part, strict=True):
-        for field in ("cx", "cy", "gain"):
+        for field in ("cx", "cy", "gain", "value"):
             if hasattr(member, field):
                 np.testing.assert_array_equal(getattr(member, field), getattr(full[name], field))
 
@@ -201,6 +222,7 @@ def test_the_default_layout_is_the_papers():
         ({"deviation": (0.0, 1.0)}, "GCS: deviation must be finite bounds, above 0"),
         ({"taxel_gain": (1.0, -0.25)}, "GCS: taxel_gain"),
         ({"dropout": 1.2}, "GCS: dropout must be a probability"),
+        ({"offset": -0.1}, "GCS: offset must be finite and at least 0 N"),
     ],
 )
 def test_bad_ranges(wrong, match):
