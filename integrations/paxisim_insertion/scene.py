@@ -234,6 +234,17 @@ class InsertionScene(ManipulationEnv):
         mujoco.mj_kinematics(model, data)
         self._point_down()
         self._find_fingertips()
+        self._set_grip()
+
+    def _set_grip(self) -> None:
+        """Let the fingers, which are springs drawn to where they meet, hold the handle with the force that is asked."""
+        model, _ = self.model_and_data
+        force = self.parameters.grip_force
+        stiffness = force / (self._closed + self.parameters.handle_size / 2)
+        fingers, _, _ = self._actuators["right_gripper"]
+        model.actuator_gainprm[fingers, 0] = stiffness
+        model.actuator_biasprm[fingers, 1] = -stiffness
+        model.actuator_forcerange[fingers] = [-2 * force, 2 * force]
 
     def _point_down(self) -> None:
         """Straighten the orientation that the arm's home position has."""
