@@ -91,9 +91,9 @@ class Parameters:
         success_depth: h_th, the insertion has succeeded when the peg's bottom is closer than this to the hole's.
         epsilon: The epsilon of the reaching and the engagement reward.
         kp: Stiffness of the controller (1/s^2), robosuite's default.
-        grip_force: With which each finger would hold a handle that does not give way (N): what deoxys, the software of the
-            paper's robot, asks of the hand. robosuite's own fingers hold 30 mm with 15 N: a peg that is pushed turns between
-            them.
+        grip_force: With which each finger would hold a handle that does not give way (N): what deoxys, the software
+            of the paper's robot, asks of the hand. robosuite's own fingers hold 30 mm with 15.5 N, and a peg that is
+            pushed along them turns.
 
     Raises:
         InvalidValueError: A length or other value that is not positive, a peg too long or too short for the hole, or
