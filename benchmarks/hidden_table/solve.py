@@ -31,10 +31,11 @@ def solve(task: Task, nested: bool = False) -> Outcome:
         nested: Whether to diagnose it once more without two episodes, and to judge the model on those.
     """
     case = made(task)
+    weakest = min(case.signals.values(), default=case.signal)
     try:
         diagnosis, seconds = diagnosed(case)
     except Exception:
-        return Outcome(task, case.signal, None, memory=_memory(), error=traceback.format_exc(limit=-4))
+        return Outcome(task, case.signal, weakest, None, memory=_memory(), error=traceback.format_exc(limit=-4))
     answer = _answer(diagnosis, seconds)
     if task.kind == "poor":
         return _follow(task, case, answer)
@@ -42,6 +43,7 @@ def solve(task: Task, nested: bool = False) -> Outcome:
     return Outcome(
         task,
         case.signal,
+        weakest,
         answer,
         share=headroom_share(case, diagnosis.heldout.nrmse_before, diagnosis.heldout.nrmse_after),
         nested=_nested(case, task.seed) if nested else None,
@@ -141,14 +143,14 @@ def _follow(task: Task, case: Case, answer: Answer) -> Outcome:
     """Record what is advised with the same sensor, and diagnose both recordings together."""
     motions = motions_of(answer.advice)
     if not motions:
-        return Outcome(task, case.signal, answer, after=answer, memory=_memory())
+        return Outcome(task, case.signal, case.signal, answer, after=answer, memory=_memory())
     both = joined(case, again(case, motions, seed=task.seed + 1))
     try:
         after = _answer(*diagnosed(both))
     except Exception:
         error = traceback.format_exc(limit=-4)
-        return Outcome(task, case.signal, answer, motions=motions, memory=_memory(), error=error)
-    return Outcome(task, case.signal, answer, motions=motions, after=after, memory=_memory())
+        return Outcome(task, case.signal, case.signal, answer, motions=motions, memory=_memory(), error=error)
+    return Outcome(task, case.signal, case.signal, answer, motions=motions, after=after, memory=_memory())
 
 
 def _memory() -> float:

@@ -91,6 +91,9 @@ def _main(kinds: dict[str, list[Outcome]], main: Sequence[Outcome]) -> None:
     _rates("exact singles, all", singles, lambda o: o.exact, "", exact)
     _rates("exact pairs", pairs, lambda o: o.exact, ">= 88 %", exact)
     _rates("both of a pair named", pairs, lambda o: o.contained, ">= 97 %", contained)
+    clear = [o for o in pairs if o.weakest > STRONG]
+    _rates(f"exact pairs, each signal > {STRONG}", clear, lambda o: o.exact, "", exact)
+    _rates("both of those named", clear, lambda o: o.contained, "", contained)
     _rates("exact triples", triples, lambda o: o.exact, ">= 65 %", exact)
     _rates("nulls with a false name", nulls, lambda o: bool(o.named), "<= 1 %", anything)
     for options in NULLS:
@@ -252,4 +255,4 @@ def _worst(outcomes: Sequence[Outcome]) -> None:
     for o in sorted(misses, key=lambda o: (not is_confidently_wrong(o.task, o.answer), -o.signal))[:WORST]:
         true = " + ".join(o.task.true) or o.task.options
         said = o.error.strip().splitlines()[-1] if o.error else _said(o.answer)
-        print(f"  {o.task.name:<12} {true:<34} {o.task.family[:5]} signal {o.signal:8.3f}  {said}")
+        print(f"  {o.task.name:<12} {true:<34} {o.task.family[:5]} signal {o.signal:8.3f} {o.weakest:7.3f}  {said}")

@@ -75,6 +75,7 @@ class Outcome:
     Attributes:
         task: The case.
         signal: Energy of the effect over that of the noise.
+        weakest: The same of what the weakest of several hidden effects changes beside the others.
         answer: Of the diagnosis; None if it crashed.
         share: Held-out share of the headroom above what the hidden effect itself, put on the same simulation, leaves.
         nested: The same on two episodes that the diagnosis never saw; None where that was not tried.
@@ -89,6 +90,7 @@ class Outcome:
 
     task: Task
     signal: float
+    weakest: float
     answer: Answer | None
     share: float | None = None
     nested: float | None = None

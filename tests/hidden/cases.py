@@ -42,6 +42,7 @@ class Case:
         pitch: (row, column) m.
         causes: names of what was hidden. truth: their figures.
         signal: energy of the effect over the energy of the noise, both of what was measured.
+        signals: by cause, the same of what it changes beside the others; if asked for.
         sensor: to record again, or to do experiments on.
         ideal: (T, pads, 3, rows, cols) N, what the hidden effects themselves make of the simulation, or None.
     """
@@ -55,6 +56,7 @@ class Case:
     causes: tuple
     truth: dict = field(default_factory=dict)
     signal: float = 0.0
+    signals: dict = field(default_factory=dict)
     seed: int = 0
     sensor: Sensor | None = None
     ideal: np.ndarray | None = None
@@ -74,7 +76,7 @@ def make(causes=(), *, seed, family="development", rows=6, cols=5, pads=2, stren
         strong_noise: five times the noise.
         coarse: rounding to whole 0.1 N in any case; else half of the sensors round finer.
         rate: samples a second; default: drawn.
-        ideal: whether to keep what the effects make of the simulation; outsiders that remember have none.
+        ideal: whether to keep what the effects make of the simulation, and `signals`; outsiders have none.
         more: kinds of episodes that follow those of the family.
     """
     rng = np.random.default_rng(seed)
@@ -138,6 +140,7 @@ def _recorded(device, moves, starts, rng, ideal):
     """What `device` reads of `moves` that begin at `starts`, with what is simulated of them."""
     pad, nuisance = device.pad, device.nuisance
     parts, effect_energy, noise_energy = [], 0.0, 0.0
+    each = dict.fromkeys(device.effects if ideal else (), 0.0)
     for number, (move, start) in enumerate(zip(moves, starts, strict=True)):
         force, wanted = contact.field(move, pad.where), contact.field(move, pad.where, nuisance.pose_error)
         fine_time = start + np.arange(len(force)) / motions.RATE
@@ -148,6 +151,11 @@ def _recorded(device, moves, starts, rng, ideal):
         at = np.minimum(np.round(time * motions.RATE).astype(int), len(force) - 1)
         coarser = (nuisance.step**2 - device.own_step**2) / 12  # energy of rounding to more than the device's own step
         effect_energy += float(np.sum((changed[at] - force[at]) ** 2) + len(at) * nuisance.noise.size * coarser)
+        for name in each:
+            others = {other: effect for other, effect in device.effects.items() if other != name}
+            without = replace(device, effects=others).apply(force, about)
+            rounding = len(at) * nuisance.noise.size * coarser if name == "quantisation" else 0.0
+            each[name] += float(np.sum((changed[at] - without[at]) ** 2) + rounding)
         noise_energy += float(len(at) * np.sum(nuisance.noise**2 + device.own_step**2 / 12))
         covariates = {"gripper_opening": move.opening[at], "temperature": temperature[at]}
         best = device.apply(wanted, about)[at] if ideal else wanted[:0]
@@ -171,6 +179,7 @@ def _recorded(device, moves, starts, rng, ideal):
         pitch=(),
         causes=(),
         signal=effect_energy / noise_energy,
+        signals={name: energy / noise_energy for name, energy in each.items()},
         sensor=device,
         ideal=best,
     )
