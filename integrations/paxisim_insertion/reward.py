@@ -21,7 +21,8 @@ class Insertion:
     Attributes:
         distance: d, the mean distance (m) of the peg's keypoints to where they are when it is inserted.
         height: h, the distance (m) of the middle of the peg's bottom from the bottom of the hole.
-        engaged: Whether the middle of the peg's bottom is within the hole and below the base's upper face.
+        engaged: Whether the middle of the peg's bottom is within the hole and below the base's upper face, and the peg
+            upright enough to go further.
         success: Whether it is engaged and deep enough.
     """
 
@@ -51,7 +52,9 @@ def insertion(
     height = float(position[2])
     # a peg that is in the hole can be off by the clearance, and lean; beside the hole it is off by its own width
     inside = bool(np.all(np.abs(position[:2]) * across < task.clearance / 2 + 0.1 * parameters.peg_size))
-    engaged = inside and height < parameters.hole_depth - parameters.engage_depth
+    # a peg that turned between the fingers can be jammed in the hole's edge
+    upright = float(rotation[2, 2]) > np.cos(parameters.engage_lean)
+    engaged = inside and upright and height < parameters.hole_depth - parameters.engage_depth
     distance = float(np.linalg.norm(apart, axis=1).mean())
     return Insertion(distance, height, engaged, engaged and height < parameters.success_depth)
 

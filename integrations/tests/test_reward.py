@@ -63,6 +63,15 @@ def test_where_a_peg_counts_as_engaged(name, x, y, engaged):
     assert not state(name, x, y, 25e-3).engaged
 
 
+@pytest.mark.parametrize(("angle", "engaged"), [(0.16, True), (-0.16, True), (0.18, False), (-0.3, False)])
+def test_a_peg_that_leans_too_far_is_not_engaged(angle, engaged):
+    lean = np.array([[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]])
+    for rotation in (lean, lean[np.ix_([1, 0, 2], [1, 0, 2])]):
+        assert state("SQ-2mm", 0, 0, 15e-3, rotation).engaged is engaged
+    turned = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    assert state("SQ-2mm", 0, 0, 15e-3, turned).engaged, "turning about its own axis is no lean"
+
+
 def test_distance_along_a_groove_does_not_count():
     assert state("SX-2mm", 12e-3, 0, 0).distance == 0
     assert state("SY-2mm", 0, 12e-3, 0).distance == 0
