@@ -53,7 +53,7 @@ def insertion(
     # a peg that is in the hole can be off by the clearance, and lean; beside the hole it is off by its own width
     inside = bool(np.all(np.abs(position[:2]) * across < task.clearance / 2 + 0.1 * parameters.peg_size))
     # a peg that turned between the fingers can be jammed in the hole's edge
-    upright = float(rotation[2, 2]) > np.cos(parameters.engage_lean)
+    upright = bool(rotation[2, 2] > np.cos(parameters.engage_lean))
     engaged = inside and upright and height < parameters.hole_depth - parameters.engage_depth
     distance = float(np.linalg.norm(apart, axis=1).mean())
     return Insertion(distance, height, engaged, engaged and height < parameters.success_depth)

@@ -88,8 +88,8 @@ class Parameters:
             corner. Where the paper prints [1.5 cm, 1.5 cm] for y, [-1.5 cm, 1.5 cm] is meant.
         engage_depth: How far below the base's upper face the peg's bottom must be for the peg to count as engaged:
             resting on the rim is not enough.
-        engage_lean: How far (rad) an engaged peg may lean at most. 2 mm of clearance let a peg in to 10 mm that leans by
-            20 degrees, and no further: counted as engaged, to jam it so pays better than to look for the hole.
+        engage_lean: How far (rad) an engaged peg may lean at most. 2 mm of clearance let one in to 10 mm that leans by
+            20 degrees, and no further: if that counted, to jam it would pay better than to look for the hole.
         success_depth: h_th, the insertion has succeeded when the peg's bottom is closer than this to the hole's.
         epsilon: The epsilon of the reaching and the engagement reward.
         kp: Stiffness of the controller (1/s^2), robosuite's default.

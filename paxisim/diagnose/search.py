@@ -20,6 +20,7 @@ DRIFTING = 0.05  # of what a drift explains, that its form leaves to a field tha
 COARSE = 0.7  # of a step: with less noise before rounding an offset is not told well
 HIDDEN = 0.07  # of what such an offset explains, that it may leave to most others
 MOST_HIDDEN = 0.02  # of the noise's energy, that this may be where no noise smooths the rounding
+EACH = 2.0  # times what a field's form leaves to another on the whole, that it may leave in one episode
 UNREPEATED = 3.0  # times what matters that a cause must bring which but few of the episodes show
 FEW = 6  # numbers of a cause
 NEAR = 0.6  # of the best one's gain: who has less is not fitted
@@ -215,17 +216,22 @@ class _Search:
 
     def _worth(self, more: Fit, fewer: Fit, name: str) -> bool:
         least = self._limits.material * self._problem.samples * self._by_name[name].costs
-        return self._consistent(more, fewer, max(least, self._misfit(fewer, name)))
+        return self._consistent(more, fewer, max(least, self._misfit(more, fewer, name)))
 
-    def _misfit(self, found: Fit, name: str) -> float:
+    def _misfit(self, more: Fit, fewer: Fit, name: str) -> float:
         """Energy that the forms of a fit's causes may leave for `name` to explain."""
-        item = self._by_name[name]
+        item, gain = self._by_name[name], np.maximum(fewer.energy - more.energy, 0.0)
         misfit = DRIFTING * self._zero_gain if name == "interference" else self._hidden * item.mistaken / FORM
-        for other in found.values:
-            without = self.fitted([n for n in found.values if n != other], found)
-            gain = float((without.energy - found.energy).sum())
-            misfit += self._by_name[other].form.get(name, item.mistaken) * max(gain, 0.0)
-        return misfit
+        for other in fewer.values:
+            without = self.fitted([n for n in fewer.values if n != other], fewer)
+            share = self._by_name[other].form.get(name, item.mistaken)
+            left = share * (without.energy - fewer.energy)
+            if self._by_name[other].covariate and not item.covariate:
+                # a field leaves something where it changes, not where the pad is pressed
+                misfit += np.minimum(EACH * np.maximum(left, 0.0), gain).sum()
+            else:
+                misfit += max(left.sum(), 0.0)
+        return float(misfit)
 
     def _material(self, found: Fit, name: str) -> bool:
         return self._by_name[name].is_material(found.values[name], self._problem)  # type: ignore[arg-type]
@@ -234,7 +240,11 @@ class _Search:
 def _promise(tangent: Tangent, chosen: Sequence[str], name: str) -> float:
     """What a cause may bring beside `chosen`: in other episodes, or half of it where but one shows it at all."""
     names = [*chosen, name]
-    promise = float(tangent.gain(names).sum() - tangent.gain(chosen).sum())
+    # weights that protect gains from the contacts' place let what another cause left undone weigh more
+    promise = max(
+        float(tangent.gain(names, True, alike).sum() - tangent.gain(chosen, True, alike).sum())
+        for alike in (False, True)
+    )
     if (tangent.owner == name).sum() > FEW:  # in one episode they would fit noise
         return promise
     return max(promise, 0.5 * float(tangent.gain(names, False).sum() - tangent.gain(chosen, False).sum()))

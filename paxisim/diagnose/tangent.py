@@ -37,14 +37,20 @@ class Tangent:
     trust: FloatArray
     samples: int
 
-    def gain(self, causes: Sequence[str], held_out: bool = True) -> FloatArray:
-        """``(episodes,)`` energy that `causes` explain in each episode, fitted on all the others, or on all."""
+    def gain(self, causes: Sequence[str], held_out: bool = True, trusting: bool = False) -> FloatArray:
+        """``(episodes,)`` energy that `causes` explain in each episode, fitted on all the others, or on all.
+
+        Args:
+            causes: Their names.
+            held_out: Fit on the other episodes.
+            trusting: Let every episode count alike, whatever `trust` says.
+        """
         which = np.flatnonzero(np.isin(self.owner, list(causes)))
         if not len(which):
             return np.zeros(len(self.energy))
         products = self.products[:, which[:, None], which]
         projections = self.projections[:, which]
-        trust = self.trust[:, which]
+        trust = np.ones_like(projections) if trusting else self.trust[:, which]
         counted, right = products * trust[..., None], projections * trust
         total = counted.sum(axis=0)
         prior = np.where(self.owner[which] == TAXEL_GAIN, 1 / GAIN_PRIOR**2, 0.0)
