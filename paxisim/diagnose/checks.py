@@ -16,6 +16,7 @@ from paxisim.diagnose.problem import FloatArray, Problem, showing
 
 CLEARLY = 0.05  # by how much a correlation must be better for a fault of the layout to be named
 CLEARLY_DRIFT = 30.0  # energy, in units of the noise, by which a drift alone must do better than an offset
+LATE = 0.1  # s, of a taxel that answers late
 TAUS = (60.0, 120.0, 200.0, 350.0, 600.0, 1200.0)  # s, of a drift
 FALSE_CHANNELS = 0.05  # share of the channels said to drift, or to be off, of which that is not so
 
@@ -120,6 +121,8 @@ def read_taxels(problem: Problem) -> Reading | None:
         dead &= ~told | (np.abs(slope) < 0.12)
         if axis == 2:
             dead &= told
+    if dead.any():
+        dead &= ~_answers_late(problem)
     if not dead.any():
         return None
     level = np.median(measured, axis=0) * dead[:, None]
@@ -128,6 +131,16 @@ def read_taxels(problem: Problem) -> Reading | None:
     value = level * stuck[:, None]
     fault = augment.DeadTaxels((dead & ~stuck).astype(float), stuck.astype(float), value)
     return Reading(fault, {"dead": (dead & ~stuck).astype(float), "stuck": stuck.astype(float), "value": value})
+
+
+def _answers_late(problem: Problem) -> NDArray[np.bool_]:
+    """``(pads, rows, cols)`` taxels that answer to what pressed them some tenths of a second ago, as after a tap."""
+    late = problem.run(augment.LowPass(LATE), problem.simulated)[:, :, 2]
+    x, y = late - late.mean(axis=0), problem.measured[:, :, 2]
+    y = y - np.median(y, axis=0)
+    energy, both = np.sum(x**2, axis=0), np.sum(x * y, axis=0)
+    noise = np.median(problem.sigma[:, :, 2], axis=0)
+    return (both > 0.3 * energy) & (both > 8 * noise * np.sqrt(energy))
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,6 +23,7 @@ MOST_HIDDEN = 0.02  # of the noise's energy, that this may be where no noise smo
 EACH = 2.0  # times what a field's form leaves to another on the whole, that it may leave in one episode
 UNREPEATED = 3.0  # times what matters that a cause must bring which but few of the episodes show
 FEW = 6  # numbers of a cause
+PROMISE = 0.4  # of what a cause must bring, that it must promise while it is small to be fitted
 NEAR = 0.6  # of the best one's gain: who has less is not fitted
 
 
@@ -134,12 +135,11 @@ class _Search:
     def _near(self, chosen: Sequence[str], most: int) -> list[str]:
         """Candidates for a place beside `chosen`, with those that they may be mistaken for."""
         gains = self._ranked(chosen)
-        if not gains:
-            return []
-        top = next(iter(gains.values()))
-        if top < 0.4 * self._limits.material * self._problem.samples:
-            return []
-        near = [n for n in list(gains)[:most] if gains[n] >= NEAR * top]
+        found = self.fitted(chosen)
+        material = self._limits.material * self._problem.samples
+        # what others' forms may leave to one is not what it is looked for with
+        promising = [n for n in gains if gains[n] >= PROMISE * max(material, self._misfit(found, n))]
+        near = [n for n in promising[:most] if gains[n] >= NEAR * gains[promising[0]]]
         return near + list(
             dict.fromkeys(n for m in near for n in self._by_name[m].simpler if n in gains and n not in near)
         )
@@ -216,11 +216,12 @@ class _Search:
 
     def _worth(self, more: Fit, fewer: Fit, name: str) -> bool:
         least = self._limits.material * self._problem.samples * self._by_name[name].costs
-        return self._consistent(more, fewer, max(least, self._misfit(more, fewer, name)))
+        return self._consistent(more, fewer, max(least, self._misfit(fewer, name, more)))
 
-    def _misfit(self, more: Fit, fewer: Fit, name: str) -> float:
-        """Energy that the forms of a fit's causes may leave for `name` to explain."""
-        item, gain = self._by_name[name], np.maximum(fewer.energy - more.energy, 0.0)
+    def _misfit(self, fewer: Fit, name: str, more: Fit | None = None) -> float:
+        """Energy that the forms of a fit's causes may leave for `name` to explain, at least or beside a fit with it."""
+        item = self._by_name[name]
+        gain = np.maximum(fewer.energy - more.energy, 0.0) if more else np.zeros_like(fewer.energy)
         misfit = DRIFTING * self._zero_gain if name == "interference" else self._hidden * item.mistaken / FORM
         for other in fewer.values:
             without = self.fitted([n for n in fewer.values if n != other], fewer)
