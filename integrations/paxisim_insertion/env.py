@@ -110,11 +110,6 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         self._renderer: mujoco.Renderer | None = None
 
     @property
-    def frames(self) -> int:
-        """Number of frames in the tactile history, k."""
-        return self._history.k
-
-    @property
     def history(self) -> paxisim.History:
         """What the policy sees of the readings."""
         return self._history

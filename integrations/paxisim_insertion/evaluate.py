@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import asdict
 from pathlib import Path
 
 from scipy.stats import binomtest
@@ -48,7 +49,13 @@ def evaluate(
         env.close()
     name = IN_SIMULATION if sensor is None else f"surrogate {sensor.stem}"
     interval = tuple(binomtest(successes, trials).proportion_ci(method="wilson"))
-    training = {"steps": trained.steps, "updates": trained.updates, "envs": this.envs, "redraw": this.redraw}
+    training = {
+        "steps": trained.steps,
+        "updates": trained.updates,
+        "envs": this.envs,
+        "redraw": this.redraw,
+        "parameters": asdict(this.parameters),
+    }
     result = Result(this.task, this.method, name, this.seed, trials, successes / trials, interval, versions(), training)
     path = result.save(out)
     print(f"{this.task} {this.method} {name}: {successes} of {trials}, {interval[0]:.2f} to {interval[1]:.2f}; {path}")

@@ -149,7 +149,7 @@ class Run:
                 env,
                 buffer_size=self.buffer,
                 replay_buffer_class=HistoryReplayBuffer,
-                replay_buffer_kwargs={"history": env.get_attr("frames")[0], "redraw": self._redraw(env)},
+                replay_buffer_kwargs={"history": env.get_attr("history")[0].k, "redraw": self._redraw(env)},
                 seed=self.seed,
                 device=device,
             )

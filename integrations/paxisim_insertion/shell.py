@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import sys
 from collections.abc import Callable
 
@@ -24,6 +25,9 @@ def command(function: Callable[..., None], arguments: list[str] | None = None) -
     logging.getLogger("robosuite_logs").setLevel(logging.ERROR)  # it speaks of its own setup
     try:
         tyro.cli(function, args=arguments, config=(tyro.conf.FlagCreatePairsOff,))
+        sys.stdout.flush()
+    except BrokenPipeError:  # who reads the output has seen enough, as `head` does
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except (paxisim.PaxisimError, OSError) as error:
         print(f"paxisim_insertion: error: {' '.join(str(error).split())}", file=sys.stderr)
         return 2

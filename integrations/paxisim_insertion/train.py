@@ -12,8 +12,12 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import configure
 from stable_baselines3.common.utils import set_random_seed
 
+from .methods import find_method
 from .run import BUFFER, Run
 from .shell import command
+from .tasks import Parameters
+
+PARAMETERS = Parameters()
 
 
 def train(
@@ -29,6 +33,7 @@ def train(
     save_every: float = 30.0,
     buffer: int = BUFFER,
     redraw: bool = True,
+    parameters: Parameters = PARAMETERS,
     threads: int = 1,
     device: str = "auto",
 ) -> None:
@@ -47,6 +52,7 @@ def train(
         save_every: Seconds between two saved models; of what was experienced nothing is lost.
         buffer: Transitions in the replay buffer.
         redraw: Draw GCS anew for each sample of the replay buffer too; the paper draws once an episode.
+        parameters: What the paper leaves open.
         threads: Threads of torch.
         device: Torch's device.
     """
@@ -54,7 +60,8 @@ def train(
     if resume:
         run = Run.open(folder, other_versions=other_versions)
     else:
-        run = Run(folder, task, method, seed, envs, buffer, redraw=redraw)
+        draws = redraw and find_method(method).gcs is not None
+        run = Run(folder, task, method, seed, envs, buffer, redraw=draws, parameters=parameters)
         run.create()
     torch.set_num_threads(threads)
     env = run.make_envs()

@@ -88,6 +88,17 @@ def test_a_run_that_was_killed_goes_on_with_all_it_had_seen(killed):
     assert changed == (again.num_timesteps > 101), "it learns as soon as there are 100 steps"
 
 
+def test_what_the_paper_leaves_open_is_an_option(tmp_path, capsys):
+    words = ["--method", "DT", "--steps", "0", "--envs", "1", "--buffer", "100", "--out", str(tmp_path / "run")]
+    assert command(train, [*words, "--parameters.grip-force", "20", "--device", "cpu"]) == 0
+    run = Run.open(tmp_path / "run")
+    assert run.parameters == Parameters(grip_force=20)
+    assert not run.redraw, "there is nothing to draw for DT"
+    evaluate(tmp_path / "run", trials=1, out=tmp_path)
+    (path,) = tmp_path.glob("*.json")
+    assert Result.load(path).training["parameters"]["grip_force"] == 20
+
+
 def test_a_run_is_evaluated_and_tabulated(killed, tmp_path, capsys):
     evaluate(killed, trials=1, out=tmp_path)
     chain = paxisim.Chain([paxisim.augment.Poisson(0.2, 0.2)])
