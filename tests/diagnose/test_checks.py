@@ -1,9 +1,12 @@
 """What is read off the data without a search: a zero that is off or drifts, and a layout whose shear is weak."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
-from paxisim.diagnose.checks import read_layout, zero_of
+from paxisim.diagnose.checks import read_layout, read_taxels, zero_of
 from paxisim.diagnose.problem import Problem
 
 EPISODES, FRAMES, NOISE = 8, 60, 0.02
@@ -52,3 +55,21 @@ def test_a_sign_is_told_where_shear_is_small_beside_normal_force(axis):
     assert reading is not None
     assert reading.transform.axis_signs == tuple(signs)
     assert read_layout(problem(lambda force, time: force, axes=(0.15, 0.4, 6.0))) is None
+
+
+@pytest.mark.parametrize("answers", [True, False])
+def test_a_taxel_that_only_taps_touched_is_dead_if_it_does_not_answer_late_either(answers):
+    made = problem(lambda force, time: force)
+    simulated, measured = made.simulated.copy(), made.measured.copy()
+    tap = np.where(np.isin(np.arange(len(made.time)) // 2, (40, 100, 130, 160)), 2.0, 0.0)  # four of 0.1 s
+    kept = np.exp(-0.05 / 0.6)
+    late = lfilter([1 - kept], [1, -kept], tap)
+    simulated[:, 0, :, 0, 0] = tap[:, None] * [0.0, 0.0, 1.0]
+    noise = NOISE * np.random.default_rng(1).standard_normal((len(tap), 3))
+    measured[:, 0, :, 0, 0] = noise + answers * late[:, None] * [0.0, 0.0, 1.0]
+    reading = read_taxels(replace(made, simulated=simulated, measured=measured))
+    if answers:
+        assert reading is None
+    else:
+        assert reading is not None
+        np.testing.assert_array_equal(np.argwhere(reading.values["dead"]), [[0, 0, 0]])
