@@ -11,7 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
+from paxisim.augment.chain import Chain
+from paxisim.augment.latency import Latency
+from paxisim.augment.low_pass import LowPass
 from paxisim.augment.transform import Transform
+from paxisim.diagnose.between import FINE, Curve, curve_through
 from paxisim.diagnose.noise import FloatArray, Tolerance, dither_of, noise_of, step_of, tolerated
 from paxisim.errors import InvalidValueError
 from paxisim.logs.aligned import episode_spans
@@ -94,10 +98,24 @@ class Problem:
         starts = [span.start for span in self.episodes if not 0 < breaks[span.start] <= usual]
         return tuple(slice(a, b) for a, b in itertools.pairwise([*starts, len(self.time)]))
 
+    @cached_property
+    def _curves(self) -> tuple[Curve | None, ...]:
+        """What lies between the frames, of each piece."""
+        return tuple(curve_through(self.time[span]) for span in self._in_one_piece)
+
     def run(self, transform: Transform, x: FloatArray) -> FloatArray:
-        """`transform` on the sequence `x`, begun anew for each episode that does not go on from the one before."""
+        """`transform` on the sequence `x`, begun anew for each episode that does not go on from the one before.
+
+        What is fast as the frames themselves, latency and low-pass, acts on curves drawn through them.
+        """
+        if isinstance(transform, Chain):
+            for member in transform.members:
+                x = self.run(member, x)
+            return x
         if not transform.has_memory:
             return transform.run(x, self.time, self.covariates)
+        if isinstance(transform, (Latency, LowPass)) and any(curve is not None for curve in self._curves):
+            return self._run_between(transform, x)
         if self._alike and len(self._in_one_piece) == len(self.episodes):  # a batch: one pass over time for all
 
             def batch(values: FloatArray) -> FloatArray:
@@ -111,6 +129,18 @@ class Problem:
             for span in self._in_one_piece
         ]
         return np.concatenate(parts)
+
+    def _run_between(self, transform: Latency | LowPass, x: FloatArray) -> FloatArray:
+        if isinstance(transform, Latency):  # as many frames more as there are points between them
+            more = int(np.ceil(4 * abs(float(transform.delay)) / FINE)) + 4
+            transform = replace(transform, capacity=max(transform.capacity, more))
+        out = np.empty_like(x)
+        for span, curve in zip(self._in_one_piece, self._curves, strict=True):
+            if curve is None:
+                out[span] = transform.run(x[span], self.time[span])
+            else:
+                out[span] = transform.run(curve(x[span]), curve.time)[curve.own]
+        return out
 
     def read(self, force: FloatArray) -> FloatArray:
         """What a sensor that counts in steps, and not below 0, reads of `force` on average, given its noise.
