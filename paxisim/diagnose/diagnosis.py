@@ -179,8 +179,8 @@ class Diagnosis:
         not_testable: Causes that this recording cannot show, and why.
         symptoms: Where the error lives.
         advice: What to record next.
-        model: The extended sensor model. Its latency and low-pass were fitted on curves through the frames: step by step
-            in a simulator they do what was fitted, on frames some 50 ms apart they cut fast motions a little more.
+        model: The extended sensor model. Its latency and low-pass were fitted on curves through the frames: step by
+            step in a simulator they do what was fitted, on frames some 50 ms apart they cut fast motions a bit more.
         intervals: What the model's parameters may be, 90 %: by member and parameter the lowest and the highest value,
             arrays of the parameter's shape, as ``GCS.around(model, intervals)`` takes them. A parameter without an
             interval is not in it.
