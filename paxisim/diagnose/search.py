@@ -22,7 +22,8 @@ HIDDEN = 0.07  # of what such an offset explains, that it may leave to most othe
 MOST_HIDDEN = 0.02  # of the noise's energy, that this may be where no noise smooths the rounding
 EACH = 2.0  # times what a field's form leaves to another on the whole, that it may leave in one episode
 UNREPEATED = 3.0  # times what matters that a cause must bring which but few of the episodes show
-FEW = 6  # numbers of a cause
+REPEATED = 0.5  # of what a cause of many numbers must bring, that it must bring without its best episode
+FEW = 6  # numbers of a cause, or episodes
 PROMISE = 0.4  # of what a cause must bring, that it must promise while it is small to be fitted
 NEAR = 0.6  # of the best one's gain: who has less is not fitted
 
@@ -215,7 +216,11 @@ class _Search:
         return bool(gain.sum() > UNREPEATED * least and better >= self._limits.episodes)
 
     def _worth(self, more: Fit, fewer: Fit, name: str) -> bool:
-        least = self._limits.material * self._problem.samples * self._by_name[name].costs
+        item = self._by_name[name]
+        least = self._limits.material * self._problem.samples * item.costs
+        gain = fewer.energy - more.energy
+        if item.costs > 1 and len(gain) > FEW and gain.sum() - gain.max() < REPEATED * least:
+            return False  # many numbers fit what one episode has of its own
         return self._consistent(more, fewer, max(least, self._misfit(fewer, name, more)))
 
     def _misfit(self, fewer: Fit, name: str, more: Fit | None = None) -> float:
