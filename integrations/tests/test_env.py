@@ -170,7 +170,7 @@ def test_drawn_surrogates(tmp_path, capsys):
     assert without["creep"].amplitude == pytest.approx(drawn["creep"].amplitude)
     made = InsertionEnv("SX-2mm", "DT", sensor=drawn)
     made.reset(seed=0)
-    assert made.scene.opening == pytest.approx(made.parameters.handle_size, abs=2e-3)
+    assert 0 < made.parameters.handle_size - made.scene.opening < 4e-3, "two gels give way to a grip of 30 N"
     raw = made.scene.tactile.read()
     assert np.abs(made.reading - raw).max() > 0.1
     np.testing.assert_allclose(made.reading / 0.1, np.round(made.reading / 0.1), atol=1e-4)
