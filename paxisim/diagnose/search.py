@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from paxisim.diagnose.cause import FORM, Cause
+from paxisim.diagnose.cause import FORM, TAXEL_GAIN, Cause
 from paxisim.diagnose.fitting import Fit, fit
 from paxisim.diagnose.problem import Problem, showing
 from paxisim.diagnose.tangent import Tangent, tangent_of
@@ -23,7 +23,8 @@ MOST_HIDDEN = 0.02  # of the noise's energy, that this may be where no noise smo
 EACH = 2.0  # times what a field's form leaves to another on the whole, that it may leave in one episode
 UNREPEATED = 3.0  # times what matters that a cause must bring which but few of the episodes show
 REPEATED = 0.5  # of what a cause of many numbers must bring, that it must bring without its best episode
-FEW = 6  # numbers of a cause, or episodes
+FEW = 6  # numbers of a cause
+SEVERAL = 6  # episodes
 PROMISE = 0.4  # of what a cause must bring, that it must promise while it is small to be fitted
 NEAR = 0.6  # of the best one's gain: who has less is not fitted
 
@@ -219,7 +220,7 @@ class _Search:
         item = self._by_name[name]
         least = self._limits.material * self._problem.samples * item.costs
         gain = fewer.energy - more.energy
-        if item.costs > 1 and len(gain) > FEW and gain.sum() - gain.max() < REPEATED * least:
+        if item.costs > 1 and len(gain) > SEVERAL and gain.sum() - gain.max() < REPEATED * least:
             return False  # many numbers fit what one episode has of its own
         return self._consistent(more, fewer, max(least, self._misfit(fewer, name, more)))
 
@@ -249,7 +250,7 @@ def _promise(tangent: Tangent, chosen: Sequence[str], name: str) -> float:
     # weights that protect gains from the contacts' place let what another cause left undone weigh more
     promise = max(
         float(tangent.gain(names, True, alike).sum() - tangent.gain(chosen, True, alike).sum())
-        for alike in (False, True)
+        for alike in ((False, True) if TAXEL_GAIN in names else (False,))  # nothing else is weighted
     )
     if (tangent.owner == name).sum() > FEW:  # in one episode they would fit noise
         return promise
