@@ -6,9 +6,9 @@ import numpy as np
 
 from paxisim import augment
 from paxisim.augment.transform import Transform
-from paxisim.diagnose.cause import MANY, TAXEL_GAIN, UNLIKE, Cause, Free, Values, register_cause
+from paxisim.diagnose.cause import TAXEL_GAIN, UNLIKE, Cause, Free, Values, register_cause
 from paxisim.diagnose.channels import bent_apart, mixes_alike, zero_is_fitted
-from paxisim.diagnose.fitting import taxel_gains
+from paxisim.diagnose.gains import taxel_gains
 from paxisim.diagnose.problem import FloatArray, Problem
 from paxisim.errors import InvalidValueError
 
@@ -210,7 +210,7 @@ register_cause(
         lambda p: (Free("tau_1", "s", 0.0, 0.0, 2.0, 0.02, 0.003), Free("tau_2", "s", 0.0, 0.0, 2.0, 0.02, 0.003)),
         lambda v, p: augment.Chain([augment.LowPass(v[0]), augment.LowPass(v[1])]),
         lambda p: [(0.01, 0.005), (0.03, 0.02), (0.1, 0.05)],
-        form={"latency": 0.025},
+        form={"latency": 0.003},
     )
 )
 
@@ -228,7 +228,7 @@ register_cause(
         lambda p: (Free("delay", "s", 0.0, -0.5, 0.5, 0.02, 0.003),),
         lambda v, p: augment.Latency(v[0], capacity=_capacity(p, v[0])),
         lambda p: [(-0.1,), (0.01,), (0.03,), (0.1,)],
-        form={"low_pass": 0.025},
+        form={"low_pass": 0.01},
     )
 )
 
@@ -279,7 +279,7 @@ register_cause(
         None,
         simpler=("axis_gain",),
         ahead=0.25,
-        costs=MANY,
+        costs=3.0,
         form={"stiffening": 0.03, **_MIXED},
         beyond=_spread,
         solve=taxel_gains,

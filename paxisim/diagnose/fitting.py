@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from paxisim import augment
 from paxisim.augment.transform import STAGES, Transform
-from paxisim.diagnose.cause import GAIN_PRIOR, TAXEL_GAIN, Cause, Free, cause
+from paxisim.diagnose.cause import TAXEL_GAIN, Cause, Free, cause
 from paxisim.diagnose.problem import FloatArray, Problem
 
 _PROBE = 0.05  # of a parameter's scale, to see what it does
@@ -274,22 +274,3 @@ def _best_probe(problem: Problem, item: Cause, values: Fitted, stages: _Stages) 
             if new @ new < least:
                 best, least = trial, new @ new
     return best
-
-
-def taxel_gains(
-    problem: Problem, x: FloatArray, end: Callable[[FloatArray], FloatArray], last: bool, near: FloatArray | None
-) -> FloatArray:
-    """``(pads, rows, cols)`` gains that fit best, drawn to 1 where little was pressed; see `Cause.solve`.
-
-    What comes after the gains acts on each taxel alone, so that one small change of all of them shows every slope.
-    """
-    rounds = 1 if last or near is not None else 3
-    gains = np.ones((x.shape[1], *x.shape[3:])) if near is None else near
-    for turn in range(rounds):
-        now = end(x * gains[:, None])
-        slope = x if last else (end(x * (gains[:, None] + 0.02)) - now) / 0.02
-        load = problem.weigh(slope)
-        change = np.sum(load * problem.residual(now), axis=(0, 2)) - (gains - 1) / GAIN_PRIOR**2
-        change /= np.sum(load**2, axis=(0, 2)) + 1 / GAIN_PRIOR**2
-        gains = np.clip(gains + (change if turn == 0 else 0.8 * change), 0.05, 5.0)
-    return gains

@@ -19,6 +19,7 @@ from paxisim.diagnose.channels import CHANNEL_CURVE, curve_error
 from paxisim.diagnose.diagnosis import FittedParameter, Interval
 from paxisim.diagnose.engine import Explanation, Named
 from paxisim.diagnose.fitting import Fitted, predict
+from paxisim.diagnose.gains import by_episode, drawn
 from paxisim.diagnose.noise import Tolerance, differences
 from paxisim.diagnose.problem import FloatArray, Problem
 
@@ -277,9 +278,9 @@ def _gain_spread(found: Explanation, gains: FloatArray) -> FloatArray | None:
     load = load / np.maximum(np.abs(gains), 0.05)[:, None]
     by_axis = np.sum(load**2, axis=0)
     products = by_axis.sum(axis=1)
-    scores = np.stack([np.sum(scores[span], axis=(0, 2)) for span in problem.episodes])
-    scores = scores / np.maximum(np.abs(gains), 0.05)
-    prior = 1 / GAIN_PRIOR**2
+    scores = by_episode(problem, scores) / np.maximum(np.abs(gains), 0.05)
+    weights = by_episode(problem, load**2)
+    prior = drawn(scores + (gains - 1) * weights, weights)[1]
     total = products + prior
     episodes = np.sum(scores**2, axis=0) * count / (count - 1)
     tolerance = Tolerance()
@@ -287,8 +288,8 @@ def _gain_spread(found: Explanation, gains: FloatArray) -> FloatArray | None:
     places = sum(np.sum(load * problem.weigh(e), axis=(0, 2)) ** 2 for e in _misplaced(problem, found.prediction))
     told = products > prior
     spread = float(np.std(gains[told])) if told.sum() > 1 else GAIN_PRIOR
-    drawn = (prior * spread) ** 2
-    error = np.sqrt(np.maximum(episodes, products) + axes + places + drawn) / total
+    shrunk = (prior * spread) ** 2
+    error = np.sqrt(np.maximum(episodes, products) + axes + places + shrunk) / total
     return error * student.ppf(0.5 + LEVEL / 2, count - 1)
 
 

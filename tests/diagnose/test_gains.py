@@ -1,0 +1,60 @@
+"""Gains of taxels: exact where episodes agree, and drawn to 1 as far as they do not."""
+
+import numpy as np
+import pytest
+
+from paxisim.diagnose.cause import GAIN_PRIOR
+from paxisim.diagnose.gains import drawn
+
+SHAPE = (2, 6, 5)
+
+
+def summed(gains, off, weights, rng):
+    """Pulls of episodes each of which has gains of its own, `off` times normal numbers from the common ones."""
+    own = gains - 1 + off * rng.standard_normal(weights.shape)
+    return own * weights + np.sqrt(weights) * rng.standard_normal(weights.shape)
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(5)
+
+
+@pytest.fixture
+def weights(rng):
+    """What eight episodes press on a taxel: much, little or nothing."""
+    return rng.choice([0.0, 300.0, 3e4], size=(8, *SHAPE), p=[0.5, 0.3, 0.2])
+
+
+@pytest.mark.parametrize("spread", [0.05, 0.2])
+def test_gains_that_all_episodes_agree_on_are_found(rng, weights, spread):
+    gains = 1 + spread * rng.standard_normal(SHAPE)
+    away, ridge = drawn(summed(gains, 0.0, weights, rng), weights)
+    weight = weights.sum(axis=0)
+    error = (1 + away - gains) * np.sqrt(weight)
+    assert np.sqrt(np.mean(error[weight > 1e4] ** 2)) < 1.5, "as well as the noise lets them be told"
+    assert 0.5 < 1 / np.sqrt(ridge) / spread < 2
+    assert np.all(away[weight == 0] == 0)
+
+
+def test_where_episodes_disagree_gains_are_drawn_closer_to_1_and_so_to_the_truth(rng, weights):
+    better = []
+    for _ in range(20):
+        gains = 1 + 0.05 * rng.standard_normal(SHAPE)
+        pulls = summed(gains, 0.15, weights, rng)
+        away, ridge = drawn(pulls, weights)
+        alone = pulls.sum(axis=0) / (weights.sum(axis=0) + 1 / GAIN_PRIOR**2)
+        assert ridge > 3 / GAIN_PRIOR**2
+        assert np.all(np.abs(away) <= np.abs(alone))
+        better.append(np.sum((1 + away - gains) ** 2) < 0.7 * np.sum((1 + alone - gains) ** 2))
+    assert np.mean(better) >= 0.9
+
+
+def test_without_any_effect_gains_stay_at_1_and_with_one_episode_nothing_breaks(rng, weights):
+    away, _ = drawn(summed(np.ones(SHAPE), 0.02, weights, rng), weights)
+    assert np.sqrt(np.mean(away**2)) < 0.015
+    away, _ = drawn(summed(np.full(SHAPE, 1.1), 0.0, weights[:1] + 100, rng), weights[:1] + 100)
+    assert np.all(np.isfinite(away))
+    assert np.median(away) == pytest.approx(0.1, abs=0.03)
+    nothing, _ = drawn(np.zeros((3, *SHAPE)), np.zeros((3, *SHAPE)))
+    assert np.all(nothing == 0)
