@@ -1,0 +1,70 @@
+"""What a cause must bring to be kept, on energies that are written down."""
+
+import numpy as np
+import pytest
+
+from paxisim.diagnose.cause import cause
+from paxisim.diagnose.fitting import Fit
+from paxisim.diagnose.problem import Problem
+from paxisim.diagnose.search import EACH, Thresholds, _Search
+
+EPISODES, FRAMES = 8, 50
+FORCE = 0.5 * np.ones((EPISODES * FRAMES, 2, 3, 3, 4))
+
+
+@pytest.fixture
+def problem():
+    spans = tuple(slice(k * FRAMES, (k + 1) * FRAMES) for k in range(EPISODES))
+    time = np.concatenate([60.0 * k + 0.05 * np.arange(FRAMES) for k in range(EPISODES)])
+    opening = {"gripper_opening": np.linspace(0, 0.08, len(time))}
+    alive = np.ones(FORCE.shape[1:], dtype=bool)
+    return Problem(FORCE, FORCE, time, opening, spans, np.full_like(FORCE, 0.05), 1.0, alive, 0.01, 0.05)
+
+
+@pytest.fixture
+def search(problem):
+    names = ("taxel_gain", "creep", "interference", "stiffening", "low_pass", "latency")
+    return _Search(problem, [cause(name) for name in names], Thresholds(), lambda text: None)
+
+
+def fit_of(problem, energy, *names):
+    """A fit that is known to leave so much in each episode."""
+    return Fit({name: np.zeros(1) for name in names}, np.asarray(energy, dtype=float), problem, ())
+
+
+def test_many_numbers_must_bring_something_without_the_best_episode(problem, search):
+    enough = search._limits.material * problem.samples * cause("taxel_gain").costs
+    before = fit_of(problem, np.full(EPISODES, 10 * enough))
+    for gains, worth in (
+        ([2 * enough] + [0.01 * enough] * 7, False),  # one episode is fitted
+        ([0.3 * enough] * 8, True),
+        ([2 * enough] + [0.1 * enough] * 7, True),
+        ([0.05 * enough] * 8, False),  # too little in all
+    ):
+        after = fit_of(problem, before.energy - gains, "taxel_gain")
+        assert search._worth(after, before, "taxel_gain") is worth, gains
+    lone = [20 * enough, *[0.01 * enough] * 7]  # few numbers cannot fit one episode alone: it may show them alone
+    assert search._worth(fit_of(problem, before.energy - lone, "creep"), before, "creep")
+
+
+def test_what_a_field_leaves_is_counted_where_it_changes(problem, search):
+    nothing = fit_of(problem, np.full(EPISODES, 1e5))
+    field = np.zeros(EPISODES)
+    field[6] = 1e4  # one episode opens the gripper
+    with_field = fit_of(problem, nothing.energy - field, "interference")
+    search._fits[frozenset()] = nothing
+    left = EACH * cause("interference").form["stiffening"] * 1e4
+    for gain_there, misfit in ((0.0, 0.0), (0.1 * left, 0.1 * left), (5 * left, left)):
+        gain = np.full(EPISODES, 300.0)
+        gain[6] = gain_there
+        more = fit_of(problem, with_field.energy - gain, "interference", "stiffening")
+        assert search._misfit(with_field, "stiffening", more) == pytest.approx(misfit)
+
+
+def test_what_a_form_may_leave_goes_with_what_its_cause_explains(problem, search):
+    nothing = fit_of(problem, np.full(EPISODES, 1e5))
+    search._fits[frozenset()] = nothing
+    filtered = fit_of(problem, nothing.energy - 1e4, "low_pass")
+    assert search._misfit(filtered, "latency") == pytest.approx(cause("low_pass").form["latency"] * EPISODES * 1e4)
+    assert search._misfit(filtered, "creep") == pytest.approx(cause("creep").mistaken * EPISODES * 1e4)
+    assert search._misfit(nothing, "creep") == 0
