@@ -91,8 +91,19 @@ def _axes(problem: Problem, simulated: FloatArray) -> tuple[tuple[int, int, int]
         each = alike(axis, order[axis])
         strong = each[np.abs(each) > 0.2]
         if len(strong) and strong.mean() < -0.4 and (strong < 0).mean() >= 0.8:
-            signs[axis] = -1
+            signs[axis] = -1 if axis == 2 or _turned(problem, simulated, axis, order[axis]) else 1
     return (signs[0], signs[1], signs[2]), order
+
+
+def _turned(problem: Problem, simulated: FloatArray, axis: int, other: int) -> bool:
+    """Whether a shear goes against the simulated one beside what of it goes with the normal force.
+
+    A sensor that reads part of the normal force as shear may drown the little shear of a press.
+    """
+    shear, normal = simulated[:, :, other].ravel(), simulated[:, :, 2].ravel()
+    measured = problem.measured[:, :, axis] - np.median(problem.measured[:, :, axis], axis=0)
+    both = np.stack([shear, normal])
+    return bool(np.linalg.lstsq(both @ both.T, both @ measured.ravel(), rcond=None)[0][0] < 0)
 
 
 def read_rounding(problem: Problem, device_step: float) -> Reading | None:

@@ -57,6 +57,18 @@ def test_a_sign_is_told_where_shear_is_small_beside_normal_force(axis):
     assert read_layout(problem(lambda force, time: force, axes=(0.15, 0.4, 6.0))) is None
 
 
+def test_a_sensor_that_reads_the_normal_force_as_shear_is_not_turned():
+    mixing = np.array([[1, 0, -0.3], [0, 1, 0.3], [0, 0, 1]])
+    # a press whose shear goes with its normal force
+    alike = np.array([[1, 0, 0.05], [0, 1, -0.05], [0, 0, 1]])
+    made = problem(lambda force, time: force, axes=(0.02, 0.02, 3.0))
+    simulated = np.einsum("ij,tpjrc->tpirc", alike, made.simulated)
+    measured = made.measured - made.simulated + np.einsum("ij,tpjrc->tpirc", mixing, simulated)
+    coupled = replace(made, simulated=simulated, measured=measured)
+    assert np.corrcoef(simulated[:, 0, 0, 0, 0], measured[:, 0, 0, 0, 0])[0, 1] < -0.9
+    assert read_layout(coupled) is None
+
+
 @pytest.mark.parametrize("answers", [True, False])
 def test_a_taxel_that_only_taps_touched_is_dead_if_it_does_not_answer_late_either(answers):
     made = problem(lambda force, time: force)
