@@ -46,6 +46,14 @@ def test_without_a_cause_the_simulation_stays_as_it_is():
     np.testing.assert_array_equal(explanation.prediction, case.simulated.astype(float))
 
 
+@pytest.mark.parametrize(("seed", "rounding"), [(3, True), (53, True), (3, False)])
+def test_a_gain_that_coarse_counts_hide_at_rest_is_no_offset(seed, rounding):
+    family = ("development", "final")[seed % 2]
+    options = {"rate": 30, "coarse": rounding, "strength": 0.6, "family": family, "rho": 0.0}
+    recording, _ = hidden("axis_gain", seed=seed, **options)
+    assert named(explain(recording)) == {"axis_gain"}
+
+
 def test_the_model_makes_the_prediction():
     recording, case = hidden("latency", seed=303, strength=0.8)
     explanation = explain(recording)
