@@ -228,6 +228,8 @@ register_cause(
         lambda p: (Free("delay", "s", 0.0, -0.5, 0.5, 0.02, 0.003),),
         lambda v, p: augment.Latency(v[0], capacity=_capacity(p, v[0])),
         lambda p: [(-0.1,), (0.01,), (0.03,), (0.1,)],
+        # what lies between frames is drawn, not known, and costs a filter as short as they are part of its gain
+        behind={"low_pass": 0.013},
         form={"low_pass": 0.01},
     )
 )
@@ -242,7 +244,7 @@ register_cause(
         ),
         lambda v, p: augment.DeadBand(v[0], v[1]),
         lambda p: [(0.06, 0.0), (0.12, 0.0), (0.2, 0.0), (0.3, 0.0)],
-        form=dict.fromkeys(_STATIC, 0.06),
+        form={**dict.fromkeys(_STATIC, 0.06), **dict.fromkeys(("creep", "hysteresis"), 0.03)},
         barred=bent_apart,
     )
 )

@@ -169,8 +169,8 @@ class _Search:
                 contest[name] = self.fitted(chosen)
                 best = self._simplest(min(contest, key=lambda n: contest[n].energy.sum()), contest, without)
                 better = contest[name].energy.sum() - contest[best].energy.sum()
-                simpler = best in self._by_name[name].simpler
-                if best != name and (better > SIGNIFICANT or simpler) and self._material(contest[best], best):
+                gives_way = best in self._by_name[name].gives_way
+                if best != name and (better > SIGNIFICANT or gives_way) and self._material(contest[best], best):
                     chosen = self._pruned([*chosen[:place], *chosen[place + 1 :], best], best)
                     break
             else:
@@ -185,13 +185,14 @@ class _Search:
         return {n: float(self.fitted([*rest, n], without).energy.sum()) for n in near}
 
     def _simplest(self, name: str, contest: Mapping[str, Fit], without: Fit) -> str:
-        """`name`, or a simpler candidate of which it does no more than that one can."""
+        """`name`, or a candidate that it gives way to and does no more than."""
         item = self._by_name[name]
         others = sorted((n for n in contest if n != name), key=lambda n: contest[n].energy.sum())
-        for simple in others if item.costs > 1 else item.simpler:
+        for simple in others if item.costs > 1 else item.gives_way:
             if simple in contest:
                 found = contest[name]
-                least = max(SIGNIFICANT, item.ahead * float((without.energy - found.energy).sum()))
+                ahead = item.behind.get(simple, item.ahead)
+                least = max(SIGNIFICANT, ahead * float((without.energy - found.energy).sum()))
                 significant = self._consistent(found, contest[simple], least)
                 if not significant or item.beyond(found.values[name], self._problem) < 1:  # type: ignore[arg-type]
                     return simple
