@@ -68,3 +68,15 @@ def test_what_a_form_may_leave_goes_with_what_its_cause_explains(problem, search
     assert search._misfit(filtered, "latency") == pytest.approx(cause("low_pass").form["latency"] * EPISODES * 1e4)
     assert search._misfit(filtered, "creep") == pytest.approx(cause("creep").mistaken * EPISODES * 1e4)
     assert search._misfit(nothing, "creep") == 0
+
+
+@pytest.mark.parametrize(("ahead", "taken"), [(0.5, "low_pass"), (2.0, "latency"), (-1.0, "low_pass")])
+def test_a_delay_hardly_better_than_a_filter_gives_way_to_it(problem, search, ahead, taken):
+    gain = 1e3 * np.arange(1, EPISODES + 1)
+    nothing = fit_of(problem, np.full(EPISODES, 1e5))
+    filtered = fit_of(problem, nothing.energy - gain, "low_pass")
+    better = 1 + ahead * cause("latency").behind["low_pass"]
+    late = fit_of(problem, nothing.energy - gain * better, "latency")
+    contest = {"low_pass": filtered, "latency": late}
+    best = min(contest, key=lambda name: contest[name].energy.sum())
+    assert search._simplest(best, contest, nothing) == taken
