@@ -1,4 +1,4 @@
-"""Gains: one for each taxel, in closed form, drawn to 1 where the episodes tell little of it or disagree."""
+"""Gains: one for each taxel, in closed form, drawn together where the episodes tell little of one or disagree."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from paxisim.diagnose.cause import GAIN_PRIOR
 from paxisim.diagnose.problem import FloatArray, Problem
 
-LEAST_SPREAD = 0.01  # of the gains about 1, below which it is not told
+LEAST_SPREAD = 0.01  # of the gains, below which it is not told
 TELLS = 1e-3  # of the best pressed taxel's weight, below which one tells nothing of spread or excess
 ROUNDS = 5
 
@@ -40,11 +40,11 @@ def by_episode(problem: Problem, values: FloatArray) -> FloatArray:
 
 
 def drawn(pulls: FloatArray, weights: FloatArray) -> tuple[FloatArray, float]:
-    """How far gains are from 1, and the weight with which they are drawn there.
+    """How far gains are from 1, and the weight with which each is drawn to the gain that all have in common.
 
     A contact that is not where it was simulated is so for its whole episode, and what another cause does is there in
     each: then frames tell less than their noise would let them. How much less shows in the gains that the episodes
-    would have apart, and how far gains are from 1 on the whole in those that are told well (empirical Bayes).
+    would have apart, and how far gains are from one another in those that are told well (empirical Bayes).
 
     Args:
         pulls: ``(episodes, pads, rows, cols)`` load times what gains of 1 leave, summed, in units of the noise.
@@ -54,11 +54,13 @@ def drawn(pulls: FloatArray, weights: FloatArray) -> tuple[FloatArray, float]:
     tells, told = weights > TELLS * weights.max(), weight > TELLS * weight.max()
     degrees = max(int(tells.sum() - tells.any(axis=0).sum()), 1)
     bare = pull / np.maximum(weight, 1e-12)
-    variance, excess = GAIN_PRIOR**2, 1.0
+    ridge, common = 1 / GAIN_PRIOR**2, 0.0
     for _ in range(ROUNDS):
-        left = pulls - weights * pull / (weight + excess / variance)
+        gains = common + (pull - common * weight) / (weight + ridge)
+        left = pulls - weights * gains
         excess = max(float(np.sum(left[tells] ** 2 / weights[tells])) / degrees, 1.0)
-        trust = np.where(told, (weight / (weight + excess / variance)) ** 2, 0.0)
-        beyond = np.sum(trust * (bare**2 - excess / np.maximum(weight, 1e-12)))
-        variance = max(float(beyond / max(trust.sum(), 1e-12)), LEAST_SPREAD**2)
-    return pull / (weight + excess / variance), excess / variance
+        trust = np.where(told, weight / (weight + ridge), 0.0)
+        common = float(np.sum(trust * bare) / max(trust.sum(), 1e-12))
+        apart = (bare - common) ** 2 - excess / np.maximum(weight, 1e-12)
+        ridge = excess / max(float(np.sum(trust**2 * apart) / max(np.sum(trust**2), 1e-12)), LEAST_SPREAD**2)
+    return common + (pull - common * weight) / (weight + ridge), ridge
