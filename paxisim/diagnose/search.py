@@ -23,6 +23,7 @@ MOST_HIDDEN = 0.02  # of the noise's energy, that this may be where no noise smo
 EACH = 2.0  # times what a field's form leaves to another on the whole, that it may leave in one episode
 UNREPEATED = 3.0  # times what matters that a cause must bring which but few of the episodes show
 REPEATED = 0.5  # of what a cause of many numbers must bring, that it must bring without its best episode
+ELSEWHERE = 0.25  # of what it brings, that it must bring there
 FEW = 6  # numbers of a cause
 SEVERAL = 6  # episodes
 PROMISE = 0.4  # of what a cause must bring, that it must promise while it is small to be fitted
@@ -221,7 +222,8 @@ class _Search:
         item = self._by_name[name]
         least = self._limits.material * self._problem.samples * item.costs
         gain = fewer.energy - more.energy
-        if item.costs > 1 and len(gain) > SEVERAL and gain.sum() - gain.max() < REPEATED * least:
+        elsewhere = gain.sum() - gain.max()
+        if item.costs > 1 and len(gain) > SEVERAL and elsewhere < max(REPEATED * least, ELSEWHERE * gain.sum()):
             return False  # many numbers fit what one episode has of its own
         return self._consistent(more, fewer, max(least, self._misfit(fewer, name, more)))
 

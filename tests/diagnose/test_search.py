@@ -38,7 +38,8 @@ def test_many_numbers_must_bring_something_without_the_best_episode(problem, sea
     for gains, worth in (
         ([2 * enough] + [0.01 * enough] * 7, False),  # one episode is fitted
         ([0.3 * enough] * 8, True),
-        ([2 * enough] + [0.1 * enough] * 7, True),
+        ([2 * enough] + [0.12 * enough] * 7, True),
+        ([9 * enough] + [0.12 * enough] * 7, False),  # of which the others know little
         ([0.05 * enough] * 8, False),  # too little in all
     ):
         after = fit_of(problem, before.energy - gains, "taxel_gain")
