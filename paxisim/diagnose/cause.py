@@ -28,7 +28,7 @@ TAXEL_GAIN = "taxel_gain"
 """The one cause with a number for each taxel; it is fitted in closed form."""
 
 GAIN_PRIOR = 0.1
-"""Spread of a taxel's gain about 1: what keeps a gain that nothing was pressed on at 1."""
+"""Spread of taxels' gains about 1 that is expected before a recording has told of it."""
 
 
 @dataclass(frozen=True)

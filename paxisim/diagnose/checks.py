@@ -90,8 +90,9 @@ def _axes(problem: Problem, simulated: FloatArray) -> tuple[tuple[int, int, int]
     for axis in range(3):
         each = alike(axis, order[axis])
         strong = each[np.abs(each) > 0.2]
-        if len(strong) and strong.mean() < -0.4 and (strong < 0).mean() >= 0.8:
-            signs[axis] = -1 if axis == 2 or _turned(problem, simulated, axis, order[axis]) else 1
+        opposed = len(strong) and strong.mean() < -0.4 and (strong < 0).mean() >= 0.8
+        if opposed and (axis == 2 or _turned(problem, simulated, axis, order[axis])):
+            signs[axis] = -1
     return (signs[0], signs[1], signs[2]), order
 
 

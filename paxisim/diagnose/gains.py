@@ -54,13 +54,14 @@ def drawn(pulls: FloatArray, weights: FloatArray) -> tuple[FloatArray, float]:
     tells, told = weights > TELLS * weights.max(), weight > TELLS * weight.max()
     degrees = max(int(tells.sum() - tells.any(axis=0).sum()), 1)
     bare = pull / np.maximum(weight, 1e-12)
-    ridge, common = 1 / GAIN_PRIOR**2, 0.0
+    ridge = 1 / GAIN_PRIOR**2
+    away = pull / (weight + ridge)
     for _ in range(ROUNDS):
-        gains = common + (pull - common * weight) / (weight + ridge)
-        left = pulls - weights * gains
+        left = pulls - weights * away
         excess = max(float(np.sum(left[tells] ** 2 / weights[tells])) / degrees, 1.0)
         trust = np.where(told, weight / (weight + ridge), 0.0)
         common = float(np.sum(trust * bare) / max(trust.sum(), 1e-12))
         apart = (bare - common) ** 2 - excess / np.maximum(weight, 1e-12)
         ridge = excess / max(float(np.sum(trust**2 * apart) / max(np.sum(trust**2), 1e-12)), LEAST_SPREAD**2)
-    return common + (pull - common * weight) / (weight + ridge), ridge
+        away = common + (pull - common * weight) / (weight + ridge)
+    return away, ridge

@@ -276,10 +276,10 @@ def _gain_spread(found: Explanation, gains: FloatArray) -> FloatArray | None:
     load = problem.weigh(found.prediction)
     scores = problem.residual(found.prediction) * load
     load = load / np.maximum(np.abs(gains), 0.05)[:, None]
-    by_axis = np.sum(load**2, axis=0)
-    products = by_axis.sum(axis=1)
+    squares = load**2
+    by_axis, weights = squares.sum(axis=0), by_episode(problem, squares)
+    products = weights.sum(axis=0)
     scores = by_episode(problem, scores) / np.maximum(np.abs(gains), 0.05)
-    weights = by_episode(problem, load**2)
     prior = drawn(scores + (gains - 1) * weights, weights)[1]
     total = products + prior
     episodes = np.sum(scores**2, axis=0) * count / (count - 1)
