@@ -77,8 +77,8 @@ class Cause:
         covariate: Name of the covariate that it needs, empty for none.
         simpler: Names of causes that it can imitate with fewer numbers; it is named only if it does better than they.
         ahead: By what share of its gain it must be better than those.
-        behind: By what share of its gain it must be better than another cause, by its name, which it does not imitate
-            but whose form costs that one as much.
+        behind: By what share of its gain, given its values, it must be better than another cause, by its name, which it
+            does not imitate but whose form costs that one as much.
         costs: How many times the energy that matters it must bring: more than 1 for one with many numbers, in which
             what no calibration has removed gathers.
         form: Share of its gain that another cause, by its name, may bring besides, as no form fits exactly what a
@@ -100,7 +100,7 @@ class Cause:
     covariate: str = ""
     simpler: tuple[str, ...] = ()
     ahead: float = 0.08
-    behind: Mapping[str, float] = field(default_factory=dict)
+    behind: Mapping[str, Callable[[Values, Problem], float]] = field(default_factory=dict)
     costs: float = 1.0
     form: Mapping[str, float] = field(default_factory=dict)
     mistaken: float = FORM

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from paxisim.diagnose.cause import FORM, TAXEL_GAIN, Cause
+from paxisim.diagnose.cause import FORM, TAXEL_GAIN, Cause, Values
 from paxisim.diagnose.fitting import Fit, fit
 from paxisim.diagnose.problem import Problem, showing
 from paxisim.diagnose.tangent import Tangent, tangent_of
@@ -192,10 +192,11 @@ class _Search:
         for simple in others if item.costs > 1 else item.gives_way:
             if simple in contest:
                 found = contest[name]
-                ahead = item.behind.get(simple, item.ahead)
+                values: Values = found.values[name]  # type: ignore[assignment]
+                ahead = item.behind[simple](values, self._problem) if simple in item.behind else item.ahead
                 least = max(SIGNIFICANT, ahead * float((without.energy - found.energy).sum()))
                 significant = self._consistent(found, contest[simple], least)
-                if not significant or item.beyond(found.values[name], self._problem) < 1:  # type: ignore[arg-type]
+                if not significant or item.beyond(values, self._problem) < 1:
                     return simple
         return name
 

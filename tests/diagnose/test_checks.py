@@ -85,3 +85,17 @@ def test_a_taxel_that_only_taps_touched_is_dead_if_it_does_not_answer_late_eithe
     else:
         assert reading is not None
         np.testing.assert_array_equal(np.argwhere(reading.values["dead"]), [[0, 0, 0]])
+
+
+@pytest.mark.parametrize(("level", "answers", "stuck"), [(0.4, 0.0, True), (0.4, 1.0, False), (0.0, 0.0, False)])
+def test_a_taxel_that_is_hardly_pressed_is_stuck_if_it_reads_something_and_stays_there(level, answers, stuck):
+    made = problem(lambda force, time: force)
+    simulated, measured = made.simulated.copy(), made.measured.copy()
+    measured[:, 1, :, 2, 0] += level - simulated[:, 1, :, 2, 0]
+    simulated[:, 1, :, 2, 0] *= 0.05  # 50 mN at most
+    measured[:, 1, :, 2, 0] += answers * simulated[:, 1, :, 2, 0]
+    reading = read_taxels(replace(made, simulated=simulated, measured=measured))
+    assert (reading is not None) is stuck
+    if reading is not None:
+        np.testing.assert_array_equal(np.argwhere(reading.values["stuck"]), [[1, 2, 0]])
+        np.testing.assert_allclose(reading.values["value"][1, :, 2, 0], level, atol=NOISE)

@@ -1,6 +1,7 @@
 """What the engine returns and refuses. Whether it names what was hidden: test_hidden_effects.py."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -64,6 +65,21 @@ def test_the_model_makes_the_prediction():
     assert found.energy_gain.sum() == pytest.approx((explanation.empty_energy - explanation.energy).sum(), rel=0.1)
     assert "low_pass" in found.rivals_energy
     assert min(found.rivals_energy.values()) > 0.95 * explanation.energy.sum()
+
+
+def test_a_turn_about_the_normal_is_told_from_a_coupling_of_shear_and_normal_force():
+    recording, _ = hidden(seed=304)
+    mixing, turn = np.array([[1, 0, 0.15], [0, 1, 0.1], [-0.05, 0.06, 1]]), 0.1
+    turned = np.array([[np.cos(turn), np.sin(turn), 0], [-np.sin(turn), np.cos(turn), 0], [0, 0, 1]])
+    simulated = recording.simulated.astype(float)
+    change = np.einsum("ij,tpjrc->tpirc", turned @ mixing - np.eye(3), simulated)
+    measured = recording.measured + np.round(change, 2)
+    found = explain(replace(recording, measured=measured.astype(np.float32)))
+    assert named(found) == {"axis_coupling", "rotation"}
+    values = {item.name: item.values for item in found.found}
+    assert values["rotation"]["about_z"] == pytest.approx(turn, abs=0.01)
+    got = [values["axis_coupling"][name] for name in ("z_to_x", "z_to_y", "x_to_z", "y_to_z", "x_and_y")]
+    np.testing.assert_allclose(got, [0.15, 0.1, -0.05, 0.06, 0.0], atol=0.03)  # a tilt is nearly such a coupling
 
 
 def test_drift_and_offset_run_through_the_pauses_in_the_model():
