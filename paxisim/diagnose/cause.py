@@ -18,10 +18,10 @@ MANY = 7.0
 
 Solve = Callable[[Problem, FloatArray, Callable[[FloatArray], FloatArray], bool, "FloatArray | None"], FloatArray]
 
-FORM = 0.01
+FORM = 0.002
 """Share of a cause's gain that most others may bring besides, see `Cause`."""
 
-UNLIKE = 0.002
+UNLIKE = 0.0005
 """The same for those that look like no other."""
 
 TAXEL_GAIN = "taxel_gain"

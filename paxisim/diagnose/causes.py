@@ -49,6 +49,7 @@ register_cause(
         lambda v, p: augment.Stiffening(v[0], v[1]),
         lambda p: [(0.9, 0.6 * p.peak), (0.9, 0.1 * p.peak)],
         simpler=("axis_gain",),
+        form={"axis_gain": 0.03, "saturation": 0.01, TAXEL_GAIN: 0.03},
         beyond=lambda v, p: abs(v[0] - 1) / 0.008,
         barred=bent_apart,
     )
@@ -66,6 +67,7 @@ register_cause(
         ),
         lambda v, p: augment.Creep((v[0], v[2]), (v[1], v[3])),
         lambda p: [(0.1, tau, 0.0, 1.0) for tau in (0.3, 1.0, 3.0, 10.0)],
+        form={"stiffening": 0.004, "interference": 0.008, TAXEL_GAIN: 0.03},
     )
 )
 
@@ -81,7 +83,7 @@ register_cause(
         form={
             "creep": 0.2,
             **dict.fromkeys((*_STATIC, TAXEL_GAIN), 0.15),
-            "dead_band": 0.05,
+            **dict.fromkeys(("dead_band", "interference"), 0.05),
         },
     )
 )
@@ -93,6 +95,7 @@ register_cause(
         lambda p: (Free("cx", "1", 0.0, 0.0, 1.0, 0.05, 0.012), Free("cy", "1", 0.0, 0.0, 1.0, 0.05, 0.012)),
         lambda v, p: augment.Poisson(v[0], v[1], reach=2.9),
         lambda p: [(0.1, 0.0), (0.0, 0.1)],
+        form={"interference": 0.02},
         mistaken=UNLIKE,
         barred=mixes_alike,
     )
@@ -110,7 +113,7 @@ register_cause(
         lambda v, p: augment.Crosstalk(v[0], length=1.0, far=v[1], taken=v[2]),
         lambda p: [(0.02, 0.0, 0.0), (0.02, 1.0, 0.0), (0.02, 1.0, 1.0)],
         simpler=("axis_gain",),
-        form={"axis_gain": 0.025, "stiffening": 0.025},
+        form={"axis_gain": 0.025, "stiffening": 0.025, TAXEL_GAIN: 0.05},
         beyond=lambda v, p: abs(v[0]) / 0.003,
         barred=mixes_alike,
     )
@@ -215,7 +218,11 @@ register_cause(
         _interference,
         _interference_probes,
         covariate="gripper_opening",
-        form={**dict.fromkeys((*_STATIC, "creep", "hysteresis", "poisson", "dead_band"), 0.05), **_MIXED},
+        form={
+            **dict.fromkeys((*_STATIC, TAXEL_GAIN, "creep", "hysteresis", "poisson"), 0.05),
+            "dead_band": 0.2,
+            **_MIXED,
+        },
     )
 )
 
@@ -273,7 +280,11 @@ register_cause(
         ),
         lambda v, p: augment.DeadBand(v[0], v[1]),
         lambda p: [(0.06, 0.0), (0.12, 0.0), (0.2, 0.0), (0.3, 0.0)],
-        form={**dict.fromkeys(_STATIC, 0.06), **dict.fromkeys(("creep", "hysteresis"), 0.03)},
+        form={
+            **dict.fromkeys((*_STATIC, TAXEL_GAIN, "interference"), 0.06),
+            **dict.fromkeys(("creep", "hysteresis", "low_pass", "latency", "saturation"), 0.03),
+            **dict.fromkeys(("poisson", "axis_coupling", "rotation"), 0.02),
+        },
         barred=bent_apart,
     )
 )
@@ -288,7 +299,7 @@ register_cause(
         ),
         lambda v, p: augment.Saturation(-v[0], v[0], v[1]),
         lambda p: [(0.5 * p.peak, 0.2), (0.7 * p.peak, 0.2), (0.9 * p.peak, 0.2)],
-        form=dict.fromkeys(_STATIC, 0.07),
+        form=dict.fromkeys((*_STATIC, TAXEL_GAIN), 0.03),
         barred=bent_apart,
     )
 )
@@ -312,6 +323,7 @@ register_cause(
         ahead=0.25,
         costs=3.0,
         form={"stiffening": 0.03, **_MIXED},
+        mistaken=0.01,
         beyond=_spread,
         solve=taxel_gains,
         solves="gain",

@@ -16,7 +16,8 @@ from paxisim.diagnose.problem import FloatArray, Problem, showing
 
 CLEARLY = 0.05  # by how much a correlation must be better for a fault of the layout to be named
 CLEARLY_DRIFT = 30.0  # energy, in units of the noise, by which a drift alone must do better than an offset
-MISSING = 10.0  # times the noise that the answer of a stuck taxel must be missing
+FAR = 4.0  # times what others read at rest, and what does not matter
+MISSING = 8.0  # times the noise that the answer of a stuck taxel must be missing
 STILL = 1.8  # times the noise that it may move
 LATE = 0.1  # s, of a taxel that answers late
 TAUS = (60.0, 120.0, 200.0, 350.0, 600.0, 1200.0)  # s, of a drift
@@ -138,21 +139,22 @@ def read_taxels(problem: Problem) -> Reading | None:
             dead &= told
     if dead.any():
         dead &= ~_answers_late(problem)
-    aloft = np.abs(level).max(axis=1) > floor
-    dead |= aloft & _still(problem, level)
+    dead |= _still(problem, level, floor)
     if not dead.any():
         return None
-    stuck = dead & aloft
+    stuck = dead & (np.abs(level).max(axis=1) > floor)
     value = level * stuck[:, None]
     fault = augment.DeadTaxels((dead & ~stuck).astype(float), stuck.astype(float), value)
     return Reading(fault, {"dead": (dead & ~stuck).astype(float), "stuck": stuck.astype(float), "value": value})
 
 
-def _still(problem: Problem, level: FloatArray) -> NDArray[np.bool_]:
-    """``(pads, rows, cols)`` taxels that stay where they are on all axes, while they are pressed however little.
+def _still(problem: Problem, level: FloatArray, floor: float) -> NDArray[np.bool_]:
+    """``(pads, rows, cols)`` taxels that stay where no other is, on all axes, while they are pressed however little.
 
     That is enough of one that reads something, which no dead band holds back, if the next count is within reach.
     """
+    usual = np.median(np.abs(level), axis=(2, 3), keepdims=True)
+    far = (np.abs(level) > FAR * (usual + floor)).any(axis=1)
     noise = np.median(problem.sigma, axis=0)
     x, y = (
         np.concatenate([values[span] - values[span].mean(axis=0) for span in problem.episodes]) / noise
@@ -162,7 +164,7 @@ def _still(problem: Problem, level: FloatArray) -> NDArray[np.bool_]:
     missing = (energy - both) / np.sqrt(np.maximum(energy, 1e-12))  # of the answer, in units of its noise
     still = ((problem.measured - level) / noise).std(axis=0) < STILL
     reached = np.quantile(np.abs(problem.simulated), 0.998, axis=0).max(axis=1) > problem.step
-    return (both < 0.25 * energy) & (missing > MISSING) & still.all(axis=1) & reached
+    return far & (both < 0.25 * energy) & (missing > MISSING) & still.all(axis=1) & reached
 
 
 def _answers_late(problem: Problem) -> NDArray[np.bool_]:

@@ -232,7 +232,7 @@ class _Search:
         """Energy that the forms of a fit's causes may leave for `name` to explain, at least or beside a fit with it."""
         item = self._by_name[name]
         gain = np.maximum(fewer.energy - more.energy, 0.0) if more else np.zeros_like(fewer.energy)
-        misfit = DRIFTING * self._zero_gain if name == "interference" else self._hidden * item.mistaken / FORM
+        misfit = DRIFTING * self._zero_gain if name == "interference" else self._hidden * min(item.mistaken / FORM, 1.0)
         for other in fewer.values:
             without = self.fitted([n for n in fewer.values if n != other], fewer)
             share = self._by_name[other].form.get(name, item.mistaken)
