@@ -1,0 +1,38 @@
+"""What a transform with memory answers, at regular and irregular times: for the tests of each of them."""
+
+import numpy as np
+import pytest
+
+try:
+    import torch
+except ImportError:
+    torch = None
+
+FRAME = (2, 3, 6, 5)
+
+needs_torch = pytest.mark.skipif(torch is None, reason="needs torch")
+both = pytest.mark.parametrize("kind", ["regular", "irregular"])
+
+
+def everywhere(value):
+    """A parameter with one value for each element."""
+    return np.full((1, 1, 1, 1), value)
+
+
+def respond(transform, values, time, dtype=np.float64):
+    """The readings of one element that is given `values`."""
+    x = np.broadcast_to(np.reshape(values, (-1, 1, 1, 1, 1)), (len(time), 1, 3, 1, 1)).astype(dtype)
+    return transform.run(x, time)[:, 0, 0, 0, 0]
+
+
+def times(kind, end, count=400, seed=0):
+    """From 0 to `end`, regular or not."""
+    if kind == "regular":
+        return np.linspace(0, end, count)
+    gaps = np.random.default_rng(seed).exponential(size=count - 1) ** 2
+    return np.concatenate([[0], np.cumsum(gaps) / gaps.sum() * end])
+
+
+def with_jump(time):
+    """A step from 0 to 1 at time 0: two frames at once."""
+    return np.concatenate([[0], np.ones(len(time))]), np.concatenate([[0], time])
