@@ -9,7 +9,7 @@ from paxisim.augment.transform import Transform
 from paxisim.diagnose.cause import TAXEL_GAIN, UNLIKE, Cause, Free, Values, register_cause
 from paxisim.diagnose.channels import bent_apart, mixes_alike, zero_is_fitted
 from paxisim.diagnose.gains import taxel_gains
-from paxisim.diagnose.problem import FloatArray, Problem
+from paxisim.diagnose.problem import Problem
 from paxisim.errors import InvalidValueError
 
 AXES = "xyz"
@@ -137,14 +137,7 @@ def _coupling(values: Values) -> augment.AxisCoupling:
     return augment.AxisCoupling(matrix)
 
 
-_TILT = 0.01  # rad
-
-
-def _unlike_rotation(matrix: FloatArray) -> float:
-    """How far a coupling is from antisymmetric, as a small rotation is, in units of what a rotation's fit leaves."""
-    symmetric, antisymmetric = (matrix + matrix.T) / 2 - np.eye(3), (matrix - matrix.T) / 2
-    return float(np.abs(symmetric).max() / (0.002 + 0.15 * np.abs(antisymmetric).max()))
-
+_TILT = 0.01, 0.09  # rad, of a sensor in its mount: what is expected, and the most
 
 register_cause(
     Cause(
@@ -153,11 +146,8 @@ register_cause(
         lambda p: tuple(Free(name, "1", 0.0, -0.6, 0.6, 0.05, 0.012) for name in _COUPLED),
         lambda v, p: _coupling(v),
         lambda p: [_unit(5, i, 0.0, 0.1) for i in range(5)],
-        simpler=("rotation",),
-        ahead=0.0005,
         form={"rotation": 0.0005},
         mistaken=UNLIKE,
-        beyond=lambda v, p: _unlike_rotation(_coupling(v).matrix),
         barred=mixes_alike,
     )
 )
@@ -166,12 +156,14 @@ register_cause(
     Cause(
         "rotation",
         51,
-        # beside a coupling of shear and normal force a tilt is not told from it
-        lambda p: tuple(
-            Free(f"about_{axis}", "rad", 0.0, -0.6, 0.6, 0.05, 0.012, None if axis == "z" else _TILT) for axis in AXES
+        lambda p: (
+            *(Free(f"about_{axis}", "rad", 0.0, -_TILT[1], _TILT[1], 0.05, 0.012, _TILT[0]) for axis in "xy"),
+            Free("about_z", "rad", 0.0, -0.6, 0.6, 0.05, 0.012),
         ),
         lambda v, p: augment.Rotation((tuple(v),)),
         lambda p: [_unit(3, k, 0.0, 0.05) for k in range(3)],
+        # a tilt is nearly a coupling of shear and normal force, which may be any
+        behind={"axis_coupling": lambda v, p: 0.001},
         form={"axis_coupling": 0.0005},
         mistaken=UNLIKE,
         barred=mixes_alike,

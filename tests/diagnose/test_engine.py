@@ -67,19 +67,29 @@ def test_the_model_makes_the_prediction():
     assert min(found.rivals_energy.values()) > 0.95 * explanation.energy.sum()
 
 
+def mixed(seed, matrix):
+    """A recording whose measured axes are mixed."""
+    recording, _ = hidden(seed=seed)
+    change = np.einsum("ij,tpjrc->tpirc", matrix - np.eye(3), recording.simulated.astype(float))
+    return replace(recording, measured=(recording.measured + np.round(change, 2)).astype(np.float32))
+
+
 def test_a_turn_about_the_normal_is_told_from_a_coupling_of_shear_and_normal_force():
-    recording, _ = hidden(seed=304)
-    mixing, turn = np.array([[1, 0, 0.15], [0, 1, 0.1], [-0.05, 0.06, 1]]), 0.1
+    coupling, turn = np.array([[1, 0, 0.15], [0, 1, 0.1], [-0.05, 0.06, 1]]), 0.1
     turned = np.array([[np.cos(turn), np.sin(turn), 0], [-np.sin(turn), np.cos(turn), 0], [0, 0, 1]])
-    simulated = recording.simulated.astype(float)
-    change = np.einsum("ij,tpjrc->tpirc", turned @ mixing - np.eye(3), simulated)
-    measured = recording.measured + np.round(change, 2)
-    found = explain(replace(recording, measured=measured.astype(np.float32)))
+    found = explain(mixed(304, turned @ coupling))
     assert named(found) == {"axis_coupling", "rotation"}
     values = {item.name: item.values for item in found.found}
     assert values["rotation"]["about_z"] == pytest.approx(turn, abs=0.01)
     got = [values["axis_coupling"][name] for name in ("z_to_x", "z_to_y", "x_to_z", "y_to_z", "x_and_y")]
     np.testing.assert_allclose(got, [0.15, 0.1, -0.05, 0.06, 0.0], atol=0.03)  # a tilt is nearly such a coupling
+
+
+def test_what_may_be_a_tilt_or_a_coupling_is_a_coupling_with_the_tilt_as_its_rival():
+    found = explain(mixed(306, np.array([[1, 0, 0.06], [0, 1, -0.05], [-0.06, 0.05, 1]])))
+    (coupling,) = found.found
+    assert coupling.name == "axis_coupling"
+    assert coupling.rivals_energy["rotation"] < 0.01 * coupling.energy_gain.sum()
 
 
 def test_drift_and_offset_run_through_the_pauses_in_the_model():
