@@ -16,6 +16,7 @@ from paxisim.diagnose.problem import FloatArray, Problem, showing
 
 CLEARLY = 0.05  # by how much a correlation must be better for a fault of the layout to be named
 CLEARLY_DRIFT = 30.0  # energy, in units of the noise, by which a drift alone must do better than an offset
+WITHIN = 15.0  # times what is tolerated of its place, that a contact must press on a taxel to be on it
 FAR = 4.0  # times what others read at rest, and what does not matter
 MISSING = 8.0  # times the noise that the answer of a stuck taxel must be missing
 STILL = 1.8  # times the noise that it may move
@@ -119,8 +120,12 @@ def read_rounding(problem: Problem, device_step: float) -> Reading | None:
 
 def read_taxels(problem: Problem) -> Reading | None:
     """Taxels that do not answer on any axis while the simulation says that they are pressed."""
-    loaded = problem.simulated[:, :, 2] > max(0.06 * problem.peak, 0.6)  # beyond any dead band
     simulated, measured = problem.simulated, problem.measured
+    variance = problem.sigma[:, :, 2] ** 2
+    tolerated = np.sqrt(
+        variance - variance.min(axis=0)
+    )  # large at the edge of a contact, which may be beside the taxel
+    loaded = simulated[:, :, 2] > np.maximum(max(0.06 * problem.peak, 0.6), WITHIN * tolerated)  # beyond any dead band
     dead = loaded.sum(axis=0) >= 8
     # one that answers late rises when it is no longer pressed
     rise = np.quantile(measured[:, :, 2] - np.median(measured[:, :, 2], axis=0), 0.998, axis=0)

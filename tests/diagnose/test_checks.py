@@ -99,3 +99,16 @@ def test_a_taxel_that_is_hardly_pressed_is_stuck_if_it_reads_something_and_stays
     if reading is not None:
         np.testing.assert_array_equal(np.argwhere(reading.values["stuck"]), [[1, 2, 0]])
         np.testing.assert_allclose(reading.values["value"][1, :, 2, 0], level, atol=NOISE)
+
+
+def test_a_taxel_that_only_the_edge_of_one_contact_may_have_touched_is_not_dead():
+    made = problem(lambda force, time: force)
+    simulated, measured, sigma = made.simulated.copy(), made.measured.copy(), made.sigma.copy()
+    simulated[:, 0, :, 1, 1] *= (np.arange(len(made.time)) < FRAMES)[:, None]
+    measured[:, 0, :, 1, 1] = NOISE * np.random.default_rng(2).standard_normal((len(made.time), 3))
+    missed = replace(made, simulated=simulated, measured=measured)
+    reading = read_taxels(missed)
+    assert reading is not None
+    np.testing.assert_array_equal(np.argwhere(reading.values["dead"]), [[0, 1, 1]])
+    sigma[:, 0, 2, 1, 1] += 0.12 * simulated[:, 0, 2, 1, 1]  # the contact's force falls off steeply there
+    assert read_taxels(replace(missed, sigma=sigma)) is None
