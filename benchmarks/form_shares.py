@@ -26,10 +26,10 @@ from hidden.cases import make
 from hidden.effects import EFFECTS
 
 from paxisim.diagnose.cause import cause, known_causes
-from paxisim.diagnose.checks import tells_under_load
 from paxisim.diagnose.fitting import fit
 from paxisim.diagnose.noise import Tolerance
 from paxisim.diagnose.problem import problem_of
+from paxisim.diagnose.zero import tells_under_load
 from paxisim.recording import Recording
 
 NAMES = tuple(name for name in known_causes() if name in EFFECTS and cause(name).is_searched)

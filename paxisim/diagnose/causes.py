@@ -1,4 +1,4 @@
-"""The causes that come with paxisim, but for those that are read off the data (`checks`)."""
+"""The causes that come with paxisim, but for those that are read off the data (`checks`, `zero`)."""
 
 from __future__ import annotations
 
@@ -325,7 +325,7 @@ register_cause(
 
 
 def _read(name: str, order: float) -> Cause:
-    """One that `checks` reads off the data."""
+    """One that `checks` or `zero` reads off the data."""
     barred = {"layout": mixes_alike, "offset": zero_is_fitted}.get(name, lambda problem: "")
 
     def make(values: Values, problem: Problem) -> Transform:

@@ -10,11 +10,12 @@ import numpy as np
 from paxisim import augment
 from paxisim.augment.transform import Transform
 from paxisim.diagnose.cause import MANY, cause, known_causes
-from paxisim.diagnose.checks import Reading, Zero, read_layout, read_rounding, read_taxels, tells_under_load, zero_of
+from paxisim.diagnose.checks import Reading, read_layout, read_rounding, read_taxels
 from paxisim.diagnose.fitting import Fit, Fitted, fit, in_order, made, predict
 from paxisim.diagnose.noise import Tolerance
 from paxisim.diagnose.problem import FloatArray, Problem, problem_of, with_noise
 from paxisim.diagnose.search import Found, Thresholds, search
+from paxisim.diagnose.zero import Zero, tells_under_load, zero_of
 from paxisim.recording import Recording
 
 __all__ = ["Explanation", "Named", "Thresholds", "Tolerance", "explain"]
