@@ -46,6 +46,7 @@ def shares(task: tuple[str, int]) -> Mapping[str, float] | None:
     recording = Recording(case.time, case.measured, case.simulated, case.covariates, case.episode)
     problem = problem_of(recording, Tolerance())
     nothing, own = fit(problem, []), fit(problem, [cause(true)])
+    own = fit(problem, [cause(true)], own.values)  # what more steps gain is not what another cause gains
     gain = float((nothing.energy - own.energy).sum())
     if gain < ENOUGH * problem.samples or tells_under_load(problem):
         return None
