@@ -3,14 +3,6 @@
 import numpy as np
 import pytest
 
-try:
-    import torch
-except ImportError:
-    torch = None
-
-FRAME = (2, 3, 6, 5)
-
-needs_torch = pytest.mark.skipif(torch is None, reason="needs torch")
 both = pytest.mark.parametrize("kind", ["regular", "irregular"])
 
 

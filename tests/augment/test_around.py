@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from optional import needs_torch, torch
 from scipy import stats
 
 from paxisim import GCS
@@ -14,13 +15,6 @@ from paxisim.augment.latency import Latency
 from paxisim.augment.low_pass import LowPass
 from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.layout import TaxelLayout
-
-try:
-    import torch
-except ImportError:
-    torch = None
-
-needs_torch = pytest.mark.skipif(torch is None, reason="needs torch")
 
 GAINS = np.linspace(0.9, 1.1, 60).reshape(2, 6, 5)
 MODEL = Chain(

@@ -17,18 +17,12 @@ import pytest
 from examples import EXAMPLES, FRAME
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from optional import needs_torch, torch
 
 from paxisim.augment.chain import Chain, _known_transforms
 from paxisim.augment.parameter import parameters
 from paxisim.augment.transform import STAGES, Memory, Transform
 from paxisim.errors import InvalidValueError
-
-try:
-    import torch
-except ImportError:
-    torch = None
-
-needs_torch = pytest.mark.skipif(torch is None, reason="needs torch")
 
 KINDS = {
     name: kind

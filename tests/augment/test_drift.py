@@ -4,7 +4,8 @@ import dataclasses
 
 import numpy as np
 import pytest
-from responses import FRAME, both, everywhere, respond, times
+from examples import FRAME
+from responses import both, everywhere, respond, times
 
 from paxisim.augment.drift import Drift
 from paxisim.augment.temperature import TemperatureDrift

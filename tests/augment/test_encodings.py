@@ -1,15 +1,11 @@
 import numpy as np
 import pytest
+from optional import torch
 
 from paxisim.augment.encodings import ENCODINGS, CentreOfPressure, TaxelBinarization, encoding
 from paxisim.augment.history import History
 from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.layout import TaxelLayout
-
-try:
-    import torch
-except ImportError:
-    torch = None
 
 LAYOUT = TaxelLayout(6, 5, (4.35e-3, 4.52e-3))
 NAMES = ["NT", "TF", "TB", "TD", "DT", "GCS", "CoP"]

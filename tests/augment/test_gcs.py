@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from optional import needs_torch, torch
 from scipy import stats
 
 from paxisim.augment.gains import AxisGain, PadAxisGain, TaxelGain
@@ -11,13 +12,6 @@ from paxisim.bump import GaussianBump
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
 from paxisim.sensors import sensor
-
-try:
-    import torch
-except ImportError:
-    torch = None
-
-needs_torch = pytest.mark.skipif(torch is None, reason="needs torch")
 
 LAYOUT = TaxelLayout(6, 5, 4.4e-3)
 # with fixed seeds: a p-value below this would be one run in a thousand

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from responses import respond, torch
+from optional import torch
+from responses import respond
 
 from paxisim.augment.hysteresis import Hysteresis
 from paxisim.errors import InvalidValueError

@@ -2,7 +2,9 @@
 
 import numpy as np
 import pytest
-from responses import FRAME, both, needs_torch, respond, times, torch
+from examples import FRAME
+from optional import needs_torch, torch
+from responses import both, respond, times
 from scipy import stats
 
 from paxisim.augment.chain import Chain

@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from responses import FRAME, both, respond, times, with_jump
+from examples import FRAME
+from responses import both, respond, times, with_jump
 
 from paxisim.augment.creep import Creep
 from paxisim.augment.hysteresis import Hysteresis

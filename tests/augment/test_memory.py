@@ -4,7 +4,9 @@ import dataclasses
 
 import numpy as np
 import pytest
-from responses import FRAME, both, everywhere, needs_torch, respond, times, torch
+from examples import FRAME
+from optional import needs_torch, torch
+from responses import both, everywhere, respond, times
 
 from paxisim.augment.creep import Creep
 from paxisim.augment.drift import Drift

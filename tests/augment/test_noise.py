@@ -3,7 +3,8 @@
 import dataclasses
 
 import numpy as np
-from responses import FRAME, both, everywhere, times
+from examples import FRAME
+from responses import both, everywhere, times
 from scipy import stats
 
 from paxisim.augment.chain import Chain

@@ -1,17 +1,11 @@
 import numpy as np
 import pytest
+from optional import needs_torch, torch
 
 from paxisim.augment.chain import Chain
 from paxisim.augment.poisson import Poisson
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
-
-try:
-    import torch
-except ImportError:
-    torch = None
-
-needs_torch = pytest.mark.skipif(torch is None, reason="needs torch")
 
 
 def load(*taxels, shape=(6, 5), force=1.0):

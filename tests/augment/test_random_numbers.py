@@ -2,20 +2,14 @@
 
 import numpy as np
 import pytest
+from examples import FRAME
+from optional import needs_torch, torch
 from scipy import stats
 
 from paxisim.augment.noise import WhiteNoise
 from paxisim.augment.random_numbers import SEEDS, _mix, _words, check_seed, no_draws, normal, uniform
 from paxisim.errors import InvalidValueError
 
-try:
-    import torch
-except ImportError:
-    torch = None
-
-needs_torch = pytest.mark.skipif(torch is None, reason="needs torch")
-
-FRAME = (2, 3, 6, 5)
 SIZE = 180
 
 
