@@ -24,13 +24,13 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 import numpy as np
 from hidden.cases import make
 from hidden.effects import EFFECTS
+from hidden_table.solve import recording
 
 from paxisim.diagnose.cause import cause, known_causes
 from paxisim.diagnose.fitting import fit
 from paxisim.diagnose.noise import Tolerance
 from paxisim.diagnose.problem import problem_of
 from paxisim.diagnose.zero import tells_under_load
-from paxisim.recording import Recording
 
 NAMES = tuple(name for name in known_causes() if name in EFFECTS and cause(name).is_searched)
 ENOUGH = 0.25  # of the noise's energy
@@ -43,8 +43,7 @@ def shares(task: tuple[str, int]) -> Mapping[str, float] | None:
     rng = np.random.default_rng([seed, NAMES.index(true)])
     family = ("development", "final")[rng.integers(2)]
     case = make((true,), seed=int(rng.integers(2**31)), family=family, strength=rng.uniform(*STRENGTHS))
-    recording = Recording(case.time, case.measured, case.simulated, case.covariates, case.episode)
-    problem = problem_of(recording, Tolerance())
+    problem = problem_of(recording(case), Tolerance())
     nothing, own = fit(problem, []), fit(problem, [cause(true)])
     own = fit(problem, [cause(true)], own.values)  # what more steps gain is not what another cause gains
     gain = float((nothing.energy - own.energy).sum())

@@ -123,7 +123,7 @@ def _bursts(problem: Problem, residual: NDArray[np.float32]) -> Iterator[LeftOve
 def _lines(problem: Problem, residual: NDArray[np.float32]) -> Iterator[LeftOver]:
     """One frequency stands out at rest, as mains hum or its alias does."""
     length = min(max(span.stop - span.start for span in problem.episodes), _WINDOW)
-    interval = float(np.median(np.diff(problem.time[problem.episodes[0]])))
+    interval = problem.interval
     frequency = np.fft.rfftfreq(length, interval)
     window = np.hanning(length)[:, None]
     power, energy = np.zeros(len(frequency)), 0.0

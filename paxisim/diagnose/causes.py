@@ -137,7 +137,8 @@ def _coupling(values: Values) -> augment.AxisCoupling:
     return augment.AxisCoupling(matrix)
 
 
-_TILT = 0.01, 0.09  # rad, of a sensor in its mount: what is expected, and the most
+_TILT = 0.01  # rad, of a sensor in its mount, that is expected
+_MOST_TILT = 0.09
 
 register_cause(
     Cause(
@@ -157,7 +158,7 @@ register_cause(
         "rotation",
         51,
         lambda p: (
-            *(Free(f"about_{axis}", "rad", 0.0, -_TILT[1], _TILT[1], 0.05, 0.012, _TILT[0]) for axis in "xy"),
+            *(Free(f"about_{axis}", "rad", 0.0, -_MOST_TILT, _MOST_TILT, 0.05, 0.012, _TILT) for axis in "xy"),
             Free("about_z", "rad", 0.0, -0.6, 0.6, 0.05, 0.012),
         ),
         lambda v, p: augment.Rotation((tuple(v),)),
@@ -232,8 +233,7 @@ register_cause(
 
 def _capacity(problem: Problem, delay: float) -> int:
     """Frames that a latency must keep, so that none between now and then is left out."""
-    dt = float(np.median(np.diff(problem.time[problem.episodes[0]])))
-    return int(max(16, 4 * delay / dt + 4))
+    return int(max(16, 4 * delay / problem.interval + 4))
 
 
 def _like_a_filter(values: Values, problem: Problem) -> float:
@@ -242,8 +242,8 @@ def _like_a_filter(values: Values, problem: Problem) -> float:
     One that is shorter than most of the time between two frames differs from a filter by what lies between them, which
     is drawn, not known, and costs the filter more the longer it is.
     """
-    interval = float(np.median(np.diff(problem.time[problem.episodes[0]])))
-    return _SHORT * abs(values[0]) if interval > _OFTEN and abs(values[0]) < _BETWEEN * interval else 0.0
+    delay, interval = abs(values[0]), problem.interval
+    return _SHORT * delay if interval > _OFTEN and delay < _BETWEEN * interval else 0.0
 
 
 _SHORT = 1.2  # of the gain, for each second of delay

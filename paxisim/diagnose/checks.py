@@ -117,28 +117,27 @@ def read_rounding(problem: Problem, device_step: float) -> Reading | None:
 def read_taxels(problem: Problem) -> Reading | None:
     """Taxels that do not answer on any axis while the simulation says that they are pressed."""
     simulated, measured = problem.simulated, problem.measured
+    level, noise = np.median(measured, axis=0), np.median(problem.sigma, axis=0)
+    floor = max(0.6 * problem.step, 0.03)
     variance = problem.sigma[:, :, 2] ** 2
     tolerated = np.sqrt(variance - variance.min(axis=0))  # large at a contact's edge, which may be beside the taxel
     loaded = simulated[:, :, 2] > np.maximum(max(0.06 * problem.peak, 0.6), WITHIN * tolerated)  # beyond any dead band
     dead = loaded.sum(axis=0) >= 8
     # one that answers late rises when it is no longer pressed
-    rise = np.quantile(measured[:, :, 2] - np.median(measured[:, :, 2], axis=0), 0.998, axis=0)
-    noise = np.median(problem.sigma[:, :, 2], axis=0)
-    dead &= rise < np.maximum(0.4 * np.quantile(simulated[:, :, 2], 0.998, axis=0), 3.5 * noise)
-    level, floor = np.median(measured, axis=0), max(0.6 * problem.step, 0.03)
+    rise = np.quantile(measured[:, :, 2] - level[:, 2], 0.998, axis=0)
+    dead &= rise < np.maximum(0.4 * np.quantile(simulated[:, :, 2], 0.998, axis=0), 3.5 * noise[:, 2])
     for axis in range(3):
-        x, y = simulated[:, :, axis], measured[:, :, axis]
-        x, y = x - x.mean(axis=0), y - np.median(y, axis=0)
+        x, y = simulated[:, :, axis], measured[:, :, axis] - level[:, axis]
+        x = x - x.mean(axis=0)
         energy = np.sum(x**2, axis=0)
         slope = np.sum(x * y, axis=0) / np.maximum(energy, 1e-12)
-        noise = np.median(problem.sigma[:, :, axis], axis=0)
-        told = energy > (40 * noise) ** 2  # else noise alone decides
+        told = energy > (40 * noise[:, axis]) ** 2  # else noise alone decides
         dead &= ~told | (np.abs(slope) < 0.12)
         if axis == 2:
             dead &= told
     if dead.any():
-        dead &= ~_answers_late(problem)
-    dead |= _still(problem, level, floor)
+        dead &= ~_answers_late(problem, level, noise)
+    dead |= _still(problem, level, noise, floor)
     if not dead.any():
         return None
     stuck = dead & (np.abs(level).max(axis=1) > floor)
@@ -147,14 +146,15 @@ def read_taxels(problem: Problem) -> Reading | None:
     return Reading(fault, {"dead": (dead & ~stuck).astype(float), "stuck": stuck.astype(float), "value": value})
 
 
-def _still(problem: Problem, level: FloatArray, floor: float) -> NDArray[np.bool_]:
+def _still(problem: Problem, level: FloatArray, noise: FloatArray, floor: float) -> NDArray[np.bool_]:
     """``(pads, rows, cols)`` taxels that stay where no other is, on all axes, while they are pressed however little.
 
     That is enough of one that reads something, which no dead band holds back, if the next count is within reach.
     """
     usual = np.median(np.abs(level), axis=(2, 3), keepdims=True)
     far = (np.abs(level) > FAR * (usual + floor)).any(axis=1)
-    noise = np.median(problem.sigma, axis=0)
+    if not far.any():
+        return far
     x, y = (
         np.concatenate([values[span] - values[span].mean(axis=0) for span in problem.episodes]) / noise
         for values in (problem.simulated, problem.measured)
@@ -166,11 +166,9 @@ def _still(problem: Problem, level: FloatArray, floor: float) -> NDArray[np.bool
     return far & (both < 0.25 * energy) & (missing > MISSING) & still.all(axis=1) & reached
 
 
-def _answers_late(problem: Problem) -> NDArray[np.bool_]:
+def _answers_late(problem: Problem, level: FloatArray, noise: FloatArray) -> NDArray[np.bool_]:
     """``(pads, rows, cols)`` taxels that answer to what pressed them some tenths of a second ago, as after a tap."""
     late = problem.run(augment.LowPass(LATE), problem.simulated)[:, :, 2]
-    x, y = late - late.mean(axis=0), problem.measured[:, :, 2]
-    y = y - np.median(y, axis=0)
+    x, y = late - late.mean(axis=0), problem.measured[:, :, 2] - level[:, 2]
     energy, both = np.sum(x**2, axis=0), np.sum(x * y, axis=0)
-    noise = np.median(problem.sigma[:, :, 2], axis=0)
-    return (both > 0.3 * energy) & (both > 8 * noise * np.sqrt(energy))
+    return (both > 0.3 * energy) & (both > 8 * noise[:, 2] * np.sqrt(energy))

@@ -68,6 +68,11 @@ class Problem:
         return np.where(self.alive, 1 / self.sigma, 0.0)
 
     @cached_property
+    def interval(self) -> float:
+        """Usual seconds between two frames."""
+        return float(np.median(np.diff(self.time[self.episodes[0]])))
+
+    @cached_property
     def _share(self) -> FloatArray:
         """Each sample's share in its channel's mean."""
         square = self.weight**2
@@ -259,8 +264,7 @@ class Problem:
 
         A recording of few numbers is not thinned; models with memory hold their input straight between frames too.
         """
-        interval = float(np.median(np.diff(self.time[self.episodes[0]])))
-        most = min(self._spare, int(LONGEST / max(interval, 1e-9)))
+        most = min(self._spare, int(LONGEST / max(self.interval, 1e-9)))
         for stride in range(most, 1, -1):
             if self._bend(stride) < BEND:
                 return stride
