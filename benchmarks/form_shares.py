@@ -29,6 +29,7 @@ from hidden_table.solve import recording
 from paxisim.diagnose.cause import cause, known_causes
 from paxisim.diagnose.fitting import fit
 from paxisim.diagnose.noise import Tolerance
+from paxisim.diagnose.outliers import without_outliers
 from paxisim.diagnose.problem import problem_of
 from paxisim.diagnose.zero import tells_under_load
 
@@ -44,16 +45,19 @@ def shares(task: tuple[str, int]) -> Mapping[str, float] | None:
     family = ("development", "final")[rng.integers(2)]
     case = make((true,), seed=int(rng.integers(2**31)), family=family, strength=rng.uniform(*STRENGTHS))
     problem = problem_of(recording(case), Tolerance())
-    nothing, own = fit(problem, []), fit(problem, [cause(true)])
-    own = fit(problem, [cause(true)], own.values)  # what more steps gain is not what another cause gains
-    gain = float((nothing.energy - own.energy).sum())
-    if gain < ENOUGH * problem.samples or tells_under_load(problem):
+    if tells_under_load(problem):
         return None
-    out = {}
-    for name in NAMES:
-        if name != true and not cause(name).barred(problem):
-            both = fit(problem, [cause(true), cause(name)], own.values)
-            out[name] = float((own.energy - both.energy).sum()) / gain
+    own = fit(problem, [cause(true)])
+    out: dict[str, float] = defaultdict(float)
+    for part in (problem, without_outliers(problem, own.prediction)):  # the diagnosis looks at both
+        nothing, own = fit(part, []), fit(part, [cause(true)], own.values)  # what more steps gain is no other's gain
+        gain = float((nothing.energy - own.energy).sum())
+        if gain < ENOUGH * part.samples:
+            return None
+        for name in NAMES:
+            if name != true and not cause(name).barred(part):
+                both = fit(part, [cause(true), cause(name)], own.values)
+                out[name] = max(out[name], float((own.energy - both.energy).sum()) / gain)
     return out
 
 

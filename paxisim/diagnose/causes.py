@@ -34,6 +34,7 @@ register_cause(
         _gains,
         lambda v, p: augment.AxisGain(tuple(v)),
         lambda p: [_unit(3, k, 1.0, 0.1) for k in range(3)],
+        form={"interference": 0.01},
         barred=bent_apart,
     )
 )
@@ -49,7 +50,7 @@ register_cause(
         lambda v, p: augment.Stiffening(v[0], v[1]),
         lambda p: [(0.9, 0.6 * p.peak), (0.9, 0.1 * p.peak)],
         simpler=("axis_gain",),
-        form={"axis_gain": 0.03, "saturation": 0.01, TAXEL_GAIN: 0.03},
+        form={"axis_gain": 0.03, "saturation": 0.03, TAXEL_GAIN: 0.03},
         beyond=lambda v, p: abs(v[0] - 1) / 0.008,
         barred=bent_apart,
     )
@@ -226,7 +227,7 @@ register_cause(
         lambda p: (Free("tau_1", "s", 0.0, 0.0, 2.0, 0.02, 0.003), Free("tau_2", "s", 0.0, 0.0, 2.0, 0.02, 0.003)),
         lambda v, p: augment.Chain([augment.LowPass(v[0]), augment.LowPass(v[1])]),
         lambda p: [(0.01, 0.005), (0.03, 0.02), (0.1, 0.05)],
-        form={"latency": 0.003},
+        form={"latency": 0.003, **dict.fromkeys(("stiffening", "crosstalk", "saturation"), 0.004)},
     )
 )
 

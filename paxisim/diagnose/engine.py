@@ -13,13 +13,15 @@ from paxisim.diagnose.cause import MANY, cause, known_causes
 from paxisim.diagnose.checks import Reading, read_layout, read_rounding, read_taxels
 from paxisim.diagnose.fitting import Fit, Fitted, fit, in_order, made, predict
 from paxisim.diagnose.noise import Tolerance
+from paxisim.diagnose.outliers import without_outliers
 from paxisim.diagnose.problem import FloatArray, Problem, problem_of, with_noise
-from paxisim.diagnose.search import Found, Thresholds, search
-from paxisim.diagnose.zero import Zero, tells_under_load, zero_of
+from paxisim.diagnose.search import Found, Thresholds, found_with, search
+from paxisim.diagnose.zero import Zero, nothing, tells_under_load, zero_of
 from paxisim.recording import Recording
 
 __all__ = ["Explanation", "Named", "Thresholds", "Tolerance", "explain"]
 
+CLOSER = 0.4  # of what a cause must bring, that it must bring where no sample is far off
 LEFT = 0.06  # of what the other causes explain, that their forms leave to an offset
 
 _THRESHOLDS, _TOLERANCE = Thresholds(), Tolerance()
@@ -138,7 +140,17 @@ def explain(
         found = search(problem, searched, thresholds, tell, list(found.fit.values))
         again = _zero(problem, found.fit, thresholds, slow)
         problem = _with_zero(problem, again)
-    zero = again
+    tell("looking again without the samples that are far off")
+    closer = replace(thresholds, material=CLOSER * thresholds.material)
+    near = without_outliers(problem, found.fit.prediction)
+    zero = _zero(near, found.fit, closer, slow)
+    if zero.gain.keys() <= again.gain.keys():
+        zero = again
+    else:
+        problem, near = _with_zero(problem, zero), _with_zero(near, zero)
+    second = search(near, searched, closer, tell, list(found.fit.values))
+    if zero is not again or second.fit.values.keys() != found.fit.values.keys():
+        found = found_with(problem, searched, thresholds, list(second.fit.values))
     return _explained(raw, problem, read, found, zero, not_searched, thresholds, slow)
 
 
@@ -152,11 +164,18 @@ def _zero(problem: Problem, fitted: Fit, limits: Thresholds, slow: tuple[str, ..
     bare = predict(replace(problem, zero=0.0), chosen, fitted.values)[0]
     owned = any(item.name == "interference" for item in chosen)
     material = MANY * limits.material
+
+    def energy(zero: Zero) -> float:
+        return float(np.sum(problem.residual(bare + zero.at(problem.time - problem.time[0])) ** 2))
+
     if tells_under_load(problem):  # what the other causes' forms leave is there, too
         without = problem.residual(problem.simulated + problem.zero)
         explained = np.sum(without**2) - np.sum(problem.residual(bare + problem.zero) ** 2)
         material += LEFT * max(float(explained), 0.0) / problem.samples
-    return zero_of(problem, bare, material, limits.episodes, names=slow, owned=owned)
+    zero = zero_of(problem, bare, material, limits.episodes, names=slow, owned=owned)
+    if not zero.gain:  # nothing is named, but what a field has of its own; a coarse sensor may not tell that either
+        zero = min(zero, nothing(problem), key=energy)
+    return zero
 
 
 def _read(

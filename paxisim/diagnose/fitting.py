@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -74,6 +74,11 @@ class _Stages:
         self._out = problem.simulated
         self._slope: FloatArray | None = None
         self._solved: Fitted = {}
+
+    @property
+    def causes(self) -> list[Cause]:
+        """In the order of the chain."""
+        return [stage for stage in self._stages if stage is not None]
 
     @property
     def channels(self) -> tuple[int, ...]:
@@ -256,7 +261,7 @@ def _best_probe(problem: Problem, item: Cause, values: Fitted, stages: _Stages) 
     free = item.free(problem)
     neutral = np.array([f.neutral for f in free])
     if all(f.together for f in free):  # many that are told from one another at once
-        return neutral
+        return _unrounded(problem, item, values, neutral, stages)
     low, high = np.array([f.low for f in free]), np.array([f.high for f in free])
     defining = np.array([f.material is not None for f in free])
     base = stages.residual({**values, item.name: neutral})
@@ -274,3 +279,13 @@ def _best_probe(problem: Problem, item: Cause, values: Fitted, stages: _Stages) 
             if new @ new < least:
                 best, least = trial, new @ new
     return best
+
+
+def _unrounded(problem: Problem, item: Cause, values: Fitted, neutral: FloatArray, stages: _Stages) -> FloatArray:
+    """Where a cause begins that a sensor's steps hide while it is small: where it would be if it read all forces."""
+    if problem.reads_all:
+        return neutral
+    smooth = replace(problem, step=0.0, clips=False)
+    found = fit(smooth, stages.causes, {**values, item.name: neutral}, steps=2).values[item.name]
+    base, moved = (stages.residual({**values, item.name: own}) for own in (neutral, found))
+    return found if moved @ moved < base @ base else neutral

@@ -85,6 +85,11 @@ def search(
     return _Search(problem, causes, limits, progress or (lambda text: None)).run(list(begin))
 
 
+def found_with(problem: Problem, causes: Sequence[Cause], limits: Thresholds, chosen: Sequence[str]) -> Found:
+    """What a search that ended with `chosen` finds; the other arguments are those of `search`."""
+    return Found(_Search(problem, causes, limits, lambda text: None), chosen)
+
+
 class _Search:
     """The fits made so far, by the set of causes, and the rules by which two of them are compared."""
 
@@ -135,26 +140,28 @@ class _Search:
             self._gains[key] = dict(sorted(gains.items(), key=lambda item: -item[1]))
         return self._gains[key]
 
-    def _near(self, chosen: Sequence[str], most: int) -> list[str]:
+    def _near(self, chosen: Sequence[str], most: int, share: float = NEAR) -> list[str]:
         """Candidates for a place beside `chosen`, with those that they may be mistaken for."""
         gains = self._ranked(chosen)
         found = self.fitted(chosen)
         material = self._limits.material * self._problem.samples
         # what others' forms may leave to one is not what it is looked for with
         promising = [n for n in gains if gains[n] >= PROMISE * max(material, self._misfit(found, n))]
-        near = [n for n in promising[:most] if gains[n] >= NEAR * gains[promising[0]]]
-        return near + list(
-            dict.fromkeys(n for m in near for n in self._by_name[m].simpler if n in gains and n not in near)
-        )
+        near = [n for n in promising[:most] if gains[n] >= share * gains[promising[0]]]
+        simpler = [n for m in near for n in self._by_name[m].simpler]
+        # what looks like a cause that is in shows only once both are fitted
+        alike = [n for n in gains for m in chosen if n in self._by_name[m].behind or m in self._by_name[n].behind]
+        return list(dict.fromkeys([*near, *(n for n in (*simpler, *alike) if n in gains)]))
 
     def _next(self, chosen: Sequence[str]) -> str | None:
         """The cause that brings most beside `chosen`, if one brings enough."""
         current = self.fitted(chosen)
-        contest = {n: self.fitted([*chosen, n], current) for n in self._near(chosen, CONTEST)}
-        for name in sorted(contest, key=lambda n: contest[n].energy.sum()):
-            name = self._simplest(name, contest, current)
-            if self._worth(contest[name], current, name) and self._material(contest[name], name):
-                return name
+        for share in (NEAR, 0.0):  # those behind are fitted only where the first keep none of what they promise
+            contest = {n: self.fitted([*chosen, n], current) for n in self._near(chosen, CONTEST, share)}
+            for name in sorted(contest, key=lambda n: contest[n].energy.sum()):
+                name = self._simplest(name, contest, current)
+                if self._worth(contest[name], current, name) and self._material(contest[name], name):
+                    return name
         return None
 
     def _exchanged(self, chosen: list[str]) -> list[str]:
@@ -224,8 +231,12 @@ class _Search:
         least = self._limits.material * self._problem.samples * item.costs
         gain = fewer.energy - more.energy
         elsewhere = gain.sum() - gain.max()
-        if item.costs > 1 and len(gain) > SEVERAL and elsewhere < max(REPEATED * least, ELSEWHERE * gain.sum()):
+        alone = len(gain) > SEVERAL and elsewhere < ELSEWHERE * gain.sum()
+        if item.costs > 1 and (alone or (len(gain) > SEVERAL and elsewhere < REPEATED * least)):
             return False  # many numbers fit what one episode has of its own
+        # a press that is a little beside its place looks like a saturation
+        if alone and item.mistaken >= FORM and not item.covariate:
+            least *= UNREPEATED
         return self._consistent(more, fewer, max(least, self._misfit(fewer, name, more)))
 
     def _misfit(self, fewer: Fit, name: str, more: Fit | None = None) -> float:

@@ -39,6 +39,12 @@ class Zero:
         return self.offset + curve[:, None, None, None, None] * self.amplitude
 
 
+def nothing(problem: Problem) -> Zero:
+    """No force read where there is none."""
+    zeros = np.zeros(problem.alive.shape)
+    return Zero(zeros, zeros, TAUS[0], {})
+
+
 def zero_of(
     problem: Problem,
     prediction: FloatArray,
@@ -66,10 +72,9 @@ def zero_of(
     frames = _resting(problem) if resting else _telling(problem)
     time = problem.time - problem.time[0]
     zeros = np.zeros(problem.alive.shape)
-    nothing = Zero(zeros, zeros, TAUS[0], {})
     counts = np.array([frames[span].sum() for span in problem.episodes])
     if frames.sum() < 10:
-        return nothing
+        return nothing(problem)
     hidden = not resting and tells_under_load(problem)
     rest = problem.measured - problem.read(prediction)
     hiding = _hidden(problem, prediction) if hidden else None
