@@ -78,7 +78,7 @@ register_cause(
     Cause(
         "hysteresis",
         30,
-        lambda p: tuple(Free(f"weight_{r:g}_peak", "1", 0.0, 0.0, 0.24, 0.05, 0.02) for r in _RADII),
+        lambda p: tuple(Free(f"weight_{r:g}_peak", "1", 0.0, 0.0, 0.24, 0.05, 0.012) for r in _RADII),
         lambda v, p: augment.Hysteresis(tuple(v), tuple(r * p.peak for r in _RADII)),
         lambda p: [_unit(4, i, 0.0, 0.1) for i in range(4)],
         form={

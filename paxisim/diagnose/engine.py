@@ -9,13 +9,13 @@ import numpy as np
 
 from paxisim import augment
 from paxisim.augment.transform import Transform
-from paxisim.diagnose.cause import MANY, cause, known_causes
+from paxisim.diagnose.cause import MANY, Cause, cause, known_causes
 from paxisim.diagnose.checks import Reading, read_layout, read_rounding, read_taxels
 from paxisim.diagnose.fitting import Fit, Fitted, fit, in_order, made, predict
 from paxisim.diagnose.noise import Tolerance
 from paxisim.diagnose.outliers import without_outliers
 from paxisim.diagnose.problem import FloatArray, Problem, problem_of, with_noise
-from paxisim.diagnose.search import Found, Thresholds, found_with, search
+from paxisim.diagnose.search import SEVERAL, Found, Thresholds, found_with, search
 from paxisim.diagnose.zero import Zero, nothing, tells_under_load, zero_of
 from paxisim.recording import Recording
 
@@ -140,18 +140,33 @@ def explain(
         found = search(problem, searched, thresholds, tell, list(found.fit.values))
         again = _zero(problem, found.fit, thresholds, slow)
         problem = _with_zero(problem, again)
-    tell("looking again without the samples that are far off")
-    closer = replace(thresholds, material=CLOSER * thresholds.material)
-    near = without_outliers(problem, found.fit.prediction)
-    zero = _zero(near, found.fit, closer, slow)
-    if zero.gain.keys() <= again.gain.keys():
-        zero = again
-    else:
-        problem, near = _with_zero(problem, zero), _with_zero(near, zero)
-    second = search(near, searched, closer, tell, list(found.fit.values))
-    if zero is not again or second.fit.values.keys() != found.fit.values.keys():
-        found = found_with(problem, searched, thresholds, list(second.fit.values))
+    zero = again
+    if len(problem.episodes) >= SEVERAL:
+        problem, found, zero = _closer(problem, found, zero, searched, thresholds, slow, tell)
     return _explained(raw, problem, read, found, zero, not_searched, thresholds, slow)
+
+
+def _closer(
+    problem: Problem,
+    found: Found,
+    zero: Zero,
+    searched: Sequence[Cause],
+    limits: Thresholds,
+    slow: tuple[str, ...],
+    tell: Callable[[str], None],
+) -> tuple[Problem, Found, Zero]:
+    """What shows besides where samples that are far off count little, as several episodes agree."""
+    tell("looking again without the samples that are far off")
+    closer = replace(limits, material=CLOSER * limits.material)
+    near = without_outliers(problem, found.fit.prediction)
+    again = _zero(near, found.fit, closer, slow)
+    if not again.gain.keys() <= zero.gain.keys():
+        zero, problem, near = again, _with_zero(problem, again), _with_zero(near, again)
+    second = search(near, searched, closer, tell, list(found.fit.values))
+    if zero is again or second.fit.values.keys() != found.fit.values.keys():
+        doubted = second.fit.values.keys() - found.fit.values.keys()
+        found = found_with(problem, searched, closer, second.fit, set(doubted))
+    return problem, found, zero
 
 
 def _with_zero(problem: Problem, zero: Zero) -> Problem:

@@ -24,6 +24,7 @@ EACH = 2.0  # times what a field's form leaves to another on the whole, that it 
 UNREPEATED = 3.0  # times what matters that a cause must bring which but few of the episodes show
 REPEATED = 0.5  # of what a cause of many numbers must bring, that it must bring without its best episode
 ELSEWHERE = 0.25  # of what it brings, that it must bring there
+HARDLY = 0.95  # of what is gained in some episodes and lost in others, that is gained
 FEW = 6  # numbers of a cause
 SEVERAL = 6  # episodes
 PROMISE = 0.4  # of what a cause must bring, that it must promise while it is small to be fitted
@@ -85,9 +86,26 @@ def search(
     return _Search(problem, causes, limits, progress or (lambda text: None)).run(list(begin))
 
 
-def found_with(problem: Problem, causes: Sequence[Cause], limits: Thresholds, chosen: Sequence[str]) -> Found:
-    """What a search that ended with `chosen` finds; the other arguments are those of `search`."""
-    return Found(_Search(problem, causes, limits, lambda text: None), chosen)
+def found_with(problem: Problem, causes: Sequence[Cause], limits: Thresholds, begin: Fit, doubted: set[str]) -> Found:
+    """What a search that ended with the causes of a fit finds, but for doubted ones that bring little here.
+
+    Args:
+        problem: The recording.
+        causes: Those that were to choose from.
+        limits: What each of the doubted must bring.
+        begin: The fit, maybe of the recording with other weights.
+        doubted: Names of causes.
+    """
+    own = _Search(problem, causes, limits, lambda text: None)
+    chosen = list(begin.values)
+    while True:
+        own.fitted(chosen, begin)
+        found = Found(own, chosen)
+        gains = {n: float((found.without[n].energy - found.fit.energy).sum()) for n in doubted & set(chosen)}
+        least = min(gains, key=lambda n: gains[n], default=None)
+        if least is None or gains[least] >= limits.material * problem.samples:
+            return found
+        chosen.remove(least)
 
 
 class _Search:
@@ -222,9 +240,9 @@ class _Search:
             return False
         if (gain[showing(gain)] > 0).mean() >= self._limits.episodes:
             return True
-        # few may show it, then more of it, if the others do not object
+        # few may show it, then more of it, if the others do not object, or hardly speak
         better = gain[gain > 0].sum() / max(np.abs(gain).sum(), 1e-12)
-        return bool(gain.sum() > UNREPEATED * least and better >= self._limits.episodes)
+        return better >= HARDLY or bool(gain.sum() > UNREPEATED * least and better >= self._limits.episodes)
 
     def _worth(self, more: Fit, fewer: Fit, name: str) -> bool:
         item = self._by_name[name]
