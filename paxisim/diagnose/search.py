@@ -242,7 +242,7 @@ class _Search:
             return True
         # few may show it, then more of it, if the others do not object, or hardly speak
         better = gain[gain > 0].sum() / max(np.abs(gain).sum(), 1e-12)
-        return better >= HARDLY or bool(gain.sum() > UNREPEATED * least and better >= self._limits.episodes)
+        return bool(better >= HARDLY or (gain.sum() > UNREPEATED * least and better >= self._limits.episodes))
 
     def _worth(self, more: Fit, fewer: Fit, name: str) -> bool:
         item = self._by_name[name]

@@ -44,18 +44,22 @@ def test_what_is_far_off_counts_less_the_farther_and_nothing_else_changes():
     assert energy[3] > energy[4]
 
 
-@pytest.mark.parametrize("hides", [True, False])
-def test_a_small_effect_shows_beside_contacts_that_are_off_their_place(hides):
+@pytest.mark.parametrize(
+    ("seed", "hides", "options"),
+    [
+        (2034010058, {"stiffening"}, {"family": "final"}),
+        (71030031, set(), {"family": "development", "rho": 0.95}),
+    ],
+)
+def test_a_small_effect_shows_where_contacts_that_are_off_their_place_do_not(seed, hides, options):
     """Taxels at a contact's edge are misread by up to ten times their noise, at a tenth of a millimetre."""
-    options = {"seed": SEED, "family": FAMILY, "strength": 0.12}
-    found = explain(recorded(*(("stiffening",) if hides else ()), **options))
-    assert {item.name for item in found.found} == ({"stiffening"} if hides else set())
+    found = explain(recorded(*hides, seed=seed, **options))
+    assert {item.name for item in found.found} == hides
 
 
-def test_a_field_below_half_a_step_is_fitted():
+def test_a_field_that_the_steps_hide_is_fitted():
     """Noise hardly reaches the next count, so that a field does not show at all where the fit begins."""
-    recording = recorded("interference", seed=5, strength=0.45, coarse=True, rho=0.0)
-    problem = problem_of(recording, Tolerance())
-    assert problem.dither < 0.4 * problem.step
+    problem = problem_of(recorded("interference", seed=2034010065), Tolerance())
+    assert problem.dither < 0.25 * problem.step
     nothing, found = fit(problem, []), fit(problem, [cause("interference")])
     assert found.energy.sum() < nothing.energy.sum() - 0.01 * problem.samples

@@ -25,7 +25,7 @@ def problem():
 
 @pytest.fixture
 def search(problem):
-    names = ("taxel_gain", "creep", "interference", "stiffening", "low_pass", "latency")
+    names = ("taxel_gain", "creep", "interference", "stiffening", "rotation", "low_pass", "latency")
     return _Search(problem, [cause(name) for name in names], Thresholds(), lambda text: None)
 
 
@@ -93,3 +93,34 @@ def test_a_short_delay_hardly_better_than_a_filter_gives_way_to_it(problem, sear
     contest = {"low_pass": filtered, "latency": late}
     best = min(contest, key=lambda name: contest[name].energy.sum())
     assert search._simplest(best, contest, nothing) == taken
+
+
+@pytest.mark.parametrize(
+    ("name", "much", "worth"),
+    [
+        ("creep", 2.0, False),  # a press beside its place may look like it
+        ("creep", 4.0, True),
+        ("rotation", 2.0, True),  # nothing of a press looks like it
+        ("interference", 2.0, True),  # only one episode may open the gripper
+    ],
+)
+def test_what_one_episode_alone_shows_must_be_more(problem, search, name, much, worth):
+    least = search._limits.material * problem.samples
+    before = fit_of(problem, np.full(EPISODES, 1e5))
+    gain = [much * least, *[0.001 * least] * 7]
+    assert search._worth(fit_of(problem, before.energy - gain, name), before, name) is worth
+
+
+@pytest.mark.parametrize(("against", "worth"), [(0.02, True), (0.2, False)])
+def test_one_episode_is_enough_if_the_others_hardly_object(problem, search, against, worth):
+    least = search._limits.material * problem.samples
+    before = fit_of(problem, np.full(EPISODES, 1e5))
+    gain = [2 * least, -against * 2 * least, *[0.0] * 6]
+    assert search._worth(fit_of(problem, before.energy - gain, "interference"), before, "interference") is worth
+
+
+def test_what_looks_like_a_cause_is_fitted_beside_it_whatever_it_promises(problem, search):
+    search._gains[frozenset(["low_pass"])] = {"creep": 0.0, "latency": 0.0}
+    search._fits[frozenset(["low_pass"])] = fit_of(problem, np.full(EPISODES, 1e5), "low_pass")
+    search._fits[frozenset()] = fit_of(problem, np.full(EPISODES, 1e5))
+    assert search._near(["low_pass"], 4) == ["latency"]
