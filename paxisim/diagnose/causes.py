@@ -81,6 +81,7 @@ register_cause(
         lambda p: tuple(Free(f"weight_{r:g}_peak", "1", 0.0, 0.0, 0.24, 0.05, 0.012) for r in _RADII),
         lambda v, p: augment.Hysteresis(tuple(v), tuple(r * p.peak for r in _RADII)),
         lambda p: [_unit(4, i, 0.0, 0.1) for i in range(4)],
+        simpler=("axis_gain",),  # the static part of a loop is a gain
         form={
             "creep": 0.2,
             **dict.fromkeys((*_STATIC, TAXEL_GAIN), 0.15),
