@@ -165,7 +165,7 @@ def _closer(
     second = search(near, searched, closer, tell, list(found.fit.values))
     if zero is again or second.fit.values.keys() != found.fit.values.keys():
         doubted = second.fit.values.keys() - found.fit.values.keys()
-        found = found_with(problem, searched, closer, second.fit, set(doubted))
+        found = found_with(problem, searched, closer, second.fit, doubted)
     return problem, found, zero
 
 
@@ -188,7 +188,7 @@ def _zero(problem: Problem, fitted: Fit, limits: Thresholds, slow: tuple[str, ..
         explained = np.sum(without**2) - np.sum(problem.residual(bare + problem.zero) ** 2)
         material += LEFT * max(float(explained), 0.0) / problem.samples
     zero = zero_of(problem, bare, material, limits.episodes, names=slow, owned=owned)
-    if not zero.gain:  # nothing is named, but what a field has of its own; a coarse sensor may not tell that either
+    if owned and not zero.gain:  # only what the field has of its own, which a coarse sensor may not tell either
         zero = min(zero, nothing(problem), key=energy)
     return zero
 

@@ -13,15 +13,15 @@ from paxisim.diagnose.engine import Tolerance
 from paxisim.diagnose.fitting import fit
 from paxisim.diagnose.problem import problem_of
 from paxisim.diagnose.shapes import GROUPS, LONG, shapes_of
-from paxisim.recording import Recording
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from hidden.cases import make
+from recorded import recording_of
 
 
 def problem(causes=(), seed=1, **options):
     case = make(causes, seed=seed, **options)
-    recording = Recording(case.time, case.measured, case.simulated, case.covariates, case.episode)
+    recording = recording_of(case)
     return problem_of(recording, Tolerance())
 
 

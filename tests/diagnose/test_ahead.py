@@ -10,9 +10,9 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from hidden.cases import make
+from recorded import recording_of
 
 from paxisim.diagnose.engine import explain
-from paxisim.recording import Recording
 
 SMALL = {"rows": 4, "cols": 3, "duration": 6.0}
 
@@ -31,6 +31,6 @@ def late_simulation(case, delay):
 @pytest.mark.parametrize(("seed", "delay"), [(901, 0.04), (902, 0.12), (903, 0.04)])
 def test_a_late_simulation_is_a_latency_below_zero(seed, delay):
     case = late_simulation(make((), seed=seed, **SMALL), delay)
-    found = explain(Recording(case.time, case.measured, case.simulated, case.covariates, case.episode)).found
+    found = explain(recording_of(case)).found
     assert [item.name for item in found] == ["latency"]
     assert found[0].values["delay"] == pytest.approx(-delay, rel=0.1)

@@ -16,17 +16,17 @@ from paxisim.diagnose.advice import advice
 from paxisim.diagnose.diagnosis import FoundCause, Interval, LeftOver
 from paxisim.diagnose.run import _verdict, diagnose
 from paxisim.errors import InvalidValueError, UnknownNameError
-from paxisim.recording import Recording
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from hidden.cases import make
+from recorded import recording_of
 
 CAUSES = ("axis_gain", "rotation", "latency")
 
 
 def recording(causes=(), seed=3, **options):
     case = make(causes, seed=seed, **{"rows": 4, "cols": 3, "duration": 5.0, **options})
-    return Recording(case.time, case.measured, case.simulated, case.covariates, case.episode)
+    return recording_of(case)
 
 
 @pytest.fixture(scope="module")

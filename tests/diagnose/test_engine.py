@@ -10,6 +10,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from hidden.cases import make
+from recorded import recording_of
 
 from paxisim import augment
 from paxisim.diagnose import cause as registry
@@ -29,7 +30,7 @@ def hidden(*causes, seed, **options):
     """A small recording in which `causes` are hidden."""
     case = make(causes, seed=seed, **{"rows": 4, "cols": 3, "duration": 6.0, **options})
     print(f"make({causes}, seed={seed}, {options}): signal {case.signal:.3g}")
-    return Recording(case.time, case.measured, case.simulated, case.covariates, case.episode), case
+    return recording_of(case), case
 
 
 def named(explanation):

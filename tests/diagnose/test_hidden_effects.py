@@ -17,13 +17,13 @@ import pytest
 from scipy.stats import binom
 
 import paxisim
-from paxisim.recording import Recording
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from hidden.cases import make
 from hidden.compare import compare, headroom_share
 from hidden.effects import EFFECTS
+from recorded import recording_of
 
 pytestmark = pytest.mark.rates
 
@@ -75,7 +75,7 @@ def diagnosed(case):
     with pytest.MonkeyPatch.context() as patch:
         for name in ("sklearn", "sklearn.ensemble"):
             patch.setitem(sys.modules, name, None)
-        return paxisim.diagnose(Recording(case.time, case.measured, case.simulated, case.covariates, case.episode))
+        return paxisim.diagnose(recording_of(case))
 
 
 @cache

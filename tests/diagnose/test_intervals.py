@@ -9,17 +9,17 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from hidden.cases import make
+from recorded import recording_of
 
 from paxisim import GCS
 from paxisim.diagnose import Diagnosis
 from paxisim.diagnose.run import diagnose
-from paxisim.recording import Recording
 
 
 @pytest.fixture(scope="module", params=["rotation", "creep", "low_pass", "taxel_gain"])
 def found(request):
     case = make((request.param,), seed=5, rows=4, cols=3, duration=5.0, strength=0.9)
-    recording = Recording(case.time, case.measured, case.simulated, case.covariates, case.episode)
+    recording = recording_of(case)
     return diagnose(recording, (request.param,), seed=1)
 
 

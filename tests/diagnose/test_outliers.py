@@ -10,6 +10,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from hidden.cases import make
+from recorded import recording_of
 
 from paxisim.diagnose.cause import cause
 from paxisim.diagnose.engine import explain
@@ -17,13 +18,12 @@ from paxisim.diagnose.fitting import fit
 from paxisim.diagnose.noise import Tolerance
 from paxisim.diagnose.outliers import FAR, without_outliers
 from paxisim.diagnose.problem import problem_of
-from paxisim.recording import Recording
 
 
 def recorded(*causes, **options):
     case = make(causes, **options)
     print(f"make({causes}, {options}): signal {case.signal:.3g}")
-    return Recording(case.time, case.measured, case.simulated, case.covariates, case.episode)
+    return recording_of(case)
 
 
 def test_what_is_far_off_counts_less_the_farther_and_nothing_else_changes():

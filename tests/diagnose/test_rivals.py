@@ -12,15 +12,15 @@ from paxisim.diagnose.engine import Explanation, Named, Tolerance
 from paxisim.diagnose.fitting import in_order
 from paxisim.diagnose.problem import problem_of
 from paxisim.diagnose.rivals import rivals_of
-from paxisim.recording import Recording
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from hidden.cases import make
+from recorded import recording_of
 
 
 def problem(family):
     case = make((), seed=7, family=family, rows=4, cols=3, duration=9.0)
-    return problem_of(Recording(case.time, case.measured, case.simulated, case.covariates, case.episode), Tolerance())
+    return problem_of(recording_of(case), Tolerance())
 
 
 @pytest.fixture(scope="module")
