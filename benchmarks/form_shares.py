@@ -31,7 +31,7 @@ from paxisim.diagnose.fitting import fit
 from paxisim.diagnose.noise import Tolerance
 from paxisim.diagnose.outliers import without_outliers
 from paxisim.diagnose.problem import problem_of
-from paxisim.diagnose.zero import tells_under_load
+from paxisim.diagnose.under_load import tells_under_load
 
 NAMES = tuple(name for name in known_causes() if name in EFFECTS and cause(name).is_searched)
 ENOUGH = 0.25  # of the noise's energy
@@ -67,8 +67,11 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=6, help="recordings of each effect")
     parser.add_argument("--seed", type=int, default=0, help="of the first")
     parser.add_argument("--jobs", type=int, default=1, help="processes")
+    parser.add_argument(
+        "--causes", nargs="+", choices=NAMES, default=NAMES, metavar="CAUSE", help="in rows; default: all"
+    )
     arguments = parser.parse_args()
-    tasks = [(name, arguments.seed + number) for name in NAMES for number in range(arguments.seeds)]
+    tasks = [(name, arguments.seed + number) for name in arguments.causes for number in range(arguments.seeds)]
     largest: dict[tuple[str, str], float] = defaultdict(float)
     told: dict[str, int] = defaultdict(int)
     with ProcessPoolExecutor(arguments.jobs) as pool:
@@ -80,7 +83,7 @@ def main() -> None:
                     largest[true, name] = max(largest[true, name], share)
     print(file=sys.stderr)
     print("per mille of the gain of the cause in a row, that the cause in a column gains beside it: largest (allowed)")
-    for true in NAMES:
+    for true in arguments.causes:
         print(f"\n{true}, {told[true]} recordings")
         for name in NAMES:
             if (true, name) in largest:

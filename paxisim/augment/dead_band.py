@@ -18,22 +18,38 @@ class DeadBand(Transform):
     as of a gel that sits loosely over its magnets. Between the two it is a blend; the default is the threshold, which
     leaves larger forces alone.
 
-    The gradient is 1 outside the band and 0 inside. The range is ours, 0.5 to 3 counts of 0.1 N.
+    An edge is soft where noise comes ahead of the threshold: near it some readings pass and others do not, and their
+    mean rises from nothing to the whole over a share ``e`` of the width to both sides::
+
+        y = h(u) (x - shrink * width * sign(x)),  h(u) = u^2 (3 - 2 u),  u = (|x| / width - 1 + e) / 2 e in [0, 1]
+
+    The gradient of a hard edge is 1 outside the band and 0 inside. The range is ours, 0.5 to 3 counts of 0.1 N.
 
     Attributes:
-        width: ``(..., 3)`` half-width of the band of x, y and z (N).
+        width: ``(..., 3)`` half-width of the band of x, y and z (N), at the middle of a soft edge.
         shrink: ``(...)`` share of the width that is taken off the forces outside it, 0 to 1.
+        edge: ``(...)`` share of the width over which the reading sets in, to both sides, 0 to 1.
     """
 
     stage: ClassVar[str] = "electronics"
 
     width: Any = parameter((0.0, 0.0, 0.0), "k", unit="N", low=0.0, typical=(0.05, 0.3))
     shrink: Any = parameter(0.0, low=0.0, high=1.0, typical=(0.0, 1.0))
+    edge: Any = parameter(0.0, low=0.0, high=1.0, typical=(0.0, 0.5))
 
     def apply(self, x: Any, covariates: Covariates) -> Any:
         """See `Transform.apply`."""
         xp = namespace(x)
-        width = self.fit("width", x)
+        width = self.fit("width", x) + xp.zeros_like(x)
         taken = self.fit("shrink", x) * width
-        read = xp.where(x < 0, x + taken, x - taken)
-        return xp.where(xp.abs(x) < width, xp.zeros_like(read), read)
+        size = xp.abs(x)
+        outside = xp.where(x < 0, x + taken, x - taken)
+        hard = xp.where(size < width, xp.zeros_like(outside), outside)
+        reach = self.fit("edge", x) * width
+        soft = reach > 0
+        # no division by 0 in the branch that is not taken: it would be nan in the gradient
+        way = (size - width + reach) / (2 * xp.where(soft, reach, xp.ones_like(reach)))
+        way = xp.minimum(xp.maximum(way, xp.zeros_like(way)), xp.ones_like(way))
+        # what a slack takes is not given back within the edge
+        inward = xp.where(x < 0, xp.minimum(outside, xp.zeros_like(x)), xp.maximum(outside, xp.zeros_like(x)))
+        return xp.where(soft, way * way * (3 - 2 * way) * inward, hard)

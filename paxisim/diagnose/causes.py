@@ -269,15 +269,16 @@ register_cause(
         "dead_band",
         80,
         lambda p: (
-            Free("width", "N", 0.0, 0.0, 1.0, 0.05, max(0.025, 0.55 * p.step)),
+            Free("width", "N", 0.0, 0.0, 1.0, 0.05, max(0.02, 0.4 * p.step)),
             Free("shrink", "1", 0.0, 0.0, 1.0, 0.3),
+            Free("edge", "1", 0.2, 0.0, 1.0, 0.1, None, 0.1),
         ),
-        lambda v, p: augment.DeadBand(v[0], v[1]),
-        lambda p: [(0.06, 0.0), (0.12, 0.0), (0.2, 0.0), (0.3, 0.0)],
+        lambda v, p: augment.DeadBand(v[0], v[1], v[2]),
+        lambda p: [(width, 0.0, 0.2) for width in (0.06, 0.12, 0.2, 0.3)],
         form={
-            **dict.fromkeys((*_STATIC, TAXEL_GAIN, "interference"), 0.06),
-            **dict.fromkeys(("creep", "hysteresis", "low_pass", "latency", "saturation"), 0.03),
-            **dict.fromkeys(("poisson", "axis_coupling", "rotation"), 0.02),
+            **dict.fromkeys((TAXEL_GAIN, "interference"), 0.08),
+            **dict.fromkeys(("stiffening", "axis_gain", "creep"), 0.004),
+            "crosstalk": 0.008,
         },
         barred=bent_apart,
     )

@@ -16,7 +16,8 @@ from paxisim.diagnose.noise import Tolerance
 from paxisim.diagnose.outliers import without_outliers
 from paxisim.diagnose.problem import FloatArray, Problem, problem_of, with_noise
 from paxisim.diagnose.search import SEVERAL, Found, Thresholds, found_with, search
-from paxisim.diagnose.zero import Zero, nothing, tells_under_load, zero_of
+from paxisim.diagnose.under_load import tells_under_load
+from paxisim.diagnose.zero import Zero, nothing, zero_of
 from paxisim.recording import Recording
 
 __all__ = ["Explanation", "Named", "Thresholds", "Tolerance", "explain"]
@@ -158,14 +159,15 @@ def _closer(
     """What shows besides where samples that are far off count little, as several episodes agree."""
     tell("looking again without the samples that are far off")
     closer = replace(limits, material=CLOSER * limits.material)
+    finer = replace(closer, material=closer.material * problem.noise_share)
     near = without_outliers(problem, found.fit.prediction)
     again = _zero(near, found.fit, closer, slow)
     if not again.gain.keys() <= zero.gain.keys():
         zero, problem, near = again, _with_zero(problem, again), _with_zero(near, again)
-    second = search(near, searched, closer, tell, list(found.fit.values))
+    second = search(near, searched, finer, tell, list(found.fit.values))
     if zero is again or second.fit.values.keys() != found.fit.values.keys():
         doubted = second.fit.values.keys() - found.fit.values.keys()
-        found = found_with(problem, searched, closer, second.fit, doubted)
+        found = found_with(problem, searched, finer, second.fit, doubted)
     return problem, found, zero
 
 

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student
 
 from paxisim.diagnose.problem import FloatArray, Problem, showing
+from paxisim.diagnose.sums import Sums
+from paxisim.diagnose.under_load import UnderLoad, sums_at, tells_under_load, under_load
 
 CLEARLY_DRIFT = 30.0  # energy, in units of the noise, by which a drift alone must do better than an offset
 TAUS = (60.0, 120.0, 200.0, 350.0, 600.0, 1200.0)  # s, of a drift
-FALSE_CHANNELS = 0.05  # share of the channels said to drift, or to be off, of which that is not so
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,31 +75,36 @@ def zero_of(
     counts = np.array([frames[span].sum() for span in problem.episodes])
     if frames.sum() < 10:
         return nothing(problem)
-    hidden = not resting and tells_under_load(problem)
-    rest = problem.measured - problem.read(prediction)
-    hiding = _hidden(problem, prediction) if hidden else None
-    if hiding is not None:
-        rest = hiding[0] + problem.measured - problem.read(prediction + hiding[0])
-
-    with_drift = "drift" in names and problem.runs_through and time[-1] > 30 and (counts > 0).sum() >= 4
-    others = [np.ones_like(time), *_field(problem, frames)]
-    gains: dict[str, FloatArray] = {}
-    amplitude, tau = zeros, TAUS[0]
     needed = material * problem.samples
 
     def matters(gain: FloatArray) -> bool:
         return bool(gain.sum() > needed and (gain[showing(gain)] > 0).mean() >= share)
 
+    hidden = not resting and tells_under_load(problem)
+    rest = problem.measured - problem.read(prediction)
+    hiding = under_load(problem, prediction, [np.ones_like(time)]) if hidden else None
+    if hiding is not None:
+        rest = hiding.zero + problem.measured - problem.read(prediction + hiding.zero)
+
+    with_drift = "drift" in names and problem.runs_through and time[-1] > 30 and (counts > 0).sum() >= 4
+    if hiding is not None and with_drift and not owned:
+        drifting_zero = _drift_under_load(problem, prediction, time, hiding, matters, "offset" in names)
+        if drifting_zero is not None:
+            return drifting_zero
+    others = [np.ones_like(time), *_field(problem, frames)]
+    gains: dict[str, FloatArray] = {}
+    amplitude, tau = zeros, TAUS[0]
+
     per_frame = frames.mean()  # the energy of all samples from that of those which tell
-    without = _Sums(problem, rest, others, frames)
-    plain = _Sums(problem, rest, others[:1], frames)
+    without = Sums(problem, rest, others, frames)
+    plain = Sums(problem, rest, others[:1], frames)
     if not matters((without.heldout() - plain.heldout()).sum(axis=1) / per_frame):
         others, without = others[:1], plain
     chosen = without
 
-    def drifting(curves: list[FloatArray]) -> tuple[_Sums, float]:
+    def drifting(curves: list[FloatArray]) -> tuple[Sums, float]:
         """The fit of `curves` and a drift, with the time constant that explains most."""
-        tried = [_Sums(problem, rest, [*curves, -np.expm1(-time / tau)], frames) for tau in TAUS]
+        tried = [Sums(problem, rest, [*curves, -np.expm1(-time / tau)], frames) for tau in TAUS]
         best = max(range(len(TAUS)), key=lambda i: tried[i].explained().sum())
         return tried[best], TAUS[best]
 
@@ -125,12 +130,12 @@ def zero_of(
             left -= left.mean(axis=(2, 3), keepdims=True)
         if "drift" in gains:
             tied = ratio - np.expm1(-time / tau)
-            gain = (chosen.heldout() - _Sums(problem, rest, [*others[1:], tied], frames).heldout()).sum(axis=1)
+            gain = (chosen.heldout() - Sums(problem, rest, [*others[1:], tied], frames).heldout()).sum(axis=1)
         else:
-            gain = _Sums(problem, rest - (offset - left), [np.ones_like(time)], frames).heldout().sum(axis=1)
+            gain = Sums(problem, rest - (offset - left), [np.ones_like(time)], frames).heldout().sum(axis=1)
         gain = gain / per_frame
         if hiding is not None and "drift" not in gains:
-            gain = hiding[1]
+            gain = hiding.gain
         if matters(gain) and (not owned or float(np.sum(left**2)) > 0.2 * float(np.sum(offset**2))):
             gains["offset"] = gain
     keeps = owned or bool(gains)
@@ -139,30 +144,40 @@ def zero_of(
     return Zero(offset if keeps else zeros, amplitude, tau, gains)
 
 
-def _hidden(problem: Problem, prediction: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Offsets that steps hide while nothing is pressed, and what they take away in each episode, fitted on the others.
+def _drift_under_load(
+    problem: Problem,
+    prediction: FloatArray,
+    time: FloatArray,
+    constant: UnderLoad,
+    matters: Callable[[FloatArray], bool],
+    with_offset: bool,
+) -> Zero | None:
+    """The zero with a drift that steps hide, if a constant alone does not do as well."""
+    always = np.ones_like(time)
+    curves = {tau: -np.expm1(-time / tau) for tau in TAUS}
+    explained = {
+        tau: sums_at(problem, prediction + constant.zero, [always, c]).explained() for tau, c in curves.items()
+    }
+    tau = max(TAUS, key=lambda t: explained[t].sum())
+    curve = curves[tau]
+    begin = np.stack([constant.values[:, 0], np.zeros(len(constant.values))], axis=1)
+    both = under_load(problem, prediction, [always, curve], begin)
+    alone = under_load(problem, prediction, [curve], both.values[:, 1:] + both.values[:, :1] / max(curve.mean(), 0.1))
+    better = alone.gain.sum() > constant.gain.sum() + CLEARLY_DRIFT
+    beside = matters(both.gain - constant.gain)
+    if not beside and not (better and matters(alone.gain)):
+        return None
+    gains = {"drift": both.gain - constant.gain}
+    chosen, offset = both.values, both.values[:, 0]
+    if with_offset and matters(both.gain - alone.gain):
+        gains["offset"] = both.gain - alone.gain
+    elif matters(alone.gain):
+        chosen, offset, gains = alone.values, np.zeros(len(both.values)), {"drift": alone.gain}
 
-    A sample tells of them as far as its mean reading moves with the force, which it does at the edge of a step.
-    """
-    guess = np.zeros(problem.alive.shape)
-    weight = problem.weight**2
-    small = 0.2 * problem.step
-    up, right = np.zeros(0), np.zeros(0)
-    for _ in range(4):
-        force = prediction + guess
-        slope = (problem.read(force + small) - problem.read(force - small)) / (2 * small)
-        miss = problem.measured - problem.read(force)
-        up = np.array([np.sum((weight * slope * miss)[span], axis=0) for span in problem.episodes])
-        right = np.array([np.sum((weight * slope**2)[span], axis=0) for span in problem.episodes])
-        change = up.sum(axis=0) / (right.sum(axis=0) + 1.0)
-        guess = guess + np.clip(change, -0.3 * problem.step, 0.3 * problem.step)
-    others = (up.sum(axis=0) - up) / (right.sum(axis=0) - right + 1.0)
-    gain = np.empty(len(problem.episodes))
-    before = problem.measured - problem.read(prediction)
-    for number, span in enumerate(problem.episodes):
-        after = problem.measured[span] - problem.read(prediction[span] + guess + others[number])
-        gain[number] = np.sum(weight[span] * (before[span] ** 2 - after**2))
-    return guess, gain
+    def shaped(values: FloatArray) -> FloatArray:
+        return np.where(problem.alive, values.reshape(problem.alive.shape), 0.0)
+
+    return Zero(shaped(offset), shaped(chosen[:, -1]), tau, gains)
 
 
 def _resting(problem: Problem) -> NDArray[np.bool_]:
@@ -172,11 +187,6 @@ def _resting(problem: Problem) -> NDArray[np.bool_]:
         pressed = np.flatnonzero(~problem.at_rest[span])
         before[span.start : span.start + pressed[0] if len(pressed) else span.stop] = True
     return before
-
-
-def tells_under_load(problem: Problem) -> bool:
-    """Whether the noise at rest does not reach the next count, so that small offsets show only under load."""
-    return bool(problem.step) and problem.dither < 0.25 * problem.step
 
 
 def _telling(problem: Problem) -> NDArray[np.bool_]:
@@ -192,57 +202,3 @@ def _field(problem: Problem, frames: NDArray[np.bool_]) -> list[FloatArray]:
         return []
     centred = (opening - np.median(opening[frames])) / np.ptp(opening[frames])
     return [centred, centred**2]
-
-
-class _Sums:
-    """Least squares of a few curves for every channel, with the sums of each episode kept apart."""
-
-    def __init__(self, problem: Problem, rest: FloatArray, curves: list[FloatArray], frames: NDArray[np.bool_]) -> None:
-        basis = np.stack(curves)
-        products, projections, energy = [], [], []
-        weight = (problem.weight**2).reshape(len(rest), -1) * frames[:, None]
-        flat = rest.reshape(len(rest), -1)
-        for span in problem.episodes:
-            w, b, r = weight[span], basis[:, span], flat[span]
-            products.append(np.einsum("it,jt,tc->cij", b, b, w, optimize=True))
-            projections.append(np.einsum("it,tc->ci", b, w * r))
-            energy.append(np.sum(w * r**2, axis=0))
-        self._products, self._projections = np.array(products), np.array(projections)
-        self._energy = np.array(energy)
-
-    def _solve(self, products: FloatArray, projections: FloatArray) -> FloatArray:
-        size = products.shape[-1]
-        ridge = 1e-6 * np.trace(products, axis1=-2, axis2=-1)[..., None, None] / size + 1e-9
-        return np.linalg.solve(products + ridge * np.eye(size), projections[..., None])[..., 0]
-
-    def values(self) -> FloatArray:
-        """``(channels, curves)``."""
-        return self._solve(self._products.sum(axis=0), self._projections.sum(axis=0))
-
-    def _gain(self, values: FloatArray) -> FloatArray:
-        quadratic = np.einsum("...ci,...cij,...cj->...c", values, self._products, values)
-        return 2 * np.einsum("...ci,...ci->...c", values, self._projections) - quadratic
-
-    def explained(self) -> FloatArray:
-        """``(episodes, channels)`` energy taken away, fitted on all."""
-        return self._gain(np.broadcast_to(self.values(), self._projections.shape))
-
-    def heldout(self) -> FloatArray:
-        """``(episodes, channels)`` energy taken away, fitted on the other episodes."""
-        total, right = self._products.sum(axis=0), self._projections.sum(axis=0)
-        return self._gain(self._solve(total - self._products, right - self._projections))
-
-    def rejects(self) -> NDArray[np.bool_]:
-        """``(channels,)`` whose last curve is there: episodes are the replicates, false discoveries are bounded."""
-        values = self.values()
-        inverse = np.linalg.pinv(self._products.sum(axis=0))
-        score = self._projections - np.einsum("ecij,cj->eci", self._products, values)
-        effect = np.einsum("cij,eci->ecj", inverse, score)[..., -1]
-        used = np.abs(self._projections).sum(axis=(1, 2)) > 0
-        degrees = max(int(used.sum()) - values.shape[1], 1)
-        spread = np.sqrt(np.sum(effect**2, axis=0) * used.sum() / degrees)
-        p = 2 * student.sf(np.abs(values[:, -1]) / np.maximum(spread, 1e-12), degrees)
-        p[np.abs(values[:, -1]) < 1e-12] = 1.0
-        order = np.sort(p)
-        passing = np.flatnonzero(order <= FALSE_CHANNELS * np.arange(1, len(p) + 1) / len(p))
-        return p <= (order[passing[-1]] if len(passing) else -1.0)

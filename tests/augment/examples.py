@@ -106,7 +106,9 @@ EXAMPLES: dict[str, Example] = {
         ),
         linear=True,
     ),
-    "DeadBand": Example(lambda rng: dead_band.DeadBand(rng.uniform(0.1, 0.3, 3), rng.uniform(0.2, 0.8))),
+    "DeadBand": Example(
+        lambda rng: dead_band.DeadBand(rng.uniform(0.1, 0.3, 3), rng.uniform(0.2, 0.8), rng.uniform(0.1, 0.6))
+    ),
     "DeadTaxels": Example(
         lambda rng: dead_taxels.DeadTaxels(some_of(rng, 3), some_of(rng, 4), rng.normal(size=FRAME)),
         no_gradient=("dead", "stuck"),

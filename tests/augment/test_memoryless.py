@@ -381,6 +381,25 @@ class TestDeadBand:
         np.testing.assert_allclose(slack(taxel(0.2, -0.2, 0.1)), 0)
         np.testing.assert_allclose(slack(taxel(1, -1, 0.3)).ravel(), [0.8, -0.8, 0.1])
 
+    def test_a_soft_edge_is_half_open_at_the_width_and_has_no_jump(self):
+        soft = DeadBand((0.2,) * 3, edge=0.5)
+        assert soft(taxel(0.1, 0.2, -0.3)).ravel().tolist() == pytest.approx([0, 0.1, -0.3])
+        line = np.zeros((401, 1, 3, 1, 1))
+        line[:, 0, 2, 0, 0] = np.linspace(-0.5, 0.5, 401)
+        assert np.abs(np.diff(soft(line)[:, 0, 2, 0, 0])).max() < 4 * 0.0025
+        line += 1e-4  # not at the width itself
+        np.testing.assert_allclose(DeadBand((0.2,) * 3, 0.4, 1e-9)(line), DeadBand((0.2,) * 3, 0.4)(line), atol=1e-7)
+
+    def test_a_soft_edge_is_the_mean_of_noise_ahead_of_a_threshold(self):
+        width, noise = 0.2, 0.03
+        force = np.linspace(0.05, 0.4, 36)
+        shaken = force + noise * np.random.default_rng(0).standard_normal((20000, 1))
+        passed = np.where(np.abs(shaken) >= width, shaken, 0.0).mean(axis=0)
+        line = np.zeros((len(force), 1, 3, 1, 1))
+        line[:, 0, 2, 0, 0] = force
+        read = DeadBand((width,) * 3, edge=2.1 * noise / width)(line)[:, 0, 2, 0, 0]
+        np.testing.assert_allclose(read, passed, atol=0.02)
+
     def test_it_is_odd_and_works_axis_by_axis(self):
         t = DeadBand((0.5, 0.0, 3.0), 0.3)
         x = frame()

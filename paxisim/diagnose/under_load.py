@@ -1,0 +1,84 @@
+"""Under load: the zero of a sensor whose steps hide it while nothing is pressed.
+
+Where the noise does not carry a reading to the next count, a small offset shows only as taxels are pressed: they reach
+the edges of the steps early or late.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from paxisim.diagnose.problem import FloatArray, Problem
+from paxisim.diagnose.sums import Sums
+
+TURNS = 4  # of Gauss-Newton
+FARTHEST = 0.3  # of a step, that a value moves in one of them
+PRIOR = 1.0  # 1/N^2, that draws each value to 0
+
+
+def tells_under_load(problem: Problem) -> bool:
+    """Whether the noise at rest does not reach the next count, so that small offsets show only under load."""
+    return bool(problem.step) and problem.dither < 0.25 * problem.step
+
+
+@dataclass(frozen=True, eq=False)
+class UnderLoad:
+    """Curves of time for every channel, ahead of the steps.
+
+    Attributes:
+        values: ``(channels, curves)`` newtons.
+        zero: ``(T, pads, 3, rows, cols)`` newtons, the curves with those values.
+        gain: ``(episodes,)`` squared residual (noise units) that they take away, fitted on the other episodes.
+    """
+
+    values: FloatArray
+    zero: FloatArray
+    gain: FloatArray
+
+
+def under_load(
+    problem: Problem, prediction: FloatArray, curves: list[FloatArray], begin: FloatArray | None = None
+) -> UnderLoad:
+    """Fit curves of time behind `prediction` and ahead of the steps, for every channel.
+
+    A sample tells of them as far as its mean reading moves with the force, which it does at the edge of a step.
+
+    Args:
+        problem: The recording.
+        prediction: ``(T, pads, 3, rows, cols)`` newtons.
+        curves: ``(T,)`` each.
+        begin: ``(channels, curves)`` values to begin with; default: what is read at rest.
+    """
+    basis = np.stack(curves)
+    shape = problem.alive.shape
+    if begin is None:  # whole counts show without a load
+        quiet = problem.at_rest if problem.at_rest.any() else np.ones(len(problem.time), dtype=bool)
+        begin = Sums(problem, problem.measured - problem.read(prediction), curves, quiet).values(PRIOR)
+    values = begin
+    farthest = FARTHEST * problem.step
+
+    def zero(values: FloatArray) -> FloatArray:
+        return np.einsum("ci,it->tc", values, basis).reshape(-1, *shape)
+
+    others = values
+    for _ in range(TURNS):
+        sums = sums_at(problem, prediction + zero(values), curves)
+        others = values + np.clip(sums.values_of_others(PRIOR), -farthest, farthest)
+        values = values + np.clip(sums.values(PRIOR), -farthest, farthest)
+    gain = np.empty(len(problem.episodes))
+    weight = problem.weight**2
+    before = problem.measured - problem.read(prediction)
+    for number, span in enumerate(problem.episodes):
+        own = np.einsum("ci,it->tc", others[number], basis[:, span]).reshape(-1, *shape)
+        after = problem.measured[span] - problem.read(prediction[span] + own)
+        gain[number] = np.sum(weight[span] * (before[span] ** 2 - after**2))
+    return UnderLoad(values, zero(values), gain)
+
+
+def sums_at(problem: Problem, force: FloatArray, curves: list[FloatArray]) -> Sums:
+    """Least squares of small changes of `force` along curves, as they move what is read."""
+    small = 0.2 * problem.step
+    slope = (problem.read(force + small) - problem.read(force - small)) / (2 * small)
+    return Sums(problem, problem.measured - problem.read(force), curves, np.ones(len(force), dtype=bool), slope)
