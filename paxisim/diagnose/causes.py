@@ -269,7 +269,7 @@ register_cause(
         "dead_band",
         80,
         lambda p: (
-            Free("width", "N", 0.0, 0.0, 1.0, 0.05, max(0.02, 0.4 * p.step)),
+            Free("width", "N", 0.0, 0.0, 1.0, 0.05, max(0.02, 0.45 * p.step)),
             Free("shrink", "1", 0.0, 0.0, 1.0, 0.3),
             Free("edge", "1", 0.2, 0.0, 1.0, 0.1, None, 0.1),
         ),

@@ -26,6 +26,7 @@ ENOUGH = 300_000  # numbers, for a fit
 LONGEST = 0.05  # s between the frames that are fitted
 BEND = 0.01  # of the noise's energy, that may lie between them
 COARSE = 0.6  # of a step: noise of less than that leaves some readings without any
+QUIETER = 0.6  # of the noise, that steps must leave less of to matter
 REACH = 7.0  # times the noise: beyond it none of it changes the sign of a force
 
 
@@ -94,13 +95,15 @@ class Problem:
         """The noise's energy, of which a cause must bring a share, to the number of samples: 1, or less if coarse.
 
         Readings that noise does not carry to another count have none. What is then expected of a model that is right
-        rests on what is tolerated alone; halfway to it, by factors, chance gains of recordings of nothing are alike.
+        rests on what is tolerated alone; it is believed halfway, by factors, so that recordings of nothing show no more
+        than others do.
         """
         if not self.is_coarse:
             return 1.0
         allowed = self.sigma**2 - self.sigma.min(axis=0) ** 2
         spread = np.sqrt(self.dither**2 + allowed)
-        return float(np.sqrt(np.mean((scatter(self.simulated, spread, self.step) * self.weight) ** 2)))
+        expected = float(np.mean((scatter(self.simulated, spread, self.step) * self.weight) ** 2))
+        return min(1.0, np.sqrt(expected) / QUIETER)
 
     @cached_property
     def one_load(self) -> bool:

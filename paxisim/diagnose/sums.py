@@ -29,7 +29,7 @@ class Sums:
             rest: ``(T, pads, 3, rows, cols)`` newtons to be explained.
             curves: ``(T,)`` each.
             frames: ``(T,)`` that count.
-            slope: ``(T, pads, 3, rows, cols)`` by how much a reading moves with what the curves are added to; default: 1.
+            slope: ``(T, pads, 3, rows, cols)`` by how much a reading moves with the curves; default: 1.
         """
         basis = np.stack(curves)
         products, projections = [], []

@@ -162,22 +162,25 @@ def _drift_under_load(
     curve = curves[tau]
     begin = np.stack([constant.values[:, 0], np.zeros(len(constant.values))], axis=1)
     both = under_load(problem, prediction, [always, curve], begin)
-    alone = under_load(problem, prediction, [curve], both.values[:, 1:] + both.values[:, :1] / max(curve.mean(), 0.1))
-    better = alone.gain.sum() > constant.gain.sum() + CLEARLY_DRIFT
-    beside = matters(both.gain - constant.gain)
-    if not beside and not (better and matters(alone.gain)):
+    offset, amplitude = both.values.T
+    # it may have begun before the recording, not long before: what goes with it is its own
+    ratio = float(np.clip(np.sum(amplitude * offset) / max(np.sum(amplitude**2), 1e-12), 0.0, 1.0))
+    one = ratio + curve
+    near = amplitude + (offset - ratio * amplitude) / max(float(one.mean()), 0.1)
+    tied = under_load(problem, prediction, [one], near[:, None])
+    clearly = tied.gain.sum() > constant.gain.sum() + CLEARLY_DRIFT
+    if not matters(both.gain - constant.gain) and not (clearly and matters(tied.gain)):
         return None
-    gains = {"drift": both.gain - constant.gain}
-    chosen, offset = both.values, both.values[:, 0]
-    if with_offset and matters(both.gain - alone.gain):
-        gains["offset"] = both.gain - alone.gain
-    elif matters(alone.gain):
-        chosen, offset, gains = alone.values, np.zeros(len(both.values)), {"drift": alone.gain}
+    if with_offset and matters(both.gain - tied.gain):
+        gains = {"drift": both.gain - constant.gain, "offset": both.gain - tied.gain}
+    else:
+        amplitude, gains = tied.values[:, 0], {"drift": tied.gain}
+        offset = ratio * amplitude
 
     def shaped(values: FloatArray) -> FloatArray:
         return np.where(problem.alive, values.reshape(problem.alive.shape), 0.0)
 
-    return Zero(shaped(offset), shaped(chosen[:, -1]), tau, gains)
+    return Zero(shaped(offset), shaped(amplitude), tau, gains)
 
 
 def _resting(problem: Problem) -> NDArray[np.bool_]:
