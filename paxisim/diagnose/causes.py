@@ -68,7 +68,13 @@ register_cause(
         ),
         lambda v, p: augment.Creep((v[0], v[2]), (v[1], v[3])),
         lambda p: [(0.1, tau, 0.0, 1.0) for tau in (0.3, 1.0, 3.0, 10.0)],
-        form={"stiffening": 0.004, "interference": 0.008, TAXEL_GAIN: 0.03},
+        form={
+            "stiffening": 0.007,
+            "interference": 0.008,
+            TAXEL_GAIN: 0.03,
+            **dict.fromkeys(("axis_coupling", "rotation", "dead_band", "saturation"), 0.003),
+            "poisson": 0.002,
+        },
     )
 )
 
@@ -83,9 +89,11 @@ register_cause(
         lambda p: [_unit(4, i, 0.0, 0.1) for i in range(4)],
         simpler=("axis_gain",),  # the static part of a loop is a gain
         form={
-            "creep": 0.2,
-            **dict.fromkeys((*_STATIC, TAXEL_GAIN), 0.15),
-            **dict.fromkeys(("dead_band", "interference"), 0.05),
+            **dict.fromkeys(("creep", "stiffening", "crosstalk", TAXEL_GAIN), 0.06),
+            "axis_gain": 0.08,
+            "interference": 0.015,
+            **dict.fromkeys(("poisson", "saturation"), 0.003),
+            "axis_coupling": 0.002,
         },
     )
 )
@@ -294,7 +302,12 @@ register_cause(
         ),
         lambda v, p: augment.Saturation(-v[0], v[0], v[1]),
         lambda p: [(0.5 * p.peak, 0.2), (0.7 * p.peak, 0.2), (0.9 * p.peak, 0.2)],
-        form=dict.fromkeys((*_STATIC, TAXEL_GAIN), 0.03),
+        form={
+            **dict.fromkeys(_STATIC, 0.01),
+            TAXEL_GAIN: 0.03,
+            "interference": 0.006,
+            **dict.fromkeys(("axis_coupling", "rotation"), 0.002),
+        },
         barred=bent_apart,
     )
 )

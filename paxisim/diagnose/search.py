@@ -192,6 +192,7 @@ class _Search:
                 without = self.fitted(rest, self.fitted(chosen))
                 near = [n for n in self._near(rest, EXCHANGE) if n != name]
                 contest = {n: self.fitted([*rest, n], without) for n in near}
+                contest = {n: found for n, found in contest.items() if self._worth(found, without, n)}
                 contest[name] = self.fitted(chosen)
                 best = self._simplest(min(contest, key=lambda n: contest[n].energy.sum()), contest, without)
                 better = contest[name].energy.sum() - contest[best].energy.sum()

@@ -59,7 +59,7 @@ def test_several_speeds_and_holds_do(rich):
 
 
 @pytest.mark.parametrize(
-    ("name", "values"), [("crosstalk", (0.03, 0.5, 0.5)), ("poisson", (0.1, 0.1)), ("dead_band", (0.15, 0.0))]
+    ("name", "values"), [("crosstalk", (0.03, 0.5, 0.5)), ("poisson", (0.1, 0.1)), ("dead_band", (0.15, 0.0, 0.2))]
 )
 def test_what_has_a_shape_of_its_own_has_no_rivals_on_any_motion(poor, rich, name, values):
     assert rivals(poor, name, values) == ()
