@@ -124,3 +124,18 @@ def test_what_looks_like_a_cause_is_fitted_beside_it_whatever_it_promises(proble
     search._fits[frozenset(["low_pass"])] = fit_of(problem, np.full(EPISODES, 1e5), "low_pass")
     search._fits[frozenset()] = fit_of(problem, np.full(EPISODES, 1e5))
     assert search._near(["low_pass"], 4) == ["latency"]
+
+
+def test_only_what_is_worth_keeping_takes_the_place_of_a_cause(problem, search, monkeypatch):
+    """Creep's form leaves more to a stiffening than that gains, so that a rotation which gains less must stay."""
+    monkeypatch.setattr(search, "_near", lambda chosen, most: ["stiffening"])
+    left = {(): 1e6, ("creep",): 1e5, ("rotation",): 1e6, ("creep", "rotation"): 97e3}
+    left |= {("creep", "stiffening"): 96e3, ("rotation", "stiffening"): 1e6}
+    for names, energy in left.items():
+        found = fit_of(problem, np.full(EPISODES, energy), *names)
+        if "stiffening" in names:
+            found = replace(found, values={**found.values, "stiffening": np.array([0.8, 0.6])})
+        search._fits[frozenset(names)] = found
+    assert search._worth(search.fitted(["creep", "rotation"]), search.fitted(["creep"]), "rotation")
+    assert not search._worth(search.fitted(["creep", "stiffening"]), search.fitted(["creep"]), "stiffening")
+    assert search._exchanged(["creep", "rotation"]) == ["creep", "rotation"]
