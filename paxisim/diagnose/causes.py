@@ -89,8 +89,8 @@ register_cause(
         lambda p: [_unit(4, i, 0.0, 0.1) for i in range(4)],
         simpler=("axis_gain",),  # the static part of a loop is a gain
         form={
-            **dict.fromkeys(("creep", "stiffening", "crosstalk", TAXEL_GAIN), 0.06),
-            "axis_gain": 0.08,
+            **dict.fromkeys(("creep", "stiffening", TAXEL_GAIN), 0.1),
+            **dict.fromkeys(("crosstalk", "axis_gain"), 0.08),
             "interference": 0.015,
             **dict.fromkeys(("poisson", "saturation"), 0.003),
             "axis_coupling": 0.002,
@@ -272,12 +272,19 @@ register_cause(
     )
 )
 
+
+def _least_band(problem: Problem) -> float:
+    """Half-width (N) of a dead band that matters: half a count reads as 0 anyway, but for noise that reaches beyond."""
+    told = problem.dither > 0.2 * problem.step
+    return max(0.02, (0.45 if told else 0.55) * problem.step)
+
+
 register_cause(
     Cause(
         "dead_band",
         80,
         lambda p: (
-            Free("width", "N", 0.0, 0.0, 1.0, 0.05, max(0.02, 0.45 * p.step)),
+            Free("width", "N", 0.0, 0.0, 1.0, 0.05, _least_band(p)),
             Free("shrink", "1", 0.0, 0.0, 1.0, 0.3),
             Free("edge", "1", 0.2, 0.0, 1.0, 0.1, None, 0.1),
         ),

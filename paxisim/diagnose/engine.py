@@ -159,15 +159,14 @@ def _closer(
     """What shows besides where samples that are far off count little, as several episodes agree."""
     tell("looking again without the samples that are far off")
     closer = replace(limits, material=CLOSER * limits.material)
-    finer = replace(closer, material=closer.material * problem.noise_share)
     near = without_outliers(problem, found.fit.prediction)
     again = _zero(near, found.fit, closer, slow)
     if not again.gain.keys() <= zero.gain.keys():
         zero, problem, near = again, _with_zero(problem, again), _with_zero(near, again)
-    second = search(near, searched, finer, tell, list(found.fit.values))
+    second = search(near, searched, closer, tell, list(found.fit.values))
     if zero is again or second.fit.values.keys() != found.fit.values.keys():
         doubted = second.fit.values.keys() - found.fit.values.keys()
-        found = found_with(problem, searched, finer, second.fit, doubted)
+        found = found_with(problem, searched, closer, second.fit, doubted)
     return problem, found, zero
 
 

@@ -25,8 +25,6 @@ NO_RIPPLE = 1e-5  # of a step: what noise leaves of rounding is not computed bel
 ENOUGH = 300_000  # numbers, for a fit
 LONGEST = 0.05  # s between the frames that are fitted
 BEND = 0.01  # of the noise's energy, that may lie between them
-COARSE = 0.6  # of a step: noise of less than that leaves some readings without any
-QUIETER = 0.6  # of the noise, that steps must leave less of to matter
 REACH = 7.0  # times the noise: beyond it none of it changes the sign of a force
 
 
@@ -84,26 +82,6 @@ class Problem:
     def samples(self) -> int:
         """Number of numbers that are compared."""
         return int(len(self.time) * self.alive.sum())
-
-    @property
-    def is_coarse(self) -> bool:
-        """Whether a sensor counts in steps that its noise does not smooth."""
-        return self.dither < COARSE * self.step
-
-    @cached_property
-    def noise_share(self) -> float:
-        """The noise's energy, of which a cause must bring a share, to the number of samples: 1, or less if coarse.
-
-        Readings that noise does not carry to another count have none. What is then expected of a model that is right
-        rests on what is tolerated alone; it is believed halfway, by factors, so that recordings of nothing show no more
-        than others do.
-        """
-        if not self.is_coarse:
-            return 1.0
-        allowed = self.sigma**2 - self.sigma.min(axis=0) ** 2
-        spread = np.sqrt(self.dither**2 + allowed)
-        expected = float(np.mean((scatter(self.simulated, spread, self.step) * self.weight) ** 2))
-        return min(1.0, np.sqrt(expected) / QUIETER)
 
     @cached_property
     def one_load(self) -> bool:
@@ -356,19 +334,6 @@ class Problem:
         weighed = difference - mean.reshape(shape[1:])
         weighed *= self.weight
         return weighed
-
-
-def scatter(force: FloatArray, spread: FloatArray, step: float) -> FloatArray:
-    """Standard deviation (N) of `force` with noise of deviation `spread`, read in steps."""
-    count = np.rint(force / step)
-    first, second = np.zeros_like(force), np.zeros_like(force)
-    for away in range(3):
-        above = ndtr((force - (count + away + 0.5) * step) / spread)
-        below = ndtr(((count - away - 0.5) * step - force) / spread)
-        first += above - below
-        second += (2 * away + 1) * (above + below)
-    variance = np.where(spread > COARSE * step, spread**2 + step**2 / 12, step**2 * (second - first**2))
-    return np.sqrt(np.maximum(variance, 0.0))
 
 
 def peak_of(simulated: NDArray[np.floating]) -> float:

@@ -74,14 +74,11 @@ def tangent_of(problem: Problem, causes: Sequence[Cause], x: FloatArray, predict
     whole = problem.thinned
     problem = whole.compared
     probes = [(item, values) for item in causes if item.probes is not None for values in item.probes(problem)]
-    about = whole.at_compared(prediction)
-    read = problem.read(about)
     effects = np.empty((len(probes), *problem.measured.shape))
     for row, (item, values) in enumerate(probes):
-        effect = whole.at_compared(whole.run(item.make(values, whole), x) - x)
-        effects[row] = problem.weigh(problem.read(about + effect) - read if problem.is_coarse else effect)
+        effects[row] = problem.weigh(whole.at_compared(whole.run(item.make(values, whole), x) - x))
     x = whole.at_compared(x)
-    residual = problem.residual(about)
+    residual = problem.residual(whole.at_compared(prediction))
     with_gains = any(item.name == TAXEL_GAIN for item in causes)
     taxels = x.shape[1] * x.shape[3] * x.shape[4] if with_gains else 0
     loads = problem.weigh(x)

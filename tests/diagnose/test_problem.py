@@ -8,7 +8,7 @@ import pytest
 from paxisim import augment
 from paxisim.diagnose import prepare as preparing
 from paxisim.diagnose.prepare import prepare
-from paxisim.diagnose.problem import ENOUGH, Problem, scatter
+from paxisim.diagnose.problem import ENOUGH, Problem
 from paxisim.recording import Recording
 
 
@@ -69,19 +69,3 @@ def test_a_recording_that_is_too_long_is_shortened_and_says_so(monkeypatch):
     assert any("the recording is long" in warning for warning in warnings)
     assert len(np.unique(shortened.episode)) == 3
     assert shortened.measured.size <= 2 * 20_000
-
-
-@pytest.mark.parametrize("spread", [0.01, 0.03, 0.08])
-def test_the_scatter_of_readings_is_that_of_noisy_counts(spread):
-    level = np.linspace(-0.3, 0.4, 29)
-    noise = spread * np.random.default_rng(5).standard_normal((40_000, 29))
-    counts = np.round((level + noise) / 0.1) * 0.1
-    np.testing.assert_allclose(scatter(level, np.full_like(level, spread), 0.1), counts.std(axis=0), atol=3e-3)
-
-
-def test_coarse_steps_leave_less_noise_of_which_a_cause_must_bring_a_share():
-    assert problem(step=0.01).noise_share == problem(dither=0.06).noise_share == 1.0
-    quiet = problem(dither=0.005)
-    slight, none = (replace(quiet, simulated=share * quiet.simulated) for share in (0.1, 0.0))
-    assert 0 <= none.noise_share < slight.noise_share < quiet.noise_share <= 1
-    assert none.noise_share == pytest.approx(0, abs=1e-6)  # nothing is carried to another count
