@@ -53,8 +53,9 @@ def under_load(
     """
     basis = np.stack(curves)
     shape = problem.alive.shape
+    every = np.ones(len(problem.time), dtype=bool)
     if begin is None:  # whole counts show without a load
-        quiet = problem.at_rest if problem.at_rest.any() else np.ones(len(problem.time), dtype=bool)
+        quiet = problem.at_rest if problem.at_rest.any() else every
         begin = Sums(problem, problem.measured - problem.read(prediction), curves, quiet).values(PRIOR)
     values = begin
     farthest = FARTHEST * problem.step
@@ -64,7 +65,8 @@ def under_load(
 
     others = values
     for _ in range(TURNS):
-        sums = sums_at(problem, prediction + zero(values), curves)
+        miss, slope = at_edges(problem, prediction + zero(values))
+        sums = Sums(problem, miss, curves, every, slope)
         others = values + np.clip(sums.values_of_others(PRIOR), -farthest, farthest)
         values = values + np.clip(sums.values(PRIOR), -farthest, farthest)
     gain = np.empty(len(problem.episodes))
@@ -77,8 +79,8 @@ def under_load(
     return UnderLoad(values, zero(values), gain)
 
 
-def sums_at(problem: Problem, force: FloatArray, curves: list[FloatArray]) -> Sums:
-    """Least squares of small changes of `force` along curves, as they move what is read."""
+def at_edges(problem: Problem, force: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """``(T, pads, 3, rows, cols)`` what is read beside `force` (N), and by how much its mean reading moves with it."""
     small = 0.2 * problem.step
     slope = (problem.read(force + small) - problem.read(force - small)) / (2 * small)
-    return Sums(problem, problem.measured - problem.read(force), curves, np.ones(len(force), dtype=bool), slope)
+    return problem.measured - problem.read(force), slope

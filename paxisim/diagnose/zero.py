@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from paxisim.diagnose.problem import FloatArray, Problem, showing
 from paxisim.diagnose.sums import Sums
-from paxisim.diagnose.under_load import UnderLoad, sums_at, tells_under_load, under_load
+from paxisim.diagnose.under_load import UnderLoad, at_edges, tells_under_load, under_load
 
 CLEARLY_DRIFT = 30.0  # energy, in units of the noise, by which a drift alone must do better than an offset
 TAUS = (60.0, 120.0, 200.0, 350.0, 600.0, 1200.0)  # s, of a drift
@@ -155,10 +155,10 @@ def _drift_under_load(
     """The zero with a drift that steps hide, if a constant alone does not do as well."""
     always = np.ones_like(time)
     curves = {tau: -np.expm1(-time / tau) for tau in TAUS}
-    explained = {
-        tau: sums_at(problem, prediction + constant.zero, [always, c]).explained() for tau, c in curves.items()
-    }
-    tau = max(TAUS, key=lambda t: explained[t].sum())
+    miss, slope = at_edges(problem, prediction + constant.zero)
+    every = np.ones(len(time), dtype=bool)
+    explained = {t: Sums(problem, miss, [always, c], every, slope).explained().sum() for t, c in curves.items()}
+    tau = max(TAUS, key=lambda t: explained[t])
     curve = curves[tau]
     begin = np.stack([constant.values[:, 0], np.zeros(len(constant.values))], axis=1)
     both = under_load(problem, prediction, [always, curve], begin)
