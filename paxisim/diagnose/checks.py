@@ -18,6 +18,7 @@ WITHIN = 15.0  # times what is tolerated of its place, that a contact must press
 FAR = 4.0  # times what others read at rest, and what does not matter
 MISSING = 8.0  # times the noise that the answer of a stuck taxel must be missing
 STILL = 1.8  # times the noise that it may move
+UNMOVED = 0.2  # of what the others of its pad and axis move
 LATE = 0.1  # s, of a taxel that answers late
 
 
@@ -152,7 +153,7 @@ def _still(problem: Problem, level: FloatArray, noise: FloatArray, floor: float)
     That is enough of one that reads something, which no dead band holds back, if the next count is within reach.
     """
     usual = np.median(np.abs(level), axis=(2, 3), keepdims=True)
-    far = (np.abs(level) > FAR * (usual + floor)).any(axis=1)
+    far = (np.abs(level) > FAR * (usual + floor)).any(axis=1) | _unmoved(problem, floor)
     if not far.any():
         return far
     x, y = (
@@ -164,6 +165,18 @@ def _still(problem: Problem, level: FloatArray, noise: FloatArray, floor: float)
     still = ((problem.measured - level) / noise).std(axis=0) < STILL
     reached = np.quantile(np.abs(problem.simulated), 0.998, axis=0).max(axis=1) > problem.step
     return far & (both < 0.25 * energy) & (missing > MISSING) & still.all(axis=1) & reached
+
+
+def _unmoved(problem: Problem, floor: float) -> NDArray[np.bool_]:
+    """``(pads, rows, cols)`` taxels that are read alike in all episodes before a contact, where others drift away."""
+    spans = [span for span in problem.episodes if problem.untouched[span].any()]
+    if len(spans) < 2:
+        return np.zeros_like(problem.alive[:, 0])
+    levels = [np.mean(problem.measured[span][problem.untouched[span]], axis=0) for span in spans]
+    moved = np.std(levels, axis=0)
+    usual = np.median(moved, axis=(2, 3), keepdims=True)
+    drifting = usual > floor
+    return drifting.any() & (~drifting | (moved < UNMOVED * usual)).all(axis=1)
 
 
 def _answers_late(problem: Problem, level: FloatArray, noise: FloatArray) -> NDArray[np.bool_]:

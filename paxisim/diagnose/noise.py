@@ -7,7 +7,6 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
 
 FloatArray = NDArray[np.float64]
 
@@ -56,23 +55,6 @@ def step_of(measured: FloatArray) -> float:
         step = float(np.sum(values[near] * counts[near]) / max(np.sum(counts[near] ** 2), 1.0)) or step
     off = np.abs(values / step - np.round(values / step))
     return step if np.quantile(off, 0.99) < 0.02 else 0.0
-
-
-def dither_of(measured: FloatArray, quiet: NDArray[np.bool_], episodes: tuple[slice, ...], step: float) -> float:
-    """The noise before rounding (N), from the shear that is read where nothing is pressed.
-
-    Where it is small against a step it is told from how often a channel leaves its commonest count.
-    """
-    if not quiet.any():
-        return 0.0
-    shear = measured[quiet][:, :, :2]
-    each = [measured[span][quiet[span]][:, :, :2].std(axis=0) for span in episodes if quiet[span].sum() >= 5]
-    spread = float(np.median(each)) if each else 0.0
-    if spread > 0.6 * step:
-        return float(np.sqrt(spread**2 - step**2 / 12))
-    counts = np.round(shear / step)
-    away = np.mean(counts != np.median(counts, axis=0), axis=0)
-    return float(0.5 * step / norm.isf(np.clip(np.median(away), 1e-3, 0.8) / 2))
 
 
 def tolerated(x: FloatArray, time: FloatArray, episodes: tuple[slice, ...], tolerance: Tolerance) -> FloatArray:

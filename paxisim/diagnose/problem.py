@@ -16,7 +16,8 @@ from paxisim.augment.latency import Latency
 from paxisim.augment.low_pass import LowPass
 from paxisim.augment.transform import Transform
 from paxisim.diagnose.between import FINE, Curve, curve_through
-from paxisim.diagnose.noise import FloatArray, Tolerance, dither_of, noise_of, step_of, tolerated
+from paxisim.diagnose.dither import dither_of
+from paxisim.diagnose.noise import FloatArray, Tolerance, noise_of, step_of, tolerated
 from paxisim.errors import InvalidValueError
 from paxisim.logs.aligned import episode_spans
 from paxisim.recording import Recording
@@ -323,6 +324,15 @@ class Problem:
         """``(T,)`` where no taxel is pressed."""
         return np.abs(self.simulated).max(axis=(1, 2, 3, 4)) < 0.01 * max(self.peak, 1e-9)
 
+    @cached_property
+    def untouched(self) -> NDArray[np.bool_]:
+        """``(T,)`` before the first contact of an episode, where no memory of one is."""
+        before = np.zeros(len(self.time), dtype=bool)
+        for span in self.episodes:
+            pressed = np.flatnonzero(~self.at_rest[span])
+            before[span.start : span.start + pressed[0] if len(pressed) else span.stop] = True
+        return before
+
     def residual(self, prediction: FloatArray) -> FloatArray:
         """What is left of the measurement, in units of the noise, if a sensor is given `prediction` to read."""
         return self.weigh(self.measured - self.read(prediction))
@@ -379,7 +389,7 @@ def with_noise(problem: Problem, tolerance: Tolerance) -> Problem:
     """The problem with its noise read from its own streams."""
     noise = noise_of(problem.measured, problem.simulated, problem.episodes, problem.step)
     allowed = tolerated(problem.simulated, problem.time, problem.episodes, tolerance)
-    dither = dither_of(problem.measured, problem.at_rest, problem.episodes, problem.step)
+    dither = dither_of(problem.measured, problem.at_rest, problem.untouched, problem.episodes, problem.step)
     if dither < 0.6 * problem.step:  # most readings repeat the one before, and their changes hide the noise
         noise = np.maximum(noise, np.sqrt(problem.step**2 / 12 + dither**2))
     return replace(problem, sigma=np.sqrt(noise**2 + allowed), dither=dither)

@@ -7,12 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
 
 from paxisim.diagnose.problem import FloatArray, Problem, showing
 from paxisim.diagnose.sums import Sums
 from paxisim.diagnose.under_load import UnderLoad, at_edges, tells_under_load, under_load
 
 CLEARLY_DRIFT = 30.0  # energy, in units of the noise, by which a drift alone must do better than an offset
+RELINEARISED = 2  # times: what is read of a drift from 0 is no straight image of it where readings are cut
 TAUS = (60.0, 120.0, 200.0, 350.0, 600.0, 1200.0)  # s, of a drift
 
 
@@ -69,7 +71,7 @@ def zero_of(
         resting: Only samples before an episode's first contact, which no memory of the sensor reaches.
         owned: Whether the model holds a field that comes with a constant of its own for each pad and axis.
     """
-    frames = _resting(problem) if resting else _telling(problem)
+    frames = problem.untouched if resting else _telling(problem)
     time = problem.time - problem.time[0]
     zeros = np.zeros(problem.alive.shape)
     counts = np.array([frames[span].sum() for span in problem.episodes])
@@ -104,15 +106,19 @@ def zero_of(
 
     def drifting(curves: list[FloatArray]) -> tuple[Sums, float]:
         """The fit of `curves` and a drift, with the time constant that explains most."""
-        tried = [Sums(problem, rest, [*curves, -np.expm1(-time / tau)], frames) for tau in TAUS]
-        best = max(range(len(TAUS)), key=lambda i: tried[i].explained().sum())
-        return tried[best], TAUS[best]
+        tau = _best(lambda tau: Sums(problem, rest, [*curves, -np.expm1(-time / tau)], frames).explained().sum())
+        return Sums(problem, rest, [*curves, -np.expm1(-time / tau)], frames), tau
 
     if with_drift:
         beside, best_tau = drifting(others)
         gain = (beside.heldout() - without.heldout()).sum(axis=1) / per_frame
         if matters(gain) and beside.rejects().any():
             gains["drift"], chosen, tau = gain, beside, best_tau
+            curves = [*others, -np.expm1(-time / tau)]
+            for _ in range(0 if problem.reads_all or hiding is not None else RELINEARISED):
+                drifting_zero = (chosen.values()[:, [0, -1]] @ [curves[0], curves[-1]]).T.reshape(rest.shape)
+                rest = drifting_zero + problem.measured - problem.read(prediction + drifting_zero)
+                chosen = Sums(problem, rest, curves, frames)
             amplitude = np.where(problem.alive, chosen.values()[..., -1].reshape(zeros.shape), 0.0)
         elif "offset" in names and not owned:  # or is it a drift from a zero that was right at the beginning?
             alone, best_tau = drifting(others[1:])
@@ -183,13 +189,15 @@ def _drift_under_load(
     return Zero(shaped(offset), shaped(amplitude), tau, gains)
 
 
-def _resting(problem: Problem) -> NDArray[np.bool_]:
-    """``(T,)`` before the first contact of an episode."""
-    before = np.zeros(len(problem.time), dtype=bool)
-    for span in problem.episodes:
-        pressed = np.flatnonzero(~problem.at_rest[span])
-        before[span.start : span.start + pressed[0] if len(pressed) else span.stop] = True
-    return before
+def _best(explained: Callable[[float], float]) -> float:
+    """The time constant (s) with which most is explained: the best of `TAUS`, or between its neighbours."""
+    tried = [explained(tau) for tau in TAUS]
+    best = int(np.argmax(tried))
+    around = np.log([TAUS[max(best - 1, 0)], TAUS[min(best + 1, len(TAUS) - 1)]])
+    found = minimize_scalar(
+        lambda x: -explained(float(np.exp(x))), bounds=tuple(around), method="bounded", options={"xatol": 0.05}
+    )
+    return float(np.exp(found.x)) if -found.fun > tried[best] else TAUS[best]
 
 
 def _telling(problem: Problem) -> NDArray[np.bool_]:
