@@ -114,11 +114,11 @@ def zero_of(
         gain = (beside.heldout() - without.heldout()).sum(axis=1) / per_frame
         if matters(gain) and beside.rejects().any():
             gains["drift"], chosen, tau = gain, beside, best_tau
-            curves = [*others, -np.expm1(-time / tau)]
             for _ in range(0 if problem.reads_all or hiding is not None else RELINEARISED):
-                drifting_zero = (chosen.values()[:, [0, -1]] @ [curves[0], curves[-1]]).T.reshape(rest.shape)
-                rest = drifting_zero + problem.measured - problem.read(prediction + drifting_zero)
-                chosen = Sums(problem, rest, curves, frames)
+                constant, slope = chosen.values()[:, [0, -1]].T
+                own = (constant - np.outer(np.expm1(-time / tau), slope)).reshape(rest.shape)
+                rest = own + problem.measured - problem.read(prediction + own)
+                chosen, tau = drifting(others)
             amplitude = np.where(problem.alive, chosen.values()[..., -1].reshape(zeros.shape), 0.0)
         elif "offset" in names and not owned:  # or is it a drift from a zero that was right at the beginning?
             alone, best_tau = drifting(others[1:])
@@ -160,12 +160,10 @@ def _drift_under_load(
 ) -> Zero | None:
     """The zero with a drift that steps hide, if a constant alone does not do as well."""
     always = np.ones_like(time)
-    curves = {tau: -np.expm1(-time / tau) for tau in TAUS}
     miss, slope = at_edges(problem, prediction + constant.zero)
     every = np.ones(len(time), dtype=bool)
-    explained = {t: Sums(problem, miss, [always, c], every, slope).explained().sum() for t, c in curves.items()}
-    tau = max(TAUS, key=lambda t: explained[t])
-    curve = curves[tau]
+    tau = _best(lambda tau: Sums(problem, miss, [always, -np.expm1(-time / tau)], every, slope).explained().sum())
+    curve = -np.expm1(-time / tau)
     begin = np.stack([constant.values[:, 0], np.zeros(len(constant.values))], axis=1)
     both = under_load(problem, prediction, [always, curve], begin)
     offset, amplitude = both.values.T

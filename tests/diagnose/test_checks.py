@@ -48,6 +48,20 @@ def test_a_drift_from_a_right_zero_is_no_offset_and_an_offset_no_drift(added, na
         assert np.abs(found.at(made.time) - expected).max() < 0.5 * np.abs(AMPLITUDE).max()
 
 
+@pytest.mark.parametrize("tau", [85.0, 270.0])
+def test_a_drift_whose_beginning_is_cut_off_below_0_is_no_offset_beside_it(tau):
+    amplitude = 0.4 * np.random.default_rng(6).uniform(0.5, 1.0, SIZE)
+    made = problem(lambda force, time: force - np.expm1(-time / tau)[:, None, None, None, None] * amplitude)
+    noise = 0.05 * np.random.default_rng(7).standard_normal(made.measured.shape)
+    measured = made.measured + noise
+    measured[:, :, 2] = np.maximum(measured[:, :, 2], 0)
+    spread = float(np.hypot(0.05, NOISE))
+    cut = replace(made, measured=measured, sigma=np.full_like(noise, spread), dither=spread, clips=True)
+    found = zero_of(cut, cut.simulated, 0.021, 0.7)
+    assert set(found.gain) == {"drift"}
+    assert found.tau == pytest.approx(tau, rel=0.15)  # between those of the grid, too
+
+
 @pytest.mark.parametrize("axis", [0, 1])
 def test_a_sign_is_told_where_shear_is_small_beside_normal_force(axis):
     signs = np.where(np.arange(3) == axis, -1, 1)
@@ -113,3 +127,16 @@ def test_a_taxel_that_only_the_edge_of_one_contact_may_have_touched_is_not_dead(
     np.testing.assert_array_equal(np.argwhere(reading.values["dead"]), [[0, 1, 1]])
     sigma[:, 0, 2, 1, 1] += 0.12 * simulated[:, 0, 2, 1, 1]  # the contact's force falls off steeply there
     assert read_taxels(replace(missed, sigma=sigma)) is None
+
+
+@pytest.mark.parametrize("drifts", [True, False])
+def test_a_taxel_that_is_hardly_pressed_is_dead_if_it_does_not_drift_with_the_others(drifts):
+    made = problem(lambda force, time: force - np.expm1(-time / 150)[:, None, None, None, None] * 8 * AMPLITUDE)
+    simulated, measured = made.simulated.copy(), made.measured.copy()
+    noise = NOISE * np.random.default_rng(2).standard_normal((len(made.time), 3))
+    measured[:, 1, :, 2, 0] = noise + drifts * (measured - simulated)[:, 1, :, 2, 0]
+    simulated[:, 1, :, 2, 0] *= 0.05
+    reading = read_taxels(replace(made, simulated=simulated, measured=measured))
+    assert (reading is None) is drifts
+    if reading is not None:
+        np.testing.assert_array_equal(np.argwhere(reading.values["dead"]), [[1, 2, 0]])
