@@ -121,11 +121,10 @@ class Cause:
 
     def is_material(self, values: Values, problem: Problem) -> bool:
         """Whether some number is far enough from neutral to matter."""
-        free = self.free(problem)
-        if not free:
-            return self.beyond(values, problem) >= 1
-        pairs = zip(values, free, strict=True)
-        return any(f.material is not None and abs(v - f.neutral) >= f.material for v, f in pairs)
+        if self.beyond(values, problem) < 1:
+            return False
+        pairs = list(zip(values, self.free(problem), strict=True)) if self.solve is None else []
+        return not pairs or any(f.material is not None and abs(v - f.neutral) >= f.material for v, f in pairs)
 
 
 _CAUSES: dict[str, Cause] = {}

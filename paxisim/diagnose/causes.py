@@ -116,15 +116,16 @@ register_cause(
         "crosstalk",
         41,
         lambda p: (
-            Free("strength", "1", 0.0, -0.3, 0.3, 0.02, 0.003),
-            Free("far", "1", 0.5, 0.0, 10.0, 0.5),
+            Free("strength", "1", 0.0, -0.3, 0.3, 0.02, 0.001),
+            Free("far", "1", 0.5, 0.0, 3.0, 0.5),
             Free("taken", "1", 0.5, 0.0, 1.0, 0.3),
         ),
         lambda v, p: augment.Crosstalk(v[0], length=1.0, far=v[1], taken=v[2]),
         lambda p: [(0.02, 0.0, 0.0), (0.02, 1.0, 0.0), (0.02, 1.0, 1.0)],
         simpler=("axis_gain",),
         form={"axis_gain": 0.025, "stiffening": 0.025, TAXEL_GAIN: 0.05},
-        beyond=lambda v, p: abs(v[0]) / 0.003,
+        # what the 4 next neighbours get of a load in the middle of a pad, and the 16 beyond at distances up to 2.8
+        beyond=lambda v, p: abs(v[0]) * (4 + 7 * v[1]) / 0.012,
         barred=mixes_alike,
     )
 )

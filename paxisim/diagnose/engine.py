@@ -132,7 +132,9 @@ def explain(
     found = search(problem, searched, thresholds, tell)
     if hidden and zero.gain:  # read under load, so that what another cause does may have been taken for an offset
         alone = search(bare, searched, thresholds, tell)
-        if alone.fit.energy.sum() < found.fit.energy.sum():
+        fewer = len(alone.fit.values) < len(found.fit.values) + len(zero.gain)
+        spared = material * problem.samples if fewer else 0.0  # what the zero must bring to be one name more
+        if alone.fit.energy.sum() < found.fit.energy.sum() + spared:
             problem, found = bare, alone
     tell("reading offset and drift")
     again = _zero(problem, found.fit, thresholds, slow)

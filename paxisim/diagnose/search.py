@@ -37,12 +37,14 @@ class Thresholds:
 
     Attributes:
         material: Energy, as a share of the noise's: less does not matter to a user.
+        unrepeated: The same, of a cause that but one of several episodes shows, as a press beside its place may.
         episodes: Share of the episodes that must gain, of those in which the two models differ at all; or of what is
             gained in some and lost in others.
         most: Causes at most, those that are read off the data apart.
     """
 
     material: float = 0.003
+    unrepeated: float = 0.009
     episodes: float = 0.7
     most: int = 5
 
@@ -255,7 +257,7 @@ class _Search:
             return False  # many numbers fit what one episode has of its own
         # a press that is a little beside its place looks like a saturation
         if alone and item.mistaken >= FORM and not item.covariate:
-            least *= UNREPEATED
+            least = max(least, self._limits.unrepeated * self._problem.samples)
         return self._consistent(more, fewer, max(least, self._misfit(fewer, name, more)))
 
     def _misfit(self, fewer: Fit, name: str, more: Fit | None = None) -> float:
