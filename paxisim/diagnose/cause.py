@@ -27,6 +27,9 @@ UNLIKE = 0.0005
 TAXEL_GAIN = "taxel_gain"
 """The one cause with a number for each taxel; it is fitted in closed form."""
 
+DEAD_BAND = "dead_band"
+"""The one cause that holds back a zero."""
+
 GAIN_PRIOR = 0.1
 """Spread of taxels' gains about 1 that is expected before a recording has told of it."""
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from paxisim.augment.chain import Chain
+from paxisim.augment.dead_band import DeadBand
 from paxisim.augment.latency import Latency
 from paxisim.augment.low_pass import LowPass
 from paxisim.augment.transform import Transform
@@ -47,6 +48,7 @@ class Problem:
         clips: Whether a normal reading never goes below 0.
         zero: ``(T, pads, 3, rows, cols)`` or 0: what is read without any force (N), known so far.
         least: The least force (N) that is simulated, at most 0.
+        gate: A dead band that forces pass before they are counted, where a zero is looked for ahead of it.
     """
 
     measured: FloatArray
@@ -62,6 +64,7 @@ class Problem:
     clips: bool = False
     zero: FloatArray | float = 0.0
     least: float = 0.0
+    gate: DeadBand | None = None
 
     @cached_property
     def weight(self) -> FloatArray:
@@ -155,6 +158,8 @@ class Problem:
         """
         if self.reads_all:
             return force
+        if self.gate is not None:
+            force = self.gate.apply(force, {})
         read = force - self._rounding(force) if self._ripples else force.copy()
         if self._cuts:
             normal = read[:, :, 2]
@@ -179,7 +184,7 @@ class Problem:
     @property
     def reads_all(self) -> bool:
         """Whether `read` returns what it is given."""
-        return not self._ripples and not self._cuts
+        return not self._ripples and not self._cuts and self.gate is None
 
     @property
     def _cuts(self) -> bool:

@@ -38,6 +38,7 @@ class Thresholds:
     Attributes:
         material: Energy, as a share of the noise's: less does not matter to a user.
         unrepeated: The same, of a cause that but one of several episodes shows, as a press beside its place may.
+        unlike: Factor on `material` for a cause that looks like no other.
         episodes: Share of the episodes that must gain, of those in which the two models differ at all; or of what is
             gained in some and lost in others.
         most: Causes at most, those that are read off the data apart.
@@ -45,8 +46,13 @@ class Thresholds:
 
     material: float = 0.003
     unrepeated: float = 0.009
+    unlike: float = 1.0
     episodes: float = 0.7
     most: int = 5
+
+    def least(self, item: Cause) -> float:
+        """What a cause must bring at least, as a share of the noise's energy."""
+        return self.material * (self.unlike if item.mistaken < FORM else 1.0)
 
 
 class Found:
@@ -104,10 +110,10 @@ def found_with(problem: Problem, causes: Sequence[Cause], limits: Thresholds, be
         own.fitted(chosen, begin)
         found = Found(own, chosen)
         gains = {n: float((found.without[n].energy - found.fit.energy).sum()) for n in doubted & set(chosen)}
-        least = min(gains, key=lambda n: gains[n], default=None)
-        if least is None or gains[least] >= limits.material * problem.samples:
+        small = [n for n in gains if gains[n] < limits.least(own._by_name[n]) * problem.samples]
+        if not small:
             return found
-        chosen.remove(least)
+        chosen.remove(min(small, key=lambda n: gains[n]))
 
 
 class _Search:
@@ -164,9 +170,9 @@ class _Search:
         """Candidates for a place beside `chosen`, with those that they may be mistaken for."""
         gains = self._ranked(chosen)
         found = self.fitted(chosen)
-        material = self._limits.material * self._problem.samples
+        least = {n: self._limits.least(self._by_name[n]) * self._problem.samples for n in gains}
         # what others' forms may leave to one is not what it is looked for with
-        promising = [n for n in gains if gains[n] >= PROMISE * max(material, self._misfit(found, n))]
+        promising = [n for n in gains if gains[n] >= PROMISE * max(least[n], self._misfit(found, n))]
         near = [n for n in promising[:most] if gains[n] >= share * gains[promising[0]]]
         simpler = [n for m in near for n in self._by_name[m].simpler]
         # what looks like a cause that is in shows only once both are fitted
@@ -249,7 +255,7 @@ class _Search:
 
     def _worth(self, more: Fit, fewer: Fit, name: str) -> bool:
         item = self._by_name[name]
-        least = self._limits.material * self._problem.samples * item.costs
+        least = self._limits.least(item) * self._problem.samples * item.costs
         gain = fewer.energy - more.energy
         elsewhere = gain.sum() - gain.max()
         alone = len(gain) > SEVERAL and elsewhere < ELSEWHERE * gain.sum()

@@ -19,8 +19,13 @@ PRIOR = 1.0  # 1/N^2, that draws each value to 0
 
 
 def tells_under_load(problem: Problem) -> bool:
-    """Whether the noise at rest does not reach the next count, so that small offsets show only under load."""
-    return bool(problem.step) and problem.dither < 0.25 * problem.step
+    """Whether small offsets show only under load: the noise at rest does not reach the next count, or a gate's edge."""
+    return problem.dither < 0.25 * _hidden_by(problem)
+
+
+def _hidden_by(problem: Problem) -> float:
+    """How far forces may be apart (N) that are read alike: a step, or the width of a dead band."""
+    return max(problem.step, 0.0 if problem.gate is None else float(np.max(problem.gate.width)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +63,7 @@ def under_load(
         quiet = problem.at_rest if problem.at_rest.any() else every
         begin = Sums(problem, problem.measured - problem.read(prediction), curves, quiet).values(PRIOR)
     values = begin
-    farthest = FARTHEST * problem.step
+    farthest = FARTHEST * _hidden_by(problem)
 
     def zero(values: FloatArray) -> FloatArray:
         return np.einsum("ci,it->tc", values, basis).reshape(-1, *shape)
@@ -81,6 +86,6 @@ def under_load(
 
 def at_edges(problem: Problem, force: FloatArray) -> tuple[FloatArray, FloatArray]:
     """``(T, pads, 3, rows, cols)`` what is read beside `force` (N), and by how much its mean reading moves with it."""
-    small = 0.2 * problem.step
+    small = 0.2 * _hidden_by(problem)
     slope = (problem.read(force + small) - problem.read(force - small)) / (2 * small)
     return problem.measured - problem.read(force), slope

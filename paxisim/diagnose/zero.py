@@ -160,12 +160,18 @@ def _drift_under_load(
 ) -> Zero | None:
     """The zero with a drift that steps hide, if a constant alone does not do as well."""
     always = np.ones_like(time)
-    miss, slope = at_edges(problem, prediction + constant.zero)
     every = np.ones(len(time), dtype=bool)
-    tau = _best(lambda tau: Sums(problem, miss, [always, -np.expm1(-time / tau)], every, slope).explained().sum())
-    curve = -np.expm1(-time / tau)
-    begin = np.stack([constant.values[:, 0], np.zeros(len(constant.values))], axis=1)
-    both = under_load(problem, prediction, [always, curve], begin)
+    begin, known, curve, both, tau = np.zeros((len(constant.values), 2)), constant.zero, always, constant, TAUS[0]
+    begin[:, 0] = constant.values[:, 0]
+    for _ in range(RELINEARISED):
+        miss, slope = at_edges(problem, prediction + known)
+        rest = miss + slope * known
+        tau = _best(
+            lambda tau, r=rest, s=slope: Sums(problem, r, [always, -np.expm1(-time / tau)], every, s).explained().sum()
+        )
+        curve = -np.expm1(-time / tau)
+        both = under_load(problem, prediction, [always, curve], begin)
+        begin, known = both.values, both.zero
     offset, amplitude = both.values.T
     # it may have begun before the recording, not long before: what goes with it is its own
     ratio = float(np.clip(np.sum(amplitude * offset) / max(np.sum(amplitude**2), 1e-12), 0.0, 1.0))

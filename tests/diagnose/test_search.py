@@ -111,6 +111,25 @@ def test_what_one_episode_alone_shows_must_be_more(problem, search, name, much, 
     assert search._worth(fit_of(problem, before.energy - gain, name), before, name) is worth
 
 
+def test_a_second_look_asks_no_less_of_what_one_episode_alone_shows(problem, search):
+    closer = replace(search._limits, material=0.4 * search._limits.material)
+    second = _Search(problem, search._causes, closer, lambda text: None)
+    before = fit_of(problem, np.full(EPISODES, 1e5))
+    alone = fit_of(
+        problem, before.energy - np.array([2 * search._limits.material * problem.samples, *[0.0] * 7]), "creep"
+    )
+    assert not second._worth(alone, before, "creep")
+    shown = fit_of(problem, before.energy - 0.06 * search._limits.material * problem.samples, "creep")
+    assert second._worth(shown, before, "creep")
+
+
+@pytest.mark.parametrize(
+    ("values", "matters"), [((0.002, 1.2, 0.0), True), ((0.002, 0.0, 0.0), False), ((0.0035, 0.0, 0.0), True)]
+)
+def test_crosstalk_matters_by_what_all_neighbours_get(problem, values, matters):
+    assert cause("crosstalk").is_material(values, problem) is matters
+
+
 @pytest.mark.parametrize(("against", "worth"), [(0.02, True), (0.2, False)])
 def test_one_episode_is_enough_if_the_others_hardly_object(problem, search, against, worth):
     least = search._limits.material * problem.samples
