@@ -4,30 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import cast
 
 import numpy as np
 
 from paxisim import augment
 from paxisim.augment.transform import Transform
-from paxisim.diagnose.cause import DEAD_BAND, MANY, Cause, cause, known_causes
+from paxisim.diagnose.cause import cause, known_causes
 from paxisim.diagnose.checks import Reading, read_layout, read_rounding, read_taxels
-from paxisim.diagnose.fitting import Fit, Fitted, fit, fit_of, in_order, made, predict
+from paxisim.diagnose.fitting import Fitted, fit, in_order, made, predict
 from paxisim.diagnose.noise import Tolerance
-from paxisim.diagnose.outliers import without_outliers
 from paxisim.diagnose.problem import FloatArray, Problem, problem_of, with_noise
-from paxisim.diagnose.search import SEVERAL, Found, Thresholds, found_with, search
-from paxisim.diagnose.under_load import tells_under_load
-from paxisim.diagnose.zero import Zero, nothing, zero_of
+from paxisim.diagnose.search import SEVERAL, Thresholds
+from paxisim.diagnose.state import Plan, State, closer, first_look, with_slow, zero_beside
 from paxisim.recording import Recording
 
 __all__ = ["Explanation", "Named", "Thresholds", "Tolerance", "explain"]
-
-CLOSER = (
-    0.4  # of what a cause must bring, that it must bring where no sample is far off; less if it looks like no other
-)
-TURNS = 3  # of a dead band and the zero that it holds back
-LEFT = 0.06  # of what the other causes explain, that their forms leave to an offset
 
 _THRESHOLDS, _TOLERANCE = Thresholds(), Tolerance()
 
@@ -130,130 +121,11 @@ def explain(
     read, problem = _read(raw, names, tolerance, device_step)
     slow = tuple(name for name in ("offset", "drift") if name in names)
     searched = [item for item in wanted if item.is_searched]
-    material, hidden = MANY * thresholds.material, tells_under_load(problem)
-    zero = zero_of(problem, problem.simulated, material, thresholds.episodes, names=slow, resting=not hidden)
-    bare, problem = problem, _with_zero(problem, zero)
-    found = search(problem, searched, thresholds, tell)
-    state = _State(problem, found, zero)
-    if hidden and zero.gain:  # read under load, so that what another cause does may have been taken for an offset
-        alone = _State(bare, search(bare, searched, thresholds, tell), nothing(bare))
-        state = state.or_better(alone, material)
-    tell("reading offset and drift")
-    without, state = state, _with_slow(state, searched, thresholds, slow, tell)
-    if DEAD_BAND in state.found.fit.values and state.zero.gain:  # what it held back others may have stood in for
-        begin = _ahead_of_band(without, thresholds, slow)
-        if begin.zero.gain:
-            state = state.or_better(_with_slow(begin, searched, thresholds, slow, tell), material)
-    problem, found, zero = state.problem, state.found, state.zero
+    plan = Plan(searched, thresholds, slow, tell)
+    state = with_slow(first_look(problem, plan), plan)
     if len(problem.episodes) >= SEVERAL:
-        problem, found, zero = _closer(problem, found, zero, searched, thresholds, slow, tell)
-    return _explained(raw, problem, read, found, zero, not_searched, thresholds, slow)
-
-
-@dataclass(frozen=True, eq=False)
-class _State:
-    """How far a diagnosis has come: the problem with the zero known, and what was found in it."""
-
-    problem: Problem
-    found: Found
-    zero: Zero
-
-    def or_better(self, other: _State, needed: float) -> _State:
-        """This one, or `other` if that leaves less, or has fewer names and leaves little more.
-
-        Args:
-            other: The other one.
-            needed: Energy, as a share of the noise's, that is little.
-        """
-        fewer = other._names < self._names
-        spared = needed * self.problem.samples if fewer else 0.0
-        return other if other.found.fit.energy.sum() < self.found.fit.energy.sum() + spared else self
-
-    @property
-    def _names(self) -> int:
-        return len(self.found.fit.values) + len(self.zero.gain)
-
-
-def _with_slow(
-    state: _State, searched: Sequence[Cause], limits: Thresholds, slow: tuple[str, ...], tell: Callable[[str], None]
-) -> _State:
-    """With offset and drift read beside the causes, and the causes looked for beside them."""
-    zero = _zero(state.problem, state.found.fit, limits, slow)
-    problem, found = state.problem, state.found
-    if zero.gain or state.zero.gain:
-        problem = _with_zero(problem, zero)
-        found = search(problem, searched, limits, tell, list(found.fit.values))
-        again = _zero(problem, found.fit, limits, slow)
-        if _energy(_with_zero(problem, again), found.fit) < _energy(problem, found.fit):
-            problem, zero = _with_zero(problem, again), again
-    return _State(problem, found, zero)
-
-
-def _energy(problem: Problem, fitted: Fit) -> float:
-    return float(fit_of(problem, fitted.causes, fitted.values).energy.sum())
-
-
-def _ahead_of_band(state: _State, limits: Thresholds, slow: tuple[str, ...]) -> _State:
-    """The zero and a dead band, each fitted with the other known."""
-    band, problem = [cause(DEAD_BAND)], state.problem
-    fitted = fit(problem, band, state.found.fit.values)
-    zero = state.zero
-    for _ in range(TURNS):
-        zero = _zero(problem, fitted, limits, slow)
-        problem = _with_zero(problem, zero)
-        fitted = fit(problem, band, fitted.values)
-    return _State(problem, found_with(problem, band, limits, fitted, set()), zero)
-
-
-def _closer(
-    problem: Problem,
-    found: Found,
-    zero: Zero,
-    searched: Sequence[Cause],
-    limits: Thresholds,
-    slow: tuple[str, ...],
-    tell: Callable[[str], None],
-) -> tuple[Problem, Found, Zero]:
-    """What shows besides where samples that are far off count little, as several episodes agree."""
-    tell("looking again without the samples that are far off")
-    closer = replace(limits, material=CLOSER * limits.material, unlike=CLOSER)
-    near = without_outliers(problem, found.fit.prediction)
-    again = _zero(near, found.fit, closer, slow)
-    if not again.gain.keys() <= zero.gain.keys():
-        zero, problem, near = again, _with_zero(problem, again), _with_zero(near, again)
-    second = search(near, searched, closer, tell, list(found.fit.values))
-    if zero is again or second.fit.values.keys() != found.fit.values.keys():
-        doubted = second.fit.values.keys() - found.fit.values.keys()
-        found = found_with(problem, searched, closer, second.fit, doubted)
-    return problem, found, zero
-
-
-def _with_zero(problem: Problem, zero: Zero) -> Problem:
-    return replace(problem, zero=zero.at(problem.time - problem.time[0]))
-
-
-def _zero(problem: Problem, fitted: Fit, limits: Thresholds, slow: tuple[str, ...]) -> Zero:
-    """What is read without a force beside causes that were fitted."""
-    # a dead band holds back small zeros, too: they are told by what gets through with a load
-    chosen = [cause(name) for name in fitted.values if name != DEAD_BAND]
-    if DEAD_BAND in fitted.values:
-        gate = cast(augment.DeadBand, made(problem, cause(DEAD_BAND), fitted.values[DEAD_BAND]))
-        problem = replace(problem, gate=gate)
-    bare = predict(replace(problem, zero=0.0), chosen, fitted.values)[0]
-    owned = any(item.name == "interference" for item in chosen)
-    material = MANY * limits.material
-
-    def energy(zero: Zero) -> float:
-        return float(np.sum(problem.residual(bare + zero.at(problem.time - problem.time[0])) ** 2))
-
-    if tells_under_load(problem):  # what the other causes' forms leave is there, too
-        without = replace(problem, gate=None).residual(problem.simulated + problem.zero)
-        explained = np.sum(without**2) - np.sum(problem.residual(bare + problem.zero) ** 2)
-        material += LEFT * max(float(explained), 0.0) / problem.samples
-    zero = zero_of(problem, bare, material, limits.episodes, names=slow, owned=owned)
-    if owned and not zero.gain:  # only what the field has of its own, which a coarse sensor may not tell either
-        zero = min(zero, nothing(problem), key=energy)
-    return zero
+        state = closer(state, plan)
+    return _explained(raw, state, read, not_searched, plan)
 
 
 def _read(
@@ -278,15 +150,9 @@ def _read(
 
 
 def _explained(
-    raw: Problem,
-    problem: Problem,
-    read: Mapping[str, Reading],
-    found: Found,
-    zero: Zero,
-    not_searched: Mapping[str, str],
-    limits: Thresholds,
-    slow: tuple[str, ...],
+    raw: Problem, state: State, read: Mapping[str, Reading], not_searched: Mapping[str, str], plan: Plan
 ) -> Explanation:
+    problem, found, zero = state.problem, state.found, state.zero
     chosen = [cause(name) for name in found.fit.values]
     weight = 1 / problem.sigma
 
@@ -335,7 +201,7 @@ def _explained(
     def refit(part: Problem) -> FloatArray:
         fitted = fit(part, chosen, found.fit.values)
         if zero.gain:
-            own = _zero(part, fitted, limits, slow)
+            own = zero_beside(part, fitted, plan.limits, plan.slow)
             elapsed = problem.time - part.time[0]
             return whole(replace(problem, zero=own.at(np.maximum(elapsed, 0.0))), fitted.values)
         return whole(problem, fitted.values)

@@ -1,0 +1,169 @@
+"""State: how far a diagnosis has come, and its steps: causes beside a zero, a zero beside causes, a closer look."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import cast
+
+import numpy as np
+
+from paxisim import augment
+from paxisim.diagnose.cause import DEAD_BAND, MANY, Cause, cause
+from paxisim.diagnose.fitting import Fit, fit, fit_of, made, predict
+from paxisim.diagnose.outliers import without_outliers
+from paxisim.diagnose.problem import Problem
+from paxisim.diagnose.search import Found, Thresholds, found_with, search
+from paxisim.diagnose.under_load import tells_under_load
+from paxisim.diagnose.zero import Zero, nothing, zero_of
+
+CLOSER = (
+    0.4  # of what a cause must bring, that it must bring where no sample is far off; the same if it is like no other
+)
+TURNS = 3  # of a dead band and the zero that it holds back
+LEFT = 0.06  # of what the other causes explain, that their forms leave to an offset
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is looked for.
+
+    Attributes:
+        searched: Causes that are fitted.
+        limits: What each must bring.
+        slow: Those of "offset" and "drift" that are looked for.
+        tell: Told in words what is being done.
+    """
+
+    searched: Sequence[Cause]
+    limits: Thresholds
+    slow: tuple[str, ...]
+    tell: Callable[[str], None]
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """How far a diagnosis has come.
+
+    Attributes:
+        problem: The recording, with the zero known.
+        found: Causes that were found in it.
+        zero: What is read without a force.
+    """
+
+    problem: Problem
+    found: Found
+    zero: Zero
+
+    def or_better(self, other: State, little: float) -> State:
+        """This one, or `other` if that leaves less, or has fewer names and leaves `little` more (noise's energy)."""
+        spared = little * self.problem.samples if other._names < self._names else 0.0
+        return other if other.found.fit.energy.sum() < self.found.fit.energy.sum() + spared else self
+
+    @property
+    def _names(self) -> int:
+        return len(self.found.fit.values) + len(self.zero.gain)
+
+
+def first_look(problem: Problem, plan: Plan) -> State:
+    """What is found beside the zero that is read before a contact, or with a load where it shows only so."""
+    material, hidden = MANY * plan.limits.material, tells_under_load(problem)
+    zero = zero_of(problem, problem.simulated, material, plan.limits.episodes, names=plan.slow, resting=not hidden)
+    beside = with_zero(problem, zero)
+    state = State(beside, search(beside, plan.searched, plan.limits, plan.tell), zero)
+    if hidden and zero.gain:  # what another cause does may have been taken for an offset
+        alone = State(problem, search(problem, plan.searched, plan.limits, plan.tell), nothing(problem))
+        state = state.or_better(alone, material)
+    return state
+
+
+def with_slow(state: State, plan: Plan) -> State:
+    """With offset and drift read beside the causes, and the causes looked for beside them."""
+    plan.tell("reading offset and drift")
+    last = _zero_renewed(state, plan)
+    if DEAD_BAND in last.found.fit.values and last.zero.gain:  # what it held back others may have stood in for
+        begin = _ahead_of_band(state, plan)
+        if begin.zero.gain:
+            last = last.or_better(_zero_renewed(begin, plan), MANY * plan.limits.material)
+    return last
+
+
+def closer(state: State, plan: Plan) -> State:
+    """With what shows where samples that are far off count little, as several episodes agree."""
+    plan.tell("looking again without the samples that are far off")
+    limits = replace(plan.limits, material=CLOSER * plan.limits.material, unlike=CLOSER)
+    problem, found, zero = state.problem, state.found, state.zero
+    near = without_outliers(problem, found.fit.prediction)
+    again = zero_beside(near, found.fit, limits, plan.slow)
+    if not again.gain.keys() <= zero.gain.keys():
+        zero, problem, near = again, with_zero(problem, again), with_zero(near, again)
+    second = search(near, plan.searched, limits, plan.tell, list(found.fit.values))
+    if zero is again or second.fit.values.keys() != found.fit.values.keys():
+        doubted = second.fit.values.keys() - found.fit.values.keys()
+        found = found_with(problem, plan.searched, limits, second.fit, doubted)
+    return State(problem, found, zero)
+
+
+def with_zero(problem: Problem, zero: Zero) -> Problem:
+    """The problem in which so much is read without a force."""
+    return replace(problem, zero=zero.at(problem.time - problem.time[0]))
+
+
+def zero_beside(problem: Problem, fitted: Fit, limits: Thresholds, slow: tuple[str, ...]) -> Zero:
+    """What is read without a force beside causes that were fitted.
+
+    Args:
+        problem: The recording.
+        fitted: The causes.
+        limits: What an offset or a drift must bring.
+        slow: Those of "offset" and "drift" that are looked for.
+    """
+    # a dead band holds back small zeros: they are told by what gets through with a load
+    chosen = [cause(name) for name in fitted.values if name != DEAD_BAND]
+    if DEAD_BAND in fitted.values:
+        gate = cast(augment.DeadBand, made(problem, cause(DEAD_BAND), fitted.values[DEAD_BAND]))
+        problem = replace(problem, gate=gate)
+    bare = predict(replace(problem, zero=0.0), chosen, fitted.values)[0]
+    owned = any(item.name == "interference" for item in chosen)
+    material = MANY * limits.material
+
+    def energy(zero: Zero) -> float:
+        return float(np.sum(problem.residual(bare + zero.at(problem.time - problem.time[0])) ** 2))
+
+    if tells_under_load(problem):  # what the other causes' forms leave is there, too
+        without = replace(problem, gate=None).residual(problem.simulated + problem.zero)
+        explained = np.sum(without**2) - np.sum(problem.residual(bare + problem.zero) ** 2)
+        material += LEFT * max(float(explained), 0.0) / problem.samples
+    zero = zero_of(problem, bare, material, limits.episodes, names=slow, owned=owned)
+    if owned and not zero.gain:  # only what the field has of its own, which a coarse sensor may not tell either
+        zero = min(zero, nothing(problem), key=energy)
+    return zero
+
+
+def _zero_renewed(state: State, plan: Plan) -> State:
+    zero = zero_beside(state.problem, state.found.fit, plan.limits, plan.slow)
+    if not zero.gain and not state.zero.gain:
+        return State(state.problem, state.found, zero)
+    problem = with_zero(state.problem, zero)
+    found = search(problem, plan.searched, plan.limits, plan.tell, list(state.found.fit.values))
+    again = zero_beside(problem, found.fit, plan.limits, plan.slow)
+    renewed = with_zero(problem, again)
+    much = MANY * plan.limits.material * problem.samples
+    if _energy(renewed, found.fit) < _energy(problem, found.fit) + much:  # else it was lost behind a dead band
+        problem, zero = renewed, again
+    return State(problem, found, zero)
+
+
+def _ahead_of_band(state: State, plan: Plan) -> State:
+    """The zero and a dead band, each fitted with the other known."""
+    band, problem, zero = [cause(DEAD_BAND)], state.problem, state.zero
+    fitted = fit(problem, band, state.found.fit.values)
+    for _ in range(TURNS):
+        zero = zero_beside(problem, fitted, plan.limits, plan.slow)
+        problem = with_zero(problem, zero)
+        fitted = fit(problem, band, fitted.values)
+    return State(problem, found_with(problem, band, plan.limits, fitted, set()), zero)
+
+
+def _energy(problem: Problem, fitted: Fit) -> float:
+    return float(fit_of(problem, fitted.causes, fitted.values).energy.sum())
