@@ -1,6 +1,7 @@
 """What a sensor's steps hide while nothing is pressed is told under load: offsets, and drifts as such."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from hidden.cases import make
 from recorded import recording_of
 
+from paxisim.augment import DeadBand
 from paxisim.diagnose.cause import MANY
 from paxisim.diagnose.engine import Thresholds, explain
 from paxisim.diagnose.noise import Tolerance
@@ -77,3 +79,25 @@ def test_an_offset_behind_steps_is_no_drift():
 def test_nothing_behind_steps_is_nothing():
     _, problem = quiet_case()
     assert not zero_of(problem, problem.simulated, MATERIAL, 0.7).gain
+
+
+@pytest.mark.parametrize("added", ["offset", "drift"])
+def test_a_zero_that_a_dead_band_holds_back_is_told_under_load(added):
+    case = make((), seed=11, rows=4, cols=3, duration=6.0, rho=0.0, ideal=True)
+    problem = problem_of(recording_of(case), Tolerance())
+    rng = np.random.default_rng(2)
+    size = 0.12 * rng.choice([-1.0, 1.0], problem.alive.shape) * rng.uniform(0.5, 1.0, problem.alive.shape)
+    size[:, 2] = np.abs(size[:, 2])
+    course = 1.0 if added == "offset" else -2 * np.expm1(-(case.time - case.time[0]) / 200)[:, None, None, None, None]
+    gate = DeadBand(0.25, edge=0.1)
+    read = gate(problem.simulated + size * course) + 0.02 * rng.standard_normal(problem.simulated.shape)
+    read[:, :, 2] = np.maximum(read[:, :, 2], 0)
+    case.measured = read.astype(np.float32)
+    problem = problem_of(recording_of(case), Tolerance())
+    assert not zero_of(problem, gate(problem.simulated), MATERIAL, 0.7, resting=True).gain  # nothing shows at rest
+    zero = zero_of(replace(problem, gate=gate), problem.simulated, MATERIAL, 0.7)
+    assert list(zero.gain) == [added]
+    told = loaded(problem)
+    true = (size * course * np.ones((len(case.time), 1, 1, 1, 1)))[:, told]
+    wrong = zero.at(case.time - case.time[0])[:, told] - true
+    assert np.sqrt(np.mean(wrong**2)) < 0.3 * np.sqrt(np.mean(true**2))
