@@ -87,6 +87,7 @@ class Cause:
         form: Share of its gain that another cause, by its name, may bring besides, as no form fits exactly what a
             sensor does; that one's `mistaken` where it is not listed.
         mistaken: Share of another cause's gain that this one may bring only because that one's form does not fit.
+        faint: Factor on the energy that matters, that is enough without samples far off, as chance brings less.
         beyond: How far `values` are from what those could do, in units of what matters: at least 1 to be named.
         solve: For one with a number for each taxel or channel: the array that fits best, in closed form, given the
             problem, what comes in, a function that says what the causes behind it make of what goes out, whether there
@@ -107,6 +108,7 @@ class Cause:
     costs: float = 1.0
     form: Mapping[str, float] = field(default_factory=dict)
     mistaken: float = FORM
+    faint: float = 1.0
     beyond: Callable[[Values, Problem], float] = lambda values, problem: np.inf
     solve: Solve | None = None
     solves: str = ""

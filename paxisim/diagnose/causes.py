@@ -107,6 +107,7 @@ register_cause(
         lambda p: [(0.1, 0.0), (0.0, 0.1)],
         form={"interference": 0.02},
         mistaken=UNLIKE,
+        faint=0.4,
         barred=mixes_alike,
     )
 )

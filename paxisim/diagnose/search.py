@@ -16,6 +16,7 @@ from paxisim.diagnose.tangent import Tangent, tangent_of
 CONTEST = 4  # candidates that are fitted in full for one place
 EXCHANGE = 3  # of them where a cause that is in is put to the test again
 SIGNIFICANT = 30.0  # energy, in units of the noise, that chance does not explain
+WANDERING = 0.0005  # of what offset and drift explain, that their form leaves to most others, as zeros wander
 DRIFTING = 0.05  # of what a drift explains, that its form leaves to a field that comes and goes
 COARSE = 0.7  # of a step: with less noise before rounding an offset is not told well
 HIDDEN = 0.07  # of what such an offset explains, that it may leave to most others
@@ -38,7 +39,7 @@ class Thresholds:
     Attributes:
         material: Energy, as a share of the noise's: less does not matter to a user.
         unrepeated: The same, of a cause that but one of several episodes shows, as a press beside its place may.
-        unlike: Factor on `material` for a cause that looks like no other.
+        second: Whether this is a second look, in which chance brings little, so that less of some causes is enough.
         episodes: Share of the episodes that must gain, of those in which the two models differ at all; or of what is
             gained in some and lost in others.
         most: Causes at most, those that are read off the data apart.
@@ -46,13 +47,13 @@ class Thresholds:
 
     material: float = 0.003
     unrepeated: float = 0.009
-    unlike: float = 1.0
+    second: bool = False
     episodes: float = 0.7
     most: int = 5
 
     def least(self, item: Cause) -> float:
         """What a cause must bring at least, as a share of the noise's energy."""
-        return self.material * (self.unlike if item.mistaken < FORM else 1.0)
+        return self.material * (item.faint if self.second else 1.0)
 
 
 class Found:
@@ -270,7 +271,9 @@ class _Search:
         """Energy that the forms of a fit's causes may leave for `name` to explain, at least or beside a fit with it."""
         item = self._by_name[name]
         gain = np.maximum(fewer.energy - more.energy, 0.0) if more else np.zeros_like(fewer.energy)
-        misfit = DRIFTING * self._zero_gain if name == "interference" else self._hidden * min(item.mistaken / FORM, 1.0)
+        misfit = max(self._hidden, WANDERING * self._zero_gain) * min(item.mistaken / FORM, 1.0)
+        if name == "interference":
+            misfit = DRIFTING * self._zero_gain
         for other in fewer.values:
             without = self.fitted([n for n in fewer.values if n != other], fewer)
             share = self._by_name[other].form.get(name, item.mistaken)

@@ -17,9 +17,7 @@ from paxisim.diagnose.search import Found, Thresholds, found_with, search
 from paxisim.diagnose.under_load import tells_under_load
 from paxisim.diagnose.zero import Zero, nothing, zero_of
 
-CLOSER = (
-    0.4  # of what a cause must bring, that it must bring where no sample is far off; the same if it is like no other
-)
+CLOSER = 0.4  # of what a cause must bring, that it must bring where no sample is far off
 TURNS = 3  # of a dead band and the zero that it holds back
 LEFT = 0.06  # of what the other causes explain, that their forms leave to an offset
 
@@ -73,7 +71,8 @@ def first_look(problem: Problem, plan: Plan) -> State:
     state = State(beside, search(beside, plan.searched, plan.limits, plan.tell), zero)
     if hidden and zero.gain:  # what another cause does may have been taken for an offset
         alone = State(problem, search(problem, plan.searched, plan.limits, plan.tell), nothing(problem))
-        state = state.or_better(alone, material)
+        if state.or_better(alone, material) is alone:
+            state = replace(alone, zero=zero)  # to be read again beside them
     return state
 
 
@@ -91,7 +90,7 @@ def with_slow(state: State, plan: Plan) -> State:
 def closer(state: State, plan: Plan) -> State:
     """With what shows where samples that are far off count little, as several episodes agree."""
     plan.tell("looking again without the samples that are far off")
-    limits = replace(plan.limits, material=CLOSER * plan.limits.material, unlike=CLOSER)
+    limits = replace(plan.limits, material=CLOSER * plan.limits.material, second=True)
     problem, found, zero = state.problem, state.found, state.zero
     near = without_outliers(problem, found.fit.prediction)
     again = zero_beside(near, found.fit, limits, plan.slow)
