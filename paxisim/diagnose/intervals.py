@@ -14,7 +14,7 @@ from scipy.stats import t as student
 from paxisim.augment.chain import Chain
 from paxisim.augment.parameter import parameters
 from paxisim.augment.transform import Transform
-from paxisim.diagnose.cause import GAIN_PRIOR, TAXEL_GAIN, Cause, Free, cause
+from paxisim.diagnose.cause import DEAD_BAND, GAIN_PRIOR, TAXEL_GAIN, Cause, Free, cause
 from paxisim.diagnose.channels import CHANNEL_CURVE, curve_error
 from paxisim.diagnose.diagnosis import FittedParameter, Interval
 from paxisim.diagnose.engine import Explanation, Named
@@ -22,6 +22,7 @@ from paxisim.diagnose.fitting import Fitted, predict
 from paxisim.diagnose.gains import by_episode, drawn
 from paxisim.diagnose.noise import Tolerance, differences
 from paxisim.diagnose.problem import FloatArray, Problem
+from paxisim.diagnose.under_load import tells_under_load
 
 LEVEL = 0.9
 _LEVELS, _PER_OCTAVE = 64, 8  # of force, down from the peak
@@ -296,15 +297,17 @@ def _gain_spread(found: Explanation, gains: FloatArray) -> FloatArray | None:
 def _zero_spread(found: Explanation, name: str) -> FloatArray | None:
     """``(pads, 3, rows, cols)`` half the width of each channel's interval: "offset" or the drift's "amplitude".
 
-    Told, as they are, by what the episodes leave at rest; by all of their frames where noise does not reach a count.
+    Told, as they are, by what the episodes leave at rest; by all of their frames where noise does not reach a count, by
+    those with a load where a dead band holds back the others.
     """
     problem = found.problem
     curves = [np.ones(len(problem.time))]
     for named in found.found:
         if named.name == "drift":
             curves.append(-np.expm1(-(problem.time - problem.time[0]) / np.max(named.values["tau"])))
-    hides = 0 < problem.dither < 0.25 * problem.step
-    frames = np.ones(len(problem.time), dtype=bool) if hides else problem.at_rest
+    frames = np.ones(len(problem.time), dtype=bool) if tells_under_load(problem) else problem.at_rest
+    if any(named.name == DEAD_BAND for named in found.found):
+        frames = ~problem.at_rest
     spans = [np.flatnonzero(frames[span]) + span.start for span in problem.episodes]
     spans = [span for span in spans if len(span) >= _LEAST_REST]
     if len(spans) <= len(curves) + 1:
