@@ -13,6 +13,7 @@ LEAST = 5  # samples of an episode
 SMOOTH = 0.6  # of a step: with more noise the spread of the counts tells it
 NOISES = np.geomspace(0.15, 0.8, 25)  # steps; with less the reading hardly differs
 SPREADS = np.array([0.02, 0.1, 0.2, 0.4, 0.8, 1.6, 6.4])  # steps, of the zeros of the channels
+MEMORY = 1.5  # times the noise before a contact: what is more after it is not noise
 FAR = 3  # counts from the commonest one, that are told apart
 
 
@@ -42,7 +43,12 @@ def dither_of(
         return 0.0
     if _spread(before) > SMOOTH * step:  # all of it: noise that is slow shows in long spans only
         return float(np.sqrt(max(_spread(resting) ** 2 - step**2 / 12, 0.0)))
-    counts = [np.round(part / step) for part in before]
+    noise, longer = _before_rounding(before, step), _before_rounding(resting, step)
+    return longer if longer < MEMORY * noise else noise  # slow noise shows in long spans only, but so does a memory
+
+
+def _before_rounding(parts: list[FloatArray], step: float) -> float:
+    counts = [np.round(part / step) for part in parts]
     commonest = np.array([np.median(c, axis=0) for c in counts])
     far = [np.clip(c - own, -FAR, FAR) for c, own in zip(counts, commonest, strict=True)]
     seen = np.array([[(f == level).sum(axis=0) for f in far] for level in range(-FAR, FAR + 1)], dtype=float)

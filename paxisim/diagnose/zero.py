@@ -11,7 +11,7 @@ from scipy.optimize import minimize_scalar
 
 from paxisim.diagnose.problem import FloatArray, Problem, showing
 from paxisim.diagnose.sums import Sums
-from paxisim.diagnose.under_load import UnderLoad, at_edges, tells_under_load, under_load
+from paxisim.diagnose.under_load import PRIOR, UnderLoad, at_edges, tells_under_load, under_load
 
 CLEARLY_DRIFT = 30.0  # energy, in units of the noise, by which a drift alone must do better than an offset
 RELINEARISED = 2  # times: what is read of a drift from 0 is no straight image of it where readings are cut
@@ -161,8 +161,15 @@ def _drift_under_load(
     """The zero with a drift that steps hide, if a constant alone does not do as well."""
     always = np.ones_like(time)
     every = np.ones(len(time), dtype=bool)
-    begin, known, curve, both, tau = np.zeros((len(constant.values), 2)), constant.zero, always, constant, TAUS[0]
-    begin[:, 0] = constant.values[:, 0]
+    # whole counts of it show without a load
+    quiet = problem.at_rest if problem.at_rest.any() else every
+    left = problem.measured - problem.read(prediction + constant.zero)
+    tau = _best(lambda tau: Sums(problem, left, [always, -np.expm1(-time / tau)], quiet).explained().sum())
+    curve = -np.expm1(-time / tau)
+    begin = Sums(problem, left, [always, curve], quiet).values(PRIOR)
+    begin[:, 0] += constant.values[:, 0]
+    known = (begin @ np.stack([always, curve])).T.reshape(left.shape)
+    both = constant
     for _ in range(RELINEARISED):
         miss, slope = at_edges(problem, prediction + known)
         rest = miss + slope * known
