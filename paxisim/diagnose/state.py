@@ -53,14 +53,13 @@ class State:
     found: Found
     zero: Zero
 
-    def or_better(self, other: State, little: float) -> State:
-        """This one, or `other` if that leaves less, or has fewer names and leaves `little` more (noise's energy)."""
-        spared = little * self.problem.samples if other._names < self._names else 0.0
-        return other if other.found.fit.energy.sum() < self.found.fit.energy.sum() + spared else self
+    def or_better(self, other: State, limits: Thresholds) -> State:
+        """This one, or `other` if that leaves less: each name counts as what it must bring."""
+        return other if other._left(limits) < self._left(limits) else self
 
-    @property
-    def _names(self) -> int:
-        return len(self.found.fit.values) + len(self.zero.gain)
+    def _left(self, limits: Thresholds) -> float:
+        names = len(self.found.fit.values) + MANY * len(self.zero.gain)
+        return float(self.found.fit.energy.sum()) + names * limits.material * self.problem.samples
 
 
 def first_look(problem: Problem, plan: Plan) -> State:
@@ -71,7 +70,7 @@ def first_look(problem: Problem, plan: Plan) -> State:
     state = State(beside, search(beside, plan.searched, plan.limits, plan.tell), zero)
     if hidden and zero.gain:  # what another cause does may have been taken for an offset
         alone = State(problem, search(problem, plan.searched, plan.limits, plan.tell), nothing(problem))
-        if state.or_better(alone, material) is alone:
+        if state.or_better(alone, plan.limits) is alone:
             state = replace(alone, zero=zero)  # to be read again beside them
     return state
 
@@ -80,10 +79,10 @@ def with_slow(state: State, plan: Plan) -> State:
     """With offset and drift read beside the causes, and the causes looked for beside them."""
     plan.tell("reading offset and drift")
     last = _zero_renewed(state, plan)
-    if DEAD_BAND in last.found.fit.values and last.zero.gain:  # what it held back others may have stood in for
-        begin = _ahead_of_band(state, plan)
+    if DEAD_BAND in last.found.fit.values and (last.zero.gain or len(last.found.fit.values) > 1):
+        begin = _ahead_of_band(state, plan)  # others may have stood in for what it held back
         if begin.zero.gain:
-            last = last.or_better(_zero_renewed(begin, plan), MANY * plan.limits.material)
+            last = last.or_better(_zero_renewed(begin, plan), plan.limits)
     return last
 
 

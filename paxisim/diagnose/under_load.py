@@ -20,12 +20,17 @@ PRIOR = 1.0  # 1/N^2, that draws each value to 0
 
 def tells_under_load(problem: Problem) -> bool:
     """Whether small offsets show only under load: the noise at rest does not reach the next count, or a gate's edge."""
-    return problem.dither < 0.25 * _hidden_by(problem)
+    return problem.dither < max(0.25 * problem.step, _width(problem))
+
+
+def _width(problem: Problem) -> float:
+    """What a dead band holds back (N), if there is one."""
+    return 0.0 if problem.gate is None else float(np.max(problem.gate.width))
 
 
 def _hidden_by(problem: Problem) -> float:
-    """How far forces may be apart (N) that are read alike: a step, or the width of a dead band."""
-    return max(problem.step, 0.0 if problem.gate is None else float(np.max(problem.gate.width)))
+    """How far forces may be apart (N) that are read alike."""
+    return max(problem.step, _width(problem))
 
 
 @dataclass(frozen=True, eq=False)
