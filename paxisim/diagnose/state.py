@@ -96,6 +96,9 @@ def closer(state: State, plan: Plan) -> State:
     if not again.gain.keys() <= zero.gain.keys():
         zero, problem, near = again, with_zero(problem, again), with_zero(near, again)
     second = search(near, plan.searched, limits, plan.tell, list(found.fit.values))
+    if DEAD_BAND in found.fit.values and DEAD_BAND not in second.fit.values:  # ahead of which the zero was read
+        zero = again = zero_beside(near, second.fit, limits, plan.slow)
+        problem = with_zero(problem, zero)
     if zero is again or second.fit.values.keys() != found.fit.values.keys():
         doubted = second.fit.values.keys() - found.fit.values.keys()
         found = found_with(problem, plan.searched, limits, second.fit, doubted)
