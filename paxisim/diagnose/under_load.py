@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from paxisim.diagnose.problem import FloatArray, Problem
 from paxisim.diagnose.sums import Sums
@@ -65,8 +66,8 @@ def under_load(
     shape = problem.alive.shape
     every = np.ones(len(problem.time), dtype=bool)
     if begin is None:  # whole counts show without a load
-        quiet = problem.at_rest if problem.at_rest.any() else every
-        begin = Sums(problem, problem.measured - problem.read(prediction), curves, quiet).values(PRIOR)
+        left = problem.measured - problem.read(prediction)
+        begin = Sums(problem, left, curves, quiet_frames(problem)).values(PRIOR)
     values = begin
     farthest = FARTHEST * _hidden_by(problem)
 
@@ -87,6 +88,11 @@ def under_load(
         after = problem.measured[span] - problem.read(prediction[span] + own)
         gain[number] = np.sum(weight[span] * (before[span] ** 2 - after**2))
     return UnderLoad(values, zero(values), gain)
+
+
+def quiet_frames(problem: Problem) -> NDArray[np.bool_]:
+    """``(T,)`` where nothing is pressed; all, if that is never."""
+    return problem.at_rest if problem.at_rest.any() else np.ones(len(problem.time), dtype=bool)
 
 
 def at_edges(problem: Problem, force: FloatArray) -> tuple[FloatArray, FloatArray]:

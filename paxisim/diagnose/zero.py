@@ -11,7 +11,7 @@ from scipy.optimize import minimize_scalar
 
 from paxisim.diagnose.problem import FloatArray, Problem, showing
 from paxisim.diagnose.sums import Sums
-from paxisim.diagnose.under_load import PRIOR, UnderLoad, at_edges, tells_under_load, under_load
+from paxisim.diagnose.under_load import PRIOR, UnderLoad, at_edges, quiet_frames, tells_under_load, under_load
 
 CLEARLY_DRIFT = 30.0  # energy, in units of the noise, by which a drift alone must do better than an offset
 RELINEARISED = 2  # times: what is read of a drift from 0 is no straight image of it where readings are cut
@@ -37,7 +37,7 @@ class Zero:
 
     def at(self, time: FloatArray) -> FloatArray:
         """``(T, pads, 3, rows, cols)`` newtons, `time` in seconds from the first sample."""
-        curve = -np.expm1(-time / self.tau)
+        curve = _course(time, self.tau)
         return self.offset + curve[:, None, None, None, None] * self.amplitude
 
 
@@ -106,8 +106,8 @@ def zero_of(
 
     def drifting(curves: list[FloatArray]) -> tuple[Sums, float]:
         """The fit of `curves` and a drift, with the time constant that explains most."""
-        tau = _best(lambda tau: Sums(problem, rest, [*curves, -np.expm1(-time / tau)], frames).explained().sum())
-        return Sums(problem, rest, [*curves, -np.expm1(-time / tau)], frames), tau
+        tau = _best(lambda tau: Sums(problem, rest, [*curves, _course(time, tau)], frames).explained().sum())
+        return Sums(problem, rest, [*curves, _course(time, tau)], frames), tau
 
     if with_drift:
         beside, best_tau = drifting(others)
@@ -116,7 +116,7 @@ def zero_of(
             gains["drift"], chosen, tau = gain, beside, best_tau
             for _ in range(0 if problem.reads_all or hiding is not None else RELINEARISED):
                 constant, slope = chosen.values()[:, [0, -1]].T
-                own = (constant - np.outer(np.expm1(-time / tau), slope)).reshape(rest.shape)
+                own = (constant + np.outer(_course(time, tau), slope)).reshape(rest.shape)
                 rest = own + problem.measured - problem.read(prediction + own)
                 chosen, tau = drifting(others)
             amplitude = np.where(problem.alive, chosen.values()[..., -1].reshape(zeros.shape), 0.0)
@@ -135,7 +135,7 @@ def zero_of(
         if owned:
             left -= left.mean(axis=(2, 3), keepdims=True)
         if "drift" in gains:
-            tied = ratio - np.expm1(-time / tau)
+            tied = ratio + _course(time, tau)
             gain = (chosen.heldout() - Sums(problem, rest, [*others[1:], tied], frames).heldout()).sum(axis=1)
         else:
             gain = Sums(problem, rest - (offset - left), [np.ones_like(time)], frames).heldout().sum(axis=1)
@@ -162,10 +162,10 @@ def _drift_under_load(
     always = np.ones_like(time)
     every = np.ones(len(time), dtype=bool)
     # whole counts of it show without a load
-    quiet = problem.at_rest if problem.at_rest.any() else every
+    quiet = quiet_frames(problem)
     left = problem.measured - problem.read(prediction + constant.zero)
-    tau = _best(lambda tau: Sums(problem, left, [always, -np.expm1(-time / tau)], quiet).explained().sum())
-    curve = -np.expm1(-time / tau)
+    tau = _best(lambda tau: Sums(problem, left, [always, _course(time, tau)], quiet).explained().sum())
+    curve = _course(time, tau)
     begin = Sums(problem, left, [always, curve], quiet).values(PRIOR)
     begin[:, 0] += constant.values[:, 0]
     known = (begin @ np.stack([always, curve])).T.reshape(left.shape)
@@ -174,9 +174,9 @@ def _drift_under_load(
         miss, slope = at_edges(problem, prediction + known)
         rest = miss + slope * known
         tau = _best(
-            lambda tau, r=rest, s=slope: Sums(problem, r, [always, -np.expm1(-time / tau)], every, s).explained().sum()
+            lambda tau, r=rest, s=slope: Sums(problem, r, [always, _course(time, tau)], every, s).explained().sum()
         )
-        curve = -np.expm1(-time / tau)
+        curve = _course(time, tau)
         both = under_load(problem, prediction, [always, curve], begin)
         begin, known = both.values, both.zero
     offset, amplitude = both.values.T
@@ -198,6 +198,11 @@ def _drift_under_load(
         return np.where(problem.alive, values.reshape(problem.alive.shape), 0.0)
 
     return Zero(shaped(offset), shaped(amplitude), tau, gains)
+
+
+def _course(time: FloatArray, tau: float) -> FloatArray:
+    """``(T,)`` how far a drift has come, of its amplitude."""
+    return -np.expm1(-time / tau)
 
 
 def _best(explained: Callable[[float], float]) -> float:
