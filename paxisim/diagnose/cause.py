@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -82,10 +82,14 @@ class Cause:
         ahead: By what share of its gain it must be better than those.
         behind: By what share of its gain, given its values, it must be better than another cause, by its name, which it
             does not imitate but whose form costs that one as much.
+        told_beside: By name of another cause, the only numbers that tell it from that one where both are in.
         costs: How many times the energy that matters it must bring: more than 1 for one with many numbers, in which
             what no calibration has removed gathers.
         form: Share of its gain that another cause, by its name, may bring besides, as no form fits exactly what a
             sensor does; that one's `mistaken` where it is not listed.
+        absorbs: The same where those of `absorbers` are fitted besides, which take up what its form misses; a cause
+            that brings less than its share in `form` may bring more than this.
+        absorbers: Names of causes.
         mistaken: Share of another cause's gain that this one may bring only because that one's form does not fit.
         faint: Factor on the energy that matters, that is enough without samples far off, as chance brings less.
         beyond: How far `values` are from what those could do, in units of what matters: at least 1 to be named.
@@ -105,8 +109,11 @@ class Cause:
     simpler: tuple[str, ...] = ()
     ahead: float = 0.08
     behind: Mapping[str, Callable[[Values, Problem], float]] = field(default_factory=dict)
+    told_beside: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     costs: float = 1.0
     form: Mapping[str, float] = field(default_factory=dict)
+    absorbs: Mapping[str, float] = field(default_factory=dict)
+    absorbers: tuple[str, ...] = ()
     mistaken: float = FORM
     faint: float = 1.0
     beyond: Callable[[Values, Problem], float] = lambda values, problem: np.inf
@@ -124,12 +131,16 @@ class Cause:
         """Whether it is fitted; else it is read off the data, and has no rivals."""
         return self.probes is not None or self.solve is not None
 
-    def is_material(self, values: Values, problem: Problem) -> bool:
-        """Whether some number is far enough from neutral to matter."""
+    def is_material(self, values: Values, problem: Problem, beside: Iterable[str] = ()) -> bool:
+        """Whether some number is far enough from neutral to matter, one that tells it from the causes `beside`."""
         if self.beyond(values, problem) < 1:
             return False
         pairs = list(zip(values, self.free(problem), strict=True)) if self.solve is None else []
-        return not pairs or any(f.material is not None and abs(v - f.neutral) >= f.material for v, f in pairs)
+        telling = [self.told_beside[name] for name in beside if name in self.told_beside]
+        return not pairs or any(
+            f.material is not None and abs(v - f.neutral) >= f.material and all(f.name in names for names in telling)
+            for v, f in pairs
+        )
 
 
 _CAUSES: dict[str, Cause] = {}

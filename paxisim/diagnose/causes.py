@@ -13,7 +13,7 @@ from paxisim.diagnose.problem import Problem
 from paxisim.errors import InvalidValueError
 
 AXES = "xyz"
-_MIXED = dict.fromkeys(("axis_coupling", "rotation"), 0.03)
+_MIXED = dict.fromkeys(("axis_coupling", "rotation"), 0.05)
 _STATIC = ("axis_gain", "stiffening", "crosstalk")  # what acts on how hard a taxel is pressed
 
 
@@ -92,9 +92,12 @@ register_cause(
             **dict.fromkeys(("creep", "stiffening", TAXEL_GAIN), 0.1),
             **dict.fromkeys(("crosstalk", "axis_gain"), 0.08),
             "interference": 0.015,
-            **dict.fromkeys(("poisson", "saturation"), 0.003),
+            "saturation": 0.005,
+            "poisson": 0.003,
             "axis_coupling": 0.002,
         },
+        absorbs={TAXEL_GAIN: 0.015, "crosstalk": 0.005},
+        absorbers=("stiffening", "axis_gain"),
     )
 )
 
@@ -177,6 +180,7 @@ register_cause(
         lambda p: [_unit(3, k, 0.0, 0.05) for k in range(3)],
         # a tilt is nearly a coupling of shear and normal force, which may be any
         behind={"axis_coupling": lambda v, p: 0.001},
+        told_beside={"axis_coupling": ("about_z",)},
         form={"axis_coupling": 0.0005},
         mistaken=UNLIKE,
         barred=mixes_alike,
@@ -238,7 +242,7 @@ register_cause(
         lambda p: (Free("tau_1", "s", 0.0, 0.0, 2.0, 0.02, 0.003), Free("tau_2", "s", 0.0, 0.0, 2.0, 0.02, 0.003)),
         lambda v, p: augment.Chain([augment.LowPass(v[0]), augment.LowPass(v[1])]),
         lambda p: [(0.01, 0.005), (0.03, 0.02), (0.1, 0.05)],
-        form={"latency": 0.003, **dict.fromkeys(("stiffening", "crosstalk", "saturation"), 0.004)},
+        form={"latency": 0.003, TAXEL_GAIN: 0.006, "saturation": 0.001},
     )
 )
 

@@ -9,15 +9,16 @@ from functools import cached_property
 import numpy as np
 
 from paxisim.diagnose.cause import FORM, TAXEL_GAIN, Cause, Values
+from paxisim.diagnose.displaced import beyond_tolerated
 from paxisim.diagnose.fitting import Fit, fit
-from paxisim.diagnose.problem import Problem, showing
+from paxisim.diagnose.problem import FloatArray, Problem, showing
 from paxisim.diagnose.tangent import Tangent, tangent_of
 
 CONTEST = 4  # candidates that are fitted in full for one place
 EXCHANGE = 3  # of them where a cause that is in is put to the test again
 SIGNIFICANT = 30.0  # energy, in units of the noise, that chance does not explain
 WANDERING = 0.0005  # of what offset and drift explain, that their form leaves to most others, as zeros wander
-DRIFTING = 0.05  # of what a drift explains, that its form leaves to a field that comes and goes
+DRIFTING = 0.05  # of what a drift explains within the episodes, that its form leaves to a field that comes and goes
 COARSE = 0.7  # of a step: with less noise before rounding an offset is not told well
 HIDDEN = 0.07  # of what such an offset explains, that it may leave to most others
 MOST_HIDDEN = 0.02  # of the noise's energy, that this may be where no noise smooths the rounding
@@ -26,6 +27,7 @@ UNREPEATED = 3.0  # times what matters that a cause must bring which but few of 
 REPEATED = 0.5  # of what a cause of many numbers must bring, that it must bring without its best episode
 ELSEWHERE = 0.25  # of what it brings, that it must bring there
 HARDLY = 0.975  # of what is gained in some episodes and lost in others, that is gained
+UNLIKE_TOLERATED = 0.5  # of what a cause must bring that one episode alone shows, which nothing tolerated brings
 FEW = 6  # numbers of a cause
 SEVERAL = 6  # episodes
 PROMISE = 0.4  # of what a cause must bring, that it must promise while it is small to be fitted
@@ -38,7 +40,6 @@ class Thresholds:
 
     Attributes:
         material: Energy, as a share of the noise's: less does not matter to a user.
-        unrepeated: The same, of a cause that but one of several episodes shows, as a press beside its place may.
         second: Whether this is a second look, in which chance brings little, so that less of some causes is enough.
         episodes: Share of the episodes that must gain, of those in which the two models differ at all; or of what is
             gained in some and lost in others.
@@ -46,7 +47,6 @@ class Thresholds:
     """
 
     material: float = 0.003
-    unrepeated: float = 0.009
     second: bool = False
     episodes: float = 0.7
     most: int = 5
@@ -126,10 +126,12 @@ class _Search:
         self._problem, self._causes, self._limits, self._tell = problem, causes, limits, tell
         self._by_name = {item.name: item for item in causes}
         self._fits: dict[frozenset[str], Fit] = {}
-        self._zero_gain = self._hidden = 0.0
+        self._zero_gain = self._drifting = self._hidden = 0.0
         if np.any(problem.zero):
-            with_zero = problem.residual(problem.simulated + problem.zero)
-            self._zero_gain = max(float(np.sum(problem.residual(problem.simulated) ** 2) - np.sum(with_zero**2)), 0.0)
+            with_zero = np.sum(problem.residual(problem.simulated + problem.zero) ** 2)
+            self._zero_gain = max(float(np.sum(problem.residual(problem.simulated) ** 2) - with_zero), 0.0)
+            still = problem.residual(problem.simulated + _still(problem))
+            self._drifting = max(float(np.sum(still**2) - with_zero), 0.0)
             told = problem.dither / (COARSE * problem.step) if problem.step else 1.0
             if told < 1:
                 read = [problem.read(problem.simulated + zero) for zero in (0.0, problem.zero)]
@@ -231,7 +233,9 @@ class _Search:
                 ahead = item.behind[simple](values, self._problem) if simple in item.behind else item.ahead
                 least = max(SIGNIFICANT, ahead * float((without.energy - found.energy).sum()))
                 significant = self._consistent(found, contest[simple], least)
-                if not significant or item.beyond(values, self._problem) < 1:
+                if significant and item.beyond(values, self._problem) >= 1:
+                    continue
+                if not self._worth_beside_absorbers(without, name, simple):
                     return simple
         return name
 
@@ -264,19 +268,40 @@ class _Search:
             return False  # many numbers fit what one episode has of its own
         # a press that is a little beside its place looks like a saturation
         if alone and item.mistaken >= FORM and not item.covariate:
-            least = max(least, self._limits.unrepeated * self._problem.samples)
-        return self._consistent(more, fewer, max(least, self._misfit(fewer, name, more)))
+            best = self._problem.episodes[int(gain.argmax())]
+            if beyond_tolerated(self._problem, fewer.prediction, more.prediction, best) < UNLIKE_TOLERATED * least:
+                return False
+        if self._consistent(more, fewer, max(least, self._misfit(fewer, name, more))):
+            return True
+        return self._consistent(more, fewer, least) and self._worth_beside_absorbers(fewer, name)
 
-    def _misfit(self, fewer: Fit, name: str, more: Fit | None = None) -> float:
-        """Energy that the forms of a fit's causes may leave for `name` to explain, at least or beside a fit with it."""
+    def _worth_beside_absorbers(self, fewer: Fit, name: str, among: str = "") -> bool:
+        """Whether a cause brings enough where others, `among` them, take up what the form of one of a fit's misses."""
+        item = self._by_name[name]
+        least = self._limits.least(item) * self._problem.samples * item.costs
+        for other in (self._by_name[n] for n in fewer.values):
+            known = self._by_name.keys() >= set(other.absorbers)
+            if name in other.absorbs and known and (not among or among in other.absorbers):
+                names = list(dict.fromkeys([*fewer.values, *other.absorbers]))
+                absorbed = self.fitted(names, fewer)
+                more = self.fitted([*names, name], absorbed)
+                return self._consistent(more, absorbed, max(least, self._misfit(fewer, name, more, other.name)))
+        return False
+
+    def _misfit(self, fewer: Fit, name: str, more: Fit | None = None, absorbed: str = "") -> float:
+        """Energy that the forms of a fit's causes may leave for `name` to explain, at least or beside a fit with it.
+
+        What the form of `absorbed` misses is taken up by others.
+        """
         item = self._by_name[name]
         gain = np.maximum(fewer.energy - more.energy, 0.0) if more else np.zeros_like(fewer.energy)
         misfit = max(self._hidden, WANDERING * self._zero_gain) * min(item.mistaken / FORM, 1.0)
         if name == "interference":
-            misfit = DRIFTING * self._zero_gain
+            misfit = max(DRIFTING * self._drifting, WANDERING * self._zero_gain)
         for other in fewer.values:
             without = self.fitted([n for n in fewer.values if n != other], fewer)
-            share = self._by_name[other].form.get(name, item.mistaken)
+            form = self._by_name[other].form
+            share = self._by_name[other].absorbs[name] if other == absorbed else form.get(name, item.mistaken)
             left = share * (without.energy - fewer.energy)
             if self._by_name[other].covariate and not item.covariate:
                 # a field leaves something where it changes, not where the pad is pressed
@@ -286,7 +311,14 @@ class _Search:
         return float(misfit)
 
     def _material(self, found: Fit, name: str) -> bool:
-        return self._by_name[name].is_material(found.values[name], self._problem)  # type: ignore[arg-type]
+        values: Values = found.values[name]  # type: ignore[assignment]
+        return self._by_name[name].is_material(values, self._problem, found.values)
+
+
+def _still(problem: Problem) -> FloatArray:
+    """``(T, pads, 3, rows, cols)`` the zero, in each episode its mean."""
+    zero = np.broadcast_to(problem.zero, problem.measured.shape)
+    return np.concatenate([np.broadcast_to(zero[span].mean(axis=0), zero[span].shape) for span in problem.episodes])
 
 
 def _promise(tangent: Tangent, chosen: Sequence[str], name: str) -> float:

@@ -19,6 +19,7 @@ from paxisim.diagnose.zero import Zero, nothing, zero_of
 
 CLOSER = 0.4  # of what a cause must bring, that it must bring where no sample is far off
 TURNS = 3  # of a dead band and the zero that it holds back
+FEWER = 2.0  # times what matters, that offset and drift must bring at last: chance brings nothing to other episodes
 LEFT = 0.06  # of what the other causes explain, that their forms leave to an offset
 
 
@@ -126,12 +127,13 @@ def zero_beside(problem: Problem, fitted: Fit, limits: Thresholds, slow: tuple[s
         problem = replace(problem, gate=gate)
     bare = predict(replace(problem, zero=0.0), chosen, fitted.values)[0]
     owned = any(item.name == "interference" for item in chosen)
-    material = MANY * limits.material
+    hidden = tells_under_load(problem)
+    material = (FEWER if limits.second and not hidden else MANY) * limits.material
 
     def energy(zero: Zero) -> float:
         return float(np.sum(problem.residual(bare + zero.at(problem.time - problem.time[0])) ** 2))
 
-    if tells_under_load(problem):  # what the other causes' forms leave is there, too
+    if hidden:  # what the other causes' forms leave is there, too
         without = replace(problem, gate=None).residual(problem.simulated + problem.zero)
         explained = np.sum(without**2) - np.sum(problem.residual(bare + problem.zero) ** 2)
         material += LEFT * max(float(explained), 0.0) / problem.samples

@@ -1,0 +1,61 @@
+"""What one episode alone shows is a cause only if a press beside its place would not look so."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from hidden.cases import make
+from recorded import recording_of
+
+from paxisim.diagnose.displaced import beyond_tolerated
+from paxisim.diagnose.engine import explain
+from paxisim.diagnose.noise import Tolerance, differences
+from paxisim.diagnose.problem import problem_of
+
+
+@pytest.fixture(scope="module")
+def problem():
+    return problem_of(recording_of(make((), seed=14, rows=4, cols=3, duration=4.0)), Tolerance())
+
+
+def hardest(problem):
+    return max(problem.episodes, key=lambda span: problem.simulated[span].max())
+
+
+@pytest.mark.parametrize("shape", ["place", "gain", "time"])
+def test_what_is_tolerated_of_an_episode_brings_nothing(problem, shape):
+    span, force = hardest(problem), problem.simulated
+    time = np.gradient(force[span], problem.time[span], axis=0)
+    change = {"place": 0.2 * differences(force[span])[1], "gain": -0.1 * force[span], "time": -0.03 * time}[shape]
+    more = force.copy()
+    more[span] += change
+    measured = problem.measured.copy()
+    measured[span] += change
+    moved = replace(problem, measured=measured)
+    gain = np.sum(moved.residual(force)[span] ** 2) - np.sum(moved.residual(more)[span] ** 2)
+    assert beyond_tolerated(moved, force, more, span) < 0.01 * gain
+
+
+def test_what_saturates_in_an_episode_is_left(problem):
+    span, force = hardest(problem), problem.simulated
+    most = 0.8 * force[span].max()
+    measured = np.minimum(problem.measured, most)
+    more = np.minimum(force, most)
+    saturated = replace(problem, measured=measured)
+    gain = np.sum(saturated.residual(force)[span] ** 2) - np.sum(saturated.residual(more)[span] ** 2)
+    assert 0.5 * gain < beyond_tolerated(saturated, force, more, span) <= 1.01 * gain
+
+
+@pytest.mark.parametrize("seed", [1, 4])
+def test_a_saturation_that_one_press_alone_reaches_is_named(seed):
+    case = make((), seed=seed, rows=4, cols=3, duration=6.0)
+    limit = np.sort([case.simulated[case.episode == n].max() for n in np.unique(case.episode)])[-2]
+    saturated = replace(case, measured=np.minimum(case.measured, limit))
+    found = explain(recording_of(saturated)).found
+    assert [item.name for item in found] == ["saturation"]
+    assert found[0].values["limit"] == pytest.approx(limit, rel=0.1)
