@@ -13,7 +13,6 @@ from paxisim.diagnose.problem import Problem
 from paxisim.errors import InvalidValueError
 
 AXES = "xyz"
-_MIXED = dict.fromkeys(("axis_coupling", "rotation"), 0.05)
 _STATIC = ("axis_gain", "stiffening", "crosstalk")  # what acts on how hard a taxel is pressed
 
 
@@ -229,9 +228,10 @@ register_cause(
         covariate="gripper_opening",
         form={
             **dict.fromkeys((*_STATIC, TAXEL_GAIN, "creep", "hysteresis", "poisson"), 0.05),
+            **dict.fromkeys(("axis_coupling", "rotation"), 0.05),
             "dead_band": 0.2,
-            **_MIXED,
         },
+        faint=2.5,  # in one episode its many numbers fit noise, in nulls up to half of that
     )
 )
 
@@ -321,6 +321,7 @@ register_cause(
             "interference": 0.006,
             **dict.fromkeys(("axis_coupling", "rotation"), 0.002),
         },
+        beyond=lambda v, p: 1.2 * p.peak / v[0],  # what nothing reaches only bends, as a stiffening does
         barred=bent_apart,
     )
 )
@@ -343,7 +344,13 @@ register_cause(
         simpler=("axis_gain",),
         ahead=0.25,
         costs=3.0,
-        form={"stiffening": 0.03, **_MIXED},
+        form={
+            **dict.fromkeys(("axis_coupling", "rotation"), 0.015),
+            "interference": 0.01,
+            "stiffening": 0.006,
+            "saturation": 0.005,
+            "crosstalk": 0.004,
+        },
         mistaken=0.01,
         beyond=_spread,
         solve=taxel_gains,

@@ -28,6 +28,8 @@ REPEATED = 0.5  # of what a cause of many numbers must bring, that it must bring
 ELSEWHERE = 0.25  # of what it brings, that it must bring there
 HARDLY = 0.975  # of what is gained in some episodes and lost in others, that is gained
 UNLIKE_TOLERATED = 0.5  # of what a cause must bring that one episode alone shows, which nothing tolerated brings
+UNPRESSED = 0.5  # of what a field brings in the one episode that shows it, that it must bring where nothing is pressed
+SLOW = 20.0  # energy, in units of the noise, that each number of a field may take of slow noise in it
 FEW = 6  # numbers of a cause
 SEVERAL = 6  # episodes
 PROMISE = 0.4  # of what a cause must bring, that it must promise while it is small to be fitted
@@ -165,7 +167,7 @@ class _Search:
             current = self.fitted(chosen)
             force = current.prediction - self._problem.zero
             tangent = tangent_of(self._problem, self._causes, force, current.prediction)
-            gains = {n: _promise(tangent, chosen, n) for n in self._by_name if n not in key}
+            gains = {n: _promise(tangent, chosen, item) for n, item in self._by_name.items() if n not in key}
             self._gains[key] = dict(sorted(gains.items(), key=lambda item: -item[1]))
         return self._gains[key]
 
@@ -227,7 +229,8 @@ class _Search:
         item = self._by_name[name]
         others = sorted((n for n in contest if n != name), key=lambda n: contest[n].energy.sum())
         for simple in others if item.costs > 1 else item.gives_way:
-            if simple in contest:
+            # one that would be too small to be named does not stand in for another of its kind
+            if simple in contest and (simple in item.simpler or self._material(contest[simple], simple)):
                 found = contest[name]
                 values: Values = found.values[name]  # type: ignore[assignment]
                 ahead = item.behind[simple](values, self._problem) if simple in item.behind else item.ahead
@@ -266,14 +269,23 @@ class _Search:
         alone = len(gain) > SEVERAL and elsewhere < ELSEWHERE * gain.sum()
         if item.costs > 1 and (alone or (len(gain) > SEVERAL and elsewhere < REPEATED * least)):
             return False  # many numbers fit what one episode has of its own
-        # a press that is a little beside its place looks like a saturation
-        if alone and item.mistaken >= FORM and not item.covariate:
-            best = self._problem.episodes[int(gain.argmax())]
-            if beyond_tolerated(self._problem, fewer.prediction, more.prediction, best) < UNLIKE_TOLERATED * least:
-                return False
+        if alone and item.mistaken >= FORM and not self._is_own(fewer, more, item, least, int(gain.argmax())):
+            return False
         if self._consistent(more, fewer, max(least, self._misfit(fewer, name, more))):
             return True
         return self._consistent(more, fewer, least) and self._worth_beside_absorbers(fewer, name)
+
+    def _is_own(self, fewer: Fit, more: Fit, item: Cause, least: float, number: int) -> bool:
+        """Whether what one episode alone shows is the cause's own."""
+        span = self._problem.episodes[number]
+        if not item.covariate:  # a press that is a little beside its place looks like a saturation
+            freed = beyond_tolerated(self._problem, fewer.prediction, more.prediction, span)
+            return freed > UNLIKE_TOLERATED * least
+        # a field is there without a press, too
+        rest, left = (self._problem.residual(f.prediction)[span] ** 2 for f in (fewer, more))
+        gain = (rest - left).sum(axis=(1, 2, 3, 4))
+        unpressed = gain[self._problem.at_rest[span]].sum()
+        return bool(unpressed > UNPRESSED * gain.sum())
 
     def _worth_beside_absorbers(self, fewer: Fit, name: str, among: str = "") -> bool:
         """Whether a cause brings enough where others, `among` them, take up what the form of one of a fit's misses."""
@@ -321,14 +333,16 @@ def _still(problem: Problem) -> FloatArray:
     return np.concatenate([np.broadcast_to(zero[span].mean(axis=0), zero[span].shape) for span in problem.episodes])
 
 
-def _promise(tangent: Tangent, chosen: Sequence[str], name: str) -> float:
+def _promise(tangent: Tangent, chosen: Sequence[str], item: Cause) -> float:
     """What a cause may bring beside `chosen`: in other episodes, or half of it where but one shows it at all."""
-    names = [*chosen, name]
+    names = [*chosen, item.name]
     # weights that protect gains from the contacts' place let what another cause left undone weigh more
     promise = max(
         float(tangent.gain(names, True, alike).sum() - tangent.gain(chosen, True, alike).sum())
         for alike in ((False, True) if TAXEL_GAIN in names else (False,))  # nothing else is weighted
     )
-    if (tangent.owner == name).sum() > FEW:  # in one episode they would fit noise
+    count = int((tangent.owner == item.name).sum())
+    if count > FEW and not item.covariate:  # in one episode they would fit noise
         return promise
-    return max(promise, 0.5 * float(tangent.gain(names, False).sum() - tangent.gain(chosen, False).sum()))
+    chance = SLOW * count if count > FEW else 0.0
+    return max(promise, 0.5 * (float(tangent.gain(names, False).sum() - tangent.gain(chosen, False).sum()) - chance))
