@@ -91,7 +91,7 @@ class Cause:
             that brings less than its share in `form` may bring more than this.
         absorbers: Names of causes.
         mistaken: Share of another cause's gain that this one may bring only because that one's form does not fit.
-        faint: Factor on the energy that matters without samples far off, as chance brings less there, or as much.
+        faint: Factor on the energy that matters, that is enough without samples far off, as chance brings less.
         beyond: How far `values` are from what those could do, in units of what matters: at least 1 to be named.
         solve: For one with a number for each taxel or channel: the array that fits best, in closed form, given the
             problem, what comes in, a function that says what the causes behind it make of what goes out, whether there

@@ -231,7 +231,6 @@ register_cause(
             **dict.fromkeys(("axis_coupling", "rotation"), 0.05),
             "dead_band": 0.2,
         },
-        faint=2.5,  # in one episode its many numbers fit noise, in nulls up to half of that
     )
 )
 

@@ -19,7 +19,7 @@ from paxisim.diagnose.zero import Zero, nothing, zero_of
 
 CLOSER = 0.4  # of what a cause must bring, that it must bring where no sample is far off
 TURNS = 3  # of a dead band and the zero that it holds back
-FEWER = 2.0  # times what matters, that offset and drift must bring at last: chance brings nothing to other episodes
+FEWER = 2.0  # times what matters, that a drift must bring at last: nothing else goes one way from episode to episode
 LEFT = 0.06  # of what the other causes explain, that their forms leave to an offset
 
 
@@ -128,7 +128,8 @@ def zero_beside(problem: Problem, fitted: Fit, limits: Thresholds, slow: tuple[s
     bare = predict(replace(problem, zero=0.0), chosen, fitted.values)[0]
     owned = any(item.name == "interference" for item in chosen)
     hidden = tells_under_load(problem)
-    material = (FEWER if limits.second and not hidden else MANY) * limits.material
+    material = MANY * limits.material
+    drifts = FEWER * limits.material if limits.second and not hidden else None
 
     def energy(zero: Zero) -> float:
         return float(np.sum(problem.residual(bare + zero.at(problem.time - problem.time[0])) ** 2))
@@ -137,7 +138,7 @@ def zero_beside(problem: Problem, fitted: Fit, limits: Thresholds, slow: tuple[s
         without = replace(problem, gate=None).residual(problem.simulated + problem.zero)
         explained = np.sum(without**2) - np.sum(problem.residual(bare + problem.zero) ** 2)
         material += LEFT * max(float(explained), 0.0) / problem.samples
-    zero = zero_of(problem, bare, material, limits.episodes, names=slow, owned=owned)
+    zero = zero_of(problem, bare, material, limits.episodes, drifts=drifts, names=slow, owned=owned)
     if owned and not zero.gain:  # only what the field has of its own, which a coarse sensor may not tell either
         zero = min(zero, nothing(problem), key=energy)
     return zero

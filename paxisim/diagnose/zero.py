@@ -53,6 +53,7 @@ def zero_of(
     material: float,
     share: float,
     *,
+    drifts: float | None = None,
     names: tuple[str, ...] = ("offset", "drift"),
     resting: bool = False,
     owned: bool = False,
@@ -66,6 +67,7 @@ def zero_of(
         problem: The recording.
         prediction: ``(T, pads, 3, rows, cols)`` newtons.
         material: Energy, as a share of the noise's, that each of the two must take away.
+        drifts: The same of a drift, if it is another.
         share: Of the episodes, that must gain.
         names: Which of the two to look for.
         resting: Only samples before an episode's first contact, which no memory of the sensor reaches.
@@ -77,10 +79,10 @@ def zero_of(
     counts = np.array([frames[span].sum() for span in problem.episodes])
     if frames.sum() < 10:
         return nothing(problem)
-    needed = material * problem.samples
+    least = material if drifts is None else drifts
 
-    def matters(gain: FloatArray) -> bool:
-        return bool(gain.sum() > needed and (gain[showing(gain)] > 0).mean() >= share)
+    def matters(gain: FloatArray, material: float = material) -> bool:
+        return bool(gain.sum() > material * problem.samples and (gain[showing(gain)] > 0).mean() >= share)
 
     hidden = not resting and tells_under_load(problem)
     rest = problem.measured - problem.read(prediction)
@@ -112,7 +114,7 @@ def zero_of(
     if with_drift:
         beside, best_tau = drifting(others)
         gain = (beside.heldout() - without.heldout()).sum(axis=1) / per_frame
-        if matters(gain) and beside.rejects().any():
+        if matters(gain, least) and beside.rejects().any():
             gains["drift"], chosen, tau = gain, beside, best_tau
             for _ in range(0 if problem.reads_all or hiding is not None else RELINEARISED):
                 constant, slope = chosen.values()[:, [0, -1]].T
