@@ -14,8 +14,8 @@ from paxisim.diagnose.checks import Reading, read_layout, read_rounding, read_ta
 from paxisim.diagnose.fitting import Fitted, fit, in_order, made, predict
 from paxisim.diagnose.noise import Tolerance
 from paxisim.diagnose.problem import FloatArray, Problem, problem_of, with_noise
-from paxisim.diagnose.search import SEVERAL, Thresholds
 from paxisim.diagnose.state import Plan, State, closer, first_look, with_slow, zero_beside
+from paxisim.diagnose.worth import SEVERAL, Thresholds
 from paxisim.recording import Recording
 
 __all__ = ["Explanation", "Named", "Thresholds", "Tolerance", "explain"]

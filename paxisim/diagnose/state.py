@@ -13,8 +13,9 @@ from paxisim.diagnose.cause import DEAD_BAND, MANY, Cause, cause
 from paxisim.diagnose.fitting import Fit, fit, fit_of, made, predict
 from paxisim.diagnose.outliers import without_outliers
 from paxisim.diagnose.problem import Problem
-from paxisim.diagnose.search import Found, Thresholds, found_with, search
+from paxisim.diagnose.search import Found, found_with, search
 from paxisim.diagnose.under_load import tells_under_load
+from paxisim.diagnose.worth import Thresholds
 from paxisim.diagnose.zero import Zero, nothing, zero_of
 
 CLOSER = 0.4  # of what a cause must bring, that it must bring where no sample is far off

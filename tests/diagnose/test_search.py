@@ -8,7 +8,8 @@ import pytest
 from paxisim.diagnose.cause import cause
 from paxisim.diagnose.fitting import Fit
 from paxisim.diagnose.problem import Problem
-from paxisim.diagnose.search import EACH, Thresholds, _Search
+from paxisim.diagnose.search import _Search
+from paxisim.diagnose.worth import EACH, Thresholds
 
 EPISODES, FRAMES = 8, 50
 FORCE = 0.5 * np.ones((EPISODES * FRAMES, 2, 3, 3, 4))
@@ -45,9 +46,9 @@ def test_many_numbers_must_bring_something_without_the_best_episode(problem, sea
         ([0.05 * enough] * 8, False),  # too little in all
     ):
         after = fit_of(problem, before.energy - gains, "taxel_gain")
-        assert search._worth(after, before, "taxel_gain") is worth, gains
+        assert search._worth.keeps(after, before, "taxel_gain") is worth, gains
     lone = [20 * enough, *[0.01 * enough] * 7]  # few numbers cannot fit one episode alone: it may show them alone
-    assert search._worth(fit_of(problem, before.energy - lone, "rotation"), before, "rotation")
+    assert search._worth.keeps(fit_of(problem, before.energy - lone, "rotation"), before, "rotation")
 
 
 def test_what_a_field_leaves_is_counted_where_it_changes(problem, search):
@@ -55,22 +56,24 @@ def test_what_a_field_leaves_is_counted_where_it_changes(problem, search):
     field = np.zeros(EPISODES)
     field[6] = 1e4  # one episode opens the gripper
     with_field = fit_of(problem, nothing.energy - field, "interference")
-    search._fits[frozenset()] = nothing
+    search.fits._made[frozenset()] = nothing
     left = EACH * cause("interference").form["stiffening"] * 1e4
     for gain_there, misfit in ((0.0, 0.0), (0.1 * left, 0.1 * left), (5 * left, left)):
         gain = np.full(EPISODES, 300.0)
         gain[6] = gain_there
         more = fit_of(problem, with_field.energy - gain, "interference", "stiffening")
-        assert search._misfit(with_field, "stiffening", more) == pytest.approx(misfit)
+        assert search._worth.misfit(with_field, "stiffening", more) == pytest.approx(misfit)
 
 
 def test_what_a_form_may_leave_goes_with_what_its_cause_explains(problem, search):
     nothing = fit_of(problem, np.full(EPISODES, 1e5))
-    search._fits[frozenset()] = nothing
+    search.fits._made[frozenset()] = nothing
     filtered = fit_of(problem, nothing.energy - 1e4, "low_pass")
-    assert search._misfit(filtered, "latency") == pytest.approx(cause("low_pass").form["latency"] * EPISODES * 1e4)
-    assert search._misfit(filtered, "creep") == pytest.approx(cause("creep").mistaken * EPISODES * 1e4)
-    assert search._misfit(nothing, "creep") == 0
+    assert search._worth.misfit(filtered, "latency") == pytest.approx(
+        cause("low_pass").form["latency"] * EPISODES * 1e4
+    )
+    assert search._worth.misfit(filtered, "creep") == pytest.approx(cause("creep").mistaken * EPISODES * 1e4)
+    assert search._worth.misfit(nothing, "creep") == 0
 
 
 @pytest.mark.parametrize(
@@ -109,7 +112,7 @@ def test_what_one_episode_alone_shows_may_be_of_its_press(problem, search, name,
     least = search._limits.material * problem.samples
     before = fit_of(problem, np.full(EPISODES, 1e5))
     gain = [much * least, *[0.001 * least] * 7]
-    assert search._worth(fit_of(problem, before.energy - gain, name), before, name) is worth
+    assert search._worth.keeps(fit_of(problem, before.energy - gain, name), before, name) is worth
 
 
 def test_a_second_look_asks_for_less(problem, search):
@@ -117,8 +120,8 @@ def test_a_second_look_asks_for_less(problem, search):
     second = _Search(problem, search._causes, closer, lambda text: None)
     before = fit_of(problem, np.full(EPISODES, 1e5))
     shown = fit_of(problem, before.energy - 0.06 * search._limits.material * problem.samples, "creep")
-    assert second._worth(shown, before, "creep")
-    assert not search._worth(shown, before, "creep")
+    assert second._worth.keeps(shown, before, "creep")
+    assert not search._worth.keeps(shown, before, "creep")
 
 
 @pytest.mark.parametrize(("angles", "beside", "tells"), [
@@ -138,14 +141,14 @@ def test_what_a_form_may_leave_is_told_where_others_take_that_up(problem, share,
     gain = 100 * enough  # of the hysteresis, of which its form may leave 0.1 to the gains, and 0.015 beside the others
 
     def known(left, *found):
-        search._fits[frozenset(found)] = fit_of(problem, np.full(EPISODES, left), *found)
-        return search._fits[frozenset(found)]
+        search.fits._made[frozenset(found)] = fit_of(problem, np.full(EPISODES, left), *found)
+        return search.fits._made[frozenset(found)]
 
     known(1e6, *())
     fewer, more = known(1e6 - gain, "hysteresis"), known(1e6 - 1.09 * gain, "hysteresis", "taxel_gain")
     known(1e6 - 1.05 * gain, "hysteresis", "stiffening", "axis_gain")
     known(1e6 - (1.05 + 0.1 * share) * gain, "hysteresis", "stiffening", "axis_gain", "taxel_gain")
-    assert search._worth(more, fewer, "taxel_gain") is worth
+    assert search._worth.keeps(more, fewer, "taxel_gain") is worth
 
 
 @pytest.mark.parametrize(
@@ -160,13 +163,13 @@ def test_one_episode_is_enough_if_the_others_hardly_object(problem, search, agai
     least = search._limits.material * problem.samples
     before = fit_of(problem, np.full(EPISODES, 1e5))
     gain = [2 * least, -against * 2 * least, *[0.0] * 6]
-    assert search._worth(fit_of(problem, before.energy - gain, "rotation"), before, "rotation") is worth
+    assert search._worth.keeps(fit_of(problem, before.energy - gain, "rotation"), before, "rotation") is worth
 
 
 def test_what_looks_like_a_cause_is_fitted_beside_it_whatever_it_promises(problem, search):
     search._gains[frozenset(["low_pass"])] = {"creep": 0.0, "latency": 0.0}
-    search._fits[frozenset(["low_pass"])] = fit_of(problem, np.full(EPISODES, 1e5), "low_pass")
-    search._fits[frozenset()] = fit_of(problem, np.full(EPISODES, 1e5))
+    search.fits._made[frozenset(["low_pass"])] = fit_of(problem, np.full(EPISODES, 1e5), "low_pass")
+    search.fits._made[frozenset()] = fit_of(problem, np.full(EPISODES, 1e5))
     assert search._near(["low_pass"], 4) == ["latency"]
 
 
@@ -179,7 +182,7 @@ def test_only_what_is_worth_keeping_takes_the_place_of_a_cause(problem, search, 
         found = fit_of(problem, np.full(EPISODES, energy), *names)
         if "stiffening" in names:
             found = replace(found, values={**found.values, "stiffening": np.array([0.8, 0.6])})
-        search._fits[frozenset(names)] = found
-    assert search._worth(search.fitted(["creep", "rotation"]), search.fitted(["creep"]), "rotation")
-    assert not search._worth(search.fitted(["creep", "stiffening"]), search.fitted(["creep"]), "stiffening")
+        search.fits._made[frozenset(names)] = found
+    assert search._worth.keeps(search.fits.of(["creep", "rotation"]), search.fits.of(["creep"]), "rotation")
+    assert not search._worth.keeps(search.fits.of(["creep", "stiffening"]), search.fits.of(["creep"]), "stiffening")
     assert search._exchanged(["creep", "rotation"]) == ["creep", "rotation"]
