@@ -22,7 +22,7 @@ UNREPEATED = 3.0  # times what matters that a cause must bring which but few of 
 REPEATED = 0.5  # of what a cause of many numbers must bring, that it must bring without its best episode
 ELSEWHERE = 0.25  # of what it brings, that it must bring there
 HARDLY = 0.975  # of what is gained in some episodes and lost in others, that is gained
-UNLIKE_TOLERATED = 0.5  # of what a cause must bring that one episode alone shows, which nothing tolerated brings
+UNLIKE_TOLERATED = 0.5  # of what a cause brings that one episode alone shows, which nothing tolerated may bring
 UNPRESSED = 0.5  # of what a field brings in the one episode that shows it, that it must bring where nothing is pressed
 SEVERAL = 6  # episodes
 
@@ -89,7 +89,7 @@ class Worth:
         span = self._problem.episodes[number]
         if not item.covariate:  # a press that is a little beside its place looks like a saturation
             freed = beyond_tolerated(self._problem, fewer.prediction, more.prediction, span)
-            return freed > UNLIKE_TOLERATED * least
+            return freed > UNLIKE_TOLERATED * max(least, float(fewer.energy[number] - more.energy[number]))
         # a field is there without a press, too
         rest, left = (self._problem.residual(f.prediction)[span] ** 2 for f in (fewer, more))
         gain = (rest - left).sum(axis=(1, 2, 3, 4))
