@@ -6,6 +6,7 @@ One strong effect is hidden (`tests/hidden`), its own cause is fitted, then each
 gains, per mille of what the effect's own cause gains, is its share; the largest over the seeds is printed, of the
 recordings in which the own cause takes away at least a quarter of the noise's energy: below that, what all sensors are
 off by counts for more than forms. A recording whose counts hide its noise shares more, as its offsets are not told.
+"absorbed" is what is left where `Cause.absorbers` are fitted besides.
 """
 
 from __future__ import annotations
@@ -54,6 +55,11 @@ def shares(task: tuple[str, int]) -> Mapping[str, float] | None:
         gain = float((nothing.energy - own.energy).sum())
         if gain < ENOUGH * part.samples:
             return None
+        absorbed = fit(part, [cause(n) for n in (true, *cause(true).absorbers)], own.values)
+        for name in cause(true).absorbs:
+            more = fit(part, [*absorbed.causes, cause(name)], absorbed.values)
+            share = float((absorbed.energy - more.energy).sum()) / gain
+            out[f"{name} absorbed"] = max(out[f"{name} absorbed"], share)
         for name in NAMES:
             if name != true and not cause(name).barred(part):
                 both = fit(part, [cause(true), cause(name)], own.values)
@@ -88,7 +94,11 @@ def main() -> None:
         for name in NAMES:
             if (true, name) in largest:
                 allowed = cause(true).form.get(name, cause(name).mistaken)
-                print(f"  {name:<14} {1000 * largest[true, name]:8.1f} {1000 * allowed:10.1f}")
+                print(f"  {name:<20} {1000 * largest[true, name]:8.1f} {1000 * allowed:10.1f}")
+        for name, allowed in cause(true).absorbs.items():
+            if (true, name) in largest:
+                share = largest[true, f"{name} absorbed"]
+                print(f"  {name + ' absorbed':<20} {1000 * share:8.1f} {1000 * allowed:10.1f}")
 
 
 if __name__ == "__main__":

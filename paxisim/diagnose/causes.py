@@ -95,7 +95,7 @@ register_cause(
             "poisson": 0.003,
             "axis_coupling": 0.002,
         },
-        absorbs={TAXEL_GAIN: 0.015, "crosstalk": 0.005},
+        absorbs={TAXEL_GAIN: 0.02, "crosstalk": 0.005},
         absorbers=("stiffening", "axis_gain"),
     )
 )
