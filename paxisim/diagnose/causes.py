@@ -152,7 +152,7 @@ def _coupling(values: Values) -> augment.AxisCoupling:
 
 
 _TILT = 0.01  # rad, of a sensor in its mount, that is expected
-_MOST_TILT = 0.035  # what is more is as well a coupling of shear and normal force
+_MOST_TILT = 0.09
 
 register_cause(
     Cause(
