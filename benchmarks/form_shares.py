@@ -55,11 +55,12 @@ def shares(task: tuple[str, int]) -> Mapping[str, float] | None:
         gain = float((nothing.energy - own.energy).sum())
         if gain < ENOUGH * part.samples:
             return None
-        absorbed = fit(part, [cause(n) for n in (true, *cause(true).absorbers)], own.values)
-        for name in cause(true).absorbs:
-            more = fit(part, [*absorbed.causes, cause(name)], absorbed.values)
-            share = float((absorbed.energy - more.energy).sum()) / gain
-            out[f"{name} absorbed"] = max(out[f"{name} absorbed"], share)
+        if cause(true).absorbs:
+            absorbed = fit(part, [cause(n) for n in (true, *cause(true).absorbers)], own.values)
+            for name in cause(true).absorbs:
+                more = fit(part, [*absorbed.causes, cause(name)], absorbed.values)
+                share = float((absorbed.energy - more.energy).sum()) / gain
+                out[f"{name} absorbed"] = max(out[f"{name} absorbed"], share)
         for name in NAMES:
             if name != true and not cause(name).barred(part):
                 both = fit(part, [cause(true), cause(name)], own.values)

@@ -72,7 +72,7 @@ class Worth:
     def keeps(self, more: Fit, fewer: Fit, name: str) -> bool:
         """Whether a cause brings enough to be kept, given the fits with it and without it."""
         item = self._by_name[name]
-        least = self._limits.least(item) * self._problem.samples * item.costs
+        least = self._least(item)
         gain = fewer.energy - more.energy
         elsewhere = gain.sum() - gain.max()
         alone = len(gain) > SEVERAL and elsewhere < ELSEWHERE * gain.sum()
@@ -83,6 +83,10 @@ class Worth:
         if self.is_consistent(more, fewer, max(least, self.misfit(fewer, name, more))):
             return True
         return self.is_consistent(more, fewer, least) and self.told_beside_absorbers(fewer, name)
+
+    def _least(self, item: Cause) -> float:
+        """Energy, in units of the noise, that a cause must bring."""
+        return self._limits.least(item) * self._problem.samples * item.costs
 
     def _is_own(self, fewer: Fit, more: Fit, item: Cause, least: float, number: int) -> bool:
         """Whether what one episode alone shows is the cause's own."""
@@ -99,7 +103,7 @@ class Worth:
     def told_beside_absorbers(self, fewer: Fit, name: str, among: str = "") -> bool:
         """Whether a cause brings enough where others, `among` them, take up what the form of one of a fit's misses."""
         item = self._by_name[name]
-        least = self._limits.least(item) * self._problem.samples * item.costs
+        least = self._least(item)
         for other in (self._by_name[n] for n in fewer.values):
             known = self._by_name.keys() >= set(other.absorbers)
             if name in other.absorbs and known and (not among or among in other.absorbers):
@@ -130,12 +134,11 @@ class Worth:
         misfit = max(self._hidden, WANDERING * self._zero_gain) * min(item.mistaken / FORM, 1.0)
         if name == "interference":
             misfit = max(DRIFTING * self._drifting, WANDERING * self._zero_gain)
-        for other in fewer.values:
-            without = self._fits.of([n for n in fewer.values if n != other], fewer)
-            form = self._by_name[other].form
-            share = self._by_name[other].absorbs[name] if other == absorbed else form.get(name, item.mistaken)
+        for other in (self._by_name[n] for n in fewer.values):
+            without = self._fits.of([n for n in fewer.values if n != other.name], fewer)
+            share = other.absorbs[name] if other.name == absorbed else other.form.get(name, item.mistaken)
             left = share * (without.energy - fewer.energy)
-            if self._by_name[other].covariate and not item.covariate:
+            if other.covariate and not item.covariate:
                 # a field leaves something where it changes, not where the pad is pressed
                 misfit += np.minimum(EACH * np.maximum(left, 0.0), gain).sum()
             else:
