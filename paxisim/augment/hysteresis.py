@@ -87,13 +87,14 @@ class Hysteresis(Memory):
         weight, radius = np.array(pairs, dtype=x.dtype).T
         radius = radius.reshape(-1, *[1] * (x.ndim - 1))
         play, bound = np.zeros((2, len(pairs), *x.shape[1:]), dtype=x.dtype)
-        for frame, out in zip(x, y, strict=True):  # all plays of a frame at once, in buffers that stay in the cache
+        lags = bound.reshape(len(pairs), -1)
+        for frame, out in zip(x, y.reshape(len(y), -1), strict=True):  # all plays at once, in buffers that stay cached
             np.add(frame, radius, out=bound)
             np.minimum(play, bound, out=play)
             np.subtract(frame, radius, out=bound)
             np.maximum(play, bound, out=play)
             np.subtract(play, frame, out=bound)
-            out += np.tensordot(weight, bound, axes=1)
+            out += weight @ lags
         return y
 
     def _play(self, frame: Any, play: Any) -> Any:

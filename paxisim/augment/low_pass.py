@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -10,6 +11,8 @@ from numpy.typing import NDArray
 
 from paxisim.augment.parameter import namespace, parameter
 from paxisim.augment.transform import Covariates, Memory, State, keep
+
+_LARGE = 2_000  # numbers in a frame, so many that a call for each costs little
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,19 +69,34 @@ def lag(change: Any, ahead: Any, tau: Any, dt: Any) -> Any:
 
 def lag_sequence(x: NDArray[np.floating], tau: float, steps: list[float]) -> NDArray[np.floating]:
     """`lag` over a whole sequence: q - x at each frame of ``(time, ...)``, 0 at the first."""
-    ahead = np.empty_like(x)
-    ahead[0] = 0
     dt = np.asarray(steps, dtype=x.dtype)
     lags = tau > 1e-30 * dt
     z = np.divide(dt, tau, out=np.zeros_like(dt), where=lags)
     share = np.divide(-np.expm1(-z), z, out=np.ones_like(z), where=z > 0)
-    change = np.empty(x.shape[1:], dtype=x.dtype)
-    for i, (decay, part) in enumerate(zip(np.exp(-z)[1:].tolist(), share[1:].tolist(), strict=True), start=1):
-        if lags[i]:
-            np.subtract(x[i], x[i - 1], out=change)
-            np.multiply(change, part, out=change)
-            np.multiply(ahead[i - 1], decay, out=ahead[i])
-            np.subtract(ahead[i], change, out=ahead[i])
-        else:
-            ahead[i] = 0
+    over_frame = (-1, *[1] * (x.ndim - 1))
+    ahead = np.zeros_like(x)
+    np.subtract(x[:-1], x[1:], out=ahead[1:])
+    ahead *= np.where(lags, share, 0).reshape(over_frame)
+    _accumulate(ahead, np.where(lags, np.exp(-z), 0).reshape(over_frame))
     return ahead
+
+
+def _accumulate(values: NDArray[np.floating], decay: NDArray[np.floating]) -> None:
+    """To each frame of ``(time, ...)`` add `decay` ``(time, 1, ...)`` times the one before, first to last, in place.
+
+    Stretches of frames are gone through side by side, each from 0, and then told how the one before has ended: for
+    small frames the calls cost more than the numbers.
+    """
+    frames = len(values)
+    length = frames if values[:1].size > _LARGE else max(math.isqrt(frames), 1)
+    count = frames // length
+    whole = count * length
+    side = values[:whole].reshape(count, length, *values.shape[1:])
+    decays = decay[:whole].reshape(count, length, *decay.shape[1:])
+    for frame in range(1, length):
+        side[:, frame] += decays[:, frame] * side[:, frame - 1]
+    through = np.cumprod(decays, axis=1)
+    for stretch in range(1, count):
+        side[stretch] += through[stretch] * side[stretch - 1, -1]
+    for frame in range(whole, frames):
+        values[frame] += decay[frame] * values[frame - 1]
