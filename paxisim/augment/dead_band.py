@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from paxisim.augment.parameter import namespace, parameter
+from paxisim.augment.parameter import is_torch, namespace, parameter
 from paxisim.augment.transform import Covariates, Transform
 
 
@@ -40,16 +40,16 @@ class DeadBand(Transform):
     def apply(self, x: Any, covariates: Covariates) -> Any:
         """See `Transform.apply`."""
         xp = namespace(x)
-        width = self.fit("width", x) + xp.zeros_like(x)
-        taken = self.fit("shrink", x) * width
-        size = xp.abs(x)
-        outside = xp.where(x < 0, x + taken, x - taken)
-        hard = xp.where(size < width, xp.zeros_like(outside), outside)
-        reach = self.fit("edge", x) * width
+        width, zero = self.fit("width", x), xp.zeros_like(x[..., :1, :1])
+        taken, reach = self.fit("shrink", x) * width, self.fit("edge", x) * width
+        negative, size = x < 0, xp.abs(x)
+        outside = xp.where(negative, x + taken, x - taken)
+        hard = xp.where(size < width, zero, outside)
         soft = reach > 0
+        if not is_torch(soft) and not soft.any():
+            return hard
         # no division by 0 in the branch that is not taken: it would be nan in the gradient
-        way = (size - width + reach) / (2 * xp.where(soft, reach, xp.ones_like(reach)))
-        way = xp.minimum(xp.maximum(way, xp.zeros_like(way)), xp.ones_like(way))
-        # what a slack takes is not given back within the edge
-        inward = xp.where(x < 0, xp.minimum(outside, xp.zeros_like(x)), xp.maximum(outside, xp.zeros_like(x)))
+        way = (size - (width - reach)) / (2 * xp.where(soft, reach, xp.ones_like(reach)))
+        way = xp.minimum(xp.maximum(way, zero), zero + 1)
+        inward = xp.where(size < taken, zero, outside)  # what a slack takes is not given back within the edge
         return xp.where(soft, way * way * (3 - 2 * way) * inward, hard)

@@ -131,16 +131,25 @@ class Cause:
         """Whether it is fitted; else it is read off the data, and has no rivals."""
         return self.probes is not None or self.solve is not None
 
-    def is_material(self, values: Values, problem: Problem, beside: Iterable[str] = ()) -> bool:
-        """Whether some number is far enough from neutral to matter, one that tells it from the causes `beside`."""
-        if self.beyond(values, problem) < 1:
-            return False
-        pairs = list(zip(values, self.free(problem), strict=True)) if self.solve is None else []
+    def size(self, values: Values, problem: Problem, beside: Iterable[str] = ()) -> float:
+        """How far it is from neutral, in units of what matters: at least 1 to be named.
+
+        Args:
+            values: Of it.
+            problem: The recording.
+            beside: Names of the causes beside which it is to be told.
+        """
+        beyond = self.beyond(values, problem)
+        free = self.free(problem)
+        if self.solve is not None or not free:
+            return beyond
         telling = [self.told_beside[name] for name in beside if name in self.told_beside]
-        return not pairs or any(
-            f.material is not None and abs(v - f.neutral) >= f.material and all(f.name in names for names in telling)
-            for v, f in pairs
-        )
+        sizes = [
+            abs(v - f.neutral) / max(f.material, 1e-12)
+            for v, f in zip(values, free, strict=True)
+            if f.material is not None and all(f.name in names for names in telling)
+        ]
+        return min(beyond, max(sizes, default=0.0))
 
 
 _CAUSES: dict[str, Cause] = {}

@@ -241,7 +241,12 @@ register_cause(
         lambda p: (Free("tau_1", "s", 0.0, 0.0, 2.0, 0.02, 0.003), Free("tau_2", "s", 0.0, 0.0, 2.0, 0.02, 0.003)),
         lambda v, p: augment.Chain([augment.LowPass(v[0]), augment.LowPass(v[1])]),
         lambda p: [(0.01, 0.005), (0.03, 0.02), (0.1, 0.05)],
-        form={"latency": 0.003, TAXEL_GAIN: 0.006, "saturation": 0.001},
+        form={
+            **dict.fromkeys(("stiffening", "crosstalk", "saturation"), 0.001),
+            **dict.fromkeys(("axis_gain", "creep"), 0.0006),
+            "latency": 0.003,
+            TAXEL_GAIN: 0.006,
+        },
     )
 )
 

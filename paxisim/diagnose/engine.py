@@ -55,6 +55,7 @@ class Explanation:
         empty_energy: ``(episodes,)`` squared difference of the streams in noise units.
         energy: ``(episodes,)`` the same, of the model.
         not_searched: Why, by the name of each cause that was not looked for.
+        nearly: By cause that was not found, what it brings as a share of what it must bring.
     """
 
     problem: Problem
@@ -64,6 +65,7 @@ class Explanation:
     empty_energy: FloatArray
     energy: FloatArray
     not_searched: Mapping[str, str] = field(default_factory=dict)
+    nearly: Mapping[str, float] = field(default_factory=dict)
     refit: Callable[[Problem], FloatArray] = field(default=lambda part: np.zeros(0), repr=False)
 
     def fit_on(self, spans: Sequence[slice]) -> FloatArray:
@@ -215,5 +217,6 @@ def _explained(
         energy(raw.simulated, (lambda force: force) if "quantisation" in read else problem.read),
         now,
         not_searched,
+        state.nearly,
         refit,
     )

@@ -17,6 +17,7 @@ from paxisim.augment.latency import Latency
 from paxisim.augment.low_pass import LowPass
 from paxisim.augment.transform import Transform
 from paxisim.diagnose.between import FINE, Curve, curve_through
+from paxisim.diagnose.blocks import in_blocks
 from paxisim.diagnose.dither import dither_of
 from paxisim.diagnose.noise import FloatArray, Tolerance, noise_of, step_of, tolerated
 from paxisim.errors import InvalidValueError
@@ -122,7 +123,10 @@ class Problem:
                 x = self.run(member, x)
             return x
         if not transform.has_memory:
-            return transform.run(x, self.time, self.covariates)
+            covariates = self.covariates
+            return in_blocks(
+                x, lambda part: transform.run(x[part], self.time[part], {n: c[part] for n, c in covariates.items()})
+            )
         if isinstance(transform, (Latency, LowPass)) and any(curve is not None for curve in self._curves):
             return self._run_between(transform, x)
         if self._alike and len(self._in_one_piece) == len(self.episodes):  # a batch: one pass over time for all
@@ -156,8 +160,9 @@ class Problem:
 
         The mean of a rounded value is a staircase that noise makes smooth; its first two harmonics are taken.
         """
-        if self.reads_all:
-            return force
+        return force if self.reads_all else in_blocks(force, lambda part: self._read(force[part]))
+
+    def _read(self, force: FloatArray) -> FloatArray:
         if self.gate is not None:
             force = self.gate.apply(force, {})
         read = force - self._rounding(force) if self._ripples else force.copy()

@@ -27,6 +27,7 @@ from paxisim.recording import Recording
 
 LITTLE = 0.2  # of what can be explained: who explains less, and leaves clear structure, has not found it
 CLEAR = 2.0  # limits that a left-over must reach to be clear
+NEARLY = 0.75  # of what a cause must bring to be named: who brings so much may be in it
 FAINT = 2.0  # times what is material that a cause must change the prediction by, to be testable
 
 
@@ -77,7 +78,9 @@ def diagnose(
     clear = any(item.statistic > CLEAR * item.limit for item in structure)
     if found.found and clear and share is not None and share.value < LITTLE:
         found, squares = _nothing(found, simulated), replace(squares, after=squares.before, prediction=simulated)
+    faint = {name: share for name, share in found.nearly.items() if share > NEARLY} if found.found else {}
     structure = (*unsettled, *structure)
+    left = (*structure, *_too_faint(faint))
     tell("comparing with a black box")
     black, note = _ceiling(problem, simulated, seed, jobs)
     tell("looking for what would do as well")
@@ -88,9 +91,10 @@ def diagnose(
     warnings += _at_bounds(found)
     named = _named(found, squares, rivals, parameters, seed)
     one = len(problem.episodes) == 1
-    verdict = _verdict(named, structure, one)
+    verdict = _verdict(named, left, one)
     missing = {**found.not_searched, **_not_excited(problem, found, set(causes or known_causes()))}
     missing = {name: why for name, why in missing.items() if name not in {item.name for item in named}}
+    to_show = {name: why for name, why in missing.items() if not cause(name).barred(problem)}
     return Diagnosis(
         verdict=verdict,
         causes=named,
@@ -98,10 +102,10 @@ def diagnose(
         confidence=_confidence(found, rivals, thresholds, seed, bool(structure)),
         not_testable=missing,
         streams=_streams(recording, problem, squares),
-        symptoms=symptoms(problem, simulated, found.prediction, recording.pads, warnings=warnings, left_over=structure),
+        symptoms=symptoms(problem, simulated, found.prediction, recording.pads, warnings=warnings, left_over=left),
         advice=advice(
             [(item.name, item.rivals) for item in named],
-            {name: why for name, why in missing.items() if not cause(name).barred(problem)},
+            {**to_show, **dict.fromkeys(faint, "it is too faint to be named")},
             unexplained=bool(structure),
             episodes=len(problem.episodes),
         ),
@@ -116,6 +120,16 @@ def _verdict(named: Sequence[FoundCause], structure: Sequence[LeftOver], one: bo
     if not named:
         return "no_discrepancy"
     return "ambiguous" if one or any(item.rivals for item in named) else "explained"
+
+
+def _too_faint(shares: Mapping[str, float]) -> tuple[LeftOver, ...]:
+    """Causes that may be at work, but bring too little to be named, or no more than others in their place."""
+    return tuple(
+        LeftOver(
+            f"{name} may be at work too: it brings {min(share, 1):.0%} of what it must bring to be named", share, NEARLY
+        )
+        for name, share in shares.items()
+    )
 
 
 def _nothing(found: Explanation, simulated: FloatArray) -> Explanation:

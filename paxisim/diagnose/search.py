@@ -18,6 +18,7 @@ SIGNIFICANT = 30.0  # energy, in units of the noise, that chance does not explai
 SLOW = 20.0  # energy, in units of the noise, that each number of a field may take of slow noise in it
 FEW = 6  # numbers of a cause
 PROMISE = 0.4  # of what a cause must bring, that it must promise while it is small to be fitted
+HINT = 0.2  # of what a cause must bring, that it must promise to be looked at as one that nearly was kept
 NEAR = 0.6  # of the best one's gain: who has less is not fitted
 
 
@@ -39,6 +40,11 @@ class Found:
     def rivals(self) -> Mapping[str, Mapping[str, float]]:
         """By cause, the energy that is left with a rival in its place, by the rival's name."""
         return {name: self._search.rivals(self._chosen, name) for name in self._chosen}
+
+    @cached_property
+    def nearly(self) -> Mapping[str, float]:
+        """By cause that is not in, what it brings as a share of what it must bring, where that is not little."""
+        return self._search.nearly(self._chosen)
 
 
 def search(
@@ -168,6 +174,14 @@ class _Search:
         without = self.fits.of(rest, self.fits.of(chosen))
         near = [n for n in list(self._ranked(rest))[: EXCHANGE + 1] if n != name]
         return {n: float(self.fits.of([*rest, n], without).energy.sum()) for n in near}
+
+    def nearly(self, chosen: Sequence[str]) -> dict[str, float]:
+        """What those bring that are not kept beside `chosen`, as shares of what they must bring."""
+        current = self.fits.of(chosen)
+        least = HINT * self._limits.material * self._problem.samples
+        likely = [n for n, promise in self._ranked(chosen).items() if promise > least]
+        shares = {n: self._worth.nearly(self.fits.of([*chosen, n], current), current, n) for n in likely}
+        return {n: share for n, share in shares.items() if share > 0}
 
     def _simplest(self, name: str, contest: Mapping[str, Fit], without: Fit) -> str:
         """`name`, or a candidate that it gives way to and does no more than."""

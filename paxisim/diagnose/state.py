@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import cast
 
 import numpy as np
@@ -49,11 +49,13 @@ class State:
         problem: The recording, with the zero known.
         found: Causes that were found in it.
         zero: What is read without a force.
+        nearly: By cause that was not found, what it brings as a share of what it must bring.
     """
 
     problem: Problem
     found: Found
     zero: Zero
+    nearly: Mapping[str, float] = field(default_factory=dict)
 
     def or_better(self, other: State, limits: Thresholds) -> State:
         """This one, or `other` if that leaves less: each name counts as what it must bring."""
@@ -104,7 +106,7 @@ def closer(state: State, plan: Plan) -> State:
     if zero is again or second.fit.values.keys() != found.fit.values.keys():
         doubted = second.fit.values.keys() - found.fit.values.keys()
         found = found_with(problem, plan.searched, limits, second.fit, doubted)
-    return State(problem, found, zero)
+    return State(problem, found, zero, second.nearly)
 
 
 def with_zero(problem: Problem, zero: Zero) -> Problem:

@@ -21,6 +21,7 @@ EACH = 2.0  # times what a field's form leaves to another on the whole, that it 
 UNREPEATED = 3.0  # times what matters that a cause must bring which but few of the episodes show
 REPEATED = 0.5  # of what a cause of many numbers must bring, that it must bring without its best episode
 ELSEWHERE = 0.25  # of what it brings, that it must bring there
+ENOUGH = 3.0  # times what a cause must bring, that is enough elsewhere, however much one episode gains
 HARDLY = 0.975  # of what is gained in some episodes and lost in others, that is gained
 UNLIKE_TOLERATED = 0.5  # of what a cause brings that one episode alone shows, which nothing tolerated may bring
 UNPRESSED = 0.5  # of what a field brings in the one episode that shows it, that it must bring where nothing is pressed
@@ -75,7 +76,7 @@ class Worth:
         least = self._least(item)
         gain = fewer.energy - more.energy
         elsewhere = gain.sum() - gain.max()
-        alone = len(gain) > SEVERAL and elsewhere < ELSEWHERE * gain.sum()
+        alone = self._in_one_episode(gain, least)
         if item.costs > 1 and (alone or (len(gain) > SEVERAL and elsewhere < REPEATED * least)):
             return False  # many numbers fit what one episode has of its own
         if alone and item.mistaken >= FORM and not self._is_own(fewer, more, item, least, int(gain.argmax())):
@@ -83,6 +84,19 @@ class Worth:
         if self.is_consistent(more, fewer, max(least, self.misfit(fewer, name, more))):
             return True
         return self.is_consistent(more, fewer, least) and self.told_beside_absorbers(fewer, name)
+
+    def nearly(self, more: Fit, fewer: Fit, name: str) -> float:
+        """What a cause that is not kept brings, as a share of what it must bring; 0 if episodes disagree."""
+        least = max(self._least(self._by_name[name]), self.misfit(fewer, name, more))
+        gain = fewer.energy - more.energy
+        if self._in_one_episode(gain, least) or not self.is_consistent(more, fewer, 0.0):
+            return 0.0
+        return min(float(gain.sum() / least), self._size(more, name))
+
+    def _in_one_episode(self, gain: FloatArray, least: float) -> bool:
+        """Whether one of several episodes has most of a gain, and the others too little to stand for themselves."""
+        elsewhere = gain.sum() - gain.max()
+        return len(gain) > SEVERAL and elsewhere < min(ELSEWHERE * gain.sum(), ENOUGH * least)
 
     def _least(self, item: Cause) -> float:
         """Energy, in units of the noise, that a cause must bring."""
@@ -147,8 +161,11 @@ class Worth:
 
     def matters(self, found: Fit, name: str) -> bool:
         """Whether a cause has values in a fit that matter, beside the others that are in."""
+        return self._size(found, name) >= 1
+
+    def _size(self, found: Fit, name: str) -> float:
         values: Values = found.values[name]  # type: ignore[assignment]
-        return self._by_name[name].is_material(values, self._problem, found.values)
+        return self._by_name[name].size(values, self._problem, found.values)
 
 
 def _still(problem: Problem) -> FloatArray:

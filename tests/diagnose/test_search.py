@@ -72,8 +72,8 @@ def test_what_a_form_may_leave_goes_with_what_its_cause_explains(problem, search
     assert search._worth.misfit(filtered, "latency") == pytest.approx(
         cause("low_pass").form["latency"] * EPISODES * 1e4
     )
-    assert search._worth.misfit(filtered, "creep") == pytest.approx(cause("creep").mistaken * EPISODES * 1e4)
-    assert search._worth.misfit(nothing, "creep") == 0
+    assert search._worth.misfit(filtered, "rotation") == pytest.approx(cause("rotation").mistaken * EPISODES * 1e4)
+    assert search._worth.misfit(nothing, "rotation") == 0
 
 
 @pytest.mark.parametrize(
@@ -130,7 +130,7 @@ def test_a_second_look_asks_for_less(problem, search):
     ((0.05, 0.0, 0.05), ("axis_coupling",), True),
 ])  # fmt: skip
 def test_a_rotation_is_told_from_a_coupling_by_the_turn_in_the_plane(problem, angles, beside, tells):
-    assert cause("rotation").is_material(angles, problem, beside) is tells
+    assert (cause("rotation").size(angles, problem, beside) >= 1) is tells
 
 
 @pytest.mark.parametrize(("share", "worth"), [(0.05, False), (0.3, True)])
@@ -155,7 +155,7 @@ def test_what_a_form_may_leave_is_told_where_others_take_that_up(problem, share,
     ("values", "matters"), [((0.002, 1.2, 0.0), True), ((0.002, 0.0, 0.0), False), ((0.0035, 0.0, 0.0), True)]
 )
 def test_crosstalk_matters_by_what_all_neighbours_get(problem, values, matters):
-    assert cause("crosstalk").is_material(values, problem) is matters
+    assert (cause("crosstalk").size(values, problem) >= 1) is matters
 
 
 @pytest.mark.parametrize(("against", "worth"), [(0.02, True), (0.2, False)])
