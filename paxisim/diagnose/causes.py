@@ -107,7 +107,7 @@ register_cause(
         lambda p: (Free("cx", "1", 0.0, 0.0, 1.0, 0.05, 0.012), Free("cy", "1", 0.0, 0.0, 1.0, 0.05, 0.012)),
         lambda v, p: augment.Poisson(v[0], v[1], reach=2.9),
         lambda p: [(0.1, 0.0), (0.0, 0.1)],
-        form={"interference": 0.02},
+        form={"interference": 0.008, "saturation": 0.003, "axis_coupling": 0.002},
         mistaken=UNLIKE,
         faint=0.4,
         barred=mixes_alike,
@@ -126,7 +126,13 @@ register_cause(
         lambda v, p: augment.Crosstalk(v[0], length=1.0, far=v[1], taken=v[2]),
         lambda p: [(0.02, 0.0, 0.0), (0.02, 1.0, 0.0), (0.02, 1.0, 1.0)],
         simpler=("axis_gain",),
-        form={"axis_gain": 0.025, "stiffening": 0.025, TAXEL_GAIN: 0.05},
+        form={
+            TAXEL_GAIN: 0.05,
+            **dict.fromkeys(("axis_gain", "interference"), 0.006),
+            "saturation": 0.004,
+            "stiffening": 0.003,
+            **dict.fromkeys(("axis_coupling", "rotation"), 0.0015),
+        },
         # what the 4 next neighbours get of a load in the middle of a pad, and the 16 beyond at distances up to 2.8
         beyond=lambda v, p: abs(v[0]) * (4 + 7 * v[1]) / 0.012,
         barred=mixes_alike,
@@ -278,7 +284,13 @@ register_cause(
         lambda v, p: augment.Latency(v[0], capacity=_capacity(p, v[0])),
         lambda p: [(-0.1,), (0.01,), (0.03,), (0.1,)],
         behind={"low_pass": _like_a_filter},
-        form={"low_pass": 0.01},
+        form={
+            "low_pass": 0.01,
+            "saturation": 0.005,
+            "interference": 0.004,
+            **dict.fromkeys(("stiffening", "crosstalk"), 0.0015),
+            **dict.fromkeys(("axis_gain", "creep"), 0.001),
+        },
     )
 )
 

@@ -93,3 +93,16 @@ def test_modes_that_do_not_agree_are_refused(kind, names):
         kind((), (0.1,))
     with pytest.raises(InvalidValueError, match=rf"^{kind.__name__}: {names[0]} must have shape \(..., modes\)"):
         kind(0.1, (0.1,))
+
+
+@pytest.mark.parametrize("frames", [1, 2, 3, 50, 101, 400])
+@pytest.mark.parametrize("batch", [(), (60,)])  # frames small enough for stretches side by side, and larger ones
+@pytest.mark.parametrize("transform", [LowPass(0.05), Creep((0.2, -0.1), (1e-4, 3.0)), LowPass(1e4)])
+def test_a_long_sequence_runs_as_it_steps(transform, frames, batch):
+    rng = np.random.default_rng(frames)
+    x = rng.normal(size=(frames, *batch, *FRAME)).cumsum(axis=0)
+    time = np.cumsum(np.where(rng.random(frames) < 0.1, 0.0, rng.uniform(0.001, 0.03, frames)))  # some frames twice
+    y, state = transform.run(x, time), transform.initial_state(x[0])
+    for frame, dt, ran in zip(x, np.diff(time, prepend=time[0]), y, strict=True):
+        stepped, state = transform.step(frame, state, dt)
+        np.testing.assert_allclose(ran, stepped, rtol=1e-11, atol=1e-12)

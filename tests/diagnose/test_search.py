@@ -186,3 +186,22 @@ def test_only_what_is_worth_keeping_takes_the_place_of_a_cause(problem, search, 
     assert search._worth.keeps(search.fits.of(["creep", "rotation"]), search.fits.of(["creep"]), "rotation")
     assert not search._worth.keeps(search.fits.of(["creep", "stiffening"]), search.fits.of(["creep"]), "stiffening")
     assert search._exchanged(["creep", "rotation"]) == ["creep", "rotation"]
+
+
+@pytest.mark.parametrize(
+    ("gains", "size", "share"),
+    [
+        (np.full(EPISODES, 0.9 / EPISODES), 2.0, 0.9),
+        (np.full(EPISODES, 0.9 / EPISODES), 0.8, 0.8),  # less than its size matters
+        (np.tile([0.45, -0.2], EPISODES // 2) / EPISODES * 4, 2.0, 0.0),  # the episodes disagree
+        ([0.9, *[1e-3] * (EPISODES - 1)], 2.0, 0.0),  # one alone
+    ],
+)
+def test_how_nearly_a_cause_is_kept(problem, search, gains, size, share):
+    free = cause("rotation").free(problem)
+    values = [f.neutral + size * f.material if f is free[0] else f.neutral for f in free]
+    least = search._worth._least(cause("rotation"))
+    before = fit_of(problem, np.full(EPISODES, 1e5))
+    search.fits._made[frozenset()] = before
+    more = Fit({"rotation": np.array(values)}, before.energy - least * np.asarray(gains), problem, ())
+    assert search._worth.nearly(more, before, "rotation") == pytest.approx(share, rel=1e-6)
