@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
+
+from paxisim.diagnose.noise import FloatArray
 
 BLOCK = 50_000  # numbers at a time
-
-FloatArray = NDArray[np.float64]
 
 
 def in_blocks(values: FloatArray, function: Callable[[slice], FloatArray]) -> FloatArray:

@@ -78,15 +78,15 @@ def diagnose(
     clear = any(item.statistic > CLEAR * item.limit for item in structure)
     if found.found and clear and share is not None and share.value < LITTLE:
         found, squares = _nothing(found, simulated), replace(squares, after=squares.before, prediction=simulated)
-    faint = {name: share for name, share in found.nearly.items() if share > NEARLY} if found.found else {}
     structure = (*unsettled, *structure)
-    left = (*structure, *_too_faint(faint))
     tell("comparing with a black box")
     black, note = _ceiling(problem, simulated, seed, jobs)
     tell("looking for what would do as well")
     rivals = rivals_of(found, thresholds.material * problem.samples / 2)
     searched = [name for name in causes or known_causes() if name not in found.not_searched]
     rivals = with_untold(problem, rivals, searched)
+    faint = _faint(found, rivals)
+    left = (*structure, *_as_left_over(faint))
     parameters = parameters_of(found)
     warnings += _at_bounds(found)
     named = _named(found, squares, rivals, parameters, seed)
@@ -122,7 +122,13 @@ def _verdict(named: Sequence[FoundCause], structure: Sequence[LeftOver], one: bo
     return "ambiguous" if one or any(item.rivals for item in named) else "explained"
 
 
-def _too_faint(shares: Mapping[str, float]) -> tuple[LeftOver, ...]:
+def _faint(found: Explanation, rivals: Mapping[str, tuple[str, ...]]) -> dict[str, float]:
+    """What causes bring of what they must bring to be named that may be at work beside those that are."""
+    told = {name for names in rivals.values() for name in names}
+    return {n: share for n, share in found.nearly.items() if found.found and share > NEARLY and n not in told}
+
+
+def _as_left_over(shares: Mapping[str, float]) -> tuple[LeftOver, ...]:
     """Causes that may be at work, but bring too little to be named, or no more than others in their place."""
     return tuple(
         LeftOver(
