@@ -111,9 +111,9 @@ class _Stages:
         """By how much the residual changes with a small change of cause `name`, the others as they were last."""
         problem, compared = self._problem, self._problem.compared
         change = problem.at_compared(self._out) - problem.at_compared(self._moved(values, name))
-        if not compared.reads_all:
+        if not compared.counting.reads_all:
             if self._slope is None:
-                self._slope = compared.slope(problem.at_compared(self._out))
+                self._slope = compared.counting.slope(problem.at_compared(self._out))
             change *= self._slope
         return compared.weigh(change).ravel()
 
@@ -283,7 +283,7 @@ def _best_probe(problem: Problem, item: Cause, values: Fitted, stages: _Stages) 
 
 def _unrounded(problem: Problem, item: Cause, values: Fitted, neutral: FloatArray, stages: _Stages) -> FloatArray:
     """Where a cause begins that a sensor's steps hide while it is small: where it would be if it read all forces."""
-    if problem.reads_all:
+    if problem.counting.reads_all:
         return neutral
     smooth = replace(problem, step=0.0, clips=False)
     found = fit(smooth, stages.causes, {**values, item.name: neutral}, steps=2).values[item.name]

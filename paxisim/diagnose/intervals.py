@@ -321,4 +321,4 @@ def _zero_spread(found: Explanation, name: str) -> FloatArray | None:
     typical = np.median(variance, axis=(2, 3), keepdims=True)  # a few episodes tell a variance badly, taxels are alike
     reach = np.sqrt(np.maximum(variance, typical)) * student.ppf(0.5 + LEVEL / 2, degrees)
     middle = problem.read(np.mean(problem.zero, axis=0, keepdims=True))[0] if np.ndim(problem.zero) else 0.0 * reach
-    return (problem.unread(middle + reach) - problem.unread(middle - reach)) / 2
+    return (problem.counting.unread(middle + reach) - problem.counting.unread(middle - reach)) / 2

@@ -9,7 +9,6 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtr
 
 from paxisim.augment.chain import Chain
 from paxisim.augment.dead_band import DeadBand
@@ -18,17 +17,16 @@ from paxisim.augment.low_pass import LowPass
 from paxisim.augment.transform import Transform
 from paxisim.diagnose.between import FINE, Curve, curve_through
 from paxisim.diagnose.blocks import in_blocks
+from paxisim.diagnose.counting import Counting
 from paxisim.diagnose.dither import dither_of
 from paxisim.diagnose.noise import FloatArray, Tolerance, noise_of, step_of, tolerated
 from paxisim.errors import InvalidValueError
 from paxisim.logs.aligned import episode_spans
 from paxisim.recording import Recording
 
-NO_RIPPLE = 1e-5  # of a step: what noise leaves of rounding is not computed below it
 ENOUGH = 300_000  # numbers, for a fit
 LONGEST = 0.05  # s between the frames that are fitted
 BEND = 0.01  # of the noise's energy, that may lie between them
-REACH = 7.0  # times the noise: beyond it none of it changes the sign of a force
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,95 +153,14 @@ class Problem:
                 out[span] = transform.run(curve(x[span]), curve.time)[curve.own]
         return out
 
-    def read(self, force: FloatArray) -> FloatArray:
-        """What a sensor that counts in steps, and not below 0, reads of `force` on average, given its noise.
-
-        The mean of a rounded value is a staircase that noise makes smooth; its first two harmonics are taken.
-        """
-        return force if self.reads_all else in_blocks(force, lambda part: self._read(force[part]))
-
-    def _read(self, force: FloatArray) -> FloatArray:
-        if self.gate is not None:
-            force = self.gate.apply(force, {})
-        read = force - self._rounding(force) if self._ripples else force.copy()
-        if self._cuts:
-            normal = read[:, :, 2]
-            normal += self._cut_off(force[:, :, 2])
-            np.maximum(normal, 0, out=normal)
-        return read
-
-    def unread(self, reading: FloatArray) -> FloatArray:
-        """The constant force that reads, on average, as `reading` ``(pads, 3, rows, cols)``; below 0 as it is."""
-        if self.reads_all:
-            return reading
-        size = float(np.abs(reading).max()) + 2 * self.step + 2 * self.dither
-        force = np.linspace(-size, size, 4001)
-        grid = np.broadcast_to(force[:, None, None, None, None], (len(force), 1, 3, 1, 1))
-        read = np.maximum.accumulate(self.read(grid)[:, 0, :, 0, 0], axis=0)
-        found = np.empty_like(reading)
-        for axis in range(3):
-            rising = np.flatnonzero(np.diff(read[:, axis], prepend=-np.inf) > 1e-9)
-            found[:, axis] = np.interp(reading[:, axis], read[rising, axis], force[rising])
-        return found
-
-    @property
-    def reads_all(self) -> bool:
-        """Whether `read` returns what it is given."""
-        return not self._ripples and not self._cuts and self.gate is None
-
-    @property
-    def _cuts(self) -> bool:
-        return self.clips and self.dither > 0
-
-    @property
-    def _ripples(self) -> bool:
-        return self.step > 0 and self._ripple[0] > NO_RIPPLE
-
-    def slope(self, force: FloatArray) -> FloatArray:
-        """By how much what is read of `force` changes with it; only where `reads_all` is False."""
-        small = 1e-3 * (self.step or self.dither)
-        return (self.read(force + small) - self.read(force - small)) / (2 * small)
-
-    def _cut_off(self, force: FloatArray) -> FloatArray:
-        """What the readings below 0 that are read as 0 add to the mean."""
-        table, scale = self._cut_table
-        place = np.clip((force + REACH * self.dither) * scale, 0.0, len(table) - 1.001)
-        low = place.astype(np.intp)
-        place -= low
-        return table[low] * (1 - place) + table[low + 1] * place
-
     @cached_property
-    def _cut_table(self) -> tuple[FloatArray, float]:
-        """That addition between plus and minus `REACH` of the noise, and the places of the table in a newton."""
-        force = np.linspace(-REACH, REACH, 4001) * self.dither
-        below = -force / self.dither
-        if self.dither < 0.5 * self.step:  # counts are told apart; what is far below is cut by the caller
-            step = self.step / self.dither
-            table = self.step * np.sum([ndtr(below - (k + 0.5) * step) for k in range(3)], axis=0)
-        else:
-            bell = np.exp(-0.5 * below**2) / np.sqrt(2 * np.pi)
-            table = self.dither * (bell + below * ndtr(below))
-        return table, 4000 / (2 * REACH * self.dither)
+    def counting(self) -> Counting:
+        """How the sensor turns forces into readings."""
+        return Counting(self.step, self.dither, self.clips, self.gate)
 
-    @property
-    def _ripple(self) -> tuple[float, float]:
-        """What noise leaves of the first two harmonics of rounding."""
-        spread = (np.pi * self.dither / self.step) ** 2
-        return float(np.exp(-2 * spread)), float(np.exp(-8 * spread))
-
-    def _rounding(self, force: FloatArray) -> FloatArray:
-        """What rounding takes from the mean; 7 digits of it are enough."""
-        first, second = self._ripple
-        turns = force / self.step
-        turns -= np.rint(turns)
-        angle = (2 * np.pi * turns).astype(np.float32)
-        ripple = np.sin(angle)
-        if second > NO_RIPPLE:
-            ripple *= np.float32(first) - np.float32(second) * np.cos(angle)
-        else:
-            ripple *= np.float32(first)
-        ripple *= np.float32(self.step / np.pi)
-        return ripple
+    def read(self, force: FloatArray) -> FloatArray:
+        """What the sensor reads of `force` on average, see `Counting`."""
+        return self.counting.read(force)
 
     def select(self, episodes: Sequence[int]) -> Problem:
         """The problem of these episodes alone, in the order given."""

@@ -116,7 +116,7 @@ def zero_of(
         gain = (beside.heldout() - without.heldout()).sum(axis=1) / per_frame
         if matters(gain, least) and beside.rejects().any():
             gains["drift"], chosen, tau = gain, beside, best_tau
-            for _ in range(0 if problem.reads_all or hiding is not None else RELINEARISED):
+            for _ in range(0 if problem.counting.reads_all or hiding is not None else RELINEARISED):
                 constant, slope = chosen.values()[:, [0, -1]].T
                 own = (constant + np.outer(_course(time, tau), slope)).reshape(rest.shape)
                 rest = own + problem.measured - problem.read(prediction + own)
@@ -148,7 +148,7 @@ def zero_of(
             gains["offset"] = gain
     keeps = owned or bool(gains)
     if hiding is None and "drift" not in gains:  # so far a mean of readings, which rounding and the cut below 0 draw in
-        offset = problem.unread(offset + problem.read(zeros[None])[0])
+        offset = problem.counting.unread(offset + problem.read(zeros[None])[0])
     return Zero(offset if keeps else zeros, amplitude, tau, gains)
 
 
