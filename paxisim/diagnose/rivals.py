@@ -26,6 +26,8 @@ INSIDE = 0.05  # of a cause's effect, that a rival may leave which can do all of
 TIED = 0.3  # of the largest of a rival's numbers, that one must reach to be part of the imitation
 GAUGE = "axis_gain"  # what a rival may bring with it
 LOOSE = 20.0  # probes of the gauge that cost as much as the whole effect: it is to be a small correction
+UNPRESSED = 0.01  # of the peak force, that a taxel does not reach which nothing presses
+NEARLY_ALL = 0.9  # of an offset's squares
 EPISODES = 12  # at most, on which effects are compared
 
 
@@ -41,7 +43,17 @@ def rivals_of(found: Explanation, least: float) -> Mapping[str, tuple[str, ...]]
     for item in searched:
         near = {**_imitating(found, item, searched, least), **_fitted(item, least)}
         rivals[item.name] = tuple(sorted(near, key=lambda name: near[name]))
+    for item in found.found:
+        if item.name == "offset" and "dead_taxels" not in found.not_searched and _on_unpressed(found.problem, item):
+            rivals["offset"] = ("dead_taxels",)
     return rivals
+
+
+def _on_unpressed(problem: Problem, offset: Named) -> bool:
+    """Whether nearly all of an offset is on taxels that nothing presses, which may as well be stuck."""
+    pressed = np.abs(problem.simulated).max(axis=(0, 2)) > UNPRESSED * problem.peak
+    square = np.sum(np.asarray(offset.values["value"]) ** 2, axis=1)
+    return bool(square[~pressed].sum() > NEARLY_ALL * square.sum())
 
 
 def _fitted(item: Named, least: float) -> dict[str, float]:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from paxisim.augment import Offset
 from paxisim.diagnose.cause import cause, known_causes
 from paxisim.diagnose.engine import Explanation, Named, Tolerance
 from paxisim.diagnose.fitting import in_order
@@ -89,6 +90,20 @@ def test_a_more_general_cause_must_do_better_than_the_one_that_it_imitates(rich)
 
 
 def test_what_is_read_off_the_data_has_no_rivals(rich):
-    named = Named("offset", in_order([]), {}, np.ones(1), {})
+    named = Named("quantisation", in_order([]), {}, np.ones(1), {})
     nothing = Explanation(rich, (named,), in_order([]), rich.simulated, np.zeros(1), np.zeros(1))
-    assert rivals_of(nothing, least=100.0) == {"offset": ()}
+    assert rivals_of(nothing, least=100.0) == {"quantisation": ()}
+
+
+@pytest.mark.parametrize(("where", "rival"), [("unpressed", ("dead_taxels",)), ("everywhere", ()), ("pressed", ())])
+def test_an_offset_of_taxels_that_nothing_pressed_may_be_that_they_are_stuck(poor, where, rival):
+    pressed = np.zeros((2, 4, 3), dtype=bool)
+    pressed[:, :2] = True
+    simulated = poor.simulated * pressed[:, None]
+    on = {"unpressed": ~pressed, "everywhere": np.ones_like(pressed), "pressed": pressed}[where]
+    offset = 0.3 * np.broadcast_to(on[:, None], poor.alive.shape)
+    given = replace(poor, simulated=simulated, measured=simulated + offset)
+    named = Named("offset", Offset(offset), {"value": offset}, np.array([1e6]), {})
+    model = in_order([("offset", named.transform)])
+    found = Explanation(given, (named,), model, simulated + offset, np.zeros(1), np.zeros(1))
+    assert rivals_of(found, least=100.0)["offset"] == rival
