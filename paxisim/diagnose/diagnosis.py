@@ -127,7 +127,7 @@ class Place:
 
 @dataclass(frozen=True)
 class LeftOver:
-    """Structure in what the model leaves.
+    """Structure in what the model leaves, or a cause that may be at work besides.
 
     Attributes:
         what: In words.
@@ -146,7 +146,7 @@ class Symptoms:
 
     Attributes:
         warnings: What is wrong with the recording or to be read with care.
-        left_over: Structure in what the model leaves.
+        left_over: Structure in what the model leaves, and causes that may be at work but are too faint to be named.
         pads: Shares by pad.
         axes: By axis.
         taxels: The ten worst.
@@ -171,7 +171,7 @@ class Diagnosis:
 
     Attributes:
         verdict: "no_discrepancy", "explained", "ambiguous" (rivals that the data cannot tell apart), "partly_explained"
-            (named causes, and structure left over) or "unexplained".
+            (named causes, and structure left over or a cause too faint to be named) or "unexplained".
         causes: In the order of their gain.
         heldout: Figures on episodes that took no part in the fit.
         confidence: Of each cause, 0 to 1: how often its gain still matters when episodes are drawn anew, shared with

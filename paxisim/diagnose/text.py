@@ -15,7 +15,7 @@ SENTENCES: Mapping[Verdict, str] = {
     "no_discrepancy": "The simulation agrees with the measurement within noise and tolerances.",
     "explained": "The causes below explain the difference; nothing of note is left over.",
     "ambiguous": "The causes below explain the difference, but so do their rivals: record what is advised.",
-    "partly_explained": "The causes below explain a part; what is left over has structure.",
+    "partly_explained": "The causes below explain a part; what else there is stands under Left over.",
     "unexplained": "The measurement differs from the simulation, and no known cause explains it.",
 }
 
