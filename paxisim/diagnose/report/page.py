@@ -23,7 +23,7 @@ TAILS = {
     "no_discrepancy": "What is left is within noise and tolerances.",
     "explained": "Nothing of note is left over.",
     "ambiguous": "This recording cannot tell them apart: record what is advised below.",
-    "partly_explained": "More than noise is left over, or another may be at work: it stands below.",
+    "partly_explained": "What is left over, or may be at work besides, stands below.",
     "unexplained": "The difference has structure, so it is no noise; what is known of it stands below.",
 }
 _MANY = 8  # parameters; of more the range is given
