@@ -19,7 +19,7 @@ CAUSES = ("axis_gain", "creep")
 
 @pytest.mark.parametrize(
     ("amplitude", "named", "faint"),
-    [(0.0, {"axis_gain"}, False), (0.01, {"axis_gain"}, True), (0.02, set(CAUSES), False)],
+    [(0.0, {"axis_gain"}, False), (0.011, {"axis_gain"}, True), (0.02, set(CAUSES), False)],
 )
 def test_a_faint_second_cause_is_not_passed_over(amplitude, named, faint):
     recording = recording_of(make(("axis_gain",), seed=401, rows=4, cols=3, duration=6.0, strength=0.7))

@@ -115,6 +115,14 @@ def test_what_one_episode_alone_shows_may_be_of_its_press(problem, search, name,
     assert search._worth.keeps(fit_of(problem, before.energy - gain, name), before, name) is worth
 
 
+@pytest.mark.parametrize(("elsewhere", "worth"), [(2.0, False), (4.0, True)])
+def test_what_others_show_stands_for_a_cause_however_much_one_episode_shows(problem, search, elsewhere, worth):
+    least = search._limits.material * problem.samples
+    before = fit_of(problem, np.full(EPISODES, 1e5))
+    gain = [50 * least, elsewhere * least, *[0.001 * least] * 6]
+    assert search._worth.keeps(fit_of(problem, before.energy - gain, "creep"), before, "creep") is worth
+
+
 def test_a_second_look_asks_for_less(problem, search):
     closer = replace(search._limits, material=0.4 * search._limits.material)
     second = _Search(problem, search._causes, closer, lambda text: None)
