@@ -24,6 +24,7 @@ ELSEWHERE = 0.25  # of what it brings, that it must bring there
 ENOUGH = 3.0  # times what a cause must bring, that is enough elsewhere, however much one episode gains
 HARDLY = 0.975  # of what is gained in some episodes and lost in others, that is gained
 UNLIKE_TOLERATED = 0.5  # of what a cause brings that one episode alone shows, which nothing tolerated may bring
+CLEARLY_UNLIKE = 5.0  # times what it must bring, of which so much is enough, as large saturations look like a gain, too
 UNPRESSED = 0.5  # of what a field brings in the one episode that shows it, that it must bring where nothing is pressed
 SEVERAL = 6  # episodes
 
@@ -107,7 +108,8 @@ class Worth:
         span = self._problem.episodes[number]
         if not item.covariate:  # a press that is a little beside its place looks like a saturation
             freed = beyond_tolerated(self._problem, fewer.prediction, more.prediction, span)
-            return freed > UNLIKE_TOLERATED * max(least, float(fewer.energy[number] - more.energy[number]))
+            gain = float(fewer.energy[number] - more.energy[number])
+            return freed > min(UNLIKE_TOLERATED * max(least, gain), CLEARLY_UNLIKE * least)
         # a field is there without a press, too
         rest, left = (self._problem.residual(f.prediction)[span] ** 2 for f in (fewer, more))
         gain = (rest - left).sum(axis=(1, 2, 3, 4))
