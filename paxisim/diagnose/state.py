@@ -19,6 +19,7 @@ from paxisim.diagnose.worth import Thresholds
 from paxisim.diagnose.zero import Zero, nothing, zero_of
 
 CLOSER = 0.4  # of what a cause must bring, that it must bring where no sample is far off
+CHANCE = 200.0  # energy, in units of the noise, that slow noise brings in a short recording, too
 TURNS = 3  # of a dead band and the zero that it holds back
 FEWER = 2.0  # times what matters, that a drift must bring at last: nothing else goes one way from episode to episode
 LEFT = 0.06  # of what the other causes explain, that their forms leave to an offset
@@ -93,7 +94,8 @@ def with_slow(state: State, plan: Plan) -> State:
 def closer(state: State, plan: Plan) -> State:
     """With what shows where samples that are far off count little, as several episodes agree."""
     plan.tell("looking again without the samples that are far off")
-    limits = replace(plan.limits, material=CLOSER * plan.limits.material, second=True)
+    share = np.clip(CHANCE / (plan.limits.material * state.problem.samples), CLOSER, 1.0)
+    limits = replace(plan.limits, material=float(share) * plan.limits.material, second=True)
     problem, found, zero = state.problem, state.found, state.zero
     near = without_outliers(problem, found.fit.prediction)
     again = zero_beside(near, found.fit, limits, plan.slow)
