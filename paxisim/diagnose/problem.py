@@ -24,6 +24,7 @@ from paxisim.errors import InvalidValueError
 from paxisim.logs.aligned import episode_spans
 from paxisim.recording import Recording
 
+PRESSED = 0.01  # of the peak force, from which on a taxel is pressed
 ENOUGH = 300_000  # numbers, for a fit
 LONGEST = 0.05  # s between the frames that are fitted
 BEND = 0.01  # of the noise's energy, that may lie between them
@@ -249,7 +250,7 @@ class Problem:
     @cached_property
     def at_rest(self) -> NDArray[np.bool_]:
         """``(T,)`` where no taxel is pressed."""
-        return np.abs(self.simulated).max(axis=(1, 2, 3, 4)) < 0.01 * max(self.peak, 1e-9)
+        return np.abs(self.simulated).max(axis=(1, 2, 3, 4)) < PRESSED * max(self.peak, 1e-9)
 
     @cached_property
     def untouched(self) -> NDArray[np.bool_]:

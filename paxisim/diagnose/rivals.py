@@ -15,7 +15,7 @@ import numpy as np
 from paxisim import augment
 from paxisim.diagnose.cause import Cause, cause, known_causes
 from paxisim.diagnose.engine import Explanation, Named
-from paxisim.diagnose.problem import FloatArray, Problem
+from paxisim.diagnose.problem import PRESSED, FloatArray, Problem
 from paxisim.diagnose.tangent import tangent_of
 
 MARGIN = 0.03  # of a cause's gain, by which a rival that was fitted may be worse
@@ -26,7 +26,6 @@ INSIDE = 0.05  # of a cause's effect, that a rival may leave which can do all of
 TIED = 0.3  # of the largest of a rival's numbers, that one must reach to be part of the imitation
 GAUGE = "axis_gain"  # what a rival may bring with it
 LOOSE = 20.0  # probes of the gauge that cost as much as the whole effect: it is to be a small correction
-UNPRESSED = 0.01  # of the peak force, that a taxel does not reach which nothing presses
 NEARLY_ALL = 0.9  # of an offset's squares
 EPISODES = 12  # at most, on which effects are compared
 
@@ -51,7 +50,7 @@ def rivals_of(found: Explanation, least: float) -> Mapping[str, tuple[str, ...]]
 
 def _on_unpressed(problem: Problem, offset: Named) -> bool:
     """Whether nearly all of an offset is on taxels that nothing presses, which may as well be stuck."""
-    pressed = np.abs(problem.simulated).max(axis=(0, 2)) > UNPRESSED * problem.peak
+    pressed = np.abs(problem.simulated).max(axis=(0, 2)) >= PRESSED * problem.peak
     square = np.sum(np.asarray(offset.values["value"]) ** 2, axis=1)
     return bool(square[~pressed].sum() > NEARLY_ALL * square.sum())
 
