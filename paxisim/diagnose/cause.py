@@ -27,6 +27,11 @@ UNLIKE = 0.0005
 TAXEL_GAIN = "taxel_gain"
 """The one cause with a number for each taxel; it is fitted in closed form."""
 
+STATIC = ("axis_gain", "stiffening", "crosstalk")
+"""Causes that act on how hard a taxel is pressed."""
+
+AXES = "xyz"
+
 DEAD_BAND = "dead_band"
 """The one cause that holds back a zero."""
 
@@ -150,6 +155,13 @@ class Cause:
             if f.material is not None and all(f.name in names for names in telling)
         ]
         return min(beyond, max(sizes, default=0.0))
+
+
+def one_away(size: int, index: int, neutral: float, step: float) -> list[float]:
+    """Neutral values, but for one, a step away: what to probe a cause of several parameters with."""
+    values = [neutral] * size
+    values[index] += step
+    return values
 
 
 _CAUSES: dict[str, Cause] = {}
