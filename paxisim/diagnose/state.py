@@ -10,13 +10,14 @@ import numpy as np
 
 from paxisim import augment
 from paxisim.diagnose.cause import DEAD_BAND, MANY, Cause, cause
+from paxisim.diagnose.find_zero import zero_of
 from paxisim.diagnose.fitting import Fit, fit, fit_of, made, predict
 from paxisim.diagnose.outliers import without_outliers
 from paxisim.diagnose.problem import Problem
 from paxisim.diagnose.search import Found, found_with, search
 from paxisim.diagnose.under_load import tells_under_load
 from paxisim.diagnose.worth import Thresholds
-from paxisim.diagnose.zero import Zero, nothing, zero_of
+from paxisim.diagnose.zero import Zero, nothing
 
 CLOSER = 0.4  # of what a cause must bring, that it must bring where no sample is far off
 CHANCE = 200.0  # energy, in units of the noise, that slow noise brings in a short recording, too

@@ -7,8 +7,8 @@ import pytest
 from scipy.signal import lfilter
 
 from paxisim.diagnose.checks import read_layout, read_taxels
+from paxisim.diagnose.find_zero import zero_of
 from paxisim.diagnose.problem import Problem
-from paxisim.diagnose.zero import zero_of
 
 EPISODES, FRAMES, NOISE = 8, 60, 0.02
 SIZE = (2, 3, 3, 2)

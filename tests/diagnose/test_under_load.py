@@ -15,10 +15,10 @@ from recorded import recording_of
 from paxisim.augment import DeadBand
 from paxisim.diagnose.cause import MANY
 from paxisim.diagnose.engine import Thresholds, explain
+from paxisim.diagnose.find_zero import zero_of
 from paxisim.diagnose.noise import Tolerance
 from paxisim.diagnose.problem import problem_of
 from paxisim.diagnose.under_load import tells_under_load, under_load
-from paxisim.diagnose.zero import zero_of
 
 MATERIAL = MANY * Thresholds().material
 QUIET = {"rows": 4, "cols": 3, "coarse": True, "duration": 6.0}

@@ -1,0 +1,68 @@
+"""Drift under load: a zero that drifts where steps hide it while nothing is pressed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from paxisim.diagnose.problem import FloatArray, Problem
+from paxisim.diagnose.sums import Sums
+from paxisim.diagnose.under_load import PRIOR, UnderLoad, at_edges, quiet_frames, under_load
+from paxisim.diagnose.zero import Zero, best_tau, course
+
+CLEARLY_DRIFT = 30.0
+"""Energy, in units of the noise, by which a drift alone must do better than an offset."""
+
+RELINEARISED = 2
+"""Times; what is read of a drift from 0 is no straight image of it where readings are cut."""
+
+
+def drift_under_load(
+    problem: Problem,
+    prediction: FloatArray,
+    constant: UnderLoad,
+    matters: Callable[[FloatArray], bool],
+    with_offset: bool,
+) -> Zero | None:
+    """The zero with a drift that steps hide, if a constant alone does not do as well."""
+    time = problem.time - problem.time[0]
+    always = np.ones_like(time)
+    every = np.ones(len(time), dtype=bool)
+    # whole counts of it show without a load
+    quiet = quiet_frames(problem)
+    left = problem.measured - problem.read(prediction + constant.zero)
+    tau = best_tau(lambda tau: Sums(problem, left, [always, course(time, tau)], quiet).explained().sum())
+    curve = course(time, tau)
+    begin = Sums(problem, left, [always, curve], quiet).values(PRIOR)
+    begin[:, 0] += constant.values[:, 0]
+    known = (begin @ np.stack([always, curve])).T.reshape(left.shape)
+    both = constant
+    for _ in range(RELINEARISED):
+        miss, slope = at_edges(problem, prediction + known)
+        rest = miss + slope * known
+        tau = best_tau(
+            lambda tau, r=rest, s=slope: Sums(problem, r, [always, course(time, tau)], every, s).explained().sum()
+        )
+        curve = course(time, tau)
+        both = under_load(problem, prediction, [always, curve], begin)
+        begin, known = both.values, both.zero
+    offset, amplitude = both.values.T
+    # it may have begun before the recording, not long before: what goes with it is its own
+    ratio = float(np.clip(np.sum(amplitude * offset) / max(np.sum(amplitude**2), 1e-12), 0.0, 1.0))
+    one = ratio + curve
+    near = amplitude + (offset - ratio * amplitude) / max(float(one.mean()), 0.1)
+    tied = under_load(problem, prediction, [one], near[:, None])
+    clearly = tied.gain.sum() > constant.gain.sum() + CLEARLY_DRIFT
+    if not matters(both.gain - constant.gain) and not (clearly and matters(tied.gain)):
+        return None
+    if with_offset and matters(both.gain - tied.gain):
+        gains = {"drift": both.gain - constant.gain, "offset": both.gain - tied.gain}
+    else:
+        amplitude, gains = tied.values[:, 0], {"drift": tied.gain}
+        offset = ratio * amplitude
+
+    def shaped(values: FloatArray) -> FloatArray:
+        return np.where(problem.alive, values.reshape(problem.alive.shape), 0.0)
+
+    return Zero(shaped(offset), shaped(amplitude), tau, gains)
