@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,7 +24,9 @@ REPEATED = 0.5  # of what a cause of many numbers must bring, that it must bring
 ELSEWHERE = 0.25  # of what it brings, that it must bring there
 ENOUGH = 3.0  # times what a cause must bring, that is enough elsewhere, however much one episode gains
 HARDLY = 0.975  # of what is gained in some episodes and lost in others, that is gained
-UNLIKE_TOLERATED = 0.5  # of what a cause brings that one episode alone shows, which nothing tolerated may bring
+UNLIKE_TOLERATED = (
+    0.5  # of what gains of taxels bring, or what one episode alone shows, that nothing tolerated may bring
+)
 CLEARLY_UNLIKE = 5.0  # times what it must bring, of which so much is enough, as large saturations look like a gain, too
 UNPRESSED = 0.5  # of what a field brings in the one episode that shows it, that it must bring where nothing is pressed
 SEVERAL = 6  # episodes
@@ -80,6 +83,8 @@ class Worth:
         alone = self._in_one_episode(gain, least)
         if item.costs > 1 and (alone or (len(gain) > SEVERAL and elsewhere < REPEATED * least)):
             return False  # many numbers fit what one episode has of its own
+        if item.costs > 1 and not self._is_not_tolerated(fewer, more, least, range(len(gain))):
+            return False  # they also fit contacts beside their places
         if alone and item.mistaken >= FORM and not self._is_own(fewer, more, item, least, int(gain.argmax())):
             return False
         if self.is_consistent(more, fewer, max(least, self.misfit(fewer, name, more))):
@@ -105,16 +110,22 @@ class Worth:
 
     def _is_own(self, fewer: Fit, more: Fit, item: Cause, least: float, number: int) -> bool:
         """Whether what one episode alone shows is the cause's own."""
-        span = self._problem.episodes[number]
         if not item.covariate:  # a press that is a little beside its place looks like a saturation
-            freed = beyond_tolerated(self._problem, fewer.prediction, more.prediction, span)
-            gain = float(fewer.energy[number] - more.energy[number])
-            return freed > min(UNLIKE_TOLERATED * max(least, gain), CLEARLY_UNLIKE * least)
+            return self._is_not_tolerated(fewer, more, least, (number,))
         # a field is there without a press, too
+        span = self._problem.episodes[number]
         rest, left = (self._problem.residual(f.prediction)[span] ** 2 for f in (fewer, more))
         gain = (rest - left).sum(axis=(1, 2, 3, 4))
         unpressed = gain[self._problem.at_rest[span]].sum()
         return bool(unpressed > UNPRESSED * gain.sum())
+
+    def _is_not_tolerated(self, fewer: Fit, more: Fit, least: float, numbers: Iterable[int]) -> bool:
+        """Whether enough of what is gained in some episodes is beyond what their contacts may be off by."""
+        freed = gain = 0.0
+        for number in numbers:
+            gain += float(fewer.energy[number] - more.energy[number])
+            freed += beyond_tolerated(self._problem, fewer.prediction, more.prediction, self._problem.episodes[number])
+        return freed > min(UNLIKE_TOLERATED * max(least, gain), CLEARLY_UNLIKE * least)
 
     def told_beside_absorbers(self, fewer: Fit, name: str, among: str = "") -> bool:
         """Whether a cause brings enough where others, `among` them, take up what the form of one of a fit's misses."""
