@@ -12,10 +12,13 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from hidden.cases import make
 from recorded import recording_of
 
+from paxisim.diagnose.cause import cause
 from paxisim.diagnose.displaced import beyond_tolerated
 from paxisim.diagnose.engine import explain
+from paxisim.diagnose.fits import Fits
 from paxisim.diagnose.noise import Tolerance, differences
 from paxisim.diagnose.problem import problem_of
+from paxisim.diagnose.worth import Thresholds, Worth
 
 
 @pytest.fixture(scope="module")
@@ -49,6 +52,25 @@ def test_what_saturates_in_an_episode_is_left(problem):
     saturated = replace(problem, measured=measured)
     gain = np.sum(saturated.residual(force)[span] ** 2) - np.sum(saturated.residual(more)[span] ** 2)
     assert 0.5 * gain < beyond_tolerated(saturated, force, more, span) <= 1.01 * gain
+
+
+@pytest.mark.parametrize("shape", ["gains", "places"])
+def test_gains_of_taxels_are_kept_only_if_contacts_beside_their_places_would_not_look_so(problem, shape):
+    rng = np.random.default_rng(3)
+    noise = problem.measured - problem.simulated
+    press = problem.simulated[hardest(problem)]
+    force = np.concatenate([np.resize(press, noise[span].shape) for span in problem.episodes])  # one press, repeated
+    if shape == "gains":
+        moved = force * (1 + 0.1 * rng.standard_normal(problem.alive.shape[2:]))
+    else:
+        moved = force + 0.3 * differences(force)[1]
+    apart = replace(problem, simulated=force, measured=moved + noise)
+    fits = Fits(apart, [cause("taxel_gain")])
+    nothing = fits.of([])
+    gained = fits.of(["taxel_gain"], nothing)
+    worth = Worth(fits, Thresholds())
+    assert nothing.energy.sum() - gained.energy.sum() > 0.02 * apart.samples  # much more than is asked for
+    assert worth.keeps(gained, nothing, "taxel_gain") is (shape == "gains")
 
 
 @pytest.mark.parametrize("seed", [1, 4])

@@ -9,7 +9,7 @@ from paxisim.diagnose.cause import cause
 from paxisim.diagnose.fitting import Fit
 from paxisim.diagnose.problem import Problem
 from paxisim.diagnose.search import _Search
-from paxisim.diagnose.worth import EACH, Thresholds
+from paxisim.diagnose.worth import EACH, Thresholds, Worth
 
 EPISODES, FRAMES = 8, 50
 FORCE = 0.5 * np.ones((EPISODES * FRAMES, 2, 3, 3, 4))
@@ -35,6 +35,13 @@ def fit_of(problem, energy, *names):
     return Fit({name: np.zeros(1) for name in names}, np.asarray(energy, dtype=float), problem, ())
 
 
+@pytest.fixture
+def in_place(monkeypatch):
+    """As if no contact was beside its place: that is tested on recordings, in `test_displaced`."""
+    monkeypatch.setattr(Worth, "_is_not_tolerated", lambda *args: True)
+
+
+@pytest.mark.usefixtures("in_place")
 def test_many_numbers_must_bring_something_without_the_best_episode(problem, search):
     enough = search._limits.material * problem.samples * cause("taxel_gain").costs
     before = fit_of(problem, np.full(EPISODES, 10 * enough))
@@ -141,6 +148,7 @@ def test_a_rotation_is_told_from_a_coupling_by_the_turn_in_the_plane(problem, an
     assert (cause("rotation").size(angles, problem, beside) >= 1) is tells
 
 
+@pytest.mark.usefixtures("in_place")
 @pytest.mark.parametrize(("share", "worth"), [(0.05, False), (0.3, True)])
 def test_what_a_form_may_leave_is_told_where_others_take_that_up(problem, share, worth):
     names = ("hysteresis", "stiffening", "axis_gain", "taxel_gain")
