@@ -38,19 +38,25 @@ class Reading:
 def read_layout(problem: Problem) -> Reading | None:
     """The layout by which the streams agree clearly better than by the one given, if there is one.
 
-    Taxels and pads are told by the normal force, axes and signs by the shear that is then left.
+    Taxels and pads are told by the normal force, either way round, axes and signs by the forces that are then left.
     """
     normal, wanted = problem.measured[:, :, 2], problem.simulated[:, :, 2]
     pads, rows, cols = wanted.shape[1:]
     orders = list(itertools.permutations(range(pads))) if pads <= 3 else [tuple(range(pads))]
-    best, most = {}, _alike(normal, wanted, problem)
+
+    def alike_either_way(simulated: FloatArray) -> FloatArray:
+        """As `_alike`, of a normal force whose sign may be reversed."""
+        alike = _alike(normal, simulated, problem)
+        return -alike if alike.mean() < 0 else alike
+
+    best, most = {}, alike_either_way(wanted)
     base = most
     for order, flip_rows, flip_cols, transpose in itertools.product(
         orders, (False, True), (False, True), (False, True) if rows == cols else (False,)
     ):
         fault = {"flip_rows": flip_rows, "flip_cols": flip_cols, "transpose": transpose, "pad_order": order}
         moved = augment.LayoutFault(**fault)(problem.simulated)[:, :, 2]
-        alike = _alike(normal, moved, problem)
+        alike = alike_either_way(moved)
         if alike.mean() > most.mean() + 1e-9 and alike.mean() > base.mean() + CLEARLY:
             best, most = fault, alike
     if best and (most > base)[most != base].mean() < 0.8:

@@ -305,9 +305,12 @@ def problem_of(recording: Recording, tolerance: Tolerance) -> Problem:
         raise InvalidValueError("the simulated tensor is 0 throughout: there is nothing to compare")
     step = step_of(measured)
     covariates = {n: c for n, c in recording.covariates.items() if c.ndim == 1 and np.isfinite(c).all()}
+    alive = np.ones(measured.shape[1:], dtype=bool)
+    if "readout" in recording.metadata:  # channels that do not answer to the load are 0 in both streams
+        alive = simulated.any(axis=0)
     problem = Problem(
         measured, simulated, recording.time, covariates, episodes, np.ones(1), peak,
-        np.ones(measured.shape[1:], dtype=bool), step, 0.0, clips=bool(measured[:, :, 2].min() >= 0),
+        alive, step, 0.0, clips=bool(measured[:, :, 2].min() >= 0),
         least=min(float(simulated.min()), 0.0),
     )  # fmt: skip
     return with_noise(problem, tolerance)

@@ -40,7 +40,7 @@ def rivals_of(found: Explanation, least: float) -> Mapping[str, tuple[str, ...]]
     searched = [item for item in found.found if cause(item.name).is_searched]
     rivals: dict[str, tuple[str, ...]] = {item.name: () for item in found.found}
     for item in searched:
-        near = {**_imitating(found, item, searched, least), **_fitted(item, least)}
+        near = {**_imitating(found, item, searched, least), **_fitted(item, least, float(found.energy.sum()))}
         rivals[item.name] = tuple(sorted(near, key=lambda name: near[name]))
     for item in found.found:
         if item.name == "offset" and "dead_taxels" not in found.not_searched and _on_unpressed(found.problem, item):
@@ -55,10 +55,11 @@ def _on_unpressed(problem: Problem, offset: Named) -> bool:
     return bool(square[~pressed].sum() > NEARLY_ALL * square.sum())
 
 
-def _fitted(item: Named, least: float) -> dict[str, float]:
+def _fitted(item: Named, least: float, left: float) -> dict[str, float]:
     """Rivals that were fitted in the cause's place, and by how much worse they are as a share of its gain.
 
-    A rival that can imitate the cause with more numbers is one only if it does better than chance would have it.
+    A rival that can imitate the cause with more numbers is one only if it does better than chance would have it. One
+    that leaves twice as much as the model with the cause, `left`, is none, however little that is of the gain.
     """
     gain, own = float(item.energy_gain.sum()), cause(item.name)
     near = {}
@@ -66,7 +67,7 @@ def _fitted(item: Named, least: float) -> dict[str, float]:
         rival = cause(name)
         margin = min(MARGIN, 1.5 * own.ahead) if name in own.simpler else MARGIN
         nested = item.name in rival.simpler
-        slack = -max(rival.ahead / 2 * gain, least) if nested else max(margin * gain, least)
+        slack = -max(rival.ahead / 2 * gain, least) if nested else max(min(margin * gain, left), least)
         if worse < slack:
             near[name] = worse / max(gain, 1e-12)
     return near
@@ -76,7 +77,7 @@ def _imitating(found: Explanation, item: Named, searched: Sequence[Named], least
     """Causes that imitate the effect of one on this motion, and what share of it they leave.
 
     One that was fitted counts only if it needs the gauge, which it was not given there; and one beside the gauge only
-    if it takes half of what that leaves.
+    if it takes half of what that leaves. None may leave as much as the model does.
     """
     others = [other.name for other in searched if other is not item]
     asked = [n for n in known_causes() if n not in found.not_searched and cause(n).is_searched]
@@ -84,7 +85,7 @@ def _imitating(found: Explanation, item: Named, searched: Sequence[Named], least
     owner, products, projections, own = _sums(found, item, causes)
     if own <= 0:
         return {}
-    limit = max(IMITATES * own, CHANCE)
+    limit = max(min(IMITATES * own, float(found.energy.sum())), CHANCE)
     gauge = np.flatnonzero(owner == GAUGE)
     products[gauge, gauge] += own / LOOSE**2
 

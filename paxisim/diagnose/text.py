@@ -19,10 +19,18 @@ SENTENCES: Mapping[Verdict, str] = {
     "unexplained": "The measurement differs from the simulation, and no known cause explains it.",
 }
 
+ONE_EPISODE = "The causes below explain the difference, but one episode makes no name certain: record several."
+
+
+def is_of_one_episode(diagnosis: Diagnosis) -> bool:
+    """Whether a verdict is ambiguous because nothing was held out, not because of rivals."""
+    return diagnosis.verdict == "ambiguous" and not any(item.rivals for item in diagnosis.causes)
+
 
 def text_of(diagnosis: Diagnosis) -> str:
     """The table, 80 columns wide."""
-    lines = [f"Verdict: {diagnosis.verdict}", *_wrap(SENTENCES[diagnosis.verdict], "  ")]
+    sentence = ONE_EPISODE if is_of_one_episode(diagnosis) else SENTENCES[diagnosis.verdict]
+    lines = [f"Verdict: {diagnosis.verdict}", *_wrap(sentence, "  ")]
     lines += [line for warning in diagnosis.symptoms.warnings for line in _wrap(f"Warning: {warning}", "")]
     lines += ["", *_table(diagnosis)] if diagnosis.causes else []
     lines += ["", *_figures(diagnosis.heldout)]

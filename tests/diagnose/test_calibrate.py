@@ -12,6 +12,9 @@ sys.path.insert(0, str(Path(__file__).parent))
 from field_sensor import press
 
 import paxisim
+from paxisim.diagnose.noise import Tolerance
+from paxisim.diagnose.prepare import prepare
+from paxisim.diagnose.problem import problem_of
 from paxisim.errors import InvalidValueError, UnknownNameError
 
 
@@ -82,3 +85,12 @@ def test_bad_input():
     wider = dataclasses.replace(recording, measured=np.zeros((len(recording), 1, 3, 1, 6)), layout=None)
     with pytest.raises(InvalidValueError, match="the recording has"):
         readout.apply(wider)
+
+
+def test_a_channel_that_is_not_used_takes_no_part_in_a_diagnosis():
+    recording = press()
+    recording.measured[:, 0, 1, 0, 2] = np.random.default_rng(0).normal(size=len(recording))
+    ready = paxisim.calibrate_readout(recording, "load").apply(recording)
+    problem = problem_of(prepare(ready)[0], Tolerance())
+    assert problem.alive.sum() == 14
+    assert problem.one_load  # a sensor of channels that are no forces: nothing is looked for that mixes them

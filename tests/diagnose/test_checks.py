@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from paxisim import augment
 from paxisim.diagnose.checks import read_layout, read_taxels
 from paxisim.diagnose.find_zero import zero_of
 from paxisim.diagnose.problem import Problem
@@ -70,6 +71,19 @@ def test_a_sign_is_told_where_shear_is_small_beside_normal_force(axis):
     assert reading is not None
     assert reading.transform.axis_signs == tuple(signs)
     assert read_layout(problem(lambda force, time: force, axes=(0.15, 0.4, 6.0))) is None
+
+
+@pytest.mark.parametrize("signs", [(1, 1, -1), (-1, -1, -1)])
+@pytest.mark.parametrize("flipped", [False, True])
+def test_a_normal_force_whose_sign_is_reversed_is_no_turned_pad(signs, flipped):
+    shape = np.random.default_rng(5).random((2, 1, 3, 2))  # a pad that is pressed alike when turned tells nothing
+    fault = augment.LayoutFault(flip_rows=flipped, axis_signs=signs)
+    upright = problem(lambda force, time: force, axes=(0.15, 0.4, 6.0))
+    simulated = upright.simulated * shape
+    turned = replace(upright, simulated=simulated, measured=fault(simulated) + upright.measured - upright.simulated)
+    reading = read_layout(turned)
+    assert reading is not None
+    assert str(reading.transform) == str(fault)
 
 
 def test_a_sensor_that_reads_the_normal_force_as_shear_is_not_turned():

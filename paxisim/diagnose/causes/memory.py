@@ -11,9 +11,9 @@ register_cause(
         20,
         lambda p: (
             Free("amplitude_1", "1", 0.0, -0.5, 1.0, 0.05, 0.012),
-            Free("tau_1", "s", 0.6, 0.05, 20.0, 0.4),
+            Free("tau_1", "s", 0.6, 0.15, 20.0, 0.4),
             Free("amplitude_2", "1", 0.0, -0.5, 1.0, 0.05, 0.012),
-            Free("tau_2", "s", 5.0, 0.2, 200.0, 3.0),
+            Free("tau_2", "s", 5.0, 0.15, 200.0, 3.0),
         ),
         lambda v, p: augment.Creep((v[0], v[2]), (v[1], v[3])),
         lambda p: [(0.1, tau, 0.0, 1.0) for tau in (0.3, 1.0, 3.0, 10.0)],

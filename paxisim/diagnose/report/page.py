@@ -10,6 +10,7 @@ import numpy as np
 from paxisim._version import __version__
 from paxisim.augment.chain import Chain
 from paxisim.diagnose.diagnosis import Diagnosis, FoundCause, Interval
+from paxisim.diagnose.text import is_of_one_episode
 from paxisim.errors import MissingExtraError
 
 HEADS = {
@@ -26,6 +27,8 @@ TAILS = {
     "partly_explained": "What is left over, or may be at work besides, stands below.",
     "unexplained": "The difference has structure, so it is no noise; what is known of it stands below.",
 }
+ONE_EPISODE_HEAD = "{causes} may explain the difference"
+ONE_EPISODE_TAIL = "One episode makes no name certain: record several."
 _MANY = 8  # parameters; of more the range is given
 
 
@@ -85,7 +88,7 @@ def _context(diagnosis: Diagnosis) -> dict[str, Any]:
         **context,
         "diagnosis": diagnosis,
         "head": _head(diagnosis),
-        "sentence": TAILS[diagnosis.verdict],
+        "sentence": ONE_EPISODE_TAIL if is_of_one_episode(diagnosis) else TAILS[diagnosis.verdict],
         "causes": causes,
         "held_out": len(diagnosis.heldout.gain_per_episode) > 1,
         "reasons": reasons,
@@ -98,7 +101,8 @@ def _context(diagnosis: Diagnosis) -> dict[str, Any]:
 def _head(diagnosis: Diagnosis) -> str:
     names = [cause.name.replace("_", " ") for cause in diagnosis.causes]
     joined = names[0] if len(names) == 1 else ", ".join(names[:-1]) + " and " + names[-1] if names else ""
-    text = HEADS[diagnosis.verdict].format(causes=joined, s="s" if len(names) == 1 else "")
+    head = ONE_EPISODE_HEAD if is_of_one_episode(diagnosis) else HEADS[diagnosis.verdict]
+    text = head.format(causes=joined, s="s" if len(names) == 1 else "")
     return text[:1].upper() + text[1:]
 
 
