@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -119,13 +119,16 @@ class Worth:
         unpressed = gain[self._problem.at_rest[span]].sum()
         return bool(unpressed > UNPRESSED * gain.sum())
 
-    def _is_not_tolerated(self, fewer: Fit, more: Fit, least: float, numbers: Iterable[int]) -> bool:
-        """Whether enough of what is gained in some episodes is beyond what their contacts may be off by."""
-        freed = gain = 0.0
-        for number in numbers:
-            gain += float(fewer.energy[number] - more.energy[number])
-            freed += beyond_tolerated(self._problem, fewer.prediction, more.prediction, self._problem.episodes[number])
-        return freed > min(UNLIKE_TOLERATED * max(least, gain), CLEARLY_UNLIKE * least)
+    def _is_not_tolerated(self, fewer: Fit, more: Fit, least: float, numbers: Sequence[int]) -> bool:
+        """Whether enough of what is gained is beyond what contacts may be off by in the episodes of those numbers."""
+        gain = fewer.energy - more.energy
+        own = sum(
+            beyond_tolerated(self._problem, fewer.prediction, more.prediction, self._problem.episodes[number])
+            for number in numbers
+        )
+        judged = float(gain[list(numbers)].sum())
+        enough = min(UNLIKE_TOLERATED * max(least, judged), CLEARLY_UNLIKE * least)
+        return own + float(gain.sum()) - judged > enough
 
     def told_beside_absorbers(self, fewer: Fit, name: str, among: str = "") -> bool:
         """Whether a cause brings enough where others, `among` them, take up what the form of one of a fit's misses."""
