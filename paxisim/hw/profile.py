@@ -199,8 +199,8 @@ class Profile:
             )
 
     def _newtons(self, counts: NDArray[np.integer]) -> NDArray[np.float32]:
-        # in double precision, or 0.1 N would be rounded twice
-        return np.multiply(counts, self.resolution, dtype=np.float64).astype(np.float32)
+        # in double precision, or 0.1 N would be rounded twice; row-major, whatever order the indexing left behind
+        return np.multiply(counts, self.resolution, dtype=np.float64).astype(np.float32, order="C")
 
     def _check_counts(self, counts: NDArray[np.int16]) -> NDArray[np.int16]:
         counts = np.asarray(counts)

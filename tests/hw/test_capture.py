@@ -24,6 +24,7 @@ from paxisim.hw.capture import CaptureSummary, capture
 from paxisim.hw.device import open_sensor
 from paxisim.hw.emulator import Emulator
 from paxisim.hw.extra_streams import CsvLines, ExtraStream, PolledFunction, UdpJson
+from paxisim.hw.profile import Slot
 from paxisim.logs.mcap_reader import read_log
 
 pytestmark = pytest.mark.real_time
@@ -91,6 +92,31 @@ def test_frames_land_with_their_numbers_times_and_counts(tmp_path):
     assert before < measured.time[0] <= measured.time[-1] < time.time()
     assert log.streams["episode"].values.tolist() == [0]
     assert log.streams["episode"].nanoseconds[0] == measured.nanoseconds[0]
+
+
+@pytest.mark.parametrize(
+    ("name", "slots"),
+    [
+        ("gen2-box-120", (Slot("left", 2), Slot("right", 5))),
+        ("gen1-stream", (Slot("pulp", 0), Slot("tip", 1))),
+        ("gen3-highspeed-mc-m2020", (Slot("thumb", 2), Slot("palm", 9))),
+    ],
+)
+def test_two_pads_on_one_port_land_with_their_totals(name, slots, tmp_path):
+    two = profile(name, slots=slots)
+    pressed = constant(two)
+    with Emulator(two, pressed) as board, open_sensor(board.port, two) as sensor:
+        capture(sensor, tmp_path / "press.mcap", seconds=0.5)
+    loaded = paxisim.Recording.load(tmp_path / "press.mcap")
+    assert loaded.pads == tuple(slot.name for slot in slots)
+    totals = pressed(0.0).sum(axis=(-2, -1))
+    np.testing.assert_allclose(
+        loaded.measured.sum(axis=(-2, -1)), np.broadcast_to(totals, (len(loaded), 2, 3)), rtol=1e-5
+    )
+    if "resultant" in loaded.covariates:
+        reported = np.clip(totals, [-12.8, -12.8, 0], [12.7, 12.7, 25.5])
+        np.testing.assert_allclose(loaded.covariates["resultant"][-1], reported, rtol=1e-5)
+    assert ("resultant" in loaded.covariates) == (name != "gen1-stream")
 
 
 def test_the_file_knows_the_sensor(sensor, tmp_path):

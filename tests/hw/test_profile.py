@@ -171,6 +171,12 @@ def test_the_resultant_takes_the_same_axes():
     assert profile.resultant_force(np.array([[1, 2, 3]], dtype=np.int16)) == pytest.approx(np.array([[-0.2, 0.1, 0.3]]))
 
 
+def test_forces_lie_in_memory_row_by_row():
+    for pool in ((1, 1), (3, 1)):
+        assert grid(pool=pool).to_force(np.zeros((2, 6, 3), dtype=np.int16)).flags.c_contiguous
+    assert grid().resultant_force(np.zeros((2, 3), dtype=np.int16)).flags.c_contiguous
+
+
 @pytest.mark.parametrize("shape", [(3, 6), (5, 3), (6, 2), ()])
 def test_counts_of_another_shape_are_refused(shape):
     with pytest.raises(InvalidValueError, match=r"\(\.\.\., 6, 3\)"):
