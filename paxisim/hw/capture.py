@@ -98,10 +98,10 @@ def capture(
 ) -> CaptureSummary:
     """Record a sensor into an MCAP file until `seconds` are over, a signal comes, or it cannot go on.
 
-    Each frame and sample is written when it comes, with its own time: the host's monotonic clock plus an offset to UTC
-    that is taken once, so a clock that is set meanwhile does no harm. The file is flushed twice a second; killed, it
-    lacks what came after the last flush. In any other case it is finished and valid. Ctrl-C, SIGTERM and SIGHUP are
-    asked ends where this runs in the main thread.
+    Each frame and sample is written when it comes, none that came before the call, with its own time: the host's
+    monotonic clock plus an offset to UTC that is taken once, so a clock that is set meanwhile does no harm. The file is
+    flushed twice a second; killed, it lacks what came after the last flush. In any other case it is finished and valid.
+    Ctrl-C, SIGTERM and SIGHUP are asked ends where this runs in the main thread.
 
     Args:
         sensor: An open sensor, nobody else's to read meanwhile; stays open.
@@ -206,7 +206,8 @@ class _Recorder:
             if self.end is not None and (frame is None or frame.arrival > self.end):
                 return ("seconds" if self.end == deadline else "stopped"), None
             try:
-                if frame is not None:
+                # what waited in the queue when the recording began is no part of it
+                if frame is not None and frame.arrival >= self.start:
                     self._write_frame(frame)
                 self._write_samples()
                 now = self.clock.monotonic()

@@ -129,6 +129,16 @@ def test_the_file_knows_the_sensor(sensor, tmp_path):
     assert tuple(metadata["ports"]) == sensor.ports
 
 
+def test_frames_that_waited_before_it_began_are_not_in_it(sensor, tmp_path):
+    while len(sensor._queue._frames) < 20:
+        time.sleep(0.01)
+    newest = sensor._queue._frames[-1].sequence
+    summary = capture(sensor, tmp_path / "press.mcap", seconds=0.3)
+    measured = read_log(tmp_path / "press.mcap").streams["measured"]
+    assert measured.sequence[0] > newest
+    assert len(measured.time) == summary.frames
+
+
 def test_status_and_arrival_are_kept_beside_the_tensor(sensor, tmp_path):
     from mcap.reader import make_reader
 
