@@ -70,6 +70,7 @@ class CaptureSummary:
         extra: One entry for each extra stream.
         ended: Why it ended; empty while it grows.
         error: What ended it, where nobody asked for the end.
+        zero_in_doubt: See `paxisim.hw.device.TactileSensor`.
     """
 
     path: Path
@@ -84,6 +85,7 @@ class CaptureSummary:
     extra: tuple[ExtraSummary, ...] = ()
     ended: End = ""
     error: OSError | None = None
+    zero_in_doubt: bool = False
 
 
 def capture(
@@ -296,6 +298,7 @@ class _Recorder:
             ),
             ended=ended,
             error=error,
+            zero_in_doubt=self.sensor.zero_in_doubt,
         )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from types import TracebackType
 
@@ -16,6 +17,10 @@ from paxisim.hw.profile import Profile, load_profile
 from paxisim.hw.reader import Reader
 from paxisim.hw.transport import open_transport
 from paxisim.layout import TaxelLayout
+
+
+class ZeroInDoubtWarning(UserWarning):
+    """A board that zeroed itself may have lost its power since, and its zero with it."""
 
 
 def open_sensor(
@@ -74,6 +79,10 @@ class TactileSensor:
     is waited for and started again; a port that goes away is opened again when it comes back. What ends the reading is
     raised by the next `read`, once the frames before it are read.
 
+    A board that zeroed itself may lose its zero with its power. No source says what boards keep, and to zero again
+    while something presses would be worse: `read` warns once (`ZeroInDoubtWarning`), and `zero_in_doubt` stays true
+    until the next `zero`.
+
     Several ports make one tensor: see `paxisim.hw.align.Aligner` for which frames go together.
 
     Attributes:
@@ -92,6 +101,7 @@ class TactileSensor:
         self._aligner = Aligner(len(ports))
         self._aligning = threading.Lock()
         self._closed = False
+        self._has_warned = False
         self._readers = [
             Reader(port, _connector(port, profile, clock), self._sink(i), self._queue.fail, reconnect, clock)
             for i, port in enumerate(ports)
@@ -118,6 +128,11 @@ class TactileSensor:
     def reconnects(self) -> int:
         """How often a port went away and came back."""
         return sum(reader.reconnects for reader in self._readers)
+
+    @property
+    def zero_in_doubt(self) -> bool:
+        """Whether a board zeroed itself and was away, or silent, since: it may have another zero now."""
+        return any(reader.zero_in_doubt for reader in self._readers)
 
     @property
     def timeouts(self) -> int:
@@ -176,6 +191,7 @@ class TactileSensor:
         with self._aligning:
             self._aligner.clear()
             self._queue.clear()
+        self._has_warned = False
 
     def version(self) -> str:
         """What the board says of itself, empty where its protocol has no such request; of several, one a line.
@@ -224,6 +240,14 @@ class TactileSensor:
 
     def _take(self, timeout: float, newest: bool) -> Frame:
         self._check_open()
+        if self.zero_in_doubt and not self._has_warned:
+            self._has_warned = True
+            warnings.warn(
+                f"{self._where} was zeroed, then away or silent, and may have another zero now: "
+                "call zero() again once nothing touches the pads",
+                ZeroInDoubtWarning,
+                stacklevel=3,
+            )
         frame = self._queue.get(timeout, newest)
         if frame is None:
             faults = "".join(f"; {reader.fault}" for reader in self._readers if reader.fault)

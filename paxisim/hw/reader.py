@@ -47,6 +47,7 @@ class Reader:
         timeouts: Readings that did not come in time.
         reconnects: How often the port went away and came back.
         fault: What went wrong last, for messages; empty while readings come.
+        zero_in_doubt: The board zeroed itself, and has been opened or started again since.
     """
 
     def __init__(
@@ -71,6 +72,7 @@ class Reader:
         self.port = port
         self.timeouts = self.reconnects = 0
         self.fault = ""
+        self.zero_in_doubt = False
         self._connect, self._deliver, self._fail = connect, deliver, fail
         self._reconnect, self._clock = reconnect, clock
         self._board: Board | None = None
@@ -78,6 +80,7 @@ class Reader:
         self._sample_clock = SampleClock()
         self._sequence = 0
         self._zero: Frame | None = None
+        self._board_zeroed = False
         self._heard = 0.0
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name=f"paxisim reader {port}", daemon=True)
@@ -217,6 +220,8 @@ class Reader:
         self.fault = str(fault)
         if self._clock.monotonic() - self._heard < RESTART_AFTER:
             return
+        # without power it has forgotten its zero, and it must not be zeroed again while something may press
+        self.zero_in_doubt |= self._board_zeroed
         try:
             self._at_hand().start()
         except PortNotFoundError as gone:
@@ -251,6 +256,7 @@ class Reader:
                 why = error
             else:
                 self.reconnects += 1
+                self.zero_in_doubt |= self._board_zeroed
                 return
 
     def _run_commands(self) -> None:
@@ -269,7 +275,7 @@ class Reader:
         if not software:
             try:
                 self._at_hand().zero()
-                self._zero = None
+                self._zero, self._board_zeroed, self.zero_in_doubt = None, True, False
                 return
             except UnsupportedError:
                 if software is False:
@@ -292,6 +298,7 @@ class Reader:
             good[-1].status,
             np.mean(resultants, axis=0, dtype=np.float64).astype(np.float32) if resultants else None,
         )
+        self.zero_in_doubt = False
 
 
 def _minus(resultant: NDArray[np.float32] | None, zero: NDArray[np.float32] | None) -> NDArray[np.float32] | None:

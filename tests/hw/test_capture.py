@@ -21,7 +21,7 @@ pytest.importorskip("termios")  # the emulator is a pseudo-terminal
 from emulated import Numbered, constant, profile
 
 from paxisim.hw.capture import CaptureSummary, capture
-from paxisim.hw.device import open_sensor
+from paxisim.hw.device import ZeroInDoubtWarning, open_sensor
 from paxisim.hw.emulator import Emulator
 from paxisim.hw.extra_streams import CsvLines, ExtraStream, PolledFunction, UdpJson
 from paxisim.hw.profile import Slot
@@ -312,8 +312,11 @@ def test_a_port_that_comes_back_goes_on_in_the_same_file(tmp_path):
         Emulator(PROFILE, constant(PROFILE), link=tmp_path / "port") as board,
         open_sensor(board.port, PROFILE, reconnect=30) as sensor,
     ):
-        summary = capture(sensor, tmp_path / "press.mcap", on_status=Stop(pull_and_plug))
+        sensor.zero()
+        with pytest.warns(ZeroInDoubtWarning):
+            summary = capture(sensor, tmp_path / "press.mcap", on_status=Stop(pull_and_plug))
     assert summary.ended == "stopped"
+    assert summary.zero_in_doubt
     assert sensor.reconnects == 1
     log = read_log(tmp_path / "press.mcap")
     assert log.complete

@@ -19,7 +19,7 @@ from paxisim.errors import (
 )
 from paxisim.hw import device, reader
 from paxisim.hw.align import STALE
-from paxisim.hw.device import TactileSensor, open_sensor
+from paxisim.hw.device import TactileSensor, ZeroInDoubtWarning, open_sensor
 from paxisim.hw.profile import FAMILIES, UnverifiedProfileWarning
 
 pytest.importorskip("serial")
@@ -149,6 +149,11 @@ class TestReading:
             port.send(message(3))
             assert count_of(pads.read(PATIENCE)) == 3
             assert pads.reconnects == 0
+            assert not pads.zero_in_doubt
+            pads.zero()
+            wait_for(lambda: pads.zero_in_doubt)
+            with pytest.warns(ZeroInDoubtWarning, match="or silent"), pytest.raises(DeviceTimeoutError):
+                pads.read(0.01)
 
     def test_a_protocol_error_is_survived(self, port: PluggedPort, use_board) -> None:
         class Moody(ScriptedBoard):
@@ -279,6 +284,36 @@ class TestUnplugging:
                     pads.read(0.01)
                 port.plug_in()
             assert port.receive(1) == b"S"
+
+    @pytest.mark.parametrize("again", [None, True])
+    def test_the_zero_of_a_board_that_was_away_is_in_doubt(self, port: PluggedPort, again: bool | None) -> None:
+        with open_sensor(port.path, ONE_PAD) as pads:
+            pads.zero()
+            for _ in range(2):
+                assert not pads.zero_in_doubt
+                before = pads.reconnects
+                port.unplug()
+                wait_for(lambda: pads._readers[0].fault)
+                port.plug_in()
+                wait_for(lambda: pads.reconnects > before)  # noqa: B023
+                assert pads.zero_in_doubt
+                with sending(port, 3):
+                    with pytest.warns(ZeroInDoubtWarning, match=f"{port.path} was zeroed, then away"):
+                        pads.read(PATIENCE)
+                    pads.read(PATIENCE)  # said once
+                    pads.zero(software=again)
+
+    def test_a_zero_in_software_is_kept(self, port: PluggedPort) -> None:
+        with open_sensor(port.path, ONE_PAD) as pads:
+            with sending(port, 3):
+                pads.zero(software=True)
+            port.unplug()
+            wait_for(lambda: pads._readers[0].fault)
+            port.plug_in()
+            wait_for(lambda: pads.reconnects)
+            assert not pads.zero_in_doubt
+            port.send(message(3))
+            assert count_of(pads.read(PATIENCE)) == 0
 
     def test_another_board_in_its_place_is_not_taken_for_it(self, port: PluggedPort, use_board) -> None:
         with open_sensor(port.path, ONE_PAD, reconnect=0.3) as pads:
