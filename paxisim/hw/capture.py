@@ -60,9 +60,10 @@ class CaptureSummary:
     Attributes:
         path: The file.
         frames: Frames in it.
-        dropped: Frames that the sensor's count says are missing between them.
-        gaps: How often no frame came for more than half a second.
-        longest_gap: The longest time between two frames (s).
+        dropped: Frames that came and were not fetched in time, by the gaps in the sensor's count. What never came whole
+            has no number: see `bad_checksums`, `timeouts` and `reconnects`.
+        gaps: How often no frame came for more than half a second, before the first and, in the end, after the last too.
+        longest_gap: The longest of these times (s), be it a gap or not.
         seconds: How long the recording lasted (s).
         rate: Frames a second (Hz): while it grows of the last half second, in the end of all.
         size: Bytes of the file.
@@ -70,6 +71,9 @@ class CaptureSummary:
         extra: One entry for each extra stream.
         ended: Why it ended; empty while it grows.
         error: What ended it, where nobody asked for the end.
+        bad_checksums: Frames thrown away meanwhile because their check byte did not fit.
+        timeouts: Readings that did not come in time meanwhile.
+        reconnects: How often a port went away and came back meanwhile.
         zero_in_doubt: See `paxisim.hw.device.TactileSensor`.
     """
 
@@ -85,6 +89,9 @@ class CaptureSummary:
     extra: tuple[ExtraSummary, ...] = ()
     ended: End = ""
     error: OSError | None = None
+    bad_checksums: int = 0
+    timeouts: int = 0
+    reconnects: int = 0
     zero_in_doubt: bool = False
 
 
@@ -159,6 +166,9 @@ class _Recorder:
         self.start = clock.monotonic()
         self.offset = round(clock.wall() * 1e9) - round(self.start * 1e9)
         self.last: Frame | None = None
+        self.heard = self.start
+        # what the sensor counted before is not this recording's
+        self.before = _damage(sensor)
         self.frames = self.dropped = self.gaps = self.episode = 0
         self.longest_gap = 0.0
         self.end: float | None = None
@@ -170,6 +180,7 @@ class _Recorder:
             source.start(self.inbox, self.clock)
         ended, error = self._record(seconds, stop, on_status)
         self.end = self.clock.monotonic() if self.end is None else self.end
+        self._hear(self.end)
         for source in self.extra:
             source.close()
         if ended != "disk":
@@ -228,9 +239,7 @@ class _Recorder:
             self.writer.write_at(EPISODE, time, self.episode)
         else:
             self.dropped += max(0, frame.sequence - self.last.sequence - 1)
-            gap = frame.arrival - self.last.arrival
-            self.gaps += gap > GAP
-            self.longest_gap = max(self.longest_gap, gap)
+        self._hear(frame.arrival)
         self.writer.write_at(
             "measured",
             time,
@@ -242,6 +251,13 @@ class _Recorder:
         )
         self.last = frame
         self.frames += 1
+
+    def _hear(self, arrival: float) -> None:
+        """End a time without frames."""
+        gap = arrival - self.heard
+        self.gaps += gap > GAP
+        self.longest_gap = max(self.longest_gap, gap)
+        self.heard = arrival
 
     def _write_samples(self) -> None:
         """Write the samples that wait now; those that come meanwhile have the next turn, after a frame."""
@@ -299,7 +315,13 @@ class _Recorder:
             ended=ended,
             error=error,
             zero_in_doubt=self.sensor.zero_in_doubt,
+            **{name: count - self.before[name] for name, count in _damage(self.sensor).items()},
         )
+
+
+def _damage(sensor: TactileSensor) -> dict[str, int]:
+    """What the sensor counts of frames that never came whole, by the names in `CaptureSummary`."""
+    return {name: getattr(sensor, name) for name in ("bad_checksums", "timeouts", "reconnects")}
 
 
 @contextmanager

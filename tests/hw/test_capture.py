@@ -24,6 +24,7 @@ from paxisim.hw.capture import CaptureSummary, capture
 from paxisim.hw.device import ZeroInDoubtWarning, open_sensor
 from paxisim.hw.emulator import Emulator
 from paxisim.hw.extra_streams import CsvLines, ExtraStream, PolledFunction, UdpJson
+from paxisim.hw.faults import Faults
 from paxisim.hw.profile import Slot
 from paxisim.logs.mcap_reader import read_log
 
@@ -321,6 +322,56 @@ def test_a_port_that_comes_back_goes_on_in_the_same_file(tmp_path):
     log = read_log(tmp_path / "press.mcap")
     assert log.complete
     assert len(log.streams["measured"].time) == summary.frames > frames_before[0] + 40
+
+
+def test_silence_before_the_first_frame_and_after_the_last_is_a_gap(tmp_path):
+    pulled = []
+
+    def plug_then_pull(summary):
+        if not board.plugged and not pulled and summary.seconds > 0.8:
+            board.plug()
+        if board.plugged and summary.frames:
+            board.unplug()
+            pulled.append(summary.seconds)
+        return bool(pulled) and summary.seconds > pulled[0] + 0.8
+
+    with (
+        Emulator(PROFILE, constant(PROFILE), link=tmp_path / "port") as board,
+        open_sensor(board.port, PROFILE, reconnect=60) as sensor,
+    ):
+        board.unplug()
+        while not sensor._readers[0].fault:
+            time.sleep(0.01)
+        summary = capture(sensor, tmp_path / "press.mcap", on_status=Stop(plug_then_pull))
+    assert summary.frames > 0
+    assert summary.gaps >= 2
+    assert 0.8 < summary.longest_gap < summary.seconds
+    assert (summary.dropped, summary.reconnects) == (0, 1)
+
+
+def test_silence_alone_is_one_gap(tmp_path):
+    with (
+        Emulator(PROFILE, constant(PROFILE), link=tmp_path / "port") as board,
+        open_sensor(board.port, PROFILE, reconnect=60) as sensor,
+    ):
+        board.unplug()
+        while not sensor._readers[0].fault:
+            time.sleep(0.01)
+        summary = capture(sensor, tmp_path / "press.mcap", seconds=0.7)
+    assert (summary.frames, summary.gaps) == (0, 1)
+    assert summary.longest_gap == summary.seconds > 0.5
+
+
+def test_what_never_came_whole_is_counted(tmp_path):
+    with (
+        Emulator(PROFILE, constant(PROFILE), faults=Faults(garble=0.02), seed=1) as board,
+        open_sensor(board.port, PROFILE) as sensor,
+    ):
+        while not sensor.bad_checksums:
+            time.sleep(0.01)
+        before = sensor.bad_checksums
+        summary = capture(sensor, tmp_path / "press.mcap", on_status=Stop(lambda s: s.bad_checksums > 3))
+        assert 3 < summary.bad_checksums <= sensor.bad_checksums - before
 
 
 def test_without_frames_the_rest_still_reaches_the_disk(tmp_path):
