@@ -30,6 +30,7 @@ SETTINGS: Mapping[str, Mapping[str, type]] = {
 """What `Profile.settings` may hold, by family, and of which type."""
 
 _AXES = "xyz"
+_TOO_LARGE = 2**31  # a system's baud rate is a number of 32 bits; for the others it is far beyond sense
 _LOWEST, _HIGHEST = np.array([-128, -128, 0]), np.array([127, 127, 255])  # counts a taxel's bytes can express
 
 
@@ -112,8 +113,8 @@ class Profile:
             raise InvalidValueError(f"a slot's index must not be negative, got {[slot.index for slot in self.slots]}")
         for kind in ("resolution", "baud", "rate"):
             value = getattr(self, kind)
-            if value is not None and not (np.isfinite(value) and value > 0):
-                raise InvalidValueError(f"{kind} must be a positive number, got {value!r}")
+            if value is not None and not 0 < value < _TOO_LARGE:
+                raise InvalidValueError(f"{kind} must be a positive number below {_TOO_LARGE}, got {value!r}")
         known = SETTINGS[self.family]
         for key, value in self.settings.items():
             if key not in known:
