@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 import warnings
 from collections.abc import Callable, Iterator, Sequence
@@ -24,8 +25,8 @@ class ZeroInDoubtWarning(UserWarning):
 
 
 def open_sensor(
-    port: str | Sequence[str],
-    profile: str | Profile,
+    port: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
+    profile: str | os.PathLike[str] | Profile,
     *,
     queue: int = 256,
     reconnect: float = 10.0,
@@ -59,14 +60,14 @@ def open_sensor(
     Warns:
         UnverifiedProfileWarning: Nobody has tried the profile on a device.
     """
-    ports = (port,) if isinstance(port, str) else tuple(port)
+    ports = tuple(os.fspath(name) for name in ((port,) if isinstance(port, (str, os.PathLike)) else port))
     if not ports or len(set(ports)) != len(ports):
         raise InvalidValueError(f"port must name one port or several different ones, got {port!r}")
     if not isinstance(queue, int) or queue < 1:
         raise InvalidValueError(f"queue must be a whole number of at least 1 frame, got {queue!r}")
     if not reconnect >= 0:
         raise InvalidValueError(f"reconnect must be 0 s or more, got {reconnect!r}")
-    profile = load_profile(profile) if isinstance(profile, str) else profile
+    profile = profile if isinstance(profile, Profile) else load_profile(profile)
     profile.warn_unverified()
     return TactileSensor(ports, profile, queue, reconnect, clock or SystemClock())
 

@@ -6,6 +6,7 @@ user's own from a file as well (`paxisim.hw.profile_file`).
 
 from __future__ import annotations
 
+import os
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -217,7 +218,7 @@ def known_profiles() -> tuple[str, ...]:
     return profile_file.shipped_names()
 
 
-def load_profile(name: str | Path) -> Profile:
+def load_profile(name: str | os.PathLike[str]) -> Profile:
     """The profile of that name, or that of a TOML file.
 
     A profile file, with all keys it can have (`like` or both `family` and `layout` are needed, as are slots)::
@@ -263,6 +264,7 @@ def load_profile(name: str | Path) -> Profile:
     """
     from paxisim.hw import profile_file
 
-    if str(name).endswith(".toml"):
+    name = os.fspath(name)
+    if name.endswith(".toml"):
         return profile_file.read_profile(Path(name))
-    return profile_file.shipped_profile(str(name))
+    return profile_file.shipped_profile(name)

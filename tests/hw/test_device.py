@@ -1,4 +1,5 @@
 import itertools
+import math
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -21,6 +22,7 @@ from paxisim.hw import device, reader
 from paxisim.hw.align import STALE
 from paxisim.hw.device import TactileSensor, ZeroInDoubtWarning, open_sensor
 from paxisim.hw.profile import FAMILIES, UnverifiedProfileWarning
+from paxisim.hw.profile_file import profile_toml
 
 pytest.importorskip("serial")
 pytest.importorskip("pty", reason="no pseudo-terminals here")
@@ -138,6 +140,13 @@ class TestReading:
                 pads.latest(0.01)
             port.send(message(3))
             assert count_of(pads.read(PATIENCE)) == 3
+
+    def test_waiting_without_end(self, port: PluggedPort) -> None:
+        with open_sensor(port.path, ONE_PAD) as pads:
+            later = threading.Timer(0.1, port.send, [message(3)])
+            later.start()
+            assert count_of(pads.read(math.inf)) == 3
+            later.join()
 
     def test_a_board_that_fell_silent_is_started_again(
         self, port: PluggedPort, monkeypatch: pytest.MonkeyPatch
@@ -355,6 +364,15 @@ class TestOpeningAndClosing:
             assert pads.profile.name == "gen2-box-120"
         assert len(caught) == 1
         assert caught[0].filename == __file__
+
+    def test_paths(self, port: PluggedPort, tmp_path: Path) -> None:
+        path = tmp_path / "mine.toml"
+        path.write_text(profile_toml(ONE_PAD))
+        with open_sensor(Path(port.path), path) as pads:
+            assert pads.ports == (port.path,)
+            assert pads.profile == ONE_PAD
+        with open_sensor([Path(port.path)], str(path)) as pads:
+            assert pads.ports == (port.path,)
 
     @pytest.mark.parametrize(
         ("arguments", "error", "says"),
