@@ -214,10 +214,13 @@ class Reader:
             self._deliver(Frame(force, time, reading.time, raw.sequence, reading.status, resultant))
         return raw
 
-    def _be_patient(self, fault: DeviceError) -> None:
-        """Count a reading that did not come; after too many, start the board again."""
+    def _miss(self, fault: DeviceError) -> None:
         self.timeouts += 1
         self.fault = str(fault)
+
+    def _be_patient(self, fault: DeviceError) -> None:
+        """Count a reading that did not come; after too many, start the board again."""
+        self._miss(fault)
         if self._clock.monotonic() - self._heard < RESTART_AFTER:
             return
         # without power it has forgotten its zero, and it must not be zeroed again while something may press
@@ -281,9 +284,16 @@ class Reader:
                 if software is False:
                     raise
         end = self._clock.monotonic() + ZERO_TIME
-        frames = [self._read()]
-        while self._clock.monotonic() < end and not self._stop.is_set():
-            frames.append(self._read())
+        frames: list[Frame] = []
+        while self._clock.monotonic() < end or not frames:
+            if self._stop.is_set():
+                raise DeviceError(f"{self.port} is closed")
+            try:
+                frames.append(self._read())
+            except (DeviceTimeoutError, ProtocolError) as fault:
+                self._miss(fault)
+                if self._clock.monotonic() - self._heard >= RESTART_AFTER:
+                    raise
         good = [frame for frame in frames if not any(frame.status)]
         if not good:
             raise DeviceError(

@@ -245,12 +245,29 @@ class TestCommands:
                 port.send(message(5))
                 wait_for(lambda: count_of(pads.latest(PATIENCE)) == 5)
 
-    def test_a_board_that_cannot_zero_says_so_where_asked(self, port: PluggedPort, use_board) -> None:
+    def test_a_software_zero_forgives_what_reading_does(self, port: PluggedPort, use_board) -> None:
+        class Moody(ScriptedBoard):
+            def read(self, timeout: float):
+                reading = super().read(timeout)
+                if reading.counts.max() == 66:
+                    raise ProtocolError("the board refuses")
+                return reading
+
+        use_board(Moody)
+        with open_sensor(port.path, ONE_PAD) as pads, sending(port, 66, 5, 66, 66):
+            pads.zero(software=True)
+            assert abs(pads.read(PATIENCE).force).max() == 0
+            assert pads.timeouts > 3
+
+    def test_a_board_that_cannot_zero_says_so_where_asked(
+        self, port: PluggedPort, use_board, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
         class CannotZero(ScriptedBoard):
             def zero(self) -> None:
                 raise UnsupportedError("this board cannot zero")
 
         use_board(CannotZero)
+        monkeypatch.setattr(reader, "RESTART_AFTER", 0.3)
         with open_sensor(port.path, ONE_PAD) as pads:
             with pytest.raises(UnsupportedError, match="cannot zero"):
                 pads.zero(software=False)
