@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import threading
 import warnings
+import weakref
 from collections.abc import Callable, Iterator, Sequence
 from types import TracebackType
 
@@ -84,6 +85,9 @@ class TactileSensor:
     while something presses would be worse: `read` warns once (`ZeroInDoubtWarning`), and `zero_in_doubt` stays true
     until the next `zero`.
 
+    One that nobody holds any more is closed as a file is, with a ResourceWarning. Do not rely on it: a traceback or the
+    output of a notebook may hold it still, and with it the port.
+
     Several ports make one tensor: see `paxisim.hw.align.Aligner` for which frames go together.
 
     Attributes:
@@ -107,6 +111,9 @@ class TactileSensor:
             Reader(port, _connector(port, profile, clock), self._sink(i), self._queue.fail, reconnect, clock)
             for i, port in enumerate(ports)
         ]
+        # the threads hold readers and queue, never the sensor
+        self._finalizer = weakref.finalize(self, _close_forgotten, self._where, self._readers)
+        self._finalizer.atexit = False
         try:
             # each is read as soon as it is open, so that none has old frames when the last one is
             for reader in self._readers:
@@ -207,10 +214,8 @@ class TactileSensor:
     def close(self) -> None:
         """Stop reading and give the ports back. May be called twice."""
         self._closed = True
-        for reader in self._readers:
-            reader.stop()
-        for reader in self._readers:
-            reader.close()
+        self._finalizer.detach()
+        _close_readers(self._readers)
         self._queue.fail(DeviceError(f"{self._where} is closed"))
         self._queue.clear()
 
@@ -257,15 +262,30 @@ class TactileSensor:
 
     def _sink(self, port: int) -> Callable[[Frame], None]:
         """Where the frames of that port go."""
+        queue, aligner, aligning = self._queue, self._aligner, self._aligning
         if len(self.ports) == 1:
-            return self._queue.put
+            return queue.put
 
         def put(frame: Frame) -> None:
-            with self._aligning:
-                for joined in self._aligner.push(port, frame):
-                    self._queue.put(joined)
+            with aligning:
+                for joined in aligner.push(port, frame):
+                    queue.put(joined)
 
         return put
+
+
+def _close_readers(readers: list[Reader]) -> None:
+    for reader in readers:
+        reader.stop()
+    for reader in readers:
+        reader.close()
+
+
+def _close_forgotten(where: str, readers: list[Reader]) -> None:
+    _close_readers(readers)
+    warnings.warn(
+        f"the sensor on {where} was not closed: use close() or a with statement", ResourceWarning, stacklevel=2
+    )
 
 
 def _connector(port: str, profile: Profile, clock: Clock) -> Callable[[], Board]:

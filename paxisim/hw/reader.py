@@ -116,7 +116,8 @@ class Reader:
     def close(self) -> None:
         """End the thread and give the port back; waits for the reading at hand. May be called twice."""
         self._stop.set()
-        if self._thread.is_alive():
+        # the thread itself may be the one that collects a forgotten sensor
+        if self._thread.is_alive() and self._thread is not threading.current_thread():
             self._thread.join(CLOSE_TIMEOUT)
 
     def zero(self, software: bool | None) -> Future[None]:

@@ -202,7 +202,10 @@ def _why_not_open(port: str, error: Exception) -> DeviceError:
             f"`ls -l {port}` shows), then log out and in again; or give the device a udev rule with MODE=0666"
         )
     if number in _BUSY:
-        return PortAccessError(f"{port} is in use: close the other program that has it (`fuser {port}` names it)")
+        return PortAccessError(
+            f"{port} is in use: close() the sensor that this program opened on it before, as in a notebook's cell that "
+            f"is run again, or close the other program that has it (`fuser {port}` names it)"
+        )
     if number in _GONE:
         return PortNotFoundError(f"no port {port!r}; {_ports_there_are(port)}")
     if "://" not in port and os.path.exists(port):

@@ -440,6 +440,18 @@ class TestOpeningAndClosing:
         with open_sensor(port.path, ONE_PAD), pytest.raises(PortAccessError, match="in use"):
             open_sensor(port.path, ONE_PAD)
 
+    @pytest.mark.parametrize("ports", [1, 2])
+    def test_a_forgotten_sensor_gives_its_ports_back(self, port: PluggedPort, tmp_path: Path, ports: int) -> None:
+        with plugged_port(tmp_path, "second") as second:
+            names = [port.path, second.path][:ports]
+            pads = open_sensor(names, ONE_PAD)
+            with pytest.raises(PortAccessError, match=r"close\(\) the sensor that this program opened"):
+                open_sensor(names, ONE_PAD)
+            with pytest.warns(ResourceWarning, match=f"sensor on {port.path}.* was not closed"):
+                del pads
+            assert not reader_threads()
+            open_sensor(names, ONE_PAD).close()
+
     def test_closed(self, port: PluggedPort) -> None:
         pads = open_sensor(port.path, ONE_PAD)
         send_and_wait(port, pads, range(2))
