@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import math
 import queue
-import signal
 import threading
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from paxisim.errors import DeviceError, DeviceTimeoutError, InvalidValueError
 from paxisim.hw.clock import Clock, SystemClock
+from paxisim.hw.end_signals import end_signals
 from paxisim.hw.extra_streams import EPISODE, ExtraStream, Sample
 from paxisim.hw.frame import Frame
 from paxisim.logs.schemas import RESULTANT
@@ -146,7 +145,8 @@ def capture(
     recorder = _Recorder(sensor, writer, Path(path), tuple(extra), clock)
     stop = threading.Event()
     try:
-        with _signals_set(stop):
+        # an exception in the middle of a write would break the file
+        with end_signals(lambda *_: stop.set()):
             return recorder.run(seconds, stop, on_status)
     finally:
         recorder.close()
@@ -322,22 +322,3 @@ class _Recorder:
 def _damage(sensor: TactileSensor) -> dict[str, int]:
     """What the sensor counts of frames that never came whole, by the names in `CaptureSummary`."""
     return {name: getattr(sensor, name) for name in ("bad_checksums", "timeouts", "reconnects")}
-
-
-@contextmanager
-def _signals_set(stop: threading.Event) -> Iterator[None]:
-    """Let the signals that ask for an end set `stop`: an exception in the middle of a write would break the file."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    previous = {}
-    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
-        number = getattr(signal, name, None)
-        # one that is ignored stays so: nohup and background jobs rely on it
-        if number is not None and signal.getsignal(number) not in (signal.SIG_IGN, None):
-            previous[number] = signal.signal(number, lambda *_: stop.set())
-    try:
-        yield
-    finally:
-        for number, handler in previous.items():
-            signal.signal(number, handler)
