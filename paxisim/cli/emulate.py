@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import math
 import os
+import signal as system_signals
 import sys
 import time
 from collections.abc import Callable
@@ -27,8 +28,8 @@ def emulate(
 ) -> None:
     """Be a sensor: open a port that speaks a profile's protocol byte for byte.
 
-    The first line printed is the name of the port, to be opened by any driver as a serial port. Runs until Ctrl-C,
-    which ends it with status 0, as does the end of --seconds. For Linux; not tried on macOS.
+    The first line printed is the name of the port, to be opened by any driver as a serial port. Runs until Ctrl-C
+    or SIGTERM, which end it with status 0, as does the end of --seconds. For Linux; not tried on macOS.
 
     For example:
 
@@ -49,6 +50,7 @@ def emulate(
     """
     import paxisim
     from paxisim.hw.emulator import Emulator
+    from paxisim.hw.end_signals import end_signals
     from paxisim.hw.faults import Faults
     from paxisim.hw.profile import load_profile
 
@@ -58,7 +60,8 @@ def emulate(
     felt = make_signal(signal, chosen)
     sensor = Emulator(chosen, felt, rate=rate_hz, gate=gate, faults=Faults.parse(fault), link=link, seed=seed)
     try:
-        with sensor:
+        # however it is asked to end, no link to nowhere stays behind
+        with end_signals(system_signals.default_int_handler), sensor:
             print(sensor.port, flush=True)
             _run(sensor, seconds)
     except KeyboardInterrupt:

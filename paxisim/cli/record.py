@@ -153,6 +153,13 @@ def _report(summary: CaptureSummary, pads: str) -> list[str]:
             f"  missing: {summary.dropped} frames dropped, {summary.gaps} gaps of more than half a second, "
             f"the longest {summary.longest_gap:.1f} s"
         )
+    counts = (
+        (summary.bad_checksums, "bad checksums"),
+        (summary.timeouts, "timeouts"),
+        (summary.reconnects, "reconnects"),
+    )
+    if any(count for count, _ in counts):
+        lines.append(f"  on the line: {', '.join(f'{count} {what}' for count, what in counts if count)}")
     if summary.episodes > 1:
         lines.append(f"  {summary.episodes} episodes")
     for source in summary.extra:

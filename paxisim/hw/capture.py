@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import math
 import queue
-import signal
 import threading
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from paxisim.errors import DeviceError, DeviceTimeoutError, InvalidValueError
 from paxisim.hw.clock import Clock, SystemClock
+from paxisim.hw.end_signals import end_signals
 from paxisim.hw.extra_streams import EPISODE, ExtraStream, Sample
 from paxisim.hw.frame import Frame
 from paxisim.logs.schemas import RESULTANT
@@ -60,9 +59,10 @@ class CaptureSummary:
     Attributes:
         path: The file.
         frames: Frames in it.
-        dropped: Frames that the sensor's count says are missing between them.
-        gaps: How often no frame came for more than half a second.
-        longest_gap: The longest time between two frames (s).
+        dropped: Frames that came and were not fetched in time, by the gaps in the sensor's count. What never came whole
+            has no number: see `bad_checksums`, `timeouts` and `reconnects`.
+        gaps: How often no frame came for more than half a second, before the first and, in the end, after the last too.
+        longest_gap: The longest of these times (s), be it a gap or not.
         seconds: How long the recording lasted (s).
         rate: Frames a second (Hz): while it grows of the last half second, in the end of all.
         size: Bytes of the file.
@@ -70,6 +70,10 @@ class CaptureSummary:
         extra: One entry for each extra stream.
         ended: Why it ended; empty while it grows.
         error: What ended it, where nobody asked for the end.
+        bad_checksums: Frames thrown away meanwhile because their check byte did not fit.
+        timeouts: Readings that did not come in time meanwhile.
+        reconnects: How often a port went away and came back meanwhile.
+        zero_in_doubt: See `paxisim.hw.device.TactileSensor`.
     """
 
     path: Path
@@ -84,6 +88,10 @@ class CaptureSummary:
     extra: tuple[ExtraSummary, ...] = ()
     ended: End = ""
     error: OSError | None = None
+    bad_checksums: int = 0
+    timeouts: int = 0
+    reconnects: int = 0
+    zero_in_doubt: bool = False
 
 
 def capture(
@@ -98,10 +106,10 @@ def capture(
 ) -> CaptureSummary:
     """Record a sensor into an MCAP file until `seconds` are over, a signal comes, or it cannot go on.
 
-    Each frame and sample is written when it comes, with its own time: the host's monotonic clock plus an offset to UTC
-    that is taken once, so a clock that is set meanwhile does no harm. The file is flushed twice a second; killed, it
-    lacks what came after the last flush. In any other case it is finished and valid. Ctrl-C, SIGTERM and SIGHUP are
-    asked ends where this runs in the main thread.
+    Each frame and sample is written when it comes, none that came before the call, with its own time: the host's
+    monotonic clock plus an offset to UTC that is taken once, so a clock that is set meanwhile does no harm. The file is
+    flushed twice a second; killed, it lacks what came after the last flush. In any other case it is finished and valid.
+    Ctrl-C, SIGTERM and SIGHUP are asked ends where this runs in the main thread.
 
     Args:
         sensor: An open sensor, nobody else's to read meanwhile; stays open.
@@ -137,7 +145,8 @@ def capture(
     recorder = _Recorder(sensor, writer, Path(path), tuple(extra), clock)
     stop = threading.Event()
     try:
-        with _signals_set(stop):
+        # an exception in the middle of a write would break the file
+        with end_signals(lambda *_: stop.set()):
             return recorder.run(seconds, stop, on_status)
     finally:
         recorder.close()
@@ -157,6 +166,9 @@ class _Recorder:
         self.start = clock.monotonic()
         self.offset = round(clock.wall() * 1e9) - round(self.start * 1e9)
         self.last: Frame | None = None
+        self.heard = self.start
+        # what the sensor counted before is not this recording's
+        self.before = _damage(sensor)
         self.frames = self.dropped = self.gaps = self.episode = 0
         self.longest_gap = 0.0
         self.end: float | None = None
@@ -168,6 +180,7 @@ class _Recorder:
             source.start(self.inbox, self.clock)
         ended, error = self._record(seconds, stop, on_status)
         self.end = self.clock.monotonic() if self.end is None else self.end
+        self._hear(self.end)
         for source in self.extra:
             source.close()
         if ended != "disk":
@@ -206,7 +219,8 @@ class _Recorder:
             if self.end is not None and (frame is None or frame.arrival > self.end):
                 return ("seconds" if self.end == deadline else "stopped"), None
             try:
-                if frame is not None:
+                # what waited in the queue when the recording began is no part of it
+                if frame is not None and frame.arrival >= self.start:
                     self._write_frame(frame)
                 self._write_samples()
                 now = self.clock.monotonic()
@@ -225,9 +239,7 @@ class _Recorder:
             self.writer.write_at(EPISODE, time, self.episode)
         else:
             self.dropped += max(0, frame.sequence - self.last.sequence - 1)
-            gap = frame.arrival - self.last.arrival
-            self.gaps += gap > GAP
-            self.longest_gap = max(self.longest_gap, gap)
+        self._hear(frame.arrival)
         self.writer.write_at(
             "measured",
             time,
@@ -239,6 +251,13 @@ class _Recorder:
         )
         self.last = frame
         self.frames += 1
+
+    def _hear(self, arrival: float) -> None:
+        """End a time without frames."""
+        gap = arrival - self.heard
+        self.gaps += gap > GAP
+        self.longest_gap = max(self.longest_gap, gap)
+        self.heard = arrival
 
     def _write_samples(self) -> None:
         """Write the samples that wait now; those that come meanwhile have the next turn, after a frame."""
@@ -295,23 +314,11 @@ class _Recorder:
             ),
             ended=ended,
             error=error,
+            zero_in_doubt=self.sensor.zero_in_doubt,
+            **{name: count - self.before[name] for name, count in _damage(self.sensor).items()},
         )
 
 
-@contextmanager
-def _signals_set(stop: threading.Event) -> Iterator[None]:
-    """Let the signals that ask for an end set `stop`: an exception in the middle of a write would break the file."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    previous = {}
-    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
-        number = getattr(signal, name, None)
-        # one that is ignored stays so: nohup and background jobs rely on it
-        if number is not None and signal.getsignal(number) not in (signal.SIG_IGN, None):
-            previous[number] = signal.signal(number, lambda *_: stop.set())
-    try:
-        yield
-    finally:
-        for number, handler in previous.items():
-            signal.signal(number, handler)
+def _damage(sensor: TactileSensor) -> dict[str, int]:
+    """What the sensor counts of frames that never came whole, by the names in `CaptureSummary`."""
+    return {name: getattr(sensor, name) for name in ("bad_checksums", "timeouts", "reconnects")}

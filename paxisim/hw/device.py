@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import threading
+import warnings
+import weakref
 from collections.abc import Callable, Iterator, Sequence
 from types import TracebackType
 
@@ -18,9 +21,13 @@ from paxisim.hw.transport import open_transport
 from paxisim.layout import TaxelLayout
 
 
+class ZeroInDoubtWarning(UserWarning):
+    """A board that zeroed itself may have lost its power since, and its zero with it."""
+
+
 def open_sensor(
-    port: str | Sequence[str],
-    profile: str | Profile,
+    port: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
+    profile: str | os.PathLike[str] | Profile,
     *,
     queue: int = 256,
     reconnect: float = 10.0,
@@ -54,14 +61,14 @@ def open_sensor(
     Warns:
         UnverifiedProfileWarning: Nobody has tried the profile on a device.
     """
-    ports = (port,) if isinstance(port, str) else tuple(port)
+    ports = tuple(os.fspath(name) for name in ((port,) if isinstance(port, (str, os.PathLike)) else port))
     if not ports or len(set(ports)) != len(ports):
         raise InvalidValueError(f"port must name one port or several different ones, got {port!r}")
     if not isinstance(queue, int) or queue < 1:
         raise InvalidValueError(f"queue must be a whole number of at least 1 frame, got {queue!r}")
     if not reconnect >= 0:
         raise InvalidValueError(f"reconnect must be 0 s or more, got {reconnect!r}")
-    profile = load_profile(profile) if isinstance(profile, str) else profile
+    profile = profile if isinstance(profile, Profile) else load_profile(profile)
     profile.warn_unverified()
     return TactileSensor(ports, profile, queue, reconnect, clock or SystemClock())
 
@@ -73,6 +80,13 @@ class TactileSensor:
     or `stream` takes them; what nobody takes in time is dropped, oldest first, and counted. A board that falls silent
     is waited for and started again; a port that goes away is opened again when it comes back. What ends the reading is
     raised by the next `read`, once the frames before it are read.
+
+    A board that zeroed itself may lose its zero with its power. No source says what boards keep, and to zero again
+    while something presses would be worse: `read` warns once (`ZeroInDoubtWarning`), and `zero_in_doubt` stays true
+    until the next `zero`.
+
+    One that nobody holds any more is closed as a file is, with a ResourceWarning. Do not rely on it: a traceback or the
+    output of a notebook may hold it still, and with it the port.
 
     Several ports make one tensor: see `paxisim.hw.align.Aligner` for which frames go together.
 
@@ -92,10 +106,14 @@ class TactileSensor:
         self._aligner = Aligner(len(ports))
         self._aligning = threading.Lock()
         self._closed = False
+        self._has_warned = False
         self._readers = [
             Reader(port, _connector(port, profile, clock), self._sink(i), self._queue.fail, reconnect, clock)
             for i, port in enumerate(ports)
         ]
+        # the threads hold readers and queue, never the sensor
+        self._finalizer = weakref.finalize(self, _close_forgotten, self._where, self._readers)
+        self._finalizer.atexit = False
         try:
             # each is read as soon as it is open, so that none has old frames when the last one is
             for reader in self._readers:
@@ -118,6 +136,11 @@ class TactileSensor:
     def reconnects(self) -> int:
         """How often a port went away and came back."""
         return sum(reader.reconnects for reader in self._readers)
+
+    @property
+    def zero_in_doubt(self) -> bool:
+        """Whether a board zeroed itself and was away, or silent, since: it may have another zero now."""
+        return any(reader.zero_in_doubt for reader in self._readers)
 
     @property
     def timeouts(self) -> int:
@@ -176,6 +199,7 @@ class TactileSensor:
         with self._aligning:
             self._aligner.clear()
             self._queue.clear()
+        self._has_warned = False
 
     def version(self) -> str:
         """What the board says of itself, empty where its protocol has no such request; of several, one a line.
@@ -190,10 +214,8 @@ class TactileSensor:
     def close(self) -> None:
         """Stop reading and give the ports back. May be called twice."""
         self._closed = True
-        for reader in self._readers:
-            reader.stop()
-        for reader in self._readers:
-            reader.close()
+        self._finalizer.detach()
+        _close_readers(self._readers)
         self._queue.fail(DeviceError(f"{self._where} is closed"))
         self._queue.clear()
 
@@ -224,6 +246,14 @@ class TactileSensor:
 
     def _take(self, timeout: float, newest: bool) -> Frame:
         self._check_open()
+        if self.zero_in_doubt and not self._has_warned:
+            self._has_warned = True
+            warnings.warn(
+                f"{self._where} was zeroed, then away or silent, and may have another zero now: "
+                "call zero() again once nothing touches the pads",
+                ZeroInDoubtWarning,
+                stacklevel=3,
+            )
         frame = self._queue.get(timeout, newest)
         if frame is None:
             faults = "".join(f"; {reader.fault}" for reader in self._readers if reader.fault)
@@ -232,15 +262,30 @@ class TactileSensor:
 
     def _sink(self, port: int) -> Callable[[Frame], None]:
         """Where the frames of that port go."""
+        queue, aligner, aligning = self._queue, self._aligner, self._aligning
         if len(self.ports) == 1:
-            return self._queue.put
+            return queue.put
 
         def put(frame: Frame) -> None:
-            with self._aligning:
-                for joined in self._aligner.push(port, frame):
-                    self._queue.put(joined)
+            with aligning:
+                for joined in aligner.push(port, frame):
+                    queue.put(joined)
 
         return put
+
+
+def _close_readers(readers: list[Reader]) -> None:
+    for reader in readers:
+        reader.stop()
+    for reader in readers:
+        reader.close()
+
+
+def _close_forgotten(where: str, readers: list[Reader]) -> None:
+    _close_readers(readers)
+    warnings.warn(
+        f"the sensor on {where} was not closed: use close() or a with statement", ResourceWarning, stacklevel=2
+    )
 
 
 def _connector(port: str, profile: Profile, clock: Clock) -> Callable[[], Board]:

@@ -73,13 +73,13 @@ class Emulator:
 
     def __init__(
         self,
-        profile: str | Profile,
+        profile: str | os.PathLike[str] | Profile,
         signal: Signal,
         *,
         rate: float | None = None,
         gate: int | None = None,
         faults: Faults | None = None,
-        link: str | Path | None = None,
+        link: str | os.PathLike[str] | None = None,
         seed: int = 0,
         pace: bool = True,
         resultant: Resultant | None = None,
@@ -108,7 +108,7 @@ class Emulator:
             InvalidValueError: The signal does not fit the profile, or a number that cannot be.
             UnknownNameError: There is no such profile.
         """
-        self.profile = load_profile(profile) if isinstance(profile, str) else profile
+        self.profile = profile if isinstance(profile, Profile) else load_profile(profile)
         if rate is not None and not 0 < rate < math.inf:
             raise InvalidValueError(f"rate must be a positive number of Hz, got {rate!r}")
         if seed < 0:

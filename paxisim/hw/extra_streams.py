@@ -258,11 +258,10 @@ class PolledFunction(ExtraStream):
             before = self._clock.monotonic()
             try:
                 value = self._function()
-            except Exception as error:
-                self.complain(f"the call failed: {_reason(error)}")
-            else:
                 middle = (before + self._clock.monotonic()) / 2
                 self._take(value if isinstance(value, Mapping) else {self._name: value}, middle)
+            except Exception as error:  # also of a value that cannot even be shown
+                self.complain(f"the call failed: {_reason(error)}")
             call = max(call + 1, math.ceil((self._clock.monotonic() - start) * self._rate))
 
 
@@ -366,7 +365,7 @@ def _array(value: Any) -> NDArray[np.float64] | None:
     """A finite array of at least one number, or None."""
     try:
         array = np.asarray(value)
-    except (TypeError, ValueError):
+    except Exception:  # whatever the object does when it is asked, as a torch tensor that requires a gradient
         return None
     if array.dtype.kind not in "iuf" or not array.size or not np.all(np.isfinite(array)):
         return None

@@ -48,11 +48,12 @@ class FrameQueue:
         """The oldest frame, or None where none comes within `timeout` seconds.
 
         Args:
-            timeout: Seconds.
+            timeout: Seconds; `math.inf` is without end.
             newest: Take the newest instead, and throw the others away.
         """
         with self._changed:
-            self._changed.wait_for(lambda: self._frames or self._error, timeout)
+            # what the system calls for ever is less than infinity
+            self._changed.wait_for(lambda: self._frames or self._error, min(timeout, threading.TIMEOUT_MAX))
             if self._frames:
                 frame = self._frames.pop() if newest else self._frames.popleft()
                 if newest:

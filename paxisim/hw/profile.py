@@ -6,6 +6,7 @@ user's own from a file as well (`paxisim.hw.profile_file`).
 
 from __future__ import annotations
 
+import os
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -30,6 +31,7 @@ SETTINGS: Mapping[str, Mapping[str, type]] = {
 """What `Profile.settings` may hold, by family, and of which type."""
 
 _AXES = "xyz"
+_TOO_LARGE = 2**31  # a system's baud rate is a number of 32 bits; for the others it is far beyond sense
 _LOWEST, _HIGHEST = np.array([-128, -128, 0]), np.array([127, 127, 255])  # counts a taxel's bytes can express
 
 
@@ -112,8 +114,8 @@ class Profile:
             raise InvalidValueError(f"a slot's index must not be negative, got {[slot.index for slot in self.slots]}")
         for kind in ("resolution", "baud", "rate"):
             value = getattr(self, kind)
-            if value is not None and not (np.isfinite(value) and value > 0):
-                raise InvalidValueError(f"{kind} must be a positive number, got {value!r}")
+            if value is not None and not 0 < value < _TOO_LARGE:
+                raise InvalidValueError(f"{kind} must be a positive number below {_TOO_LARGE}, got {value!r}")
         known = SETTINGS[self.family]
         for key, value in self.settings.items():
             if key not in known:
@@ -199,8 +201,8 @@ class Profile:
             )
 
     def _newtons(self, counts: NDArray[np.integer]) -> NDArray[np.float32]:
-        # in double precision, or 0.1 N would be rounded twice
-        return np.multiply(counts, self.resolution, dtype=np.float64).astype(np.float32)
+        # in double precision, or 0.1 N would be rounded twice; row-major, whatever order the indexing left behind
+        return np.multiply(counts, self.resolution, dtype=np.float64).astype(np.float32, order="C")
 
     def _check_counts(self, counts: NDArray[np.int16]) -> NDArray[np.int16]:
         counts = np.asarray(counts)
@@ -216,7 +218,7 @@ def known_profiles() -> tuple[str, ...]:
     return profile_file.shipped_names()
 
 
-def load_profile(name: str | Path) -> Profile:
+def load_profile(name: str | os.PathLike[str]) -> Profile:
     """The profile of that name, or that of a TOML file.
 
     A profile file, with all keys it can have (`like` or both `family` and `layout` are needed, as are slots)::
@@ -262,6 +264,7 @@ def load_profile(name: str | Path) -> Profile:
     """
     from paxisim.hw import profile_file
 
-    if str(name).endswith(".toml"):
+    name = os.fspath(name)
+    if name.endswith(".toml"):
         return profile_file.read_profile(Path(name))
-    return profile_file.shipped_profile(str(name))
+    return profile_file.shipped_profile(name)

@@ -42,6 +42,7 @@ _KEYS: Mapping[str, tuple[type | tuple[type, ...], str]] = {
     "sources": (dict, "a table"),
 }
 _LAYOUT_KEYS = ("rows", "cols", "pitch", "positions", "normals", "vendor_order", "coordinates")
+_MOST_TAXELS = 0xFFFF // 3  # every family counts the bytes of a message, three a taxel, in 16 bits
 _LINES_FROM_ROOT = "lines-from-root"
 
 
@@ -179,6 +180,10 @@ def _layout(table: Mapping[str, Any], part: str, taxels: int | None) -> TaxelLay
     missing = [key for key in ("rows", "cols", "pitch") if key not in table]
     if missing:
         raise InvalidValueError(f"layout lacks {', '.join(missing)}")
+    rows, cols = table["rows"], table["cols"]
+    # before anything of that size is made
+    if all(isinstance(n, _NUMBER) for n in (rows, cols)) and max(rows, cols, rows * cols) > _MOST_TAXELS:
+        raise InvalidValueError(f"layout must have at most {_MOST_TAXELS} taxels, got rows {rows} and cols {cols}")
     order = table.get("vendor_order")
     if order == _LINES_FROM_ROOT:
         layout = TaxelLayout.from_dict({key: value for key, value in table.items() if key != "vendor_order"})

@@ -47,6 +47,7 @@ class Reader:
         timeouts: Readings that did not come in time.
         reconnects: How often the port went away and came back.
         fault: What went wrong last, for messages; empty while readings come.
+        zero_in_doubt: The board zeroed itself, and has been opened or started again since.
     """
 
     def __init__(
@@ -71,6 +72,7 @@ class Reader:
         self.port = port
         self.timeouts = self.reconnects = 0
         self.fault = ""
+        self.zero_in_doubt = False
         self._connect, self._deliver, self._fail = connect, deliver, fail
         self._reconnect, self._clock = reconnect, clock
         self._board: Board | None = None
@@ -78,6 +80,7 @@ class Reader:
         self._sample_clock = SampleClock()
         self._sequence = 0
         self._zero: Frame | None = None
+        self._board_zeroed = False
         self._heard = 0.0
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name=f"paxisim reader {port}", daemon=True)
@@ -113,7 +116,8 @@ class Reader:
     def close(self) -> None:
         """End the thread and give the port back; waits for the reading at hand. May be called twice."""
         self._stop.set()
-        if self._thread.is_alive():
+        # the thread itself may be the one that collects a forgotten sensor
+        if self._thread.is_alive() and self._thread is not threading.current_thread():
             self._thread.join(CLOSE_TIMEOUT)
 
     def zero(self, software: bool | None) -> Future[None]:
@@ -211,12 +215,17 @@ class Reader:
             self._deliver(Frame(force, time, reading.time, raw.sequence, reading.status, resultant))
         return raw
 
-    def _be_patient(self, fault: DeviceError) -> None:
-        """Count a reading that did not come; after too many, start the board again."""
+    def _miss(self, fault: DeviceError) -> None:
         self.timeouts += 1
         self.fault = str(fault)
+
+    def _be_patient(self, fault: DeviceError) -> None:
+        """Count a reading that did not come; after too many, start the board again."""
+        self._miss(fault)
         if self._clock.monotonic() - self._heard < RESTART_AFTER:
             return
+        # without power it has forgotten its zero, and it must not be zeroed again while something may press
+        self.zero_in_doubt |= self._board_zeroed
         try:
             self._at_hand().start()
         except PortNotFoundError as gone:
@@ -251,6 +260,7 @@ class Reader:
                 why = error
             else:
                 self.reconnects += 1
+                self.zero_in_doubt |= self._board_zeroed
                 return
 
     def _run_commands(self) -> None:
@@ -269,15 +279,22 @@ class Reader:
         if not software:
             try:
                 self._at_hand().zero()
-                self._zero = None
+                self._zero, self._board_zeroed, self.zero_in_doubt = None, True, False
                 return
             except UnsupportedError:
                 if software is False:
                     raise
         end = self._clock.monotonic() + ZERO_TIME
-        frames = [self._read()]
-        while self._clock.monotonic() < end and not self._stop.is_set():
-            frames.append(self._read())
+        frames: list[Frame] = []
+        while self._clock.monotonic() < end or not frames:
+            if self._stop.is_set():
+                raise DeviceError(f"{self.port} is closed")
+            try:
+                frames.append(self._read())
+            except (DeviceTimeoutError, ProtocolError) as fault:
+                self._miss(fault)
+                if self._clock.monotonic() - self._heard >= RESTART_AFTER:
+                    raise
         good = [frame for frame in frames if not any(frame.status)]
         if not good:
             raise DeviceError(
@@ -292,6 +309,7 @@ class Reader:
             good[-1].status,
             np.mean(resultants, axis=0, dtype=np.float64).astype(np.float32) if resultants else None,
         )
+        self.zero_in_doubt = False
 
 
 def _minus(resultant: NDArray[np.float32] | None, zero: NDArray[np.float32] | None) -> NDArray[np.float32] | None:

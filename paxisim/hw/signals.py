@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from typing import Literal
 
@@ -16,7 +17,7 @@ from paxisim.recording import Recording
 
 def from_recording(
     recording: Recording,
-    profile: str | Profile,
+    profile: str | os.PathLike[str] | Profile,
     *,
     which: Literal["measured", "simulated"] | None = None,
     interpolate: bool = False,
@@ -43,7 +44,12 @@ def from_recording(
 
 
 def from_arrays(
-    time: ArrayLike, force: ArrayLike, profile: str | Profile, *, interpolate: bool = False, loop: bool = True
+    time: ArrayLike,
+    force: ArrayLike,
+    profile: str | os.PathLike[str] | Profile,
+    *,
+    interpolate: bool = False,
+    loop: bool = True,
 ) -> Signal:
     """Samples, played at their own speed.
 
@@ -57,7 +63,7 @@ def from_arrays(
     Raises:
         InvalidValueError: There is no sample, or the shapes do not fit.
     """
-    profile = load_profile(profile) if isinstance(profile, str) else profile
+    profile = profile if isinstance(profile, Profile) else load_profile(profile)
     samples = spread(np.asarray(force, dtype=np.float32), profile)
     moments = np.asarray(time, dtype=np.float64)
     if moments.ndim != 1 or samples.shape[:-4] != moments.shape or not len(moments):
@@ -117,7 +123,7 @@ def spread(force: NDArray[np.floating], profile: Profile) -> NDArray[np.floating
     )
 
 
-def press(profile: str | Profile, *, force: float = 20.0, period: float = 4.0) -> Signal:
+def press(profile: str | os.PathLike[str] | Profile, *, force: float = 20.0, period: float = 4.0) -> Signal:
     """A demonstration: a soft patch comes down on each pad, drags to the right and down, and lifts.
 
     Args:
@@ -125,7 +131,7 @@ def press(profile: str | Profile, *, force: float = 20.0, period: float = 4.0) -
         force: The largest normal force of the patch (N, whole pad); the shear grows to half of it.
         period: Seconds of one press; each pad begins a quarter later than the one before.
     """
-    profile = load_profile(profile) if isinstance(profile, str) else profile
+    profile = profile if isinstance(profile, Profile) else load_profile(profile)
     layout, pads = profile.wire_layout, len(profile.slots)
     positions = layout.positions[:, :2]
     low, high = positions.min(axis=0), positions.max(axis=0)

@@ -90,6 +90,8 @@ class SerialTransport:
             self._serial.timeout = max(0.0, timeout)
             first = self._serial.read(1)
             return first + self._serial.read(self._serial.in_waiting) if first else b""
+        except ValueError as error:
+            raise self._too_many_files(error) from error
         except _line_errors() as error:
             raise self._gone(error) from error
 
@@ -104,6 +106,8 @@ class SerialTransport:
             raise DeviceTimeoutError(
                 f"{self.port} did not take {len(data)} bytes within {WRITE_TIMEOUT:g} s"
             ) from error
+        except ValueError as error:
+            raise self._too_many_files(error) from error
         except _line_errors() as error:
             raise self._gone(error) from error
 
@@ -127,6 +131,13 @@ class SerialTransport:
 
     def _gone(self, error: Exception) -> PortNotFoundError:
         return PortNotFoundError(f"{self.port} went away: {error}")
+
+    def _too_many_files(self, error: ValueError) -> UnsupportedError:
+        """What select says of the descriptor of a port that was opened after about a thousand other files."""
+        return UnsupportedError(
+            f"{self.port} cannot be waited for ({error}): this program has about 1024 files open, or more; close some "
+            "before the sensor is opened, or open the sensor first"
+        )
 
     def __repr__(self) -> str:
         """The port, and whether it is open."""
@@ -191,7 +202,10 @@ def _why_not_open(port: str, error: Exception) -> DeviceError:
             f"`ls -l {port}` shows), then log out and in again; or give the device a udev rule with MODE=0666"
         )
     if number in _BUSY:
-        return PortAccessError(f"{port} is in use: close the other program that has it (`fuser {port}` names it)")
+        return PortAccessError(
+            f"{port} is in use: close() the sensor that this program opened on it before, as in a notebook's cell that "
+            f"is run again, or close the other program that has it (`fuser {port}` names it)"
+        )
     if number in _GONE:
         return PortNotFoundError(f"no port {port!r}; {_ports_there_are(port)}")
     if "://" not in port and os.path.exists(port):

@@ -123,7 +123,10 @@ class LogWriter:
                 message = {**fields, "value": float(array)}
             else:
                 message = {**fields, "shape": array.shape, "value": array.ravel()}
-            message |= {name: value for name, value in extra.items() if value is not None}
+            for name, value in extra.items():
+                if value is not None:
+                    # the JSON library takes row-major arrays alone
+                    message[name] = np.asarray(value, order="C") if isinstance(value, np.ndarray) else value
             data = orjson.dumps(message, option=_JSON)
             self._writer.add_message(channel, nanoseconds, data, nanoseconds, sequence & 0xFFFFFFFF)
             if clocks.monotonic() - self._flushed >= self._interval:

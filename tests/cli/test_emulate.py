@@ -5,7 +5,6 @@ import re
 import signal
 import subprocess
 import sys
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -46,11 +45,29 @@ def scene(folder):
 
 
 def started(*words, **options):
-    """An emulator that Ctrl-C reaches, also where what runs the tests was started without it, as by nohup and &."""
+    """An emulator that signals reach, also where what runs the tests was started without, as by nohup and &."""
     command = [sys.executable, "-W", "ignore", "-m", "paxisim.cli", "emulate", *words]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    reached = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
+
+    def reached():
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            signal.signal(number, signal.SIG_DFL)
+
     return subprocess.Popen(command, preexec_fn=reached, **pipes, **options)
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_it_leaves_no_link_behind_however_it_is_ended(number):
+    process = started("--profile", GRID, "--link", "pad")
+    try:
+        assert process.stdout.readline() == "pad\n"
+        assert Path("pad").is_symlink()
+        process.send_signal(number)
+        said, complained = process.communicate(timeout=60)
+    finally:
+        process.kill()
+    assert (process.returncode, said, complained) == (0, "", "")
+    assert not Path("pad").is_symlink()
 
 
 def test_a_process_with_a_port_that_a_driver_reads_and_ctrl_c_ends():

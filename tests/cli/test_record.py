@@ -21,6 +21,7 @@ pytest.importorskip("termios")  # the emulator is a pseudo-terminal
 from paxisim.cli import main
 from paxisim.errors import InvalidValueError
 from paxisim.hw.emulator import Emulator
+from paxisim.hw.faults import Faults
 from paxisim.hw.signals import press
 from paxisim.logs.mcap_reader import read_log
 from paxisim.logs.mcap_writer import LogWriter
@@ -155,6 +156,12 @@ def test_it_ends_after_the_seconds_asked_for_and_says_what_it_has(board):
     assert " frames in 0.7 s (" in said("out.txt")
     measured = read_log("press.mcap").streams["measured"]
     assert len(measured.time) > 0
+
+
+def test_what_was_damaged_on_the_line_is_said(capsys):
+    with Emulator(PROFILE, press(PROFILE), faults=Faults(garble=0.01), seed=1) as board:
+        assert main(["record", board.port, "--profile", PROFILE, "-o", "press.mcap", "--seconds", "1"]) == 0
+    assert re.search(r"\n  on the line: [1-9]\d* bad checksums", capsys.readouterr().out)
 
 
 def test_a_port_that_vanishes_is_one_line_and_status_2(board):

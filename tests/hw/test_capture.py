@@ -21,9 +21,11 @@ pytest.importorskip("termios")  # the emulator is a pseudo-terminal
 from emulated import Numbered, constant, profile
 
 from paxisim.hw.capture import CaptureSummary, capture
-from paxisim.hw.device import open_sensor
+from paxisim.hw.device import ZeroInDoubtWarning, open_sensor
 from paxisim.hw.emulator import Emulator
 from paxisim.hw.extra_streams import CsvLines, ExtraStream, PolledFunction, UdpJson
+from paxisim.hw.faults import Faults
+from paxisim.hw.profile import Slot
 from paxisim.logs.mcap_reader import read_log
 
 pytestmark = pytest.mark.real_time
@@ -93,6 +95,31 @@ def test_frames_land_with_their_numbers_times_and_counts(tmp_path):
     assert log.streams["episode"].nanoseconds[0] == measured.nanoseconds[0]
 
 
+@pytest.mark.parametrize(
+    ("name", "slots"),
+    [
+        ("gen2-box-120", (Slot("left", 2), Slot("right", 5))),
+        ("gen1-stream", (Slot("pulp", 0), Slot("tip", 1))),
+        ("gen3-highspeed-mc-m2020", (Slot("thumb", 2), Slot("palm", 9))),
+    ],
+)
+def test_two_pads_on_one_port_land_with_their_totals(name, slots, tmp_path):
+    two = profile(name, slots=slots)
+    pressed = constant(two)
+    with Emulator(two, pressed) as board, open_sensor(board.port, two) as sensor:
+        capture(sensor, tmp_path / "press.mcap", seconds=0.5)
+    loaded = paxisim.Recording.load(tmp_path / "press.mcap")
+    assert loaded.pads == tuple(slot.name for slot in slots)
+    totals = pressed(0.0).sum(axis=(-2, -1))
+    np.testing.assert_allclose(
+        loaded.measured.sum(axis=(-2, -1)), np.broadcast_to(totals, (len(loaded), 2, 3)), rtol=1e-5
+    )
+    if "resultant" in loaded.covariates:
+        reported = np.clip(totals, [-12.8, -12.8, 0], [12.7, 12.7, 25.5])
+        np.testing.assert_allclose(loaded.covariates["resultant"][-1], reported, rtol=1e-5)
+    assert ("resultant" in loaded.covariates) == (name != "gen1-stream")
+
+
 def test_the_file_knows_the_sensor(sensor, tmp_path):
     capture(sensor, tmp_path / "press.mcap", seconds=0.3)
     metadata = read_log(tmp_path / "press.mcap").metadata
@@ -101,6 +128,16 @@ def test_the_file_knows_the_sensor(sensor, tmp_path):
     assert metadata["profile"] == PROFILE.name
     assert metadata["profile_verified"] == "in a test"
     assert tuple(metadata["ports"]) == sensor.ports
+
+
+def test_frames_that_waited_before_it_began_are_not_in_it(sensor, tmp_path):
+    while len(sensor._queue._frames) < 20:
+        time.sleep(0.01)
+    newest = sensor._queue._frames[-1].sequence
+    summary = capture(sensor, tmp_path / "press.mcap", seconds=0.3)
+    measured = read_log(tmp_path / "press.mcap").streams["measured"]
+    assert measured.sequence[0] > newest
+    assert len(measured.time) == summary.frames
 
 
 def test_status_and_arrival_are_kept_beside_the_tensor(sensor, tmp_path):
@@ -276,12 +313,65 @@ def test_a_port_that_comes_back_goes_on_in_the_same_file(tmp_path):
         Emulator(PROFILE, constant(PROFILE), link=tmp_path / "port") as board,
         open_sensor(board.port, PROFILE, reconnect=30) as sensor,
     ):
-        summary = capture(sensor, tmp_path / "press.mcap", on_status=Stop(pull_and_plug))
+        sensor.zero()
+        with pytest.warns(ZeroInDoubtWarning):
+            summary = capture(sensor, tmp_path / "press.mcap", on_status=Stop(pull_and_plug))
     assert summary.ended == "stopped"
+    assert summary.zero_in_doubt
     assert sensor.reconnects == 1
     log = read_log(tmp_path / "press.mcap")
     assert log.complete
     assert len(log.streams["measured"].time) == summary.frames > frames_before[0] + 40
+
+
+def test_silence_before_the_first_frame_and_after_the_last_is_a_gap(tmp_path):
+    pulled = []
+
+    def plug_then_pull(summary):
+        if not board.plugged and not pulled and summary.seconds > 0.8:
+            board.plug()
+        if board.plugged and summary.frames:
+            board.unplug()
+            pulled.append(summary.seconds)
+        return bool(pulled) and summary.seconds > pulled[0] + 0.8
+
+    with (
+        Emulator(PROFILE, constant(PROFILE), link=tmp_path / "port") as board,
+        open_sensor(board.port, PROFILE, reconnect=60) as sensor,
+    ):
+        board.unplug()
+        while not sensor._readers[0].fault:
+            time.sleep(0.01)
+        summary = capture(sensor, tmp_path / "press.mcap", on_status=Stop(plug_then_pull))
+    assert summary.frames > 0
+    assert summary.gaps >= 2
+    assert 0.8 < summary.longest_gap < summary.seconds
+    assert (summary.dropped, summary.reconnects) == (0, 1)
+
+
+def test_silence_alone_is_one_gap(tmp_path):
+    with (
+        Emulator(PROFILE, constant(PROFILE), link=tmp_path / "port") as board,
+        open_sensor(board.port, PROFILE, reconnect=60) as sensor,
+    ):
+        board.unplug()
+        while not sensor._readers[0].fault:
+            time.sleep(0.01)
+        summary = capture(sensor, tmp_path / "press.mcap", seconds=0.7)
+    assert (summary.frames, summary.gaps) == (0, 1)
+    assert summary.longest_gap == summary.seconds > 0.5
+
+
+def test_what_never_came_whole_is_counted(tmp_path):
+    with (
+        Emulator(PROFILE, constant(PROFILE), faults=Faults(garble=0.02), seed=1) as board,
+        open_sensor(board.port, PROFILE) as sensor,
+    ):
+        while not sensor.bad_checksums:
+            time.sleep(0.01)
+        before = sensor.bad_checksums
+        summary = capture(sensor, tmp_path / "press.mcap", on_status=Stop(lambda s: s.bad_checksums > 3))
+        assert 3 < summary.bad_checksums <= sensor.bad_checksums - before
 
 
 def test_without_frames_the_rest_still_reaches_the_disk(tmp_path):

@@ -1,4 +1,5 @@
 import itertools
+import math
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -19,8 +20,9 @@ from paxisim.errors import (
 )
 from paxisim.hw import device, reader
 from paxisim.hw.align import STALE
-from paxisim.hw.device import TactileSensor, open_sensor
+from paxisim.hw.device import TactileSensor, ZeroInDoubtWarning, open_sensor
 from paxisim.hw.profile import FAMILIES, UnverifiedProfileWarning
+from paxisim.hw.profile_file import profile_toml
 
 pytest.importorskip("serial")
 pytest.importorskip("pty", reason="no pseudo-terminals here")
@@ -139,6 +141,13 @@ class TestReading:
             port.send(message(3))
             assert count_of(pads.read(PATIENCE)) == 3
 
+    def test_waiting_without_end(self, port: PluggedPort) -> None:
+        with open_sensor(port.path, ONE_PAD) as pads:
+            later = threading.Timer(0.1, port.send, [message(3)])
+            later.start()
+            assert count_of(pads.read(math.inf)) == 3
+            later.join()
+
     def test_a_board_that_fell_silent_is_started_again(
         self, port: PluggedPort, monkeypatch: pytest.MonkeyPatch
     ) -> None:
@@ -149,6 +158,11 @@ class TestReading:
             port.send(message(3))
             assert count_of(pads.read(PATIENCE)) == 3
             assert pads.reconnects == 0
+            assert not pads.zero_in_doubt
+            pads.zero()
+            wait_for(lambda: pads.zero_in_doubt)
+            with pytest.warns(ZeroInDoubtWarning, match="or silent"), pytest.raises(DeviceTimeoutError):
+                pads.read(0.01)
 
     def test_a_protocol_error_is_survived(self, port: PluggedPort, use_board) -> None:
         class Moody(ScriptedBoard):
@@ -231,12 +245,29 @@ class TestCommands:
                 port.send(message(5))
                 wait_for(lambda: count_of(pads.latest(PATIENCE)) == 5)
 
-    def test_a_board_that_cannot_zero_says_so_where_asked(self, port: PluggedPort, use_board) -> None:
+    def test_a_software_zero_forgives_what_reading_does(self, port: PluggedPort, use_board) -> None:
+        class Moody(ScriptedBoard):
+            def read(self, timeout: float):
+                reading = super().read(timeout)
+                if reading.counts.max() == 66:
+                    raise ProtocolError("the board refuses")
+                return reading
+
+        use_board(Moody)
+        with open_sensor(port.path, ONE_PAD) as pads, sending(port, 66, 5, 66, 66):
+            pads.zero(software=True)
+            assert abs(pads.read(PATIENCE).force).max() == 0
+            assert pads.timeouts > 3
+
+    def test_a_board_that_cannot_zero_says_so_where_asked(
+        self, port: PluggedPort, use_board, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
         class CannotZero(ScriptedBoard):
             def zero(self) -> None:
                 raise UnsupportedError("this board cannot zero")
 
         use_board(CannotZero)
+        monkeypatch.setattr(reader, "RESTART_AFTER", 0.3)
         with open_sensor(port.path, ONE_PAD) as pads:
             with pytest.raises(UnsupportedError, match="cannot zero"):
                 pads.zero(software=False)
@@ -280,6 +311,36 @@ class TestUnplugging:
                 port.plug_in()
             assert port.receive(1) == b"S"
 
+    @pytest.mark.parametrize("again", [None, True])
+    def test_the_zero_of_a_board_that_was_away_is_in_doubt(self, port: PluggedPort, again: bool | None) -> None:
+        with open_sensor(port.path, ONE_PAD) as pads:
+            pads.zero()
+            for _ in range(2):
+                assert not pads.zero_in_doubt
+                before = pads.reconnects
+                port.unplug()
+                wait_for(lambda: pads._readers[0].fault)
+                port.plug_in()
+                wait_for(lambda: pads.reconnects > before)  # noqa: B023
+                assert pads.zero_in_doubt
+                with sending(port, 3):
+                    with pytest.warns(ZeroInDoubtWarning, match=f"{port.path} was zeroed, then away"):
+                        pads.read(PATIENCE)
+                    pads.read(PATIENCE)  # said once
+                    pads.zero(software=again)
+
+    def test_a_zero_in_software_is_kept(self, port: PluggedPort) -> None:
+        with open_sensor(port.path, ONE_PAD) as pads:
+            with sending(port, 3):
+                pads.zero(software=True)
+            port.unplug()
+            wait_for(lambda: pads._readers[0].fault)
+            port.plug_in()
+            wait_for(lambda: pads.reconnects)
+            assert not pads.zero_in_doubt
+            port.send(message(3))
+            assert count_of(pads.read(PATIENCE)) == 0
+
     def test_another_board_in_its_place_is_not_taken_for_it(self, port: PluggedPort, use_board) -> None:
         with open_sensor(port.path, ONE_PAD, reconnect=0.3) as pads:
 
@@ -320,6 +381,15 @@ class TestOpeningAndClosing:
             assert pads.profile.name == "gen2-box-120"
         assert len(caught) == 1
         assert caught[0].filename == __file__
+
+    def test_paths(self, port: PluggedPort, tmp_path: Path) -> None:
+        path = tmp_path / "mine.toml"
+        path.write_text(profile_toml(ONE_PAD))
+        with open_sensor(Path(port.path), path) as pads:
+            assert pads.ports == (port.path,)
+            assert pads.profile == ONE_PAD
+        with open_sensor([Path(port.path)], str(path)) as pads:
+            assert pads.ports == (port.path,)
 
     @pytest.mark.parametrize(
         ("arguments", "error", "says"),
@@ -369,6 +439,18 @@ class TestOpeningAndClosing:
     def test_a_port_is_opened_once(self, port: PluggedPort) -> None:
         with open_sensor(port.path, ONE_PAD), pytest.raises(PortAccessError, match="in use"):
             open_sensor(port.path, ONE_PAD)
+
+    @pytest.mark.parametrize("ports", [1, 2])
+    def test_a_forgotten_sensor_gives_its_ports_back(self, port: PluggedPort, tmp_path: Path, ports: int) -> None:
+        with plugged_port(tmp_path, "second") as second:
+            names = [port.path, second.path][:ports]
+            pads = open_sensor(names, ONE_PAD)
+            with pytest.raises(PortAccessError, match=r"close\(\) the sensor that this program opened"):
+                open_sensor(names, ONE_PAD)
+            with pytest.warns(ResourceWarning, match=f"sensor on {port.path}.* was not closed"):
+                del pads
+            assert not reader_threads()
+            open_sensor(names, ONE_PAD).close()
 
     def test_closed(self, port: PluggedPort) -> None:
         pads = open_sensor(port.path, ONE_PAD)

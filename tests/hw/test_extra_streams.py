@@ -176,6 +176,28 @@ def test_a_function_gives_a_number_an_array_or_a_dict():
     ]
 
 
+class NoArray:
+    """As a torch tensor that requires a gradient."""
+
+    def __array__(self, *_, **__):
+        raise RuntimeError("cannot be converted")
+
+
+class NoText(NoArray):
+    def __repr__(self):
+        raise RuntimeError("cannot be shown")
+
+
+@pytest.mark.parametrize("value", [NoArray(), {"pose": NoArray(), "current": 1.0}, NoText()])
+def test_an_odd_value_does_not_end_the_stream(value):
+    values = iter([value])
+    source, samples = polled(lambda: next(values, 0.5), 3)
+    assert source.bad == 1
+    assert ("cannot be shown" if isinstance(value, NoText) else "must be finite numbers") in source.problem
+    assert [float(s.value) for s in samples if s.stream == "covariate/opening"][-1] == 0.5
+    assert [float(s.value) for s in samples if s.stream == "covariate/current"] == [1.0] * isinstance(value, dict)
+
+
 @pytest.mark.parametrize("value", [None, "0.04", float("nan"), True, [], [1, "a"], [[1], [2, 3]], {"pose": None}])
 def test_what_is_no_number_is_counted(value):
     source, samples = polled(lambda: value, 2)

@@ -171,6 +171,12 @@ def test_the_resultant_takes_the_same_axes():
     assert profile.resultant_force(np.array([[1, 2, 3]], dtype=np.int16)) == pytest.approx(np.array([[-0.2, 0.1, 0.3]]))
 
 
+def test_forces_lie_in_memory_row_by_row():
+    for pool in ((1, 1), (3, 1)):
+        assert grid(pool=pool).to_force(np.zeros((2, 6, 3), dtype=np.int16)).flags.c_contiguous
+    assert grid().resultant_force(np.zeros((2, 3), dtype=np.int16)).flags.c_contiguous
+
+
 @pytest.mark.parametrize("shape", [(3, 6), (5, 3), (6, 2), ()])
 def test_counts_of_another_shape_are_refused(shape):
     with pytest.raises(InvalidValueError, match=r"\(\.\.\., 6, 3\)"):
@@ -193,6 +199,8 @@ def test_counts_of_another_shape_are_refused(shape):
         ({"slots": (Slot("a", -1),)}, "not be negative"),
         ({"resolution": 0.0}, "resolution must be a positive"),
         ({"baud": -1}, "baud must be a positive"),
+        ({"baud": 99999999999999999999}, "baud must be a positive number below"),
+        ({"resolution": float("inf")}, "resolution must be a positive"),
         ({"rate": float("nan")}, "rate must be a positive"),
         ({"pool": (2, 2)}, "cannot pool 3x2"),
         ({"settings": {"modus": 5}}, "did you mean 'mode'"),
@@ -270,6 +278,7 @@ def test_the_file_that_the_bad_ones_are_made_of_is_good(tmp_path):
         ("rows = 3, ", "", "layout lacks rows"),
         ("rows = 3", "rows = 0", "rows must be a whole number"),
         ("rows = 3", "rows = 4", r"permutation of 0\.\.7"),
+        ("rows = 3, cols = 2", "rows = 100000, cols = 100000", "at most 21845 taxels, got rows 100000"),
         ("rows = 3", "row = 3", "did you mean 'rows'"),
         ("pitch = [0.002, 0.002]", "pitch = 'a'", "pitch must be"),
         ("layout = {", "layout = { coordinates = 'a', ", "must not have"),

@@ -435,3 +435,26 @@ def test_taxels_must_follow_the_resultant():
     profile = make_profile("serial-converter", 9, {"pad": 1}, address=1008)
     with pytest.raises(InvalidValueError, match="address"):
         SerialConverter(None, profile, SystemClock())
+
+
+@pytest.mark.parametrize(
+    ("index", "settings", "says"),
+    [
+        (300, {}, "index of 'pad' must be the sensor's id, from 0 to 255, got 300"),
+        (1, {"resultant_address": -10}, "resultant_address and address must be from 0 to 4294967295, got -10"),
+        (1, {"resultant_address": 2**33, "address": 2**33 + 30}, "must be from 0 to 4294967295"),
+        (1, {"resultant_address": 0, "address": 65536}, "at most 65525 bytes, got 65563: is address 65536 right"),
+    ],
+)
+def test_what_a_request_cannot_say_is_refused(index, settings, says):
+    profile = make_profile("serial-converter", 9, {"pad": index}, **settings)
+    with pytest.raises(InvalidValueError, match=says):
+        SerialConverter(None, profile, SystemClock())
+
+
+def test_the_longest_reply_can_be_said():
+    profile = make_profile("serial-converter", 9, {"pad": 255}, resultant_address=0, address=65525 - 27)
+    SerialConverter(None, profile, SystemClock())
+    request = Request(255, READ, 0, frames.MOST_READ)
+    reply = answer(request, bytes(frames.MOST_READ))
+    assert decode(frames.reply_parser({frames.MOST_READ}), reply.encode())[0] == [reply]

@@ -5,6 +5,7 @@ import pytest
 from emulated import profile
 
 from paxisim.errors import InvalidValueError
+from paxisim.hw.emulator import Emulator
 from paxisim.hw.signals import from_arrays, from_recording, press, spread
 from paxisim.recording import Recording
 
@@ -63,3 +64,13 @@ def test_a_recording_plays_what_was_measured_unless_told_otherwise():
     assert from_recording(alone, chosen.name)(0.0).flat[0] == 2
     with pytest.raises(InvalidValueError, match="no measured tensor"):
         from_recording(alone, chosen, which="measured")
+
+
+def test_a_profile_file_is_a_path_or_text(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text('like = "gen3-highspeed-mc-m2020"\n')
+    for name in (path, str(path)):
+        emulator = Emulator(name, press(name))
+        force = np.zeros((1, 1, 3, 3, 3))
+        assert emulator.profile.name == "mine"
+        assert from_arrays([0.0], force, name)(0.0).shape == force.shape[1:]

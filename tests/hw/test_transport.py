@@ -217,6 +217,24 @@ def test_without_pyserial(monkeypatch: pytest.MonkeyPatch) -> None:
         open_transport("/dev/ttyACM0", 9600)
 
 
+def test_a_port_beyond_a_thousand_files_is_refused_in_words(port: PluggedPort) -> None:
+    resource = pytest.importorskip("resource")
+    before = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if 0 <= before[1] < 2048:
+        pytest.skip("this system allows too few files")
+    resource.setrlimit(resource.RLIMIT_NOFILE, (2048, before[1]))
+    held = [os.open(os.devnull, os.O_RDONLY) for _ in range(1024)]
+    try:
+        with closing(open_transport(port.path, 9600)) as transport:
+            for use in (lambda: transport.write(b"x"), lambda: transport.read(0)):
+                with pytest.raises(UnsupportedError, match=r"about 1024 files open.*open the sensor first"):
+                    use()
+    finally:
+        for descriptor in held:
+            os.close(descriptor)
+        resource.setrlimit(resource.RLIMIT_NOFILE, before)
+
+
 def test_no_file_stays_open(port: PluggedPort, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("no port")
     before = os.listdir("/proc/self/fd") if os.path.isdir("/proc/self/fd") else []

@@ -57,6 +57,18 @@ def test_a_log_comes_back(whole):
     assert log.metadata["scene"] == "<mujoco/>"
 
 
+def test_arrays_of_any_memory_order_are_written(tmp_path):
+    columns = np.asfortranarray(FORCE[0])
+    resultant = np.arange(6, dtype=np.float32).reshape(3, 2).T
+    with LogWriter(tmp_path / "a.mcap", {"layout": LAYOUT, "pads": ("left", "right")}) as log:
+        log.write_at("measured", START, columns, resultant=resultant)
+        log.write_at("covariate/matrix", START, resultant)
+    streams = read_log(tmp_path / "a.mcap").streams
+    np.testing.assert_array_equal(streams["measured"].values, columns[None])
+    np.testing.assert_array_equal(streams["covariate/resultant"].values, resultant[None])
+    np.testing.assert_array_equal(streams["covariate/matrix"].values, resultant[None])
+
+
 # a disk that lost its power may leave zeros
 @given(part=st.floats(0, 1, exclude_max=True), zeros=st.sampled_from([0, 1, 500]))
 @settings(max_examples=150, deadline=None)

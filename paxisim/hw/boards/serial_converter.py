@@ -14,6 +14,7 @@ from paxisim.hw.boards.line import Line
 from paxisim.hw.clock import Clock
 from paxisim.hw.frames.serial_converter import (
     GOOD,
+    MOST_READ,
     READ,
     Reply,
     Request,
@@ -54,18 +55,33 @@ class SerialConverter(Board):
         """Remember; no I/O.
 
         Raises:
-            InvalidValueError: The profile has more than one slot, or its taxels do not follow the resultant.
+            InvalidValueError: The profile has more than one slot, its index is no id, its taxels do not follow the
+                resultant, or an address or the bytes read are more than a request can say.
         """
         super().__init__(transport, profile, clock)
         if len(profile.slots) != 1:
             raise InvalidValueError(f"slots must list one pad: a serial converter has no more, got {profile.slots}")
-        settings = profile.settings
+        slot, settings = profile.slots[0], profile.settings
+        if not 0 <= slot.index <= 0xFF:
+            raise InvalidValueError(
+                f"slots: index of {slot.name!r} must be the sensor's id, from 0 to 255, got {slot.index}"
+            )
+        self._id = slot.index
         self._start = int(settings.get("resultant_address", registers.CONVERTER_RESULTANT))
-        self._offset = int(settings.get("address", registers.CONVERTER_TAXELS)) - self._start
+        address = int(settings.get("address", registers.CONVERTER_TAXELS))
+        if self._start < 0 or address > 0xFFFFFFFF:
+            raise InvalidValueError(
+                f"resultant_address and address must be from 0 to {0xFFFFFFFF}, got {self._start} and {address}"
+            )
+        self._offset = address - self._start
         if self._offset < taxels.BYTES_PER_TAXEL:
             raise InvalidValueError("address must lie behind the resultant, at least 3 above resultant_address")
         self._count = self._offset + taxels.BYTES_PER_TAXEL * profile.wire_layout.taxels
-        self._id = profile.slots[0].index
+        if self._count > MOST_READ:
+            raise InvalidValueError(
+                f"from resultant_address {self._start} to the last taxel a reply must have at most {MOST_READ} bytes, "
+                f"got {self._count}: is address {address} right?"
+            )
         # 0: a write's reply, or a refusal; 3: a resultant alone
         lengths = {0, taxels.BYTES_PER_TAXEL, registers.CONVERTER_VERSION_BYTES, self._count}
         self._line: Line[Reply] = Line(transport, clock, reply_parser(lengths))

@@ -41,6 +41,8 @@ LONGEST_WRITE = 16
 """Bytes that a request may write; the longest known write has 1."""
 LONGEST_READ = 4096
 """Bytes that a reply may bring where nobody says how many are expected; the largest part needs 747."""
+MOST_READ = 0xFFFF - 10
+"""Bytes that a reply can bring at all, with an L of 16 bits."""
 GOOD = (0, 1)
 """Status bytes of replies whose data are valid."""
 
