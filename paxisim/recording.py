@@ -22,7 +22,8 @@ _FIELDS_NOT_METADATA = ("format", "layout", "pads", "time_zero_ns")
 class Recording:
     """Aligned arrays over one time axis.
 
-    NaN in a tensor or a covariate marks what is not known at that time.
+    NaN in a tensor or a covariate marks what is not known at that time. So it is with the forces and the resultant of a
+    pad that reported an error, or whose port had gone silent, when they were recorded.
 
     Attributes:
         time: ``(T,)`` float64 seconds; not decreasing within an episode. A recording that was loaded counts from its

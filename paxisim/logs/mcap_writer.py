@@ -89,10 +89,11 @@ class LogWriter:
             values: ``(pads, 3, rows, cols)`` newtons; a covariate's number or array; an episode's number, which
                 begins now. A stream's shape stays the same. NaN means not known.
             extra: More fields of the message, for a tactile one ``sequence``, ``status`` and ``resultant``
-                (see `paxisim.hw.frame.Frame`). None leaves a field out.
+                (see `paxisim.hw.frame.Frame`). None leaves a field out. A pad whose status is not 0 loads as NaN.
 
         Raises:
-            InvalidValueError: No such stream, another shape than before, an infinite value.
+            InvalidValueError: No such stream, another shape than before, an infinite value, a status that is not one
+                number a pad.
             OSError: The disk is full or failed, now or before; the file is valid up to its last whole chunk.
         """
         if not np.isfinite(time):
@@ -107,6 +108,9 @@ class LogWriter:
         array = np.asarray(values, dtype=np.float32 if is_tactile else np.float64)
         if np.isinf(array).any():
             raise InvalidValueError(f"a sample of {stream!r} holds an infinite value, which a file cannot")
+        status = extra.get("status")
+        if is_tactile and status is not None and np.shape(status) != array.shape[:1]:
+            raise InvalidValueError(f"status must be one number a pad, shape {array.shape[:1]}, got {status!r}")
         sec, nsec = divmod(int(nanoseconds), 10**9)
         fields = {"timestamp": {"sec": sec, "nsec": nsec}}
         with self._lock:

@@ -57,6 +57,17 @@ def test_info_says_what_is_there(capsys):
     assert "CUT" not in out
 
 
+def test_info_counts_samples_with_a_pad_in_error(capsys):
+    with LogWriter("a.mcap", {}) as log:
+        for i in range(10):
+            log.write_at("measured", START + i * 10_000_000, np.full((2, 3, 4, 3), i), status=(0, i // 7))
+    info(Path("a.mcap"))
+    out = capsys.readouterr().out
+    header, row = [line for line in out.splitlines() if line.startswith(("stream", "measured "))][:2]
+    assert row.split()[-2:] == ["0", "3"]
+    assert len(row) == len(header)
+
+
 def test_info_of_a_file_that_was_cut_off(folder, capsys):
     write("a.mcap")
     content = (folder / "a.mcap").read_bytes()

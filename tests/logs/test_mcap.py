@@ -111,6 +111,26 @@ def test_killed_at_a_random_moment_the_last_second_is_missing_at_most(tmp_path, 
     assert found.tolist() == written[: len(found)]
 
 
+def test_what_a_pad_in_error_says_is_not_known(tmp_path):
+    path = tmp_path / "a.mcap"
+    statuses = [(0, 0), (0, 7), (254, 0), (0, 0)]
+    with LogWriter(path, {}) as log:
+        for i, status in enumerate(statuses):
+            log.write_at("measured", START + i, FORCE[i], status=status, resultant=FORCE[i].sum((2, 3)))
+    measured = read_log(path).streams["measured"]
+    wrong = np.array(statuses) != 0
+    assert measured.errors == 2
+    np.testing.assert_array_equal(measured.values[~wrong], FORCE[:4][~wrong])
+    assert np.isnan(measured.values[wrong]).all()
+    loaded = Recording.load(path)
+    np.testing.assert_array_equal(np.isnan(loaded.covariates["resultant"]), np.repeat(wrong[..., None], 3, axis=2))
+    assert Recording.load(path, missing="drop").time.tolist() == [0, 3e-9]
+
+
+def test_without_a_status_nothing_is_said_of_errors(whole):
+    assert read_log(whole[0]).streams["measured"].errors is None
+
+
 def test_a_full_disk_is_reported_and_the_file_stays_valid(tmp_path):
     resource = pytest.importorskip("resource")
     script = f"""
@@ -205,6 +225,11 @@ def test_samples_that_cannot_be_written(tmp_path, stream, values, words):
             with pytest.raises(InvalidValueError):
                 log.write("measured", time, FORCE[0])
     assert read_log(tmp_path / "a.mcap").complete
+
+
+def test_a_status_is_one_number_a_pad(tmp_path):
+    with LogWriter(tmp_path / "a.mcap", {}) as log, pytest.raises(InvalidValueError, match=r"status must be .* \(2,\)"):
+        log.write("measured", 1.0, FORCE[0], status=(0, 0, 0))
 
 
 def test_nothing_is_written_over_a_recording_unasked(tmp_path):
