@@ -94,6 +94,17 @@ def test_pads_are_chosen_by_name(tmp_path):
             Recording.load(tmp_path / name, pads=["rigth"])
 
 
+@pytest.mark.parametrize("name", ["a.mcap", "a.npz"])
+def test_chosen_pads_keep_their_resultants(tmp_path, name):
+    force = counts(5)
+    Recording(np.arange(5), force, covariates={"resultant": force.sum((3, 4))}, pads=("left", "right")).save(
+        tmp_path / name
+    )
+    for pads, index in ((["right"], [1]), (["right", "left"], [1, 0])):
+        loaded = Recording.load(tmp_path / name, pads=pads)
+        np.testing.assert_array_equal(loaded.covariates["resultant"], force.sum((3, 4))[:, index])
+
+
 def test_another_suffix_names_those_there_are(tmp_path):
     with pytest.raises(InvalidValueError, match=r"saved as \.mcap or \.npz"):
         recording().save(tmp_path / "a.h5")
