@@ -23,6 +23,7 @@ def info(recording: Annotated[Path, tyro.conf.Positional]) -> None:
     Args:
         recording: An .mcap or .npz file, or a board's or a plain .csv.
     """
+    from paxisim.logs.align import describe_bursts
     from paxisim.logs.describe import HEADER, describe_episodes, describe_stream
 
     progress(f"reading {recording}")
@@ -40,6 +41,9 @@ def info(recording: Annotated[Path, tyro.conf.Positional]) -> None:
     print(f"\n{'stream':{width}}{HEADER}")
     for name, stream in streams.items():
         print(describe_stream(name, stream, width))
+    for name, stream in streams.items():
+        if said := describe_bursts(name, stream):
+            print(textwrap.fill(said, WIDTH, subsequent_indent="  "))
     print()
     for name, stream in streams.items():
         for line in _ranges(name, stream.values):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from paxisim.logs import schemas
-from paxisim.logs.align import GAP_INTERVALS
+from paxisim.logs.align import GAP_INTERVALS, usual_interval
 from paxisim.logs.aligned import Aligned
 from paxisim.logs.mcap_save import log_times
 from paxisim.logs.stream import Log, Stream
@@ -18,14 +18,14 @@ _EPISODES = 20  # listed one by one
 def describe_stream(name: str, stream: Stream, width: int) -> str:
     """A row of the table below `HEADER`.
 
-    A gap is an interval of more than five times the median; lost are readings that the device counted and the file
+    A gap is an interval of more than five times the usual one; lost are readings that the device counted and the file
     lacks; errors are samples with a pad whose status was not good, whose forces count as not known.
     """
     time = stream.nanoseconds
     short = name if len(name) <= width else name[: width - 3] + "..."
     rate = count = longest = lost = errors = ""
     intervals = np.diff(time) * 1e-9
-    usual = float(np.median(intervals)) if len(intervals) else 0.0
+    usual = usual_interval(stream) * 1e-9
     if usual > 0:
         gaps = intervals[intervals > GAP_INTERVALS * usual]
         rate, count = f"{1 / usual:.1f}", f"{len(gaps)}"

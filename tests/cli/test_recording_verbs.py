@@ -68,6 +68,16 @@ def test_info_counts_samples_with_a_pad_in_error(capsys):
     assert len(row) == len(header)
 
 
+def test_info_says_that_samples_came_in_bursts(capsys):
+    with LogWriter("a.mcap", {}) as log:
+        for i in range(400):
+            log.write_at("covariate/opening", START + i // 100 * 1_000_000_000 + i % 100 * 20_000, i)
+    info(Path("a.mcap"))
+    out = capsys.readouterr().out
+    assert "opening came in bursts, 1 s apart" in out
+    assert max(map(len, out.splitlines())) <= 80
+
+
 def test_info_of_a_file_that_was_cut_off(folder, capsys):
     write("a.mcap")
     content = (folder / "a.mcap").read_bytes()
