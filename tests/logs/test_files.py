@@ -50,6 +50,16 @@ def test_the_time_of_a_long_recording_keeps_its_nanoseconds(tmp_path):
     assert_equal(Recording.load(tmp_path / "a.mcap"), original)
 
 
+@pytest.mark.parametrize("time", [[0, 1.7e12], [0, 1e10], [-1e300, 0], [-2e10, 0]])
+def test_a_time_that_a_log_cannot_hold_is_refused(tmp_path, time):
+    for start in (0.0, 1.7e9, 1e19):
+        with pytest.raises(InvalidValueError, match="must end before 2262-04-11; they reach"):
+            Recording(time, np.zeros((2, 1, 3, 1, 1)), metadata={"start": start}).save(tmp_path / "a.mcap")
+    with pytest.raises(InvalidValueError, match="must end before 2262-04-11; they reach 1e"):
+        Recording([0, 1], np.zeros((2, 1, 3, 1, 1)), metadata={"start": 1e19}).save(tmp_path / "a.mcap")
+    assert not list(tmp_path.iterdir())
+
+
 finite = st.floats(width=32, allow_infinity=False, allow_nan=True)
 
 

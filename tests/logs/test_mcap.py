@@ -221,10 +221,23 @@ def test_samples_that_cannot_be_written(tmp_path, stream, values, words):
         log.write("simulated", 1.0, FORCE[0])
         with pytest.raises(InvalidValueError, match=words):
             log.write(stream, 1.0, values)
-        for time in (math.nan, -1.0):
-            with pytest.raises(InvalidValueError):
-                log.write("measured", time, FORCE[0])
     assert read_log(tmp_path / "a.mcap").complete
+
+
+@pytest.mark.parametrize("time", [math.nan, math.inf, -1.0, 1.7e12, 1.2e10, 1e300])  # the fourth is in milliseconds
+def test_a_time_that_cannot_be_costs_nothing_else(tmp_path, time):
+    with LogWriter(tmp_path / "a.mcap", {}) as log:
+        log.write("measured", 1.0, FORCE[0])
+        with pytest.raises(InvalidValueError, match="must be in seconds since 1970-01-01 UTC, up to 2262"):
+            log.write("covariate/opening", time, 1.0)
+        with pytest.raises(InvalidValueError, match="must be in nanoseconds since 1970-01-01 UTC"):
+            log.write_at("measured", time * 1e9, FORCE[1])
+        log.flush()
+        log.write("measured", 2.0, FORCE[1])
+    found = read_log(tmp_path / "a.mcap")
+    assert found.complete
+    np.testing.assert_array_equal(found.streams["measured"].values, FORCE[:2])
+    assert "covariate/opening" not in found.streams
 
 
 def test_a_status_is_one_number_a_pad(tmp_path):
