@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import io
+import signal
 import struct
 import threading
 import time as clocks
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from types import TracebackType
+from types import FrameType, TracebackType
 from typing import Any
 
 import numpy as np
@@ -149,7 +150,8 @@ class LogWriter:
             self._flush()
 
     def _flush(self) -> None:
-        self._writer.flush()
+        with _uninterrupted():
+            self._writer.flush()
         self._flushed = clocks.monotonic()
 
     def close(self) -> None:
@@ -158,7 +160,7 @@ class LogWriter:
         Raises:
             OSError: The disk is full or failed; the file is valid up to its last whole chunk.
         """
-        with self._lock:
+        with self._lock, _uninterrupted():
             if self._file.closed:
                 return
             try:
@@ -261,6 +263,24 @@ class _WholeWrites:
 
     def close(self) -> None:
         self._raw.close()
+
+
+@contextlib.contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Let Ctrl-C wait: in the middle of a chunk its exception would cost the chunk."""
+    handler = signal.getsignal(signal.SIGINT)
+    # other threads get no signal, and may not say what happens to one
+    if threading.current_thread() is not threading.main_thread() or not callable(handler):
+        yield
+        return
+    came: list[tuple[int, FrameType | None]] = []
+    signal.signal(signal.SIGINT, lambda number, frame: came.append((number, frame)))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, handler)
+        if came:
+            handler(*came[0])
 
 
 def _topic(stream: str, array: np.ndarray) -> tuple[str, dict[str, Any]]:

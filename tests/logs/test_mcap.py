@@ -3,12 +3,14 @@
 import json
 import math
 import random
+import signal
 import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+import zstandard
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from log_files import LAYOUT, START, counts, write_log
@@ -171,6 +173,31 @@ log.close()
 def test_a_disk_that_is_full_at_once():
     with pytest.raises(OSError, match="No space left"):
         LogWriter("/dev/full", {}, overwrite=True)
+
+
+def test_ctrl_c_in_the_middle_of_a_chunk_costs_no_sample(tmp_path, monkeypatch):
+    compress = zstandard.compress
+
+    def pressed_meanwhile(data):
+        signal.raise_signal(signal.SIGINT)
+        return compress(data)
+
+    monkeypatch.setattr(zstandard, "compress", pressed_meanwhile)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # as at a terminal
+    try:
+        for name in ("flush", "close"):
+            log = LogWriter(tmp_path / f"{name}.mcap", {})
+            log.write("measured", 1.0, FORCE[0])
+            with pytest.raises(KeyboardInterrupt):
+                getattr(log, name)()
+            log.close()
+            assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGINT, before)
+    for name in ("flush", "close"):
+        found = read_log(tmp_path / f"{name}.mcap")
+        assert found.complete
+        np.testing.assert_array_equal(found.streams["measured"].values, FORCE[:1])
 
 
 def test_foxglove_finds_what_it_needs(tmp_path):
