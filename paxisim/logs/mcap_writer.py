@@ -112,6 +112,9 @@ class LogWriter:
         array = np.asarray(values, dtype=np.float32 if is_tactile else np.float64)
         if np.isinf(array).any():
             raise InvalidValueError(f"a sample of {stream!r} holds an infinite value, which a file cannot")
+        # beyond 2**53 a float64 skips whole numbers
+        if stream == "episode" and not (array.shape == () and array == np.round(array) and abs(array) < 2**53):
+            raise InvalidValueError(f"an episode must be a whole number, got {array.tolist()!r}")
         status = extra.get("status")
         if is_tactile and status is not None and np.shape(status) != array.shape[:1]:
             raise InvalidValueError(f"status must be one number a pad, shape {array.shape[:1]}, got {status!r}")
@@ -289,8 +292,6 @@ def _topic(stream: str, array: np.ndarray) -> tuple[str, dict[str, Any]]:
             raise InvalidValueError(f"a sample of {stream!r} must be (pads, 3, rows, cols), got shape {array.shape}")
         return f"/tactile/{stream}", schemas.TACTILE
     if stream == "episode":
-        if array.shape != () or array != np.round(array):
-            raise InvalidValueError(f"an episode must be a whole number, got {array.tolist()!r}")
         return "/episode", schemas.EPISODE
     if stream.startswith(schemas.COVARIATE) and len(stream) > len(schemas.COVARIATE):
         return f"/{stream}", schemas.SCALAR if array.ndim == 0 else schemas.ARRAY

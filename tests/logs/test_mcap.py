@@ -251,6 +251,16 @@ def test_samples_that_cannot_be_written(tmp_path, stream, values, words):
     assert read_log(tmp_path / "a.mcap").complete
 
 
+@pytest.mark.parametrize("episode", [1.5, math.nan, [1], 1e300])
+def test_each_episode_is_a_whole_number(tmp_path, episode):
+    with LogWriter(tmp_path / "a.mcap", {}) as log:
+        log.write("episode", 1.0, 0)
+        with pytest.raises(InvalidValueError, match="an episode must be a whole number, got"):
+            log.write("episode", 2.0, episode)
+        log.write("episode", 3.0, 1)
+    assert read_log(tmp_path / "a.mcap").streams["episode"].values.tolist() == [0, 1]
+
+
 @pytest.mark.parametrize("time", [math.nan, math.inf, -1.0, 1.7e12, 1.2e10, 1e300])  # the fourth is in milliseconds
 def test_a_time_that_cannot_be_costs_nothing_else(tmp_path, time):
     with LogWriter(tmp_path / "a.mcap", {}) as log:
