@@ -107,6 +107,18 @@ def test_info_of_an_archive(capsys):
     assert "simulated (N a taxel): x 0 to 0, y 0 to 0, z 0 to 7.5" in out
     assert "not known" in out
     assert "1: from 1.900 s, 10 samples" in out
+    assert "start:" not in out  # nobody said when it began
+
+
+def test_info_of_numbers_that_are_long_and_times_that_begin_late(capsys):
+    force = np.random.default_rng(0).normal(size=(10, 1, 3, 2, 2)) * 1e-5
+    Recording(time=np.arange(10) + 5, measured=force, covariates={"a-name" * 20: np.arange(10)}).save("a.npz")
+    info(Path("a.npz"))
+    out = capsys.readouterr().out
+    assert max(map(len, out.splitlines())) <= 80
+    z = force[:, :, 2].astype(np.float32)
+    assert f"  z {z.min():.4g} to {z.max():.4g}" in out.splitlines()
+    assert "start:" not in out
 
 
 def test_convert_to_parquet():
