@@ -156,6 +156,14 @@ def test_an_archive_made_by_hand(tmp_path):
         Recording.load(path)
 
 
+@pytest.mark.parametrize("name", ["a.mcap", "a.npz"])
+def test_covariates_whose_names_are_alike_keep_their_values(tmp_path, name):
+    covariates = {key: np.full(2, i) for i, key in enumerate(("x", "x.npy", "x.npy.npy", "npy", ".npy"))}
+    Recording([0, 1], np.zeros((2, 1, 3, 1, 1)), covariates=covariates).save(tmp_path / name)
+    loaded = Recording.load(tmp_path / name).covariates
+    assert {key: values[0] for key, values in loaded.items()} == {key: values[0] for key, values in covariates.items()}
+
+
 def test_a_damaged_archive_is_called_so(tmp_path):
     path = tmp_path / "a.npz"
     recording().save(path)
