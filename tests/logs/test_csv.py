@@ -88,7 +88,7 @@ def test_a_profile_says_everything(tmp_path):
     with pytest.raises(InvalidValueError):
         Recording.load(tmp_path / "b.csv", profile=turned)
     recording().save(tmp_path / "a.npz")
-    with pytest.raises(InvalidValueError, match="holds newtons already"):
+    with pytest.raises(InvalidValueError, match="for the counts of a board's CSV file"):
         Recording.load(tmp_path / "a.npz", profile=turned)
 
 
