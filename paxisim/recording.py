@@ -22,7 +22,8 @@ _FIELDS_NOT_METADATA = ("format", "layout", "pads", "time_zero_ns")
 class Recording:
     """Aligned arrays over one time axis.
 
-    NaN in a tensor or a covariate marks what is not known at that time.
+    NaN in a tensor or a covariate marks what is not known at that time. So it is with the forces and the resultant of a
+    pad that reported an error, or whose port had gone silent, when they were recorded.
 
     Attributes:
         time: ``(T,)`` float64 seconds; not decreasing within an episode. A recording that was loaded counts from its
@@ -258,7 +259,8 @@ class Recording:
             align: How streams at other times are interpolated: ``"linear"``, ``"nearest"`` or ``"previous"`` (the last
                 value holds, as a command does); for all of them, or by name (``"simulated"`` or a covariate's name).
             max_gap: Where the neighbouring samples of a stream are further apart than this (s), it is not known.
-                Default: five times the stream's own median interval.
+                Default: five times the stream's own median interval; where its samples come many at once, as from a
+                program that buffers its output, five times that between the bursts, with a warning.
             missing: What happens to samples at which a stream is not known: ``"nan"`` marks them, ``"drop"`` leaves
                 out the samples at which any tensor or covariate has a NaN.
             layout: The pads' taxels, instead of what the file says. A CSV from a board does not say it: by default its

@@ -91,7 +91,10 @@ def make_signal(text: str, profile) -> Callable[[float], Any]:
     if suffix in (".mcap", ".npz", ".csv"):
         from paxisim.recording import Recording
 
-        return from_recording(Recording.load(text), profile)
+        recording = Recording.load(text)
+        # what is not known, as while a pad was in error, cannot be felt: the sample before is held
+        known = np.isfinite(recording.tensor).all(axis=(1, 2, 3, 4))
+        return from_recording(recording[known], profile)
     module, _, name = text.partition(":")
     if not (module and name):
         raise paxisim.InvalidValueError(

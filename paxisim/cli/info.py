@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from paxisim.logs.stream import Log
 
 WIDTH = 80
+# ns; a log that begins before the year 2000 counts from something else than 1970
+_EARLIEST = 946_684_800 * 10**9
 
 
 def info(recording: Annotated[Path, tyro.conf.Positional]) -> None:
@@ -23,6 +25,7 @@ def info(recording: Annotated[Path, tyro.conf.Positional]) -> None:
     Args:
         recording: An .mcap or .npz file, or a board's or a plain .csv.
     """
+    from paxisim.logs.align import describe_bursts
     from paxisim.logs.describe import HEADER, describe_episodes, describe_stream
 
     progress(f"reading {recording}")
@@ -40,10 +43,13 @@ def info(recording: Annotated[Path, tyro.conf.Positional]) -> None:
     print(f"\n{'stream':{width}}{HEADER}")
     for name, stream in streams.items():
         print(describe_stream(name, stream, width))
+    for name, stream in streams.items():
+        if said := describe_bursts(name, stream):
+            print(textwrap.fill(said, WIDTH, subsequent_indent="  "))
     print()
     for name, stream in streams.items():
         for line in _ranges(name, stream.values):
-            print(line[:WIDTH])
+            print(textwrap.fill(line, WIDTH, subsequent_indent="  "))
     if "episode" in log.streams:
         print()
         for line in describe_episodes(log, int(first)):
@@ -73,7 +79,7 @@ def _about(log: Log) -> list[str]:
             f"pads: {', '.join(pads or ())} of {layout['rows']}x{layout['cols']} taxels, {row:.3g}x{col:.3g} mm"
         )
     start = min((stream.nanoseconds[0] for stream in log.streams.values()), default=0)
-    if start:
+    if start >= _EARLIEST:
         lines.append(f"start: {datetime.fromtimestamp(start * 1e-9, timezone.utc):%Y-%m-%d %H:%M:%S} UTC")
     if "scene" in metadata:
         metadata["scene"] = f"MJCF of {len(metadata['scene'])} characters"
@@ -93,4 +99,5 @@ def _ranges(name: str, values: Any) -> list[str]:
     if name not in ("measured", "simulated"):
         return [f"{name.removeprefix('covariate/')}: {span(values)}"]
     axes = [f"{axis} {span(values[:, :, i])}" for i, axis in enumerate("xyz")]
-    return [f"{name} (N a taxel): " + ", ".join(axes)]
+    line = f"{name} (N a taxel): " + ", ".join(axes)
+    return [line] if len(line) <= WIDTH else [f"{name} (N a taxel):", *(f"  {axis}" for axis in axes)]

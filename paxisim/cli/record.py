@@ -48,7 +48,7 @@ def record(
         seconds: How long to record; default: until Ctrl-C.
         reconnect: Seconds for which a port that went away is waited for.
         csv: '-' records numbers from standard input: a line with the columns' names, then a line a sample. A column
-            'time' holds Unix seconds; without it the time is that of arrival.
+            'time' holds Unix seconds; without it the time is that of arrival, and the program must flush each line.
         udp: Record JSON objects of numbers, e.g. {"gripper": 0.04}, sent to this UDP port of 127.0.0.1; may be given
             several times. A key 'time' holds Unix seconds.
         stream: Record what a Python function returns, polled, as module:function@HZ; may be given several times.

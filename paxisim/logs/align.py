@@ -17,6 +17,8 @@ from paxisim.logs.stream import Log, Stream
 
 # a stream that paused for longer than so many of its usual intervals is not known in between
 GAP_INTERVALS = 5
+# ns; of samples that are closer, many may have been sent at once
+_AT_ONCE = 1_000_000
 _BLOCK = 4096  # samples interpolated at once, so that the work needs little memory
 
 
@@ -47,8 +49,12 @@ def align(log: Log, method: Method | Mapping[str, Method] = "linear", max_gap: f
     arrays: dict[str, NDArray[Any]] = {reference: streams.pop(reference).values}
     for name, stream in streams.items():
         arrays[name] = resample(stream, at, methods[name], max_gap)
+        if arrays[name] is stream.values:
+            continue
         if np.isnan(arrays[name]).all() and not np.isnan(stream.values).all():
-            _complain_of_no_overlap(name, stream, reference, at)
+            _complain_of_nothing_known(name, stream, reference, at, max_gap)
+        if said := describe_bursts(name, stream):
+            warnings.warn(said, stacklevel=2)
     metadata = dict(log.metadata)
     layout, pads = metadata.pop("layout", None), metadata.pop("pads", ())
     zeros = metadata.pop("time_zero_ns", None)
@@ -77,7 +83,7 @@ def resample(stream: Stream, at: NDArray[np.int64], method: Method, max_gap: flo
         stream: ``(T, ...)`` samples.
         at: ``(S,)`` nanoseconds, not decreasing.
         method: ``"linear"`` between the two neighbours, ``"nearest"`` of the two, or ``"previous"``.
-        max_gap: Neighbours further apart than this (s) give NaN. Default: five times the stream's median interval.
+        max_gap: Neighbours further apart than this (s) give NaN. Default: five times the stream's `usual_interval`.
 
     Returns:
         ``(S, ...)`` of the values' dtype. NaN before the first sample, after the last and in gaps; where a sample has
@@ -86,10 +92,7 @@ def resample(stream: Stream, at: NDArray[np.int64], method: Method, max_gap: flo
     time, values = stream.nanoseconds, stream.values
     if np.array_equal(time, at):
         return values
-    if max_gap is None:
-        limit = GAP_INTERVALS * float(np.median(np.diff(time))) if len(time) > 1 else 0.0
-    else:
-        limit = max_gap * 1e9
+    limit = _greatest_gap(stream, max_gap)
     result = np.full((len(at), *values.shape[1:]), np.nan, dtype=values.dtype)
     for start in range(0, len(at), _BLOCK):
         now = at[start : start + _BLOCK]
@@ -109,6 +112,38 @@ def resample(stream: Stream, at: NDArray[np.int64], method: Method, max_gap: flo
             chosen = values[np.where((weight > 0.5) & (method == "nearest"), after, before)]
         result[start + np.flatnonzero(known)[near]] = chosen
     return result
+
+
+def usual_interval(stream: Stream) -> float:
+    """The time (ns) from one sample to the next, as a rule: the median; 0 for a single sample.
+
+    Where a program holds its output back, many samples come at once, and long after the ones before. The median then
+    says nothing. So if it is below 1 ms, and the intervals up to five times as long cover less than a tenth of the
+    stream's time, the interval up to which a tenth of it is covered counts: that between the bursts.
+    """
+    intervals = np.sort(np.diff(stream.nanoseconds))
+    if not len(intervals):
+        return 0.0
+    median = float(np.median(intervals))
+    covered = np.cumsum(intervals)
+    tenth = float(intervals[np.searchsorted(covered, 0.1 * covered[-1])])
+    return tenth if median < _AT_ONCE and tenth > GAP_INTERVALS * median else median
+
+
+def describe_bursts(name: str, stream: Stream) -> str:
+    """What is wrong with the times of samples that came many at once; empty where they did not."""
+    usual = usual_interval(stream)
+    if len(stream.values) < 2 or usual <= GAP_INTERVALS * np.median(np.diff(stream.nanoseconds)):
+        return ""
+    return (
+        f"{name} came in bursts, {usual * 1e-9:.2g} s apart, so its times are late by up to as much: the program that "
+        "sends it buffers its output; let it flush each line, or send the time of each sample as well"
+    )
+
+
+def _greatest_gap(stream: Stream, max_gap: float | None) -> float:
+    """Nanoseconds; see `resample`."""
+    return GAP_INTERVALS * usual_interval(stream) if max_gap is None else max_gap * 1e9
 
 
 def _methods(method: Method | Mapping[str, Method], streams: list[str]) -> dict[str, Method]:
@@ -136,12 +171,17 @@ def _episodes(at: NDArray[np.int64], marks: Stream | None) -> tuple[NDArray[np.i
     return numbers[mark], mark
 
 
-def _complain_of_no_overlap(name: str, stream: Stream, reference: str, at: NDArray[np.int64]) -> None:
+def _complain_of_nothing_known(
+    name: str, stream: Stream, reference: str, at: NDArray[np.int64], max_gap: float | None
+) -> None:
     first, last = ((stream.nanoseconds[i] - at[0]) * 1e-9 for i in (0, -1))
     text = (
         f"{name} is not known at any time of {reference}: it has {len(stream.values)} samples from {first:.3f} s to "
         f"{last:.3f} s, {reference} reaches from 0 s to {(at[-1] - at[0]) * 1e-9:.3f} s"
     )
+    if len(stream.values) > 1 and stream.nanoseconds[0] <= at[-1] and stream.nanoseconds[-1] >= at[0]:
+        limit = _greatest_gap(stream, max_gap) * 1e-9
+        text += f"; what lies between two samples more than {limit:.3g} s apart is not known (max_gap)"
     if name in schemas.TACTILE_STREAMS:
         raise InvalidValueError(text)
     warnings.warn(text, stacklevel=2)

@@ -54,7 +54,7 @@ class Aligned:
         )
 
     def choose(self, pads: tuple[str, ...]) -> Aligned:
-        """Only the pads of these names, in this order.
+        """Only the pads of these names, in this order; the covariate ``resultant`` likewise, where it has a row a pad.
 
         Raises:
             UnknownNameError: There is no such pad.
@@ -65,10 +65,15 @@ class Aligned:
             if name not in names:
                 raise UnknownNameError("pad", name, names)
         index = [names.index(name) for name in pads]
+        covariates = dict(self.covariates)
+        resultant = covariates.get("resultant")
+        if resultant is not None and resultant.shape[1:] == (len(names), 3):
+            covariates["resultant"] = resultant[:, index]
         return replace(
             self,
             measured=None if self.measured is None else self.measured[:, index],
             simulated=None if self.simulated is None else self.simulated[:, index],
+            covariates=covariates,
             pads=pads,
         )
 

@@ -1,7 +1,7 @@
 """Recordings that come as CSV: what a board's own recorders write, and plain tables.
 
 Three kinds, told apart by their columns. In the first two every number is a count of 0.1 N as it came from the board:
-signed for x and y, unsigned for z.
+signed for x and y, unsigned for z. An empty cell is not known: NaN.
 
 - **Host program** (one row a frame): ``Timestamp`` is the time of day, ``HH:MM:SS.mmm``; ``F-M-NxN-X[i]`` (and Y, Z) is
   taxel ``i`` of module ``M`` (0 proximal, 1 middle, 2 tip, 3 nail; 0 to 7 on the palm) of finger ``F`` (0 thumb to
@@ -33,6 +33,7 @@ from paxisim.logs.aligned import Aligned, CountsToForce
 from paxisim.logs.columns import from_columns
 
 RESOLUTION = 0.1  # newtons a count
+_COUNTS = np.iinfo(np.int16)
 _DAY = 86400.0
 
 # pad, taxel (None: the resultant), axis
@@ -181,7 +182,9 @@ class _Board:
                 "choose with pads=[...]"
             )
         taxels = counts[pads[0]]
-        values = self._numbers([(pad, taxel, axis) for pad in pads for taxel in range(taxels) for axis in range(3)])
+        columns: list[_Column] = [(pad, taxel, axis) for pad in pads for taxel in range(taxels) for axis in range(3)]
+        values = self._numbers(columns)
+        self._check_counts(values, columns)
         values = values.reshape(-1, len(pads), taxels, 3)
         totals: list[_Column] = [(pad, None, axis) for pad in pads for axis in range(3)]
         resultant = None
@@ -190,7 +193,7 @@ class _Board:
         if profile is not None:
             if layout is not None:
                 raise InvalidValueError("give layout or profile, not both: a profile says the layout")
-            layout, force = profile.layout, profile.to_force(values.astype(np.int16))
+            layout, force = profile.layout, _to_force(values, profile)
         else:
             layout = layout or TaxelLayout(1, taxels, (1e-3, 1e-3))
             if layout.taxels != taxels:
@@ -211,6 +214,27 @@ class _Board:
                 pad, taxel, axis = column
                 raise InvalidValueError(f"{self.path} has no {'xyz'[axis]} of taxel {taxel} of pad {pad}")
         return self.table.numbers([self.columns[column] for column in columns])
+
+    def _check_counts(self, values: NDArray[np.float64], columns: list[_Column]) -> None:
+        counts = np.nan_to_num(values, posinf=np.inf, neginf=-np.inf)
+        wrong = (counts < _COUNTS.min) | (counts > _COUNTS.max) | (counts != np.round(counts))
+        if wrong.any():
+            row, at = np.argwhere(wrong)[0]
+            name = self.columns[columns[at]]
+            raise InvalidValueError(
+                f"{self.path}, line {self.table.first_row + row}, column {name!r}: a count must be a whole number from "
+                f"{_COUNTS.min} to {_COUNTS.max}, got {values[row, at]:.9g}"
+            )
+
+
+def _to_force(counts: NDArray[np.float64], profile: CountsToForce) -> NDArray[np.float32]:
+    """The newtons of counts, of which some may be NaN."""
+    missing = np.isnan(counts)
+    force = profile.to_force(np.where(missing, 0, counts).astype(np.int16))
+    if missing.any():
+        # ones that go the way of the counts come out where a missing count takes part
+        force = np.where(profile.to_force(missing.astype(np.int16)) != 0, np.float32(np.nan), force)
+    return force
 
 
 def _host_column(name: str) -> _Column | None:

@@ -5,34 +5,37 @@ from __future__ import annotations
 import numpy as np
 
 from paxisim.logs import schemas
-from paxisim.logs.align import GAP_INTERVALS
+from paxisim.logs.align import GAP_INTERVALS, usual_interval
 from paxisim.logs.aligned import Aligned
 from paxisim.logs.mcap_save import log_times
 from paxisim.logs.stream import Log, Stream
 
 # behind the name of the stream
-HEADER = "  samples       s      Hz  gaps  longest s  lost"
+HEADER = "  samples       s      Hz  gaps  longest s  lost  errors"
 _EPISODES = 20  # listed one by one
 
 
 def describe_stream(name: str, stream: Stream, width: int) -> str:
     """A row of the table below `HEADER`.
 
-    A gap is an interval of more than five times the median; lost are readings that the device counted and the file
-    lacks.
+    A gap is an interval of more than five times the usual one; lost are readings that the device counted and the file
+    lacks; errors are samples with a pad whose status was not good, whose forces count as not known.
     """
     time = stream.nanoseconds
     short = name if len(name) <= width else name[: width - 3] + "..."
-    row = f"{short:{width}}  {len(time):7d}  {(time[-1] - time[0]) * 1e-9:6.1f}"
+    rate = count = longest = lost = errors = ""
     intervals = np.diff(time) * 1e-9
-    usual = float(np.median(intervals)) if len(intervals) else 0.0
-    if usual <= 0:
-        return row
-    gaps = intervals[intervals > GAP_INTERVALS * usual]
-    row += f"  {1 / usual:6.1f}  {len(gaps):4d}  " + (f"{gaps.max():9.3f}" if len(gaps) else f"{'-':>9}")
-    if stream.sequence is not None:
-        row += f"  {np.sum(np.maximum(np.diff(stream.sequence) - 1, 0)):4d}"
-    return row
+    usual = usual_interval(stream) * 1e-9
+    if usual > 0:
+        gaps = intervals[intervals > GAP_INTERVALS * usual]
+        rate, count = f"{1 / usual:.1f}", f"{len(gaps)}"
+        longest = f"{gaps.max():.3f}" if len(gaps) else "-"
+        if stream.sequence is not None:
+            lost = f"{np.sum(np.maximum(np.diff(stream.sequence) - 1, 0))}"
+    if stream.errors is not None:
+        errors = f"{stream.errors}"
+    row = f"{short:{width}}  {len(time):7d}  {(time[-1] - time[0]) * 1e-9:6.1f}  {rate:>6}  {count:>4}  {longest:>9}"
+    return f"{row}  {lost:>4}  {errors:>6}".rstrip()
 
 
 def describe_episodes(log: Log, first: int) -> list[str]:

@@ -8,7 +8,7 @@ A recording is two CSV files without a header, as eFlesh's characterisation writ
 
 Each magnetometer is a taxel of one row, so that the tensor is ``(T, 1, 3, 1, magnetometers)`` with **microtesla** in
 it, as the metadata's ``unit`` says. Where the magnetometers sit the files do not say: the layout's pitch stands for
-nothing.
+nothing, unless one is given to `paxisim.Recording.load`.
 What the robot and the load cell say is interpolated to the sensor's times, and is NaN where neighbouring readings are
 more than `MAX_GAP` apart: the covariates are ``load`` (N) and ``robot_x``, ``robot_y``, ``robot_z`` (m).
 

@@ -25,18 +25,18 @@ def load_aligned(
     if max_gap is not None and not max_gap > 0:
         raise InvalidValueError(f"max_gap must be a positive time in s, got {max_gap!r}")
     wanted = None if pads is None else _names(pads)
-    if path.name.endswith(".sensor.csv"):
-        from paxisim.logs.eflesh import read_eflesh
-
-        found = read_eflesh(path)
-        return found if wanted is None else found.choose(wanted)
-    if suffix == ".csv":
+    is_eflesh = path.name.endswith(".sensor.csv")
+    if suffix == ".csv" and not is_eflesh:
         from paxisim.logs.csv import read_csv
 
         return read_csv(path, layout=layout, pads=wanted, profile=profile)
     if profile is not None:
-        raise InvalidValueError(f"profile is for a board's CSV file; {path} holds newtons already")
-    if suffix == ".npz":
+        raise InvalidValueError(f"profile is for the counts of a board's CSV file; {path} holds none")
+    if is_eflesh:
+        from paxisim.logs.eflesh import read_eflesh
+
+        found = read_eflesh(path)
+    elif suffix == ".npz":
         from paxisim.logs.npz import read_npz
 
         found = read_npz(path)

@@ -6,7 +6,7 @@ import io
 import math
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -26,14 +26,15 @@ _RECORD = struct.Struct("<BQ")  # opcode, length
 _CODES = {np.float32: "f", np.float64: "d", np.int64: "q"}
 _MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time; then the data
 # what parsing a damaged record may raise; decompressors raise subclasses of Exception of their own
-_DAMAGE = (McapError, struct.error, ValueError, KeyError, TypeError, OverflowError, zlib.error)
+_DAMAGE = (McapError, struct.error, ValueError, LookupError, TypeError, OverflowError, zlib.error)
 
 
 def read_log(path: str | Path) -> Log:
     """Read a recording that `LogWriter` wrote.
 
     The file may end anywhere, as after a crash, or have damaged parts: what is whole is read, and `Log.complete` is
-    False. It is read chunk by chunk; the tensors take 4 bytes a number and half as much while they grow.
+    False. It is read chunk by chunk; the tensors take 4 bytes a number and half as much while they grow. What a pad
+    says with a status other than 0 is no force: it becomes NaN.
 
     Raises:
         InvalidValueError: The file is no MCAP file, not a recording of paxisim, or cut off before it says so.
@@ -119,12 +120,16 @@ class _Reader:
         topic = self.topics[channel]
         document = orjson.loads(memoryview(body)[_MESSAGE.size :])
         if topic.startswith("/tactile/"):
+            shape, resultant, status = document["shape"], document.get("resultant"), document.get("status")
+            wrong = [pad for pad, code in zip(range(shape[0]), status or (), strict=False) if code]
             samples = self._samples(topic.removeprefix("/tactile/"))
-            samples.add(nanoseconds, document["force"], document["shape"], document.get("sequence"))
-            resultant = document.get("resultant")
+            samples.add(nanoseconds, document["force"], shape, document.get("sequence"), wrong)
+            if status is not None:
+                samples.errors = (samples.errors or 0) + bool(wrong)
             if resultant is not None:
                 samples = self._samples(schemas.RESULTANT)
-                samples.add(nanoseconds, [n for pad in resultant for n in pad], [len(resultant), 3])
+                numbers = [n for pad in resultant for n in pad]
+                samples.add(nanoseconds, numbers, [len(resultant), 3], wrong=wrong)
         elif topic.startswith("/" + schemas.COVARIATE):
             value = document["value"]
             samples = self._samples(topic.removeprefix("/"))
@@ -179,9 +184,18 @@ class _Samples:
         self.nanoseconds = np.empty(0, np.int64)
         self.sequence = np.empty(0, np.int64)
         self.has_sequence = True
+        self.errors: int | None = None  # of a stream that has a status
         self.values = np.empty((0, 0), dtype)
 
-    def add(self, nanoseconds: int, values: list[Any], shape: list[int], sequence: int | None = None) -> None:
+    def add(
+        self,
+        nanoseconds: int,
+        values: list[Any],
+        shape: list[int],
+        sequence: int | None = None,
+        wrong: Sequence[int] = (),
+    ) -> None:
+        """Take a sample; what the pads `wrong` say in it is not known."""
         if not self.count:
             self.shape = shape
             self.row = struct.Struct(f"{math.prod(shape)}{_CODES[self.dtype]}")
@@ -194,6 +208,8 @@ class _Samples:
             self.row.pack_into(self.values.data, self.count * self.row.size, *values)
         except struct.error:  # null, for NaN
             self.values[self.count] = values
+        if wrong:
+            self.values[self.count].reshape(shape)[wrong] = np.nan
         self.nanoseconds[self.count] = nanoseconds
         if sequence is None:
             self.has_sequence = False
@@ -215,7 +231,7 @@ class _Samples:
             order = np.argsort(time, kind="stable")
             time, values = time[order], values[order]
             sequence = None if sequence is None else sequence[order]
-        return Stream(time, values, sequence)
+        return Stream(time, values, sequence, self.errors)
 
 
 def _stream(body: bytes) -> Any:

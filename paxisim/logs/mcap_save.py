@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from paxisim.errors import InvalidValueError
 from paxisim.logs import schemas
 from paxisim.logs.aligned import Aligned, episode_starts
 from paxisim.logs.atomic import whole_file
-from paxisim.logs.mcap_writer import LogWriter
+from paxisim.logs.mcap_writer import LATEST, LogWriter
 
 
 def write_mcap(path: Path, recording: Aligned) -> None:
@@ -40,14 +41,28 @@ def write_mcap(path: Path, recording: Aligned) -> None:
 
 
 def log_times(recording: Aligned) -> tuple[NDArray[np.int64], list[int], list[int]]:
-    """Each sample's log time (ns), the index of each episode's first sample, and the log time of each one's time 0."""
+    """Each sample's log time (ns), the index of each episode's first sample, and the log time of each one's time 0.
+
+    Raises:
+        InvalidValueError: A time that nanoseconds since 1970 in an int64 do not reach.
+    """
+    _check_reach(float(np.abs(recording.time).max()))
     episode = recording.episode
     if episode is None:
         episode = np.zeros(len(recording.time), dtype=np.int64)
     offset = np.round(recording.time * 1e9).astype(np.int64)
     starts = episode_starts(episode)
     zeros = _zeros(offset, starts, recording.metadata.get("start"))
+    _check_reach(max(zeros[-1], zeros[-1] + int(offset[-1])) / 1e9)
     return offset + np.repeat(zeros, np.diff([*starts, len(offset)])), starts.tolist(), zeros
+
+
+def _check_reach(seconds: float) -> None:
+    if not seconds * 1e9 < LATEST:
+        raise InvalidValueError(
+            "the samples' times must be in seconds, and counted from metadata['start'] (s since 1970-01-01), if there "
+            f"is one, they must end before 2262-04-11; they reach {seconds:.9g} s"
+        )
 
 
 def _zeros(offset: np.ndarray, starts: np.ndarray, start: object) -> list[int]:
@@ -58,7 +73,7 @@ def _zeros(offset: np.ndarray, starts: np.ndarray, start: object) -> list[int]:
     zeros = [zero]
     for first in starts[1:].tolist():
         if offset[first] <= offset[first - 1] or zeros[-1] + offset[first] < 0:
-            zero = zeros[-1] + int(offset[first - 1] - offset[first]) + 10**9
+            zero = zeros[-1] + int(offset[first - 1]) - int(offset[first]) + 10**9
             zeros.append(zero)
         else:
             zeros.append(zeros[-1])

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import io
+import signal
 import struct
 import threading
 import time as clocks
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from types import TracebackType
+from types import FrameType, TracebackType
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,9 @@ from paxisim.errors import InvalidValueError, OutputExistsError
 from paxisim.layout import TaxelLayout
 from paxisim.logs import schemas
 
+# ns since 1970-01-01 that a reader's int64 holds
+LATEST = 2**63 - 1
+_RANGE = "1970-01-01 UTC, up to 2262-04-11"
 # numbers are written as the shortest text that reads back to the same float32 or float64
 _JSON = orjson.OPT_SERIALIZE_NUMPY | orjson.OPT_NON_STR_KEYS
 # readers take a number for a float64 first; of all float32 only this one's shortest text then rounds to its neighbour
@@ -89,24 +93,31 @@ class LogWriter:
             values: ``(pads, 3, rows, cols)`` newtons; a covariate's number or array; an episode's number, which
                 begins now. A stream's shape stays the same. NaN means not known.
             extra: More fields of the message, for a tactile one ``sequence``, ``status`` and ``resultant``
-                (see `paxisim.hw.frame.Frame`). None leaves a field out.
+                (see `paxisim.hw.frame.Frame`). None leaves a field out. A pad whose status is not 0 loads as NaN.
 
         Raises:
-            InvalidValueError: No such stream, another shape than before, an infinite value.
+            InvalidValueError: No such stream, another shape than before, an infinite value, a time before 1970 or after
+                2262, a status that is not one number a pad. What was written before is not touched.
             OSError: The disk is full or failed, now or before; the file is valid up to its last whole chunk.
         """
-        if not np.isfinite(time):
-            raise InvalidValueError(f"the time of a sample must be finite, got {time!r}")
+        if not 0 <= time <= LATEST * 1e-9:  # as for NaN
+            raise InvalidValueError(f"the time of a sample must be in seconds since {_RANGE}, got {time!r}")
         self.write_at(stream, round(time * 1e9), values, **extra)
 
     def write_at(self, stream: str, nanoseconds: int, values: ArrayLike, **extra: Any) -> None:
         """`write`, for a time in whole nanoseconds since 1970-01-01 UTC, of which a float64 holds only every 200th."""
-        if nanoseconds < 0:
-            raise InvalidValueError("a sample must not be older than 1970-01-01")
+        if not 0 <= nanoseconds <= LATEST:
+            raise InvalidValueError(f"the time of a sample must be in nanoseconds since {_RANGE}, got {nanoseconds!r}")
         is_tactile = stream in schemas.TACTILE_STREAMS
         array = np.asarray(values, dtype=np.float32 if is_tactile else np.float64)
         if np.isinf(array).any():
             raise InvalidValueError(f"a sample of {stream!r} holds an infinite value, which a file cannot")
+        # beyond 2**53 a float64 skips whole numbers
+        if stream == "episode" and not (array.shape == () and array == np.round(array) and abs(array) < 2**53):
+            raise InvalidValueError(f"an episode must be a whole number, got {array.tolist()!r}")
+        status = extra.get("status")
+        if is_tactile and status is not None and np.shape(status) != array.shape[:1]:
+            raise InvalidValueError(f"status must be one number a pad, shape {array.shape[:1]}, got {status!r}")
         sec, nsec = divmod(int(nanoseconds), 10**9)
         fields = {"timestamp": {"sec": sec, "nsec": nsec}}
         with self._lock:
@@ -145,7 +156,8 @@ class LogWriter:
             self._flush()
 
     def _flush(self) -> None:
-        self._writer.flush()
+        with _uninterrupted():
+            self._writer.flush()
         self._flushed = clocks.monotonic()
 
     def close(self) -> None:
@@ -154,7 +166,7 @@ class LogWriter:
         Raises:
             OSError: The disk is full or failed; the file is valid up to its last whole chunk.
         """
-        with self._lock:
+        with self._lock, _uninterrupted():
             if self._file.closed:
                 return
             try:
@@ -259,14 +271,30 @@ class _WholeWrites:
         self._raw.close()
 
 
+@contextlib.contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Let Ctrl-C wait: in the middle of a chunk its exception would cost the chunk."""
+    handler = signal.getsignal(signal.SIGINT)
+    # other threads get no signal, and may not say what happens to one
+    if threading.current_thread() is not threading.main_thread() or not callable(handler):
+        yield
+        return
+    came: list[tuple[int, FrameType | None]] = []
+    signal.signal(signal.SIGINT, lambda number, frame: came.append((number, frame)))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, handler)
+        if came:
+            handler(*came[0])
+
+
 def _topic(stream: str, array: np.ndarray) -> tuple[str, dict[str, Any]]:
     if stream in schemas.TACTILE_STREAMS:
         if array.ndim != 4 or array.shape[1] != 3:
             raise InvalidValueError(f"a sample of {stream!r} must be (pads, 3, rows, cols), got shape {array.shape}")
         return f"/tactile/{stream}", schemas.TACTILE
     if stream == "episode":
-        if array.shape != () or array != np.round(array):
-            raise InvalidValueError(f"an episode must be a whole number, got {array.tolist()!r}")
         return "/episode", schemas.EPISODE
     if stream.startswith(schemas.COVARIATE) and len(stream) > len(schemas.COVARIATE):
         return f"/{stream}", schemas.SCALAR if array.ndim == 0 else schemas.ARRAY

@@ -66,7 +66,9 @@ def read_npz(path: Path) -> Aligned:
     with open(path, "rb") as file:
         try:
             with np.load(file, allow_pickle=False) as archive:
-                arrays: dict[str, Any] = {name: archive[name] for name in archive.files}
+                # by the names in the zip: to numpy, "a.npy" may also be the array "a"
+                names = archive.zip.namelist()
+                arrays: dict[str, Any] = {name.removesuffix(".npy"): archive[name] for name in names}
             about = orjson.loads(str(arrays["about"])) if "about" in arrays else {}
         except _NOT_WHOLE as error:
             raise InvalidValueError(f"{path} is not a whole npz file: {error}") from error

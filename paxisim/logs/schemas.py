@@ -60,7 +60,7 @@ TACTILE = _message(
         "items": {"type": "object", "properties": {"pad": {"type": "string"}, **_XYZ}},
     },
     resultant=_array(_NUMBER, "the total force that the board itself reports (N), x y z of each pad"),
-    status=_array(_INTEGER, "one error byte a pad; 0 is good"),
+    status=_array(_INTEGER, "one error byte a pad; 0 is good, with any other the numbers of the pad are no forces"),
     shape=_array(_INTEGER, "pads, 3, rows, cols"),
     force=_array(_NUMBER, "the tensor (N), flat in C order"),
 )

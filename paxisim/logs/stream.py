@@ -19,11 +19,14 @@ class Stream:
         values: ``(T, ...)`` samples.
         sequence: ``(T,)`` int64, the device's count of its readings, where it was recorded; a gap says that so many
             are missing.
+        errors: How many samples have a pad whose status was not good, where that was recorded; the values of that pad
+            are NaN there.
     """
 
     nanoseconds: NDArray[np.int64]
     values: NDArray[Any]
     sequence: NDArray[np.int64] | None = None
+    errors: int | None = None
 
     @property
     def time(self) -> NDArray[np.float64]:

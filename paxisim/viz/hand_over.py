@@ -10,6 +10,8 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
+from paxisim.errors import InvalidValueError
+
 Value = TypeVar("Value")
 
 
@@ -56,12 +58,17 @@ class HandOver(Generic[Value]):
             wait: Wait for room in the queue, so that none is overtaken.
 
         Raises:
+            InvalidValueError: It was closed, also while this waited.
             Exception: What the consumer raised; it takes no more.
         """
         with self._changed:
             if wait:
-                self._changed.wait_for(lambda: len(self._queue) < self._size or self._error is not None)
+                self._changed.wait_for(
+                    lambda: len(self._queue) < self._size or self._error is not None or self._closing.is_set()
+                )
             self._raise_error()
+            if self._closing.is_set():
+                raise InvalidValueError("the live view was closed, nothing more can be shown in it")
             self.given += 1
             self.dropped += len(self._queue) == self._size
             self._queue.append(value)

@@ -114,7 +114,7 @@ class LiveView:
             wait: Wait where the drawing is behind, so that none is left out.
 
         Raises:
-            InvalidValueError: Neither tensor, or one of another shape.
+            InvalidValueError: Neither tensor, or one of another shape; the view was closed.
             OSError: What was drawn does not reach the file.
         """
         if measured is None and simulated is None:

@@ -116,6 +116,17 @@ def test_a_recording_is_felt(folder):
         np.testing.assert_array_equal(felt(1.5), force[1])
 
 
+def test_of_a_recording_with_errors_the_sample_before_is_held(folder):
+    profile = load_profile(GRID)
+    force = np.random.default_rng(0).random((3, 1, 3, 3, 3)).astype(np.float32)
+    held = force[0].copy()
+    force[1, 0, 2] = np.nan
+    Recording(time=np.array([0.0, 1.0, 2.0]), measured=force, layout=profile.wire_layout).save("press.mcap")
+    felt = make_signal("press.mcap", profile)
+    np.testing.assert_array_equal(felt(1.5), held)
+    np.testing.assert_array_equal(felt(2.5), force[2])
+
+
 def test_a_scene_runs_in_real_time(scene):
     felt = make_signal(str(scene), load_profile(GRID))
     assert felt(0.0).shape == (1, 3, 3, 3)

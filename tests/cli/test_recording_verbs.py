@@ -57,6 +57,27 @@ def test_info_says_what_is_there(capsys):
     assert "CUT" not in out
 
 
+def test_info_counts_samples_with_a_pad_in_error(capsys):
+    with LogWriter("a.mcap", {}) as log:
+        for i in range(10):
+            log.write_at("measured", START + i * 10_000_000, np.full((2, 3, 4, 3), i), status=(0, i // 7))
+    info(Path("a.mcap"))
+    out = capsys.readouterr().out
+    header, row = [line for line in out.splitlines() if line.startswith(("stream", "measured "))][:2]
+    assert row.split()[-2:] == ["0", "3"]
+    assert len(row) == len(header)
+
+
+def test_info_says_that_samples_came_in_bursts(capsys):
+    with LogWriter("a.mcap", {}) as log:
+        for i in range(400):
+            log.write_at("covariate/opening", START + i // 100 * 1_000_000_000 + i % 100 * 20_000, i)
+    info(Path("a.mcap"))
+    out = capsys.readouterr().out
+    assert "opening came in bursts, 1 s apart" in out
+    assert max(map(len, out.splitlines())) <= 80
+
+
 def test_info_of_a_file_that_was_cut_off(folder, capsys):
     write("a.mcap")
     content = (folder / "a.mcap").read_bytes()
@@ -86,6 +107,18 @@ def test_info_of_an_archive(capsys):
     assert "simulated (N a taxel): x 0 to 0, y 0 to 0, z 0 to 7.5" in out
     assert "not known" in out
     assert "1: from 1.900 s, 10 samples" in out
+    assert "start:" not in out  # nobody said when it began
+
+
+def test_info_of_numbers_that_are_long_and_times_that_begin_late(capsys):
+    force = np.random.default_rng(0).normal(size=(10, 1, 3, 2, 2)) * 1e-5
+    Recording(time=np.arange(10) + 5, measured=force, covariates={"a-name" * 20: np.arange(10)}).save("a.npz")
+    info(Path("a.npz"))
+    out = capsys.readouterr().out
+    assert max(map(len, out.splitlines())) <= 80
+    z = force[:, :, 2].astype(np.float32)
+    assert f"  z {z.min():.4g} to {z.max():.4g}" in out.splitlines()
+    assert "start:" not in out
 
 
 def test_convert_to_parquet():

@@ -88,8 +88,24 @@ def test_a_profile_says_everything(tmp_path):
     with pytest.raises(InvalidValueError):
         Recording.load(tmp_path / "b.csv", profile=turned)
     recording().save(tmp_path / "a.npz")
-    with pytest.raises(InvalidValueError, match="holds newtons already"):
+    with pytest.raises(InvalidValueError, match="for the counts of a board's CSV file"):
         Recording.load(tmp_path / "a.npz", profile=turned)
+
+
+def test_an_empty_cell_is_not_known_with_a_profile_too(tmp_path):
+    path = tmp_path / "a.csv"
+    board_file(path, "vendor", points=9)
+    whole, lines = Recording.load(path).measured, path.read_text().splitlines()
+    cells = lines[2].split(",")
+    cells[lines[0].split(",").index("0-2-NxN-X[4]")] = ""
+    path.write_text("\n".join([*lines[:2], ",".join(cells), *lines[3:], ""]))
+    missing = np.zeros(whole.shape, dtype=bool)
+    missing[1, 0, 0, 0, 4] = True
+    np.testing.assert_array_equal(np.isnan(Recording.load(path).measured), missing)
+    turned = dataclasses.replace(load_profile("gen3-highspeed-mc-m2020"), axes=("-y", "+x", "+z"))
+    loaded = Recording.load(path, profile=turned).measured
+    flat = turned.layout.to_flat(loaded).reshape(4, 2, 9, 3)
+    assert np.argwhere(np.isnan(flat)).tolist() == [[1, 0, 4, 1]]
 
 
 def test_the_host_programs_file_over_midnight(tmp_path):
@@ -111,6 +127,9 @@ def test_a_row_that_is_cut_off_is_left_out(tmp_path, cut):
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
+        ("255", "40000", r"line 2, column '0-2-NxN-Z\[0\]': a count must be .* -32768 to 32767, got 40000"),
+        ("255", "2.5", "a count must be a whole number"),
+        ("255", "inf", "a count must be a whole number"),
         ("255", "abc", r"line 2, column '0-2-NxN-Z\[0\]': 'abc' is no number"),
         ("1,2,4,0", "1,2,4", "line 3: expected 10 values, got 9"),
         ("1,2,4,0", "1,2,4,0,0", "line 3: expected 10 values, got 11"),

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from paxisim.errors import InvalidValueError
+from paxisim.hw.profile import load_profile
+from paxisim.layout import TaxelLayout
 from paxisim.logs.eflesh import NEWTONS
 from paxisim.recording import Recording
 
@@ -55,6 +57,16 @@ def test_any_number_of_magnetometers_and_pads_by_name(tmp_path):
     assert recording.measured.shape[1:] == (1, 3, 1, 2)
     with pytest.raises(LookupError, match="eflesh"):
         Recording.load(path, pads=["left"])
+
+
+def test_a_layout_says_where_the_magnetometers_are_and_a_profile_does_not_apply(tmp_path):
+    path = write(tmp_path, *tables(magnetometers=2))
+    layout = TaxelLayout(1, 2, (3e-3, 4e-3))
+    assert Recording.load(path, layout=layout).layout == layout
+    with pytest.raises(InvalidValueError, match="layout has 1x3 taxels, the tensors have 1x2"):
+        Recording.load(path, layout=TaxelLayout(1, 3, (3e-3, 4e-3)))
+    with pytest.raises(InvalidValueError, match="profile is for the counts of a board's CSV file"):
+        Recording.load(path, profile=load_profile("gen2-box-120"))
 
 
 @pytest.mark.parametrize(

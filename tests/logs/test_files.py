@@ -50,6 +50,16 @@ def test_the_time_of_a_long_recording_keeps_its_nanoseconds(tmp_path):
     assert_equal(Recording.load(tmp_path / "a.mcap"), original)
 
 
+@pytest.mark.parametrize("time", [[0, 1.7e12], [0, 1e10], [-1e300, 0], [-2e10, 0]])
+def test_a_time_that_a_log_cannot_hold_is_refused(tmp_path, time):
+    for start in (0.0, 1.7e9, 1e19):
+        with pytest.raises(InvalidValueError, match="must end before 2262-04-11; they reach"):
+            Recording(time, np.zeros((2, 1, 3, 1, 1)), metadata={"start": start}).save(tmp_path / "a.mcap")
+    with pytest.raises(InvalidValueError, match="must end before 2262-04-11; they reach 1e"):
+        Recording([0, 1], np.zeros((2, 1, 3, 1, 1)), metadata={"start": 1e19}).save(tmp_path / "a.mcap")
+    assert not list(tmp_path.iterdir())
+
+
 finite = st.floats(width=32, allow_infinity=False, allow_nan=True)
 
 
@@ -94,6 +104,17 @@ def test_pads_are_chosen_by_name(tmp_path):
             Recording.load(tmp_path / name, pads=["rigth"])
 
 
+@pytest.mark.parametrize("name", ["a.mcap", "a.npz"])
+def test_chosen_pads_keep_their_resultants(tmp_path, name):
+    force = counts(5)
+    Recording(np.arange(5), force, covariates={"resultant": force.sum((3, 4))}, pads=("left", "right")).save(
+        tmp_path / name
+    )
+    for pads, index in ((["right"], [1]), (["right", "left"], [1, 0])):
+        loaded = Recording.load(tmp_path / name, pads=pads)
+        np.testing.assert_array_equal(loaded.covariates["resultant"], force.sum((3, 4))[:, index])
+
+
 def test_another_suffix_names_those_there_are(tmp_path):
     with pytest.raises(InvalidValueError, match=r"saved as \.mcap or \.npz"):
         recording().save(tmp_path / "a.h5")
@@ -133,6 +154,14 @@ def test_an_archive_made_by_hand(tmp_path):
     np.savez(path, time=np.arange(3), forces=np.zeros(3))
     with pytest.raises(InvalidValueError, match="it holds time, forces"):
         Recording.load(path)
+
+
+@pytest.mark.parametrize("name", ["a.mcap", "a.npz"])
+def test_covariates_whose_names_are_alike_keep_their_values(tmp_path, name):
+    covariates = {key: np.full(2, i) for i, key in enumerate(("x", "x.npy", "x.npy.npy", "npy", ".npy"))}
+    Recording([0, 1], np.zeros((2, 1, 3, 1, 1)), covariates=covariates).save(tmp_path / name)
+    loaded = Recording.load(tmp_path / name).covariates
+    assert {key: values[0] for key, values in loaded.items()} == {key: values[0] for key, values in covariates.items()}
 
 
 def test_a_damaged_archive_is_called_so(tmp_path):

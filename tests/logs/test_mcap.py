@@ -3,12 +3,14 @@
 import json
 import math
 import random
+import signal
 import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+import zstandard
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from log_files import LAYOUT, START, counts, write_log
@@ -123,6 +125,26 @@ def test_killed_at_a_random_moment_the_last_second_is_missing_at_most(tmp_path, 
     assert found.tolist() == written[: len(found)]
 
 
+def test_what_a_pad_in_error_says_is_not_known(tmp_path):
+    path = tmp_path / "a.mcap"
+    statuses = [(0, 0), (0, 7), (254, 0), (0, 0)]
+    with LogWriter(path, {}) as log:
+        for i, status in enumerate(statuses):
+            log.write_at("measured", START + i, FORCE[i], status=status, resultant=FORCE[i].sum((2, 3)))
+    measured = read_log(path).streams["measured"]
+    wrong = np.array(statuses) != 0
+    assert measured.errors == 2
+    np.testing.assert_array_equal(measured.values[~wrong], FORCE[:4][~wrong])
+    assert np.isnan(measured.values[wrong]).all()
+    loaded = Recording.load(path)
+    np.testing.assert_array_equal(np.isnan(loaded.covariates["resultant"]), np.repeat(wrong[..., None], 3, axis=2))
+    assert Recording.load(path, missing="drop").time.tolist() == [0, 3e-9]
+
+
+def test_without_a_status_nothing_is_said_of_errors(whole):
+    assert read_log(whole[0]).streams["measured"].errors is None
+
+
 def test_a_full_disk_is_reported_and_the_file_stays_valid(tmp_path):
     resource = pytest.importorskip("resource")
     script = f"""
@@ -163,6 +185,31 @@ log.close()
 def test_a_disk_that_is_full_at_once():
     with pytest.raises(OSError, match="No space left"):
         LogWriter("/dev/full", {}, overwrite=True)
+
+
+def test_ctrl_c_in_the_middle_of_a_chunk_costs_no_sample(tmp_path, monkeypatch):
+    compress = zstandard.compress
+
+    def pressed_meanwhile(data):
+        signal.raise_signal(signal.SIGINT)
+        return compress(data)
+
+    monkeypatch.setattr(zstandard, "compress", pressed_meanwhile)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # as at a terminal
+    try:
+        for name in ("flush", "close"):
+            log = LogWriter(tmp_path / f"{name}.mcap", {})
+            log.write("measured", 1.0, FORCE[0])
+            with pytest.raises(KeyboardInterrupt):
+                getattr(log, name)()
+            log.close()
+            assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGINT, before)
+    for name in ("flush", "close"):
+        found = read_log(tmp_path / f"{name}.mcap")
+        assert found.complete
+        np.testing.assert_array_equal(found.streams["measured"].values, FORCE[:1])
 
 
 def test_foxglove_finds_what_it_needs(tmp_path):
@@ -213,10 +260,38 @@ def test_samples_that_cannot_be_written(tmp_path, stream, values, words):
         log.write("simulated", 1.0, FORCE[0])
         with pytest.raises(InvalidValueError, match=words):
             log.write(stream, 1.0, values)
-        for time in (math.nan, -1.0):
-            with pytest.raises(InvalidValueError):
-                log.write("measured", time, FORCE[0])
     assert read_log(tmp_path / "a.mcap").complete
+
+
+@pytest.mark.parametrize("episode", [1.5, math.nan, [1], 1e300])
+def test_each_episode_is_a_whole_number(tmp_path, episode):
+    with LogWriter(tmp_path / "a.mcap", {}) as log:
+        log.write("episode", 1.0, 0)
+        with pytest.raises(InvalidValueError, match="an episode must be a whole number, got"):
+            log.write("episode", 2.0, episode)
+        log.write("episode", 3.0, 1)
+    assert read_log(tmp_path / "a.mcap").streams["episode"].values.tolist() == [0, 1]
+
+
+@pytest.mark.parametrize("time", [math.nan, math.inf, -1.0, 1.7e12, 1.2e10, 1e300])  # the fourth is in milliseconds
+def test_a_time_that_cannot_be_costs_nothing_else(tmp_path, time):
+    with LogWriter(tmp_path / "a.mcap", {}) as log:
+        log.write("measured", 1.0, FORCE[0])
+        with pytest.raises(InvalidValueError, match="must be in seconds since 1970-01-01 UTC, up to 2262"):
+            log.write("covariate/opening", time, 1.0)
+        with pytest.raises(InvalidValueError, match="must be in nanoseconds since 1970-01-01 UTC"):
+            log.write_at("measured", time * 1e9, FORCE[1])
+        log.flush()
+        log.write("measured", 2.0, FORCE[1])
+    found = read_log(tmp_path / "a.mcap")
+    assert found.complete
+    np.testing.assert_array_equal(found.streams["measured"].values, FORCE[:2])
+    assert "covariate/opening" not in found.streams
+
+
+def test_a_status_is_one_number_a_pad(tmp_path):
+    with LogWriter(tmp_path / "a.mcap", {}) as log, pytest.raises(InvalidValueError, match=r"status must be .* \(2,\)"):
+        log.write("measured", 1.0, FORCE[0], status=(0, 0, 0))
 
 
 def test_nothing_is_written_over_a_recording_unasked(tmp_path):

@@ -120,6 +120,40 @@ def test_streams_that_do_not_overlap(tmp_path):
         Recording.load(write_path, missing="drop")
 
 
+def in_bursts(seconds=5.0):
+    """Times (ms) at which lines of 100 Hz arrive whose program hands over 110 of them at once, some after a stall."""
+    late = np.where(np.arange(110) == 60, 5.0, 0.02).cumsum()
+    return np.concatenate([start + late for start in np.arange(0, seconds * 1000, 1100)])
+
+
+def test_what_comes_in_bursts_is_known_between_them_with_a_warning(tmp_path):
+    with LogWriter(tmp_path / "a.mcap", {}) as log:
+        for i in range(50):
+            log.write_at("measured", START + i * 100 * MS, counts(1)[0])
+        for i, ms in enumerate(in_bursts()):
+            log.write_at("covariate/opening", START + int(ms * MS), i)
+    with pytest.warns(UserWarning, match=r"opening came in bursts, 1.1 s apart.*buffers its output; let it flush"):
+        opening = Recording.load(tmp_path / "a.mcap").covariates["opening"]
+    assert np.isfinite(opening[1:45]).all()
+    assert np.all(np.abs(opening[1:45] - 10 * np.arange(1, 45)) <= 110)  # late by a burst at most
+
+
+def test_a_pause_is_a_gap_also_where_samples_come_fast():
+    fast = np.concatenate([np.arange(0, 1000, 0.2), np.arange(5000, 6000, 0.2)])
+    found = resample(stream(fast, fast), at([500.1, 1100, 4900, 5500.1]), "linear", None)
+    assert np.isnan(found).tolist() == [False, True, True, False]
+    long = np.concatenate([in_bursts(), 60_000 + in_bursts()])
+    found = resample(stream(long, long), at([1000, 30_000]), "linear", None)
+    assert np.isnan(found).tolist() == [False, True]
+
+
+def test_a_gap_that_is_too_small_is_named(tmp_path):
+    write(tmp_path / "a.mcap", temperature_ms=[95, 195, 295])
+    words = r"temperature is not known .* from 0.095 s to 0.295 s.*more than 0.05 s apart is not known \(max_gap\)"
+    with pytest.warns(UserWarning, match=words):
+        Recording.load(tmp_path / "a.mcap", max_gap=0.05)
+
+
 def test_episodes_begin_at_their_marks(tmp_path):
     write(tmp_path / "a.mcap", marks=[(7, 5), (8, 100), (9, 200)])
     recording = Recording.load(tmp_path / "a.mcap")

@@ -5,6 +5,7 @@ import threading
 
 import pytest
 
+from paxisim.errors import InvalidValueError
 from paxisim.viz.hand_over import HandOver
 
 LONG = 30.0  # s: longer than anything here takes, on the slowest machine
@@ -113,3 +114,30 @@ def test_closing_twice_and_without_a_value():
     queue.close()
     queue.close()
     assert consumer.batches == []
+
+
+@pytest.mark.parametrize("wait", [False, True])
+def test_what_was_closed_takes_nothing_more(wait):
+    consumer = Consumer()
+    queue = HandOver(consumer, size=1)
+    queue.close()
+    for value in range(2):  # one more than has room: would wait for ever
+        with pytest.raises(InvalidValueError, match="was closed"):
+            queue.put(value, wait)
+    assert (queue.given, queue.dropped, consumer.batches) == (0, 0, [])
+
+
+def test_a_producer_that_waits_is_let_go_when_another_thread_closes():
+    consumer = Consumer()
+    consumer.go.clear()
+    queue = HandOver(consumer, size=1)
+    queue.put(0)
+    assert consumer.busy.wait(LONG)
+    queue.put(1)
+    closing = threading.Thread(target=queue.close)
+    closing.start()
+    with pytest.raises(InvalidValueError, match="was closed"):
+        queue.put(2, wait=True)
+    consumer.go.set()
+    closing.join(LONG)
+    assert consumer.values == [0, 1]
