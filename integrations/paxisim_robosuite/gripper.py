@@ -79,6 +79,10 @@ class TactileGripper(GripperModel):
             geom = self._geom(bodies[mount.body], which)
             geom.set("contype", "0")
             geom.set("conaffinity", "0")
+            # bits do not keep the geoms of an explicit pair apart
+            for pair in self.contact.findall("pair"):
+                if geom.get("name") in (pair.get("geom1"), pair.get("geom2")):
+                    self.contact.remove(pair)
         pad = replace(self.pad, name=f"{mount.name}_{self.pad.name}")
         document = ET.fromstring(pad.to_xml())
         body = document.find("worldbody/body")

@@ -1,12 +1,14 @@
 """Tactile versions of robosuite's grippers, and what they read in one of its environments."""
 
+import xml.etree.ElementTree as ET
+
 import numpy as np
 import pytest
 import robosuite
 from paxisim_robosuite import TactileWrapper, fast_controller, register
 from paxisim_robosuite.gripper import READY_MADE
 from robosuite.controllers.parts.arm import OperationalSpaceController
-from robosuite.models.grippers import GRIPPER_MAPPING, gripper_factory
+from robosuite.models.grippers import GRIPPER_MAPPING, gripper_factory, register_gripper
 from robosuite.models.world import MujocoWorldBase
 from robosuite.wrappers import GymWrapper
 
@@ -61,6 +63,26 @@ def test_mounts_and_sensor_of_ones_own():
     assert not replaced.contype[0]
     assert not replaced.conaffinity[0]
     assert kept.contype[0]
+
+
+def test_explicit_pairs_of_replaced_geoms_are_removed():
+    """MuJoCo lets the geoms of a pair meet whatever their contact bits say."""
+
+    class Paired(GRIPPER_MAPPING["PandaGripper"]):
+        def resolve_asset_dependency(self):
+            super().resolve_asset_dependency()
+            for first in ("finger1_pad_collision", "finger1_collision"):
+                self.contact.append(ET.Element("pair", {"geom1": first, "geom2": "hand_collision"}))
+
+    register_gripper(Paired)
+    mount = paxisim.Mount("finger_joint1_tip", replaces=("finger1_pad_collision",))
+    register("TactilePaired", "Paired", paxisim.TaxelLayout(3, 2, 4e-3), [mount])
+    try:
+        model = compiled(gripper_factory("TactilePaired", idn=0))
+    finally:
+        del GRIPPER_MAPPING["Paired"], GRIPPER_MAPPING["TactilePaired"]
+    (first,), (second,) = model.pair_geom1, model.pair_geom2
+    assert {model.geom(first).name, model.geom(second).name} == {f"gripper0_{n}_collision" for n in ("finger1", "hand")}
 
 
 @pytest.mark.parametrize(

@@ -105,8 +105,9 @@ def attach(
     """Put tactile pads on a gripper, an arm or a hand.
 
     The gripper keeps every name, actuator, sensor, default, tendon, equality and keyframe. Each pad becomes a
-    child body of its mount's body, with its own mass. Collision geoms it replaces are switched off; it takes over
-    their contact bits, less those with which pads would meet each other, and the body's contact exclusions.
+    child body of its mount's body, with its own mass. Collision geoms it replaces are switched off, and the explicit
+    contact pairs that name them removed; it takes over their contact bits, less those with which pads would meet each
+    other, and the body's contact exclusions.
 
     Args:
         gripper: A spec (left unchanged), an MJCF file or MJCF text.
@@ -138,17 +139,16 @@ def attach(
     for mount in chosen:
         if mount.body not in bodies:
             raise UnknownNameError("body", mount.body, [name for name in bodies if name])
-        replaced.append([_geom(spec, bodies[mount.body], which) for which in mount.replaces])
+        replaced += [_geom(spec, bodies[mount.body], which) for which in mount.replaces]
     if pad.contype == Pad.contype and pad.conaffinity == Pad.conaffinity:
-        pad = replace(pad, **_bits([geom for geoms in replaced for geom in geoms]))
+        pad = replace(pad, **_bits(replaced))
     pad_names = tuple(f"{mount.name}_{pad.name}" for mount in chosen)
     taken = [name for name in pad_names if name in bodies or pad_names.count(name) > 1]
     if taken:
         raise InvalidValueError(f"there would be two bodies named {taken[0]!r}: give the mounts names of their own")
     child = pad.to_xml()
-    for mount, geoms in zip(chosen, replaced, strict=True):
-        for geom in geoms:
-            geom.contype = geom.conaffinity = 0
+    _switch_off(spec, replaced)
+    for mount in chosen:
         frame = bodies[mount.body].add_frame(pos=mount.pos, quat=mount.quat)
         frame.attach_body(mujoco.MjSpec.from_string(child).body(pad.name), f"{mount.name}_", "")
     _inherit_exclusions(spec, dict(zip(pad_names, (mount.body for mount in chosen), strict=True)))
@@ -186,6 +186,16 @@ def _bits(replaced: list[mujoco.MjsGeom]) -> dict[str, int]:
     if contype == conaffinity == 0:
         return {"contype": Pad.contype, "conaffinity": Pad.conaffinity}
     return {"contype": contype, "conaffinity": conaffinity}
+
+
+def _switch_off(spec: mujoco.MjSpec, geoms: list[mujoco.MjsGeom]) -> None:
+    for geom in geoms:
+        geom.contype = geom.conaffinity = 0
+    # bits do not keep the geoms of an explicit pair apart
+    names = {geom.name for geom in geoms if geom.name}
+    for pair in list(spec.pairs):
+        if names & {pair.geomname1, pair.geomname2}:
+            spec.delete(pair)
 
 
 def _inherit_exclusions(spec: mujoco.MjSpec, bodies_of_pads: dict[str, str]) -> None:

@@ -210,6 +210,13 @@ def test_replaced_geoms_are_off_and_others_are_not(bare, model):
     assert collides(nothing_replaced.geom("left_tip"))
 
 
+def test_explicit_pairs_of_replaced_geoms_are_removed_and_others_are_not():
+    """MuJoCo lets the geoms of a pair meet whatever their contact bits say."""
+    pairs = '<pair geom1="left_tip" geom2="palm"/><pair geom1="left_link" geom2="right_link"/>'
+    model = attach(GRIPPER.replace("<contact>", "<contact>" + pairs), PAD, MOUNTS).compile()
+    assert [model.geom(geom).name for geom in model.pair_geom1] == ["left_link"]
+
+
 def test_a_replaced_geom_of_another_body_is_named():
     model = attach(GRIPPER, PAD, [Mount("hand", replaces=("left_tip", "palm"))]).compile()
     for name in ("left_tip", "palm"):
