@@ -22,7 +22,7 @@ from paxisim.models.closing import close_gripper, links_of
 from paxisim.models.faces import Face, find_face
 from paxisim.models.fingertips import Fingers, Pair, unit
 from paxisim.models.grippers import mounts_for_file
-from paxisim.models.load import compile_spec, load_spec
+from paxisim.models.load import compile_whole, load_spec
 from paxisim.models.mount import Mount
 
 
@@ -89,7 +89,7 @@ def find_mounts(gripper: mujoco.MjSpec | str | Path) -> FoundMounts:
     for joint in list(spec.joints):
         if int(joint.type) == int(mujoco.mjtJoint.mjJNT_FREE):
             spec.delete(joint)
-    model = compile_spec(spec, "the gripper")
+    model = compile_whole(spec, "the gripper")
     if not links_of(model):
         raise InvalidValueError("the gripper has no geom that can touch anything (contype, conaffinity)")
     return _Search(Fingers(model, close_gripper(model))).result()
