@@ -13,10 +13,11 @@ from lxml import etree
 
 from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.layout import TaxelLayout
+from paxisim.models import names
 from paxisim.models.gel import Gel
 from paxisim.models.load import compile_spec, load_spec, one_line
 from paxisim.models.mount import Mount
-from paxisim.models.pad import Pad
+from paxisim.models.pad import Pad, numbers
 from paxisim.models.pads import Pads, find_pads
 from paxisim.sensors import sensor as find_sensor
 
@@ -81,10 +82,11 @@ class TactileGripper:
         for name, directory in directories.items():
             setattr(spec, name, str(directory))
         try:
-            spec.compile()
+            model = spec.compile()
         except ValueError as error:
             raise InvalidValueError(f"MuJoCo cannot compile the gripper with pads: {one_line(error)}") from error
         root = etree.fromstring(spec.to_xml())
+        _write_inertia(root, model)
         has_files = spec.meshes or spec.textures or spec.hfields or spec.skins
         for compiler in root.iter("compiler"):
             for name, directory in directories.items():
@@ -192,10 +194,26 @@ def _switch_off(spec: mujoco.MjSpec, geoms: list[mujoco.MjsGeom]) -> None:
     for geom in geoms:
         geom.contype = geom.conaffinity = 0
     # bits do not keep the geoms of an explicit pair apart
-    names = {geom.name for geom in geoms if geom.name}
+    switched_off = {geom.name for geom in geoms if geom.name}
     for pair in list(spec.pairs):
-        if names & {pair.geomname1, pair.geomname2}:
+        if switched_off & {pair.geomname1, pair.geomname2}:
             spec.delete(pair)
+
+
+def _write_inertia(root: etree._Element, model: mujoco.MjModel) -> None:
+    """Say what each pad weighs, which MuJoCo before 4.0 leaves out where the gripper has inertiafromgeom="true"."""
+    for body in root.iter("body"):
+        name = body.get("name", "")
+        is_pad = any(site.get("name") == names.gel(name) for site in body.findall("site"))
+        if is_pad and body.find("inertial") is None:
+            compiled = model.body(name)
+            values = {
+                "pos": compiled.ipos,
+                "quat": compiled.iquat,
+                "mass": compiled.mass,
+                "diaginertia": compiled.inertia,
+            }
+            body.insert(0, etree.Element("inertial", {key: numbers(value) for key, value in values.items()}))
 
 
 def _inherit_exclusions(spec: mujoco.MjSpec, bodies_of_pads: dict[str, str]) -> None:

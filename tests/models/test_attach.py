@@ -158,8 +158,12 @@ def test_the_pads_mass_is_added_exactly(bare, model):
 def test_the_pads_mass_is_added_under_every_compiler_setting(setting, layout):
     text = GRIPPER.replace("<compiler ", f"<compiler {setting} ")
     before = mujoco.MjModel.from_xml_string(text)
-    after = attach(text, Pad(layout, mass=8e-3), MOUNTS).compile()
+    gripper = attach(text, Pad(layout, mass=8e-3), MOUNTS)
+    after, saved = gripper.compile(), mujoco.MjModel.from_xml_string(gripper.to_xml())
     assert after.body_mass.sum() - before.body_mass.sum() == pytest.approx(2 * 8e-3, rel=1e-7)
+    for field in ("mass", "inertia", "ipos", "iquat"):
+        values = (getattr(model, f"body_{field}") for model in (saved, after))
+        np.testing.assert_allclose(*values, rtol=1e-5, atol=1e-12)
 
 
 def test_the_callers_spec_stays_as_it_was():
