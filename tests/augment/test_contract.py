@@ -462,6 +462,20 @@ def bad_values(kind: type[Transform]) -> list[tuple[str, Any]]:
 
 
 @every
+@pytest.mark.parametrize("dtype", ["float16", "float32"])
+def test_the_ends_of_a_range_are_within_it_in_every_dtype(name, dtype):
+    kind = KINDS[name]
+    for key, about in parameters(kind).items():
+        for bound in (about.low, about.high):
+            if not math.isfinite(bound) or key == "seed":  # a seed is an integer
+                continue
+            value = np.full([3 if axis in "kj" else 1 for axis in about.core], bound, dtype)
+            kind(**{key: value})
+            if torch is not None:
+                kind(**{key: torch.as_tensor(value)})
+
+
+@every
 def test_parameters_outside_their_range_are_refused(name):
     kind = KINDS[name]
     for key, value in bad_values(kind):
