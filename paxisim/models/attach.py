@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -109,7 +110,8 @@ def attach(
     The gripper keeps every name, actuator, sensor, default, tendon, equality and keyframe. Each pad becomes a
     child body of its mount's body, with its own mass. Collision geoms it replaces are switched off, and the explicit
     contact pairs that name them removed; it takes over their contact bits, less those with which pads would meet each
-    other, and the body's contact exclusions.
+    other, and the body's contact exclusions. MuJoCo's touch sensors count the contacts of one body, not those of a pad
+    on it: they stay, but there is a warning of those on a body that gets a pad.
 
     Args:
         gripper: A spec (left unchanged), an MJCF file or MJCF text.
@@ -148,6 +150,7 @@ def attach(
     taken = [name for name in pad_names if name in bodies or pad_names.count(name) > 1]
     if taken:
         raise InvalidValueError(f"there would be two bodies named {taken[0]!r}: give the mounts names of their own")
+    _warn_of_touch(spec, {mount.body for mount in chosen} | {geom.parent.name for geom in replaced})
     child = pad.to_xml()
     _switch_off(spec, replaced)
     for mount in chosen:
@@ -198,6 +201,19 @@ def _switch_off(spec: mujoco.MjSpec, geoms: list[mujoco.MjsGeom]) -> None:
     for pair in list(spec.pairs):
         if switched_off & {pair.geomname1, pair.geomname2}:
             spec.delete(pair)
+
+
+def _warn_of_touch(spec: mujoco.MjSpec, bodies: set[str]) -> None:
+    for sensor in spec.sensors:
+        if int(sensor.type) != int(mujoco.mjtSensor.mjSENS_TOUCH):
+            continue
+        site = spec.site(sensor.objname)
+        if site is not None and site.parent.name in bodies - {""}:
+            warnings.warn(
+                f"the touch sensor {sensor.name!r} on {site.parent.name!r} will not feel what touches the pad there: "
+                "read the pad with paxisim.TactileReadout",
+                stacklevel=3,
+            )
 
 
 def _write_inertia(root: etree._Element, model: mujoco.MjModel) -> None:

@@ -214,6 +214,16 @@ def test_replaced_geoms_are_off_and_others_are_not(bare, model):
     assert collides(nothing_replaced.geom("left_tip"))
 
 
+def test_touch_sensors_that_will_not_feel_the_pads_are_named():
+    text = GRIPPER.replace("<sensor>", '<sensor><touch name="of_hand" site="grip_site"/>')
+    assert attach(text, PAD, MOUNTS).compile().sensor("of_hand").type[0] == int(mujoco.mjtSensor.mjSENS_TOUCH)
+    text = text.replace("<sensor>", '<sensor><touch name="of_finger" site="left_site"/>')
+    with pytest.warns(UserWarning, match=r"touch sensor 'of_finger' on 'left_finger' .*TactileReadout") as told:
+        attach(text, PAD, MOUNTS)
+    assert len(told) == 1
+    assert told[0].filename == __file__
+
+
 def test_explicit_pairs_of_replaced_geoms_are_removed_and_others_are_not():
     """MuJoCo lets the geoms of a pair meet whatever their contact bits say."""
     pairs = '<pair geom1="left_tip" geom2="palm"/><pair geom1="left_link" geom2="right_link"/>'
