@@ -344,6 +344,11 @@ def test_nothing_opposes():
         find_mounts(xml)
 
 
+def test_a_finger_without_a_name():
+    with pytest.raises(InvalidValueError, match=r"a pad would go on body 3 \(its parent is palm\), which has no name"):
+        find_mounts(two_fingers().replace('<body name="right"', "<body"))
+
+
 def test_choose_mounts_finds_for_an_unknown_gripper(tmp_path):
     mounts, report = choose_mounts(load_spec(two_fingers()))
     assert (mounts, report) == (find_mounts(two_fingers()).mounts, find_mounts(two_fingers()).report)
