@@ -14,6 +14,8 @@ from robosuite.wrappers import GymWrapper
 
 import paxisim
 
+LAYOUT = paxisim.TaxelLayout(3, 2, 4e-3)
+TIP = paxisim.Mount("finger_joint1_tip")
 QUIET = {"has_renderer": False, "has_offscreen_renderer": False, "use_camera_obs": False, "control_freq": 20}
 
 
@@ -51,9 +53,8 @@ def test_a_ready_made_gripper_differs_from_robosuites_by_its_pads_alone(gripper)
 
 
 def test_mounts_and_sensor_of_ones_own():
-    layout = paxisim.TaxelLayout(3, 2, 4e-3)
     mount = paxisim.Mount("finger_joint1_tip", (0, -0.009, -0.015), (0, 0, 1, 1), ("finger1_pad_collision",))
-    register("OnePadPandaGripper", "PandaGripper", layout, [mount])
+    register("OnePadPandaGripper", "PandaGripper", LAYOUT, [mount])
     try:
         model = compiled(gripper_factory("OnePadPandaGripper", idn=0))
     finally:
@@ -63,6 +64,17 @@ def test_mounts_and_sensor_of_ones_own():
     assert not replaced.contype[0]
     assert not replaced.conaffinity[0]
     assert kept.contype[0]
+
+
+def test_a_geom_that_the_body_does_not_have():
+    register("WrongGeom", "PandaGripper", LAYOUT, [paxisim.Mount("finger_joint1_tip", replaces=(99,))])
+    try:
+        with pytest.raises(
+            paxisim.InvalidValueError, match=r"body 'finger_joint1_tip' has \d geoms?, there is no geom 99"
+        ):
+            gripper_factory("WrongGeom", idn=0)
+    finally:
+        del GRIPPER_MAPPING["WrongGeom"]
 
 
 def test_explicit_pairs_of_replaced_geoms_are_removed():
@@ -76,7 +88,7 @@ def test_explicit_pairs_of_replaced_geoms_are_removed():
 
     register_gripper(Paired)
     mount = paxisim.Mount("finger_joint1_tip", replaces=("finger1_pad_collision",))
-    register("TactilePaired", "Paired", paxisim.TaxelLayout(3, 2, 4e-3), [mount])
+    register("TactilePaired", "Paired", LAYOUT, [mount])
     try:
         model = compiled(gripper_factory("TactilePaired", idn=0))
     finally:
@@ -93,6 +105,16 @@ def test_explicit_pairs_of_replaced_geoms_are_removed():
         (("PandaGripper", "PandaGripper"), paxisim.InvalidValueError, "expected a new name"),
         (("A", "PandaGripper", "paxini-gen1-l4629", []), paxisim.InvalidValueError, "at least one mount"),
         (("A", "PaxiPandaGripper"), paxisim.InvalidValueError, "no mounts are known for PaxiPandaGripper"),
+        (
+            ("A", "PandaGripper", paxisim.Pad(LAYOUT, sensors="touch_grid")),
+            paxisim.InvalidValueError,
+            "drops the plugin",
+        ),
+        (
+            ("A", "PandaGripper", LAYOUT, [TIP, TIP]),
+            paxisim.InvalidValueError,
+            "two mounts are named 'finger_joint1_tip'",
+        ),
     ],
 )
 def test_what_cannot_be_registered(arguments, error, message):
