@@ -257,6 +257,24 @@ def test_a_reset_restarts_some_of_a_batch(name):
 
 
 @every
+def test_a_reset_of_some_parameters_that_see_one_stream(name):
+    transforms = [example(name, seed) for seed in range(BATCH)]
+    if not all_parameters(transforms[0]):
+        pytest.skip("it has no numbers for parameters")
+    transform, mask = stacked(transforms), np.array([True, False, True, False])
+    one, series = frames(), covariates(name)
+    outputs = []
+    for x in (one, np.repeat(one[:, None], BATCH, axis=1)):
+        state = transform.initial_state(x[0], at(series, 0))
+        for i, dt in enumerate(np.diff(TIME, prepend=0.0)):
+            if i == 3:
+                state = transform.reset(state, mask, x[i], at(series, i))
+            y, state = transform.step(x[i], state, dt, at(series, i))
+        outputs.append(y)
+    assert_close(*outputs)
+
+
+@every
 def test_it_returns_from_json_bit_for_bit(name):
     for transform in (example(name), stacked([example(name, seed) for seed in range(BATCH)]), KINDS[name]()):
         text = Chain([transform]).to_json()
