@@ -298,6 +298,33 @@ def assert_same(ours: Any, theirs: Any) -> None:
         assert ours == theirs
 
 
+@pytest.mark.parametrize(
+    "member",
+    [
+        {"type": "Offset"},
+        {"name": "a", "type": ["Offset"], "parameters": {}},
+        {"name": "a", "type": "Offset", "parameters": None},
+        {"name": "a", "type": "Offset", "parameters": [1.0]},
+        {"name": "a", "type": "Offset", "parameters": {"value": {"dtype": "float32", "shape": [3], "data": [1.0]}}},
+        {"name": "a", "type": "Offset", "parameters": {"value": {"dtype": "int64", "shape": [1], "data": [2**70]}}},
+        {"name": "a", "type": "Offset", "parameters": {"value": {"dtype": "number", "shape": [1], "data": [1.0]}}},
+        {"name": "a", "type": "LowPass", "parameters": {"tau": {"number": "abc"}}},
+        {"name": "a", "type": "Poisson", "parameters": {"layout": {"layout": 5}}},
+    ],
+)
+def test_json_that_is_no_chain_is_refused(member):
+    with pytest.raises(InvalidValueError, match=r"^Chain: a member of the JSON lacks or misuses"):
+        Chain.from_json(json.dumps({"format": "paxisim-chain/1", "members": [member]}))
+
+
+@needs_torch
+def test_bfloat16_is_saved_as_float32():
+    gain = torch.tensor([0.7, 1.0, 1.3], dtype=torch.bfloat16)
+    (again,) = Chain.from_json(Chain([KINDS["AxisGain"](gain)]).to_json())
+    assert again.gain.dtype == np.float32
+    np.testing.assert_array_equal(again.gain, gain.float().numpy())
+
+
 # torch's own machinery
 
 
