@@ -32,6 +32,7 @@ class TactileGripper:
         mounts: Where the pads went, in the order of the ``pads`` axis, which is that of the pads' bodies.
         pad_names: Their names in `spec`.
         gel: The gel that `bind` gives them.
+        layout: The taxels of each.
         report: How the mounts were chosen, where they were; else empty.
     """
 
@@ -39,6 +40,7 @@ class TactileGripper:
     mounts: tuple[Mount, ...]
     pad_names: tuple[str, ...]
     gel: Gel
+    layout: TaxelLayout
     report: str = ""
 
     def compile(self) -> mujoco.MjModel:
@@ -65,7 +67,9 @@ class TactileGripper:
         """
         pads = find_pads(model, names=[prefix + name for name in self.pad_names])
         self.gel.apply(model, pads)
-        return pads
+        # what a compiled model does not say
+        order = self.layout.vendor_order
+        return replace(pads, layouts=tuple(replace(layout, vendor_order=order) for layout in pads.layouts))
 
     def to_xml(self, folder: str | Path | None = None) -> str:
         """The gripper as MJCF text.
@@ -160,7 +164,8 @@ def attach(
     model = compile_spec(spec, "the gripper with pads")
     # one order for `bind` and for `find_pads` in a saved file, or a policy could meet its pads swapped
     order = sorted(range(len(chosen)), key=lambda i: model.body(pad_names[i]).id)
-    return TactileGripper(spec, tuple(chosen[i] for i in order), tuple(pad_names[i] for i in order), pad.gel, report)
+    mounts, pad_names = tuple(chosen[i] for i in order), tuple(pad_names[i] for i in order)
+    return TactileGripper(spec, mounts, pad_names, pad.gel, pad.layout, report)
 
 
 def _as_pad(sensor: Pad | TaxelLayout | str) -> Pad:

@@ -380,6 +380,14 @@ def test_bind_and_find_pads_agree_whatever_the_order_of_the_mounts(tmp_path):
         assert again.layouts == bound.layouts
 
 
+def test_bind_keeps_the_vendors_order_of_the_taxels():
+    layout = TaxelLayout(2, 2, 4e-3, vendor_order=(3, 1, 2, 0))
+    gripper = attach(GRIPPER, layout, MOUNTS)
+    model = gripper.compile()
+    assert gripper.bind(model).layouts == (layout, layout)
+    assert find_pads(model).layout.vendor_order is None, "a model does not say it"
+
+
 def test_bind_gives_the_gel():
     gel = Gel(modulus=80e3, friction=0.6)
     gripper = attach(GRIPPER, Pad(POOLED, gel=gel), MOUNTS)
