@@ -32,10 +32,11 @@ class GaussianBump:
             bump around its nominal 1 mm, of the order of the indentation of the default gel (0.3 mm under 5 N
             on the paper's pad), so that a flat load reaches most taxels, very unevenly.
         h_max: Depth at the taxel furthest from the centre (m).
-        boundary: What edge taxels lose (m); half the bump, so that the edge reads less, as the paper observes.
+        boundary: What edge taxels lose of their depth (m); half the bump, so that the edge reads less, as the paper
+            observes. Where the depth is a recess, the edge stands out by as much and reads more.
         depth_is: What the paper's "depth" means: ``"thickness"`` of the cube (its cubes are W x H x D), so that
-            the centre is a dip, or ``"recess"`` below the highest point, so that the centre is a bump of the
-            same range.
+            the centre is a dip, or ``"recess"``, so that the centre is a bump of the same range: a thickness of
+            ``h_min + h_max`` less the depth.
 
     Raises:
         InvalidValueError: A value that is not finite, a depth or deviation that is not positive, `h_max` below

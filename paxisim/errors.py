@@ -38,6 +38,11 @@ class UnknownNameError(PaxisimError, LookupError):
         else:
             hint = "there is none"
         super().__init__(f"unknown {kind} {name!r}; {hint}")
+        self._made_of = (kind, name, known)
+
+    def __reduce__(self) -> tuple[type[UnknownNameError], tuple[str, str, list[str]]]:
+        """For copies and pickles, such as a pool of processes makes, which know only the message."""
+        return type(self), self._made_of
 
 
 class MissingExtraError(PaxisimError, ImportError):
@@ -52,6 +57,11 @@ class MissingExtraError(PaxisimError, ImportError):
             purpose: What needs it, e.g. ``"plot_tactile"``.
         """
         super().__init__(f"{purpose} needs {module}, which is not installed: pip install 'paxisim[{extra}]'")
+        self._made_of = (module, extra, purpose)
+
+    def __reduce__(self) -> tuple[type[MissingExtraError], tuple[str, str, str]]:
+        """For copies and pickles, such as a pool of processes makes, which know only the message."""
+        return type(self), self._made_of
 
 
 class OutputExistsError(PaxisimError, FileExistsError):

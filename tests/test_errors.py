@@ -1,5 +1,8 @@
 """The errors: caught as paxisim's or as the builtin that fits, with messages that help."""
 
+import copy
+import pickle
+
 import pytest
 
 from paxisim import errors
@@ -29,6 +32,21 @@ def test_every_error_of_the_module_is_a_paxisim_error():
     classes = [c for c in vars(errors).values() if isinstance(c, type) and issubclass(c, Exception)]
     assert len(classes) == 11
     assert all(issubclass(c, errors.PaxisimError) for c in classes)
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        errors.UnknownNameError("body", "lft", ["left", "right"]),
+        errors.MissingExtraError("matplotlib", "viz", "plot_tactile"),
+        errors.InvalidValueError("what came"),
+        errors.PortNotFoundError("there is no such port"),
+    ],
+)
+def test_errors_survive_the_way_back_from_another_process(error):
+    for again in (pickle.loads(pickle.dumps(error)), copy.copy(error)):
+        assert type(again) is type(error)
+        assert str(again) == str(error)
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from gymnasium import Env
 from gymnasium.wrappers import TransformReward
 from stable_baselines3 import SAC
@@ -118,6 +119,13 @@ class Run:
             told = ", ".join(f"{name} {made} (here {here.get(name)})" for name, made in differ.items())
             raise paxisim.InvalidValueError(f"{folder} was made with {told}: use those, or pass --other-versions")
         return run
+
+    def seed_after(self, steps: int) -> int:
+        """The seed of all that is drawn from here on by a run that begins, at 0 steps, or is resumed.
+
+        The environments count on from it, so those of runs and resumptions are to be far apart.
+        """
+        return int(np.random.SeedSequence([self.seed, steps]).generate_state(1)[0])
 
     def make_env(self, index: int = 0) -> Env:
         """One of the run's environments, seeded; what it logs is not scaled."""

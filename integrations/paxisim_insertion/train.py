@@ -69,8 +69,9 @@ def train(
         model = run.model(env, device)
         done = model.num_timesteps
         # other episodes than those before the end that it is resumed from
-        set_random_seed(run.seed + done)
-        env.seed(run.seed + done)
+        start = run.seed_after(done)
+        set_random_seed(start)
+        env.seed(start)
         model.set_logger(configure(str(folder / f"log_{done}"), ["csv", "tensorboard"]))
         print(f"{run.task} {run.method} seed {run.seed}: {done} of {steps} steps done, in {folder}", flush=True)
         if done < steps:

@@ -79,6 +79,10 @@ class TactileGripper(GripperModel):
             geom = self._geom(bodies[mount.body], which)
             geom.set("contype", "0")
             geom.set("conaffinity", "0")
+            # bits do not keep the geoms of an explicit pair apart
+            for pair in self.contact.findall("pair"):
+                if geom.get("name") in (pair.get("geom1"), pair.get("geom2")):
+                    self.contact.remove(pair)
         pad = replace(self.pad, name=f"{mount.name}_{self.pad.name}")
         document = ET.fromstring(pad.to_xml())
         body = document.find("worldbody/body")
@@ -92,7 +96,12 @@ class TactileGripper(GripperModel):
 
     def _geom(self, body: ET.Element, which: str | int) -> ET.Element:
         if isinstance(which, int):
-            return body.findall("geom")[which]
+            geoms = body.findall("geom")
+            if not 0 <= which < len(geoms):
+                raise paxisim.InvalidValueError(
+                    f"body {body.get('name')!r} has {len(geoms)} geoms, there is no geom {which}"
+                )
+            return geoms[which]
         named = {geom.get("name"): geom for geom in self.worldbody.iter("geom")}
         if which not in named:
             raise paxisim.UnknownNameError("geom", which, [name for name in named if name])
@@ -135,7 +144,8 @@ def register(
     Raises:
         UnknownNameError: There is no such gripper or sensor. A body or geom of a mount that the gripper lacks is
             reported when the gripper is built.
-        InvalidValueError: `name` is that of a gripper without pads, `mounts` is empty, or has to be given.
+        InvalidValueError: `name` is that of a gripper without pads; `mounts` is empty, has to be given, or has two of
+            one name; or the pad has touch_grid sensors, whose plugin robosuite drops.
     """
     if gripper not in GRIPPER_MAPPING:
         raise paxisim.UnknownNameError("gripper", gripper, [known for known in GRIPPER_MAPPING if known])
@@ -149,10 +159,20 @@ def register(
     chosen = tuple(mounts)
     if not chosen:
         raise paxisim.InvalidValueError("expected at least one mount, got none")
+    names = [mount.name for mount in chosen]
+    twice = [mount for mount in names if names.count(mount) > 1]
+    if twice:
+        raise paxisim.InvalidValueError(f"two mounts are named {twice[0]!r}: give them names of their own")
+    pad = _as_pad(sensor)
+    if pad.sensors == "touch_grid":
+        raise paxisim.InvalidValueError(
+            "robosuite drops the plugin of touch_grid sensors when it puts a scene together: give a pad without "
+            "sensors, which TactileWrapper reads, or with sensors='contact'"
+        )
     fields: dict[str, Any] = {
         "__doc__": f"robosuite's {gripper} with a pad on each of {', '.join(mount.body for mount in chosen)}.",
         "__module__": __name__,
-        "pad": _as_pad(sensor),
+        "pad": pad,
         "mounts": chosen,
     }
     return register_gripper(type(name, (TactileGripper, GRIPPER_MAPPING[gripper]), fields))

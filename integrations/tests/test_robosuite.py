@@ -1,17 +1,21 @@
 """Tactile versions of robosuite's grippers, and what they read in one of its environments."""
 
+import xml.etree.ElementTree as ET
+
 import numpy as np
 import pytest
 import robosuite
 from paxisim_robosuite import TactileWrapper, fast_controller, register
 from paxisim_robosuite.gripper import READY_MADE
 from robosuite.controllers.parts.arm import OperationalSpaceController
-from robosuite.models.grippers import GRIPPER_MAPPING, gripper_factory
+from robosuite.models.grippers import GRIPPER_MAPPING, gripper_factory, register_gripper
 from robosuite.models.world import MujocoWorldBase
 from robosuite.wrappers import GymWrapper
 
 import paxisim
 
+LAYOUT = paxisim.TaxelLayout(3, 2, 4e-3)
+TIP = paxisim.Mount("finger_joint1_tip")
 QUIET = {"has_renderer": False, "has_offscreen_renderer": False, "use_camera_obs": False, "control_freq": 20}
 
 
@@ -49,9 +53,8 @@ def test_a_ready_made_gripper_differs_from_robosuites_by_its_pads_alone(gripper)
 
 
 def test_mounts_and_sensor_of_ones_own():
-    layout = paxisim.TaxelLayout(3, 2, 4e-3)
     mount = paxisim.Mount("finger_joint1_tip", (0, -0.009, -0.015), (0, 0, 1, 1), ("finger1_pad_collision",))
-    register("OnePadPandaGripper", "PandaGripper", layout, [mount])
+    register("OnePadPandaGripper", "PandaGripper", LAYOUT, [mount])
     try:
         model = compiled(gripper_factory("OnePadPandaGripper", idn=0))
     finally:
@@ -63,6 +66,37 @@ def test_mounts_and_sensor_of_ones_own():
     assert kept.contype[0]
 
 
+def test_a_geom_that_the_body_does_not_have():
+    register("WrongGeom", "PandaGripper", LAYOUT, [paxisim.Mount("finger_joint1_tip", replaces=(99,))])
+    try:
+        with pytest.raises(
+            paxisim.InvalidValueError, match=r"body 'finger_joint1_tip' has \d geoms?, there is no geom 99"
+        ):
+            gripper_factory("WrongGeom", idn=0)
+    finally:
+        del GRIPPER_MAPPING["WrongGeom"]
+
+
+def test_explicit_pairs_of_replaced_geoms_are_removed():
+    """MuJoCo lets the geoms of a pair meet whatever their contact bits say."""
+
+    class Paired(GRIPPER_MAPPING["PandaGripper"]):
+        def resolve_asset_dependency(self):
+            super().resolve_asset_dependency()
+            for first in ("finger1_pad_collision", "finger1_collision"):
+                self.contact.append(ET.Element("pair", {"geom1": first, "geom2": "hand_collision"}))
+
+    register_gripper(Paired)
+    mount = paxisim.Mount("finger_joint1_tip", replaces=("finger1_pad_collision",))
+    register("TactilePaired", "Paired", LAYOUT, [mount])
+    try:
+        model = compiled(gripper_factory("TactilePaired", idn=0))
+    finally:
+        del GRIPPER_MAPPING["Paired"], GRIPPER_MAPPING["TactilePaired"]
+    (first,), (second,) = model.pair_geom1, model.pair_geom2
+    assert {model.geom(first).name, model.geom(second).name} == {f"gripper0_{n}_collision" for n in ("finger1", "hand")}
+
+
 @pytest.mark.parametrize(
     ("arguments", "error", "message"),
     [
@@ -71,6 +105,16 @@ def test_mounts_and_sensor_of_ones_own():
         (("PandaGripper", "PandaGripper"), paxisim.InvalidValueError, "expected a new name"),
         (("A", "PandaGripper", "paxini-gen1-l4629", []), paxisim.InvalidValueError, "at least one mount"),
         (("A", "PaxiPandaGripper"), paxisim.InvalidValueError, "no mounts are known for PaxiPandaGripper"),
+        (
+            ("A", "PandaGripper", paxisim.Pad(LAYOUT, sensors="touch_grid")),
+            paxisim.InvalidValueError,
+            "drops the plugin",
+        ),
+        (
+            ("A", "PandaGripper", LAYOUT, [TIP, TIP]),
+            paxisim.InvalidValueError,
+            "two mounts are named 'finger_joint1_tip'",
+        ),
     ],
 )
 def test_what_cannot_be_registered(arguments, error, message):

@@ -177,6 +177,12 @@ def test_a_run_of_other_versions_or_of_another_layout(killed, tmp_path):
         Run.open(tmp_path)
 
 
+def test_no_two_runs_and_resumptions_have_an_environment_in_common(tmp_path):
+    starts = [Run(tmp_path, "SX-2mm", "GCS", seed).seed_after(done) for seed in range(5) for done in (0, 1, 4, 1000)]
+    assert min(np.diff(sorted(starts))) > 100, "the environments of one count on from there"
+    assert starts[0] == Run(tmp_path, "SY-2mm", "DT", 0).seed_after(0)
+
+
 def test_environments_in_processes_of_their_own(tmp_path):
     env = Run(tmp_path, "SX-2mm", "GCS", seed=4, envs=2).make_envs()
     try:

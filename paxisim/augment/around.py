@@ -11,8 +11,9 @@ import numpy as np
 
 from paxisim.augment.chain import Chain
 from paxisim.augment.gcs import GCS, PAPER_LAYOUT, uniform
+from paxisim.augment.hysteresis import Hysteresis
 from paxisim.augment.latency import Latency
-from paxisim.augment.parameter import as_like, parameters
+from paxisim.augment.parameter import as_like, namespace, parameters
 from paxisim.augment.transform import Transform
 from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.layout import TaxelLayout
@@ -26,6 +27,8 @@ class FittedGCS(GCS):
     here; the surfaces (G) are drawn as in `GCS`, as no fit tells them. Every number that has an interval is drawn from
     the uniform distribution over it, each by itself; all others are those of the model. The 90 % intervals of a
     diagnosis are meant: uniform, as a policy should see their ends as often as their middle.
+
+    Weights of a hysteresis that sum to more than 1 are drawn back towards their lowest values until they sum to 1.
 
     A latency below 0 says how a recording's streams lay on the clock and is nothing that a sensor does: it is left out,
     so that the chains can be stepped.
@@ -45,7 +48,8 @@ class FittedGCS(GCS):
 
     Raises:
         UnknownNameError: There is no such member or parameter.
-        InvalidValueError: Bounds that are not finite, not in order, or not of the parameter's shape.
+        InvalidValueError: Bounds that are not finite, not in order, or not of the parameter's shape; of a parameter
+            that is a whole number; or lowest weights of a hysteresis that sum to more than 1.
     """
 
     model: Chain = field(default_factory=Chain)
@@ -106,13 +110,22 @@ def _check(chain: Chain, intervals: Mapping[str, Any]) -> None:
                 )
             if not (np.isfinite(low).all() and np.isfinite(high).all() and np.all(low <= high)):
                 raise InvalidValueError(f"GCS.around: the bounds of {name}.{parameter} must be finite and in order")
+            if parameters(member)[parameter].whole:
+                raise InvalidValueError(
+                    f"GCS.around: {name}.{parameter} is a whole number and cannot be drawn from an interval: give the "
+                    "model the one that is meant"
+                )
+            if isinstance(member, Hysteresis) and parameter == "weight":
+                least = np.maximum(low, 0.0).sum(-1)
+                if np.any(least > _most_weight(member) + 1e-6):
+                    raise InvalidValueError(f"GCS.around: the lowest values of {name}.weight sum to more than 1")
 
 
 def _drawn(chain: Chain, intervals: Mapping[str, Any], rng: Any, batch: tuple[int, ...]) -> Chain:
     members, names = [], []
     for name, member in zip(chain.names, chain.members, strict=True):
         own = intervals.get(name, {})
-        if isinstance(member, Latency) and float(member.delay) < 0:
+        if isinstance(member, Latency) and member.reads_ahead:
             continue
         members.append(_drawn(member, own, rng, batch) if isinstance(member, Chain) else _one(member, own, rng, batch))
         names.append(name)
@@ -130,4 +143,21 @@ def _one(member: Transform, intervals: Mapping[str, Any], rng: Any, batch: tuple
         share = uniform(rng, (*batch, *low.shape), (0.0, 1.0))
         low, high = as_like(low, share), as_like(high, share)
         values[name] = (low + (high - low) * share).clip(min=about.low, max=about.high)  # for rounding
+        if isinstance(member, Hysteresis) and name == "weight":
+            values[name] = _sum_of_one(values[name], low.clip(min=0.0), _most_weight(member))
     return dataclasses.replace(member, **values) if values else member  # type: ignore[type-var]
+
+
+def _most_weight(member: Hysteresis) -> float:
+    """What the weights that it has may sum to: 1, or less where one stands for several plays."""
+    own = np.shape(member.weight)[-1]
+    return own / max(own, np.shape(member.radius)[-1])
+
+
+def _sum_of_one(weight: Any, low: Any, most: float) -> Any:
+    """Weights no less than `low` and, where they sum to more than `most`, so much nearer to it that they do not."""
+    xp = namespace(weight)
+    above = (weight - low).sum(-1)[..., None]
+    allowed = (most - low.sum(-1)[..., None]).clip(min=0.0)
+    one = xp.ones_like(above)
+    return low + (weight - low) * xp.where(above > allowed, allowed / xp.where(above > allowed, above, one), one)

@@ -18,7 +18,7 @@ import numpy as np
 
 from paxisim.augment.parameter import is_torch
 from paxisim.augment.transform import STAGES, Covariates, State, Transform
-from paxisim.errors import InvalidValueError, UnknownNameError
+from paxisim.errors import InvalidValueError, PaxisimError, UnknownNameError
 from paxisim.layout import TaxelLayout
 
 FORMAT = "paxisim-chain/1"
@@ -135,7 +135,10 @@ class Chain(Transform):
         return tuple(states)
 
     def to_json(self) -> str:
-        """The chain as JSON text, from which `from_json` makes it again bit for bit (torch parameters as numpy's)."""
+        """The chain as JSON text, from which `from_json` makes it again bit for bit.
+
+        Torch parameters come back as numpy's, and bfloat16, which numpy does not have, as float32.
+        """
         members = [_encode(member, name) for name, member in zip(self.names, self.members, strict=True)]
         return json.dumps({"format": FORMAT, "members": members}, indent=1, allow_nan=False)
 
@@ -156,7 +159,9 @@ class Chain(Transform):
         members = document.get("members", [])
         try:
             return cls([_decode(member) for member in members], [member["name"] for member in members])
-        except (KeyError, TypeError) as error:
+        except PaxisimError:
+            raise
+        except (AttributeError, KeyError, OverflowError, TypeError, ValueError) as error:
             raise InvalidValueError(f"Chain: a member of the JSON lacks or misuses {error}") from error
 
     def save(self, path: str | Path) -> None:
@@ -200,7 +205,8 @@ def _encode_value(value: Any) -> Any:
     if isinstance(value, TaxelLayout):
         return {"layout": value.to_dict()}
     if is_torch(value):
-        value = value.detach().cpu().numpy()
+        value = value.detach().cpu()
+        value = (value.float() if str(value.dtype) == "torch.bfloat16" else value).numpy()
     if isinstance(value, (np.ndarray, np.generic)):
         value = np.asarray(value)
         data = [_encode_number(number) for number in value.reshape(-1).tolist()]

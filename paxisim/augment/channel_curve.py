@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from paxisim.augment.modes import each_mode
-from paxisim.augment.parameter import as_like, namespace, parameter
+from paxisim.augment.parameter import Parameter, as_like, check, is_torch, namespace, parameter
 from paxisim.augment.transform import Covariates, Transform
 
 
@@ -34,12 +36,21 @@ class ChannelCurve(Transform):
     Attributes:
         error: ``(..., M, pads, 3, rows, cols)`` reading less load at each knot (N); any of the last four may be 1 long.
         low: ``(...)`` load at the first knot (N).
-        high: ``(...)`` load at the last knot (N), above `low`.
+        high: ``(...)`` load at the last knot (N), not below `low`.
+
+    Raises:
+        InvalidValueError: Also if the last knot is below the first.
     """
 
     error: Any = parameter((((((0.0,),),),),), "mpkrc", unit="N", typical=(-0.3, 0.3))
     low: Any = parameter(0.0, unit="N")
     high: Any = parameter(1.0, unit="N")
+
+    def __post_init__(self) -> None:
+        """Check the fields."""
+        super().__post_init__()
+        like = self.low if is_torch(self.low) else self.high if is_torch(self.high) else _NUMBER
+        check("ChannelCurve", "high - low", as_like(self.high, like) - as_like(self.low, like), _WIDTH)
 
     def apply(self, x: Any, covariates: Covariates) -> Any:
         """See `Transform.apply`."""
@@ -47,6 +58,9 @@ class ChannelCurve(Transform):
         low, high = self.fit("low", x), self.fit("high", x)
         error = self.fit("error", each_mode(x))
         return x + xp.sum(error * hats(x, low, high, error.shape[-5]), axis=-5)
+
+
+_NUMBER, _WIDTH = np.zeros(()), Parameter(unit="N", low=0.0)
 
 
 def hats(x: Any, low: Any, high: Any, count: int) -> Any:

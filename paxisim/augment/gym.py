@@ -59,7 +59,7 @@ class TactileTransform(gymnasium.Wrapper, gymnasium.utils.RecordConstructorArgs)
             dt: Time between two steps of the environment (s); needed by transforms with memory.
             layout: The pads' taxels, for GCS; default: a grid of the observation's rows and columns.
             covariates: Where to find the covariates that the transform needs: for each name the key in the observation
-                or else in ``info``; default: the name itself.
+                or else in ``info``; default: the name itself. An array of one element counts as a number.
             seed: Seed of what is drawn until the first ``reset(seed=...)``; default: from the operating system.
 
         Raises:
@@ -73,6 +73,7 @@ class TactileTransform(gymnasium.Wrapper, gymnasium.utils.RecordConstructorArgs)
         gymnasium.Wrapper.__init__(self, env)
         space = self._tactile_space(env.observation_space, key)
         self._key, self._dtype = key, space.dtype
+        self._shape = space.shape
         self._pads, _, rows, cols = space.shape
         if dt is not None and not 0 < dt < float("inf"):
             raise InvalidValueError(f"TactileTransform: dt must be positive and finite, got {dt!r}")
@@ -127,6 +128,11 @@ class TactileTransform(gymnasium.Wrapper, gymnasium.utils.RecordConstructorArgs)
         return np.asarray(observation if self._key is None else observation[self._key], dtype=self._dtype)
 
     def _replace(self, observation: Any, force: NDArray[Any]) -> Any:
+        if force.shape != self._shape:
+            raise InvalidValueError(
+                f"TactileTransform: the transform made shape {force.shape} of an observation of shape {self._shape}: "
+                "its parameters and covariates must be those of one environment, without a batch"
+            )
         return force if self._key is None else {**observation, self._key: force}
 
     def _find_covariates(self, observation: Any, info: Mapping[str, Any]) -> dict[str, Any]:
@@ -134,9 +140,9 @@ class TactileTransform(gymnasium.Wrapper, gymnasium.utils.RecordConstructorArgs)
         for name in self.transform.covariate_names:
             key = self._covariates.get(name, name)
             if self._key is not None and key in observation:
-                found[name] = observation[key]
+                found[name] = _number(observation[key])
             elif key in info:
-                found[name] = info[key]
+                found[name] = _number(info[key])
             else:
                 known = [*info, *(observation if self._key is not None else ())]
                 raise UnknownNameError(f"key of observation or info, for the covariate {name!r}:", key, known)
@@ -157,3 +163,8 @@ class TactileTransform(gymnasium.Wrapper, gymnasium.utils.RecordConstructorArgs)
                 + ("" if key is not None or not isinstance(space, spaces.Dict) else "; name its entry with key=...")
             )
         return space
+
+
+def _number(value: Any) -> Any:
+    """A covariate as it is, but without the dimensions of a Box of one number, which would count as a batch."""
+    return np.reshape(value, ()) if np.size(value) == 1 else value

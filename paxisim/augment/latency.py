@@ -71,14 +71,14 @@ class Latency(Memory):
         check_seed("Latency", self.seed)
         if not isinstance(self.capacity, int) or self.capacity < 3:
             raise InvalidValueError(f"Latency: capacity must be a whole number of at least 3, got {self.capacity!r}")
-        if self._reads_ahead and (math.prod(np.shape(self.delay)) > 1 or _any(self.jitter, lambda jitter: jitter != 0)):
+        if self.reads_ahead and (math.prod(np.shape(self.delay)) > 1 or _any(self.jitter, lambda jitter: jitter != 0)):
             raise InvalidValueError(
                 f"Latency: a delay below 0 must be one number, without jitter, got delay {self.delay!r} and jitter "
                 f"{self.jitter!r}"
             )
 
     @property
-    def _reads_ahead(self) -> bool:
+    def reads_ahead(self) -> bool:
         """Whether some delay is below 0; one that is traced, or on an accelerator, is taken not to be."""
         return _any(self.delay, lambda delay: delay < 0)
 
@@ -88,7 +88,7 @@ class Latency(Memory):
         They are ``(*batch, capacity, pads, 3, rows, cols)``, ``(*batch, capacity, 1, 1, 1, 1)``, and twice
         ``(*batch, 1, 1, 1, 1)``.
         """
-        if self._reads_ahead:
+        if self.reads_ahead:
             raise InvalidValueError(
                 f"Latency: with a delay of {float(self.delay):g} s a frame would be read before it comes; delay "
                 "the simulated stream instead, or leave the latency out, or use run(x, time) on a whole sequence"
@@ -127,7 +127,7 @@ class Latency(Memory):
 
     def run(self, x: Any, time: Any, covariates: Covariates | None = None) -> Any:
         """See `Transform.run`."""
-        if not self._reads_ahead:
+        if not self.reads_ahead:
             return super().run(x, time, covariates)
         steps = self._time_steps(x, time)
         self._check_frame(x[0])

@@ -130,7 +130,10 @@ def check(owner: str, name: str, value: Any, about: Parameter) -> None:
         raise InvalidValueError(f"{what} must be whole numbers")
     if math.prod(value.shape):
         least, most = float(xp.min(numbers)), float(xp.max(numbers))
-        if least < about.low or most > about.high:
+        outside = least < about.low or most > about.high
+        if outside and is_floating(value):  # at a bound, such as pi, of which its dtype holds the nearest number
+            outside = least < float(as_like(about.low, value)) or most > float(as_like(about.high, value))
+        if outside:
             came = f"{least:g}" if least == most else f"{least:g} to {most:g}"
             raise InvalidValueError(f"{what} must lie in [{about.low:g}, {about.high:g}] {about.unit}, got {came}")
 

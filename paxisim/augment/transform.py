@@ -178,7 +178,8 @@ class Transform:
         Args:
             state: The state.
             mask: Booleans of the batch's shape, True where a stream begins anew.
-            x: ``(*batch, pads, 3, rows, cols)`` the frames with which they begin; only the masked ones are used.
+            x: ``(*batch, pads, 3, rows, cols)`` the frames with which they begin, or one for all; only the masked ones
+                are used.
             covariates: Values by name at those frames.
 
         Returns:
@@ -186,9 +187,12 @@ class Transform:
         """
         xp = namespace(x)
         mask = xp.asarray(mask)
+        # where only the parameters have a batch, all of it begins with the same frame
+        batch = np.broadcast_shapes(tuple(mask.shape), tuple(x.shape[:-4]))
+        mask, x = xp.broadcast_to(mask, batch), xp.broadcast_to(x, (*batch, *x.shape[-4:]))
 
         def choose(new: Any, old: Any) -> Any:
-            return xp.where(xp.reshape(mask, (*mask.shape, *[1] * (old.ndim - mask.ndim))), new, old)
+            return xp.where(xp.reshape(mask, (*batch, *[1] * (new.ndim - len(batch)))), new, old)
 
         return tuple(choose(new, old) for new, old in zip(self.initial_state(x, covariates), state, strict=True))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,10 +14,11 @@ from lxml import etree
 
 from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.layout import TaxelLayout
+from paxisim.models import names
 from paxisim.models.gel import Gel
 from paxisim.models.load import compile_spec, load_spec, one_line
 from paxisim.models.mount import Mount
-from paxisim.models.pad import Pad
+from paxisim.models.pad import Pad, numbers
 from paxisim.models.pads import Pads, find_pads
 from paxisim.sensors import sensor as find_sensor
 
@@ -30,6 +32,7 @@ class TactileGripper:
         mounts: Where the pads went, in the order of the ``pads`` axis, which is that of the pads' bodies.
         pad_names: Their names in `spec`.
         gel: The gel that `bind` gives them.
+        layout: The taxels of each.
         report: How the mounts were chosen, where they were; else empty.
     """
 
@@ -37,6 +40,7 @@ class TactileGripper:
     mounts: tuple[Mount, ...]
     pad_names: tuple[str, ...]
     gel: Gel
+    layout: TaxelLayout
     report: str = ""
 
     def compile(self) -> mujoco.MjModel:
@@ -63,7 +67,9 @@ class TactileGripper:
         """
         pads = find_pads(model, names=[prefix + name for name in self.pad_names])
         self.gel.apply(model, pads)
-        return pads
+        # what a compiled model does not say
+        order = self.layout.vendor_order
+        return replace(pads, layouts=tuple(replace(layout, vendor_order=order) for layout in pads.layouts))
 
     def to_xml(self, folder: str | Path | None = None) -> str:
         """The gripper as MJCF text.
@@ -81,10 +87,11 @@ class TactileGripper:
         for name, directory in directories.items():
             setattr(spec, name, str(directory))
         try:
-            spec.compile()
+            model = spec.compile()
         except ValueError as error:
             raise InvalidValueError(f"MuJoCo cannot compile the gripper with pads: {one_line(error)}") from error
         root = etree.fromstring(spec.to_xml())
+        _write_inertia(root, model)
         has_files = spec.meshes or spec.textures or spec.hfields or spec.skins
         for compiler in root.iter("compiler"):
             for name, directory in directories.items():
@@ -105,8 +112,10 @@ def attach(
     """Put tactile pads on a gripper, an arm or a hand.
 
     The gripper keeps every name, actuator, sensor, default, tendon, equality and keyframe. Each pad becomes a
-    child body of its mount's body, with its own mass. Collision geoms it replaces are switched off; it takes over
-    their contact bits, less those with which pads would meet each other, and the body's contact exclusions.
+    child body of its mount's body, with its own mass. Collision geoms it replaces are switched off, and the explicit
+    contact pairs that name them removed; it takes over their contact bits, less those with which pads would meet each
+    other, and the body's contact exclusions. MuJoCo's touch sensors count the contacts of one body, not those of a pad
+    on it: they stay, but there is a warning of those on a body that gets a pad.
 
     Args:
         gripper: A spec (left unchanged), an MJCF file or MJCF text.
@@ -138,24 +147,25 @@ def attach(
     for mount in chosen:
         if mount.body not in bodies:
             raise UnknownNameError("body", mount.body, [name for name in bodies if name])
-        replaced.append([_geom(spec, bodies[mount.body], which) for which in mount.replaces])
+        replaced += [_geom(spec, bodies[mount.body], which) for which in mount.replaces]
     if pad.contype == Pad.contype and pad.conaffinity == Pad.conaffinity:
-        pad = replace(pad, **_bits([geom for geoms in replaced for geom in geoms]))
+        pad = replace(pad, **_bits(replaced))
     pad_names = tuple(f"{mount.name}_{pad.name}" for mount in chosen)
     taken = [name for name in pad_names if name in bodies or pad_names.count(name) > 1]
     if taken:
         raise InvalidValueError(f"there would be two bodies named {taken[0]!r}: give the mounts names of their own")
+    _warn_of_touch(spec, {mount.body for mount in chosen} | {geom.parent.name for geom in replaced})
     child = pad.to_xml()
-    for mount, geoms in zip(chosen, replaced, strict=True):
-        for geom in geoms:
-            geom.contype = geom.conaffinity = 0
+    _switch_off(spec, replaced)
+    for mount in chosen:
         frame = bodies[mount.body].add_frame(pos=mount.pos, quat=mount.quat)
         frame.attach_body(mujoco.MjSpec.from_string(child).body(pad.name), f"{mount.name}_", "")
     _inherit_exclusions(spec, dict(zip(pad_names, (mount.body for mount in chosen), strict=True)))
     model = compile_spec(spec, "the gripper with pads")
     # one order for `bind` and for `find_pads` in a saved file, or a policy could meet its pads swapped
     order = sorted(range(len(chosen)), key=lambda i: model.body(pad_names[i]).id)
-    return TactileGripper(spec, tuple(chosen[i] for i in order), tuple(pad_names[i] for i in order), pad.gel, report)
+    mounts, pad_names = tuple(chosen[i] for i in order), tuple(pad_names[i] for i in order)
+    return TactileGripper(spec, mounts, pad_names, pad.gel, pad.layout, report)
 
 
 def _as_pad(sensor: Pad | TaxelLayout | str) -> Pad:
@@ -186,6 +196,45 @@ def _bits(replaced: list[mujoco.MjsGeom]) -> dict[str, int]:
     if contype == conaffinity == 0:
         return {"contype": Pad.contype, "conaffinity": Pad.conaffinity}
     return {"contype": contype, "conaffinity": conaffinity}
+
+
+def _switch_off(spec: mujoco.MjSpec, geoms: list[mujoco.MjsGeom]) -> None:
+    for geom in geoms:
+        geom.contype = geom.conaffinity = 0
+    # bits do not keep the geoms of an explicit pair apart
+    switched_off = {geom.name for geom in geoms if geom.name}
+    for pair in list(spec.pairs):
+        if switched_off & {pair.geomname1, pair.geomname2}:
+            spec.delete(pair)
+
+
+def _warn_of_touch(spec: mujoco.MjSpec, bodies: set[str]) -> None:
+    for sensor in spec.sensors:
+        if int(sensor.type) != int(mujoco.mjtSensor.mjSENS_TOUCH):
+            continue
+        site = spec.site(sensor.objname)
+        if site is not None and site.parent.name in bodies - {""}:
+            warnings.warn(
+                f"the touch sensor {sensor.name!r} on {site.parent.name!r} will not feel what touches the pad there: "
+                "read the pad with paxisim.TactileReadout",
+                stacklevel=3,
+            )
+
+
+def _write_inertia(root: etree._Element, model: mujoco.MjModel) -> None:
+    """Say what each pad weighs, which MuJoCo before 4.0 leaves out where the gripper has inertiafromgeom="true"."""
+    for body in root.iter("body"):
+        name = body.get("name", "")
+        is_pad = any(site.get("name") == names.gel(name) for site in body.findall("site"))
+        if is_pad and body.find("inertial") is None:
+            compiled = model.body(name)
+            values = {
+                "pos": compiled.ipos,
+                "quat": compiled.iquat,
+                "mass": compiled.mass,
+                "diaginertia": compiled.inertia,
+            }
+            body.insert(0, etree.Element("inertial", {key: numbers(value) for key, value in values.items()}))
 
 
 def _inherit_exclusions(spec: mujoco.MjSpec, bodies_of_pads: dict[str, str]) -> None:

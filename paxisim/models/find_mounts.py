@@ -22,7 +22,7 @@ from paxisim.models.closing import close_gripper, links_of
 from paxisim.models.faces import Face, find_face
 from paxisim.models.fingertips import Fingers, Pair, unit
 from paxisim.models.grippers import mounts_for_file
-from paxisim.models.load import compile_spec, load_spec
+from paxisim.models.load import compile_whole, load_spec
 from paxisim.models.mount import Mount
 
 
@@ -81,7 +81,8 @@ def find_mounts(gripper: mujoco.MjSpec | str | Path) -> FoundMounts:
         The mounts, with the report.
 
     Raises:
-        InvalidValueError: Nothing closes or nothing opposes; the message says what was found.
+        InvalidValueError: Nothing closes or nothing opposes, or a finger's body has no name; the message says what was
+            found.
     """
     spec = load_spec(gripper)
     for key in list(spec.keys):
@@ -89,7 +90,7 @@ def find_mounts(gripper: mujoco.MjSpec | str | Path) -> FoundMounts:
     for joint in list(spec.joints):
         if int(joint.type) == int(mujoco.mjtJoint.mjJNT_FREE):
             spec.delete(joint)
-    model = compile_spec(spec, "the gripper")
+    model = compile_whole(spec, "the gripper")
     if not links_of(model):
         raise InvalidValueError("the gripper has no geom that can touch anything (contype, conaffinity)")
     return _Search(Fingers(model, close_gripper(model))).result()
@@ -195,6 +196,12 @@ class _Search:
         """Express a face in the frame of the body that carries most of it."""
         model = self.model
         body = int(model.geom_bodyid[face.geoms[0]])
+        if not model.body(body).name:
+            parent = self.fingers.body_name(int(model.body_parentid[body]))
+            raise InvalidValueError(
+                f"a pad would go on {self.fingers.body_name(body)} (its parent is {parent}), which has no name: give "
+                "it one, by which a mount can say where its pad goes"
+            )
         rot, pos = self.fingers.data.xmat[body].reshape(3, 3), self.fingers.data.xpos[body]
         world = self.stroke.rot[0, link]
         center = rot.T @ (self.fingers.world(link, 0, face.center) - pos)

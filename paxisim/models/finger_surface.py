@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.models.faces import shape_of
-from paxisim.models.load import compile_spec, load_spec
+from paxisim.models.load import compile_whole, load_spec
 from paxisim.models.mount import Mount
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ def finger_surface(gripper: mujoco.MjSpec | str | Path, mount: Mount) -> trimesh
     """
     import trimesh
 
-    model = compile_spec(load_spec(gripper), "the gripper")
+    model = compile_whole(load_spec(gripper), "the gripper")
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, mount.body)

@@ -91,6 +91,19 @@ def compile_spec(spec: mujoco.MjSpec, what: str) -> mujoco.MjModel:
         raise InvalidValueError(f"MuJoCo cannot compile {what}: {one_line(error)}") from error
 
 
+def compile_whole(spec: mujoco.MjSpec, what: str) -> mujoco.MjModel:
+    """`compile_spec` with every body and geom that the spec has, so that they count as they do there.
+
+    The gripper's settings may have MuJoCo leave out geoms that touch nothing, and merge bodies that do not move.
+
+    Raises:
+        InvalidValueError: MuJoCo cannot compile the model.
+    """
+    spec = spec.copy()
+    spec.compiler.discardvisual = spec.compiler.fusestatic = False
+    return compile_spec(spec, what)
+
+
 def one_line(error: Exception) -> str:
     """An error's message with its line breaks and repeated spaces removed."""
     return " ".join(str(error).split())

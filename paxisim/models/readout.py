@@ -80,8 +80,8 @@ class TactileReadout:
             start >= 0
             and int(address[-1]) - start == 3 * (count - 1)
             and dim.tobytes() == _THREE * count
-            # with a pyramidal cone such contacts have four constraints each, which shows unless there is but one
-            and (count > 1 or self._model.opt.cone == _ELLIPTIC)
+            # with a pyramidal cone some contacts with four constraints and some with none can span as many rows
+            and self._model.opt.cone == _ELLIPTIC
         ):
             # the usual case, three constraints each in the order of the contacts: nothing to gather
             force = data.efc_force[start : start + 3 * count].reshape(count, 1, 3)

@@ -67,6 +67,23 @@ def test_no_drawn_latency_reads_ahead(rng):
     assert "latency" not in GCS.around(ahead, {"latency": {"delay": (-0.05, -0.01)}}).sample(rng).names
 
 
+def test_a_latency_of_many_environments_stays(rng):
+    model = Chain([Latency(np.array([0.01, 0.02]))])
+    assert GCS.around(model, {}).sample(rng)["latency"] is model["latency"]
+
+
+@pytest.mark.parametrize("radius", [(0.1, 0.5), (0.1,)])
+def test_weights_of_a_hysteresis_sum_to_1_at_most(rng, radius):
+    low, high = [0.3, 0.2], [0.7, 0.6]
+    gcs = GCS.around(Chain([Hysteresis((0.5, 0.4), radius)]), {"hysteresis": {"weight": (low, high)}})
+    weight = np.asarray(gcs.sample(rng, (4000,))["hysteresis"].weight)
+    np.testing.assert_allclose(weight.sum(-1).max(), 1, rtol=1e-6)
+    assert 0.4 < np.mean(weight.sum(-1) < 0.9999) < 0.8
+    assert np.all((weight > np.array(low) - 1e-6) & (weight < np.array(high) + 1e-6))
+    one = GCS.around(Chain([Hysteresis((0.3,), (0.1, 0.5, 1.0))]), {"hysteresis": {"weight": ([0.2], [0.4])}})
+    np.testing.assert_allclose(np.asarray(one.sample(rng, (4000,))["hysteresis"].weight).max(), 1 / 3, rtol=1e-6)
+
+
 def test_a_batch_is_stepped_each_environment_with_its_own(rng):
     chain = GCS.around(MODEL, INTERVALS).sample(rng, (4,))
     x = np.random.default_rng(1).uniform(0, 5, (8, 4, 2, 3, 6, 5)).astype(np.float32)
@@ -147,6 +164,8 @@ def test_the_wrapper_of_environments_takes_it():
         ({"latency": {"delay": 0.1}}, InvalidValueError, r"latency.delay must be \(low, high\)"),
         ({"latency": 0.1}, InvalidValueError, "must be a mapping by parameter"),
         ({"low_pass": {"tau": (0.1, 0.2)}}, UnknownNameError, "low_pass"),
+        ({"latency": {"seed": (0, 9)}}, InvalidValueError, "latency.seed is a whole number"),
+        ({"hysteresis": {"weight": ([0.5, 0.6], [0.9, 0.9])}}, InvalidValueError, "sum to more than 1"),
     ],
 )
 def test_bad_intervals(intervals, error, match):

@@ -257,6 +257,24 @@ def test_a_reset_restarts_some_of_a_batch(name):
 
 
 @every
+def test_a_reset_of_some_parameters_that_see_one_stream(name):
+    transforms = [example(name, seed) for seed in range(BATCH)]
+    if not all_parameters(transforms[0]):
+        pytest.skip("it has no numbers for parameters")
+    transform, mask = stacked(transforms), np.array([True, False, True, False])
+    one, series = frames(), covariates(name)
+    outputs = []
+    for x in (one, np.repeat(one[:, None], BATCH, axis=1)):
+        state = transform.initial_state(x[0], at(series, 0))
+        for i, dt in enumerate(np.diff(TIME, prepend=0.0)):
+            if i == 3:
+                state = transform.reset(state, mask, x[i], at(series, i))
+            y, state = transform.step(x[i], state, dt, at(series, i))
+        outputs.append(y)
+    assert_close(*outputs)
+
+
+@every
 def test_it_returns_from_json_bit_for_bit(name):
     for transform in (example(name), stacked([example(name, seed) for seed in range(BATCH)]), KINDS[name]()):
         text = Chain([transform]).to_json()
@@ -278,6 +296,33 @@ def assert_same(ours: Any, theirs: Any) -> None:
         assert (ours.dtype, ours.shape, ours.tobytes()) == (theirs.dtype, theirs.shape, theirs.tobytes())
     else:
         assert ours == theirs
+
+
+@pytest.mark.parametrize(
+    "member",
+    [
+        {"type": "Offset"},
+        {"name": "a", "type": ["Offset"], "parameters": {}},
+        {"name": "a", "type": "Offset", "parameters": None},
+        {"name": "a", "type": "Offset", "parameters": [1.0]},
+        {"name": "a", "type": "Offset", "parameters": {"value": {"dtype": "float32", "shape": [3], "data": [1.0]}}},
+        {"name": "a", "type": "Offset", "parameters": {"value": {"dtype": "int64", "shape": [1], "data": [2**70]}}},
+        {"name": "a", "type": "Offset", "parameters": {"value": {"dtype": "number", "shape": [1], "data": [1.0]}}},
+        {"name": "a", "type": "LowPass", "parameters": {"tau": {"number": "abc"}}},
+        {"name": "a", "type": "Poisson", "parameters": {"layout": {"layout": 5}}},
+    ],
+)
+def test_json_that_is_no_chain_is_refused(member):
+    with pytest.raises(InvalidValueError, match=r"^Chain: a member of the JSON lacks or misuses"):
+        Chain.from_json(json.dumps({"format": "paxisim-chain/1", "members": [member]}))
+
+
+@needs_torch
+def test_bfloat16_is_saved_as_float32():
+    gain = torch.tensor([0.7, 1.0, 1.3], dtype=torch.bfloat16)
+    (again,) = Chain.from_json(Chain([KINDS["AxisGain"](gain)]).to_json())
+    assert again.gain.dtype == np.float32
+    np.testing.assert_array_equal(again.gain, gain.float().numpy())
 
 
 # torch's own machinery
@@ -459,6 +504,20 @@ def bad_values(kind: type[Transform]) -> list[tuple[str, Any]]:
         if about.whole:
             found.append((key, np.full(shape, 0.5)))
     return found
+
+
+@every
+@pytest.mark.parametrize("dtype", ["float16", "float32"])
+def test_the_ends_of_a_range_are_within_it_in_every_dtype(name, dtype):
+    kind = KINDS[name]
+    for key, about in parameters(kind).items():
+        for bound in (about.low, about.high):
+            if not math.isfinite(bound) or key == "seed":  # a seed is an integer
+                continue
+            value = np.full([3 if axis in "kj" else 1 for axis in about.core], bound, dtype)
+            kind(**{key: value})
+            if torch is not None:
+                kind(**{key: torch.as_tensor(value)})
 
 
 @every

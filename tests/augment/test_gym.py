@@ -8,6 +8,7 @@ from paxisim.augment.chain import Chain
 from paxisim.augment.gains import AxisGain
 from paxisim.augment.gcs import GCS
 from paxisim.augment.low_pass import LowPass
+from paxisim.augment.temperature import TemperatureDrift
 from paxisim.augment.transform import Transform
 from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.layout import TaxelLayout
@@ -20,19 +21,21 @@ SHAPE = (2, 3, 6, 5)
 class Touch(gymnasium.Env):
     """Feels i + 1 newtons in its i-th frame; of a Dict also says how far its fingers are open."""
 
-    def __init__(self, as_dict=True, dtype=np.float32, shape=SHAPE, gives=None):
+    def __init__(self, as_dict=True, dtype=np.float32, shape=SHAPE, gives=None, opening=()):
         box = gymnasium.spaces.Box(0, 10, shape, dtype)
         self.gives = gives or dtype
         self.as_dict = as_dict
         self.observation_space = box
         if as_dict:
-            opening = gymnasium.spaces.Box(0, 1, (), np.float32)
+            opening = gymnasium.spaces.Box(0, 1, opening, np.float32)
             self.observation_space = gymnasium.spaces.Dict({"touch": box, "opening": opening})
         self.action_space = gymnasium.spaces.Discrete(2)
 
     def observe(self):
         force = np.full(self.observation_space["touch"].shape if self.as_dict else SHAPE, self.i + 1, self.gives)
-        return {"touch": force, "opening": np.array(0.1 * self.i, np.float32)} if self.as_dict else force
+        if not self.as_dict:
+            return force
+        return {"touch": force, "opening": np.full(self.observation_space["opening"].shape, 0.1 * self.i, np.float32)}
 
     def reset(self, *, seed=None, options=None):
         super().reset(seed=seed)
@@ -77,7 +80,12 @@ def test_an_entry_of_a_dict_leaves_the_others():
 def test_gymnasium_finds_nothing_to_complain_of():
     from gymnasium.utils.env_checker import check_env
 
-    for env in (Touch(), TactileTransform(Touch(), GCS(), key="touch")):
+    by_opening = TemperatureDrift(gain=-1e-3, covariate="opening")
+    for env in (
+        Touch(),
+        TactileTransform(Touch(), GCS(), key="touch"),
+        TactileTransform(Touch(opening=(1,)), by_opening, key="touch"),
+    ):
         check_env(env, skip_render_check=True)
 
 
@@ -138,6 +146,18 @@ def test_covariates_come_from_the_observation_or_info():
     env = TactileTransform(Touch(), Warm("heat"), key="touch")
     with pytest.raises(UnknownNameError, match="'heat'"):
         env.reset()
+
+
+@pytest.mark.parametrize(
+    ("env", "transform"),
+    [
+        (Touch(), AxisGain(np.ones((4, 3)))),
+        (Touch(opening=(2,)), TemperatureDrift(gain=-1e-3, covariate="opening")),
+    ],
+)
+def test_what_is_of_several_environments_is_refused(env, transform):
+    with pytest.raises(InvalidValueError, match=r"of an observation of shape \(2, 3, 6, 5\): its parameters and"):
+        TactileTransform(env, transform, key="touch").reset()
 
 
 def test_float64_observations_of_a_float32_space():

@@ -34,6 +34,11 @@ class TestChannelCurve:
         for load, at in ((-7.0, 0), (-1.0, 0), (0.0, 1), (3.0, 4), (50.0, 4)):
             np.testing.assert_allclose(curve(np.full((2, 3, 6, 5), load)), load + error[at])
 
+    @pytest.mark.parametrize("low", [2.0, np.array([-1.0, 2.0])])
+    def test_the_last_knot_is_not_below_the_first(self, low):
+        with pytest.raises(InvalidValueError, match="ChannelCurve: high - low must lie in"):
+            ChannelCurve(low=low, high=0.0)
+
     def test_one_knot_is_an_offset(self):
         x = frame()
         np.testing.assert_allclose(ChannelCurve(np.full((1, 1, 1, 1, 1), 0.3))(x), x + 0.3)

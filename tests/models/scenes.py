@@ -68,7 +68,7 @@ GRIPPER = """
   </actuator>
   <sensor>
     <tendonpos name="opening" tendon="squeeze"/>
-    <touch name="left_touch" site="left_site"/>
+    <force name="left_force" site="left_site"/>
     <jointpos name="right_pos" joint="right_slide"/>
   </sensor>
   <keyframe>

@@ -158,8 +158,12 @@ def test_the_pads_mass_is_added_exactly(bare, model):
 def test_the_pads_mass_is_added_under_every_compiler_setting(setting, layout):
     text = GRIPPER.replace("<compiler ", f"<compiler {setting} ")
     before = mujoco.MjModel.from_xml_string(text)
-    after = attach(text, Pad(layout, mass=8e-3), MOUNTS).compile()
+    gripper = attach(text, Pad(layout, mass=8e-3), MOUNTS)
+    after, saved = gripper.compile(), mujoco.MjModel.from_xml_string(gripper.to_xml())
     assert after.body_mass.sum() - before.body_mass.sum() == pytest.approx(2 * 8e-3, rel=1e-7)
+    for field in ("mass", "inertia", "ipos", "iquat"):
+        values = (getattr(model, f"body_{field}") for model in (saved, after))
+        np.testing.assert_allclose(*values, rtol=1e-5, atol=1e-12)
 
 
 def test_the_callers_spec_stays_as_it_was():
@@ -208,6 +212,23 @@ def test_replaced_geoms_are_off_and_others_are_not(bare, model):
     assert collides(bare.geom("left_tip"))
     nothing_replaced = attach(GRIPPER, PAD, [Mount("left_finger")]).compile()
     assert collides(nothing_replaced.geom("left_tip"))
+
+
+def test_touch_sensors_that_will_not_feel_the_pads_are_named():
+    text = GRIPPER.replace("<sensor>", '<sensor><touch name="of_hand" site="grip_site"/>')
+    assert attach(text, PAD, MOUNTS).compile().sensor("of_hand").type[0] == int(mujoco.mjtSensor.mjSENS_TOUCH)
+    text = text.replace("<sensor>", '<sensor><touch name="of_finger" site="left_site"/>')
+    with pytest.warns(UserWarning, match=r"touch sensor 'of_finger' on 'left_finger' .*TactileReadout") as told:
+        attach(text, PAD, MOUNTS)
+    assert len(told) == 1
+    assert told[0].filename == __file__
+
+
+def test_explicit_pairs_of_replaced_geoms_are_removed_and_others_are_not():
+    """MuJoCo lets the geoms of a pair meet whatever their contact bits say."""
+    pairs = '<pair geom1="left_tip" geom2="palm"/><pair geom1="left_link" geom2="right_link"/>'
+    model = attach(GRIPPER.replace("<contact>", "<contact>" + pairs), PAD, MOUNTS).compile()
+    assert [model.geom(geom).name for geom in model.pair_geom1] == ["left_link"]
 
 
 def test_a_replaced_geom_of_another_body_is_named():
@@ -357,6 +378,14 @@ def test_bind_and_find_pads_agree_whatever_the_order_of_the_mounts(tmp_path):
             model.geom(int(g)).name for g in bound.geoms.flat
         ]
         assert again.layouts == bound.layouts
+
+
+def test_bind_keeps_the_vendors_order_of_the_taxels():
+    layout = TaxelLayout(2, 2, 4e-3, vendor_order=(3, 1, 2, 0))
+    gripper = attach(GRIPPER, layout, MOUNTS)
+    model = gripper.compile()
+    assert gripper.bind(model).layouts == (layout, layout)
+    assert find_pads(model).layout.vendor_order is None, "a model does not say it"
 
 
 def test_bind_gives_the_gel():

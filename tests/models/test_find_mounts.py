@@ -5,6 +5,8 @@ import numpy as np
 import pytest
 
 from paxisim.errors import InvalidValueError
+from paxisim.layout import TaxelLayout
+from paxisim.models.attach import attach
 from paxisim.models.find_mounts import choose_mounts, find_mounts
 from paxisim.models.load import load_spec
 
@@ -178,6 +180,22 @@ def test_pad_on_a_body_of_its_own():
     np.testing.assert_allclose(mount.pos, (-0.0045, 0, 0.02), atol=1e-4)
 
 
+@pytest.mark.parametrize("setting", ["discardvisual", "fusestatic"])
+def test_unnamed_geoms_count_as_in_the_file_whatever_the_compiler_leaves_out(setting):
+    looks = '<geom type="box" size="0.006 0.011 0.031" contype="0" conaffinity="0"/>'
+    tip = f'<body name="{{0}}_tip" pos="0 0 0.05">{looks}{BOX}</body>'
+    link = '<geom type="box" size="0.003 0.003 0.003" mass="0.01"/>'
+    plain = two_fingers(link + tip.format("left"), link + tip.format("right"))
+    text = plain.replace("<asset>", f'<compiler {setting}="true"/><asset>')
+    found = find_mounts(text)
+    assert found.mounts == find_mounts(plain).mounts
+    assert [(mount.body, mount.replaces) for mount in found.mounts] == [("left_tip", (1,)), ("right_tip", (1,))]
+    spec = attach(text, TaxelLayout(3, 2, 5e-3)).spec
+    for side in ("left", "right"):
+        assert [geom.contype for geom in spec.body(side).geoms] == [1]
+        assert [geom.contype for geom in spec.body(f"{side}_tip").geoms] == [0, 0]
+
+
 MOTORS = '<motor name="left" joint="left" {0}/><motor name="right" joint="right" {0}/>'
 
 
@@ -324,6 +342,11 @@ def test_nothing_opposes():
     """
     with pytest.raises(InvalidValueError, match=r"finger 0 to 0\.08\), which moves finger, but.*by hand"):
         find_mounts(xml)
+
+
+def test_a_finger_without_a_name():
+    with pytest.raises(InvalidValueError, match=r"a pad would go on body 3 \(its parent is palm\), which has no name"):
+        find_mounts(two_fingers().replace('<body name="right"', "<body"))
 
 
 def test_choose_mounts_finds_for_an_unknown_gripper(tmp_path):

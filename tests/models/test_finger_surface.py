@@ -36,6 +36,14 @@ def test_taxels_lie_on_the_capsule_and_look_out_of_it():
     assert np.sum(radial * outward, axis=1).min() > 0.998
 
 
+def test_geoms_without_names_count_as_in_the_file():
+    text = ROUND_FINGER.replace('name="link"', 'name="link" contype="0" conaffinity="0"')
+    mount = paxisim.Mount("finger", replaces=(1,))
+    expected = paxisim.finger_surface(text, mount)
+    found = paxisim.finger_surface(text.replace("<worldbody>", '<compiler discardvisual="true"/><worldbody>'), mount)
+    np.testing.assert_array_equal(found.vertices, expected.vertices)
+
+
 def test_the_pad_reads_what_presses_on_it():
     layout = paxisim.conform(GRID, paxisim.finger_surface(ROUND_FINGER, MOUNT))
     finger = paxisim.attach(ROUND_FINGER, layout, [MOUNT])

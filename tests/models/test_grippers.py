@@ -158,6 +158,7 @@ def test_choose_mounts_takes_the_known_ones():
 
 @pytest.mark.robosuite
 @every_gripper
+@pytest.mark.filterwarnings("ignore:the touch sensor .* on 'wiping_gripper'")
 def test_taxels_carry_what_the_object_needs(name):
     balance = gripper_table().hold(name)
     assert balance.others == 0

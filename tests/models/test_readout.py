@@ -133,6 +133,24 @@ def test_one_contact_a_taxel(condims, cone):
         assert_exact(readout, model, data)
 
 
+def test_rows_of_a_pyramidal_cone_that_look_like_those_of_an_elliptic_one():
+    """Four contacts of four rows and one of none span as many rows as five of three."""
+    places = [(-3, -3), (3, -3), (-3, 3), (3, 3), (0, 0)]
+    balls = "".join(
+        f"""<body pos="{x * 1e-3} {y * 1e-3} {-1.2e-3 if waits else -0.98e-3}"><freejoint/>
+        <geom {'name="waits"' if waits else ""} type="sphere" size="0.001" mass="0.1"/></body>"""
+        for waits, (x, y) in zip([0, 0, 0, 1, 0], places, strict=True)
+    )
+    world = f'<mujoco><worldbody><body name="f"/>{balls}</worldbody></mujoco>'
+    gripper = attach(world, Pad(TaxelLayout(1, 1, 10e-3)), [Mount("f")])
+    model = gripper.compile()
+    pads, data = gripper.bind(model), mujoco.MjData(model)
+    data.qvel[0::6], data.qvel[2::6] = 0.05, 0.1
+    give_gap(model, data, [model.geom("waits").id])
+    assert data.contact.efc_address.tolist() == [0, 4, 8, -1, 12]
+    assert_exact(TactileReadout(model, pads), model, data)
+
+
 @pytest.mark.parametrize("cone", ["elliptic", "pyramidal"])
 @pytest.mark.parametrize("condim", [1, 3, 6])
 @pytest.mark.parametrize("floor_first", [True, False])
