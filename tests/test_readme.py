@@ -55,6 +55,11 @@ def test_the_python_examples_run(folder):
     assert scope["force"].shape == (2, 3, 6, 5)
     assert scope["frame"].force.shape == (1, 3, 12, 10)
     assert (folder / "pads.png").exists()
+    named = {cause.name: cause for cause in scope["diagnosis"].causes}  # what the README says of them
+    assert set(named) == {"axis_gain", "latency"}
+    assert named["latency"].rivals == ("low_pass",)
+    gain_z = next(p.value for p in named["axis_gain"].parameters if p.name == "gain_z")
+    assert f"`gain_z {gain_z}`" in README.read_text(encoding="utf-8")
 
 
 @pytest.mark.filterwarnings("ignore::paxisim.UnverifiedProfileWarning")

@@ -18,7 +18,7 @@ class Frame:
             jitter of port and scheduler by the board's steady rate. Never after `arrival`.
         arrival: When its last byte arrived (s, the host's monotonic clock).
         sequence: Counts readings from 0; a gap says that so many were dropped.
-        status: One error byte a pad, as the board reports it; 0 is good.
+        status: One error byte a pad, as the board reports it; 0 is good, `paxisim.logs.schemas.NO_TAXELS` no error.
         resultant: ``(pads, 3)`` float32 newtons, the total force that the board reports, which on real sensors is not
             the sum of the taxels; None where it reports none.
     """

@@ -34,7 +34,7 @@ def read_log(path: str | Path) -> Log:
 
     The file may end anywhere, as after a crash, or have damaged parts: what is whole is read, and `Log.complete` is
     False. It is read chunk by chunk; the tensors take 4 bytes a number and half as much while they grow. What a pad
-    says with a status other than 0 is no force: it becomes NaN.
+    says with a status other than 0 (or `schemas.NO_TAXELS`, which is no error) is no force: it becomes NaN.
 
     Raises:
         InvalidValueError: The file is no MCAP file, not a recording of paxisim, or cut off before it says so.
@@ -121,7 +121,7 @@ class _Reader:
         document = orjson.loads(memoryview(body)[_MESSAGE.size :])
         if topic.startswith("/tactile/"):
             shape, resultant, status = document["shape"], document.get("resultant"), document.get("status")
-            wrong = [pad for pad, code in zip(range(shape[0]), status or (), strict=False) if code]
+            wrong = [pad for pad, code in zip(range(shape[0]), status or (), strict=False) if code & ~schemas.NO_TAXELS]
             samples = self._samples(topic.removeprefix("/tactile/"))
             samples.add(nanoseconds, document["force"], shape, document.get("sequence"), wrong)
             if status is not None:

@@ -23,6 +23,9 @@ TACTILE_STREAMS = ("measured", "simulated")
 COVARIATE = "covariate/"
 # the readings' own totals, which boards report beside the taxels
 RESULTANT = COVARIATE + "resultant"
+# the one bit of a status that is no error: the resultant is not zero, but every taxel is, as real boards send now and
+# then, and as a touch may look that is too weak for each taxel
+NO_TAXELS = 0x80
 
 _NUMBER = {"type": "number"}
 _INTEGER = {"type": "integer"}
@@ -60,7 +63,11 @@ TACTILE = _message(
         "items": {"type": "object", "properties": {"pad": {"type": "string"}, **_XYZ}},
     },
     resultant=_array(_NUMBER, "the total force that the board itself reports (N), x y z of each pad"),
-    status=_array(_INTEGER, "one error byte a pad; 0 is good, with any other the numbers of the pad are no forces"),
+    status=_array(
+        _INTEGER,
+        f"one error byte a pad; 0 is good, and {NO_TAXELS} says that its total is not zero though its taxels are; with "
+        "any other the numbers of the pad are no forces",
+    ),
     shape=_array(_INTEGER, "pads, 3, rows, cols"),
     force=_array(_NUMBER, "the tensor (N), flat in C order"),
 )

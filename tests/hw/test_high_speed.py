@@ -21,13 +21,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from paxisim.errors import DeviceTimeoutError, InvalidValueError, ProtocolError
-from paxisim.hw.boards.high_speed import STATUS_NO_TAXELS, HighSpeed
+from paxisim.hw.boards.high_speed import HighSpeed
 from paxisim.hw.clock import SystemClock
 from paxisim.hw.frames import high_speed as frames
 from paxisim.hw.frames.high_speed import READ, WRITE, ZERO, Push, Reply, Request
 from paxisim.hw.frames.stream_layout import StreamLayout, active_bitmap, active_modules
 from paxisim.hw.framing import FrameDecoder
 from paxisim.hw.transport import open_transport
+from paxisim.logs.schemas import NO_TAXELS
 
 REQUESTS = {
     "55AA000300000F00EF": frames.version_request(),
@@ -457,10 +458,10 @@ def test_an_all_zero_block_of_taxels_with_a_live_resultant_is_marked():
     with Conversation(script) as board:
         board.start()
         reading = board.read(10)
-        assert reading.status == (STATUS_NO_TAXELS, 0)
+        assert reading.status == (NO_TAXELS, 0)
         assert not reading.counts.any()
         assert reading.resultant.tolist() == [[0, 0, 30], [0, 0, 0]]
-        assert board.read(10).status == (STATUS_NO_TAXELS | 0x11, 0x11)
+        assert board.read(10).status == (NO_TAXELS | 0x11, 0x11)
 
 
 def test_an_error_without_data_is_passed_on_with_the_next_reading():

@@ -33,9 +33,8 @@ from paxisim.hw.frames.stream_layout import RESULTANTS, TAXELS, StreamLayout, ac
 from paxisim.hw.framing import FrameDecoder
 from paxisim.hw.profile import Profile
 from paxisim.hw.transport import Transport
+from paxisim.logs.schemas import NO_TAXELS
 
-STATUS_NO_TAXELS = 0x80
-"""Bit of a pad's status: its resultant is not zero but every taxel is. Real boards send such frames now and then."""
 REPLY_TIMEOUT = 0.15
 """Seconds after which a request is repeated."""
 ANSWER_TIMEOUT = 2.0
@@ -54,7 +53,7 @@ class HighSpeed(Board):
     A slot's index is the module's number, 0 to 27. Setting, optional: ``palm_counts``, where the board keeps the counts
     of modules 20 to 27: ``"contiguous"`` behind those of the fingers (default), or ``"0066"``.
 
-    A pad's `Reading.status` is the stream's error code, and `STATUS_NO_TAXELS` where that fits.
+    A pad's `Reading.status` is the stream's error code, and `NO_TAXELS` where that fits.
     """
 
     def __init__(self, transport: Transport, profile: Profile, clock: Clock) -> None:
@@ -164,7 +163,7 @@ class HighSpeed(Board):
         self._reported = 0
         status = np.full(len(counts), error)
         if resultant is not None:
-            status[resultant.any(axis=1) & ~counts.any(axis=(1, 2))] |= STATUS_NO_TAXELS
+            status[resultant.any(axis=1) & ~counts.any(axis=(1, 2))] |= NO_TAXELS
         return Reading(counts, resultant, tuple(status.tolist()), time)
 
     @staticmethod
