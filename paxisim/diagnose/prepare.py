@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError
-from paxisim.logs.aligned import episode_starts
+from paxisim.logs.aligned import episode_spans, episode_starts
 from paxisim.recording import Recording
 
 LEAST_SECONDS = 2.0
@@ -43,6 +43,12 @@ def prepare(recording: Recording) -> tuple[Recording, tuple[str, ...]]:
         raise InvalidValueError(
             f"the recording is too short to be diagnosed: {seconds:.2g} s and {frames} samples, at least "
             f"{LEAST_SECONDS:g} s and {LEAST_FRAMES} samples are needed"
+        )
+    still = [np.median(np.diff(recording.time[span])) == 0 for span in episode_spans(recording.episode)]
+    if any(still):
+        raise InvalidValueError(
+            f"in {sum(still)} of {len(still)} episodes most samples have the time of the one before: stamp each sample "
+            "with its own time"
         )
     if seconds < FEW_SECONDS:
         warnings.append(f"only {seconds:.1f} s were recorded: expect wide intervals and missed causes")

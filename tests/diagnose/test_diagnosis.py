@@ -164,6 +164,30 @@ def test_samples_with_nan_are_left_out_and_said():
     assert any("'temperature' is not known" in warning for warning in found.symptoms.warnings)
 
 
+def test_a_time_stamp_that_comes_twice_changes_nothing_of_note(rotated):
+    given = recording(("rotation",), strength=0.9)
+    time = given.time.copy()
+    time[101] = time[100]
+    found = diagnose(dataclasses.replace(given, time=time), CAUSES, seed=1)
+    assert [cause.name for cause in found.causes] == ["rotation"]
+    assert found.heldout.nrmse_after == pytest.approx(rotated.heldout.nrmse_after, rel=0.01)
+
+
+def test_time_must_go_on():
+    given = recording()
+    with pytest.raises(InvalidValueError, match="8 of 8 episodes most samples have the time of the one before"):
+        diagnose(dataclasses.replace(given, time=np.floor(given.time)))
+
+
+def test_episodes_may_each_begin_at_0(rotated):
+    given = recording(("rotation",), strength=0.9)
+    begins = given.time[np.searchsorted(given.episode, given.episode)]
+    found = diagnose(dataclasses.replace(given, time=given.time - begins), (*CAUSES, "drift", "stiffening"), seed=1)
+    assert [cause.name for cause in found.causes] == ["rotation"]
+    assert "on one clock" in found.not_testable["drift"]
+    assert found.heldout.nrmse_after == pytest.approx(rotated.heldout.nrmse_after, rel=0.01)
+
+
 @pytest.mark.parametrize("name", ["measured", "simulated"])
 def test_signals_must_change(name):
     given = recording()
