@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from paxisim.diagnose.noise import differences
+from paxisim.diagnose.noise import differences, rate
 from paxisim.diagnose.problem import FloatArray, Problem
 
 
@@ -21,7 +21,7 @@ def beyond_tolerated(problem: Problem, fewer: FloatArray, more: FloatArray, span
         span: The episode.
     """
     force = fewer[span]
-    shapes = np.stack([force, *differences(force), np.gradient(force, problem.time[span], axis=0)])
+    shapes = np.stack([force, *differences(force), rate(force, problem.time[span])])
     rest = problem.residual(fewer)[span]
     change = rest - problem.residual(more)[span]
     total = 0.0

@@ -41,7 +41,7 @@ def dither_of(
     before = _shear(measured, untouched, episodes) or resting
     if not resting:
         return 0.0
-    if _spread(before) > SMOOTH * step:  # all of it: noise that is slow shows in long spans only
+    if step == 0 or _spread(before) > SMOOTH * step:  # all of it: noise that is slow shows in long spans only
         return float(np.sqrt(max(_spread(resting) ** 2 - step**2 / 12, 0.0)))
     noise, longer = _before_rounding(before, step), _before_rounding(resting, step)
     return longer if longer < MEMORY * noise else noise  # slow noise shows in long spans only, but so does a memory

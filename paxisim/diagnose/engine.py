@@ -16,6 +16,7 @@ from paxisim.diagnose.noise import Tolerance
 from paxisim.diagnose.problem import FloatArray, Problem, problem_of, with_noise
 from paxisim.diagnose.state import Plan, State, closer, first_look, with_slow, zero_beside
 from paxisim.diagnose.worth import SEVERAL, Thresholds
+from paxisim.errors import InvalidValueError
 from paxisim.recording import Recording
 
 __all__ = ["Explanation", "Named", "Thresholds", "Tolerance", "explain"]
@@ -148,6 +149,11 @@ def _read(
         read["dead_taxels"] = taxels
         gone = (np.asarray(taxels.values["dead"]) + np.asarray(taxels.values["stuck"])) > 0
         problem = replace(problem, alive=problem.alive & ~gone[:, None])
+        if not problem.alive.any():
+            raise InvalidValueError(
+                "no taxel answers to what the simulation presses on it: was the sensor connected, and is it the same "
+                "motion, in newtons?"
+            )
     return read, problem
 
 

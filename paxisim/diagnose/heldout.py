@@ -17,6 +17,7 @@ DRAWS = 400  # of the bootstrap
 LEVEL = 0.9  # of the intervals
 LONE = 0.5  # of the gain, that one episode has which is held out half by half
 CHOSEN = "Causes were chosen on all episodes; their numbers were fitted without those held out."
+_EQUAL = 1e-5  # of the force, by which streams without noise may differ
 _ALIKE = 0.02  # of the force, by which the simulations of a repeated motion may differ
 
 
@@ -162,7 +163,7 @@ def bounds(values: FloatArray) -> tuple[float, float] | tuple[None, None]:
 def explained_share(squares: Squares, after: FloatArray, seed: int) -> Interval | None:
     """The share of the error above the floor that is gone, None if the error is not above it."""
     room = squares.before - squares.floor
-    if room.sum() < 0.02 * squares.floor.sum():
+    if room.sum() <= max(0.02 * squares.floor.sum(), _EQUAL**2 * squares.force.sum()):
         return None
     share = (squares.before - after).sum() / room.sum()
     if len(room) < 3:

@@ -59,9 +59,19 @@ def step_of(measured: FloatArray) -> float:
 
 def tolerated(x: FloatArray, time: FloatArray, episodes: tuple[slice, ...], tolerance: Tolerance) -> FloatArray:
     """``(T, pads, 3, rows, cols)`` variance (N^2) that `tolerance` allows about the simulation `x`."""
-    speed = np.concatenate([np.gradient(x[span], time[span], axis=0) for span in episodes])
+    speed = np.concatenate([rate(x[span], time[span]) for span in episodes])
     along, across = differences(x)
     return (tolerance.gain * x) ** 2 + (tolerance.time * speed) ** 2 + tolerance.place**2 * (across**2 + along**2)
+
+
+def rate(values: FloatArray, time: FloatArray) -> FloatArray:
+    """``(T, ...)`` how fast `values` change (1/s); samples of one time stamp all have that of the first of them."""
+    fresh = np.diff(time, prepend=-np.inf) > 0
+    if fresh.sum() < 2:
+        return np.zeros_like(values)
+    if fresh.all():
+        return np.gradient(values, time, axis=0)
+    return np.gradient(values[fresh], time[fresh], axis=0)[np.cumsum(fresh) - 1]
 
 
 def differences(x: FloatArray, beyond: Literal["constant", "edge"] = "constant") -> tuple[FloatArray, FloatArray]:

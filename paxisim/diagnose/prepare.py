@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from paxisim.diagnose.problem import peak_of
 from paxisim.errors import InvalidValueError
-from paxisim.logs.aligned import episode_starts
+from paxisim.logs.aligned import episode_spans, episode_starts
 from paxisim.recording import Recording
 
 LEAST_SECONDS = 2.0
@@ -17,7 +18,9 @@ LEAST_FRAMES = 40
 MOST = 4_000_000  # numbers that are compared
 _LONGEST = 0.04  # s between the frames of a recording that is shortened
 _LEAST_EPISODES = 12  # of those that are kept
-_SCALE = 20.0  # times that measured and simulated forces may differ
+_SCALE = 5.0  # times that measured and simulated forces may differ: as far as a gain goes
+_FORCES = (0.01, 1000.0)  # N, that the most pressed taxel may reach
+_FOLLOWS = 0.2  # correlation of measured and simulated forces of one motion, at least
 _REST = 0.3  # s without contact at which a long recording may be cut
 _GAP = 10.0  # intervals after which time has been interrupted
 
@@ -43,6 +46,12 @@ def prepare(recording: Recording) -> tuple[Recording, tuple[str, ...]]:
         raise InvalidValueError(
             f"the recording is too short to be diagnosed: {seconds:.2g} s and {frames} samples, at least "
             f"{LEAST_SECONDS:g} s and {LEAST_FRAMES} samples are needed"
+        )
+    still = [np.median(np.diff(recording.time[span])) == 0 for span in episode_spans(recording.episode)]
+    if any(still):
+        raise InvalidValueError(
+            f"in {sum(still)} of {len(still)} episodes most samples have the time of the one before: stamp each sample "
+            "with its own time"
         )
     if seconds < FEW_SECONDS:
         warnings.append(f"only {seconds:.1f} s were recorded: expect wide intervals and missed causes")
@@ -112,17 +121,31 @@ def _check_signals(recording: Recording, warnings: list[str]) -> None:
             raise InvalidValueError(f"{name} is constant: every sample is the same, so nothing can be told from it")
         if not np.isfinite(np.square(values).sum()):
             raise InvalidValueError(f"{name} holds values that are no forces")
+    if np.array_equal(x, y):
+        warnings.append("measured and simulated are the same numbers: is one a copy of the other?")
     y, x = y - y.mean(axis=0), x - x.mean(axis=0)
     product, own, other = float(np.sum(x * y)), float(np.sum(x * x)), float(np.sum(y * y))
     alike = product / max(np.sqrt(own * other), 1e-300)
-    scale = np.sqrt(other / own)
-    if alike > 0.5 and not 1 / _SCALE < scale < _SCALE:
+    scale, slope = np.sqrt(other / own), abs(product) / own
+    if abs(alike) > 0.5 and not 1 / _SCALE <= slope <= _SCALE:
         raise InvalidValueError(
-            f"measured is {scale:.3g} times simulated: both must be in newtons; is one in millinewtons or counts?"
+            f"measured is {slope:.3g} times simulated: both must be in newtons; is one in millinewtons or counts? "
+            "Multiply it by the newtons of its unit, such as 0.1 N a count"
         )
-    if not 1 / _SCALE < scale < _SCALE:
+    peak = peak_of(recording.simulated)
+    if not _FORCES[0] <= peak <= _FORCES[1]:
+        raise InvalidValueError(
+            f"simulated reaches {peak:.3g} N on a taxel, from {_FORCES[0]:g} to {_FORCES[1]:g} N were expected: both "
+            "streams must be in newtons; are they in millinewtons or counts? Multiply both by the newtons of their unit"
+        )
+    if scale < 1 / _SCALE and abs(alike) < _FOLLOWS:
+        raise InvalidValueError(
+            f"measured shows no signal: it changes {scale:.2g} times as much as simulated, and not with it "
+            f"(correlation {alike:.2f}); was the sensor connected and pressed, and is it the same motion?"
+        )
+    if not 1 / _SCALE <= scale <= _SCALE:
         warnings.append(f"measured changes {scale:.3g} times as much as simulated; are both in newtons?")
-    if alike < 0.2:
+    if alike < _FOLLOWS:
         warnings.append(f"measured and simulated hardly go together (correlation {alike:.2f}): is it the same motion?")
     stuck = int(np.sum(np.ptp(recording.measured, axis=0) == 0))
     if stuck > 0.5 * recording.measured[0].size:

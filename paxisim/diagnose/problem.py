@@ -123,9 +123,17 @@ class Problem:
             return x
         if not transform.has_memory:
             covariates = self.covariates
-            return in_blocks(
-                x, lambda part: transform.run(x[part], self.time[part], {n: c[part] for n, c in covariates.items()})
-            )
+
+            def blocks(span: slice) -> FloatArray:
+                own, time = x[span], self.time[span]
+                given = {name: values[span] for name, values in covariates.items()}
+                return in_blocks(
+                    own, lambda part: transform.run(own[part], time[part], {n: c[part] for n, c in given.items()})
+                )
+
+            if self.runs_through:
+                return blocks(slice(None))
+            return np.concatenate([blocks(span) for span in self.episodes])  # on clocks of their own
         if isinstance(transform, (Latency, LowPass)) and any(curve is not None for curve in self._curves):
             return self._run_between(transform, x)
         if self._alike and len(self._in_one_piece) == len(self.episodes):  # a batch: one pass over time for all
@@ -240,7 +248,7 @@ class Problem:
         """The problem of every `stride`-th frame of each episode."""
         return self if stride == 1 else self._at([np.arange(s.start, s.stop, stride) for s in self.episodes])
 
-    @property
+    @cached_property
     def runs_through(self) -> bool:
         """Whether time goes on from one episode to the next, as slow changes need it."""
         starts = [self.time[span.start] for span in self.episodes]
@@ -323,4 +331,9 @@ def with_noise(problem: Problem, tolerance: Tolerance) -> Problem:
     dither = dither_of(problem.measured, problem.at_rest, problem.untouched, problem.episodes, problem.step)
     if dither < 0.6 * problem.step:  # most readings repeat the one before, and their changes hide the noise
         noise = np.maximum(noise, np.sqrt(problem.step**2 / 12 + dither**2))
-    return replace(problem, sigma=np.sqrt(noise**2 + allowed), dither=dither)
+    sigma = np.sqrt(noise**2 + allowed)
+    if not np.isfinite(sigma).all():  # against it nothing would stand out, and all would seem well
+        raise InvalidValueError(
+            "the noise of the recording is not finite: is a time, a force or a tolerance too large?"
+        )
+    return replace(problem, sigma=sigma, dither=dither)

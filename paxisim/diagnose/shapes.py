@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import lfilter
 
-from paxisim.diagnose.noise import differences
+from paxisim.diagnose.noise import differences, rate
 from paxisim.diagnose.problem import FloatArray, Problem
 
 GROUPS = 16  # of episodes at most, that are held out together
@@ -74,7 +74,7 @@ def shapes_of(problem: Problem, prediction: FloatArray) -> Shapes:
         x = prediction[span]
         thin = slice(None, None, -(-len(x) // LONG))
         weight = (
-            problem.alive / np.sqrt(noise**2 + (_MOVING * _rate(problem.simulated[span], problem.time[span])) ** 2)
+            problem.alive / np.sqrt(noise**2 + (_MOVING * rate(problem.simulated[span], problem.time[span])) ** 2)
         )[thin]
         rest = (problem.measured[span] - problem.read(x))[thin]
         kept = [
@@ -127,14 +127,14 @@ def _freed(problem: Problem, names: tuple[str, ...], grams: FloatArray, samples:
 
 def _scales(problem: Problem, x: FloatArray) -> dict[str, float]:
     """What makes the shapes comparable between episodes."""
-    total, speed, rate = 0.0, 0.0, 0.0
+    total, speed, fastest = 0.0, 0.0, 0.0
     for span in problem.episodes:
         time = problem.time[span]
         whole = np.abs(x[span, :, 2]).sum(axis=(2, 3))
         total = max(total, float(whole.max()))
-        speed = max(speed, float(np.abs(_rate(whole, time)).max()))
-        rate = max(rate, float(np.abs(_rate(x[span], time)).max()))
-    return {"total": total + 1e-9, "speed": speed + 1e-9, "rate": rate + 1e-9}
+        speed = max(speed, float(np.abs(rate(whole, time)).max()))
+        fastest = max(fastest, float(np.abs(rate(x[span], time)).max()))
+    return {"total": total + 1e-9, "speed": speed + 1e-9, "rate": fastest + 1e-9}
 
 
 def _shapes_at(
@@ -145,13 +145,13 @@ def _shapes_at(
     `seen` is the largest normal force of each taxel before.
     """
     time = problem.time[span]
-    rate = _rate(x, time)
+    moving = rate(x, time)
     interval = float(np.median(np.diff(time)))
     size = np.linalg.norm(x, axis=2, keepdims=True) / problem.peak
     normal = np.abs(x[:, :, 2:]) / problem.peak
     most = np.maximum(np.maximum.accumulate(normal, axis=0), seen[None, :, None] / problem.peak)
     total = np.abs(x[:, :, 2:]).sum(axis=(3, 4), keepdims=True) / scales["total"]
-    speed = np.abs(_rate(total, time)) * scales["total"] / scales["speed"]
+    speed = np.abs(rate(total, time)) * scales["total"] / scales["speed"]
     sideways = np.linalg.norm(x.sum(axis=(3, 4), keepdims=True)[:, :, :2], axis=2, keepdims=True) / scales["total"]
     friction = sideways / (total + 0.02)
     rows, cols = (np.linspace(-1, 1, count) for count in x.shape[-2:])
@@ -162,7 +162,7 @@ def _shapes_at(
 
     yield "the size of the force", x * size
     yield "the square of the force's size", x * size**2
-    yield "the rate of the force", rate
+    yield "the rate of the force", moving
     for tau in (0.3, 1.5, 6.0):
         yield f"the force of the last {tau:g} s", slow(x, tau)
     yield "the pad's total force", x * total
@@ -171,13 +171,13 @@ def _shapes_at(
         past = slow(total, tau)
         yield f"the pad's total force of the last {tau:g} s", x * past
         yield f"the square of the pad's total force of the last {tau:g} s", x * past**2
-    yield "the speed of a taxel's force", x * np.sqrt(np.abs(rate) / scales["rate"])
+    yield "the speed of a taxel's force", x * np.sqrt(np.abs(moving) / scales["rate"])
     yield "the speed of the pad's force", x * np.sqrt(speed)
     yield "the largest force before, against the present", x * normal / (most + 0.01)
     yield "the largest force before", x * most
     yield "the first part of the largest force before", x * np.exp(-most / 0.3)
-    yield "the row, times the rate: rows are read one after another", rate * rows[:, None]
-    yield "the column, times the rate: columns are read one after another", rate * cols
+    yield "the row, times the rate: rows are read one after another", moving * rows[:, None]
+    yield "the column, times the rate: columns are read one after another", moving * cols
     yield "the shear over the normal force", x * friction
     yield "the shear beyond a share of the normal force", x * np.maximum(friction - 0.15, 0.0)
     yield "the time", x * _centred(problem.time, span)
@@ -188,7 +188,3 @@ def _shapes_at(
 
 def _centred(values: FloatArray, span: slice) -> FloatArray:
     return ((values[span] - values.mean()) / max(float(np.ptp(values)), 1e-12))[:, None, None, None, None]
-
-
-def _rate(values: FloatArray, time: FloatArray) -> FloatArray:
-    return np.gradient(values, time, axis=0)

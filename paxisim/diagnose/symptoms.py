@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from paxisim.diagnose.diagnosis import LeftOver, Place, Symptoms
+from paxisim.diagnose.noise import rate
 from paxisim.diagnose.problem import FloatArray, Problem
 
 WORST = 10  # taxels that are named
@@ -68,13 +69,13 @@ def phases_of(problem: Problem) -> np.ndarray:
     weight = np.abs(x[:, :, 2]) / np.maximum(np.abs(x[:, :, 2]).sum(axis=(2, 3), keepdims=True), 1e-9)
     middle = np.stack([(weight * rows).sum(axis=(2, 3)), (weight * cols).sum(axis=(2, 3))], axis=-1)
 
-    def rate(values: FloatArray) -> FloatArray:
-        return np.concatenate([np.gradient(values[span], problem.time[span], axis=0) for span in problem.episodes])
+    def changing(values: FloatArray) -> FloatArray:
+        return np.concatenate([rate(values[span], problem.time[span]) for span in problem.episodes])
 
     largest = max(float(np.abs(normal).max()), 1e-9)
     pressed = np.abs(normal) > 0.01 * largest
-    force, sideways = rate(normal) / largest, np.linalg.norm(rate(shear), axis=-1) / largest
-    moving = np.linalg.norm(rate(middle), axis=-1) > 0.5  # taxels a second
+    force, sideways = changing(normal) / largest, np.linalg.norm(changing(shear), axis=-1) / largest
+    moving = np.linalg.norm(changing(middle), axis=-1) > 0.5  # taxels a second
     phase = np.full(normal.shape, "holding", dtype=object)
     phase[force > _STILL] = "loading"
     phase[force < -_STILL] = "unloading"

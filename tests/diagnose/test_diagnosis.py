@@ -164,6 +164,30 @@ def test_samples_with_nan_are_left_out_and_said():
     assert any("'temperature' is not known" in warning for warning in found.symptoms.warnings)
 
 
+def test_a_time_stamp_that_comes_twice_changes_nothing_of_note(rotated):
+    given = recording(("rotation",), strength=0.9)
+    time = given.time.copy()
+    time[101] = time[100]
+    found = diagnose(dataclasses.replace(given, time=time), CAUSES, seed=1)
+    assert [cause.name for cause in found.causes] == ["rotation"]
+    assert found.heldout.nrmse_after == pytest.approx(rotated.heldout.nrmse_after, rel=0.01)
+
+
+def test_time_must_go_on():
+    given = recording()
+    with pytest.raises(InvalidValueError, match="8 of 8 episodes most samples have the time of the one before"):
+        diagnose(dataclasses.replace(given, time=np.floor(given.time)))
+
+
+def test_episodes_may_each_begin_at_0(rotated):
+    given = recording(("rotation",), strength=0.9)
+    begins = given.time[np.searchsorted(given.episode, given.episode)]
+    found = diagnose(dataclasses.replace(given, time=given.time - begins), (*CAUSES, "drift", "stiffening"), seed=1)
+    assert [cause.name for cause in found.causes] == ["rotation"]
+    assert "on one clock" in found.not_testable["drift"]
+    assert found.heldout.nrmse_after == pytest.approx(rotated.heldout.nrmse_after, rel=0.01)
+
+
 @pytest.mark.parametrize("name", ["measured", "simulated"])
 def test_signals_must_change(name):
     given = recording()
@@ -171,11 +195,40 @@ def test_signals_must_change(name):
         diagnose(dataclasses.replace(given, **{name: np.full_like(given.measured, 0.5)}))
 
 
-@pytest.mark.parametrize("scale", [1000.0, 0.001])
-def test_another_unit_is_told(scale):
+@pytest.mark.parametrize(
+    ("scale", "said"),
+    [(1000.0, r"1e\+03"), (10.0, "10"), (-10.0, "10"), (0.1, r"0\.1"), (0.001, r"0\.001")],
+)
+def test_another_unit_is_told(scale, said):
     given = recording()
-    with pytest.raises(InvalidValueError, match="must be in newtons"):
+    with pytest.raises(InvalidValueError, match=rf"measured is {said}[.\d]* times simulated: both must be in newtons"):
         diagnose(dataclasses.replace(given, measured=given.measured * scale))
+
+
+@pytest.mark.parametrize("scale", [1000.0, 0.001])
+def test_streams_that_are_both_in_another_unit_are_told(scale):
+    given = recording()
+    with pytest.raises(InvalidValueError, match=r"N on a taxel, from 0\.01 to 1000 N were expected"):
+        diagnose(dataclasses.replace(given, measured=given.measured * scale, simulated=given.simulated * scale))
+
+
+def test_a_sensor_that_is_not_connected_is_told():
+    given = recording()
+    noise = 0.02 * np.random.default_rng(0).standard_normal(given.measured.shape)
+    with pytest.raises(InvalidValueError, match="no signal"):
+        diagnose(dataclasses.replace(given, measured=noise))
+
+
+def test_a_copy_is_told_and_is_no_discrepancy(tmp_path):
+    given = recording()
+    found = diagnose(dataclasses.replace(given, measured=given.simulated), ("axis_gain",))
+    assert found.verdict == "no_discrepancy"
+    assert found.heldout.explained is None
+    assert any("a copy" in warning for warning in found.symptoms.warnings)
+    assert "nan" not in str(found)
+    found.save(tmp_path)
+    assert str(Diagnosis.load(tmp_path)) == str(found)
+    assert "Where the error lives" not in found.report()
 
 
 def test_a_recording_must_last():

@@ -52,4 +52,5 @@ def test_a_sensor_without_steps_and_one_that_is_always_pressed():
     rng = np.random.default_rng(5)
     measured = 0.02 * rng.standard_normal((EPISODES * FRAMES, *SIZE))
     assert dither_of(measured, EVERY, UNTOUCHED, SPANS, 0.0) == pytest.approx(0.02, rel=0.05)
+    assert dither_of(0 * measured, EVERY, UNTOUCHED, SPANS, 0.0) == 0.0
     assert dither_of(measured, ~EVERY, ~EVERY, SPANS, 0.0) == 0.0

@@ -160,5 +160,9 @@ def test_a_recording_that_cannot_be_compared_is_refused():
         explain(Recording(recording.time, broken, recording.simulated))
     with pytest.raises(InvalidValueError, match="0 throughout"):
         explain(Recording(recording.time, recording.measured, 0 * case.simulated))
+    noise = 0.02 * np.random.default_rng(0).standard_normal(case.measured.shape)
+    flat = np.broadcast_to(case.simulated.max(axis=(3, 4), keepdims=True), noise.shape)
+    with pytest.raises(InvalidValueError, match="no taxel answers"):
+        explain(Recording(recording.time, noise, flat, episode=recording.episode))
     with pytest.raises(UnknownNameError, match="gremlins"):
         explain(recording, ["gremlins"])

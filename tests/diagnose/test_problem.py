@@ -7,8 +7,10 @@ import pytest
 
 from paxisim import augment
 from paxisim.diagnose import prepare as preparing
+from paxisim.diagnose.noise import Tolerance, rate
 from paxisim.diagnose.prepare import prepare
-from paxisim.diagnose.problem import ENOUGH, Problem
+from paxisim.diagnose.problem import ENOUGH, Problem, with_noise
+from paxisim.errors import InvalidValueError
 from paxisim.recording import Recording
 
 
@@ -48,6 +50,25 @@ def test_episodes_that_are_sampled_alike_run_as_each_would_alone():
     np.testing.assert_allclose(made.run(chain, made.simulated), np.concatenate(alone), atol=1e-12)
     shifted = replace(made, time=made.time + 1e-3 * np.sin(np.arange(len(made.time))))
     assert not shifted._alike
+
+
+def test_episodes_on_clocks_of_their_own_run_as_each_would_alone():
+    made = problem()
+    own = replace(made, time=np.concatenate([made.time[span] - made.time[span.start] for span in made.episodes]))
+    chain = augment.Chain([augment.Stiffening(0.8, 0.5), augment.Creep((0.2,), (0.3,))])
+    np.testing.assert_allclose(own.run(chain, own.simulated), made.run(chain, made.simulated), atol=1e-12)
+
+
+def test_samples_of_one_time_have_one_rate():
+    time, values = np.array([0.0, 1.0, 1.0, 3.0]), np.array([0.0, 2.0, 9.0, 6.0])
+    np.testing.assert_allclose(rate(values, time), np.gradient([0.0, 2.0, 6.0], [0.0, 1.0, 3.0])[[0, 1, 1, 2]])
+    np.testing.assert_array_equal(rate(values, np.sort(values)), np.gradient(values, np.sort(values)))
+    np.testing.assert_array_equal(rate(values, np.ones(4)), 0)
+
+
+def test_noise_that_is_not_finite_is_refused():
+    with np.errstate(all="ignore"), pytest.raises(InvalidValueError, match="not finite"):
+        with_noise(problem(), Tolerance(gain=np.inf))
 
 
 def test_frames_are_left_out_only_of_a_recording_that_has_many_and_runs_straight():

@@ -42,7 +42,7 @@ def _bars(heldout: HeldOut, extended: bool) -> Picture:
     )  # fmt: skip
     axes.set_yticks(range(len(rows)), [name for name, _, _ in rows], color=INK)
     axes.set_ylim(len(rows) - 0.5, -0.85)
-    axes.set_xlim(0, 136 * most)
+    axes.set_xlim(0, 136 * most or 1.0)
     axes.grid(axis="y", visible=False)
     axes.tick_params(axis="y", length=0)
     axes.set_xlabel("error, % of the measured force")

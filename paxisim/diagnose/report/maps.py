@@ -25,7 +25,9 @@ def places(streams: Streams, extended: bool = True) -> list[Picture]:
     before = _error(streams, streams.simulated)
     after = _error(streams, streams.extended) if extended else None
     pads = sorted(np.argsort(-(before**2).sum(axis=(1, 2, 3)), kind="stable")[:MOST_PADS].tolist())
-    limit = float(before[pads].max()) or 1.0
+    limit = float(before[pads].max())
+    if limit == 0:  # nowhere
+        return []
     order = np.argsort(-(before**2).sum(axis=(0, 2, 3)), kind="stable")
     return [_places(streams, before, after, pads, int(axis), limit) for axis in order]
 
