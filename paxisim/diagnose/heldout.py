@@ -16,6 +16,7 @@ FOLDS = 4
 DRAWS = 400  # of the bootstrap
 LEVEL = 0.9  # of the intervals
 LONE = 0.5  # of the gain, that one episode has which is held out half by half
+LEAST_ROOM = 0.02  # of the floor, that an error is above it, to be explainable
 CHOSEN = "Causes were chosen on all episodes; their numbers were fitted without those held out."
 _EQUAL = 1e-5  # of the force, by which streams without noise may differ
 _ALIKE = 0.02  # of the force, by which the simulations of a repeated motion may differ
@@ -163,7 +164,7 @@ def bounds(values: FloatArray) -> tuple[float, float] | tuple[None, None]:
 def explained_share(squares: Squares, after: FloatArray, seed: int) -> Interval | None:
     """The share of the error above the floor that is gone, None if the error is not above it."""
     room = squares.before - squares.floor
-    if room.sum() <= max(0.02 * squares.floor.sum(), _EQUAL**2 * squares.force.sum()):
+    if room.sum() <= max(LEAST_ROOM * squares.floor.sum(), _EQUAL**2 * squares.force.sum()):
         return None
     share = (squares.before - after).sum() / room.sum()
     if len(room) < 3:
@@ -211,7 +212,8 @@ def figures(squares: Squares, seed: int, ceiling: FloatArray | None, note: str) 
 def gains_of(found: Explanation, squares: Squares, seed: int) -> Mapping[str, Interval]:
     """What each cause takes away of the explainable error, the others fitted again.
 
-    The fit's gain by cause is reduced to what is gained on held-out episodes.
+    The fit's gain by cause is reduced to what is gained on held-out episodes. That can be explained whatever the floor
+    says, which counts rounding that may itself be a cause; with nothing above the floor it is a share of the whole.
     """
     room, kept = squares.before - squares.floor, squares.before - squares.after
     alone = len(found.found) == 1
@@ -221,7 +223,9 @@ def gains_of(found: Explanation, squares: Squares, seed: int) -> Mapping[str, In
 
         def share(times: FloatArray, part: FloatArray = cause.energy_gain, whole: FloatArray = whole) -> FloatArray:
             of_fit = np.clip((times @ part) / np.maximum(times @ whole, 1e-9), -1.0, 1.0)
-            return of_fit * (times @ kept) / np.maximum(times @ room, 1e-12)
+            above = times @ room > LEAST_ROOM * (times @ squares.floor)
+            explainable = np.where(above, np.maximum(times @ room, times @ kept), times @ squares.before)
+            return of_fit * (times @ kept) / np.maximum(explainable, 1e-12)
 
         value = float(share(np.ones(len(room))))
         limits = (None, None) if len(room) < 3 else bounds(share(draws_of(len(room), seed)))

@@ -78,7 +78,8 @@ def diagnose(
     clear = any(item.statistic > CLEAR * item.limit for item in structure)
     if found.found and clear and share is not None and share.value < LITTLE:
         found, squares = _nothing(found, simulated), replace(squares, after=squares.before, prediction=simulated)
-    structure = (*unsettled, *structure)
+    gains = gains_of(found, squares, seed)
+    structure = (*unsettled, *_not_held(found, gains), *structure)
     tell("comparing with a black box")
     black, note = _ceiling(problem, simulated, seed, jobs)
     tell("looking for what would do as well")
@@ -89,7 +90,7 @@ def diagnose(
     left = (*structure, *_as_left_over(faint))
     parameters = parameters_of(found)
     warnings += _at_bounds(found)
-    named = _named(found, squares, rivals, parameters, seed)
+    named = _named(found, gains, rivals, parameters)
     one = len(problem.episodes) == 1
     verdict = _verdict(named, left, one)
     missing = {**found.not_searched, **_not_excited(problem, found, set(causes or known_causes()))}
@@ -138,6 +139,15 @@ def _as_left_over(shares: Mapping[str, float]) -> tuple[LeftOver, ...]:
     )
 
 
+def _not_held(found: Explanation, gains: Mapping[str, Interval]) -> tuple[LeftOver, ...]:
+    """Causes that were fitted, and take nothing away from episodes that took no part in the fit."""
+    return tuple(
+        LeftOver(f"{item.name} gains nothing on episodes that it was not fitted to: do not rely on it", 1.0, 1.0)
+        for item in found.found
+        if cause(item.name).is_searched and gains[item.name].value <= 0
+    )
+
+
 def _nothing(found: Explanation, simulated: FloatArray) -> Explanation:
     """Without the causes, which explain too little of what is structured to be believed."""
     return replace(
@@ -173,12 +183,10 @@ def _at_bounds(found: Explanation) -> tuple[str, ...]:
 
 def _named(
     found: Explanation,
-    squares: Squares,
+    gains: Mapping[str, Interval],
     rivals: Mapping[str, tuple[str, ...]],
     parameters: Mapping[str, tuple[FittedParameter, ...]],
-    seed: int,
 ) -> tuple[FoundCause, ...]:
-    gains = gains_of(found, squares, seed)
     causes = [
         FoundCause(
             item.name,
@@ -195,10 +203,10 @@ def _named(
 def _evidence(gain: FloatArray, share: Interval) -> str:
     shown = gain[showing(gain)]
     better = int((shown > 0).sum())
-    return (
-        f"Without it the model is worse in {better} of the {len(shown)} episodes that show it, and "
-        f"{share.value:.0%} of the explainable error comes back."
-    )
+    worse = f"Without it the model is worse in {better} of the {len(shown)} episodes that show it"
+    if share.value <= 0:
+        return f"{worse}, but it gains nothing on episodes that it was not fitted to."
+    return f"{worse}, and {share.value:.0%} of the explainable error comes back."
 
 
 def _confidence(

@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 
 from paxisim.augment import Chain
+from paxisim.diagnose.diagnosis import Interval
 from paxisim.diagnose.engine import Explanation, Named
-from paxisim.diagnose.heldout import figures, hold_out
+from paxisim.diagnose.heldout import Squares, figures, gains_of, hold_out
 from paxisim.diagnose.problem import Problem
+from paxisim.diagnose.run import _evidence, _not_held
 
 EPISODES, FRAMES = 6, 40
 SHAPE = (EPISODES * FRAMES, 1, 3, 2, 2)
@@ -50,3 +52,27 @@ def test_nothing_is_predicted_by_a_fit_that_has_seen_it(gain, lone):
             "Episode 4, which alone shows most, was held out one half after the other."
             in figures(squares, 0, None, "").note
         )
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "floor", "gain"),
+    [
+        (2.0, 1.2, 1.0, 0.8),  # of what is above the floor
+        (2.0, 1.2, 1.5, 1.0),  # no more than all, where the floor counts what was explained
+        (2.0, 1.2, 2.1, 0.4),  # of the whole, with nothing above the floor
+        (2.0, 2.2, 1.9999, -0.1),
+    ],
+)
+def test_a_gain_is_a_share_of_what_can_be_explained(before, after, floor, gain):
+    found = explanation(np.ones(EPISODES), [])
+    each = np.ones(EPISODES)
+    squares = Squares(before * each, after * each, floor * each, 9 * each, found.problem.simulated, "")
+    assert gains_of(found, squares, 0)["creep"].value == pytest.approx(gain)
+
+
+@pytest.mark.parametrize(("gain", "held"), [(0.2, True), (0.0, False), (-3.0, False)])
+def test_a_cause_that_gains_nothing_where_it_was_not_fitted_is_not_relied_on(gain, held):
+    found = explanation(np.ones(EPISODES), [])
+    told = _not_held(found, {"creep": Interval(gain)})
+    assert [item.what.split()[0] for item in told] == ([] if held else ["creep"])
+    assert ("gains nothing on episodes" in _evidence(np.ones(EPISODES), Interval(gain))) is not held

@@ -34,15 +34,15 @@ def rich():
     return problem("development")
 
 
-def rivals(given, name, values, gain=1e6, **left):
-    """The rivals of a cause that would explain all, had `left` been left with others in its place."""
+def rivals(given, name, values, gain=1e6, remains=1e9, **left):
+    """The rivals of a cause beside which so much remains, had `left` more been left with others in its place."""
     transform = cause(name).make(values, given)
     prediction = given.run(transform, given.simulated)
     given = replace(given, measured=prediction, step=0.0, clips=False)
     named = Named(name, transform, {}, np.array([gain]), left)
     model = in_order([(name, transform)])
     barred = {other: why for other in known_causes() if (why := cause(other).barred(given))}
-    found = Explanation(given, (named,), model, prediction, np.zeros(1), np.zeros(1), barred)
+    found = Explanation(given, (named,), model, prediction, np.zeros(1), np.array([remains]), barred)
     return rivals_of(found, least=100.0)[name]
 
 
@@ -80,6 +80,12 @@ def test_a_rival_that_was_fitted_is_one_if_it_leaves_hardly_more(rich):
     assert rivals(rich, "latency", (0.03,), low_pass=2e4) == ("low_pass",)
     assert rivals(rich, "latency", (0.03,), low_pass=2e5) == ()
     assert rivals(rich, "latency", (0.03,), gain=1e3, low_pass=90.0) == ("low_pass",)
+
+
+def test_what_leaves_twice_as_much_is_no_rival_however_little_that_is_of_the_gain(poor, rich):
+    assert rivals(rich, "latency", (0.03,), remains=3e4, low_pass=2e4) == ("low_pass",)
+    assert rivals(rich, "latency", (0.03,), remains=1e4, low_pass=2e4) == ()
+    assert rivals(poor, "hysteresis", (0.05, 0.05, 0.05, 0.0), remains=1.0) == ()  # nor one that was not fitted
 
 
 def test_a_more_general_cause_must_do_better_than_the_one_that_it_imitates(rich):
