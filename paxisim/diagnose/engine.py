@@ -14,7 +14,7 @@ from paxisim.diagnose.checks import Reading, read_layout, read_rounding, read_ta
 from paxisim.diagnose.fitting import Fitted, fit, in_order, made, predict
 from paxisim.diagnose.noise import Tolerance
 from paxisim.diagnose.problem import FloatArray, Problem, problem_of, with_noise
-from paxisim.diagnose.state import Plan, State, closer, first_look, with_slow, zero_beside
+from paxisim.diagnose.state import Plan, State, closer, first_look, with_slow, with_zero, zero_beside
 from paxisim.diagnose.worth import SEVERAL, Thresholds
 from paxisim.errors import InvalidValueError
 from paxisim.recording import Recording
@@ -160,7 +160,8 @@ def _read(
 def _explained(
     raw: Problem, state: State, read: Mapping[str, Reading], not_searched: Mapping[str, str], plan: Plan
 ) -> Explanation:
-    problem, found, zero = state.problem, state.found, state.zero
+    found, zero = state.found, state.zero
+    problem = with_zero(state.problem, zero)  # also the constant that a field brings, which no fit had to know
     chosen = [cause(name) for name in found.fit.values]
     weight = 1 / problem.sigma
 

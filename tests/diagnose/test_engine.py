@@ -166,3 +166,20 @@ def test_a_recording_that_cannot_be_compared_is_refused():
         explain(Recording(recording.time, noise, flat, episode=recording.episode))
     with pytest.raises(UnknownNameError, match="gremlins"):
         explain(recording, ["gremlins"])
+
+
+def test_a_field_of_a_sensor_that_was_zeroed_elsewhere_comes_with_its_constant():
+    rng, frames, episodes = np.random.default_rng(5), 200, 8
+    time = np.concatenate([5.0 * k + 0.02 * np.arange(frames) for k in range(episodes)])
+    episode = np.repeat(np.arange(episodes), frames)
+    press = np.clip(np.sin(np.linspace(0, 3 * np.pi, frames)), 0, None)
+    shapes = rng.uniform(0, 1, (episodes, 1, 2, 3, 4, 3)) * np.reshape([0.3, 0.2, 2.0], (3, 1, 1))
+    simulated = (press[:, None, None, None, None] * shapes).reshape(-1, 2, 3, 4, 3)
+    opening = 0.04 + 0.03 * np.sin(2 * np.pi * np.tile(np.arange(frames) / frames, episodes) + episode)
+    covariates = {"gripper_opening": opening}
+    field = augment.Interference(linear=((4.0, 0.0, 2.0), (0.0, 3.0, 0.0)), zeroed_at=0.035)
+    measured = field.run(simulated, time, covariates) + 0.02 * rng.standard_normal(simulated.shape)
+    found = explain(Recording(time, measured, simulated, covariates, episode))
+    assert named(found) == {"interference"}
+    np.testing.assert_allclose(found.prediction, found.model.run(simulated, time, covariates), atol=1e-6)
+    assert np.abs((measured - found.prediction).mean(axis=0)).max() < 0.005
