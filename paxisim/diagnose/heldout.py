@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -75,8 +75,7 @@ def hold_out(found: Explanation, simulated: FloatArray) -> Squares:
                     halves = _halves(span)
                     for own, other in (halves, halves[::-1]):
                         prediction[own] = found.fit_on(sorted([*others, other], key=lambda s: s.start))[own]
-    if any(cause.name == "dead_taxels" for cause in found.found):  # then what they should have read is part of the gain
-        problem = replace(problem, alive=np.ones_like(problem.alive))
+    problem = found.judged
     after = problem.measured - problem.read(prediction)
     floor, source = _noise(problem, prediction, after)
     coarse = any(cause.name == "quantisation" for cause in found.found)  # then rounding is part of what is wrong
