@@ -17,6 +17,7 @@ DRAWS = 400  # of the bootstrap
 LEVEL = 0.9  # of the intervals
 LONE = 0.5  # of the gain, that one episode has which is held out half by half
 CHOSEN = "Causes were chosen on all episodes; their numbers were fitted without those held out."
+_ROOM = 0.02  # of the floor, that the error must be above it for anything to be explained
 _EQUAL = 1e-5  # of the force, by which streams without noise may differ
 _ALIKE = 0.02  # of the force, by which the simulations of a repeated motion may differ
 
@@ -77,8 +78,8 @@ def hold_out(found: Explanation, simulated: FloatArray) -> Squares:
                         prediction[own] = found.fit_on(sorted([*others, other], key=lambda s: s.start))[own]
     problem = found.judged
     after = problem.measured - problem.read(prediction)
-    floor, source = _noise(problem, prediction, after)
     coarse = any(cause.name == "quantisation" for cause in found.found)  # then rounding is part of what is wrong
+    floor, source = _noise(problem, prediction, after, coarse)
     return Squares(
         _squares(problem, problem.measured - (simulated if coarse else problem.read(simulated))),
         _squares(problem, after),
@@ -105,11 +106,13 @@ def _squares(problem: Problem, values: FloatArray) -> FloatArray:
     return np.array([np.sum(values[span] ** 2, where=problem.alive) for span in problem.episodes])
 
 
-def _noise(problem: Problem, prediction: FloatArray, after: FloatArray) -> tuple[FloatArray, str]:
+def _noise(problem: Problem, prediction: FloatArray, after: FloatArray, coarse: bool) -> tuple[FloatArray, str]:
     """``(episodes,)`` squares that noise and rounding make (N^2), and where they are read.
 
     A channel that is pressed is rounded, one at rest need not be; noise that wanders slowly hardly shows in the
-    differences from frame to frame, so the variance at rest is taken, within what such noise can make of them.
+    differences from frame to frame, so the variance at rest is taken, within what such noise can make of them. Where
+    rounding is a cause, what the model says of it is no noise; where noise hardly reaches the next count, its size is
+    known as a bound only, and what the model leaves is no more than it.
     """
     repeated = _repeated(problem)
     if repeated is not None:
@@ -121,11 +124,12 @@ def _noise(problem: Problem, prediction: FloatArray, after: FloatArray) -> tuple
         variance = np.clip(np.var(after[problem.at_rest], axis=0), fast, 2.5 * fast)
     else:
         variance = np.median(steps**2, axis=0) / 0.455 / 2
-    rounded = np.maximum(variance, problem.step**2 / 12)
-    each = np.where(np.abs(prediction) > problem.step / 4, rounded, variance)
-    return np.array(
-        [np.sum(each[span], where=problem.alive) for span in problem.episodes]
-    ), "high-frequency differences"
+    rounding = problem.counting.left if coarse else problem.step**2 / 12
+    each = np.where(np.abs(prediction) > problem.step / 4, np.maximum(variance, rounding), variance)
+    floor = np.array([np.sum(each[span], where=problem.alive) for span in problem.episodes])
+    if coarse:
+        floor *= min(1.0, float(_squares(problem, after).sum() / max(floor.sum(), 1e-12)))
+    return floor, "high-frequency differences"
 
 
 def _repeated(problem: Problem) -> float | None:
@@ -162,7 +166,7 @@ def bounds(values: FloatArray) -> tuple[float, float] | tuple[None, None]:
 def explained_share(squares: Squares, after: FloatArray, seed: int) -> Interval | None:
     """The share of the error above the floor that is gone, None if the error is not above it."""
     room = squares.before - squares.floor
-    if room.sum() <= max(0.02 * squares.floor.sum(), _EQUAL**2 * squares.force.sum()):
+    if room.sum() <= max(_ROOM * squares.floor.sum(), _EQUAL**2 * squares.force.sum()):
         return None
     share = (squares.before - after).sum() / room.sum()
     if len(room) < 3:
@@ -220,7 +224,7 @@ def gains_of(found: Explanation, squares: Squares, seed: int) -> Mapping[str, In
 
         def share(times: FloatArray, part: FloatArray = cause.energy_gain, whole: FloatArray = whole) -> FloatArray:
             of_fit = np.clip((times @ part) / np.maximum(times @ whole, 1e-9), -1.0, 1.0)
-            return of_fit * (times @ kept) / np.maximum(times @ room, 1e-12)
+            return of_fit * (times @ kept) / np.maximum(times @ room, _ROOM * (times @ squares.floor) + 1e-12)
 
         value = float(share(np.ones(len(room))))
         limits = (None, None) if len(room) < 3 else bounds(share(draws_of(len(room), seed)))

@@ -110,8 +110,7 @@ def test_the_error_of_dead_taxels_lives_where_they_are(dead):
     worst = {place.where: place for place in dead.symptoms.taxels[: len(gone)]}
     assert worst.keys() == {f"pad{p} ({r}, {c})" for p, r, c in gone}
     assert all(place.after < 0.1 * place.before for place in worst.values())
-    share = (dead.heldout.nrmse_after / dead.heldout.nrmse_before) ** 2
-    assert sum(place.after for place in dead.symptoms.axes) == pytest.approx(share, rel=0.05)
+    assert sum(place.after for place in dead.symptoms.axes) < 0.05
 
 
 def test_what_is_outside_the_vocabulary_is_not_explained():

@@ -1,11 +1,13 @@
 """Held-out predictions come from fits that have not seen what they predict, also where one episode shows it all."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from paxisim.augment import Chain
 from paxisim.diagnose.engine import Explanation, Named
-from paxisim.diagnose.heldout import figures, hold_out
+from paxisim.diagnose.heldout import figures, gains_of, hold_out
 from paxisim.diagnose.problem import Problem
 
 EPISODES, FRAMES = 6, 40
@@ -50,3 +52,27 @@ def test_nothing_is_predicted_by_a_fit_that_has_seen_it(gain, lone):
             "Episode 4, which alone shows most, was held out one half after the other."
             in figures(squares, 0, None, "").note
         )
+
+
+@pytest.mark.parametrize("noise", [0.02, 0.2])
+def test_rounding_that_is_a_cause_is_no_noise(noise):
+    found = explanation(np.ones(EPISODES), [])
+    rng, force = np.random.default_rng(1), found.problem.simulated
+    measured = np.round(force + noise * rng.standard_normal(force.shape))
+    problem = replace(found.problem, measured=measured, step=1.0, dither=max(noise, 0.15))
+    named = (replace(found.found[0], name="quantisation"),)
+    coarse = replace(found, problem=problem, found=named, refit=lambda part: force)
+    squares = hold_out(coarse, force)
+    told = figures(squares, 0, None, "")
+    assert told.noise_floor <= 1.02 * told.nrmse_after
+    assert told.noise_floor > 0.8 * told.nrmse_after
+    assert told.nrmse_after < told.nrmse_before
+
+
+def test_a_gain_is_no_share_of_nothing():
+    found = explanation(np.ones(EPISODES), [])
+    squares = hold_out(found, found.problem.simulated)
+    ones = np.ones(EPISODES)
+    nothing = replace(squares, before=ones, floor=ones, after=ones - 1e-3)
+    assert figures(nothing, 0, None, "").explained is None
+    assert gains_of(found, nothing, 0)["creep"].value == pytest.approx(0.05)
