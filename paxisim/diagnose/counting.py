@@ -57,6 +57,15 @@ class Counting:
             found[:, axis] = np.interp(reading[:, axis], read[rising, axis], force[rising])
         return found
 
+    @property
+    def left(self) -> float:
+        """The variance (N^2) of a reading about what `read` says of its force, the mean of forces within a step."""
+        if self.step == 0:
+            return self.dither**2
+        first, second = self._ripple
+        said = (self.step / np.pi) ** 2 * (first**2 / 2 + second**2 / 8)
+        return self.dither**2 + self.step**2 / 12 - said
+
     def slope(self, force: FloatArray) -> FloatArray:
         """By how much what is read of `force` changes with it; only where `reads_all` is False."""
         small = 1e-3 * (self.step or self.dither)

@@ -23,6 +23,7 @@ def dither_of(
     untouched: NDArray[np.bool_],
     episodes: tuple[slice, ...],
     step: float,
+    alive: NDArray[np.bool_],
 ) -> float:
     """The noise before rounding (N), from the shear that is read where nothing is pressed.
 
@@ -36,9 +37,10 @@ def dither_of(
         untouched: ``(T,)`` where nothing has been pressed in the episode so far: no memory of a load is there.
         episodes: Their samples.
         step: N, of the sensor; 0 where it has none.
+        alive: ``(pads, 3, rows, cols)`` channels that take part.
     """
-    resting = _shear(measured, at_rest, episodes)
-    before = _shear(measured, untouched, episodes) or resting
+    resting = _shear(measured, at_rest, episodes, alive)
+    before = _shear(measured, untouched, episodes, alive) or resting
     if not resting:
         return 0.0
     if step == 0 or _spread(before) > SMOOTH * step:  # all of it: noise that is slow shows in long spans only
@@ -55,9 +57,11 @@ def _before_rounding(parts: list[FloatArray], step: float) -> float:
     return step * _likeliest(seen.reshape(2 * FAR + 1, -1).T, commonest.ravel())
 
 
-def _shear(measured: FloatArray, frames: NDArray[np.bool_], episodes: tuple[slice, ...]) -> list[FloatArray]:
-    parts = [measured[span][frames[span]][:, :, :2] for span in episodes]
-    return [part.reshape(len(part), -1) for part in parts if len(part) >= LEAST]
+def _shear(
+    measured: FloatArray, frames: NDArray[np.bool_], episodes: tuple[slice, ...], alive: NDArray[np.bool_]
+) -> list[FloatArray]:
+    parts = [measured[span][frames[span]][:, :, :2][:, alive[:, :2]] for span in episodes]
+    return [part for part in parts if len(part) >= LEAST]
 
 
 def _spread(parts: list[FloatArray]) -> float:

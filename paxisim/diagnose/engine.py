@@ -14,6 +14,7 @@ from paxisim.diagnose.checks import Reading, read_layout, read_rounding, read_ta
 from paxisim.diagnose.fitting import Fitted, fit, in_order, made, predict
 from paxisim.diagnose.noise import Tolerance
 from paxisim.diagnose.problem import FloatArray, Problem, problem_of, with_noise
+from paxisim.diagnose.silent import silent_channels
 from paxisim.diagnose.state import Plan, State, closer, first_look, with_slow, with_zero, zero_beside
 from paxisim.diagnose.worth import SEVERAL, Thresholds
 from paxisim.errors import InvalidValueError
@@ -68,6 +69,15 @@ class Explanation:
     not_searched: Mapping[str, str] = field(default_factory=dict)
     nearly: Mapping[str, float] = field(default_factory=dict)
     refit: Callable[[Problem], FloatArray] = field(default=lambda part: np.zeros(0), repr=False)
+
+    @property
+    def judged(self) -> Problem:
+        """The recording as the figures are given of it: what dead taxels should have read is an error, too."""
+        for named in self.found:
+            if named.name == "dead_taxels":
+                gone = (np.asarray(named.values["dead"]) + np.asarray(named.values["stuck"])) > 0
+                return replace(self.problem, alive=self.problem.alive | gone[:, None])
+        return self.problem
 
     def fit_on(self, spans: Sequence[slice]) -> FloatArray:
         """The prediction of the same causes, fitted on some samples only.
@@ -149,11 +159,14 @@ def _read(
         read["dead_taxels"] = taxels
         gone = (np.asarray(taxels.values["dead"]) + np.asarray(taxels.values["stuck"])) > 0
         problem = replace(problem, alive=problem.alive & ~gone[:, None])
-        if not problem.alive.any():
-            raise InvalidValueError(
-                "no taxel answers to what the simulation presses on it: was the sensor connected, and is it the same "
-                "motion, in newtons?"
-            )
+    silent = silent_channels(problem)
+    if silent.any():
+        problem = with_noise(replace(problem, alive=problem.alive & ~silent), tolerance)
+    if not problem.alive.any():
+        raise InvalidValueError(
+            "no taxel answers to what the simulation presses on it: was the sensor connected, and is it the same "
+            "motion, in newtons?"
+        )
     return read, problem
 
 

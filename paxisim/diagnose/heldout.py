@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,8 +16,8 @@ FOLDS = 4
 DRAWS = 400  # of the bootstrap
 LEVEL = 0.9  # of the intervals
 LONE = 0.5  # of the gain, that one episode has which is held out half by half
-LEAST_ROOM = 0.02  # of the floor, that an error is above it, to be explainable
-CHOSEN = "Causes were chosen on all episodes; their numbers were fitted without those held out."
+LEASTCHOSEN = "Causes were chosen on all episodes; their numbers were fitted without those held out."
+LEAST_ROOM = 0.02  # of the floor, that the error must be above it for anything to be explained
 _EQUAL = 1e-5  # of the force, by which streams without noise may differ
 _ALIKE = 0.02  # of the force, by which the simulations of a repeated motion may differ
 
@@ -76,11 +76,10 @@ def hold_out(found: Explanation, simulated: FloatArray) -> Squares:
                     halves = _halves(span)
                     for own, other in (halves, halves[::-1]):
                         prediction[own] = found.fit_on(sorted([*others, other], key=lambda s: s.start))[own]
-    if any(cause.name == "dead_taxels" for cause in found.found):  # then what they should have read is part of the gain
-        problem = replace(problem, alive=np.ones_like(problem.alive))
+    problem = found.judged
     after = problem.measured - problem.read(prediction)
-    floor, source = _noise(problem, prediction, after)
     coarse = any(cause.name == "quantisation" for cause in found.found)  # then rounding is part of what is wrong
+    floor, source = _noise(problem, prediction, after, coarse)
     return Squares(
         _squares(problem, problem.measured - (simulated if coarse else problem.read(simulated))),
         _squares(problem, after),
@@ -107,11 +106,13 @@ def _squares(problem: Problem, values: FloatArray) -> FloatArray:
     return np.array([np.sum(values[span] ** 2, where=problem.alive) for span in problem.episodes])
 
 
-def _noise(problem: Problem, prediction: FloatArray, after: FloatArray) -> tuple[FloatArray, str]:
+def _noise(problem: Problem, prediction: FloatArray, after: FloatArray, coarse: bool) -> tuple[FloatArray, str]:
     """``(episodes,)`` squares that noise and rounding make (N^2), and where they are read.
 
     A channel that is pressed is rounded, one at rest need not be; noise that wanders slowly hardly shows in the
-    differences from frame to frame, so the variance at rest is taken, within what such noise can make of them.
+    differences from frame to frame, so the variance at rest is taken, within what such noise can make of them. Where
+    rounding is a cause, what the model says of it is no noise; where noise hardly reaches the next count, its size is
+    known as a bound only, and what the model leaves is no more than it.
     """
     repeated = _repeated(problem)
     if repeated is not None:
@@ -123,11 +124,12 @@ def _noise(problem: Problem, prediction: FloatArray, after: FloatArray) -> tuple
         variance = np.clip(np.var(after[problem.at_rest], axis=0), fast, 2.5 * fast)
     else:
         variance = np.median(steps**2, axis=0) / 0.455 / 2
-    rounded = np.maximum(variance, problem.step**2 / 12)
-    each = np.where(np.abs(prediction) > problem.step / 4, rounded, variance)
-    return np.array(
-        [np.sum(each[span], where=problem.alive) for span in problem.episodes]
-    ), "high-frequency differences"
+    rounding = problem.counting.left if coarse else problem.step**2 / 12
+    each = np.where(np.abs(prediction) > problem.step / 4, np.maximum(variance, rounding), variance)
+    floor = np.array([np.sum(each[span], where=problem.alive) for span in problem.episodes])
+    if coarse:
+        floor *= min(1.0, float(_squares(problem, after).sum() / max(floor.sum(), 1e-12)))
+    return floor, "high-frequency differences"
 
 
 def _repeated(problem: Problem) -> float | None:

@@ -167,7 +167,8 @@ def _spreads(found: Explanation) -> dict[tuple[str, str], tuple[float, float]]:
     low, high = reach + np.maximum(-finer, 0.0), reach + np.maximum(finer, 0.0)
     return {
         (named.name, item.name): (float(below), float(above))
-        for (named, item), below, above in zip(free, low, high, strict=True)
+        for (named, item), below, above, seen in zip(free, low, high, linear.seen, strict=True)
+        if seen
     }
 
 
@@ -224,6 +225,11 @@ class _Linear:
         normal = np.einsum("atc,btc->ab", self._slope, self._slope, optimize=True)
         scale = np.sqrt(np.maximum(np.diag(normal), 1e-12))
         self._inverse = np.linalg.pinv(normal / np.outer(scale, scale), rcond=1e-6) / np.outer(scale, scale)
+
+    @property
+    def seen(self) -> NDArray[np.bool_]:
+        """``(free,)`` whether a parameter changes anything in the recording."""
+        return np.asarray(self._slope.any(axis=(1, 2)), dtype=np.bool_)
 
     def spread(self) -> FloatArray:
         """Half the widths of intervals that come from the scores."""

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
+_PRESSED = 0.2  # of the largest force, beyond which no noise is cut off below 0
+
 
 @dataclass(frozen=True)
 class Tolerance:
@@ -26,7 +28,13 @@ class Tolerance:
     place: float = 0.02
 
 
-def noise_of(measured: FloatArray, simulated: FloatArray, episodes: tuple[slice, ...], step: float) -> FloatArray:
+def noise_of(
+    measured: FloatArray,
+    simulated: FloatArray,
+    episodes: tuple[slice, ...],
+    step: float,
+    alive: NDArray[np.bool_],
+) -> FloatArray:
     """The noise of each channel (N), from how the residual changes from sample to sample.
 
     Changes are small against the noise for whatever is slow, an effect included; half of them by size is taken, so
@@ -35,10 +43,19 @@ def noise_of(measured: FloatArray, simulated: FloatArray, episodes: tuple[slice,
     residual = measured - simulated
     steps = np.concatenate([np.diff(residual[span], axis=0) for span in episodes])
     sigma = np.sqrt(np.median(steps**2, axis=0) / 0.455 / 2)
-    typical = np.median(sigma, axis=(0, 2, 3), keepdims=True)
+    each = [np.median(sigma[:, axis][alive[:, axis]]) if alive[:, axis].any() else 0.0 for axis in range(3)]
     if measured[:, :, 2].min() >= 0:  # what is cut off below 0 hides the noise of a normal force at rest
-        typical[:, 2] = max(typical[0, 2, 0, 0], float(np.mean(typical[:, :2])))
+        shear = [each[axis] for axis in range(2) if alive[:, axis].any()]
+        each[2] = max(each[2], float(np.mean(shear)) if shear else _under_load(steps, simulated, episodes))
+    typical = np.reshape(each, (1, 3, 1, 1))
     return np.maximum(np.maximum(sigma, typical), max(step / np.sqrt(12), 1e-3))
+
+
+def _under_load(steps: FloatArray, simulated: FloatArray, episodes: tuple[slice, ...]) -> float:
+    """The noise (N) of normal forces where they are pressed so that nothing is cut off."""
+    normal = np.concatenate([simulated[span, :, 2][1:] for span in episodes])
+    changes = steps[:, :, 2][normal > _PRESSED * normal.max()]
+    return float(np.sqrt(np.median(changes**2) / 0.455 / 2)) if changes.size else 0.0
 
 
 def step_of(measured: FloatArray) -> float:

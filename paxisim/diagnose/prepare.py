@@ -74,6 +74,7 @@ def prepare(recording: Recording) -> tuple[Recording, tuple[str, ...]]:
 
 def _known(recording: Recording, warnings: list[str]) -> Recording:
     """Without samples at which a tensor is not known."""
+    recording = _without_missing(recording, warnings)
     known = np.ones(len(recording), dtype=bool)
     for name in ("measured", "simulated"):
         finite = np.isfinite(getattr(recording, name)).all(axis=(1, 2, 3, 4))
@@ -110,6 +111,16 @@ def _known(recording: Recording, warnings: list[str]) -> Recording:
         raise InvalidValueError("no episode has 4 samples at which both streams are known")
     recording = replace(recording, episode=episode)
     return recording if enough.all() else recording[enough]
+
+
+def _without_missing(recording: Recording, warnings: list[str]) -> Recording:
+    """With 0 for measured channels that are never known, which are then left out as those are that never change."""
+    assert recording.measured is not None
+    missing = np.isnan(recording.measured).all(axis=0)
+    if missing.all() or not missing.any():
+        return recording
+    warnings.append(f"{int(missing.sum())} of {missing.size} measured channels are NaN throughout, and read as 0")
+    return replace(recording, measured=np.where(missing, 0, recording.measured))
 
 
 def _check_signals(recording: Recording, warnings: list[str]) -> None:

@@ -326,11 +326,15 @@ def problem_of(recording: Recording, tolerance: Tolerance) -> Problem:
 
 def with_noise(problem: Problem, tolerance: Tolerance) -> Problem:
     """The problem with its noise read from its own streams."""
-    noise = noise_of(problem.measured, problem.simulated, problem.episodes, problem.step)
+    alive, step = problem.alive, problem.step
+    noise = noise_of(problem.measured, problem.simulated, problem.episodes, step, alive)
     allowed = tolerated(problem.simulated, problem.time, problem.episodes, tolerance)
-    dither = dither_of(problem.measured, problem.at_rest, problem.untouched, problem.episodes, problem.step)
-    if dither < 0.6 * problem.step:  # most readings repeat the one before, and their changes hide the noise
-        noise = np.maximum(noise, np.sqrt(problem.step**2 / 12 + dither**2))
+    if alive[:, :2].any():
+        dither = dither_of(problem.measured, problem.at_rest, problem.untouched, problem.episodes, step, alive)
+    else:  # no shear is measured
+        dither = float(np.sqrt(max(np.median(noise[alive]) ** 2 - step**2 / 12, 0.0))) if alive.any() else 0.0
+    if dither < 0.6 * step:  # most readings repeat the one before, and their changes hide the noise
+        noise = np.maximum(noise, np.sqrt(step**2 / 12 + dither**2))
     sigma = np.sqrt(noise**2 + allowed)
     if not np.isfinite(sigma).all():  # against it nothing would stand out, and all would seem well
         raise InvalidValueError(

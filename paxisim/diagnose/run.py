@@ -20,6 +20,7 @@ from paxisim.diagnose.prepare import prepare
 from paxisim.diagnose.problem import FloatArray, Problem, showing
 from paxisim.diagnose.repeats import settled, with_untold
 from paxisim.diagnose.rivals import rivals_of
+from paxisim.diagnose.silent import silent_in_words
 from paxisim.diagnose.streams import Streams
 from paxisim.diagnose.symptoms import symptoms
 from paxisim.errors import InvalidValueError, MissingExtraError
@@ -69,7 +70,8 @@ def diagnose(
     found = explain(recording, causes, thresholds=thresholds, tolerance=Tolerance(), progress=progress)
     assert recording.simulated is not None
     simulated = recording.simulated.astype(np.float64)
-    problem = found.problem
+    problem, judged = found.problem, found.judged
+    warnings += silent_in_words(~judged.alive, recording.pads)
     tell("refitting to some episodes, judging on the others")
     squares = hold_out(found, simulated)
     tell("looking for structure in what is left")
@@ -81,7 +83,7 @@ def diagnose(
     gains = gains_of(found, squares, seed)
     structure = (*unsettled, *_not_held(found, gains), *structure)
     tell("comparing with a black box")
-    black, note = _ceiling(problem, simulated, seed, jobs)
+    black, note = _ceiling(judged, simulated, seed, jobs)
     tell("looking for what would do as well")
     rivals = rivals_of(found, thresholds.material * problem.samples / 2)
     searched = [name for name in causes or known_causes() if name not in found.not_searched]
@@ -102,8 +104,8 @@ def diagnose(
         heldout=figures(squares, seed, black, note),
         confidence=_confidence(found, rivals, thresholds, seed, bool(structure)),
         not_testable=missing,
-        streams=_streams(recording, problem, squares),
-        symptoms=symptoms(problem, simulated, found.prediction, recording.pads, warnings=warnings, left_over=left),
+        streams=_streams(recording, judged, squares),
+        symptoms=symptoms(judged, simulated, found.prediction, recording.pads, warnings=warnings, left_over=left),
         advice=advice(
             [(item.name, item.rivals) for item in named],
             {**to_show, **dict.fromkeys(faint, "it is too faint to be named")},
@@ -258,4 +260,5 @@ def _streams(recording: Recording, problem: Problem, squares: Squares) -> Stream
         pads=recording.pads,
         layout=recording.layout,
         step=problem.step,
+        alive=problem.alive,
     )

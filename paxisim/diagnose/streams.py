@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,7 @@ class Streams:
         pads: The pads' names.
         layout: Their taxels.
         step: Newtons a count of the sensor, 0 if it does not count.
+        alive: ``(pads, 3, rows, cols)`` channels that take part; one that the sensor does not measure is left out.
     """
 
     time: NDArray[np.float64]
@@ -38,6 +40,7 @@ class Streams:
     pads: tuple[str, ...]
     layout: TaxelLayout
     step: float = 0.0
+    alive: NDArray[np.bool_] | Literal[True] = True
 
     @property
     def episodes(self) -> tuple[slice, ...]:

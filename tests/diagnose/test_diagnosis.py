@@ -99,6 +99,20 @@ def test_the_same_seed_gives_the_same_diagnosis(rotated):
     assert again.to_json() == rotated.to_json()
 
 
+@pytest.fixture(scope="module")
+def dead():
+    return diagnose(recording(("dead_taxels",), strength=0.6), ("dead_taxels", "axis_gain"))
+
+
+def test_the_error_of_dead_taxels_lives_where_they_are(dead):
+    assert [cause.name for cause in dead.causes] == ["dead_taxels"]
+    gone = np.argwhere(np.asarray(dead.model["dead_taxels"].dead) + np.asarray(dead.model["dead_taxels"].stuck))
+    worst = {place.where: place for place in dead.symptoms.taxels[: len(gone)]}
+    assert worst.keys() == {f"pad{p} ({r}, {c})" for p, r, c in gone}
+    assert all(place.after < 0.1 * place.before for place in worst.values())
+    assert sum(place.after for place in dead.symptoms.axes) < 0.05
+
+
 def test_what_is_outside_the_vocabulary_is_not_explained():
     found = diagnose(recording(("hum",), strength=0.8), CAUSES)
     assert found.verdict in ("unexplained", "partly_explained")

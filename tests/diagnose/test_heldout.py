@@ -1,5 +1,7 @@
 """Held-out predictions come from fits that have not seen what they predict, also where one episode shows it all."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -76,3 +78,18 @@ def test_a_cause_that_gains_nothing_where_it_was_not_fitted_is_not_relied_on(gai
     told = _not_held(found, {"creep": Interval(gain)})
     assert [item.what.split()[0] for item in told] == ([] if held else ["creep"])
     assert ("gains nothing on episodes" in _evidence(np.ones(EPISODES), Interval(gain))) is not held
+
+
+@pytest.mark.parametrize("noise", [0.02, 0.2])
+def test_rounding_that_is_a_cause_is_no_noise(noise):
+    found = explanation(np.ones(EPISODES), [])
+    rng, force = np.random.default_rng(1), found.problem.simulated
+    measured = np.round(force + noise * rng.standard_normal(force.shape))
+    problem = replace(found.problem, measured=measured, step=1.0, dither=max(noise, 0.15))
+    named = (replace(found.found[0], name="quantisation"),)
+    coarse = replace(found, problem=problem, found=named, refit=lambda part: force)
+    squares = hold_out(coarse, force)
+    told = figures(squares, 0, None, "")
+    assert told.noise_floor <= 1.02 * told.nrmse_after
+    assert told.noise_floor > 0.8 * told.nrmse_after
+    assert told.nrmse_after < told.nrmse_before

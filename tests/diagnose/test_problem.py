@@ -36,6 +36,15 @@ def test_what_is_read_is_the_mean_of_noisy_counts(step, dither):
     np.testing.assert_allclose(read[:, 2], np.maximum(counts, 0).mean(axis=0), atol=4e-3)
 
 
+@pytest.mark.parametrize("dither", [0.02, 0.06, 0.1])
+def test_what_is_left_of_readings_is_known(dither):
+    counting = problem(0.1, dither, clips=False).counting
+    rng = np.random.default_rng(2)
+    force = rng.uniform(1, 2, (100_000, 1, 3, 1, 1))
+    counts = np.round((force + dither * rng.standard_normal(force.shape)) / 0.1) * 0.1
+    assert counting.left == pytest.approx(np.mean((counts - counting.read(force)) ** 2), rel=0.02)
+
+
 def test_the_force_behind_a_mean_reading_is_found_again():
     made = problem()
     level = np.linspace(0.02, 0.4, 12).reshape(1, 1, 3, 4) * np.ones((2, 3, 1, 1))

@@ -44,10 +44,9 @@ class Effect:
 
     @cached_property
     def energy(self) -> Series:
-        """``(episodes, pads, 3, rows, cols)`` N^2, what the cause adds about its mean."""
-        return np.array(
-            [np.sum((self.model[s] - self.without[s]) ** 2, axis=0, dtype=float) for s in self.streams.episodes]
-        )
+        """``(episodes, pads, 3, rows, cols)`` N^2, what the cause adds to the channels that take part."""
+        added = [np.sum((self.model[s] - self.without[s]) ** 2, axis=0, dtype=float) for s in self.streams.episodes]
+        return np.where(self.streams.alive, added, 0.0)
 
     @cached_property
     def axes(self) -> list[tuple[int, int]]:

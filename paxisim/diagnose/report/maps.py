@@ -35,7 +35,7 @@ def places(streams: Streams, extended: bool = True) -> list[Picture]:
 def _error(streams: Streams, other: NDArray[np.float32]) -> NDArray[np.float64]:
     """``(pads, 3, rows, cols)`` N, root mean square, an episode at a time for the memory's sake."""
     square = sum(np.sum((streams.measured[s] - other[s]) ** 2, axis=0, dtype=float) for s in streams.episodes)
-    return np.sqrt(square / len(streams.time))
+    return np.sqrt(square / len(streams.time)) * streams.alive
 
 
 def _places(

@@ -29,9 +29,8 @@ SECONDS = 40.0  # at most in a trace
 
 def worst_episodes(streams: Streams, extended: bool = True) -> list[Picture]:
     """The episodes with the largest error, each by its worst taxel; with the extended model, if there is one."""
-    energy = np.array(
-        [np.sum((streams.measured[s] - streams.simulated[s]) ** 2, axis=0, dtype=float) for s in streams.episodes]
-    )
+    square = [np.sum((streams.measured[s] - streams.simulated[s]) ** 2, axis=0, dtype=float) for s in streams.episodes]
+    energy = np.where(streams.alive, square, 0.0)
     order = np.argsort(-energy.sum(axis=(1, 2, 3, 4)), kind="stable")[:EPISODES]
     return [_trace(streams, int(number), energy[number], extended) for number in order]
 

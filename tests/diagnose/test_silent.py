@@ -1,0 +1,91 @@
+"""Channels that never change are left out where they are pressed beyond what rounding and gates hold back."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from paxisim.diagnose.engine import Tolerance
+from paxisim.diagnose.problem import problem_of
+from paxisim.diagnose.run import diagnose
+from paxisim.diagnose.silent import silent_channels, silent_in_words
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from hidden.cases import make
+from recorded import recording_of
+
+CAUSES = ("axis_gain", "taxel_gain", "dead_taxels")
+
+
+@pytest.fixture(scope="module")
+def recording():
+    """One whose normal force is read as too large, on pads of 4x3."""
+    case = make(("axis_gain",), seed=3, strength=0.9, rows=4, cols=3, duration=5.0)
+    return recording_of(case)
+
+
+def silent(recording, measured):
+    return silent_channels(problem_of(replace(recording, measured=measured), Tolerance()))
+
+
+def most_pressed(recording, axis=2, pad=0):
+    size = np.abs(recording.simulated[:, pad, axis]).max(axis=0)
+    return np.unravel_index(int(size.argmax()), size.shape)
+
+
+def test_channels_that_answer_are_not_silent(recording):
+    assert not silent(recording, recording.measured).any()
+
+
+@pytest.mark.parametrize("value", [0.0, 0.7])
+def test_a_channel_that_is_stuck_alone_is_silent(recording, value):
+    row, col = most_pressed(recording)
+    measured = recording.measured.copy()
+    measured[:, 0, 2, row, col] = value
+    found = silent(recording, measured)
+    np.testing.assert_array_equal(np.argwhere(found), [[0, 2, row, col]])
+    assert silent_in_words(found, ("left", "right"))[0].startswith(f"z of pad left ({row}, {col}) never changes")
+
+
+def test_small_forces_that_a_gate_holds_back_are_not_silent(recording):
+    gated = np.where(np.abs(recording.measured) < 0.3, 0, np.round(recording.measured, 1))
+    small = 0.3 / np.abs(recording.simulated[:, :, :2]).max()
+    scaled = recording.simulated * np.reshape([small, small, 1], (3, 1, 1))
+    gated[:, :, :2] = 0
+    assert not silent(replace(recording, simulated=scaled), gated).any()
+
+
+def test_an_axis_that_is_not_measured_is_silent_however_weak_it_is(recording):
+    measured = recording.measured.copy()
+    measured[:, 1, :2] = 0
+    weak = recording.simulated * np.reshape([0.3, 0.3, 1], (3, 1, 1))
+    found = silent(replace(recording, simulated=weak), measured)
+    assert found[1, :2].all()
+    assert found.sum() == found[1, :2].size
+    assert silent_in_words(found, ("left", "right"))[0].startswith("x and y of pad right never change")
+
+
+@pytest.mark.parametrize("value", [0.0, np.nan])
+def test_a_sensor_of_normal_force_only_is_diagnosed_by_it(recording, value):
+    measured = recording.measured.copy()
+    measured[:, :, :2] = value
+    found = diagnose(replace(recording, measured=measured), CAUSES)
+    assert [cause.name for cause in found.causes] == ["axis_gain"]
+    gains = {p.name: p.value for p in found.causes[0].parameters}
+    assert gains["gain_x"].value == 1
+    assert gains["gain_x"].low is None, "nothing is known of it"
+    assert gains["gain_z"].low is not None
+    assert found.heldout.explained.value > 0.8
+    assert any("x and y of pad pad0, x and y of pad pad1 never change" in line for line in found.symptoms.warnings)
+    assert found.streams.alive.sum() == found.streams.alive.size / 3
+
+
+def test_a_stuck_channel_is_no_gain_of_its_taxel(recording):
+    row, col = most_pressed(recording)
+    measured = recording.measured.copy()
+    measured[:, 0, 2, row, col] = 0
+    found = diagnose(replace(recording, measured=measured), CAUSES)
+    assert [cause.name for cause in found.causes] == ["axis_gain"]
+    assert any(f"z of pad pad0 ({row}, {col}) never changes" in line for line in found.symptoms.warnings)
