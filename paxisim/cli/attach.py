@@ -35,7 +35,7 @@ def attach(
     Args:
         gripper: The gripper's MJCF file.
         taxels: Which taxels.
-        output: The MJCF file to write.
+        output: The MJCF file to write, .xml.
         mount: Where a pad goes, once for each pad, as
             'BODY pos-mm=X,Y,Z quat=W,X,Y,Z replaces=GEOM,GEOM name=NAME'; what was chosen is printed in this form.
         picture: Where to draw the gripper with its pads; default: beside the output, as .png.
@@ -46,8 +46,8 @@ def attach(
     import paxisim
 
     picture = output.with_suffix(".png") if picture is None else picture
-    check_output(output, force)
-    check_output(picture, force)
+    check_output(output, force, ".xml")
+    check_output(picture, force, ".png")
     pad = paxisim.Pad(
         taxels.layout(),
         thickness=thickness_mm * 1e-3,
@@ -56,7 +56,13 @@ def attach(
     )
     progress("attaching" if mount else "closing the gripper to see where its fingers meet")
     tactile = paxisim.attach(gripper, pad, [parse_mount(text) for text in mount] or None)
-    write_output(output, tactile.to_xml(output.absolute().parent), force)
+    model = tactile.to_xml(output.absolute().parent)
+    progress("drawing")
+    try:
+        drawn, missing = paxisim.plot_mounts(tactile), ""
+    except paxisim.MissingExtraError as error:
+        drawn, missing = None, str(error)
+    write_output(output, model, force)
     if tactile.report:
         print(tactile.report)
         print("\nTo change it, edit and give:")
@@ -65,11 +71,8 @@ def attach(
         print()
     pads = len(tactile.pad_names)
     print(f"{output}: {pads} pad{'s' * (pads > 1)} of {pad.layout.rows}x{pad.layout.cols} taxels")
-    progress("drawing")
-    try:
-        drawn = paxisim.plot_mounts(tactile)
-    except paxisim.MissingExtraError as error:
-        print(f"no picture: {error}")
+    if drawn is None:
+        print(f"no picture: {missing}")
         return
     write_output(picture, png(drawn), force)
-    print(f"{picture}: the gripper with its pads")
+    print(f"{picture}: the gripper with its pads, row 0 and column 0 of each white")

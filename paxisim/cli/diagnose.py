@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Annotated
 
@@ -39,7 +40,9 @@ def diagnose(
     Args:
         recording: An .mcap, .npz or .csv file with measured and simulated tensors.
         output: The folder to write to; it is made if need be.
-        causes: Only look for these, separated by commas; default: all.
+        causes: Only look for these, separated by commas; default: all. They are axis_gain, taxel_gain, offset, drift,
+            stiffening, poisson, crosstalk, axis_coupling, rotation, layout, creep, hysteresis, low_pass, latency,
+            saturation, dead_band, quantisation, dead_taxels, interference and channel_curve.
         seed: Of what is drawn at random.
         jobs: Processors to use.
         force: Overwrite a diagnosis that is in the folder.
@@ -65,8 +68,9 @@ def _check_folder(folder: Path, force: bool) -> None:
     """Refuse an output before any work is done."""
     if folder.exists() and not folder.is_dir():
         raise InvalidValueError(f"the output must be a folder, {folder} is a file")
-    if not folder.absolute().parent.is_dir():
-        raise InvalidValueError(f"the output's folder does not exist: {folder.absolute().parent}")
+    there = next(path for path in (folder.absolute(), *folder.absolute().parents) if path.exists())
+    if not (there.is_dir() and os.access(there, os.W_OK)):
+        raise InvalidValueError(f"the output's folder cannot be made or written to: {folder}")
     for name in FILES:
         if (folder / name).exists() and not force:
             raise OutputExistsError(f"{folder / name} exists; --force overwrites it")

@@ -17,17 +17,27 @@ def progress(what: str) -> None:
         print(f"{what} ...", file=sys.stderr, flush=True)
 
 
-def check_output(path: Path, force: bool) -> None:
+def check_output(path: Path, force: bool, suffix: str = "") -> None:
     """Refuse an output path before any work is done.
+
+    Args:
+        path: The path.
+        force: Whether a file that exists may be overwritten.
+        suffix: What its name must end in; default: anything.
 
     Raises:
         OutputExistsError: The file exists and `force` is off.
-        InvalidValueError: The path is a folder, or its folder does not exist.
+        InvalidValueError: The path is a folder, its name ends otherwise, or its folder does not exist or cannot be
+            written to.
     """
     if path.is_dir():
         raise InvalidValueError(f"the output path must be a file, {path} is a folder")
+    if suffix and path.suffix.lower() != suffix:
+        raise InvalidValueError(f"the output's name must end in {suffix}, got {path}")
     if not path.absolute().parent.is_dir():
         raise InvalidValueError(f"the output's folder does not exist: {path.absolute().parent}")
+    if not os.access(path.absolute().parent, os.W_OK):
+        raise InvalidValueError(f"the output's folder cannot be written to: {path.absolute().parent}")
     if path.exists() and not force:
         raise OutputExistsError(f"{path} exists; --force overwrites it")
 

@@ -30,7 +30,7 @@ def pad(
 
     Args:
         taxels: Which taxels.
-        output: The MJCF file to write; default: standard output.
+        output: The MJCF file to write, .xml; default: standard output.
         name: Name of the pad, the first part of every name in the file.
         thickness_mm: Thickness of the taxel cubes in mm.
         sensors: MuJoCo sensors to embed; paxisim's own reader needs none.
@@ -39,7 +39,7 @@ def pad(
     from paxisim.models.pad import Pad
 
     if output is not None:
-        check_output(output, force)
+        check_output(output, force, ".xml")
     built = Pad(
         taxels.layout(),
         name=name,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -59,6 +60,6 @@ def _pitch(text: str) -> tuple[float, float]:
         values = [float(part) * 1e-3 for part in text.split(",")]
     except ValueError:
         values = []
-    if len(values) not in (1, 2):
-        raise InvalidValueError(f"--pitch-mm must be one or two numbers, as in 4.35,4.52, got {text!r}")
+    if len(values) not in (1, 2) or not all(0 < value < math.inf for value in values):
+        raise InvalidValueError(f"--pitch-mm must be one or two positive numbers, as in 4.35,4.52, got {text!r}")
     return (values[0], values[-1])

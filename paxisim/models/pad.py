@@ -21,6 +21,9 @@ from paxisim.models.gel import Gel
 DENSITY = 1200.0
 """Density (kg/m^3) behind the default mass: between silicone (1100) and a thin circuit board (1850)."""
 
+SMALLEST, LARGEST = 1e-5, 1.0
+"""Pitch (m) that a pad's taxels may have: less or more is a mistaken unit, and physics with it makes no sense."""
+
 _GROUP = "1"  # drawn by MuJoCo's viewer and by robosuite's renderers, which hide their collision group 0
 
 
@@ -68,6 +71,11 @@ class Pad:
             value = getattr(self, what)
             if value is not None and not (np.isfinite(value) and value > 0):
                 raise InvalidValueError(f"a pad's {what} must be positive and finite, got {value!r}")
+        if not all(SMALLEST <= pitch <= LARGEST for pitch in self.layout.pitch):
+            mm = " x ".join(f"{1e3 * pitch:g}" for pitch in self.layout.pitch)
+            raise InvalidValueError(
+                f"a pad's pitch must be from {1e3 * SMALLEST:g} to {1e3 * LARGEST:g} mm, got {mm} mm: is it in metres?"
+            )
         if self.heights is not None:
             heights = check_heights(self.heights, self.layout)
             if heights.ndim != 2:

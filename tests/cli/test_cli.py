@@ -13,6 +13,8 @@ import pytest
 import paxisim
 from paxisim.cli import main
 from paxisim.cli.mounts import format_mount, parse_mount
+from paxisim.diagnose.cause import known_causes
+from paxisim.errors import InvalidValueError
 
 GRIPPER = files("paxisim").joinpath("data/two_finger_gripper.xml").read_text(encoding="utf-8")
 GRID = ["--rows", "6", "--cols", "5", "--pitch-mm", "4.35,4.52"]
@@ -114,8 +116,8 @@ def test_overwriting_is_asked_for():
         (["pad", "--rows", "nan", "--cols", "5", "--pitch-mm", "1", "-o", "a.xml"], "--rows"),
         (["pad", "--rows", "0", "--cols", "5", "--pitch-mm", "1", "-o", "a.xml"], "rows must be .* at least 1, got 0"),
         (["pad", "--rows", "6", "--cols", "-5", "--pitch-mm", "1", "-o", "a.xml"], "cols must be"),
-        (["pad", "--rows", "6", "--cols", "5", "--pitch-mm", "1,nan", "-o", "a.xml"], "pitch must be .*finite"),
-        (["pad", "--rows", "6", "--cols", "5", "--pitch-mm", "1,2,3", "-o", "a.xml"], "one or two numbers"),
+        (["pad", "--rows", "6", "--cols", "5", "--pitch-mm", "1,nan", "-o", "a.xml"], "two positive numbers"),
+        (["pad", "--rows", "6", "--cols", "5", "--pitch-mm", "1,2,3", "-o", "a.xml"], "one or two positive numbers"),
         (["pad", "--rows", "6", "--cols", "5", "-o", "a.xml"], "all of --rows, --cols and --pitch-mm"),
         (["pad", "-o", "a.xml"], "either --sensor NAME or"),
         (["pad", *GRID, "--sensor", "paxini-gen1-l4629", "-o", "a.xml"], "either --sensor NAME or"),
@@ -124,6 +126,14 @@ def test_overwriting_is_asked_for():
         (["pad", "--sensor", "paxini-gen1-14629", "-o", "a.xml"], "did you mean 'paxini-gen1-l4629'"),
         (["pad", *GRID, "-o", "no/such/folder/a.xml"], "folder does not exist"),
         (["pad", *GRID, "-o", "."], "is a folder"),
+        (["pad", *GRID, "-o", "a.png"], "must end in .xml, got a.png"),
+        (["pad", "--rows", "100000", "--cols", "100000", "--pitch-mm", "1", "-o", "a.xml"], "at most 1000000 taxels"),
+        (["pad", "--rows", "3", "--cols", "3", "--pitch-mm", "0.0047", "-o", "a.xml"], "0.01 to 1000 mm, got 0.0047"),
+        (["attach", "gripper.xml", *GRID, "-o", "a.png"], "must end in .xml"),
+        (["attach", "gripper.xml", *GRID, "-o", "a.xml", "--picture", "a.xml"], "must end in .png"),
+        (["attach", "gripper.xml", *GRID, "-o", "a.xml", "--picture", "no/a.png"], "folder does not exist"),
+        (["demo", "-o", "a.txt"], "must end in .png"),
+        (["demo", "--seed", "-1"], "--seed must not be negative, got -1"),
         (["attach", "gripper.xml", *GRID], "--output"),
         (["attach", "missing.xml", *GRID, "-o", "a.xml"], "no such model file: missing.xml"),
         (["attach", "broken.xml", *GRID, "-o", "a.xml"], "MuJoCo cannot parse broken.xml"),
@@ -155,6 +165,28 @@ def test_help_fits_a_terminal(verb, capsys, monkeypatch):
     assert max(map(len, capsys.readouterr().out.splitlines())) <= 80
 
 
+def test_the_version_is_told(capsys):
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"paxisim {paxisim.__version__}\n"
+
+
+def test_attach_writes_nothing_where_the_picture_cannot_be_drawn(folder, monkeypatch):
+    def fail(tactile):
+        raise InvalidValueError("no picture of these")
+
+    monkeypatch.setattr(paxisim, "plot_mounts", fail)
+    before = sorted(folder.iterdir())
+    words = ["attach", "gripper.xml", *GRID, "--mount", MOUNTS[0], "--mount", MOUNTS[1], "-o", "out.xml"]
+    assert main(words) == 2
+    assert sorted(folder.iterdir()) == before
+
+
+def test_the_help_of_diagnose_lists_its_causes(capsys):
+    assert main(["diagnose", "--help"]) == 0
+    said = capsys.readouterr().out
+    assert [name for name in known_causes() if name not in said] == []
+
+
 def test_the_installed_command_reports_in_the_shell():
     done = subprocess.run(
         [sys.executable, "-m", "paxisim.cli", "pad", *GRID, "-o", "/"], capture_output=True, text=True, check=False
@@ -177,4 +209,4 @@ def test_a_reader_that_has_seen_enough_is_no_error():
 def test_a_folder_without_permission_is_one_line(capsys, folder):
     folder.chmod(0o500)
     assert main(["pad", *GRID, "-o", "a.xml"]) == 2
-    assert "Permission denied" in capsys.readouterr().err
+    assert "folder cannot be written to" in capsys.readouterr().err
