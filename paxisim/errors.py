@@ -20,13 +20,14 @@ class InvalidValueError(PaxisimError, ValueError):
 class UnknownNameError(PaxisimError, LookupError):
     """A name that is not among the known ones; the message offers the near matches."""
 
-    def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
+    def __init__(self, kind: str, name: str, known: Iterable[str], advice: str = "") -> None:
         """Build the message.
 
         Args:
             kind: What the name should have named, e.g. ``"sensor"``.
             name: The name that came.
             known: The names there are.
+            advice: What else to do about it.
         """
         known = sorted(known)
         in_lower_case = {n.lower(): n for n in known}
@@ -37,12 +38,16 @@ class UnknownNameError(PaxisimError, LookupError):
             hint = "known: " + ", ".join(known)
         else:
             hint = "there is none"
+<<<<<<< HEAD
         super().__init__(f"unknown {kind} {name!r}; {hint}")
         self._made_of = (kind, name, known)
 
     def __reduce__(self) -> tuple[type[UnknownNameError], tuple[str, str, list[str]]]:
         """For copies and pickles, such as a pool of processes makes, which know only the message."""
         return type(self), self._made_of
+=======
+        super().__init__(f"unknown {kind} {name!r}; {hint}" + (f"; {advice}" if advice else ""))
+>>>>>>> diag-fixes
 
 
 class MissingExtraError(PaxisimError, ImportError):

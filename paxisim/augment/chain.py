@@ -228,7 +228,8 @@ def _decode(document: Mapping[str, Any]) -> Transform:
         return Chain.from_json(json.dumps(document["chain"]))
     known = _known_transforms()
     if kind not in known:
-        raise UnknownNameError("transform", kind, known)
+        advice = f"if {kind} is a transform of your own, import the module that defines it first"
+        raise UnknownNameError("transform", kind, known, advice)
     values = {name: _decode_value(value) for name, value in document["parameters"].items()}
     fields = [f.name for f in dataclasses.fields(known[kind])]  # type: ignore[arg-type]
     for name in values:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+NOT_ASKED = "not asked for"
+"""Why a cause was not looked for that was left out on purpose."""
+
 MOTIONS: Mapping[str, str] = {
     "triangles": (
         "press and release in one triangle at three speeds over two decades, and hold for 30 s on the way up and "
@@ -87,7 +90,7 @@ def advice(
         lines.append(f"{MOTIONS['varied']}; there {'is' if episodes == 1 else 'are'} {episodes}")
     wanted: dict[str, list[str]] = {}
     for name, why in not_testable.items():
-        if name in EXCITES and why != "not asked for":
+        if name in EXCITES and why != NOT_ASKED:
             wanted.setdefault(EXCITES[name], []).append(name)
     lines += [f"to show {', '.join(names)}: {MOTIONS[motion]}" for motion, names in wanted.items()]
     return tuple(dict.fromkeys(lines))

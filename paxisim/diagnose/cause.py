@@ -78,7 +78,8 @@ class Cause:
         name: As it appears in a diagnosis.
         order: Where it sits in the chain, smaller is nearer to the contact.
         free: What is fitted, given the problem (its peak force, its number of pads ...).
-        make: The transform with these values, in the order of `free`.
+        make: The transform with these values, in the order of `free`. Of a transform of one's own, only fields that are
+            declared with `paxisim.augment.parameter` get intervals in the model, as others cannot be drawn.
         probes: Sets of values whose effects, taken together, span what the cause can do while it is small. The search
             ranks causes by them; give several where the effect changes its shape, as with time constants. None for a
             cause that is not searched for but read off the data.

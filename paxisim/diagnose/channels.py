@@ -23,6 +23,11 @@ def mixes_alike(problem: Problem) -> str:
     return "the simulation says the same for all channels: what mixes them cannot be told" if problem.one_load else ""
 
 
+def no_neighbours(problem: Problem) -> str:
+    """Why nothing that goes from taxel to taxel can be told."""
+    return "a pad of a single taxel has no neighbours" if problem.alive[0, 0].size == 1 else mixes_alike(problem)
+
+
 def bent_apart(problem: Problem) -> str:
     """Why no gain, and no law that all taxels share, can be told."""
     return "each channel has a curve of its own, which says this too (channel_curve)" if problem.one_load else ""

@@ -9,6 +9,7 @@ import numpy as np
 
 from paxisim import augment
 from paxisim.augment.transform import Transform
+from paxisim.diagnose.advice import NOT_ASKED
 from paxisim.diagnose.cause import cause, known_causes
 from paxisim.diagnose.checks import Reading, read_layout, read_rounding, read_taxels
 from paxisim.diagnose.fitting import Fitted, fit, in_order, made, predict
@@ -118,7 +119,7 @@ def explain(
     raw = problem_of(recording, tolerance)
     wanted = [cause(name) for name in (known_causes() if causes is None else causes)]
     names = {item.name for item in wanted}
-    not_searched = {name: "not asked for" for name in known_causes() if name not in names}
+    not_searched = {name: NOT_ASKED for name in known_causes() if name not in names}
     for item in list(wanted):
         if item.covariate and item.covariate not in raw.covariates:
             not_searched[item.name] = f"the recording has no covariate {item.covariate!r}"

@@ -46,7 +46,7 @@ def diagnose(
         recording: With measured and simulated tensors in newtons, the simulation replaying the same motion; covariates
             by name (`gripper_opening` in m), and several episodes.
         causes: Names of those to look for, of `known_causes`; default: all.
-        seed: Of what is drawn: the bootstrap over episodes and the black box.
+        seed: Of what is drawn: the bootstrap over episodes and the black box; at least 0.
         jobs: Processors that the black box may use, at least 1.
         progress: Told in words what is being done.
 
@@ -57,6 +57,8 @@ def diagnose(
     """
     if not isinstance(jobs, int) or jobs < 1:
         raise InvalidValueError(f"jobs must be a whole number of at least 1, got {jobs!r}")
+    if not isinstance(seed, (int, np.integer)) or seed < 0:
+        raise InvalidValueError(f"seed must be a whole number of at least 0, got {seed!r}")
     if isinstance(causes, str):
         raise InvalidValueError(f"causes must be a sequence of names, got the string {causes!r}")
     for name in causes or ():

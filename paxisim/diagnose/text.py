@@ -6,6 +6,9 @@ import textwrap
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
+from paxisim.diagnose.advice import NOT_ASKED
+from paxisim.diagnose.faults import fault_in_words
+
 if TYPE_CHECKING:
     from paxisim.diagnose.diagnosis import Diagnosis, FittedParameter, HeldOut, Interval, Place, Symptoms, Verdict
 
@@ -39,15 +42,24 @@ def text_of(diagnosis: Diagnosis) -> str:
         lines += [line for item in diagnosis.symptoms.left_over for line in _wrap(f"- {item.what}", "  ")]
     if any((diagnosis.symptoms.axes, diagnosis.symptoms.phases)) and diagnosis.verdict != "no_discrepancy":
         lines += ["", "Where the error lives (share of its energy: before -> after)", *_places(diagnosis.symptoms)]
-    if diagnosis.not_testable:
+    reasons = reasons_of(diagnosis)
+    if reasons:
         lines += ["", "Not testable with this recording"]
-        for reason in dict.fromkeys(diagnosis.not_testable.values()):
-            names = ", ".join(name for name, why in diagnosis.not_testable.items() if why == reason)
-            lines += _wrap(f"- {names}: {reason}", "  ")
+        for reason, names in reasons.items():
+            lines += _wrap(f"- {', '.join(names)}: {reason}", "  ")
     if diagnosis.advice:
         lines += ["", "Record next"]
         lines += [line for item in diagnosis.advice for line in _wrap(f"- {item}", "  ")]
     return "\n".join(lines)
+
+
+def reasons_of(diagnosis: Diagnosis) -> dict[str, list[str]]:
+    """By reason, the causes that the recording cannot show; those that were not asked for are left out."""
+    reasons: dict[str, list[str]] = {}
+    for name, why in diagnosis.not_testable.items():
+        if why != NOT_ASKED:
+            reasons.setdefault(why, []).append(name)
+    return reasons
 
 
 def _wrap(text: str, indent: str) -> list[str]:
@@ -61,7 +73,8 @@ def _table(diagnosis: Diagnosis) -> list[str]:
         head = f"{cause.name[:15]:<16}{_percent(cause.gain):<26}{diagnosis.confidence.get(cause.name, 0):>10.0%}  "
         first, *rest = textwrap.wrap(rivals, WIDTH - len(head))
         lines += [head + first, *[" " * len(head) + line for line in rest]]
-        lines += _wrap(_parameters(cause.parameters), "  ") + _wrap(cause.evidence, "  ")
+        numbers = fault_in_words(diagnosis, cause.name) or _parameters(cause.parameters)
+        lines += _wrap(numbers, "  ") + _wrap(cause.evidence, "  ")
     return lines
 
 

@@ -22,7 +22,7 @@ from optional import needs_torch, torch
 from paxisim.augment.chain import Chain, _known_transforms
 from paxisim.augment.parameter import parameters
 from paxisim.augment.transform import STAGES, Memory, Transform
-from paxisim.errors import InvalidValueError
+from paxisim.errors import InvalidValueError, UnknownNameError
 
 KINDS = {
     name: kind
@@ -288,6 +288,12 @@ def test_it_returns_from_json_bit_for_bit(name):
         series = covariates(name, BATCH)
         x = frames(BATCH)
         np.testing.assert_array_equal(again.run(x, TIME, series), transform.run(x, TIME, series))
+
+
+def test_a_transform_that_is_not_there_is_said_to_be_imported_first():
+    text = Chain([KINDS["Stiffening"]()]).to_json().replace("Stiffening", "Wrinkling")
+    with pytest.raises(UnknownNameError, match="if Wrinkling is a transform of your own, import the module"):
+        Chain.from_json(text)
 
 
 def assert_same(ours: Any, theirs: Any) -> None:

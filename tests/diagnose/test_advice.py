@@ -9,9 +9,12 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from hidden.advised import ADVISED
+from hidden.cases import make
+from recorded import recording_of
 
 from paxisim.diagnose.advice import EXCITES, MOTIONS, TELL_APART, advice, motions_of
 from paxisim.diagnose.cause import known_causes
+from paxisim.diagnose.run import diagnose
 
 
 def test_every_motion_can_be_made():
@@ -42,3 +45,11 @@ def test_motions_come_in_the_order_of_the_advice():
 
 def test_a_sentence_stands_for_one_motion():
     assert all(motions_of((text,)) == (name,) for name, text in MOTIONS.items())
+
+
+def test_no_neighbours_are_asked_for_of_a_pad_of_one_taxel():
+    case = make((), seed=3, rows=1, cols=1, duration=5.0)
+    found = diagnose(recording_of(case), ("crosstalk", "poisson", "axis_gain"))
+    why = "a pad of a single taxel has no neighbours"
+    assert {found.not_testable[name] for name in ("crosstalk", "poisson")} == {why}
+    assert not any("fine tip" in line for line in found.advice)

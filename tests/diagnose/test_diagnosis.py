@@ -269,7 +269,9 @@ def test_one_short_press_gives_no_certainty():
 
 
 @pytest.mark.parametrize(
-    "arguments", [{"causes": "creep"}, {"jobs": 0}, {"jobs": 1.5}], ids=["a string", "no jobs", "half a job"]
+    "arguments",
+    [{"causes": "creep"}, {"jobs": 0}, {"jobs": 1.5}, {"seed": -1}, {"seed": 0.5}],
+    ids=["a string", "no jobs", "half a job", "a seed below 0", "half a seed"],
 )
 def test_arguments_are_checked(arguments):
     with pytest.raises(InvalidValueError):

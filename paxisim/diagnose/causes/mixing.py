@@ -6,7 +6,7 @@ import numpy as np
 
 from paxisim import augment
 from paxisim.diagnose.cause import TAXEL_GAIN, UNLIKE, Cause, Free, Values, one_away, register_cause
-from paxisim.diagnose.channels import mixes_alike
+from paxisim.diagnose.channels import mixes_alike, no_neighbours
 
 register_cause(
     Cause(
@@ -18,7 +18,7 @@ register_cause(
         form={"interference": 0.008, "saturation": 0.003, "axis_coupling": 0.002},
         mistaken=UNLIKE,
         faint=0.4,
-        barred=mixes_alike,
+        barred=no_neighbours,
     )
 )
 
@@ -43,7 +43,7 @@ register_cause(
         },
         # what the 4 next neighbours get of a load in the middle of a pad, and the 16 beyond at distances up to 2.8
         beyond=lambda v, p: abs(v[0]) * (4 + 7 * v[1]) / 0.012,
-        barred=mixes_alike,
+        barred=no_neighbours,
     )
 )
 

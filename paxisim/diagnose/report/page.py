@@ -10,7 +10,8 @@ import numpy as np
 from paxisim._version import __version__
 from paxisim.augment.chain import Chain
 from paxisim.diagnose.diagnosis import Diagnosis, FoundCause, Interval
-from paxisim.diagnose.text import is_of_one_episode
+from paxisim.diagnose.faults import fault_in_words
+from paxisim.diagnose.text import is_of_one_episode, reasons_of
 from paxisim.errors import MissingExtraError
 
 HEADS = {
@@ -76,14 +77,11 @@ def _context(diagnosis: Diagnosis) -> dict[str, Any]:
             "found": cause,
             "words": WORDS.get(cause.name, ""),
             "pictures": pictures.get(cause.name, []),
-            "parameters": _parameters(cause),
+            "parameters": _parameters(diagnosis, cause),
             "confidence": diagnosis.confidence.get(cause.name),
         }
         for cause in diagnosis.causes
     ]
-    reasons: dict[str, list[str]] = {}
-    for name, why in diagnosis.not_testable.items():
-        reasons.setdefault(why, []).append(name)
     return {
         **context,
         "diagnosis": diagnosis,
@@ -91,7 +89,7 @@ def _context(diagnosis: Diagnosis) -> dict[str, Any]:
         "sentence": ONE_EPISODE_TAIL if is_of_one_episode(diagnosis) else TAILS[diagnosis.verdict],
         "causes": causes,
         "held_out": len(diagnosis.heldout.gain_per_episode) > 1,
-        "reasons": reasons,
+        "reasons": reasons_of(diagnosis),
         "covariates": diagnosis.model.covariate_names,
         "reads_ahead": _reads_ahead(diagnosis.model),
         "version": __version__,
@@ -115,8 +113,10 @@ def _reads_ahead(model: Chain) -> bool:
     return float(np.min(member.delay)) < 0  # type: ignore[union-attr]
 
 
-def _parameters(cause: FoundCause) -> list[tuple[str, str]]:
+def _parameters(diagnosis: Diagnosis, cause: FoundCause) -> list[tuple[str, str]]:
     """Names and values; many are summed up."""
+    if words := fault_in_words(diagnosis, cause.name):
+        return [("what is wrong", words)]
     parameters = cause.parameters
     unit = "" if not parameters or parameters[0].unit == "1" else f" {parameters[0].unit}"
     if len(parameters) > _MANY:

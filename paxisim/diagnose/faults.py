@@ -1,0 +1,73 @@
+"""Faults: which rows, axes and taxels are wrong, in a short phrase, where the numbers of a cause do not say it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from paxisim.augment.chain import Chain
+from paxisim.augment.dead_taxels import DeadTaxels
+from paxisim.augment.layout_faults import LayoutFault
+
+if TYPE_CHECKING:
+    from paxisim.diagnose.diagnosis import Diagnosis
+
+MOST = 8  # taxels of a pad that are listed
+_AXES = "xyz"
+
+
+def fault_in_words(diagnosis: Diagnosis, name: str) -> str:
+    """What is wrong with the layout, or which taxels are dead; empty for other causes.
+
+    Args:
+        diagnosis: With the model and the pads' names.
+        name: Of a cause.
+    """
+    if name not in diagnosis.model.names:
+        return ""
+    member = diagnosis.model[name]
+    if isinstance(member, Chain) and len(member) == 1:  # put in its place by the engine
+        member = member[0]
+    pads = [place.where for place in diagnosis.symptoms.pads]
+    if isinstance(member, LayoutFault):
+        return "; ".join(_layout(member, pads))
+    if isinstance(member, DeadTaxels):
+        return "; ".join(_taxels(member, pads))
+    return ""
+
+
+def _layout(fault: LayoutFault, pads: Sequence[str]) -> list[str]:
+    words = ["rows and columns swapped"] if fault.transpose else []
+    flipped = [name for name, flip in (("rows", fault.flip_rows), ("columns", fault.flip_cols)) if flip]
+    words += [f"{' and '.join(flipped)} reversed"] if flipped else []
+    words += _moved(fault.axis_order, _AXES)
+    signs = [_AXES[axis] for axis, sign in enumerate(fault.axis_signs) if sign < 0]
+    words += [f"sign of {' and '.join(signs)} reversed"] if signs else []
+    order = fault.pad_order or ()
+    return words + _moved(order, [f"pad {_pad(pads, number)}" for number in range(len(order))])
+
+
+def _moved(order: Sequence[int], names: Sequence[str]) -> list[str]:
+    moved = [(names[came], names[place]) for place, came in enumerate(order) if came != place]
+    if len(moved) == 2:
+        return [f"{moved[1][0]} and {moved[0][0]} swapped"]
+    return [", ".join(f"{came} read as {place}" for came, place in moved)] if moved else []
+
+
+def _taxels(fault: DeadTaxels, pads: Sequence[str]) -> list[str]:
+    words = []
+    for which, what in ((fault.dead, "no answer"), (fault.stuck, "stuck")):
+        places = np.argwhere(np.asarray(which) > 0)
+        named = []
+        for pad in np.unique(places[:, 0]):
+            own = [f"({row}, {col})" for p, row, col in places if p == pad]
+            more = f" and {len(own) - MOST} more" if len(own) > MOST else ""
+            named.append(f"pad {_pad(pads, int(pad))} {', '.join(own[:MOST])}{more}")
+        words += [f"{what}: {', '.join(named)}"] if named else []
+    return words
+
+
+def _pad(pads: Sequence[str], number: int) -> str:
+    return pads[number] if number < len(pads) else str(number)

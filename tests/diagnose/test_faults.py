@@ -1,0 +1,70 @@
+"""What is wrong with a layout, and which taxels are dead, stands in the table and in the report."""
+
+import numpy as np
+import pytest
+
+from paxisim.augment import Chain, Creep, DeadTaxels, LayoutFault
+from paxisim.diagnose.diagnosis import Diagnosis, FittedParameter, FoundCause, HeldOut, Interval, Place, Symptoms
+from paxisim.diagnose.faults import fault_in_words
+
+
+def diagnosis(name, member):
+    many = tuple(FittedParameter(f"dead_{i}", "1", Interval(0.0)) for i in range(24))
+    cause = FoundCause(name, many, Interval(0.9), (), "It is so.")
+    symptoms = Symptoms(pads=(Place("left", 1.0, 0.0), Place("right", 0.0, 0.0)), axes=(Place("z", 1.0, 0.0),))
+    missing = {"creep": "not asked for", "drift": "too short"}
+    told = HeldOut(0.3, 0.1, 0.1, "repeated motions", None, (0.9, 0.9))
+    model = Chain([member], [name])
+    return Diagnosis("explained", (cause,), told, {name: 1.0}, missing, symptoms, (), model)
+
+
+def taxels(*places):
+    grid = np.zeros((2, 4, 3))
+    for place in places:
+        grid[place] = 1.0
+    return grid
+
+
+@pytest.mark.parametrize(
+    ("name", "member", "words"),
+    [
+        ("layout", LayoutFault(flip_rows=True), "rows reversed"),
+        ("layout", LayoutFault(flip_rows=True, flip_cols=True), "rows and columns reversed"),
+        ("layout", LayoutFault(transpose=True, axis_signs=(1, -1, 1)), "rows and columns swapped; sign of y reversed"),
+        ("layout", LayoutFault(axis_order=(1, 0, 2)), "x and y swapped"),
+        ("layout", LayoutFault(axis_order=(2, 0, 1)), "z read as x, x read as y, y read as z"),
+        ("layout", LayoutFault(pad_order=(1, 0)), "pad left and pad right swapped"),
+        (
+            "dead_taxels",
+            DeadTaxels(taxels((0, 1, 2), (0, 3, 0)), taxels((1, 0, 0)), np.zeros((2, 3, 4, 3))),
+            "no answer: pad left (1, 2), (3, 0); stuck: pad right (0, 0)",
+        ),
+        ("dead_taxels", Chain([DeadTaxels(taxels((0, 1, 2)))]), "no answer: pad left (1, 2)"),
+    ],
+)
+def test_it_is_said_what_is_wrong(name, member, words):
+    found = diagnosis(name, member)
+    assert fault_in_words(found, name) == words
+    flat = " ".join(str(found).split())
+    assert words in flat
+    assert "parameters from" not in flat
+    assert fault_in_words(Diagnosis.from_json(found.to_json()), name) == words
+
+
+def test_the_report_says_it_too():
+    pytest.importorskip("matplotlib")
+    pytest.importorskip("jinja2")
+    page = diagnosis("dead_taxels", DeadTaxels(taxels((0, 1, 2)))).report()
+    assert "no answer: pad left (1, 2)" in page
+    assert "not asked for" not in page
+    assert "<h2>What this recording cannot show</h2>" in page
+    assert "<b>drift</b>: too short" in page
+
+
+def test_of_many_taxels_a_few_are_listed_and_other_causes_have_numbers():
+    dead = DeadTaxels(np.ones((2, 4, 4)))
+    assert fault_in_words(diagnosis("dead_taxels", dead), "dead_taxels").count("and 8 more") == 2
+    found = diagnosis("creep", Creep((0.2,), (0.3,)))
+    assert fault_in_words(found, "creep") == ""
+    assert "24 parameters" in str(found)
+    assert "not asked for" not in str(found)
