@@ -38,16 +38,12 @@ class UnknownNameError(PaxisimError, LookupError):
             hint = "known: " + ", ".join(known)
         else:
             hint = "there is none"
-<<<<<<< HEAD
-        super().__init__(f"unknown {kind} {name!r}; {hint}")
-        self._made_of = (kind, name, known)
+        super().__init__(f"unknown {kind} {name!r}; {hint}" + (f"; {advice}" if advice else ""))
+        self._made_of = (kind, name, known, advice)
 
-    def __reduce__(self) -> tuple[type[UnknownNameError], tuple[str, str, list[str]]]:
+    def __reduce__(self) -> tuple[type[UnknownNameError], tuple[str, str, list[str], str]]:
         """For copies and pickles, such as a pool of processes makes, which know only the message."""
         return type(self), self._made_of
-=======
-        super().__init__(f"unknown {kind} {name!r}; {hint}" + (f"; {advice}" if advice else ""))
->>>>>>> diag-fixes
 
 
 class MissingExtraError(PaxisimError, ImportError):
