@@ -39,7 +39,7 @@ def pad(
     from paxisim.models.pad import Pad
 
     if output is not None:
-        check_output(output, force)
+        check_output(output, force, ".xml")
     built = Pad(
         taxels.layout(),
         name=name,

@@ -160,7 +160,7 @@ def sensor_quality(
     from paxisim.hw.quality import measure_quality
 
     if output is not None:
-        check_output(output, force)
+        check_output(output, force, ".png")
     _check_seconds(seconds)
     known = load_profile(profile)
     with open_sensor(port, known) as sensor:

@@ -73,6 +73,16 @@ def test_attach_finds_mounts_says_so_and_its_words_can_be_given_back(capsys):
     assert found.body_pos[pads.bodies] == pytest.approx(again.body_pos[pads_again.bodies], abs=2e-6)
 
 
+def test_attach_refuses_a_gripper_with_pads_of_another_shape_and_writes_nothing(capsys, folder):
+    assert main(["attach", "gripper.xml", *GRID, "--mount", MOUNTS[0], "-o", "padded.xml"]) == 0
+    before = sorted(folder.iterdir())
+    words = ["--rows", "2", "--cols", "2", "--pitch-mm", "9", "--mount", MOUNTS[1]]
+    assert main(["attach", "padded.xml", *words, "-o", "out.xml"]) == 2
+    assert "padded.xml has pads of another shape already (left_pad 6x5)" in capsys.readouterr().err
+    assert sorted(folder.iterdir()) == before
+    assert main(["attach", "padded.xml", *GRID, "--mount", MOUNTS[1], "-o", "out.xml"]) == 0
+
+
 def test_a_mount_survives_its_words():
     mount = paxisim.Mount("a body", (0.0012, -0.3, 0), (1, 2, -3, 0.5), ("tip", 3), "left")
     again = parse_mount(format_mount(mount))
@@ -124,6 +134,15 @@ def test_overwriting_is_asked_for():
         (["pad", "--sensor", "paxini-gen1-14629", "-o", "a.xml"], "did you mean 'paxini-gen1-l4629'"),
         (["pad", *GRID, "-o", "no/such/folder/a.xml"], "folder does not exist"),
         (["pad", *GRID, "-o", "."], "is a folder"),
+        (["pad", *GRID, "-o", "a.png"], r"must end in \.xml, got a\.png"),
+        (["demo", "-o", "a.txt"], r"must end in \.png, got a\.txt"),
+        (["attach", "gripper.xml", *GRID, "-o", "a.png"], r"must end in \.xml, got a\.png"),
+        (["attach", "gripper.xml", *GRID, "-o", "a.xml", "--picture", "a.txt"], r"must end in \.png, got a\.txt"),
+        (["attach", "gripper.xml", *GRID, "-o", "a.xml", "--picture", "b.xml", "--force"], r"must end in \.png"),
+        (["attach", "gripper.xml", *GRID, "-o", "a.xml", "--picture", "/proc/a.png"], "cannot write /proc/a.png"),
+        (["demo", "-o", "/proc/a.png"], "cannot write /proc/a.png"),
+        (["emulate", "--link", "nodir/l"], "folder does not exist: .*nodir"),
+        (["emulate", "--link", "/proc/l"], "cannot write /proc/l"),
         (["attach", "gripper.xml", *GRID], "--output"),
         (["attach", "missing.xml", *GRID, "-o", "a.xml"], "no such model file: missing.xml"),
         (["attach", "broken.xml", *GRID, "-o", "a.xml"], "MuJoCo cannot parse broken.xml"),
@@ -177,4 +196,4 @@ def test_a_reader_that_has_seen_enough_is_no_error():
 def test_a_folder_without_permission_is_one_line(capsys, folder):
     folder.chmod(0o500)
     assert main(["pad", *GRID, "-o", "a.xml"]) == 2
-    assert "Permission denied" in capsys.readouterr().err
+    assert "cannot write a.xml: Permission denied" in capsys.readouterr().err
