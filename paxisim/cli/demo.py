@@ -51,6 +51,8 @@ def demo(
 
     if not 2 <= squeeze <= 20:
         raise paxisim.InvalidValueError(f"--squeeze must lie between 2 N, to hold the peg, and 20 N, got {squeeze:g}")
+    if seed < 0:
+        raise paxisim.InvalidValueError(f"--seed must be 0 or more, got {seed}")
     output = _free_name("paxisim-demo", ".png") if output is None else output
     check_output(output, force, ".png")
 

@@ -124,7 +124,12 @@ def test_overwriting_is_asked_for():
         (["pad", "--rows", "nan", "--cols", "5", "--pitch-mm", "1", "-o", "a.xml"], "--rows"),
         (["pad", "--rows", "0", "--cols", "5", "--pitch-mm", "1", "-o", "a.xml"], "rows must be .* at least 1, got 0"),
         (["pad", "--rows", "6", "--cols", "-5", "--pitch-mm", "1", "-o", "a.xml"], "cols must be"),
-        (["pad", "--rows", "6", "--cols", "5", "--pitch-mm", "1,nan", "-o", "a.xml"], "pitch must be .*finite"),
+        (
+            ["pad", "--rows", "6", "--cols", "5", "--pitch-mm", "1,nan", "-o", "a.xml"],
+            "--pitch-mm must lie between 0.01 and 1000",
+        ),
+        (["pad", "--rows", "6", "--cols", "5", "--pitch-mm", "1e300", "-o", "a.xml"], "--pitch-mm must .* got '1e300'"),
+        (["demo", "--seed", "-1"], "--seed must be 0 or more, got -1"),
         (["pad", "--rows", "6", "--cols", "5", "--pitch-mm", "1,2,3", "-o", "a.xml"], "one or two numbers"),
         (["pad", "--rows", "6", "--cols", "5", "-o", "a.xml"], "all of --rows, --cols and --pitch-mm"),
         (["pad", "-o", "a.xml"], "either --sensor NAME or"),
