@@ -15,6 +15,7 @@ from typing import Annotated, Any, Union
 
 import tyro
 
+from paxisim._version import __version__
 from paxisim.cli.attach import attach
 from paxisim.cli.convert import convert
 from paxisim.cli.demo import demo
@@ -55,6 +56,9 @@ def main(arguments: list[str] | None = None) -> int:
         The exit status: 0, or 2 after one line on stderr that says what was wrong.
     """
     warnings.showwarning = _show_warning
+    if (sys.argv[1:] if arguments is None else arguments) == ["--version"]:
+        print(f"paxisim {__version__}")
+        return 0
     try:
         verb = _parse(arguments)
         verb()
@@ -85,7 +89,8 @@ def _parse(arguments: list[str] | None) -> Callable[[], None]:
                 {name: _deferred(verb) for name, verb in VERBS.items()}
                 | {"sensor": _group(SENSOR_VERBS, "Check a real sensor, measure how good it is, list profiles.")},
                 prog="paxisim",
-                description="Magnet-based tactile sensors in MuJoCo. `paxisim VERB --help` explains a verb.",
+                description="Magnet-based tactile sensors in MuJoCo. `paxisim VERB --help` explains a verb, "
+                "`paxisim --version` says which version this is.",
                 args=arguments,
                 sort_subcommands=False,
                 config=(tyro.conf.FlagCreatePairsOff, tyro.conf.OmitSubcommandPrefixes, tyro.conf.OmitArgPrefixes),
