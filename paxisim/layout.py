@@ -20,8 +20,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from paxisim.errors import InvalidValueError
 
-MOST_TAXELS = 1_000_000
-"""Of a pad: far beyond any sensor, and what still fits into memory."""
+MAX_TAXELS = 1_000_000
+"""Far beyond any sensor; a mistaken number would fill the memory."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,8 +40,8 @@ class TaxelLayout:
             vendor's flat readings list them. Default: row-major.
 
     Raises:
-        InvalidValueError: A count below one, more than `MOST_TAXELS` taxels, a pitch that is not positive and finite,
-            positions or normals of the wrong shape, a normal of zero length, or an order that is no permutation.
+        InvalidValueError: A count below one, more than `MAX_TAXELS`, a pitch that is not positive and finite, positions
+            or normals of the wrong shape, a normal of zero length, or an order that is no permutation.
     """
 
     rows: int
@@ -59,8 +59,8 @@ class TaxelLayout:
             if not is_number or value < 1 or int(value) != value:
                 raise InvalidValueError(f"{name} must be a whole number of at least 1, got {value!r}")
             object.__setattr__(self, name, int(value))
-        if self.taxels > MOST_TAXELS:
-            raise InvalidValueError(f"a pad has at most {MOST_TAXELS} taxels, got {self.rows}x{self.cols}")
+        if self.taxels > MAX_TAXELS:
+            raise InvalidValueError(f"a layout has at most {MAX_TAXELS} taxels, got {self.rows}x{self.cols}")
         try:
             pitch = tuple(float(p) for p in np.broadcast_to(np.asarray(self.pitch, dtype=float), (2,)))
         except (TypeError, ValueError):

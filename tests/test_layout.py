@@ -327,6 +327,11 @@ def test_bad_counts(name, value):
         TaxelLayout(**fields)
 
 
+def test_more_taxels_than_any_sensor_has():
+    with pytest.raises(InvalidValueError, match="at most 1000000 taxels, got 100000x100000"):
+        TaxelLayout(100_000, 100_000, 1e-3)
+
+
 @pytest.mark.parametrize(
     "pitch", [0, -1e-3, (1e-3, 0), (1e-3, float("nan")), float("inf"), (1e-3, 1e-3, 1e-3), "wide", None, ()]
 )

@@ -89,7 +89,8 @@ def _parse(arguments: list[str] | None) -> Callable[[], None]:
                 {name: _deferred(verb) for name, verb in VERBS.items()}
                 | {"sensor": _group(SENSOR_VERBS, "Check a real sensor, measure how good it is, list profiles.")},
                 prog="paxisim",
-                description="Magnet-based tactile sensors in MuJoCo. `paxisim VERB --help` explains a verb.",
+                description="Magnet-based tactile sensors in MuJoCo. `paxisim VERB --help` explains a verb, "
+                "`paxisim --version` says which version this is.",
                 args=arguments,
                 sort_subcommands=False,
                 config=(tyro.conf.FlagCreatePairsOff, tyro.conf.OmitSubcommandPrefixes, tyro.conf.OmitArgPrefixes),

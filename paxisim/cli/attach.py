@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -10,6 +11,8 @@ import tyro
 from paxisim.cli.mounts import format_mount, parse_mount
 from paxisim.cli.output import check_output, png, progress, write_output
 from paxisim.cli.taxels import Taxels
+from paxisim.errors import InvalidValueError
+from paxisim.layout import TaxelLayout
 
 
 def attach(
@@ -48,8 +51,10 @@ def attach(
     picture = output.with_suffix(".png") if picture is None else picture
     check_output(output, force, ".xml")
     check_output(picture, force, ".png")
+    layout = taxels.layout()
+    _refuse_other_pads(gripper, layout)
     pad = paxisim.Pad(
-        taxels.layout(),
+        layout,
         thickness=thickness_mm * 1e-3,
         mass=taxels.mass,
         sensors=None if sensors == "none" else sensors,
@@ -59,9 +64,10 @@ def attach(
     model = tactile.to_xml(output.absolute().parent)
     progress("drawing")
     try:
-        drawn, missing = paxisim.plot_mounts(tactile), ""
+        drawn, missing = png(paxisim.plot_mounts(tactile)), None
     except paxisim.MissingExtraError as error:
-        drawn, missing = None, str(error)
+        drawn, missing = b"", error
+    # nothing is written before all there is to write is there
     write_output(output, model, force)
     if tactile.report:
         print(tactile.report)
@@ -71,8 +77,32 @@ def attach(
         print()
     pads = len(tactile.pad_names)
     print(f"{output}: {pads} pad{'s' * (pads > 1)} of {pad.layout.rows}x{pad.layout.cols} taxels")
-    if drawn is None:
+    if missing is not None:
         print(f"no picture: {missing}")
         return
-    write_output(picture, png(drawn), force)
-    print(f"{picture}: the gripper with its pads, row 0 and column 0 of each white")
+    write_output(picture, drawn, force)
+    print(f"{picture}: the gripper with its pads")
+
+
+def _refuse_other_pads(gripper: Path, layout: TaxelLayout) -> None:
+    """Refuse a gripper that has pads of another shape, before its fingers are closed.
+
+    Raises:
+        InvalidValueError: It has, or it cannot be read.
+    """
+    from paxisim.models import names
+    from paxisim.models.load import load_spec
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # attaching reads the file again and warns then
+        geoms = load_spec(gripper).geoms
+    shapes: dict[str, tuple[int, int]] = {}
+    for match in filter(None, (names.TAXEL.match(geom.name) for geom in geoms)):
+        shape = (int(match["row"]) + 1, int(match["col"]) + 1)
+        shapes[match["pad"]] = max(shape, shapes.get(match["pad"], shape))
+    others = ", ".join(f"{pad} {r}x{c}" for pad, (r, c) in shapes.items() if (r, c) != (layout.rows, layout.cols))
+    if others:
+        raise InvalidValueError(
+            f"{gripper} has pads of another shape already ({others}), which do not fit one tensor with pads of "
+            f"{layout.rows}x{layout.cols}: give the gripper without pads, or taxels of that shape"
+        )

@@ -51,10 +51,10 @@ def demo(
 
     if not 2 <= squeeze <= 20:
         raise paxisim.InvalidValueError(f"--squeeze must lie between 2 N, to hold the peg, and 20 N, got {squeeze:g}")
+    if seed < 0:
+        raise paxisim.InvalidValueError(f"--seed must be 0 or more, got {seed}")
     output = _free_name("paxisim-demo", ".png") if output is None else output
     check_output(output, force, ".png")
-    if seed < 0:
-        raise paxisim.InvalidValueError(f"--seed must not be negative, got {seed}")
 
     layout = paxisim.sensor("paxini-gen1-l4629").layout.pool(2, 2)
     inwards = {"left_finger": "left_fingertip", "right_finger": "right_fingertip"}

@@ -14,6 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from paxisim.cli.output import check_folder
+
 
 def emulate(
     *,
@@ -56,6 +58,8 @@ def emulate(
 
     if not seconds >= 0:
         raise paxisim.InvalidValueError(f"--seconds must be 0 or more, got {seconds:g}")
+    if link is not None:
+        check_folder(link)
     chosen = load_profile(profile)
     felt = make_signal(signal, chosen)
     sensor = Emulator(chosen, felt, rate=rate_hz, gate=gate, faults=Faults.parse(fault), link=link, seed=seed)

@@ -21,25 +21,37 @@ def check_output(path: Path, force: bool, suffix: str = "") -> None:
     """Refuse an output path before any work is done.
 
     Args:
-        path: The path.
-        force: Whether a file that exists may be overwritten.
-        suffix: What its name must end in; default: anything.
+        path: The file to be written.
+        force: Whether it may exist.
+        suffix: What it must end in, e.g. ``".png"``; default: anything.
 
     Raises:
         OutputExistsError: The file exists and `force` is off.
-        InvalidValueError: The path is a folder, its name ends otherwise, or its folder does not exist or cannot be
+        InvalidValueError: The path is a folder or ends in something else, or its folder does not exist or may not be
             written to.
     """
     if path.is_dir():
         raise InvalidValueError(f"the output path must be a file, {path} is a folder")
     if suffix and path.suffix.lower() != suffix:
-        raise InvalidValueError(f"the output's name must end in {suffix}, got {path}")
-    if not path.absolute().parent.is_dir():
-        raise InvalidValueError(f"the output's folder does not exist: {path.absolute().parent}")
-    if not os.access(path.absolute().parent, os.W_OK):
-        raise InvalidValueError(f"the output's folder cannot be written to: {path.absolute().parent}")
+        raise InvalidValueError(f"the output must end in {suffix}, got {path}")
+    check_folder(path)
     if path.exists() and not force:
         raise OutputExistsError(f"{path} exists; --force overwrites it")
+
+
+def check_folder(path: Path) -> None:
+    """Refuse a path that cannot be made.
+
+    Raises:
+        InvalidValueError: Its folder does not exist or may not be written to.
+    """
+    folder = path.absolute().parent
+    if not folder.is_dir():
+        raise InvalidValueError(f"the output's folder does not exist: {folder}")
+    try:
+        tempfile.TemporaryFile(dir=folder).close()  # what the permissions say is not all, as on a read-only disk
+    except OSError as error:
+        raise InvalidValueError(f"cannot write {path}: {error.strerror} in {folder}") from None
 
 
 def write_output(path: Path, content: str | bytes, force: bool) -> None:

@@ -59,6 +59,8 @@ def record(
 
     if not port:
         raise InvalidValueError("expected the serial port of the sensor, e.g. /dev/ttyACM0")
+    if seconds is not None and not 0 < seconds < float("inf"):
+        raise InvalidValueError(f"--seconds must be more than 0, got {seconds:g}")
     path = Path(f"paxisim-{datetime.now():%Y%m%d-%H%M%S}.mcap") if output is None else output
     check_output(path, force)
     if path.suffix != ".mcap":
@@ -78,7 +80,11 @@ def record(
     if summary.error is not None:
         raise PaxisimError(f"{_what_ended(summary)}; {path} is valid and holds {_held(summary)}")
     if not summary.frames:
-        raise PaxisimError(f"no frame came from {', '.join(port)} in {summary.seconds:.1f} s; {path} holds none")
+        nothing = f"no frame came from {', '.join(port)} in {summary.seconds:g} s"
+        if any(source.samples for source in summary.extra):
+            raise PaxisimError(f"{nothing}; {path} holds what else was recorded")
+        path.unlink()
+        raise PaxisimError(f"{nothing}; nothing was recorded")
 
 
 def _sources(csv: bool, udp: tuple[int, ...], stream: tuple[str, ...]):

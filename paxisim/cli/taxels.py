@@ -56,10 +56,15 @@ class Taxels:
 
 
 def _pitch(text: str) -> tuple[float, float]:
+    from paxisim.models.pad import LENGTHS
+
     try:
         values = [float(part) * 1e-3 for part in text.split(",")]
     except ValueError:
         values = []
-    if len(values) not in (1, 2) or not all(0 < value < math.inf for value in values):
-        raise InvalidValueError(f"--pitch-mm must be one or two positive numbers, as in 4.35,4.52, got {text!r}")
+    if len(values) not in (1, 2):
+        raise InvalidValueError(f"--pitch-mm must be one or two numbers, as in 4.35,4.52, got {text!r}")
+    low, high = LENGTHS
+    if not all(low <= value <= high for value in values):
+        raise InvalidValueError(f"--pitch-mm must lie between {1e3 * low:g} and {1e3 * high:g}, got {text!r}")
     return (values[0], values[-1])

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from paxisim.errors import InvalidValueError
+from paxisim.models import names
 
 
 @dataclass(frozen=True)
@@ -56,3 +57,4 @@ class Mount:
         object.__setattr__(self, "replaces", tuple(replaces))
         if not self.name:
             object.__setattr__(self, "name", self.body)
+        names.check("a mount's name", self.name)

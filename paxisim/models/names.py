@@ -7,8 +7,28 @@ from __future__ import annotations
 
 import re
 
+from lxml import etree
+
+from paxisim.errors import InvalidValueError
+
 TAXEL = re.compile(r"^(?P<pad>.+)_taxel_(?P<row>\d+)_(?P<col>\d+)$")
 """Matches the name of a taxel geom; ``pad`` includes any prefix that attaching put in front."""
+
+
+def check(what: str, name: str) -> None:
+    """Refuse a name that no MJCF file can hold.
+
+    Args:
+        what: What it is, for the message.
+        name: The name.
+
+    Raises:
+        InvalidValueError: It has a control character, or a byte that is no text.
+    """
+    try:
+        etree.Element("body", name=name)
+    except ValueError as error:
+        raise InvalidValueError(f"{what} must be text that XML can hold, got {name!r}") from error
 
 
 def taxel(pad: str, row: int, col: int) -> str:

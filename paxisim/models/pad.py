@@ -21,8 +21,10 @@ from paxisim.models.gel import Gel
 DENSITY = 1200.0
 """Density (kg/m^3) behind the default mass: between silicone (1100) and a thin circuit board (1850)."""
 
-SMALLEST, LARGEST = 1e-5, 1.0
-"""Pitch (m) that a pad's taxels may have: less or more is a mistaken unit, and physics with it makes no sense."""
+MAX_TAXELS = 40_000
+"""MuJoCo's time to compile grows with the square: a pad of 10,000 taxels takes ten seconds, this many minutes."""
+LENGTHS = (1e-5, 1.0)
+"""The smallest and the largest pitch, thickness and base (m): what is beyond is a mistaken unit."""
 
 _GROUP = "1"  # drawn by MuJoCo's viewer and by robosuite's renderers, which hide their collision group 0
 
@@ -48,7 +50,8 @@ class Pad:
             pad: two pads that touch each other are slow and mean nothing.
 
     Raises:
-        InvalidValueError: An empty name, a value that is not finite, a length or mass that is not positive, heights
+        InvalidValueError: An empty name or one that XML cannot hold, more than `MAX_TAXELS` taxels, a value
+            that is not finite, a mass that is not positive, a length that is not within `LENGTHS`, heights
             of the wrong shape, bits with which pads would meet each other, or an unknown kind of sensor.
     """
 
@@ -67,15 +70,19 @@ class Pad:
         """Check the values."""
         if not self.name:
             raise InvalidValueError("a pad needs a name, by which it is found again")
+        names.check("a pad's name", self.name)
+        if self.layout.taxels > MAX_TAXELS:
+            raise InvalidValueError(f"a pad has at most {MAX_TAXELS} taxels, got {self.layout.rows}x{self.layout.cols}")
         for what in ("thickness", "base", "mass"):
             value = getattr(self, what)
             if value is not None and not (np.isfinite(value) and value > 0):
                 raise InvalidValueError(f"a pad's {what} must be positive and finite, got {value!r}")
-        if not all(SMALLEST <= pitch <= LARGEST for pitch in self.layout.pitch):
-            mm = " x ".join(f"{1e3 * pitch:g}" for pitch in self.layout.pitch)
-            raise InvalidValueError(
-                f"a pad's pitch must be from {1e3 * SMALLEST:g} to {1e3 * LARGEST:g} mm, got {mm} mm: is it in metres?"
-            )
+        low, high = LENGTHS
+        lengths = {"pitch": self.layout.pitch, "thickness": (self.thickness,), "base": (self.base,)}
+        for what, values in lengths.items():
+            if not all(low <= value <= high for value in values):
+                got = ", ".join(f"{value:g}" for value in values)
+                raise InvalidValueError(f"a pad's {what} must lie between {low:g} and {high:g} m, got {got}")
         if self.heights is not None:
             heights = check_heights(self.heights, self.layout)
             if heights.ndim != 2:

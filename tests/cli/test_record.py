@@ -321,8 +321,10 @@ def test_without_a_name_the_file_is_called_after_the_time(board, folder):
     ("words", "says"),
     [
         ([], "expected the serial port"),
-        (["PORT", "--seconds", "0"], "seconds must be"),
-        (["PORT", "--seconds", "nan"], "seconds must be"),
+        (["nowhere", "--seconds", "0"], "--seconds must be more than 0, got 0"),
+        (["nowhere", "--seconds", "nan"], "--seconds must be more than 0, got nan"),
+        (["nowhere", "-o", "/proc/a.mcap"], "cannot write /proc/a.mcap|folder does not exist"),
+        (["PORT", "--seconds", "1e-6"], "no frame came from .* in 1e-06 s; nothing was recorded"),
         (["PORT", "--reconnect", "-1"], "reconnect must be"),
         (["PORT", "-o", "press.csv"], "must end in .mcap, got press.csv"),
         (["PORT", "-o", "no/such/folder/press.mcap"], "folder does not exist"),

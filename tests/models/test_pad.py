@@ -357,6 +357,26 @@ def test_an_unknown_kind_of_sensor():
         Pad(POOLED, sensors="touch")
 
 
+@pytest.mark.parametrize("value", [1e-300, 5e-6, 1.5, 1e300])
+def test_lengths_that_no_pad_has(value):
+    for what, wrong in (("pitch", {"layout": TaxelLayout(3, 2, (1e-3, value))}), ("thickness", {"thickness": value})):
+        with pytest.raises(InvalidValueError, match=f"a pad's {what} must lie between 1e-05 and 1 m, got"):
+            Pad(**{"layout": POOLED, **wrong})
+
+
+def test_more_taxels_than_mujoco_can_take():
+    with pytest.raises(InvalidValueError, match="a pad has at most 40000 taxels, got 300x200"):
+        Pad(TaxelLayout(300, 200, 1e-3))
+
+
+@pytest.mark.parametrize("name", ["\udcff", "a\0b", "a\x1b"])
+def test_a_name_that_xml_cannot_hold(name):
+    with pytest.raises(InvalidValueError, match="a pad's name must be text that XML can hold"):
+        Pad(POOLED, name=name)
+    with pytest.raises(InvalidValueError, match="a mount's name must be text that XML can hold"):
+        paxisim.Mount("hand", name=name)
+
+
 def test_a_pad_without_a_name():
     with pytest.raises(InvalidValueError, match="name"):
         Pad(POOLED, name="")
