@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Annotated
 
 import tyro
 
-from paxisim.cli.output import progress
+from paxisim.cli.output import check_folder, progress
 from paxisim.errors import InvalidValueError, OutputExistsError
 
 FILES = {
@@ -39,7 +38,7 @@ def diagnose(
 
     Args:
         recording: An .mcap, .npz or .csv file with measured and simulated tensors.
-        output: The folder to write to; it is made if need be.
+        output: The folder to write to; it is made if need be, in one that exists.
         causes: Only look for these, separated by commas; default: all. They are axis_gain, taxel_gain, offset, drift,
             stiffening, poisson, crosstalk, axis_coupling, rotation, layout, creep, hysteresis, low_pass, latency,
             saturation, dead_band, quantisation, dead_taxels, interference and channel_curve.
@@ -68,9 +67,7 @@ def _check_folder(folder: Path, force: bool) -> None:
     """Refuse an output before any work is done."""
     if folder.exists() and not folder.is_dir():
         raise InvalidValueError(f"the output must be a folder, {folder} is a file")
-    there = next(path for path in (folder.absolute(), *folder.absolute().parents) if path.exists())
-    if not (there.is_dir() and os.access(there, os.W_OK)):
-        raise InvalidValueError(f"the output's folder cannot be made or written to: {folder}")
+    check_folder(folder / "report.html" if folder.is_dir() else folder)
     for name in FILES:
         if (folder / name).exists() and not force:
             raise OutputExistsError(f"{folder / name} exists; --force overwrites it")

@@ -13,8 +13,6 @@ import pytest
 import paxisim
 from paxisim.cli import main
 from paxisim.cli.mounts import format_mount, parse_mount
-from paxisim.diagnose.cause import known_causes
-from paxisim.errors import InvalidValueError
 
 GRIPPER = files("paxisim").joinpath("data/two_finger_gripper.xml").read_text(encoding="utf-8")
 GRID = ["--rows", "6", "--cols", "5", "--pitch-mm", "4.35,4.52"]

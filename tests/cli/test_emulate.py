@@ -176,7 +176,7 @@ def test_a_function_is_called():
         (["--gate", "-2"], "gate must be"),
         (["--seed", "-1"], "seed"),
         (["--seconds", "nan"], "--seconds must be"),
-        (["--link", "no/such/folder/pad"], "No such file or directory"),
+        (["--link", "no/such/folder/pad"], "folder does not exist"),
         (["--link", "text.npz"], "is no link"),
     ],
 )
