@@ -60,8 +60,8 @@ def _before_rounding(parts: list[FloatArray], step: float) -> float:
 def _shear(
     measured: FloatArray, frames: NDArray[np.bool_], episodes: tuple[slice, ...], alive: NDArray[np.bool_]
 ) -> list[FloatArray]:
-    parts = [measured[span][frames[span]][:, :, :2][:, alive[:, :2]] for span in episodes]
-    return [part for part in parts if len(part) >= LEAST]
+    parts = [measured[span][frames[span]][:, :, :2] for span in episodes]
+    return [part.reshape(len(part), -1).compress(alive[:, :2].ravel(), axis=1) for part in parts if len(part) >= LEAST]
 
 
 def _spread(parts: list[FloatArray]) -> float:

@@ -53,7 +53,7 @@ def _spectrum(streams: Streams, other: np.ndarray) -> tuple[Series, Series]:
     for span in streams.episodes:
         for start in range(span.start, span.stop - length + 1, max(1, length // 2)):
             part = slice(start, start + length)
-            error = (streams.measured[part] - other[part]).reshape(length, -1)
+            error = ((streams.measured[part] - other[part]) * streams.alive).reshape(length, -1)
             power += np.mean(np.abs(np.fft.rfft((error - error.mean(axis=0)) * window[:, None], axis=0)) ** 2, axis=1)
             count += 1
     density = 2 * interval * power / max(count, 1) / np.sum(window**2)
@@ -67,7 +67,7 @@ def _forces(streams: Streams, kinds) -> Picture:  # type: ignore[no-untyped-def]
         square, count = np.zeros(_BINS), np.zeros(_BINS)
         for span in streams.episodes:
             force = np.linalg.norm(streams.simulated[span], axis=2)
-            error = np.sum((streams.measured[span] - other[span]) ** 2, axis=2)
+            error = np.sum((streams.measured[span] - other[span]) ** 2, axis=2, where=streams.alive)
             cell = np.minimum((_BINS * force / peak).astype(int), _BINS - 1).ravel()
             square += np.bincount(cell, weights=error.ravel(), minlength=_BINS)
             count += np.bincount(cell, minlength=_BINS)
