@@ -47,6 +47,9 @@ def zero_of(
     def matters(gain: FloatArray, material: float = material) -> bool:
         return bool(gain.sum() > material * problem.samples and (gain[showing(gain)] > 0).mean() >= share)
 
+    def drift_matters(gain: FloatArray) -> bool:
+        return matters(gain, material if drifts is None else drifts)
+
     rest = problem.measured - problem.read(prediction)
     always = np.ones_like(problem.time)
     with_drift = "drift" in names and _shows_drift(problem, frames)
@@ -55,7 +58,7 @@ def zero_of(
         hiding = under_load(problem, prediction, [always])
         rest = hiding.zero + problem.measured - problem.read(prediction + hiding.zero)
         if with_drift and not owned:
-            found = drift_under_load(problem, prediction, hiding, matters, "offset" in names)
+            found = drift_under_load(problem, prediction, hiding, drift_matters, "offset" in names)
             if found is not None:
                 return found
 
@@ -70,7 +73,7 @@ def zero_of(
     if with_drift:
         beside, best = left.drifting([always, *field])
         gain = left.gain(beside, without)
-        if matters(gain, material if drifts is None else drifts) and beside.rejects().any():
+        if drift_matters(gain) and beside.rejects().any():
             gains["drift"], chosen, tau = gain, beside, best
             if not problem.counting.reads_all and hiding is None:
                 left, chosen, tau = _relinearised(left, prediction, [always, *field], chosen, tau)
