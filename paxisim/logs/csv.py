@@ -48,7 +48,7 @@ def read_csv(
     layout: TaxelLayout | None = None,
     pads: tuple[str, ...] | None = None,
     profile: CountsToForce | None = None,
-) -> Aligned:
+) -> tuple[Aligned, bool]:
     """Read a CSV file of any of the three kinds.
 
     Args:
@@ -57,6 +57,9 @@ def read_csv(
         pads: Only these pads, by their names in the file, in this order. Needed where a hand has pads of different
             numbers of taxels, of which a recording holds one kind.
         profile: How counts become newtons, for a board's file.
+
+    Returns:
+        What it holds, and whether a last row that is cut off was left out.
 
     Raises:
         InvalidValueError: None of these files, or a row that is not like the others; the message has its line.
@@ -70,7 +73,8 @@ def read_csv(
         if time_column in table.names:
             if table.last_may_be_cut and len(table.lines) > 1:
                 table.lines.pop()  # a recorder ends each row with a newline, so the last number may lack digits
-            return _Board(table, parse).read(read_time(table), layout, pads, profile)
+                table.is_cut = True
+            return _Board(table, parse).read(read_time(table), layout, pads, profile), table.is_cut
     if profile is not None:
         raise InvalidValueError(f"profile is for the counts of a board's file; {path} is a plain table of newtons")
     try:
@@ -78,7 +82,7 @@ def read_csv(
     except InvalidValueError as error:
         raise InvalidValueError(f"{path}: {error}") from error
     found = replace(found, layout=layout, metadata=table.comment)
-    return found if pads is None else found.choose(pads)
+    return found if pads is None else found.choose(pads), table.is_cut
 
 
 class _Table:
@@ -89,10 +93,12 @@ class _Table:
         names: Of the columns.
         lines: The rows, not empty, the last one with as many values as there are names.
         last_may_be_cut: True if no newline ends the last row.
+        is_cut: True if a row that is not whole was left out at the end.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        self.is_cut = False
         try:
             text = path.read_text(encoding="utf-8-sig")
         except UnicodeDecodeError as error:
@@ -118,6 +124,7 @@ class _Table:
         if self.lines and len(next(csv.reader(self.lines[-1:]))) < len(self.names):
             self.lines.pop()  # it ends in the middle of a row
             last_may_be_cut = False
+            self.is_cut = True
         self.last_may_be_cut = last_may_be_cut
         if not self.lines:
             raise InvalidValueError(f"{path} has no whole row, or is no CSV file: it begins with {lines[0][:40]!r}")

@@ -1,6 +1,7 @@
 """Boards' CSV files, as their own recorder writes them, and plain tables."""
 
 import dataclasses
+import warnings
 from types import SimpleNamespace
 
 import numpy as np
@@ -121,7 +122,13 @@ def test_the_host_programs_file_over_midnight(tmp_path):
 def test_a_row_that_is_cut_off_is_left_out(tmp_path, cut):
     path = tmp_path / "a.csv"
     path.write_text(HOST[:-cut])
-    assert len(Recording.load(path)) == (2 if cut <= len(HOST.splitlines()[-1]) + 1 else 1)
+    rows = 2 if cut <= len(HOST.splitlines()[-1]) + 1 else 1
+    whole = HOST[:-cut].endswith("\n")
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        assert len(Recording.load(path)) == rows
+    expected = f"a.csv is cut off: its last line is not whole; what is whole was read: {rows} sample"
+    assert [expected in str(warning.message) for warning in said] == [True] * (not whole)
 
 
 @pytest.mark.parametrize(
