@@ -34,6 +34,8 @@ from paxisim.logs.columns import from_columns
 
 RESOLUTION = 0.1  # newtons a count
 _COUNTS = np.iinfo(np.int16)
+_GREATEST = float(np.finfo(np.float32).max)
+_LATEST = (2**63 - 1) * 1e-9  # s that nanoseconds in an int64 reach
 _DAY = 86400.0
 
 # pad, taxel (None: the resultant), axis
@@ -77,8 +79,11 @@ def read_csv(
             return _Board(table, parse).read(read_time(table), layout, pads, profile), table.is_cut
     if profile is not None:
         raise InvalidValueError(f"profile is for the counts of a board's file; {path} is a plain table of newtons")
+    values = table.numbers(table.names)
+    _check_times(table, [name for name in ("timestamp", "time") if name in table.names])
+    table.check(values, table.names, _GREATEST, "a number must be finite and below 3.4e38 (an empty cell is not known)")
     try:
-        found = from_columns(dict(zip(table.names, table.numbers(table.names).T, strict=True)))
+        found = from_columns(dict(zip(table.names, values.T, strict=True)))
     except InvalidValueError as error:
         raise InvalidValueError(f"{path}: {error}") from error
     found = replace(found, layout=layout, metadata=table.comment)
@@ -102,7 +107,10 @@ class _Table:
         try:
             text = path.read_text(encoding="utf-8-sig")
         except UnicodeDecodeError as error:
-            raise InvalidValueError(f"{path} is not a CSV file: it is no text") from error
+            raise InvalidValueError(
+                f"{path}: expected a CSV file in UTF-8, got the byte {error.object[error.start]:#04x} after "
+                f"{error.start} bytes; save it as UTF-8"
+            ) from error
         last_may_be_cut = not text.endswith("\n")
         lines = [line for line in text.splitlines() if line.strip()]
         self.comment: dict[str, Any] = {}
@@ -118,6 +126,8 @@ class _Table:
             raise InvalidValueError(f"{path} is empty")
         self.names = [name.strip() for name in next(csv.reader(lines[:1]))]
         self.lines = lines[1:]
+        if len(self.names) == 1 and lines[0].count(";"):
+            raise InvalidValueError(f"{path}: expected columns separated by commas, got semicolons: {lines[0][:40]!r}")
         if len(set(self.names)) < len(self.names):
             twice = next(name for name in self.names if self.names.count(name) > 1)
             raise InvalidValueError(f"{path} has two columns {twice!r}")
@@ -141,6 +151,15 @@ class _Table:
             for i, row in enumerate(self.rows()):
                 values[i] = [self._number(row[at], i, at) for at in columns]
             return values
+
+    def check(self, values: NDArray[np.float64], names: list[str], limit: float, expected: str) -> None:
+        """Refuse what is further from 0 than `limit`; NaN passes."""
+        wrong = np.abs(values) > limit
+        if wrong.any():
+            row, at = np.argwhere(wrong)[0]
+            raise InvalidValueError(
+                f"{self.path}, line {self.first_row + row}, column {names[at]!r}: {expected}, got {values[row, at]:.9g}"
+            )
 
     def rows(self) -> Iterator[list[str]]:
         """The texts of each row."""
@@ -261,7 +280,13 @@ def _native_column(name: str) -> _Column | None:
 
 
 def _seconds(table: _Table) -> NDArray[np.float64]:
+    _check_times(table, ["timestamp_monotonic_s"])
     return table.numbers(["timestamp_monotonic_s"])[:, 0]
+
+
+def _check_times(table: _Table, names: list[str]) -> None:
+    if names:
+        table.check(table.numbers(names), names, _LATEST, "a time must be in seconds, not beyond the year 2262")
 
 
 def _time_of_day(table: _Table) -> NDArray[np.float64]:

@@ -8,8 +8,8 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import json
-import os
 import math
+import os
 import re
 from typing import Any
 
