@@ -288,7 +288,7 @@ class Recording:
         `load` gives equal arrays back, the tensors to the bit and the time to 1 ns.
 
         Raises:
-            InvalidValueError: Another suffix, no such folder, metadata that JSON cannot hold, an infinite value (MCAP).
+            InvalidValueError: Another suffix, no such folder, metadata that JSON cannot hold, an infinite value.
             OSError: The file cannot be written.
         """
         from paxisim.logs.load import save_aligned

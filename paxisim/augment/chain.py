@@ -20,6 +20,7 @@ from paxisim.augment.parameter import is_torch
 from paxisim.augment.transform import STAGES, Covariates, State, Transform
 from paxisim.errors import InvalidValueError, PaxisimError, UnknownNameError
 from paxisim.layout import TaxelLayout
+from paxisim.logs.atomic import parse_file, whole_file
 
 FORMAT = "paxisim-chain/1"
 
@@ -156,7 +157,9 @@ class Chain(Transform):
             raise InvalidValueError(f"Chain: not JSON: {error}") from error
         if not isinstance(document, dict) or document.get("format") != FORMAT:
             raise InvalidValueError(f"Chain: expected a JSON object of format {FORMAT!r}")
-        members = document.get("members", [])
+        members = document.get("members")
+        if not isinstance(members, list):
+            raise InvalidValueError(f"Chain: expected a list of 'members' in the JSON, got {members!r:.40}")
         try:
             return cls([_decode(member) for member in members], [member["name"] for member in members])
         except PaxisimError:
@@ -165,13 +168,19 @@ class Chain(Transform):
             raise InvalidValueError(f"Chain: a member of the JSON lacks or misuses {error}") from error
 
     def save(self, path: str | Path) -> None:
-        """Write `to_json` to a file."""
-        Path(path).write_text(self.to_json() + "\n", encoding="utf-8")
+        """Write `to_json` to a file; an existing file is replaced, whole or not at all.
+
+        Raises:
+            InvalidValueError: The path is a folder, or its folder does not exist.
+            OSError: The file cannot be written.
+        """
+        with whole_file(Path(path)) as temporary:
+            temporary.write_text(self.to_json() + "\n", encoding="utf-8")
 
     @classmethod
     def load(cls, path: str | Path) -> Chain:
-        """Read a file that `save` wrote; raises as `from_json` does."""
-        return cls.from_json(Path(path).read_text(encoding="utf-8"))
+        """Read a file that `save` wrote; raises as `from_json` does, and FileNotFoundError where there is none."""
+        return parse_file(Path(path), cls.from_json)
 
 
 def _default_names(members: tuple[Transform, ...]) -> tuple[str, ...]:
@@ -235,6 +244,9 @@ def _decode(document: Mapping[str, Any]) -> Transform:
     for name in values:
         if name not in fields:
             raise UnknownNameError(f"parameter of {kind}", name, fields)
+    missing = [name for name in fields if name not in values]
+    if missing:  # its default would be another sensor, unsaid
+        raise InvalidValueError(f"Chain: the member {document['name']!r} ({kind}) of the JSON lacks {missing[0]!r}")
     return known[kind](**values)
 
 

@@ -92,12 +92,17 @@ def _ranges(name: str, values: Any) -> list[str]:
     """The least and greatest value, of a tactile stream for each pad and axis."""
     import numpy as np
 
+    from paxisim.logs.schemas import RESULTANT
+
     def span(part: Any) -> str:
-        part = part[np.isfinite(part)] if np.isnan(part).any() else part
+        part = part[~np.isnan(part)] if np.isnan(part).any() else part
         return f"{part.min():.4g} to {part.max():.4g}" if part.size else "not known"
 
+    unknown = int(np.isnan(values).reshape(len(values), -1).any(axis=1).sum())
+    without = f"; {unknown} sample{'s' * (unknown != 1)} not or only partly known" if unknown else ""
     if name not in ("measured", "simulated"):
-        return [f"{name.removeprefix('covariate/')}: {span(values)}"]
+        unit = " (N)" if name == RESULTANT else ""
+        return [f"{name.removeprefix('covariate/')}{unit}: {span(values)}{without}"]
     axes = [f"{axis} {span(values[:, :, i])}" for i, axis in enumerate("xyz")]
-    line = f"{name} (N a taxel): " + ", ".join(axes)
-    return [line] if len(line) <= WIDTH else [f"{name} (N a taxel):", *(f"  {axis}" for axis in axes)]
+    line = f"{name} (N a taxel): " + ", ".join(axes) + without
+    return [line] if len(line) <= WIDTH else [f"{name} (N a taxel){without}:", *(f"  {axis}" for axis in axes)]

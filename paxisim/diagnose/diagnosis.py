@@ -8,15 +8,15 @@ import warnings
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 
 from paxisim.augment.chain import Chain
 from paxisim.diagnose.streams import Streams
 from paxisim.diagnose.text import text_of
-from paxisim.errors import InvalidValueError, MissingExtraError
-from paxisim.logs.atomic import whole_file
+from paxisim.errors import InvalidValueError, MissingExtraError, PaxisimError
+from paxisim.logs.atomic import parse_file, whole_file
 
 FORMAT = "paxisim-diagnosis/1"
 REPORT = "report.html"
@@ -227,6 +227,9 @@ class Diagnosis:
             raise InvalidValueError(f"a diagnosis must be JSON: {error}") from error
         if not isinstance(document, dict) or document.get("format") != FORMAT:
             raise InvalidValueError(f"expected a JSON object of format {FORMAT!r}")
+        if document.get("verdict") not in get_args(Verdict):
+            expected = ", ".join(get_args(Verdict))
+            raise InvalidValueError(f"expected a diagnosis' verdict of {expected}, got {document.get('verdict')!r}")
         try:
             return cls(
                 verdict=document["verdict"],
@@ -239,7 +242,9 @@ class Diagnosis:
                 model=Chain.from_json(json.dumps(document["model"])),
                 intervals=_as_arrays(document["intervals"]),
             )
-        except (KeyError, TypeError, AttributeError) as error:
+        except PaxisimError:
+            raise
+        except (KeyError, TypeError, AttributeError, ValueError) as error:
             raise InvalidValueError(f"the diagnosis lacks or misuses a field: {error}") from error
 
     def report(self) -> str:
@@ -282,8 +287,8 @@ class Diagnosis:
 
     @classmethod
     def load(cls, folder: str | Path) -> Diagnosis:
-        """Read what `save` wrote; raises as `from_json` does."""
-        return cls.from_json((Path(folder) / "diagnosis.json").read_text(encoding="utf-8"))
+        """Read what `save` wrote; raises as `from_json` does, and FileNotFoundError where there is none."""
+        return parse_file(Path(folder) / "diagnosis.json", cls.from_json)
 
     def __str__(self) -> str:
         """The table that a person reads, 80 columns wide."""

@@ -1,14 +1,17 @@
-"""A file that is written whole or not at all."""
+"""A file that is written whole or not at all, and one whose errors say which it is."""
 
 from __future__ import annotations
 
 import contextlib
 import os
 import secrets
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import TypeVar
 
 from paxisim.errors import InvalidValueError
+
+_Parsed = TypeVar("_Parsed")
 
 
 @contextlib.contextmanager
@@ -32,3 +35,20 @@ def whole_file(path: Path) -> Iterator[Path]:
         with contextlib.suppress(FileNotFoundError):
             temporary.unlink()
         raise
+
+
+def parse_file(path: Path, parse: Callable[[str], _Parsed]) -> _Parsed:
+    """What `parse` makes of the file's text.
+
+    Raises:
+        InvalidValueError: The file is no UTF-8 text, or `parse` raises it; the message names the file.
+        FileNotFoundError: There is no such file.
+    """
+    try:
+        return parse(path.read_text(encoding="utf-8"))
+    except UnicodeDecodeError as error:
+        raise InvalidValueError(
+            f"{path}: expected UTF-8 text, got the byte {error.object[error.start]:#04x}"
+        ) from error
+    except InvalidValueError as error:
+        raise InvalidValueError(f"{path}: {error}") from error

@@ -17,6 +17,7 @@ and episodes.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from itertools import product
@@ -31,6 +32,7 @@ from paxisim.logs.aligned import Aligned, episode_starts
 INDEX_COLUMNS = ("timestamp", "time", "episode_index", "frame_index", "index")
 _PREFIXES = {"measured": "tactile", "simulated": "simulated"}
 _TAXEL = re.compile(r"(tactile|simulated)\.(.+)\.(\d+)_(\d+)\.([xyz])")
+_SPARSE = 100  # an array of which fewer than one in so many components has a column is a mistake
 _COMPONENT = re.compile(r"(.+)\.(\d+(?:_\d+)*)")
 
 
@@ -53,8 +55,7 @@ def to_columns(recording: Aligned) -> dict[str, NDArray[np.generic]]:
         if tensor is not None:
             pads, _, rows, cols = tensor.shape[1:]
             for pad, row, col, axis in product(range(pads), range(rows), range(cols), range(3)):
-                name = f"{prefix}.{recording.pads[pad]}.{row}_{col}.{'xyz'[axis]}"
-                columns[name] = tensor[:, pad, axis, row, col]
+                columns[_name(prefix, recording.pads[pad], row, col, axis)] = tensor[:, pad, axis, row, col]
     for name, values in recording.covariates.items():
         for at in np.ndindex(values.shape[1:]):
             column = name + ("." + "_".join(map(str, at)) if at else "")
@@ -107,22 +108,35 @@ def _grid(
 ) -> NDArray[np.float32]:
     rows = 1 + max(row for _, row, _, _ in taxels)
     cols = 1 + max(col for _, _, col, _ in taxels)
+    # looked for before there is room for them: a number that is wrong may ask for more than there is
+    wanted = ((pad, row, col, axis) for pad in pads for axis in range(3) for row in range(rows) for col in range(cols))
+    missing = next((taxel for taxel in wanted if taxel not in taxels), None)
+    if missing is not None:
+        last = max(taxels, key=lambda taxel: max(taxel[1:3]))
+        raise InvalidValueError(
+            f"the table has no column {_name(prefix, *missing)}; every pad must have {rows}x{cols} taxels with x, y "
+            f"and z, as there is {_name(prefix, *last)}"
+        )
     tensor = np.empty((len(next(iter(taxels.values()))), len(pads), 3, rows, cols), np.float32)
     for pad, axis, row, col in np.ndindex(tensor.shape[1:]):
-        try:
-            tensor[:, pad, axis, row, col] = taxels[pads[pad], row, col, axis]
-        except KeyError:
-            raise InvalidValueError(
-                f"the table has no column {prefix}.{pads[pad]}.{row}_{col}.{'xyz'[axis]}; every pad must have "
-                f"{rows}x{cols} taxels with x, y and z"
-            ) from None
+        tensor[:, pad, axis, row, col] = taxels[pads[pad], row, col, axis]
     return tensor
+
+
+def _name(prefix: str, pad: str, row: int, col: int, axis: int) -> str:
+    return f"{prefix}.{pad}.{row}_{col}.{'xyz'[axis]}"
 
 
 def _array(name: str, parts: Mapping[tuple[int, ...], NDArray[np.float64]]) -> NDArray[np.float64]:
     if len({len(at) for at in parts}) > 1:
         raise InvalidValueError(f"the columns of {name!r} have different numbers of indices")
     shape = tuple(1 + max(at) for at in zip(*parts, strict=True))
+    if math.prod(shape) > _SPARSE * len(parts):
+        column = f"{name}.{'_'.join(map(str, max(parts, key=max)))}"
+        raise InvalidValueError(
+            f"the column {column!r} makes {name!r} an array of shape {shape}, of which the table has {len(parts)} "
+            f"column{'s' * (len(parts) != 1)}; number them from 0 on"
+        )
     values = np.full((len(next(iter(parts.values()))), *shape), np.nan)
     for at, column in parts.items():
         values[(slice(None), *at)] = column

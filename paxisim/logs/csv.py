@@ -34,6 +34,8 @@ from paxisim.logs.columns import from_columns
 
 RESOLUTION = 0.1  # newtons a count
 _COUNTS = np.iinfo(np.int16)
+_GREATEST = float(np.finfo(np.float32).max)
+_LATEST = (2**63 - 1) * 1e-9  # s that nanoseconds in an int64 reach
 _DAY = 86400.0
 
 # pad, taxel (None: the resultant), axis
@@ -48,7 +50,7 @@ def read_csv(
     layout: TaxelLayout | None = None,
     pads: tuple[str, ...] | None = None,
     profile: CountsToForce | None = None,
-) -> Aligned:
+) -> tuple[Aligned, bool]:
     """Read a CSV file of any of the three kinds.
 
     Args:
@@ -57,6 +59,9 @@ def read_csv(
         pads: Only these pads, by their names in the file, in this order. Needed where a hand has pads of different
             numbers of taxels, of which a recording holds one kind.
         profile: How counts become newtons, for a board's file.
+
+    Returns:
+        What it holds, and whether a last row that is cut off was left out.
 
     Raises:
         InvalidValueError: None of these files, or a row that is not like the others; the message has its line.
@@ -70,15 +75,19 @@ def read_csv(
         if time_column in table.names:
             if table.last_may_be_cut and len(table.lines) > 1:
                 table.lines.pop()  # a recorder ends each row with a newline, so the last number may lack digits
-            return _Board(table, parse).read(read_time(table), layout, pads, profile)
+                table.is_cut = True
+            return _Board(table, parse).read(read_time(table), layout, pads, profile), table.is_cut
     if profile is not None:
         raise InvalidValueError(f"profile is for the counts of a board's file; {path} is a plain table of newtons")
+    values = table.numbers(table.names)
+    _check_times(table, [name for name in ("timestamp", "time") if name in table.names])
+    table.check(values, table.names, _GREATEST, "a number must be finite and below 3.4e38 (an empty cell is not known)")
     try:
-        found = from_columns(dict(zip(table.names, table.numbers(table.names).T, strict=True)))
+        found = from_columns(dict(zip(table.names, values.T, strict=True)))
     except InvalidValueError as error:
         raise InvalidValueError(f"{path}: {error}") from error
     found = replace(found, layout=layout, metadata=table.comment)
-    return found if pads is None else found.choose(pads)
+    return found if pads is None else found.choose(pads), table.is_cut
 
 
 class _Table:
@@ -89,14 +98,19 @@ class _Table:
         names: Of the columns.
         lines: The rows, not empty, the last one with as many values as there are names.
         last_may_be_cut: True if no newline ends the last row.
+        is_cut: True if a row that is not whole was left out at the end.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        self.is_cut = False
         try:
             text = path.read_text(encoding="utf-8-sig")
         except UnicodeDecodeError as error:
-            raise InvalidValueError(f"{path} is not a CSV file: it is no text") from error
+            raise InvalidValueError(
+                f"{path}: expected a CSV file in UTF-8, got the byte {error.object[error.start]:#04x} after "
+                f"{error.start} bytes; save it as UTF-8"
+            ) from error
         last_may_be_cut = not text.endswith("\n")
         lines = [line for line in text.splitlines() if line.strip()]
         self.comment: dict[str, Any] = {}
@@ -112,12 +126,15 @@ class _Table:
             raise InvalidValueError(f"{path} is empty")
         self.names = [name.strip() for name in next(csv.reader(lines[:1]))]
         self.lines = lines[1:]
+        if len(self.names) == 1 and lines[0].count(";"):
+            raise InvalidValueError(f"{path}: expected columns separated by commas, got semicolons: {lines[0][:40]!r}")
         if len(set(self.names)) < len(self.names):
             twice = next(name for name in self.names if self.names.count(name) > 1)
             raise InvalidValueError(f"{path} has two columns {twice!r}")
         if self.lines and len(next(csv.reader(self.lines[-1:]))) < len(self.names):
             self.lines.pop()  # it ends in the middle of a row
             last_may_be_cut = False
+            self.is_cut = True
         self.last_may_be_cut = last_may_be_cut
         if not self.lines:
             raise InvalidValueError(f"{path} has no whole row, or is no CSV file: it begins with {lines[0][:40]!r}")
@@ -134,6 +151,15 @@ class _Table:
             for i, row in enumerate(self.rows()):
                 values[i] = [self._number(row[at], i, at) for at in columns]
             return values
+
+    def check(self, values: NDArray[np.float64], names: list[str], limit: float, expected: str) -> None:
+        """Refuse what is further from 0 than `limit`; NaN passes."""
+        wrong = np.abs(values) > limit
+        if wrong.any():
+            row, at = np.argwhere(wrong)[0]
+            raise InvalidValueError(
+                f"{self.path}, line {self.first_row + row}, column {names[at]!r}: {expected}, got {values[row, at]:.9g}"
+            )
 
     def rows(self) -> Iterator[list[str]]:
         """The texts of each row."""
@@ -254,7 +280,13 @@ def _native_column(name: str) -> _Column | None:
 
 
 def _seconds(table: _Table) -> NDArray[np.float64]:
+    _check_times(table, ["timestamp_monotonic_s"])
     return table.numbers(["timestamp_monotonic_s"])[:, 0]
+
+
+def _check_times(table: _Table, names: list[str]) -> None:
+    if names:
+        table.check(table.numbers(names), names, _LATEST, "a time must be in seconds, not beyond the year 2262")
 
 
 def _time_of_day(table: _Table) -> NDArray[np.float64]:

@@ -50,7 +50,7 @@ def describe_episodes(log: Log, first: int) -> list[str]:
         counts = np.diff(ends, prepend=0)
     lines = [f"{len(counts)} episode{'s' * (len(counts) != 1)}"]
     for number, at, count in list(zip(marks.values, marks.nanoseconds, counts, strict=True))[:_EPISODES]:
-        lines.append(f"  {number}: from {(at - first) * 1e-9:.3f} s, {count} samples")
+        lines.append(f"  {number}: from {(at - first) * 1e-9:.3f} s, {count} sample{'s' if count != 1 else ''}")
     if len(counts) > _EPISODES:
         lines.append(f"  and {len(counts) - _EPISODES} more")
     return lines

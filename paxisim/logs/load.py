@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -29,7 +30,10 @@ def load_aligned(
     if suffix == ".csv" and not is_eflesh:
         from paxisim.logs.csv import read_csv
 
-        return read_csv(path, layout=layout, pads=wanted, profile=profile)
+        found, is_cut = read_csv(path, layout=layout, pads=wanted, profile=profile)
+        if is_cut:
+            _warn_of_part(path, "cut off: its last line is not whole", found)
+        return found
     if profile is not None:
         raise InvalidValueError(f"profile is for the counts of a board's CSV file; {path} holds none")
     if is_eflesh:
@@ -44,7 +48,10 @@ def load_aligned(
         from paxisim.logs.align import align as align_log
         from paxisim.logs.mcap_reader import read_log
 
-        found = align_log(read_log(path), align, max_gap)
+        log = read_log(path)
+        found = align_log(log, align, max_gap)
+        if not log.complete:
+            _warn_of_part(path, "cut off or damaged", found)
     else:
         raise InvalidValueError(f"a recording is read from a .mcap, .npz or .csv file, got {path}")
     if layout is not None:
@@ -65,6 +72,12 @@ def save_aligned(path: Path, recording: Aligned) -> None:
         write_npz(path, recording)
     else:
         raise InvalidValueError(f"a recording is saved as .mcap or .npz, got {path}")
+
+
+def _warn_of_part(path: Path, what: str, found: Aligned) -> None:
+    samples = f"{len(found.time)} sample{'s' * (len(found.time) != 1)}"
+    text = f"{path} is {what}; what is whole was read: {samples}, the last at {found.time[-1]:.3f} s"
+    warnings.warn(text, stacklevel=4)  # at the caller of Recording.load
 
 
 def _names(pads: Iterable[str]) -> tuple[str, ...]:

@@ -23,6 +23,8 @@ from paxisim.logs import schemas
 from paxisim.logs.stream import Log, Stream
 
 _RECORD = struct.Struct("<BQ")  # opcode, length
+_FOOTER = struct.Struct("<BQQQI")  # opcode, length, start of the summary, of its offsets, checksum
+_CHECKSUM = struct.Struct("<I")
 _CODES = {np.float32: "f", np.float64: "d", np.int64: "q"}
 _MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time; then the data
 # what parsing a damaged record may raise; decompressors raise subclasses of Exception of their own
@@ -37,7 +39,8 @@ def read_log(path: str | Path) -> Log:
     says with a status other than 0 (or `schemas.NO_TAXELS`, which is no error) is no force: it becomes NaN.
 
     Raises:
-        InvalidValueError: The file is no MCAP file, not a recording of paxisim, or cut off before it says so.
+        InvalidValueError: The file is no MCAP file, not a recording of paxisim, cut off before it says so, or damaged
+            so that no sample can be read.
         FileNotFoundError: There is no such file.
     """
     path = Path(path)
@@ -47,10 +50,31 @@ def read_log(path: str | Path) -> Log:
         if head != MCAP0_MAGIC:
             raise InvalidValueError(_not_mcap(path, head))
         reader = _Reader(path)
+        for opcode, body in _summary(file, size):
+            if opcode == Opcode.CHANNEL:
+                reader.take(opcode, body)
+        file.seek(len(MCAP0_MAGIC))
         for opcode, body in _records(file, size):
             reader.take(opcode, body)
         whole_end = reader.footer and file.read(len(MCAP0_MAGIC)) == MCAP0_MAGIC
     return reader.log(complete=bool(whole_end) and not reader.damaged)
+
+
+def _summary(file: io.BufferedReader, size: int) -> list[tuple[int, bytes]]:
+    """The records at the end that repeat the channels, which else are lost with the chunk that has them; often none."""
+    end = len(MCAP0_MAGIC) + _FOOTER.size
+    if size < end + len(MCAP0_MAGIC):
+        return []
+    file.seek(size - end)
+    footer = file.read(_FOOTER.size)
+    opcode, length, start, _, checksum = _FOOTER.unpack(footer)
+    if opcode != Opcode.FOOTER or length != _FOOTER.size - _RECORD.size or not 0 < start < size - end:
+        return []
+    file.seek(start)
+    summary = file.read(size - end - start)
+    if zlib.crc32(summary + footer[: -_CHECKSUM.size]) != checksum:
+        return []
+    return list(_records(io.BytesIO(summary), len(summary)))
 
 
 def _records(file: io.BufferedIOBase | io.BufferedReader, size: int) -> Iterator[tuple[int, bytes]]:
@@ -163,6 +187,8 @@ class _Reader:
             )
         if self.metadata is None:
             raise InvalidValueError(f"{self.path} is an MCAP file that ends before it says what it holds")
+        if self.damaged and not any(samples.count for samples in self.samples.values()):
+            raise InvalidValueError(f"{self.path} is damaged: no sample of it can be read")
         if self.scene is not None:
             self.metadata["scene"] = self.scene
         streams = {}

@@ -38,10 +38,13 @@ def write_npz(path: Path, recording: Aligned) -> None:
     """Write the arrays; bit exact.
 
     Raises:
-        InvalidValueError: The metadata cannot be written as JSON.
+        InvalidValueError: The metadata cannot be written as JSON, or a value is infinite.
     """
     arrays = {name: getattr(recording, name) for name in _ARRAYS if getattr(recording, name) is not None}
     arrays |= {schemas.COVARIATE + name: value for name, value in recording.covariates.items()}
+    for name, values in arrays.items():
+        if np.isinf(values).any():  # as an MCAP file and a table
+            raise InvalidValueError(f"{name!r} holds an infinite value, which a file cannot; write NaN for not known")
     layout = recording.layout
     about = {
         "format": schemas.FORMAT,

@@ -9,6 +9,7 @@ import dataclasses
 import inspect
 import json
 import math
+import os
 import re
 from typing import Any
 
@@ -321,6 +322,36 @@ def assert_same(ours: Any, theirs: Any) -> None:
 def test_json_that_is_no_chain_is_refused(member):
     with pytest.raises(InvalidValueError, match=r"^Chain: a member of the JSON lacks or misuses"):
         Chain.from_json(json.dumps({"format": "paxisim-chain/1", "members": [member]}))
+
+
+@pytest.mark.parametrize(
+    ("document", "words"),
+    [
+        ({}, "expected a list of 'members'"),
+        ({"members": {}}, "expected a list of 'members'"),
+        ({"members": [{"name": "a", "type": "Offset", "parameters": {}}]}, r"'a' \(Offset\) of the JSON lacks 'value'"),
+    ],
+)
+def test_what_a_chain_lacks_is_not_made_up(document, words):
+    with pytest.raises(InvalidValueError, match=words):
+        Chain.from_json(json.dumps({"format": "paxisim-chain/1", **document}))
+
+
+def test_a_chain_is_saved_whole_and_errors_name_its_file(tmp_path):
+    path = tmp_path / "a.json"
+    chain = Chain([KINDS["Stiffening"]()])
+    chain.save(path)
+    assert Chain.load(path).to_json() == chain.to_json()
+    with pytest.raises(InvalidValueError, match="folder does not exist"):
+        chain.save(tmp_path / "none" / "a.json")
+    for content, words in ((b"\xff", "expected UTF-8 text, got the byte 0xff"), (b"{", "not JSON")):
+        path.write_bytes(content)
+        with pytest.raises(InvalidValueError, match=rf"a\.json: .*{words}"):
+            Chain.load(path)
+    os.link(path, tmp_path / "before")
+    chain.save(path)  # beside the file before, which it then replaces
+    assert (tmp_path / "before").read_bytes() == b"{"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.json", "before"]
 
 
 @needs_torch

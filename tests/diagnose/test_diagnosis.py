@@ -89,6 +89,19 @@ def test_other_text_is_no_diagnosis(text):
         Diagnosis.from_json(text)
 
 
+def test_errors_name_the_file_of_a_diagnosis(rotated, tmp_path):
+    path = tmp_path / "diagnosis.json"
+    unknown = rotated.to_json().replace(f'"verdict": "{rotated.verdict}"', '"verdict": "guilty"')
+    for content, words in (
+        (b"\xff", "expected UTF-8 text"),
+        (b"{", "must be JSON"),
+        (unknown.encode(), "verdict of no_discrepancy, explained, .*, got 'guilty'"),
+    ):
+        path.write_bytes(content)
+        with pytest.raises(InvalidValueError, match=rf"diagnosis\.json: .*{words}"):
+            Diagnosis.load(tmp_path)
+
+
 def test_nothing_is_named_where_nothing_is_hidden():
     found = diagnose(recording(), CAUSES)
     assert (found.verdict, found.causes, len(found.model)) == ("no_discrepancy", (), 0)

@@ -1,6 +1,7 @@
 """Boards' CSV files, as their own recorder writes them, and plain tables."""
 
 import dataclasses
+import warnings
 from types import SimpleNamespace
 
 import numpy as np
@@ -121,7 +122,13 @@ def test_the_host_programs_file_over_midnight(tmp_path):
 def test_a_row_that_is_cut_off_is_left_out(tmp_path, cut):
     path = tmp_path / "a.csv"
     path.write_text(HOST[:-cut])
-    assert len(Recording.load(path)) == (2 if cut <= len(HOST.splitlines()[-1]) + 1 else 1)
+    rows = 2 if cut <= len(HOST.splitlines()[-1]) + 1 else 1
+    whole = HOST[:-cut].endswith("\n")
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        assert len(Recording.load(path)) == rows
+    expected = f"a.csv is cut off: its last line is not whole; what is whole was read: {rows} sample"
+    assert [expected in str(warning.message) for warning in said] == [True] * (not whole)
 
 
 @pytest.mark.parametrize(
@@ -198,6 +205,26 @@ def test_a_plain_table_by_hand(tmp_path):
         path.write_text(header.replace(old, new) + "\n" + "0,1,2,3,0.5\n0.1,1,2,3,\n".replace(old, new))
         with pytest.raises(InvalidValueError, match=words):
             Recording.load(path)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("0_0.z", "99999999_99999999.z", r"has no column .*, as there is tactile\.left\.99999999_99999999\.z"),
+        ("opening", "a.99999999_99999999", r"the column 'a\.99999999_99999999' makes 'a' an array"),
+        (",", ";", "expected columns separated by commas, got semicolons"),
+        ("opening", "\xe9", "expected a CSV file in UTF-8, got the byte 0xe9 after"),
+        ("\n0,", "\n1e300,", "line 2, column 'time': a time must be in seconds, .* got 1e.300"),
+        ("0.5", "inf", "line 2, column 'opening': a number must be finite"),
+        (",3,", ",1e300,", r"line 2, column 'tactile\.left\.0_0\.z': a number must be finite"),
+    ],
+)
+def test_a_plain_table_that_cannot_be_used(tmp_path, old, new, words):
+    path = tmp_path / "a.csv"
+    text = "time,tactile.left.0_0.x,tactile.left.0_0.y,tactile.left.0_0.z,opening\n0,1,2,3,0.5\n"
+    path.write_bytes(text.replace(old, new).encode("latin-1"))
+    with pytest.raises(InvalidValueError, match=words):
+        Recording.load(path)
 
 
 @pytest.mark.parametrize("content", [b"", b"\xff\xfe\x00", b"just a line", b"a,b\n", b"# {}\n"])

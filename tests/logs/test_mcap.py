@@ -110,6 +110,21 @@ def test_damaged_anywhere_no_wrong_sample_is_read(tmp_path_factory, whole, data)
             np.testing.assert_array_equal(force, FORCE[nanoseconds - START])
 
 
+def test_a_damaged_first_chunk_costs_its_own_samples_alone(tmp_path, whole):
+    content = bytearray(whole[0].read_bytes())
+    content[whole[1][0][0] - 300] ^= 1
+    path = tmp_path / "a.mcap"
+    path.write_bytes(content)
+    log = read_log(path)
+    assert not log.complete
+    np.testing.assert_array_equal(log.streams["measured"].values, FORCE[4:])
+    with pytest.warns(UserWarning, match=r"a\.mcap is cut off or damaged; .* 36 samples, the last at 0\.000 s"):
+        assert len(Recording.load(path)) == 36
+    path.write_bytes(content[:-10])  # nor is there an end, which repeats what the channels are
+    with pytest.raises(InvalidValueError, match=r"a\.mcap is damaged: no sample of it can be read"):
+        read_log(path)
+
+
 @pytest.mark.parametrize("seed", [0, 1])
 def test_killed_at_a_random_moment_the_last_second_is_missing_at_most(tmp_path, seed):
     path = tmp_path / "a.mcap"
