@@ -17,10 +17,18 @@ if TYPE_CHECKING:
 
 _GREEN, _INK = "#0b8a3a", "#444444"
 _SHORTEST = 0.02  # arrows shorter than this part of a pitch are left out
+_LETTER, _KEY = 0.09, 1.1  # inches of a title's letter, and of the reference arrow with its text
 
 
 def draw_pad(
-    ax: Axes, force: NDArray[np.float64], layout: TaxelLayout, vmax: float, shear_max: float, title: str
+    ax: Axes,
+    force: NDArray[np.float64],
+    layout: TaxelLayout,
+    vmax: float,
+    shear_max: float,
+    title: str,
+    *,
+    above_key: bool = False,
 ) -> tuple[PolyCollection, Quiver]:
     """Draw one pad, without scales.
 
@@ -31,6 +39,7 @@ def draw_pad(
         vmax: Normal force (N) of full red.
         shear_max: Shear force (N) whose arrow is one pitch long.
         title: Title of the axes.
+        above_key: Whether the title is above the reference arrow instead of beside it.
 
     Returns:
         The taxels, one polygon each in row-major order, and the arrows, which are masked where there is no shear.
@@ -55,9 +64,8 @@ def draw_pad(
     ax.set_aspect("equal")
     ax.set_xlim(x.min() - half_x, x.max() + half_x)
     ax.set_ylim(y.max() + half_y, y.min() - half_y)
-    # an empty title keeps the room that the reference arrow needs; beside it, a narrow pad has none for a title
-    raised = 26 if layout.size[0] > 1.8 * layout.size[1] else 8
-    ax.set_title(title or " ", loc="left", fontsize="large", pad=raised)
+    # an empty title keeps the room that the reference arrow needs
+    ax.set_title(title or " ", loc="left", fontsize="large", pad=26 if above_key else 8)
     ax.set_xlabel("x (mm)", color=_INK)
     ax.set_ylabel("y (mm)", color=_INK)
     longest = max(layout.size)
@@ -66,6 +74,13 @@ def draw_pad(
     ax.tick_params(length=0, colors=_INK, labelsize="small")
     ax.spines[:].set_visible(False)
     return taxels, _draw_shear(ax, force[:2].reshape(2, -1), layout, shear_max)
+
+
+def beside_key(ax: Axes, layout: TaxelLayout, title: str) -> bool:
+    """Whether a title and the reference arrow have room side by side."""
+    height, width = layout.size
+    inches = min(ax.bbox.width, ax.bbox.height * width / height) / ax.figure.dpi
+    return _LETTER * len(title) + _KEY <= inches
 
 
 def _draw_shear(ax: Axes, shear: NDArray[np.float64], layout: TaxelLayout, top: float) -> Quiver:

@@ -56,7 +56,8 @@ def plot_tactile(
     vmax, shear_max = _scales(force, vmax, shear_max)
     if ax is None:
         ax = _figure(layout, 1, 1).add_subplot()
-    drawn = drawing.draw_pad(ax, force, layout, vmax, shear_max, title)
+    above = not drawing.beside_key(ax, layout, title)
+    drawn = drawing.draw_pad(ax, force, layout, vmax, shear_max, title, above_key=above)
     drawing.draw_scales(ax, drawn, layout, _lowest(force, vmax), vmax, shear_max)
     return ax
 
@@ -99,7 +100,10 @@ def plot_pads(
     lines = -(-pads // columns)
     figure = _figure(layout, lines, columns)
     axes = [figure.add_subplot(lines, columns, i + 1) for i in range(pads)]
-    drawn = [drawing.draw_pad(axes[i], force[i], layout, vmax, shear_max, names[i]) for i in range(pads)]
+    above = not all(drawing.beside_key(ax, layout, name) for ax, name in zip(axes, names, strict=True))
+    drawn = [
+        drawing.draw_pad(axes[i], force[i], layout, vmax, shear_max, names[i], above_key=above) for i in range(pads)
+    ]
     for i, ax in enumerate(axes):
         if i % columns:
             ax.set_ylabel("")

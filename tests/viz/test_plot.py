@@ -5,9 +5,11 @@ import sys
 import matplotlib.colors
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.quiver import Quiver, QuiverKey
+from matplotlib.text import Text
 
 from paxisim.errors import InvalidValueError, MissingExtraError
 from paxisim.layout import TaxelLayout
@@ -175,6 +177,22 @@ def test_pads_share_one_scale():
     assert arrows_of(axes[0]).scale == arrows_of(axes[1]).scale
     assert sum(len(ax.child_axes) for ax in axes) == 1  # colour bar
     assert sum(isinstance(a, QuiverKey) for ax in axes for a in ax.get_children()) == 1
+
+
+@pytest.mark.parametrize("layout", [LAYOUT, TaxelLayout(16, 4, 3e-3)])
+@pytest.mark.parametrize("name", ["left", "gripper0_right_left_inner_finger_pad"])
+def test_no_name_is_under_the_reference_arrow(layout, name):
+    figure = plot_pads(np.stack([reading(layout)] * 2), layout, names=("pad", name))
+    render(figure)
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    titles = [
+        next(t for t in ax.findobj(Text) if t.get_text() == n)
+        for ax, n in zip(figure.axes[:2], ("pad", name), strict=True)
+    ]
+    key = next(a for a in figure.axes[1].get_children() if isinstance(a, QuiverKey)).text.get_window_extent(renderer)
+    places = [title.get_window_extent(renderer) for title in titles]
+    assert not places[1].overlaps(key)
+    assert places[0].y0 == pytest.approx(places[1].y0, abs=1.0)
 
 
 @pytest.mark.parametrize("pads", [1, 3, 6])
