@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 import warnings
 from pathlib import Path
 from typing import Annotated, Literal
@@ -9,10 +10,12 @@ from typing import Annotated, Literal
 import tyro
 
 from paxisim.cli.mounts import format_mount, parse_mount
-from paxisim.cli.output import check_output, png, progress, write_output
+from paxisim.cli.output import WIDTH, check_output, png, progress, write_output
 from paxisim.cli.taxels import Taxels
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
+
+_INDENTED = "\n" + " " * len("  --mount '")
 
 
 def attach(
@@ -70,10 +73,13 @@ def attach(
     # nothing is written before all there is to write is there
     write_output(output, model, force)
     if tactile.report:
-        print(tactile.report)
+        for line in tactile.report.splitlines():
+            indent = line[: len(line) - len(line.lstrip())] + "  "
+            print(textwrap.fill(line, WIDTH, subsequent_indent=indent, break_on_hyphens=False))
         print("\nTo change it, edit and give:")
         for chosen in tactile.mounts:
-            print(f"  --mount '{format_mount(chosen)}'")
+            line = f"  --mount '{format_mount(chosen)}'"
+            print(line if len(line) <= WIDTH else f"  --mount '{format_mount(chosen, _INDENTED)}'")
         print()
     pads = len(tactile.pad_names)
     print(f"{output}: {pads} pad{'s' * (pads > 1)} of {pad.layout.rows}x{pad.layout.cols} taxels")
@@ -95,9 +101,9 @@ def _refuse_other_pads(gripper: Path, layout: TaxelLayout) -> None:
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # attaching reads the file again and warns then
-        geoms = load_spec(gripper).geoms
+        spec = load_spec(gripper)  # kept, as its elements do not outlive it
     shapes: dict[str, tuple[int, int]] = {}
-    for match in filter(None, (names.TAXEL.match(geom.name) for geom in geoms)):
+    for match in filter(None, (names.TAXEL.match(geom.name) for geom in spec.geoms)):
         shape = (int(match["row"]) + 1, int(match["col"]) + 1)
         shapes[match["pad"]] = max(shape, shapes.get(match["pad"], shape))
     others = ", ".join(f"{pad} {r}x{c}" for pad, (r, c) in shapes.items() if (r, c) != (layout.rows, layout.cols))

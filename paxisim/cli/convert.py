@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import textwrap
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import tyro
 
-from paxisim.cli.output import check_output, progress
+from paxisim.cli.output import WIDTH, check_output, progress
 
 
 def convert(
@@ -62,4 +63,4 @@ def convert(
         write_parquet(output, loaded.to_aligned())
     else:
         loaded.save(output)
-    print(f"{output}: {loaded!r}")
+    print(textwrap.fill(f"{output}: {loaded!r}", WIDTH, subsequent_indent="  ", break_on_hyphens=False))

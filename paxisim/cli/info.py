@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from paxisim.cli.output import progress, size_text
+from paxisim.cli.output import WIDTH, progress, size_text
 
 if TYPE_CHECKING:
     from paxisim.logs.stream import Log
 
-WIDTH = 80
 # ns; a log that begins before the year 2000 counts from something else than 1970
 _EARLIEST = 946_684_800 * 10**9
 

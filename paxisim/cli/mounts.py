@@ -38,8 +38,8 @@ def parse_mount(text: str) -> Mount:
     )
 
 
-def format_mount(mount: Mount) -> str:
-    """The words from which `parse_mount` makes `mount`, to 1 um and 1e-6."""
+def format_mount(mount: Mount, between: str = " ") -> str:
+    """The words from which `parse_mount` makes `mount`, to 1 um and 1e-6, with white space `between` them."""
     words = [
         shlex.quote(mount.body),
         "pos-mm=" + ",".join(f"{round(1e3 * v, 3) + 0.0:g}" for v in mount.pos),
@@ -49,7 +49,7 @@ def format_mount(mount: Mount) -> str:
         words.append("replaces=" + ",".join(str(geom) for geom in mount.replaces))
     if mount.name != mount.body:
         words.append("name=" + shlex.quote(mount.name))
-    return " ".join(words)
+    return between.join(words)
 
 
 def _numbers(key: str, text: str) -> list[float]:

@@ -10,6 +10,8 @@ from pathlib import Path
 
 from paxisim.errors import InvalidValueError, OutputExistsError
 
+WIDTH = 80  # columns of a terminal
+
 
 def progress(what: str) -> None:
     """Say on a terminal what is going on; in a pipe or a log nothing."""

