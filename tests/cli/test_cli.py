@@ -75,6 +75,7 @@ def test_attach_finds_mounts_says_so_and_its_words_can_be_given_back(capsys):
 
 
 @pytest.mark.robosuite
+@pytest.mark.filterwarnings("ignore:.*is not sound MJCF")
 @pytest.mark.parametrize("name", ["panda", "robotiq_85", "jaco_three_finger"])
 def test_attach_to_a_gripper_of_robosuite_fits_a_terminal(name, capsys):
     assert main(["attach", str(robosuite_gripper_path(name)), *GRID, "-o", "out.xml"]) == 0
