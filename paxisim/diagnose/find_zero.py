@@ -8,10 +8,11 @@ from numpy.typing import NDArray
 from paxisim.diagnose.drift_under_load import CLEARLY_DRIFT, RELINEARISED, drift_under_load
 from paxisim.diagnose.problem import FloatArray, Problem, showing
 from paxisim.diagnose.sums import Sums
-from paxisim.diagnose.under_load import tells_under_load, under_load
+from paxisim.diagnose.under_load import at_other_loads, tells_under_load, under_load
 from paxisim.diagnose.zero import TAUS, Zero, best_tau, course, nothing
 
 FEWEST = 10  # frames that a zero is told from
+ELSEWHERE = 0.25  # of what an offset brings, that it must bring under loads it was not read from
 
 
 def zero_of(
@@ -47,9 +48,6 @@ def zero_of(
     def matters(gain: FloatArray, material: float = material) -> bool:
         return bool(gain.sum() > material * problem.samples and (gain[showing(gain)] > 0).mean() >= share)
 
-    def drift_matters(gain: FloatArray) -> bool:
-        return matters(gain, material if drifts is None else drifts)
-
     rest = problem.measured - problem.read(prediction)
     always = np.ones_like(problem.time)
     with_drift = "drift" in names and _shows_drift(problem, frames)
@@ -58,7 +56,7 @@ def zero_of(
         hiding = under_load(problem, prediction, [always])
         rest = hiding.zero + problem.measured - problem.read(prediction + hiding.zero)
         if with_drift and not owned:
-            found = drift_under_load(problem, prediction, hiding, drift_matters, "offset" in names)
+            found = drift_under_load(problem, prediction, hiding, matters, "offset" in names)
             if found is not None:
                 return found
 
@@ -73,7 +71,7 @@ def zero_of(
     if with_drift:
         beside, best = left.drifting([always, *field])
         gain = left.gain(beside, without)
-        if drift_matters(gain) and beside.rejects().any():
+        if matters(gain, material if drifts is None else drifts) and beside.rejects().any():
             gains["drift"], chosen, tau = gain, beside, best
             if not problem.counting.reads_all and hiding is None:
                 left, chosen, tau = _relinearised(left, prediction, [always, *field], chosen, tau)
@@ -96,6 +94,8 @@ def zero_of(
             gain = left.gain(chosen, left.fit([*field, ratio + course(left.time, tau)]))
         elif hiding is not None:
             gain = hiding.gain
+            if matters(gain) and at_other_loads(problem, prediction) < ELSEWHERE * gain.sum():
+                gain = np.zeros_like(gain)  # what another cause's form leaves is not the same under every load
         else:
             gain = left.gain(_Left(problem, rest - (offset - own), frames).fit([always]))
         if matters(gain) and (not owned or float(np.sum(own**2)) > 0.2 * float(np.sum(offset**2))):

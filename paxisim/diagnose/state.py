@@ -134,9 +134,8 @@ def zero_beside(problem: Problem, fitted: Fit, limits: Thresholds, slow: tuple[s
     bare = predict(replace(problem, zero=0.0), chosen, fitted.values)[0]
     owned = any(item.name == "interference" for item in chosen)
     hidden = tells_under_load(problem)
-    material = drifts = MANY * limits.material
-    if limits.second and not hidden:
-        drifts = FEWER * limits.material
+    material = MANY * limits.material
+    drifts = FEWER * limits.material if limits.second and not hidden else None
 
     def energy(zero: Zero) -> float:
         return float(np.sum(problem.residual(bare + zero.at(problem.time - problem.time[0])) ** 2))
@@ -144,9 +143,7 @@ def zero_beside(problem: Problem, fitted: Fit, limits: Thresholds, slow: tuple[s
     if hidden:  # what the other causes' forms leave is there, too
         without = replace(problem, gate=None).residual(problem.simulated + problem.zero)
         explained = np.sum(without**2) - np.sum(problem.residual(bare + problem.zero) ** 2)
-        left = LEFT * max(float(explained), 0.0) / problem.samples
-        # chance brings an offset as much in a second look, where all samples tell of it anyway
-        material, drifts = max(material, MANY * Thresholds().material) + left, drifts + left
+        material += LEFT * max(float(explained), 0.0) / problem.samples
     zero = zero_of(problem, bare, material, limits.episodes, drifts=drifts, names=slow, owned=owned)
     if owned and not zero.gain:  # only what the field has of its own, which a coarse sensor may not tell either
         zero = min(zero, nothing(problem), key=energy)

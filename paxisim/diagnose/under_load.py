@@ -17,6 +17,7 @@ from paxisim.diagnose.sums import Sums
 TURNS = 4  # of Gauss-Newton
 FARTHEST = 0.3  # of a step, that a value moves in one of them
 PRIOR = 1.0  # 1/N^2, that draws each value to 0
+SMALL, LARGEST = 0.5, 0.99  # a force up to that share of a channel's largest, which is that quantile, is small
 
 
 def tells_under_load(problem: Problem) -> bool:
@@ -88,6 +89,34 @@ def under_load(
         after = problem.measured[span] - problem.read(prediction[span] + own)
         gain[number] = np.sum(weight[span] * (before[span] ** 2 - after**2))
     return UnderLoad(values, zero(values), gain)
+
+
+def at_other_loads(problem: Problem, prediction: FloatArray) -> float:
+    """The energy, in units of the noise, that a constant takes away under loads it was not read from.
+
+    Each channel's is read where the force is small and judged where it is large, and the other way round.
+
+    Args:
+        problem: The recording.
+        prediction: ``(T, pads, 3, rows, cols)`` newtons.
+    """
+    weight = problem.weight**2
+    farthest = FARTHEST * _hidden_by(problem)
+    before = problem.measured - problem.read(prediction)
+    size = np.abs(prediction)
+    small = size <= SMALL * np.quantile(size, LARGEST, axis=0)
+    quiet = small & quiet_frames(problem)[:, None, None, None, None]
+    total = 0.0
+    for own, begin in ((small, quiet), (~small, np.zeros_like(small))):
+        known = weight * own
+        values = (weight * begin * before).sum(axis=0) / ((weight * begin).sum(axis=0) + PRIOR)
+        for _ in range(TURNS):
+            miss, slope = at_edges(problem, prediction + values)
+            share = (known * slope * miss).sum(axis=0) / ((known * slope**2).sum(axis=0) + PRIOR)
+            values = values + np.clip(share, -farthest, farthest)
+        after = problem.measured - problem.read(prediction + values)
+        total += float(np.sum((weight * (before**2 - after**2))[~own]))
+    return total
 
 
 def quiet_frames(problem: Problem) -> NDArray[np.bool_]:

@@ -15,10 +15,10 @@ from recorded import recording_of
 from paxisim.augment import DeadBand
 from paxisim.diagnose.cause import MANY
 from paxisim.diagnose.engine import Thresholds, explain
-from paxisim.diagnose.find_zero import zero_of
+from paxisim.diagnose.find_zero import ELSEWHERE, zero_of
 from paxisim.diagnose.noise import Tolerance
 from paxisim.diagnose.problem import problem_of
-from paxisim.diagnose.under_load import tells_under_load, under_load
+from paxisim.diagnose.under_load import at_other_loads, tells_under_load, under_load
 
 MATERIAL = MANY * Thresholds().material
 QUIET = {"rows": 4, "cols": 3, "coarse": True, "duration": 6.0}
@@ -57,6 +57,20 @@ def test_an_offset_that_rests_within_a_count_is_read_where_taxels_are_pressed(si
     assert told.sum() > 5
     np.testing.assert_allclose(own[told], offset[told], atol=0.4 * size + 0.1 * problem.step)
     assert found.gain.sum() > 0
+
+
+@pytest.mark.parametrize(("factor", "offset", "named"), [(1.0, 0.03, True), (1.03, 0.0, False), (0.97, 0.0, False)])
+def test_what_grows_with_the_load_is_no_offset(factor, offset, named):
+    case, problem = quiet_case()
+    sides = np.random.default_rng(1).choice([-1.0, 1.0], problem.alive.shape)
+    measured = np.round((factor * problem.simulated + offset * sides) / problem.step) * problem.step
+    measured[:, :, 2] = np.maximum(measured[:, :, 2], 0)
+    case.measured = measured.astype(np.float32)
+    problem = problem_of(recording_of(case), Tolerance())
+    gain = under_load(problem, problem.simulated, [np.ones(len(problem.time))]).gain.sum()
+    assert gain > MATERIAL * problem.samples
+    assert bool(at_other_loads(problem, problem.simulated) > ELSEWHERE * gain) is named
+    assert ("offset" in zero_of(problem, problem.simulated, MATERIAL, 0.7, names=("offset",)).gain) is named
 
 
 def test_a_drift_behind_steps_is_no_offset():
