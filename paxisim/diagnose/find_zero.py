@@ -9,10 +9,11 @@ from paxisim.diagnose.drift_under_load import CLEARLY_DRIFT, RELINEARISED, drift
 from paxisim.diagnose.problem import FloatArray, Problem, showing
 from paxisim.diagnose.sums import Sums
 from paxisim.diagnose.under_load import at_other_loads, tells_under_load, under_load
+from paxisim.diagnose.worth import in_one_episode
 from paxisim.diagnose.zero import TAUS, Zero, best_tau, course, nothing
 
 FEWEST = 10  # frames that a zero is told from
-ELSEWHERE = 0.25  # of what an offset brings, that it must bring under loads it was not read from
+OTHER_LOADS = 0.25  # of what an offset brings, that it must bring under loads it was not read from
 
 
 def zero_of(
@@ -48,6 +49,9 @@ def zero_of(
     def matters(gain: FloatArray, material: float = material) -> bool:
         return bool(gain.sum() > material * problem.samples and (gain[showing(gain)] > 0).mean() >= share)
 
+    def lasts(gain: FloatArray, material: float = material) -> bool:
+        return matters(gain, material) and not in_one_episode(gain, material * problem.samples)
+
     rest = problem.measured - problem.read(prediction)
     always = np.ones_like(problem.time)
     with_drift = "drift" in names and _shows_drift(problem, frames)
@@ -56,7 +60,7 @@ def zero_of(
         hiding = under_load(problem, prediction, [always])
         rest = hiding.zero + problem.measured - problem.read(prediction + hiding.zero)
         if with_drift and not owned:
-            found = drift_under_load(problem, prediction, hiding, matters, "offset" in names)
+            found = drift_under_load(problem, prediction, hiding, lasts, "offset" in names)
             if found is not None:
                 return found
 
@@ -71,7 +75,7 @@ def zero_of(
     if with_drift:
         beside, best = left.drifting([always, *field])
         gain = left.gain(beside, without)
-        if matters(gain, material if drifts is None else drifts) and beside.rejects().any():
+        if lasts(gain, material if drifts is None else drifts) and beside.rejects().any():
             gains["drift"], chosen, tau = gain, beside, best
             if not problem.counting.reads_all and hiding is None:
                 left, chosen, tau = _relinearised(left, prediction, [always, *field], chosen, tau)
@@ -79,7 +83,7 @@ def zero_of(
         elif "offset" in names and not owned:  # or is it a drift from a zero that was right at the beginning?
             alone, best = left.drifting(field)
             gain = left.gain(alone)
-            if matters(gain) and np.sum(alone.heldout() - without.heldout()) > CLEARLY_DRIFT:
+            if lasts(gain) and np.sum(alone.heldout() - without.heldout()) > CLEARLY_DRIFT:
                 return Zero(np.zeros_like(amplitude), left.shaped(alone, -1), best, {"drift": gain})
 
     offset = left.shaped(chosen, 0)
@@ -94,11 +98,11 @@ def zero_of(
             gain = left.gain(chosen, left.fit([*field, ratio + course(left.time, tau)]))
         elif hiding is not None:
             gain = hiding.gain
-            if matters(gain) and at_other_loads(problem, prediction) < ELSEWHERE * gain.sum():
+            if matters(gain) and at_other_loads(problem, prediction) < OTHER_LOADS * gain.sum():
                 gain = np.zeros_like(gain)  # what another cause's form leaves is not the same under every load
         else:
             gain = left.gain(_Left(problem, rest - (offset - own), frames).fit([always]))
-        if matters(gain) and (not owned or float(np.sum(own**2)) > 0.2 * float(np.sum(offset**2))):
+        if lasts(gain) and (not owned or float(np.sum(own**2)) > 0.2 * float(np.sum(offset**2))):
             gains["offset"] = gain
     if not (owned or gains):
         offset = np.zeros_like(offset)

@@ -80,8 +80,8 @@ class Worth:
         least = self._least(item)
         gain = fewer.energy - more.energy
         elsewhere = gain.sum() - gain.max()
-        alone = self._in_one_episode(gain, least)
-        if item.costs > 1 and (alone or (len(gain) > SEVERAL and elsewhere < REPEATED * least)):
+        alone = in_one_episode(gain, least)
+        if item.costs > 1 and (alone or (len(gain) >= SEVERAL and elsewhere < REPEATED * least)):
             return False  # many numbers fit what one episode has of its own
         if item.costs > 1 and not self._is_not_tolerated(fewer, more, least, range(len(gain))):
             return False  # they also fit contacts beside their places
@@ -95,14 +95,9 @@ class Worth:
         """What a cause that is not kept brings, as a share of what it must bring; 0 if episodes disagree."""
         least = max(self._least(self._by_name[name]), self.misfit(fewer, name, more))
         gain = fewer.energy - more.energy
-        if self._in_one_episode(gain, least) or not self.is_consistent(more, fewer, 0.0):
+        if in_one_episode(gain, least) or not self.is_consistent(more, fewer, 0.0):
             return 0.0
         return min(float(gain.sum() / least), self._size(more, name))
-
-    def _in_one_episode(self, gain: FloatArray, least: float) -> bool:
-        """Whether one of several episodes has most of a gain, and the others too little to stand for themselves."""
-        elsewhere = gain.sum() - gain.max()
-        return len(gain) > SEVERAL and elsewhere < min(ELSEWHERE * gain.sum(), ENOUGH * least)
 
     def _least(self, item: Cause) -> float:
         """Energy, in units of the noise, that a cause must bring."""
@@ -182,6 +177,17 @@ class Worth:
     def _size(self, found: Fit, name: str) -> float:
         values: Values = found.values[name]  # type: ignore[assignment]
         return self._by_name[name].size(values, self._problem, found.values)
+
+
+def in_one_episode(gain: FloatArray, least: float) -> bool:
+    """Whether one of several episodes has most of a gain, and the others too little to stand for themselves.
+
+    Args:
+        gain: ``(episodes,)`` energy.
+        least: That a cause must bring.
+    """
+    elsewhere = gain.sum() - gain.max()
+    return bool(len(gain) >= SEVERAL and elsewhere < min(ELSEWHERE * gain.sum(), ENOUGH * least))
 
 
 def _still(problem: Problem) -> FloatArray:

@@ -15,7 +15,7 @@ from recorded import recording_of
 from paxisim.augment import DeadBand
 from paxisim.diagnose.cause import MANY
 from paxisim.diagnose.engine import Thresholds, explain
-from paxisim.diagnose.find_zero import ELSEWHERE, zero_of
+from paxisim.diagnose.find_zero import OTHER_LOADS, zero_of
 from paxisim.diagnose.noise import Tolerance
 from paxisim.diagnose.problem import problem_of
 from paxisim.diagnose.under_load import at_other_loads, tells_under_load, under_load
@@ -69,7 +69,7 @@ def test_what_grows_with_the_load_is_no_offset(factor, offset, named):
     problem = problem_of(recording_of(case), Tolerance())
     gain = under_load(problem, problem.simulated, [np.ones(len(problem.time))]).gain.sum()
     assert gain > MATERIAL * problem.samples
-    assert bool(at_other_loads(problem, problem.simulated) > ELSEWHERE * gain) is named
+    assert bool(at_other_loads(problem, problem.simulated) > OTHER_LOADS * gain) is named
     assert ("offset" in zero_of(problem, problem.simulated, MATERIAL, 0.7, names=("offset",)).gain) is named
 
 
