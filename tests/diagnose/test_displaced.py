@@ -81,3 +81,10 @@ def test_a_saturation_that_one_press_alone_reaches_is_named(seed):
     found = explain(recording_of(saturated)).found
     assert [item.name for item in found] == ["saturation"]
     assert found[0].values["limit"] == pytest.approx(limit, rel=0.1)
+
+
+@pytest.mark.parametrize("seed", [2045060018, 2045060037])
+def test_taxels_without_an_answer_that_one_press_reaches_are_neither_gains_nor_a_drift(seed):
+    """It reaches them too lightly to tell that they are dead."""
+    found = explain(recording_of(make(("dead_taxels",), seed=seed, family="poor", rate=20))).found
+    assert [item.name for item in found] == ["dead_taxels"]
