@@ -98,8 +98,10 @@ def zero_of(
             gain = left.gain(chosen, left.fit([*field, ratio + course(left.time, tau)]))
         elif hiding is not None:
             gain = hiding.gain
-            if matters(gain) and at_other_loads(problem, prediction) < OTHER_LOADS * gain.sum():
-                gain = np.zeros_like(gain)  # what another cause's form leaves is not the same under every load
+            # what another cause's form leaves is not the same under every load; nor is what passes a dead band's edge
+            steps = problem.gate is None and matters(gain)
+            if steps and at_other_loads(problem, prediction) < OTHER_LOADS * gain.sum():
+                gain = np.zeros_like(gain)
         else:
             gain = left.gain(_Left(problem, rest - (offset - own), frames).fit([always]))
         if lasts(gain) and (not owned or float(np.sum(own**2)) > 0.2 * float(np.sum(offset**2))):

@@ -115,3 +115,8 @@ def test_a_zero_that_a_dead_band_holds_back_is_told_under_load(added):
     true = (size * course * np.ones((len(case.time), 1, 1, 1, 1)))[:, told]
     wrong = zero.at(case.time - case.time[0])[:, told] - true
     assert np.sqrt(np.mean(wrong**2)) < 0.3 * np.sqrt(np.mean(true**2))
+
+
+def test_an_offset_that_reads_otherwise_at_a_dead_bands_edge_is_one():
+    found = explain(recording_of(make(("dead_band", "offset"), seed=2046020001, family="final"))).found
+    assert {item.name for item in found} == {"dead_band", "offset"}
