@@ -80,7 +80,7 @@ def record(
     if summary.error is not None:
         raise PaxisimError(f"{_what_ended(summary)}; {path} is valid and holds {_held(summary)}")
     if not summary.frames:
-        nothing = f"no frame came from {', '.join(port)} in {summary.seconds:g} s"
+        nothing = f"no frame came from {', '.join(port)} in {summary.seconds:.4g} s"
         if any(source.samples for source in summary.extra):
             raise PaxisimError(f"{nothing}; {path} holds what else was recorded")
         path.unlink()
