@@ -1,5 +1,6 @@
 """A sensor into a file: emulated boards, the driver, extra streams and real files."""
 
+import contextlib
 import json
 import os
 import queue
@@ -43,6 +44,19 @@ def board():
 def sensor(board):
     with open_sensor(board.port, PROFILE, reconnect=0) as opened:
         yield opened
+
+
+@contextlib.contextmanager
+def unplugged(folder):
+    """A board that was unplugged after it was opened, and its sensor, which waits for it."""
+    with (
+        Emulator(PROFILE, constant(PROFILE), link=folder / "port") as board,
+        open_sensor(board.port, PROFILE, reconnect=60) as sensor,
+    ):
+        board.unplug()
+        while not sensor._readers[0].fault:
+            time.sleep(0.01)
+        yield board, sensor
 
 
 @pytest.fixture(autouse=True)
@@ -335,13 +349,7 @@ def test_silence_before_the_first_frame_and_after_the_last_is_a_gap(tmp_path):
             pulled.append(summary.seconds)
         return bool(pulled) and summary.seconds > pulled[0] + 0.8
 
-    with (
-        Emulator(PROFILE, constant(PROFILE), link=tmp_path / "port") as board,
-        open_sensor(board.port, PROFILE, reconnect=60) as sensor,
-    ):
-        board.unplug()
-        while not sensor._readers[0].fault:
-            time.sleep(0.01)
+    with unplugged(tmp_path) as (board, sensor):
         summary = capture(sensor, tmp_path / "press.mcap", on_status=Stop(plug_then_pull))
     assert summary.frames > 0
     assert summary.gaps >= 2
@@ -350,13 +358,7 @@ def test_silence_before_the_first_frame_and_after_the_last_is_a_gap(tmp_path):
 
 
 def test_silence_alone_is_one_gap(tmp_path):
-    with (
-        Emulator(PROFILE, constant(PROFILE), link=tmp_path / "port") as board,
-        open_sensor(board.port, PROFILE, reconnect=60) as sensor,
-    ):
-        board.unplug()
-        while not sensor._readers[0].fault:
-            time.sleep(0.01)
+    with unplugged(tmp_path) as (_, sensor):
         summary = capture(sensor, tmp_path / "press.mcap", seconds=0.7)
     assert (summary.frames, summary.gaps) == (0, 1)
     assert summary.longest_gap == summary.seconds > 0.5

@@ -87,6 +87,16 @@ def send_and_wait(port: PluggedPort, pads: TactileSensor, counts: range) -> None
     wait_for(lambda: len(pads._queue._frames) + pads.dropped == arrived + len(counts))
 
 
+class Moody(ScriptedBoard):
+    """Refuses where the script says 66."""
+
+    def read(self, timeout: float):
+        reading = super().read(timeout)
+        if reading.counts.max() == 66:
+            raise ProtocolError("the board refuses")
+        return reading
+
+
 class TestReading:
     def test_frames_come_in_order_in_newtons(self, port: PluggedPort) -> None:
         with open_sensor(port.path, TWO_PADS) as pads:
@@ -165,13 +175,6 @@ class TestReading:
                 pads.read(0.01)
 
     def test_a_protocol_error_is_survived(self, port: PluggedPort, use_board) -> None:
-        class Moody(ScriptedBoard):
-            def read(self, timeout: float):
-                reading = super().read(timeout)
-                if reading.counts.max() == 66:
-                    raise ProtocolError("the board refuses")
-                return reading
-
         use_board(Moody)
         with open_sensor(port.path, ONE_PAD) as pads:
             port.send(message(66) + message(1))
@@ -246,13 +249,6 @@ class TestCommands:
                 wait_for(lambda: count_of(pads.latest(PATIENCE)) == 5)
 
     def test_a_software_zero_forgives_what_reading_does(self, port: PluggedPort, use_board) -> None:
-        class Moody(ScriptedBoard):
-            def read(self, timeout: float):
-                reading = super().read(timeout)
-                if reading.counts.max() == 66:
-                    raise ProtocolError("the board refuses")
-                return reading
-
         use_board(Moody)
         with open_sensor(port.path, ONE_PAD) as pads, sending(port, 66, 5, 66, 66):
             pads.zero(software=True)

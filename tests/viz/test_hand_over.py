@@ -30,12 +30,18 @@ class Consumer:
         return [value for batch in self.batches for value in batch]
 
 
-def test_a_slow_consumer_costs_the_oldest_values_and_never_a_wait():
+def held_up(size):
+    """A consumer that is busy with a 0 until it may go on, and its queue."""
     consumer = Consumer()
     consumer.go.clear()
-    queue = HandOver(consumer, size=3)
+    queue = HandOver(consumer, size=size)
     queue.put(0)
     assert consumer.busy.wait(LONG)
+    return consumer, queue
+
+
+def test_a_slow_consumer_costs_the_oldest_values_and_never_a_wait():
+    consumer, queue = held_up(size=3)
     for value in range(1, 100):  # would wait for ever if `put` waited for the consumer
         queue.put(value)
     assert (queue.given, queue.dropped) == (100, 96)
@@ -128,11 +134,7 @@ def test_what_was_closed_takes_nothing_more(wait):
 
 
 def test_a_producer_that_waits_is_let_go_when_another_thread_closes():
-    consumer = Consumer()
-    consumer.go.clear()
-    queue = HandOver(consumer, size=1)
-    queue.put(0)
-    assert consumer.busy.wait(LONG)
+    consumer, queue = held_up(size=1)
     queue.put(1)
     closing = threading.Thread(target=queue.close)
     closing.start()
