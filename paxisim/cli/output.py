@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import io
-import os
 import sys
 import tempfile
 from pathlib import Path
 
 from paxisim.errors import InvalidValueError, OutputExistsError
+from paxisim.logs.atomic import whole_file
 
 WIDTH = 80  # columns of a terminal
 
@@ -65,15 +65,8 @@ def write_output(path: Path, content: str | bytes, force: bool) -> None:
     """
     check_output(path, force)
     data = content.encode() if isinstance(content, str) else content
-    descriptor, temporary = tempfile.mkstemp(dir=path.absolute().parent, prefix=f".{path.name}.")
-    try:
-        with os.fdopen(descriptor, "wb") as file:
-            file.write(data)
-        os.chmod(temporary, 0o666 & ~_umask())
-        os.replace(temporary, path)
-    except BaseException:
-        os.unlink(temporary)
-        raise
+    with whole_file(path) as temporary:
+        temporary.write_bytes(data)
 
 
 def size_text(size: int) -> str:
@@ -86,9 +79,3 @@ def png(figure) -> bytes:
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=150, bbox_inches="tight")
     return buffer.getvalue()
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask

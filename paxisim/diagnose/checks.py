@@ -15,6 +15,8 @@ from paxisim.diagnose.problem import FloatArray, Problem
 
 CLEARLY = 0.05  # by how much a correlation must be better for a fault of the layout to be named
 WITHIN = 15.0  # times what is tolerated of its place, that a contact must press on a taxel to be on it
+CLEAR = 0.6  # N, beyond any dead band
+FRAMES = 8  # in which a taxel is pressed so, at least
 FAR = 4.0  # times what others read at rest, and what does not matter
 MISSING = 8.0  # times the noise that the answer of a stuck taxel must be missing
 STILL = 1.8  # times the noise that it may move
@@ -126,10 +128,8 @@ def read_taxels(problem: Problem) -> Reading | None:
     simulated, measured = problem.simulated, problem.measured
     level, noise = np.median(measured, axis=0), np.median(problem.sigma, axis=0)
     floor = max(0.6 * problem.step, 0.03)
-    variance = problem.sigma[:, :, 2] ** 2
-    tolerated = np.sqrt(variance - variance.min(axis=0))  # large at a contact's edge, which may be beside the taxel
-    loaded = simulated[:, :, 2] > np.maximum(max(0.06 * problem.peak, 0.6), WITHIN * tolerated)  # beyond any dead band
-    dead = loaded.sum(axis=0) >= 8
+    loaded = pressed_beyond(problem, max(0.06 * problem.peak, CLEAR))[:, :, 2] & (simulated[:, :, 2] > 0)
+    dead = loaded.sum(axis=0) >= FRAMES
     # one that answers late rises when it is no longer pressed
     rise = np.quantile(measured[:, :, 2] - level[:, 2], 0.998, axis=0)
     dead &= rise < np.maximum(0.4 * np.quantile(simulated[:, :, 2], 0.998, axis=0), 3.5 * noise[:, 2])
@@ -151,6 +151,13 @@ def read_taxels(problem: Problem) -> Reading | None:
     value = level * stuck[:, None]
     fault = augment.DeadTaxels((dead & ~stuck).astype(float), stuck.astype(float), value)
     return Reading(fault, {"dead": (dead & ~stuck).astype(float), "stuck": stuck.astype(float), "value": value})
+
+
+def pressed_beyond(problem: Problem, least: float) -> NDArray[np.bool_]:
+    """``(T, pads, 3, rows, cols)`` where a force is larger than `least` (N), and its contact surely on the taxel."""
+    variance = problem.sigma**2
+    tolerated = np.sqrt(variance - variance.min(axis=0))  # large at a contact's edge, which may be beside the taxel
+    return np.abs(problem.simulated) > np.maximum(least, WITHIN * tolerated)
 
 
 def _still(problem: Problem, level: FloatArray, noise: FloatArray, floor: float) -> NDArray[np.bool_]:

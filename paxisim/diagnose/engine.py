@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from paxisim import augment
 from paxisim.augment.transform import Transform
@@ -76,8 +77,7 @@ class Explanation:
         """The recording as the figures are given of it: what dead taxels should have read is an error, too."""
         for named in self.found:
             if named.name == "dead_taxels":
-                gone = (np.asarray(named.values["dead"]) + np.asarray(named.values["stuck"])) > 0
-                return replace(self.problem, alive=self.problem.alive | gone[:, None])
+                return replace(self.problem, alive=self.problem.alive | _gone(named.values)[:, None])
         return self.problem
 
     def fit_on(self, spans: Sequence[slice]) -> FloatArray:
@@ -158,8 +158,7 @@ def _read(
     taxels = read_taxels(problem) if "dead_taxels" in names else None
     if taxels:
         read["dead_taxels"] = taxels
-        gone = (np.asarray(taxels.values["dead"]) + np.asarray(taxels.values["stuck"])) > 0
-        problem = replace(problem, alive=problem.alive & ~gone[:, None])
+        problem = replace(problem, alive=problem.alive & ~_gone(taxels.values)[:, None])
     silent = silent_channels(problem)
     if silent.any():
         problem = with_noise(replace(problem, alive=problem.alive & ~silent), tolerance)
@@ -169,6 +168,11 @@ def _read(
             "motion, in newtons?"
         )
     return read, problem
+
+
+def _gone(values: Mapping[str, float | FloatArray]) -> NDArray[np.bool_]:
+    """``(pads, rows, cols)`` taxels that are dead or stuck, by the values of that cause."""
+    return (np.asarray(values["dead"]) + np.asarray(values["stuck"])) > 0
 
 
 def _explained(

@@ -10,12 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.diagnose.cause import AXES
-from paxisim.diagnose.checks import WITHIN
+from paxisim.diagnose.checks import CLEAR, FRAMES, pressed_beyond
 from paxisim.diagnose.problem import PRESSED, Problem
 
-CLEAR = 0.6  # N, beyond any dead band
 SHARE = 0.2  # of the peak, beyond any zero that readings cut below 0 hide
-FRAMES = 8  # in which it is pressed so, at least
 MOST = 8  # that are listed
 
 
@@ -28,10 +26,7 @@ def silent_channels(problem: Problem) -> NDArray[np.bool_]:
     still = alive & (np.ptp(problem.measured, axis=0) == 0)
     if not still.any():
         return still
-    variance = problem.sigma**2
-    tolerated = np.sqrt(variance - variance.min(axis=0))  # large at a contact's edge, which may be beside the taxel
-    least = max(CLEAR, SHARE * problem.peak, 2 * problem.step)
-    pressed = np.abs(problem.simulated) > np.maximum(least, WITHIN * tolerated)
+    pressed = pressed_beyond(problem, max(CLEAR, SHARE * problem.peak, 2 * problem.step))
     silent = still & (pressed.sum(axis=0) >= FRAMES)
     for pad, axis in np.argwhere((still | ~alive).all(axis=(2, 3)) & still.any(axis=(2, 3))):
         silent[pad, axis] |= still[pad, axis] & _is_missing(problem, int(pad), int(axis), still)

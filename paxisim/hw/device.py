@@ -15,7 +15,7 @@ from paxisim.hw.board import Board
 from paxisim.hw.clock import Clock, SystemClock
 from paxisim.hw.frame import Frame
 from paxisim.hw.frame_queue import FrameQueue
-from paxisim.hw.profile import Profile, load_profile
+from paxisim.hw.profile import Profile, as_profile
 from paxisim.hw.reader import Reader
 from paxisim.hw.transport import open_transport
 from paxisim.layout import TaxelLayout
@@ -68,7 +68,7 @@ def open_sensor(
         raise InvalidValueError(f"queue must be a whole number of at least 1 frame, got {queue!r}")
     if not reconnect >= 0:
         raise InvalidValueError(f"reconnect must be 0 s or more, got {reconnect!r}")
-    profile = profile if isinstance(profile, Profile) else load_profile(profile)
+    profile = as_profile(profile)
     profile.warn_unverified()
     return TactileSensor(ports, profile, queue, reconnect, clock or SystemClock())
 

@@ -18,7 +18,7 @@ from paxisim.hw.emulation.pacing import GRAIN, PacedLine
 from paxisim.hw.emulation.pads import EmulatedPads, Resultant, Signal
 from paxisim.hw.emulation.pseudo_terminal import PseudoTerminal
 from paxisim.hw.faults import MERGE_WAIT, Faults, FaultyLine
-from paxisim.hw.profile import Profile, load_profile
+from paxisim.hw.profile import Profile, as_profile
 
 REMEMBERED = 100_000
 """Messages that `Emulator.sent` keeps; older ones are forgotten."""
@@ -108,7 +108,7 @@ class Emulator:
             InvalidValueError: The signal does not fit the profile, or a number that cannot be.
             UnknownNameError: There is no such profile.
         """
-        self.profile = profile if isinstance(profile, Profile) else load_profile(profile)
+        self.profile = as_profile(profile)
         if rate is not None and not 0 < rate < math.inf:
             raise InvalidValueError(f"rate must be a positive number of Hz, got {rate!r}")
         if seed < 0:

@@ -268,3 +268,8 @@ def load_profile(name: str | os.PathLike[str]) -> Profile:
     if name.endswith(".toml"):
         return profile_file.read_profile(Path(name))
     return profile_file.shipped_profile(name)
+
+
+def as_profile(profile: str | os.PathLike[str] | Profile) -> Profile:
+    """The profile itself, or the one that `load_profile` finds by what is given."""
+    return profile if isinstance(profile, Profile) else load_profile(profile)

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from paxisim.errors import InvalidValueError
 from paxisim.hw.emulation.pads import Signal as Signal
-from paxisim.hw.profile import Profile, load_profile
+from paxisim.hw.profile import Profile, as_profile
 from paxisim.recording import Recording
 
 
@@ -63,7 +63,7 @@ def from_arrays(
     Raises:
         InvalidValueError: There is no sample, or the shapes do not fit.
     """
-    profile = profile if isinstance(profile, Profile) else load_profile(profile)
+    profile = as_profile(profile)
     samples = spread(np.asarray(force, dtype=np.float32), profile)
     moments = np.asarray(time, dtype=np.float64)
     if moments.ndim != 1 or samples.shape[:-4] != moments.shape or not len(moments):
@@ -131,7 +131,7 @@ def press(profile: str | os.PathLike[str] | Profile, *, force: float = 20.0, per
         force: The largest normal force of the patch (N, whole pad); the shear grows to half of it.
         period: Seconds of one press; each pad begins a quarter later than the one before.
     """
-    profile = profile if isinstance(profile, Profile) else load_profile(profile)
+    profile = as_profile(profile)
     layout, pads = profile.wire_layout, len(profile.slots)
     positions = layout.positions[:, :2]
     low, high = positions.min(axis=0), positions.max(axis=0)

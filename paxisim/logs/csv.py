@@ -29,13 +29,13 @@ from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.layout import TaxelLayout
+from paxisim.logs import schemas
 from paxisim.logs.aligned import Aligned, CountsToForce
 from paxisim.logs.columns import from_columns
 
 RESOLUTION = 0.1  # newtons a count
 _COUNTS = np.iinfo(np.int16)
 _GREATEST = float(np.finfo(np.float32).max)
-_LATEST = (2**63 - 1) * 1e-9  # s that nanoseconds in an int64 reach
 _DAY = 86400.0
 
 # pad, taxel (None: the resultant), axis
@@ -80,7 +80,8 @@ def read_csv(
     if profile is not None:
         raise InvalidValueError(f"profile is for the counts of a board's file; {path} is a plain table of newtons")
     values = table.numbers(table.names)
-    _check_times(table, [name for name in ("timestamp", "time") if name in table.names])
+    for name in [name for name in ("timestamp", "time") if name in table.names]:
+        _check_times(table, values[:, [table.names.index(name)]], name)
     table.check(values, table.names, _GREATEST, "a number must be finite and below 3.4e38 (an empty cell is not known)")
     try:
         found = from_columns(dict(zip(table.names, values.T, strict=True)))
@@ -280,13 +281,13 @@ def _native_column(name: str) -> _Column | None:
 
 
 def _seconds(table: _Table) -> NDArray[np.float64]:
-    _check_times(table, ["timestamp_monotonic_s"])
-    return table.numbers(["timestamp_monotonic_s"])[:, 0]
+    times = table.numbers(["timestamp_monotonic_s"])
+    _check_times(table, times, "timestamp_monotonic_s")
+    return times[:, 0]
 
 
-def _check_times(table: _Table, names: list[str]) -> None:
-    if names:
-        table.check(table.numbers(names), names, _LATEST, "a time must be in seconds, not beyond the year 2262")
+def _check_times(table: _Table, times: NDArray[np.float64], name: str) -> None:
+    table.check(times, [name], schemas.LATEST * 1e-9, "a time must be in seconds, not beyond the year 2262")
 
 
 def _time_of_day(table: _Table) -> NDArray[np.float64]:

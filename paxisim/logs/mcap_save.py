@@ -12,7 +12,7 @@ from paxisim.errors import InvalidValueError
 from paxisim.logs import schemas
 from paxisim.logs.aligned import Aligned, episode_starts
 from paxisim.logs.atomic import whole_file
-from paxisim.logs.mcap_writer import LATEST, LogWriter
+from paxisim.logs.mcap_writer import LogWriter
 
 
 def write_mcap(path: Path, recording: Aligned) -> None:
@@ -58,7 +58,7 @@ def log_times(recording: Aligned) -> tuple[NDArray[np.int64], list[int], list[in
 
 
 def _check_reach(seconds: float) -> None:
-    if not seconds * 1e9 < LATEST:
+    if not seconds * 1e9 < schemas.LATEST:
         raise InvalidValueError(
             "the samples' times must be in seconds, and counted from metadata['start'] (s since 1970-01-01), if there "
             f"is one, they must end before 2262-04-11; they reach {seconds:.9g} s"

@@ -24,8 +24,6 @@ from paxisim.errors import InvalidValueError, OutputExistsError
 from paxisim.layout import TaxelLayout
 from paxisim.logs import schemas
 
-# ns since 1970-01-01 that a reader's int64 holds
-LATEST = 2**63 - 1
 _RANGE = "1970-01-01 UTC, up to 2262-04-11"
 # numbers are written as the shortest text that reads back to the same float32 or float64
 _JSON = orjson.OPT_SERIALIZE_NUMPY | orjson.OPT_NON_STR_KEYS
@@ -100,13 +98,13 @@ class LogWriter:
                 2262, a status that is not one number a pad. What was written before is not touched.
             OSError: The disk is full or failed, now or before; the file is valid up to its last whole chunk.
         """
-        if not 0 <= time <= LATEST * 1e-9:  # as for NaN
+        if not 0 <= time <= schemas.LATEST * 1e-9:  # as for NaN
             raise InvalidValueError(f"the time of a sample must be in seconds since {_RANGE}, got {time!r}")
         self.write_at(stream, round(time * 1e9), values, **extra)
 
     def write_at(self, stream: str, nanoseconds: int, values: ArrayLike, **extra: Any) -> None:
         """`write`, for a time in whole nanoseconds since 1970-01-01 UTC, of which a float64 holds only every 200th."""
-        if not 0 <= nanoseconds <= LATEST:
+        if not 0 <= nanoseconds <= schemas.LATEST:
             raise InvalidValueError(f"the time of a sample must be in nanoseconds since {_RANGE}, got {nanoseconds!r}")
         is_tactile = stream in schemas.TACTILE_STREAMS
         array = np.asarray(values, dtype=np.float32 if is_tactile else np.float64)

@@ -23,6 +23,8 @@ TACTILE_STREAMS = ("measured", "simulated")
 COVARIATE = "covariate/"
 # the readings' own totals, which boards report beside the taxels
 RESULTANT = COVARIATE + "resultant"
+# ns since 1970-01-01 that a reader's int64 holds
+LATEST = 2**63 - 1
 # the one bit of a status that is no error: the resultant is not zero, but every taxel is, as real boards send now and
 # then, and as a touch may look that is too weak for each taxel
 NO_TAXELS = 0x80
