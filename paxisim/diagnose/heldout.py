@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
+from paxisim.diagnose.cause import cause
 from paxisim.diagnose.diagnosis import HeldOut, Interval
 from paxisim.diagnose.engine import Explanation
 from paxisim.diagnose.problem import FloatArray, Problem
 
-FOLDS = 4
+FOLDS = 8
 DRAWS = 400  # of the bootstrap
 LEVEL = 0.9  # of the intervals
-LONE = 0.5  # of the gain, that one episode has which is held out half by half
+LONE = 0.5  # of a gain, that one episode has which is held out half by half
 CHOSEN = "Causes were chosen on all episodes; their numbers were fitted without those held out."
 LEAST_ROOM = 0.02  # of the floor, that the error must be above it for anything to be explained
 _EQUAL = 1e-5  # of the force, by which streams without noise may differ
@@ -33,7 +34,8 @@ class Squares:
         force: ``(episodes,)`` the measured force.
         prediction: ``(T, pads, 3, rows, cols)`` the held-out predictions, N.
         source: Where the floor is read from.
-        lone: Number of the episode that was held out in halves, as it alone shows most of what was found; or None.
+        lone: Numbers of episodes that were held out in halves, as each alone shows most of what was found, or of a
+            field, which could not be fitted to the others.
     """
 
     before: FloatArray
@@ -42,7 +44,7 @@ class Squares:
     force: FloatArray
     prediction: FloatArray
     source: str
-    lone: int | None = None
+    lone: tuple[int, ...] = ()
 
 
 def folds_of(problem: Problem) -> list[list[int]]:
@@ -54,7 +56,7 @@ def folds_of(problem: Problem) -> list[list[int]]:
 def hold_out(found: Explanation, simulated: FloatArray) -> Squares:
     """Errors of the model on episodes it was not fitted to; with a single episode, on that one.
 
-    An episode that alone shows most of what was found is held out one half after the other.
+    An episode that alone shows most of what was found, or of a field, is held out one half after the other.
 
     Args:
         found: The causes, with the way to fit them again.
@@ -63,22 +65,16 @@ def hold_out(found: Explanation, simulated: FloatArray) -> Squares:
     problem = found.problem
     count = len(problem.episodes)
     prediction = found.prediction
-    lone = _lone(found)
+    lone = _lone(found) if count > 1 else ()
     if count > 1 and found.found:
         prediction = prediction.copy()
-        for fold in folds_of(problem):
-            others = [span for number, span in enumerate(problem.episodes) if number not in fold]
+        for others, held_out in _splits(problem, lone):
             refitted = found.fit_on(others)
-            for number in fold:
-                span = problem.episodes[number]
+            for span in held_out:
                 prediction[span] = refitted[span]
-                if number == lone:
-                    halves = _halves(span)
-                    for own, other in (halves, halves[::-1]):
-                        prediction[own] = found.fit_on(sorted([*others, other], key=lambda s: s.start))[own]
     problem = found.judged
     after = problem.measured - problem.read(prediction)
-    coarse = any(cause.name == "quantisation" for cause in found.found)  # then rounding is part of what is wrong
+    coarse = any(named.name == "quantisation" for named in found.found)  # then rounding is part of what is wrong
     floor, source = _noise(problem, prediction, after, coarse)
     return Squares(
         _squares(problem, problem.measured - (simulated if coarse else problem.read(simulated))),
@@ -87,19 +83,30 @@ def hold_out(found: Explanation, simulated: FloatArray) -> Squares:
         _squares(problem, problem.measured),
         prediction,
         source,
-        lone if count > 1 and found.found else None,
+        lone,
     )
 
 
-def _lone(found: Explanation) -> int | None:
-    """The episode that alone shows most of what was found; without it nothing could be fitted to the others."""
-    gain = np.maximum(found.empty_energy - found.energy, 0.0)
-    return int(np.argmax(gain)) if gain.max() > LONE * gain.sum() else None
+def _lone(found: Explanation) -> tuple[int, ...]:
+    """The episodes that alone show most of what was found, or of a field: without them it could not be fitted."""
+    gains = [found.empty_energy - found.energy] if found.found else []
+    gains += [named.energy_gain for named in found.found if cause(named.name).covariate]
+    gains = [np.maximum(gain, 0.0) for gain in gains]
+    return tuple(sorted({int(np.argmax(gain)) for gain in gains if gain.max() > LONE * gain.sum()}))
 
 
-def _halves(span: slice) -> tuple[slice, slice]:
-    middle = (span.start + span.stop) // 2
-    return slice(span.start, middle), slice(middle, span.stop)
+def _splits(problem: Problem, lone: Collection[int]) -> Iterator[tuple[list[slice], list[slice]]]:
+    """Samples to fit to, and those to be judged by that fit."""
+    for fold in folds_of(problem):
+        others = [span for number, span in enumerate(problem.episodes) if number not in fold]
+        whole = [problem.episodes[number] for number in fold if number not in lone]
+        if whole:
+            yield others, whole
+        for span in (problem.episodes[number] for number in fold if number in lone):
+            middle = (span.start + span.stop) // 2
+            halves = slice(span.start, middle), slice(middle, span.stop)
+            for own, other in (halves, halves[::-1]):
+                yield sorted([*others, other], key=lambda s: s.start), [own]
 
 
 def _squares(problem: Problem, values: FloatArray) -> FloatArray:
@@ -190,10 +197,12 @@ def figures(squares: Squares, seed: int, ceiling: FloatArray | None, note: str) 
     def normalised(values: FloatArray) -> float:
         return float(np.sqrt(values.sum() / max(squares.force.sum(), 1e-12)))
 
-    if squares.lone is not None:
-        note = (
-            f"{note} Episode {squares.lone + 1}, which alone shows most, was held out one half after the other.".strip()
-        )
+    if squares.lone:
+        several = len(squares.lone) > 1
+        numbers = " and ".join(str(number + 1) for number in squares.lone)
+        those = f"Episodes {numbers}, which alone show" if several else f"Episode {numbers}, which alone shows"
+        most = f"{those} most{' of a cause' if several else ''}, {'were' if several else 'was'}"
+        note = f"{note} {most} held out one half after the other.".strip()
     if len(squares.after) > 1 and np.any(squares.after != squares.before):
         note = f"{note} {CHOSEN}".strip()
     black = None if ceiling is None else explained_share(squares, ceiling, seed)
@@ -220,10 +229,10 @@ def gains_of(found: Explanation, squares: Squares, seed: int) -> Mapping[str, In
     room, kept = squares.before - squares.floor, squares.before - squares.after
     alone = len(found.found) == 1
     shares = {}
-    for cause in found.found:
-        whole = np.maximum(cause.energy_gain if alone else found.empty_energy - found.energy, 0.0)
+    for named in found.found:
+        whole = np.maximum(named.energy_gain if alone else found.empty_energy - found.energy, 0.0)
 
-        def share(times: FloatArray, part: FloatArray = cause.energy_gain, whole: FloatArray = whole) -> FloatArray:
+        def share(times: FloatArray, part: FloatArray = named.energy_gain, whole: FloatArray = whole) -> FloatArray:
             of_fit = np.clip((times @ part) / np.maximum(times @ whole, 1e-9), -1.0, 1.0)
             above = times @ room > LEAST_ROOM * (times @ squares.floor)
             explainable = np.where(above, np.maximum(times @ room, times @ kept), times @ squares.before)
@@ -231,7 +240,7 @@ def gains_of(found: Explanation, squares: Squares, seed: int) -> Mapping[str, In
 
         value = float(share(np.ones(len(room))))
         limits = (None, None) if len(room) < 3 else bounds(share(draws_of(len(room), seed)))
-        shares[cause.name] = Interval(value, *limits)
+        shares[named.name] = Interval(value, *limits)
     return shares
 
 

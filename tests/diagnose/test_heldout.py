@@ -34,7 +34,7 @@ def explanation(gain, fits):
     return Explanation(problem, (named,), Chain(), force, energy + gain, energy, refit=refit)
 
 
-@pytest.mark.parametrize(("gain", "lone"), [([1, 1, 1, 1, 1, 1], None), ([0, 0, 0, 9, 1, 0], 3)])
+@pytest.mark.parametrize(("gain", "lone"), [([1, 1, 1, 1, 1, 1], ()), ([0, 0, 0, 9, 1, 0], (3,))])
 def test_nothing_is_predicted_by_a_fit_that_has_seen_it(gain, lone):
     fits = []
     found = explanation(np.array(gain), fits)
@@ -43,8 +43,8 @@ def test_nothing_is_predicted_by_a_fit_that_has_seen_it(gain, lone):
     by = squares.prediction[:, 0, 0, 0, 0].astype(int)  # number of the fit that predicted each frame
     for frame, number in enumerate(by):
         assert found.problem.time[frame] not in fits[number - 1]
-    if lone is not None:
-        span = found.problem.episodes[lone]
+    for number in lone:
+        span = found.problem.episodes[number]
         first, second = by[span][0], by[span][-1]
         assert first != second
         assert found.problem.time[span][-1] in fits[first - 1], "the other half is in the fit"
@@ -54,6 +54,16 @@ def test_nothing_is_predicted_by_a_fit_that_has_seen_it(gain, lone):
             "Episode 4, which alone shows most, was held out one half after the other."
             in figures(squares, 0, None, "").note
         )
+
+
+def test_an_episode_that_alone_shows_a_field_is_in_halves_too():
+    found = explanation(np.array([1, 8, 1, 1, 1, 1]), [])
+    field = replace(found.found[0], name="interference", energy_gain=np.array([0, 0, 0, 0.0, 9, 1]))
+    both = replace(found, found=(*found.found, field))
+    squares = hold_out(both, found.problem.simulated)
+    assert squares.lone == (1, 4)
+    note = figures(squares, 0, None, "").note
+    assert "Episodes 2 and 5, which alone show most of a cause, were held out one half after the other." in note
 
 
 @pytest.mark.parametrize(
