@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from paxisim.diagnose.each import each
 from paxisim.diagnose.heldout import folds_of
 from paxisim.diagnose.problem import FloatArray, Problem
 from paxisim.errors import MissingExtraError
@@ -28,55 +29,58 @@ def ceiling(problem: Problem, simulated: FloatArray, seed: int, jobs: int = 1) -
         problem: The recording.
         simulated: ``(T, pads, 3, rows, cols)`` the simulation, N.
         seed: Of the boosting and of what it sees.
-        jobs: Processors it may use.
+        jobs: Processors to use.
 
     Raises:
         MissingExtraError: scikit-learn is not installed.
     """
     try:
-        import sklearn.ensemble as _  # noqa: F401
-        from threadpoolctl import threadpool_limits  # comes with scikit-learn
+        import sklearn.ensemble  # noqa: F401
+        import threadpoolctl  # noqa: F401  # comes with scikit-learn
     except ImportError as error:
         raise MissingExtraError("scikit-learn", "diagnose", "the black-box ceiling") from error
     difference = problem.measured - simulated
     inputs, places = _inputs(problem, simulated)
     after = np.zeros(len(problem.episodes))
-    with threadpool_limits(limits=jobs):
-        for axis in range(3):
-            pad, row, col = places
-            alive = problem.alive[pad, axis, row, col]
-            before = [
-                np.sum(difference[span][:, :, axis] ** 2, where=problem.alive[:, axis]) for span in problem.episodes
-            ]
-            left = 1.0
-            if alive.any():
-                wanted = difference[:, :, axis][:, pad, row, col].T[alive]  # (C, T)
-                left = _left(problem, inputs[alive], wanted, seed)
-            after += np.array(before) * left
+    for axis in range(3):
+        pad, row, col = places
+        alive = problem.alive[pad, axis, row, col]
+        before = [np.sum(difference[span][:, :, axis] ** 2, where=problem.alive[:, axis]) for span in problem.episodes]
+        left = 1.0
+        if alive.any():
+            wanted = difference[:, :, axis][:, pad, row, col].T[alive]  # (C, T)
+            left = _left(problem, inputs[alive], wanted, seed, jobs)
+        after += np.array(before) * left
     return after
 
 
-def _left(problem: Problem, inputs: FloatArray, wanted: FloatArray, seed: int) -> FloatArray:
+def _left(problem: Problem, inputs: FloatArray, wanted: FloatArray, seed: int, jobs: int) -> FloatArray:
     """``(episodes,)`` the share of the squares of `wanted` ``(C, T)`` that is left where it was held out."""
     from sklearn.ensemble import HistGradientBoostingRegressor
+    from threadpoolctl import ThreadpoolController
 
-    rng = np.random.default_rng(seed)
     count = len(problem.episodes)
     episode = np.concatenate([np.full(span.stop - span.start, e) for e, span in enumerate(problem.episodes)])
     judged = np.arange(len(episode)) % max(1, len(episode) // FRAMES) == 0
     left = np.ones(count)
-    for fold in folds_of(problem):
+    controller = ThreadpoolController()
+
+    def judge(fold: list[int]) -> None:
         train = ~np.isin(episode, fold) if count > 1 else np.ones(len(episode), dtype=bool)
         x, y = inputs[:, train].reshape(-1, inputs.shape[-1]), wanted[:, train].ravel()
-        pick = rng.choice(len(y), min(len(y), ROWS), replace=False)
+        pick = np.random.default_rng((seed, fold[0])).choice(len(y), min(len(y), ROWS), replace=False)
         model = HistGradientBoostingRegressor(max_iter=60, max_leaf_nodes=24, min_samples_leaf=40, random_state=seed)
-        model.fit(x[pick], y[pick])
-        for number in fold:
-            here = judged & (episode == number)
-            true = wanted[:, here]
-            guess = model.predict(inputs[:, here].reshape(-1, inputs.shape[-1])).reshape(true.shape)
-            if true.any():  # where these taxels are not off at all, nothing is said of the others
-                left[number] = np.sum((true - guess) ** 2) / np.sum(true**2)
+        # the boosting's own threads wait for one another so often that a busy machine takes minutes
+        with controller.limit(limits=1, user_api="openmp"):
+            model.fit(x[pick], y[pick])
+            for number in fold:
+                here = judged & (episode == number)
+                true = wanted[:, here]
+                guess = model.predict(inputs[:, here].reshape(-1, inputs.shape[-1])).reshape(true.shape)
+                if true.any():  # where these taxels are not off at all, nothing is said of the others
+                    left[number] = np.sum((true - guess) ** 2) / np.sum(true**2)
+
+    each(judge, folds_of(problem), jobs)
     return left
 
 

@@ -15,9 +15,10 @@ from paxisim.diagnose.cause import cause, known_causes
 from paxisim.diagnose.checks import Reading, read_layout, read_rounding, read_taxels
 from paxisim.diagnose.fitting import Fitted, fit, in_order, made, predict
 from paxisim.diagnose.noise import Tolerance
+from paxisim.diagnose.plan import Plan
 from paxisim.diagnose.problem import FloatArray, Problem, problem_of, with_noise
 from paxisim.diagnose.silent import silent_channels
-from paxisim.diagnose.state import Plan, State, closer, first_look, with_slow, with_zero, zero_beside
+from paxisim.diagnose.state import State, closer, first_look, with_slow, with_zero, zero_beside
 from paxisim.diagnose.worth import SEVERAL, Thresholds
 from paxisim.errors import InvalidValueError
 from paxisim.recording import Recording
@@ -99,6 +100,7 @@ def explain(
     thresholds: Thresholds = _THRESHOLDS,
     tolerance: Tolerance = _TOLERANCE,
     device_step: float = 0.1,
+    jobs: int = 1,
     progress: Callable[[str], None] | None = None,
 ) -> Explanation:
     """The causes that a recording asks for, fitted.
@@ -109,6 +111,7 @@ def explain(
         thresholds: What a cause must bring.
         tolerance: What need not be explained.
         device_step: Newtons a count of a sensor in order; coarser rounding is a cause.
+        jobs: Processors to use.
         progress: Told in words what is being done.
 
     Raises:
@@ -135,7 +138,7 @@ def explain(
     read, problem = _read(raw, names, tolerance, device_step)
     slow = tuple(name for name in ("offset", "drift") if name in names)
     searched = [item for item in wanted if item.is_searched]
-    plan = Plan(searched, thresholds, slow, tell)
+    plan = Plan(searched, thresholds, slow, tell, jobs)
     state = with_slow(first_look(problem, plan), plan)
     if len(problem.episodes) >= SEVERAL:
         state = closer(state, plan)
@@ -228,7 +231,7 @@ def _explained(
     def refit(part: Problem) -> FloatArray:
         fitted = fit(part, chosen, found.fit.values)
         if zero.gain:
-            own = zero_beside(part, fitted, plan.limits, plan.slow)
+            own = zero_beside(part, fitted, plan)
             elapsed = problem.time - part.time[0]
             return whole(replace(problem, zero=own.at(np.maximum(elapsed, 0.0))), fitted.values)
         return whole(problem, fitted.values)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from paxisim.diagnose.cause import Cause
+from paxisim.diagnose.each import each
 from paxisim.diagnose.fitting import Fit, fit
 from paxisim.diagnose.problem import Problem
 
@@ -15,11 +16,12 @@ class Fits:
     Attributes:
         problem: The recording.
         by_name: The causes to choose from.
+        jobs: Processors to use.
     """
 
-    def __init__(self, problem: Problem, causes: Sequence[Cause]) -> None:
+    def __init__(self, problem: Problem, causes: Sequence[Cause], jobs: int = 1) -> None:
         """Nothing is fitted yet."""
-        self.problem = problem
+        self.problem, self.jobs = problem, jobs
         self.by_name = {item.name: item for item in causes}
         self._made: dict[frozenset[str], Fit] = {}
 
@@ -30,3 +32,8 @@ class Fits:
             known = {} if start is None else {n: v for n, v in start.values.items() if n in key}
             self._made[key] = fit(self.problem, [self.by_name[n] for n in names], known)
         return self._made[key]
+
+    def with_each(self, fewer: Sequence[str], names: Iterable[str], start: Fit | None = None) -> dict[str, Fit]:
+        """By name, the fit of `fewer` and that one."""
+        names = list(names)
+        return dict(zip(names, each(lambda name: self.of([*fewer, name], start), names, self.jobs), strict=True))

@@ -10,6 +10,7 @@ import numpy as np
 
 from paxisim.diagnose.cause import cause
 from paxisim.diagnose.diagnosis import HeldOut, Interval
+from paxisim.diagnose.each import each
 from paxisim.diagnose.engine import Explanation
 from paxisim.diagnose.problem import FloatArray, Problem
 
@@ -53,7 +54,7 @@ def folds_of(problem: Problem) -> list[list[int]]:
     return [list(range(fold, count, min(FOLDS, count))) for fold in range(min(FOLDS, count))]
 
 
-def hold_out(found: Explanation, simulated: FloatArray) -> Squares:
+def hold_out(found: Explanation, simulated: FloatArray, jobs: int = 1) -> Squares:
     """Errors of the model on episodes it was not fitted to; with a single episode, on that one.
 
     An episode that alone shows most of what was found, or of a field, is held out one half after the other.
@@ -61,6 +62,7 @@ def hold_out(found: Explanation, simulated: FloatArray) -> Squares:
     Args:
         found: The causes, with the way to fit them again.
         simulated: ``(T, pads, 3, rows, cols)`` the recording's simulation as it came, N.
+        jobs: Processors to use.
     """
     problem = found.problem
     count = len(problem.episodes)
@@ -68,10 +70,14 @@ def hold_out(found: Explanation, simulated: FloatArray) -> Squares:
     lone = _lone(found) if count > 1 else ()
     if count > 1 and found.found:
         prediction = prediction.copy()
-        for others, held_out in _splits(problem, lone):
+
+        def predicted(split: tuple[list[slice], list[slice]]) -> None:
+            others, held_out = split
             refitted = found.fit_on(others)
             for span in held_out:
                 prediction[span] = refitted[span]
+
+        each(predicted, _splits(problem, lone), jobs)
     problem = found.judged
     after = problem.measured - problem.read(prediction)
     coarse = any(named.name == "quantisation" for named in found.found)  # then rounding is part of what is wrong

@@ -47,7 +47,7 @@ def diagnose(
             by name (`gripper_opening` in m), and several episodes.
         causes: Names of those to look for, of `known_causes`; default: all.
         seed: Of what is drawn: the bootstrap over episodes and the black box; at least 0.
-        jobs: Processors that the black box may use, at least 1.
+        jobs: Processors to use, at least 1; the answer is the same for any number.
         progress: Told in words what is being done.
 
     Raises:
@@ -69,13 +69,13 @@ def diagnose(
     recording, unsettled, note = settled(recording)
     warnings += note
     thresholds = Thresholds()
-    found = explain(recording, causes, thresholds=thresholds, tolerance=Tolerance(), progress=progress)
+    found = explain(recording, causes, thresholds=thresholds, tolerance=Tolerance(), jobs=jobs, progress=progress)
     assert recording.simulated is not None
     simulated = recording.simulated.astype(np.float64)
     problem, judged = found.problem, found.judged
     warnings += silent_in_words(~judged.alive, recording.pads)
     tell("refitting to some episodes, judging on the others")
-    squares = hold_out(found, simulated)
+    squares = hold_out(found, simulated, jobs)
     tell("looking for structure in what is left")
     structure = left_over(problem, found.prediction)
     share = explained_share(squares, squares.after, seed)

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 
 from paxisim.diagnose.cause import TAXEL_GAIN, Cause, Values
+from paxisim.diagnose.each import each
 from paxisim.diagnose.fits import Fits
 from paxisim.diagnose.fitting import Fit
+from paxisim.diagnose.plan import Plan
 from paxisim.diagnose.problem import Problem
 from paxisim.diagnose.tangent import Tangent, tangent_of
-from paxisim.diagnose.worth import Thresholds, Worth
+from paxisim.diagnose.worth import Worth
 
 CONTEST = 4  # candidates that are fitted in full for one place
 EXCHANGE = 3  # of them where a cause that is in is put to the test again
@@ -34,7 +36,8 @@ class Found:
         """Remember; rivals are fitted when they are asked for."""
         self._search, self._chosen = search, chosen
         self.fit = search.fits.of(chosen)
-        self.without = {name: search.fits.of([n for n in chosen if n != name]) for name in chosen}
+        fewer = [[n for n in chosen if n != name] for name in chosen]
+        self.without = dict(zip(chosen, each(search.fits.of, fewer, search.fits.jobs), strict=True))
 
     @cached_property
     def rivals(self) -> Mapping[str, Mapping[str, float]]:
@@ -47,42 +50,33 @@ class Found:
         return self._search.nearly(self._chosen)
 
 
-def search(
-    problem: Problem,
-    causes: Sequence[Cause],
-    limits: Thresholds,
-    progress: Callable[[str], None] | None = None,
-    begin: Sequence[str] = (),
-) -> Found:
+def search(problem: Problem, plan: Plan, begin: Sequence[str] = ()) -> Found:
     """The causes that the recording asks for, fitted.
 
     Args:
         problem: The recording.
-        causes: Those to choose from.
-        limits: What each must bring.
-        progress: Told in words what is being done.
+        plan: What is looked for.
         begin: Causes to begin with.
     """
-    return _Search(problem, causes, limits, progress or (lambda text: None)).run(list(begin))
+    return _Search(problem, plan).run(list(begin))
 
 
-def found_with(problem: Problem, causes: Sequence[Cause], limits: Thresholds, begin: Fit, doubted: set[str]) -> Found:
+def found_with(problem: Problem, plan: Plan, begin: Fit, doubted: set[str]) -> Found:
     """What a search that ended with the causes of a fit finds, but for doubted ones that bring little here.
 
     Args:
         problem: The recording.
-        causes: Those that were to choose from.
-        limits: What each of the doubted must bring.
+        plan: What was looked for, and what each of the doubted must bring.
         begin: The fit, maybe of the recording with other weights.
         doubted: Names of causes.
     """
-    own = _Search(problem, causes, limits, lambda text: None)
+    own = _Search(problem, plan)
     chosen = list(begin.values)
     while True:
         own.fits.of(chosen, begin)
         found = Found(own, chosen)
         gains = {n: float((found.without[n].energy - found.fit.energy).sum()) for n in doubted & set(chosen)}
-        small = [n for n in gains if gains[n] < limits.least(own.fits.by_name[n]) * problem.samples]
+        small = [n for n in gains if gains[n] < plan.limits.least(own.fits.by_name[n]) * problem.samples]
         if not small:
             return found
         chosen.remove(min(small, key=lambda n: gains[n]))
@@ -91,12 +85,10 @@ def found_with(problem: Problem, causes: Sequence[Cause], limits: Thresholds, be
 class _Search:
     """A search, with the fits made so far."""
 
-    def __init__(
-        self, problem: Problem, causes: Sequence[Cause], limits: Thresholds, tell: Callable[[str], None]
-    ) -> None:
-        self._problem, self._causes, self._limits, self._tell = problem, causes, limits, tell
-        self.fits = Fits(problem, causes)
-        self._worth = Worth(self.fits, limits)
+    def __init__(self, problem: Problem, plan: Plan) -> None:
+        self._problem, self._causes, self._limits, self._tell = problem, plan.searched, plan.limits, plan.tell
+        self.fits = Fits(problem, plan.searched, plan.jobs)
+        self._worth = Worth(self.fits, plan.limits)
         self._by_name = self.fits.by_name
         self._gains: dict[frozenset[str], dict[str, float]] = {}
 
@@ -139,7 +131,7 @@ class _Search:
         """The cause that brings most beside `chosen`, if one brings enough."""
         current = self.fits.of(chosen)
         for share in (NEAR, 0.0):  # those behind are fitted only where the first keep none of what they promise
-            contest = {n: self.fits.of([*chosen, n], current) for n in self._near(chosen, CONTEST, share)}
+            contest = self.fits.with_each(chosen, self._near(chosen, CONTEST, share), current)
             for name in sorted(contest, key=lambda n: contest[n].energy.sum()):
                 name = self._simplest(name, contest, current)
                 if self._worth.keeps(contest[name], current, name) and self._worth.matters(contest[name], name):
@@ -155,7 +147,7 @@ class _Search:
                 rest = [n for n in chosen if n != name]
                 without = self.fits.of(rest, self.fits.of(chosen))
                 near = [n for n in self._near(rest, EXCHANGE) if n != name]
-                contest = {n: self.fits.of([*rest, n], without) for n in near}
+                contest = self.fits.with_each(rest, near, without)
                 contest = {n: found for n, found in contest.items() if self._worth.keeps(found, without, n)}
                 contest[name] = self.fits.of(chosen)
                 best = self._simplest(min(contest, key=lambda n: contest[n].energy.sum()), contest, without)
@@ -173,14 +165,15 @@ class _Search:
         rest = [n for n in chosen if n != name]
         without = self.fits.of(rest, self.fits.of(chosen))
         near = [n for n in list(self._ranked(rest))[: EXCHANGE + 1] if n != name]
-        return {n: float(self.fits.of([*rest, n], without).energy.sum()) for n in near}
+        return {n: float(found.energy.sum()) for n, found in self.fits.with_each(rest, near, without).items()}
 
     def nearly(self, chosen: Sequence[str]) -> dict[str, float]:
         """What those bring that are not kept beside `chosen`, as shares of what they must bring."""
         current = self.fits.of(chosen)
         least = HINT * self._limits.material * self._problem.samples
         likely = [n for n, promise in self._ranked(chosen).items() if promise > least]
-        shares = {n: self._worth.nearly(self.fits.of([*chosen, n], current), current, n) for n in likely}
+        fits = self.fits.with_each(chosen, likely, current)
+        shares = {n: self._worth.nearly(found, current, n) for n, found in fits.items()}
         return {n: share for n, share in shares.items() if share > 0}
 
     def _simplest(self, name: str, contest: Mapping[str, Fit], without: Fit) -> str:

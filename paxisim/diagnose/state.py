@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import cast
 
 import numpy as np
 
 from paxisim import augment
-from paxisim.diagnose.cause import DEAD_BAND, MANY, Cause, cause
+from paxisim.diagnose.cause import DEAD_BAND, MANY, cause
 from paxisim.diagnose.find_zero import zero_of
 from paxisim.diagnose.fitting import Fit, fit, fit_of, made, predict
 from paxisim.diagnose.outliers import without_outliers
+from paxisim.diagnose.plan import Plan
 from paxisim.diagnose.problem import Problem
 from paxisim.diagnose.search import Found, found_with, search
 from paxisim.diagnose.under_load import tells_under_load
@@ -24,23 +25,6 @@ CHANCE = 200.0  # energy, in units of the noise, that slow noise brings in a sho
 TURNS = 3  # of a dead band and the zero that it holds back
 FEWER = 2.0  # times what matters, that a drift must bring at last: nothing else goes one way from episode to episode
 LEFT = 0.06  # of what the other causes explain, that their forms leave to an offset
-
-
-@dataclass(frozen=True)
-class Plan:
-    """What is looked for.
-
-    Attributes:
-        searched: Causes that are fitted.
-        limits: What each must bring.
-        slow: Those of "offset" and "drift" that are looked for.
-        tell: Told in words what is being done.
-    """
-
-    searched: Sequence[Cause]
-    limits: Thresholds
-    slow: tuple[str, ...]
-    tell: Callable[[str], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,9 +57,9 @@ def first_look(problem: Problem, plan: Plan) -> State:
     material, hidden = MANY * plan.limits.material, tells_under_load(problem)
     zero = zero_of(problem, problem.simulated, material, plan.limits.episodes, names=plan.slow, resting=not hidden)
     beside = with_zero(problem, zero)
-    state = State(beside, search(beside, plan.searched, plan.limits, plan.tell), zero)
+    state = State(beside, search(beside, plan), zero)
     if hidden and zero.gain:  # what another cause does may have been taken for an offset
-        alone = State(problem, search(problem, plan.searched, plan.limits, plan.tell), nothing(problem))
+        alone = State(problem, search(problem, plan), nothing(problem))
         if state.or_better(alone, plan.limits) is alone:
             state = replace(alone, zero=zero)  # to be read again beside them
     return state
@@ -96,19 +80,19 @@ def closer(state: State, plan: Plan) -> State:
     """With what shows where samples that are far off count little, as several episodes agree."""
     plan.tell("looking again without the samples that are far off")
     share = np.clip(CHANCE / (plan.limits.material * state.problem.samples), CLOSER, 1.0)
-    limits = replace(plan.limits, material=float(share) * plan.limits.material, second=True)
+    plan = replace(plan, limits=replace(plan.limits, material=float(share) * plan.limits.material, second=True))
     problem, found, zero = state.problem, state.found, state.zero
     near = without_outliers(problem, found.fit.prediction)
-    again = zero_beside(near, found.fit, limits, plan.slow)
+    again = zero_beside(near, found.fit, plan)
     if not again.gain.keys() <= zero.gain.keys():
         zero, problem, near = again, with_zero(problem, again), with_zero(near, again)
-    second = search(near, plan.searched, limits, plan.tell, list(found.fit.values))
+    second = search(near, plan, list(found.fit.values))
     if DEAD_BAND in found.fit.values and DEAD_BAND not in second.fit.values:  # ahead of which the zero was read
-        zero = again = zero_beside(near, second.fit, limits, plan.slow)
+        zero = again = zero_beside(near, second.fit, plan)
         problem = with_zero(problem, zero)
     if zero is again or second.fit.values.keys() != found.fit.values.keys():
         doubted = second.fit.values.keys() - found.fit.values.keys()
-        found = found_with(problem, plan.searched, limits, second.fit, doubted)
+        found = found_with(problem, plan, second.fit, doubted)
     return State(problem, found, zero, second.nearly)
 
 
@@ -117,14 +101,13 @@ def with_zero(problem: Problem, zero: Zero) -> Problem:
     return replace(problem, zero=zero.at(problem.time - problem.time[0]))
 
 
-def zero_beside(problem: Problem, fitted: Fit, limits: Thresholds, slow: tuple[str, ...]) -> Zero:
+def zero_beside(problem: Problem, fitted: Fit, plan: Plan) -> Zero:
     """What is read without a force beside causes that were fitted.
 
     Args:
         problem: The recording.
         fitted: The causes.
-        limits: What an offset or a drift must bring.
-        slow: Those of "offset" and "drift" that are looked for.
+        plan: Whether offset and drift are looked for, and what they must bring.
     """
     # a dead band holds back small zeros: they are told by what gets through with a load
     chosen = [cause(name) for name in fitted.values if name != DEAD_BAND]
@@ -134,6 +117,7 @@ def zero_beside(problem: Problem, fitted: Fit, limits: Thresholds, slow: tuple[s
     bare = predict(replace(problem, zero=0.0), chosen, fitted.values)[0]
     owned = any(item.name == "interference" for item in chosen)
     hidden = tells_under_load(problem)
+    limits = plan.limits
     material = MANY * limits.material
     drifts = FEWER * limits.material if limits.second and not hidden else None
 
@@ -144,19 +128,19 @@ def zero_beside(problem: Problem, fitted: Fit, limits: Thresholds, slow: tuple[s
         without = replace(problem, gate=None).residual(problem.simulated + problem.zero)
         explained = np.sum(without**2) - np.sum(problem.residual(bare + problem.zero) ** 2)
         material += LEFT * max(float(explained), 0.0) / problem.samples
-    zero = zero_of(problem, bare, material, limits.episodes, drifts=drifts, names=slow, owned=owned)
+    zero = zero_of(problem, bare, material, limits.episodes, drifts=drifts, names=plan.slow, owned=owned)
     if owned and not zero.gain:  # only what the field has of its own, which a coarse sensor may not tell either
         zero = min(zero, nothing(problem), key=energy)
     return zero
 
 
 def _zero_renewed(state: State, plan: Plan) -> State:
-    zero = zero_beside(state.problem, state.found.fit, plan.limits, plan.slow)
+    zero = zero_beside(state.problem, state.found.fit, plan)
     if not zero.gain and not state.zero.gain:
         return State(state.problem, state.found, zero)
     problem = with_zero(state.problem, zero)
-    found = search(problem, plan.searched, plan.limits, plan.tell, list(state.found.fit.values))
-    again = zero_beside(problem, found.fit, plan.limits, plan.slow)
+    found = search(problem, plan, list(state.found.fit.values))
+    again = zero_beside(problem, found.fit, plan)
     renewed = with_zero(problem, again)
     much = MANY * plan.limits.material * problem.samples
     if _energy(renewed, found.fit) < _energy(problem, found.fit) + much:  # else it was lost behind a dead band
@@ -169,10 +153,10 @@ def _ahead_of_band(state: State, plan: Plan) -> State:
     band, problem, zero = [cause(DEAD_BAND)], state.problem, state.zero
     fitted = fit(problem, band, state.found.fit.values)
     for _ in range(TURNS):
-        zero = zero_beside(problem, fitted, plan.limits, plan.slow)
+        zero = zero_beside(problem, fitted, plan)
         problem = with_zero(problem, zero)
         fitted = fit(problem, band, fitted.values)
-    return State(problem, found_with(problem, band, plan.limits, fitted, set()), zero)
+    return State(problem, found_with(problem, replace(plan, searched=band), fitted, set()), zero)
 
 
 def _energy(problem: Problem, fitted: Fit) -> float:

@@ -51,6 +51,10 @@ def test_the_cause_is_named_with_its_gain_and_its_parameters(rotated):
     assert rotated.not_testable["creep"] == "not asked for"
 
 
+def test_any_number_of_processors_gives_the_same_answer(rotated):
+    assert diagnose(recording(("rotation",), strength=0.9), CAUSES, seed=1, jobs=3).to_json() == rotated.to_json()
+
+
 def test_the_model_brings_the_simulation_nearer_to_the_measurement(rotated):
     given = recording(("rotation",), strength=0.9)
     assert isinstance(rotated.model, Chain)

@@ -7,6 +7,7 @@ import pytest
 
 from paxisim.diagnose.cause import cause
 from paxisim.diagnose.fitting import Fit
+from paxisim.diagnose.plan import Plan
 from paxisim.diagnose.problem import Problem
 from paxisim.diagnose.search import _Search
 from paxisim.diagnose.worth import EACH, Thresholds, Worth
@@ -27,7 +28,7 @@ def problem():
 @pytest.fixture
 def search(problem):
     names = ("taxel_gain", "creep", "interference", "stiffening", "rotation", "low_pass", "latency")
-    return _Search(problem, [cause(name) for name in names], Thresholds(), lambda text: None)
+    return _Search(problem, Plan([cause(name) for name in names], Thresholds()))
 
 
 def fit_of(problem, energy, *names):
@@ -132,7 +133,7 @@ def test_what_others_show_stands_for_a_cause_however_much_one_episode_shows(prob
 
 def test_a_second_look_asks_for_less(problem, search):
     closer = replace(search._limits, material=0.4 * search._limits.material)
-    second = _Search(problem, search._causes, closer, lambda text: None)
+    second = _Search(problem, Plan(search._causes, closer))
     before = fit_of(problem, np.full(EPISODES, 1e5))
     shown = fit_of(problem, before.energy - 0.06 * search._limits.material * problem.samples, "creep")
     assert second._worth.keeps(shown, before, "creep")
@@ -152,7 +153,7 @@ def test_a_rotation_is_told_from_a_coupling_by_the_turn_in_the_plane(problem, an
 @pytest.mark.parametrize(("share", "worth"), [(0.05, False), (0.3, True)])
 def test_what_a_form_may_leave_is_told_where_others_take_that_up(problem, share, worth):
     names = ("hysteresis", "stiffening", "axis_gain", "taxel_gain")
-    search = _Search(problem, [cause(name) for name in names], Thresholds(), lambda text: None)
+    search = _Search(problem, Plan([cause(name) for name in names], Thresholds()))
     enough = cause("taxel_gain").costs * search._limits.material * problem.samples / EPISODES
     gain = 100 * enough  # of the hysteresis, of which its form may leave 0.1 to the gains, and 0.02 beside the others
 
