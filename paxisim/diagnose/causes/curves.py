@@ -62,7 +62,7 @@ register_cause(
         lambda v, p: augment.Saturation(-v[0], v[0], v[1]),
         lambda p: [(0.5 * p.peak, 0.2), (0.7 * p.peak, 0.2), (0.9 * p.peak, 0.2)],
         form={
-            **dict.fromkeys(STATIC, 0.01),
+            **dict.fromkeys(STATIC, 0.003),
             TAXEL_GAIN: 0.03,
             "interference": 0.006,
             **dict.fromkeys(("axis_coupling", "rotation"), 0.002),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from paxisim import augment
-from paxisim.diagnose.cause import TAXEL_GAIN, Cause, Free, Values, register_cause
+from paxisim.diagnose.cause import STATIC, TAXEL_GAIN, Cause, Free, Values, register_cause
 from paxisim.diagnose.problem import Problem
 
 register_cause(
@@ -14,8 +14,7 @@ register_cause(
         lambda v, p: augment.Chain([augment.LowPass(v[0]), augment.LowPass(v[1])]),
         lambda p: [(0.01, 0.005), (0.03, 0.02), (0.1, 0.05)],
         form={
-            **dict.fromkeys(("stiffening", "crosstalk", "saturation"), 0.001),
-            **dict.fromkeys(("axis_gain", "creep"), 0.0006),
+            **dict.fromkeys((*STATIC, "saturation", "dead_band", "creep", "hysteresis"), 0.0005),
             "latency": 0.003,
             TAXEL_GAIN: 0.006,
         },
@@ -54,10 +53,8 @@ register_cause(
         behind={"low_pass": _like_a_filter},
         form={
             "low_pass": 0.01,
-            "saturation": 0.005,
             "interference": 0.004,
-            **dict.fromkeys(("stiffening", "crosstalk"), 0.0015),
-            **dict.fromkeys(("axis_gain", "creep"), 0.001),
+            **dict.fromkeys((*STATIC, "saturation", "dead_band", "creep", "hysteresis"), 0.0008),
         },
     )
 )
