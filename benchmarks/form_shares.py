@@ -3,9 +3,10 @@
     python benchmarks/form_shares.py --seeds 6 --jobs 2
 
 One strong effect is hidden (`tests/hidden`), its own cause is fitted, then each other cause beside it. What the other
-gains, per mille of what the effect's own cause gains, is its share; the largest over the seeds is printed, of the
-recordings in which the own cause takes away at least a quarter of the noise's energy: below that, what all sensors are
-off by counts for more than forms. A recording whose counts hide its noise shares more, as its offsets are not told.
+gains, per mille of what the effect's own cause gains, is its share; the largest over the seeds is printed. Gains too
+little to matter do not count, nor do recordings in which the own cause takes away less than a quarter of the noise's
+energy: there, what all sensors are off by counts for more than forms. A recording whose counts hide its noise shares
+more, as its offsets are not told.
 "absorbed" is what is left where `Cause.absorbers` are fitted besides.
 """
 
@@ -32,7 +33,9 @@ from paxisim.diagnose.fitting import fit
 from paxisim.diagnose.noise import Tolerance
 from paxisim.diagnose.outliers import without_outliers
 from paxisim.diagnose.problem import problem_of
+from paxisim.diagnose.state import CLOSER
 from paxisim.diagnose.under_load import tells_under_load
+from paxisim.diagnose.worth import Thresholds
 
 NAMES = tuple(name for name in known_causes() if name in EFFECTS and cause(name).is_searched)
 ENOUGH = 0.25  # of the noise's energy
@@ -52,19 +55,20 @@ def shares(task: tuple[str, int]) -> Mapping[str, float] | None:
     out: dict[str, float] = defaultdict(float)
     for part in (problem, without_outliers(problem, own.prediction)):  # the diagnosis looks at both
         nothing, own = fit(part, []), fit(part, [cause(true)], own.values)  # what more steps gain is no other's gain
-        gain = float((nothing.energy - own.energy).sum())
+        gain, least = float((nothing.energy - own.energy).sum()), CLOSER * Thresholds().material * part.samples
         if gain < ENOUGH * part.samples:
             return None
         if cause(true).absorbs:
             absorbed = fit(part, [cause(n) for n in (true, *cause(true).absorbers)], own.values)
             for name in cause(true).absorbs:
                 more = fit(part, [*absorbed.causes, cause(name)], absorbed.values)
-                share = float((absorbed.energy - more.energy).sum()) / gain
-                out[f"{name} absorbed"] = max(out[f"{name} absorbed"], share)
+                left = float((absorbed.energy - more.energy).sum())
+                out[f"{name} absorbed"] = max(out[f"{name} absorbed"], left / gain if left > least else 0.0)
         for name in NAMES:
             if name != true and not cause(name).barred(part):
                 both = fit(part, [cause(true), cause(name)], own.values)
-                out[name] = max(out[name], float((own.energy - both.energy).sum()) / gain)
+                left = float((own.energy - both.energy).sum())
+                out[name] = max(out[name], left / gain if left > least else 0.0)
     return out
 
 

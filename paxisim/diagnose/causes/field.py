@@ -48,8 +48,10 @@ register_cause(
         _interference_probes,
         covariate="gripper_opening",
         form={
-            **dict.fromkeys((*STATIC, TAXEL_GAIN, "creep", "hysteresis", "poisson"), 0.05),
-            **dict.fromkeys(("axis_coupling", "rotation"), 0.05),
+            **dict.fromkeys(STATIC, 0.02),
+            **dict.fromkeys(("creep", "hysteresis"), 0.01),
+            **dict.fromkeys(("poisson", "axis_coupling", "rotation"), 0.004),
+            TAXEL_GAIN: 0.06,
             "dead_band": 0.2,
         },
     )

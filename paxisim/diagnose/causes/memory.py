@@ -21,7 +21,7 @@ register_cause(
             "stiffening": 0.004,
             "interference": 0.008,
             TAXEL_GAIN: 0.03,
-            **dict.fromkeys(("axis_coupling", "rotation", "dead_band", "saturation"), 0.003),
+            **dict.fromkeys(("axis_coupling", "rotation", "dead_band", "saturation"), 0.004),
             "poisson": 0.002,
         },
     )
