@@ -41,6 +41,11 @@ class UnknownNameError(PaxisimError, LookupError):
         super().__init__(f"unknown {kind} {name!r}; {hint}" + (f"; {advice}" if advice else ""))
         self._made_of = (kind, name, known, advice)
 
+    def advised(self, advice: str) -> UnknownNameError:
+        """The same error, with something else to do about it."""
+        kind, name, known, _ = self._made_of
+        return UnknownNameError(kind, name, known, advice)
+
     def __reduce__(self) -> tuple[type[UnknownNameError], tuple[str, str, list[str], str]]:
         """For copies and pickles, such as a pool of processes makes, which know only the message."""
         return type(self), self._made_of

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TypeVar
 
-from paxisim.errors import InvalidValueError
+from paxisim.errors import InvalidValueError, UnknownNameError
 
 _Parsed = TypeVar("_Parsed")
 
@@ -42,6 +42,7 @@ def parse_file(path: Path, parse: Callable[[str], _Parsed]) -> _Parsed:
 
     Raises:
         InvalidValueError: The file is no UTF-8 text, or `parse` raises it; the message names the file.
+        UnknownNameError: `parse` raises it; the message names the file.
         FileNotFoundError: There is no such file.
     """
     try:
@@ -52,3 +53,5 @@ def parse_file(path: Path, parse: Callable[[str], _Parsed]) -> _Parsed:
         ) from error
     except InvalidValueError as error:
         raise InvalidValueError(f"{path}: {error}") from error
+    except UnknownNameError as error:
+        raise error.advised(f"it is in {path}") from error

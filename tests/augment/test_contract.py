@@ -348,6 +348,10 @@ def test_a_chain_is_saved_whole_and_errors_name_its_file(tmp_path):
         path.write_bytes(content)
         with pytest.raises(InvalidValueError, match=rf"a\.json: .*{words}"):
             Chain.load(path)
+    path.write_text(chain.to_json().replace("Stiffening", "Stiffning"))
+    with pytest.raises(UnknownNameError, match=r"did you mean 'Stiffening'.*; it is in .*a\.json"):
+        Chain.load(path)
+    path.write_bytes(b"{")
     os.link(path, tmp_path / "before")
     chain.save(path)  # beside the file before, which it then replaces
     assert (tmp_path / "before").read_bytes() == b"{"
