@@ -145,7 +145,7 @@ class _Reader:
         document = orjson.loads(memoryview(body)[_MESSAGE.size :])
         if topic.startswith("/tactile/"):
             shape, resultant, status = document["shape"], document.get("resultant"), document.get("status")
-            wrong = [pad for pad, code in zip(range(shape[0]), status or (), strict=False) if code & ~schemas.NO_TAXELS]
+            wrong = schemas.in_error((status or ())[: shape[0]])
             samples = self._samples(topic.removeprefix("/tactile/"))
             samples.add(nanoseconds, document["force"], shape, document.get("sequence"), wrong)
             if status is not None:

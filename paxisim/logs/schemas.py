@@ -11,6 +11,7 @@ A number that is not known (NaN) is null.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 FORMAT = "paxisim-recording/1"
@@ -28,6 +29,12 @@ LATEST = 2**63 - 1
 # the one bit of a status that is no error: the resultant is not zero, but every taxel is, as real boards send now and
 # then, and as a touch may look that is too weak for each taxel
 NO_TAXELS = 0x80
+
+
+def in_error(status: Sequence[int]) -> list[int]:
+    """Numbers of the pads whose status says that what they read is no force."""
+    return [pad for pad, code in enumerate(status) if code & ~NO_TAXELS]
+
 
 _NUMBER = {"type": "number"}
 _INTEGER = {"type": "integer"}

@@ -13,6 +13,7 @@ import numpy as np
 
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
+from paxisim.logs.schemas import in_error
 from paxisim.viz.live_scene import Moment, largest
 
 if TYPE_CHECKING:
@@ -87,7 +88,11 @@ def _readings(sensor: TactileSensor) -> Iterator[Moment]:
     wait = _RECONNECT + 2  # a port that comes back within its time is no reason to stop looking
     frame = sensor.latest(wait)  # the frames that came while the viewer started are of no interest
     while True:
-        yield Moment(frame.time, measured=frame.force)
+        force = frame.force
+        if wrong := in_error(frame.status):
+            force = force.copy()
+            force[wrong] = np.nan  # as a recording has them
+        yield Moment(frame.time, measured=force)
         frame = sensor.read(wait)
 
 

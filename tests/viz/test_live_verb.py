@@ -131,6 +131,25 @@ def test_a_sensor_is_read_until_the_seconds_are_over(capsys):
     np.testing.assert_allclose(totals, [[0, 0, 5.0 * profile.wire_layout.taxels]] * drawn, rtol=1e-5)
 
 
+def test_a_pad_in_error_is_drawn_as_unknown():
+    pytest.importorskip("serial")
+    pytest.importorskip("pty", reason="no pseudo-terminals here")
+    from paxisim.hw.emulator import Emulator
+    from paxisim.hw.faults import Faults
+    from paxisim.hw.profile import load_profile
+
+    profile = load_profile("gen1-stream")
+    pressed = np.full((len(profile.slots), *profile.wire_layout.shape), 5.0)
+    for status in (0.0, 1.0):  # the board says it of its first pad
+        with (
+            Emulator(profile, lambda now: pressed, faults=Faults(status=status)) as board,
+            open_source(board.port, profile.name, real_time=True) as source,
+        ):
+            moment = next(source.moments)
+        assert np.isnan(moment.measured[0]).all() == bool(status)
+        assert np.isfinite(moment.measured[1:]).all()
+
+
 @pytest.mark.skipif(os.name == "nt", reason="Ctrl-C is sent as a signal")
 def test_ctrl_c_ends_an_endless_source_cleanly_with_a_whole_file(scene, folder):
     process = subprocess.Popen(
