@@ -12,7 +12,7 @@ register_cause(
     Cause(
         "poisson",
         40,
-        lambda p: (Free("cx", "1", 0.0, 0.0, 1.0, 0.05, 0.012), Free("cy", "1", 0.0, 0.0, 1.0, 0.05, 0.012)),
+        lambda p: (Free("cx", "1", 0.0, 0.0, 1.0, 0.05, 0.008), Free("cy", "1", 0.0, 0.0, 1.0, 0.05, 0.008)),
         lambda v, p: augment.Poisson(v[0], v[1], reach=2.9),
         lambda p: [(0.1, 0.0), (0.0, 0.1)],
         form={"interference": 0.008, "saturation": 0.003, "axis_coupling": 0.002},
