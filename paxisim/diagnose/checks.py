@@ -17,6 +17,8 @@ CLEARLY = 0.05  # by how much a correlation must be better for a fault of the la
 WITHIN = 15.0  # times what is tolerated of its place, that a contact must press on a taxel to be on it
 CLEAR = 0.6  # N, beyond any dead band
 FRAMES = 8  # in which a taxel is pressed so, at least
+FAINT = 0.3  # of a shear, that a taxel that lives surely reads
+CONSISTENT = 1.6  # times the root of the sum of their squares, that the episodes' answers must add up to
 FAR = 4.0  # times what others read at rest, and what does not matter
 MISSING = 8.0  # times the noise that the answer of a stuck taxel must be missing
 STILL = 1.8  # times the noise that it may move
@@ -137,8 +139,12 @@ def read_taxels(problem: Problem) -> Reading | None:
         x, y = simulated[:, :, axis], measured[:, :, axis] - level[:, axis]
         x = x - x.mean(axis=0)
         energy = np.sum(x**2, axis=0)
-        slope = np.sum(x * y, axis=0) / np.maximum(energy, 1e-12)
+        each = np.stack([np.sum(x[span] * y[span], axis=0) for span in problem.episodes])
+        slope = each.sum(axis=0) / np.maximum(energy, 1e-12)
         told = energy > (40 * noise[:, axis]) ** 2  # else noise alone decides
+        if axis < 2:  # slow noise may look like a faint answer, but not like the same in all episodes
+            shared = np.abs(each.sum(axis=0)) > CONSISTENT * np.sqrt(np.sum(each**2, axis=0))
+            told &= shared | (np.abs(slope) > FAINT)
         dead &= ~told | (np.abs(slope) < 0.12)
         if axis == 2:
             dead &= told

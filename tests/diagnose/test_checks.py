@@ -116,6 +116,19 @@ def test_a_taxel_that_only_taps_touched_is_dead_if_it_does_not_answer_late_eithe
         np.testing.assert_array_equal(np.argwhere(reading.values["dead"]), [[0, 0, 0]])
 
 
+@pytest.mark.parametrize("shared", [True, False])
+def test_a_taxel_whose_slow_noise_looks_like_a_shear_is_dead_unless_all_episodes_show_it(shared):
+    made = problem(lambda force, time: force)
+    measured = made.measured.copy()
+    answer = np.full(EPISODES, 0.16) if shared else 0.16 + 0.6 * np.resize([1.0, -1.0], EPISODES)
+    noise = NOISE * np.random.default_rng(5).standard_normal((len(made.time), 3))
+    measured[:, 1, :, 0, 1] = noise + np.repeat(answer, FRAMES)[:, None] * made.simulated[:, 1, :, 0, 1] * [1.0, 0, 0]
+    reading = read_taxels(replace(made, measured=measured))
+    assert (reading is None) is shared
+    if reading is not None:
+        np.testing.assert_array_equal(np.argwhere(reading.values["dead"]), [[1, 0, 1]])
+
+
 @pytest.mark.parametrize(("level", "answers", "stuck"), [(0.4, 0.0, True), (0.4, 1.0, False), (0.0, 0.0, False)])
 def test_a_taxel_that_is_hardly_pressed_is_stuck_if_it_reads_something_and_stays_there(level, answers, stuck):
     made = problem(lambda force, time: force)
