@@ -219,14 +219,23 @@ class Problem:
                 total += float(np.sum((off * self.weight[span][stride // 2 :: stride][:count]) ** 2))
         return total * stride / self.samples
 
-    @cached_property
+    @property
     def thinned(self) -> Problem:
         """The problem of every `stride`-th frame."""
+        return self if self.stride == 1 else self._thinned
+
+    @property
+    def compared(self) -> Problem:
+        """The problem of as many frames as are needed to compare a prediction that was made for all of them."""
+        return self if self._spare == 1 else self._compared
+
+    # one that kept itself would be freed only when garbage is collected
+    @cached_property
+    def _thinned(self) -> Problem:
         return self.every(self.stride)
 
     @cached_property
-    def compared(self) -> Problem:
-        """The problem of as many frames as are needed to compare a prediction that was made for all of them."""
+    def _compared(self) -> Problem:
         return self.every(self._spare)
 
     def at_compared(self, values: FloatArray) -> FloatArray:
