@@ -194,7 +194,7 @@ def test_only_what_is_worth_keeping_takes_the_place_of_a_cause(problem, search, 
     """Creep's form leaves more to a stiffening than that gains, so that a rotation which gains less must stay."""
     monkeypatch.setattr(search, "_near", lambda chosen, most: ["stiffening"])
     left = {(): 1e6, ("creep",): 1e5, ("rotation",): 1e6, ("creep", "rotation"): 97e3}
-    left |= {("creep", "stiffening"): 96e3, ("rotation", "stiffening"): 1e6}
+    left |= {("creep", "stiffening"): 96.6e3, ("rotation", "stiffening"): 1e6}
     for names, energy in left.items():
         found = fit_of(problem, np.full(EPISODES, energy), *names)
         if "stiffening" in names:

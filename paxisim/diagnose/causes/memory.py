@@ -18,10 +18,10 @@ register_cause(
         lambda v, p: augment.Creep((v[0], v[2]), (v[1], v[3])),
         lambda p: [(0.1, tau, 0.0, 1.0) for tau in (0.3, 1.0, 3.0, 10.0)],
         form={
-            "stiffening": 0.004,
+            **dict.fromkeys(("stiffening", "saturation"), 0.004),
             "interference": 0.008,
             TAXEL_GAIN: 0.03,
-            **dict.fromkeys(("axis_coupling", "rotation", "dead_band", "saturation"), 0.004),
+            **dict.fromkeys(("axis_coupling", "rotation", "dead_band"), 0.003),
             "poisson": 0.002,
         },
     )
