@@ -2,7 +2,6 @@
 
 import json
 import os
-import signal
 import subprocess
 import sys
 import time
@@ -53,13 +52,15 @@ def killed(tmp_path_factory):
     """The folder of a run that was killed after its first model was saved."""
     folder = tmp_path_factory.mktemp("run") / "SY"
     process = in_shell("--task", "SY-2mm", "--method", "GCS", "--steps", "100000", "--out", str(folder))
-    deadline = time.monotonic() + 100
-    while not (folder / "model.zip").exists() and time.monotonic() < deadline:
-        assert process.poll() is None
-        time.sleep(0.2)
-    time.sleep(1.5)
-    process.send_signal(signal.SIGKILL)
-    process.communicate()
+    with process:
+        deadline = time.monotonic() + 100
+        try:
+            while not (folder / "model.zip").exists() and time.monotonic() < deadline:
+                assert process.poll() is None
+                time.sleep(0.2)
+            time.sleep(1.5)
+        finally:
+            process.kill()
     return folder
 
 

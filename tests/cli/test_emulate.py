@@ -5,6 +5,7 @@ import re
 import signal
 import subprocess
 import sys
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -44,8 +45,12 @@ def scene(folder):
     return Path("scene.xml")
 
 
+@contextmanager
 def started(*words, **options):
-    """An emulator that signals reach, also where what runs the tests was started without, as by nohup and &."""
+    """An emulator that signals reach, also where what runs the tests was started without, as by nohup and &.
+
+    It is killed in the end if it still runs.
+    """
     command = [sys.executable, "-W", "ignore", "-m", "paxisim.cli", "emulate", *words]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
 
@@ -53,27 +58,27 @@ def started(*words, **options):
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(number, signal.SIG_DFL)
 
-    return subprocess.Popen(command, preexec_fn=reached, **pipes, **options)
+    with subprocess.Popen(command, preexec_fn=reached, **pipes, **options) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
 def test_it_leaves_no_link_behind_however_it_is_ended(number):
-    process = started("--profile", GRID, "--link", "pad")
-    try:
+    with started("--profile", GRID, "--link", "pad") as process:
         assert process.stdout.readline() == "pad\n"
         assert Path("pad").is_symlink()
         process.send_signal(number)
         said, complained = process.communicate(timeout=60)
-    finally:
-        process.kill()
     assert (process.returncode, said, complained) == (0, "", "")
     assert not Path("pad").is_symlink()
 
 
 def test_a_process_with_a_port_that_a_driver_reads_and_ctrl_c_ends():
     serial = pytest.importorskip("serial")
-    process = started("--profile", GRID, "--link", "pad")
-    try:
+    with started("--profile", GRID, "--link", "pad") as process:
         port = process.stdout.readline().strip()
         assert port == "pad"
         with serial.Serial(port, 921600, timeout=20) as line:
@@ -81,8 +86,6 @@ def test_a_process_with_a_port_that_a_driver_reads_and_ctrl_c_ends():
             assert line.read(8) == bytes.fromhex("AA55000300000F00")
         process.send_signal(signal.SIGINT)
         said, complained = process.communicate(timeout=60)
-    finally:
-        process.kill()
     assert (process.returncode, said, complained) == (0, "", "")
     assert not Path("pad").is_symlink()
 
@@ -203,14 +206,11 @@ def test_a_function_that_fails_later_is_one_line_and_status_2():
         "def press(now):\n    assert now < 0.01, 'too late'\n    return [[[[0.0] * 3] * 3] * 3]\n"
     )
     pytest.importorskip("serial")
-    process = started("--profile", "gen3-highspeed-mc-m2020", "--signal", "felt:press")
-    try:
+    with started("--profile", "gen3-highspeed-mc-m2020", "--signal", "felt:press") as process:
         import serial
 
         with serial.Serial(process.stdout.readline().strip(), 921600) as line:
             line.write(bytes.fromhex("55AA00101700010001D8"))
             _, complained = process.communicate(timeout=60)
-    finally:
-        process.kill()
     assert process.returncode == 2
     assert re.fullmatch(r"paxisim: error: the signal failed at .* AssertionError: too late\n", complained)

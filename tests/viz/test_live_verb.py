@@ -152,24 +152,27 @@ def test_a_pad_in_error_is_drawn_as_unknown():
 
 @pytest.mark.skipif(os.name == "nt", reason="Ctrl-C is sent as a signal")
 def test_ctrl_c_ends_an_endless_source_cleanly_with_a_whole_file(scene, folder):
-    process = subprocess.Popen(
+    with subprocess.Popen(
         [sys.executable, "-m", "paxisim.cli", "live", scene, "--save", "view.rrd"],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
         # tests that run in the background ignore Ctrl-C, and so would what they start
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
-    )
-    deadline = time.monotonic() + DEADLINE
-    sizes = set()  # it grows by a piece a time; the first few are the window's layout
-    while len(sizes) < 10:
-        sizes.update(path.stat().st_size for path in folder.glob(".view.rrd.*"))
-        assert process.poll() is None, process.communicate()
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
-    assert not Path("view.rrd").exists()  # until it is whole
-    process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=DEADLINE)
+    ) as process:
+        try:
+            deadline = time.monotonic() + DEADLINE
+            sizes = set()  # it grows by a piece a time; the first few are the window's layout
+            while len(sizes) < 10:
+                sizes.update(path.stat().st_size for path in folder.glob(".view.rrd.*"))
+                assert process.poll() is None, process.communicate()
+                assert time.monotonic() < deadline, f"sizes of the file so far: {sorted(sizes)}"
+                time.sleep(0.02)
+            assert not Path("view.rrd").exists()  # until it is whole
+            process.send_signal(signal.SIGINT)
+            out, err = process.communicate(timeout=DEADLINE)
+        finally:
+            process.kill()
     assert (process.returncode, err) == (0, "")
     drawn = int(re.search(r"wrote view.rrd, (\d+) of", out).group(1))
     assert len(read_rrd("view.rrd")["/force/palm_pad/simulated", "scalar"][0]) == drawn > 0
