@@ -56,6 +56,7 @@ class Free:
             where the data always do.
         together: Numbers of a cause with the same word here act on other channels each, and are tried together.
         channel: Pad and axis that such a number acts on alone.
+        held_beside: Names of causes beside which it stays neutral, as they do what it does.
     """
 
     name: str
@@ -68,6 +69,11 @@ class Free:
     spread: float | None = None
     together: str = ""
     channel: tuple[int, int] = (0, 0)
+    held_beside: tuple[str, ...] = ()
+
+    def is_held(self, beside: Iterable[str]) -> bool:
+        """Whether it stays neutral beside causes of these names."""
+        return not set(self.held_beside).isdisjoint(beside)
 
 
 @dataclass(frozen=True)
@@ -103,6 +109,8 @@ class Cause:
             problem, what comes in, a function that says what the causes behind it make of what goes out, whether there
             are none, and an array near it, if one is known. It then has no `free`, and `make` takes the array.
         solves: What that array is called, in a report and in the transform.
+        relative_to: Names of causes that scale all taxels alike: beside one of them that array is 1 on average, as
+            nothing tells which of the two has a factor that all have in common.
         barred: Why it cannot be told in a problem; empty if it can.
     """
 
@@ -125,6 +133,7 @@ class Cause:
     beyond: Callable[[Values, Problem], float] = lambda values, problem: np.inf
     solve: Solve | None = None
     solves: str = ""
+    relative_to: tuple[str, ...] = ()
     barred: Callable[[Problem], str] = lambda problem: ""
 
     @property

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -145,7 +145,8 @@ class _Stages:
             return force
 
         assert stage.solve is not None
-        return stage.solve(self._problem, x, end, all(item is None for item in later), near)
+        solved = stage.solve(self._problem, x, end, all(item is None for item in later), near)
+        return solved / solved.mean() if self._at.keys() & set(stage.relative_to) else solved
 
 
 def predict(problem: Problem, causes: Sequence[Cause], values: Fitted) -> tuple[FloatArray, Fitted]:
@@ -173,13 +174,13 @@ def fit(problem: Problem, causes: Sequence[Cause], start: Fitted | None = None, 
     """
     whole, problem = problem, problem.thinned
     shared = [c for c in causes if c.solve is None]
-    known = {c.name for c in shared}
-    values = {n: np.asarray(v, dtype=float) for n, v in (start or {}).items() if n in known}
+    known = {c.name: c.free(problem) for c in shared}
+    values = {n: _holding(known[n], v, known) for n, v in (start or {}).items() if n in known}
     for item in shared:
         if item.name not in values:
             begun = [c for c in causes if c.name in values or c.name == item.name or c.solve]
-            values[item.name] = _best_probe(problem, item, values, _Stages(problem, begun))
-    free = [(c.name, i, f) for c in shared for i, f in enumerate(c.free(problem))]
+            values[item.name] = _best_probe(problem, item, values, _Stages(problem, begun), known)
+    free = [(n, i, f) for n, own in known.items() for i, f in enumerate(own) if not f.is_held(known)]
     stages = _Stages(problem, causes)
     held = np.array([0.0 if f.spread is None else 1 / f.spread for _, _, f in free])
     neutral, scale = np.array([f.neutral for _, _, f in free]), np.array([f.scale for _, _, f in free])
@@ -215,6 +216,11 @@ def fit(problem: Problem, causes: Sequence[Cause], start: Fitted | None = None, 
         if before - energy < 1e-4 * before:
             break
     return fit_of(whole, causes, values)
+
+
+def _holding(free: Sequence[Free], values: FloatArray, beside: Iterable[str]) -> FloatArray:
+    """The values, with those neutral that are held beside causes of these names."""
+    return np.array([f.neutral if f.is_held(beside) else v for f, v in zip(free, values, strict=True)])
 
 
 def _slopes(stages: _Stages, values: Fitted, free: Sequence[tuple[str, int, Free]], size: int) -> FloatArray:
@@ -256,8 +262,8 @@ def _moved(values: Fitted, name: str, index: int, step: float) -> Fitted:
     return {**values, name: moved}
 
 
-def _best_probe(problem: Problem, item: Cause, values: Fitted, stages: _Stages) -> FloatArray:
-    """The probe, taken as far as it helps, with which a cause begins beside `values`."""
+def _best_probe(problem: Problem, item: Cause, values: Fitted, stages: _Stages, beside: Iterable[str]) -> FloatArray:
+    """The probe, taken as far as it helps, with which a cause begins beside `values` and others of these names."""
     free = item.free(problem)
     neutral = np.array([f.neutral for f in free])
     if all(f.together for f in free):  # many that are told from one another at once
@@ -268,7 +274,7 @@ def _best_probe(problem: Problem, item: Cause, values: Fitted, stages: _Stages) 
     best, least = neutral, base @ base
     assert item.probes is not None
     for given in item.probes(problem):
-        probe = np.asarray(given, dtype=float)
+        probe = _holding(free, np.asarray(given, dtype=float), beside)
         whole = stages.moved({**values, item.name: probe}, item.name)
         effect = whole - base
         amount = -(effect @ base) / max(effect @ effect, 1e-12)

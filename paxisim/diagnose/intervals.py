@@ -152,7 +152,8 @@ def _spreads(found: Explanation) -> dict[tuple[str, str], tuple[float, float]]:
     chosen = [named for named in found.found if cause(named.name).is_searched]
     causes = [cause(named.name) for named in chosen]
     fitted = [(n, c) for n, c in zip(chosen, causes, strict=True) if c.solve is None]
-    free = [(n, item) for n, c in fitted for item in c.free(problem)]
+    names = [n.name for n, _ in fitted]
+    free = [(n, item) for n, c in fitted for item in c.free(problem) if not item.is_held(names)]
     if not free or len(problem.episodes) < 3:
         return {}
     values = {n.name: np.array([float(v) for v in n.values.values()]) for n, _ in fitted}  # type: ignore[arg-type]

@@ -13,7 +13,8 @@ register_cause(
         10,
         lambda p: (
             Free("exponent", "1", 1.0, 0.4, 2.0, 0.1, 0.008),
-            Free("scale", "N", 0.6 * p.peak, 0.02 * p.peak, 20 * p.peak, 0.3 * p.peak),
+            # the power of another scale is that of this one, times a gain
+            Free("scale", "N", 0.6 * p.peak, 0.02 * p.peak, 20 * p.peak, 0.3 * p.peak, held_beside=("axis_gain",)),
         ),
         lambda v, p: augment.Stiffening(v[0], v[1]),
         lambda p: [(0.9, 0.6 * p.peak), (0.9, 0.1 * p.peak)],

@@ -56,6 +56,7 @@ register_cause(
         beyond=_spread,
         solve=taxel_gains,
         solves="gain",
+        relative_to=("axis_gain",),
         barred=bent_apart,
     )
 )
