@@ -198,8 +198,9 @@ class _Search:
         """Without the causes that the others, `kept` among them, have made superfluous."""
         for name in [n for n in chosen if n != kept]:
             fewer = [n for n in chosen if n != name]
-            whole = self.fits.of(chosen)
-            if not self._worth.keeps(whole, self.fits.of(fewer, whole), name) or not self._worth.matters(whole, name):
+            less = self.fits.of(fewer, self.fits.of(chosen))
+            whole = self.fits.of(chosen)  # not worse than that of fewer
+            if not self._worth.keeps(whole, less, name) or not self._worth.matters(whole, name):
                 return self._pruned(fewer, kept)
         return chosen
 
