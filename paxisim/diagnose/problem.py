@@ -27,6 +27,7 @@ from paxisim.recording import Recording
 PRESSED = 0.01  # of the peak force, from which on a taxel is pressed
 ENOUGH = 300_000  # numbers, for a fit
 LONGEST = 0.05  # s between the frames that are fitted
+SELDOM = 1.2  # of a step: where readings change by less from one to the next, that tells little of the noise
 BEND = 0.01  # of the noise's energy, that may lie between them
 
 
@@ -342,8 +343,8 @@ def with_noise(problem: Problem, tolerance: Tolerance) -> Problem:
         dither = dither_of(problem.measured, problem.at_rest, problem.untouched, problem.episodes, step, alive)
     else:  # no shear is measured
         dither = float(np.sqrt(max(np.median(noise[alive]) ** 2 - step**2 / 12, 0.0))) if alive.any() else 0.0
-    if dither < 0.6 * step:  # most readings repeat the one before, and their changes hide the noise
-        noise = np.maximum(noise, np.sqrt(step**2 / 12 + dither**2))
+    counted = np.sqrt(step**2 / 12 + dither**2)
+    noise = np.where(noise < SELDOM * step, counted, noise)
     sigma = np.sqrt(noise**2 + allowed)
     if not np.isfinite(sigma).all():  # against it nothing would stand out, and all would seem well
         raise InvalidValueError(

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from paxisim import augment
 from paxisim.diagnose import prepare as preparing
@@ -73,6 +74,21 @@ def test_samples_of_one_time_have_one_rate():
     np.testing.assert_allclose(rate(values, time), np.gradient([0.0, 2.0, 6.0], [0.0, 1.0, 3.0])[[0, 1, 1, 2]])
     np.testing.assert_array_equal(rate(values, np.sort(values)), np.gradient(values, np.sort(values)))
     np.testing.assert_array_equal(rate(values, np.ones(4)), 0)
+
+
+@pytest.mark.parametrize("slow", [0.0, 0.8])
+@pytest.mark.parametrize("share", [0.3, 0.55, 0.65, 0.8, 1.5])
+def test_the_noise_of_coarse_counts_is_found_however_seldom_they_change(share, slow):
+    made = problem(frames=300)
+    pressed = np.tile(np.arange(300) >= 150, 3)
+    force = made.simulated * pressed[:, None, None, None, None]
+    fresh = np.random.default_rng(2).standard_normal(force.shape)
+    noise = share * made.step * lfilter([np.sqrt(1 - slow**2)], [1, -slow], fresh, axis=0)
+    counted = made.step * np.round((force + noise) / made.step)
+    read = with_noise(replace(made, measured=counted, simulated=force), Tolerance())
+    fast = np.sqrt(1 - slow) if share > 1 else 1.0  # changes that show tell what is not slow
+    true = np.median(counted[~pressed][:, :, :2].std(axis=0))
+    assert 0.7 * fast < np.median(read.sigma[~pressed][:, :, :2]) / true < 1.4
 
 
 def test_noise_that_is_not_finite_is_refused():
