@@ -25,6 +25,7 @@ CHANCE = 200.0  # energy, in units of the noise, that slow noise brings in a sho
 TURNS = 3  # of a dead band and the zero that it holds back
 FEWER = 2.0  # times what matters, that a drift must bring at last: nothing else goes one way from episode to episode
 LEFT = 0.06  # of what the other causes explain, that their forms leave to an offset
+ROUNDING = 1e-9  # of an energy: two that differ by less are the same
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +131,8 @@ def zero_beside(problem: Problem, fitted: Fit, plan: Plan) -> Zero:
         material += LEFT * max(float(explained), 0.0) / problem.samples
     zero = zero_of(problem, bare, material, limits.episodes, drifts=drifts, names=plan.slow, owned=owned)
     if owned and not zero.gain:  # only what the field has of its own, which a coarse sensor may not tell either
-        zero = min(zero, nothing(problem), key=energy)
+        none = nothing(problem)
+        return none if energy(none) < (1 - ROUNDING) * energy(zero) else zero
     return zero
 
 
