@@ -241,6 +241,8 @@ class TaxelLayout:
         Raises:
             InvalidValueError: A field is missing, unknown or not usable.
         """
+        if not isinstance(document, dict):
+            raise InvalidValueError(f"expected an object with the fields of a TaxelLayout, got {document!r}")
         try:
             return cls(**document)
         except TypeError as error:

@@ -275,12 +275,16 @@ class Recording:
         """
         from paxisim.logs.load import load_aligned
 
-        found = load_aligned(Path(path), align=align, max_gap=max_gap, layout=layout, pads=pads, profile=profile)
-        if missing == "drop":
-            found = found.known()
-        elif missing != "nan":
+        if missing not in ("nan", "drop"):
             raise InvalidValueError(f"missing must be 'nan' or 'drop', got {missing!r}")
-        return cls(**vars(found))
+        wanted = None if pads is None else _names(pads)
+        found = load_aligned(Path(path), align=align, max_gap=max_gap, layout=layout, pads=wanted, profile=profile)
+        try:
+            whole = cls(**vars(found))
+        except InvalidValueError as error:
+            raise InvalidValueError(f"{path}: {error}") from error
+        chosen = whole.to_aligned() if wanted is None else whole.to_aligned().choose(wanted)
+        return cls(**vars(chosen.known() if missing == "drop" else chosen))
 
     def save(self, path: str | Path) -> None:
         """Write an MCAP or npz file, by the suffix; an existing file is replaced, whole or not at all.
@@ -307,6 +311,13 @@ class Recording:
             self.pads,
             self.metadata,
         )
+
+
+def _names(pads: Iterable[str]) -> tuple[str, ...]:
+    names = (pads,) if isinstance(pads, str) else tuple(pads)
+    if not names or len(set(names)) < len(names):
+        raise InvalidValueError(f"pads must name different pads, at least one, got {list(names)}")
+    return names
 
 
 def _numbers(name: str, value: Any, dtype: type) -> NDArray[Any]:

@@ -148,7 +148,8 @@ def _status(summary: CaptureSummary) -> str:
 
 def _source(source) -> str:
     counts = [f"{source.samples} samples"]
-    counts += [f"{count} {what}" for count, what in ((source.bad, "bad"), (source.dropped, "dropped")) if count]
+    lost = ((source.bad, "bad"), (source.dropped, "dropped"), (source.missed, "calls left out"))
+    counts += [f"{count} {what}" for count, what in lost if count]
     return f"{source.label}: {', '.join(counts)}"
 
 

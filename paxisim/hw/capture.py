@@ -40,6 +40,7 @@ class ExtraSummary:
         samples: Values in the file.
         bad: Lines, datagrams, calls or values that could not be used.
         dropped: Samples that came faster than they could be written.
+        missed: Calls of a function that were left out, as it was still busy when they were due.
         problem: Why the latest bad one was bad; empty where none was.
         ended: True if nothing more could come from it.
     """
@@ -48,6 +49,7 @@ class ExtraSummary:
     samples: int
     bad: int
     dropped: int
+    missed: int
     problem: str
     ended: bool
 
@@ -310,7 +312,8 @@ class _Recorder:
             size=self._size(),
             episodes=self.episode + bool(self.frames),
             extra=tuple(
-                ExtraSummary(s.label, self.samples[s], s.bad, s.dropped, s.problem, s.ended) for s in self.extra
+                ExtraSummary(s.label, self.samples[s], s.bad, s.dropped, s.missed, s.problem, s.ended)
+                for s in self.extra
             ),
             ended=ended,
             error=error,

@@ -57,6 +57,7 @@ class ExtraStream(ABC):
         label: What messages call it.
         bad: Lines, datagrams, calls or values that could not be used.
         dropped: Samples that found the queue full.
+        missed: Calls of a function that were left out, as it was still busy when they were due.
         problem: Why the latest bad one was bad; empty while there was none.
         ended: True once nothing more can come.
     """
@@ -66,6 +67,7 @@ class ExtraStream(ABC):
         self.label = label
         self.bad = 0
         self.dropped = 0
+        self.missed = 0
         self.problem = ""
         self.ended = False
         self._lock = threading.Lock()
@@ -231,7 +233,7 @@ class PolledFunction(ExtraStream):
     """A function called at a steady rate; it returns a number, an array, or a dict of these by name.
 
     The time of what it returns is the middle of the call, or the ``time`` (Unix seconds) in its dict. Calls that a slow
-    function leaves no time for are left out.
+    function leaves no time for are left out and counted.
     """
 
     def __init__(self, function: Callable[[], Any], rate: float, name: str) -> None:
@@ -262,7 +264,9 @@ class PolledFunction(ExtraStream):
                 self._take(value if isinstance(value, Mapping) else {self._name: value}, middle)
             except Exception as error:  # also of a value that cannot even be shown
                 self.complain(f"the call failed: {_reason(error)}")
-            call = max(call + 1, math.ceil((self._clock.monotonic() - start) * self._rate))
+            due = max(call + 1, math.ceil((self._clock.monotonic() - start) * self._rate))
+            self.missed += due - (call + 1)
+            call = due
 
 
 class EnterKey(ExtraStream):

@@ -56,8 +56,8 @@ def read_csv(
     Args:
         path: The file.
         layout: The pads' taxels; their ``vendor_order`` says which taxel of the file is where.
-        pads: Only these pads, by their names in the file, in this order. Needed where a hand has pads of different
-            numbers of taxels, of which a recording holds one kind.
+        pads: Only these pads of a board's file, by their names there, in this order. Needed where a hand has pads of
+            different numbers of taxels, of which a recording holds one kind. Of a plain table all are read.
         profile: How counts become newtons, for a board's file.
 
     Returns:
@@ -87,8 +87,7 @@ def read_csv(
         found = from_columns(dict(zip(table.names, values.T, strict=True)))
     except InvalidValueError as error:
         raise InvalidValueError(f"{path}: {error}") from error
-    found = replace(found, layout=layout, metadata=table.comment)
-    return found if pads is None else found.choose(pads), table.is_cut
+    return replace(found, layout=layout, metadata=table.comment), table.is_cut
 
 
 class _Table:

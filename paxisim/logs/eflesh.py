@@ -9,14 +9,16 @@ A recording is two CSV files without a header, as eFlesh's characterisation writ
 Each magnetometer is a taxel of one row, so that the tensor is ``(T, 1, 3, 1, magnetometers)`` with **microtesla** in
 it, as the metadata's ``unit`` says. Where the magnetometers sit the files do not say: the layout's pitch stands for
 nothing, unless one is given to `paxisim.Recording.load`.
-What the robot and the load cell say is interpolated to the sensor's times, and is NaN where neighbouring readings are
-more than `MAX_GAP` apart: the covariates are ``load`` (N) and ``robot_x``, ``robot_y``, ``robot_z`` (m).
+What the robot and the load cell say is brought to the sensor's times, and is NaN where neighbouring readings are
+more than `MAX_GAP` apart, or what is asked for: the covariates are ``load`` (N) and ``robot_x``, ``robot_y``,
+``robot_z`` (m).
 
 Source of the format: the repository notvenky/eFlesh, characterization/datasets.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -24,9 +26,10 @@ from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
-from paxisim.logs.align import resample
-from paxisim.logs.aligned import Aligned
-from paxisim.logs.stream import Stream
+from paxisim.logs import schemas
+from paxisim.logs.align import align as align_log
+from paxisim.logs.aligned import Aligned, Method
+from paxisim.logs.stream import Log, Stream
 
 SENSOR, STATES = ".sensor.csv", ".states.csv"
 NEWTONS = 9.80665e-3  # a gram-force
@@ -34,8 +37,13 @@ MAX_GAP = 2.0  # s
 _NO_READING = -1.0
 
 
-def read_eflesh(path: Path) -> Aligned:
+def read_eflesh(path: Path, align: Method | Mapping[str, Method] = "linear", max_gap: float | None = None) -> Aligned:
     """Read ``NAME.sensor.csv`` and the ``NAME.states.csv`` beside it.
+
+    Args:
+        path: The former.
+        align: How the robot and the load cell are interpolated, as in `paxisim.Recording.load`.
+        max_gap: Seconds; default: `MAX_GAP`.
 
     Raises:
         InvalidValueError: Not such files; the message has the line.
@@ -54,22 +62,17 @@ def read_eflesh(path: Path) -> Aligned:
     pressed = robot[:, 4] != _NO_READING
     if not pressed.any():
         raise InvalidValueError(f"{states}: the load cell has no reading at all")
-    at = _nanoseconds(path, field)
-    moved = resample(Stream(_nanoseconds(states, robot), robot[:, 1:4] * 1e-3), at, "linear", MAX_GAP)
-    load = Stream(_nanoseconds(states, robot[pressed]), robot[pressed, 4] * NEWTONS)
     magnetometers = (field.shape[1] - 1) // 3
-    readings = field[:, 1:].reshape(-1, magnetometers, 3)
-    return Aligned(
-        time=(at - at[0]) * 1e-9,
-        measured=np.moveaxis(readings, 1, 2)[:, None, :, None].astype(np.float32),
-        covariates={
-            "load": resample(load, at, "linear", MAX_GAP),
-            **{f"robot_{axis}": moved[:, i] for i, axis in enumerate("xyz")},
-        },
-        layout=TaxelLayout(1, magnetometers, (1e-2, 1e-2)),
-        pads=("eflesh",),
-        metadata={"source": path.name, "sensor": "eflesh", "unit": "uT", "start": float(field[0, 0])},
-    )
+    readings = np.moveaxis(field[:, 1:].reshape(-1, magnetometers, 3), 1, 2)[:, None, :, None].astype(np.float32)
+    at = _nanoseconds(states, robot)
+    streams = {
+        "measured": Stream(_nanoseconds(path, field), readings),
+        schemas.COVARIATE + "load": Stream(at[pressed], robot[pressed, 4] * NEWTONS),
+        **{f"{schemas.COVARIATE}robot_{axis}": Stream(at, robot[:, i] * 1e-3) for i, axis in enumerate("xyz", start=1)},
+    }
+    layout = TaxelLayout(1, magnetometers, (1e-2, 1e-2)).to_dict()
+    about = {"source": path.name, "sensor": "eflesh", "unit": "uT", "layout": layout, "pads": ("eflesh",)}
+    return align_log(Log(streams, about), align, MAX_GAP if max_gap is None else max_gap)
 
 
 def _table(path: Path) -> NDArray[np.float64]:

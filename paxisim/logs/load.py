@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,19 +18,18 @@ def load_aligned(
     align: Method | Mapping[str, Method] = "linear",
     max_gap: float | None = None,
     layout: TaxelLayout | None = None,
-    pads: Iterable[str] | None = None,
+    pads: tuple[str, ...] | None = None,
     profile: CountsToForce | None = None,
 ) -> Aligned:
-    """See `paxisim.Recording.load`."""
+    """See `paxisim.Recording.load`; nothing is checked yet, and only a CSV file is read for some of its pads."""
     suffix = path.suffix.lower()
     if max_gap is not None and not max_gap > 0:
         raise InvalidValueError(f"max_gap must be a positive time in s, got {max_gap!r}")
-    wanted = None if pads is None else _names(pads)
     is_eflesh = path.name.endswith(".sensor.csv")
     if suffix == ".csv" and not is_eflesh:
         from paxisim.logs.csv import read_csv
 
-        found, is_cut = read_csv(path, layout=layout, pads=wanted, profile=profile)
+        found, is_cut = read_csv(path, layout=layout, pads=pads, profile=profile)
         if is_cut:
             _warn_of_part(path, "cut off: its last line is not whole", found)
         return found
@@ -39,7 +38,7 @@ def load_aligned(
     if is_eflesh:
         from paxisim.logs.eflesh import read_eflesh
 
-        found = read_eflesh(path)
+        found = read_eflesh(path, align, max_gap)
     elif suffix == ".npz":
         from paxisim.logs.npz import read_npz
 
@@ -54,9 +53,7 @@ def load_aligned(
             _warn_of_part(path, "cut off or damaged", found)
     else:
         raise InvalidValueError(f"a recording is read from a .mcap, .npz or .csv file, got {path}")
-    if layout is not None:
-        found = replace(found, layout=layout)
-    return found if wanted is None else found.choose(wanted)
+    return found if layout is None else replace(found, layout=layout)
 
 
 def save_aligned(path: Path, recording: Aligned) -> None:
@@ -78,10 +75,3 @@ def _warn_of_part(path: Path, what: str, found: Aligned) -> None:
     samples = f"{len(found.time)} sample{'s' * (len(found.time) != 1)}"
     text = f"{path} is {what}; what is whole was read: {samples}, the last at {found.time[-1]:.3f} s"
     warnings.warn(text, stacklevel=4)  # at the caller of Recording.load
-
-
-def _names(pads: Iterable[str]) -> tuple[str, ...]:
-    names = (pads,) if isinstance(pads, str) else tuple(pads)
-    if not names or len(set(names)) < len(names):
-        raise InvalidValueError(f"pads must name different pads, at least one, got {list(names)}")
-    return names

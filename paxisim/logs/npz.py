@@ -78,7 +78,9 @@ def read_npz(path: Path) -> Aligned:
     if "time" not in arrays or not {"measured", "simulated"} & arrays.keys():
         found = ", ".join(arrays) or "nothing"
         raise InvalidValueError(f"{path} must hold 'time' and 'measured' or 'simulated' (or both), it holds {found}")
-    layout = about.get("layout")
+    for name in arrays.keys() - {"about"}:
+        if arrays[name].dtype.kind == "f" and np.isinf(arrays[name]).any():
+            raise InvalidValueError(f"{path}: {name!r} holds an infinite value; NaN stands for what is not known")
     return Aligned(
         **{name: arrays[name] for name in _ARRAYS if name in arrays},
         covariates={
@@ -86,7 +88,20 @@ def read_npz(path: Path) -> Aligned:
             for name, value in arrays.items()
             if name.startswith(schemas.COVARIATE)
         },
-        layout=None if layout is None else TaxelLayout.from_dict(layout),
-        pads=tuple(about.get("pads", ())),
-        metadata=about.get("metadata", {}),
+        **_described(path, about),
     )
+
+
+def _described(path: Path, about: Any) -> dict[str, Any]:
+    """What the text of an archive says: layout, pads and metadata."""
+    wrong = InvalidValueError(f"{path}: 'about' must be a JSON object with a list 'pads' and an object 'metadata'")
+    if not isinstance(about, dict):
+        raise wrong
+    layout, pads, metadata = about.get("layout"), about.get("pads", []), about.get("metadata", {})
+    if not (isinstance(pads, list) and isinstance(metadata, dict)):
+        raise wrong
+    try:
+        layout = None if layout is None else TaxelLayout.from_dict(layout)
+    except InvalidValueError as error:
+        raise InvalidValueError(f"{path}: 'layout' in 'about': {error}") from error
+    return {"layout": layout, "pads": tuple(pads), "metadata": metadata}

@@ -228,6 +228,13 @@ def test_a_full_queue_drops_and_counts():
     assert inbox.qsize() == 3
 
 
+def test_calls_for_which_a_slow_function_leaves_no_time_are_counted():
+    source, _ = polled(lambda: time.sleep(0.05) or 1.0, 4, rate=100.0)
+    assert source.missed >= 3 * 4  # of five that are due while one runs, one begins
+    source, _ = polled(lambda: 1.0, 4, rate=20.0)
+    assert source.missed <= 1  # on a machine that is busy
+
+
 def test_a_function_that_hangs_is_left_behind():
     release = threading.Event()
     inbox = queue.Queue()

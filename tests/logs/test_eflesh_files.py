@@ -51,6 +51,17 @@ def test_minus_one_is_no_reading_and_long_gaps_are_not_bridged(tmp_path):
     assert np.isfinite(load[1:20]).all()
 
 
+def test_gaps_and_the_way_between_readings_are_as_asked_for(tmp_path):
+    sensor, states = tables(60)
+    states[20:45, 4] = -1
+    path = write(tmp_path, sensor, states)
+    load = Recording.load(path, max_gap=3.0, align={"load": "previous"}).covariates["load"]
+    np.testing.assert_allclose(load[20:45], 1900 * NEWTONS, rtol=1e-5)
+    states[3:5, 4] = -1
+    load = Recording.load(write(tmp_path, sensor, states), max_gap=0.2).covariates["load"]
+    np.testing.assert_array_equal(np.flatnonzero(np.isnan(load[:10])), [0, 3, 4, 5])
+
+
 def test_any_number_of_magnetometers_and_pads_by_name(tmp_path):
     path = write(tmp_path, *tables(magnetometers=2))
     recording = Recording.load(path, pads=["eflesh"])

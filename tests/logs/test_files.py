@@ -175,6 +175,33 @@ def test_a_damaged_archive_is_called_so(tmp_path):
             Recording.load(path)
 
 
+@pytest.mark.parametrize("options", [{}, {"missing": "drop"}, {"pads": "pad0"}])
+@pytest.mark.parametrize(
+    ("changed", "says"),
+    [
+        ({"measured": np.zeros(5)}, "measured must have shape"),
+        ({"measured": np.float64(3)}, "measured must have shape"),
+        ({"measured": np.full((5, 1, 3, 2, 2), "x")}, "measured must be an array of numbers"),
+        ({"measured": np.full((5, 1, 3, 2, 2), np.inf)}, "'measured' holds an infinite value"),
+        ({"time": np.arange(4.0)}, "measured has 5 samples, time has 4"),
+        ({"time": np.full(5, np.nan)}, "time must be finite"),
+        ({"simulated": np.zeros((5, 2, 3, 2, 2))}, "measured and simulated must have one shape"),
+        ({"covariate/opening": np.zeros(3)}, "covariates.* must be .* as time has so many"),
+        ({"covariate/resultant": np.float64(2)}, "covariates.* must be"),
+        ({"about": np.array("[1]")}, "'about' must be a JSON object"),
+        ({"about": np.array('{"pads": 3}')}, "'about' must be a JSON object"),
+        ({"about": np.array('{"metadata": []}')}, "'about' must be a JSON object"),
+        ({"about": np.array('{"layout": 3}')}, "'layout' in 'about': expected an object"),
+        ({"about": np.array('{"layout": {"rows": 2}}')}, "'layout' in 'about': expected the fields"),
+    ],
+)
+def test_an_archive_made_by_hand_wrongly_is_refused_by_name(tmp_path, changed, says, options):
+    path = tmp_path / "a.npz"
+    np.savez(path, **{"time": np.arange(5.0), "measured": np.zeros((5, 1, 3, 2, 2)), **changed})
+    with pytest.raises(InvalidValueError, match=f"a.npz: {says}"):
+        Recording.load(path, **options)
+
+
 def test_a_log_without_tensors_does_not_load(tmp_path):
     with LogWriter(tmp_path / "a.mcap", {}) as log:
         log.write("covariate/opening", 1.0, 0.1)
