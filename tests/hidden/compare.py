@@ -62,7 +62,7 @@ def compare(name, case, run, parameters):
     bench = _Bench(case, name, run)
     true, fitted, neutral = (np.asarray(v, dtype=float) for v in EXPERIMENTS[name](bench))
     error = float(np.linalg.norm(fitted - true) / max(np.linalg.norm(true - neutral), 1e-9))
-    known = TRUE_PARAMETERS[name](case) if name in TRUE_PARAMETERS else {}
+    known = TRUE_PARAMETERS[name](case, parameters) if name in TRUE_PARAMETERS else {}
     asked = [(known[n], low, high) for n, (_, low, high) in parameters.items() if n in known and low is not None]
     return Compared(error, sum(low <= value <= high for value, low, high in asked), len(asked))
 
@@ -276,32 +276,59 @@ EXPERIMENTS = {
 }
 
 
-def _pressed_gains(case):
+def _pressed_gains(case, fitted):
     """Of the taxels that were pressed, as the device has them: with what no calibration has removed."""
     load = np.sum(case.simulated[:, :, 2].astype(float) ** 2, axis=0)
     scatter = case.sensor.nuisance.scatter[:, 2].reshape(load.shape)
     gain = case.truth["taxel_gain"]["gain"][:, 0].reshape(load.shape) * scatter
-    return {
-        "gain" + "".join(f"_{i}" for i in place): gain[place]
-        for place in np.ndindex(load.shape)
-        if load[place] > 0.05 * load.max()
-    }
+    pressed = (load > 0.05 * load.max()).ravel()
+    return {name: g for (name, g), told in zip(_places("gain", gain).items(), pressed, strict=True) if told}
 
 
 def _axes(prefix, values):
     return {f"{prefix}{axis}": float(value) for axis, value in zip("xyz", values, strict=True)}
 
 
+def _places(prefix, values):
+    return {prefix + "".join(f"_{i}" for i in place): float(values[place]) for place in np.ndindex(values.shape)}
+
+
+def _without_force(case, name, start):
+    """(pads, 3, rows, cols) what the hidden effect reads at a time."""
+    still = Episode(start, np.full(1, 0.02), np.full(1, 25.0))
+    shape = case.measured.shape[1:]
+    return case.sensor.effects[name](np.zeros((1, *shape[:2], shape[2] * shape[3])), still)[0].reshape(shape)
+
+
+def _offsets(case, fitted):
+    """Of the first sample, with what has drifted until then; none beside a field, which has a constant of its own."""
+    if "interference" in case.causes:
+        return {}
+    return _places("value", sum(_without_force(case, n, case.time[0]) for n in ("offset", "drift") if n in case.causes))
+
+
+def _amplitudes(case, fitted):
+    """With which a curve of the fitted time constant changes over the recording as the hidden one does."""
+    begin, end = case.time[[0, -1]]
+    change = _without_force(case, "drift", end) - _without_force(case, "drift", begin)
+    return _places("amplitude", change / -np.expm1(-(end - begin) / fitted["tau"][0]))
+
+
 TRUE_PARAMETERS = {
-    "axis_gain": lambda case: _axes("gain_", case.truth["axis_gain"]["gain"]),
+    "axis_gain": lambda case, fitted: _axes("gain_", case.truth["axis_gain"]["gain"]),
     "taxel_gain": _pressed_gains,
-    "axis_coupling": lambda case: {
+    "offset": _offsets,
+    "drift": _amplitudes,
+    "axis_coupling": lambda case, fitted: {
         f"{'xyz'[j]}_to_{'xyz'[i]}": case.truth["axis_coupling"]["matrix"][i, j]
         for i, j in ((0, 2), (1, 2), (2, 0), (2, 1))
     },
-    "rotation": lambda case: _axes("about_", -case.truth["rotation"]["vector"]),  # of the sensor, not of the force
-    "latency": lambda case: {"delay": case.truth["latency"]["delay"]},
-    "saturation": lambda case: {"limit": case.truth["saturation"]["limit"]},
-    "dead_band": lambda case: {"width": case.truth["dead_band"]["width"]},
+    "rotation": lambda case, fitted: _axes(
+        "about_", -case.truth["rotation"]["vector"]
+    ),  # of the sensor, not of the force
+    "latency": lambda case, fitted: {"delay": case.truth["latency"]["delay"]},
+    "saturation": lambda case, fitted: {"limit": case.truth["saturation"]["limit"]},
+    "dead_band": lambda case, fitted: {"width": case.truth["dead_band"]["width"]},
 }
-"""By cause, the true figures of those fitted parameters that are one figure of the hidden effect too."""
+"""By cause, the true figures of those fitted parameters that are one figure of the hidden effect too, of the case and
+the fitted ones."""

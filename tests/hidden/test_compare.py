@@ -54,7 +54,9 @@ def test_a_step_is_read_off_a_ramp():
 @pytest.mark.parametrize("name", sorted(TRUE_PARAMETERS))
 def test_an_interval_counts_where_it_holds_the_truth(name):
     case = hidden(name)
-    known = TRUE_PARAMETERS[name](case)
+    fitted = {"tau": (300.0, None, None)}
+    known = TRUE_PARAMETERS[name](case, fitted)
+    assert known
     right = {key: (value, value - 1e-6, value + 1e-6) for key, value in known.items()}
     wrong = {key: (value, value + 1e-6, value + 1.0) for key, value in known.items()}
     none = {key: (value, None, None) for key, value in known.items()}
@@ -62,7 +64,8 @@ def test_an_interval_counts_where_it_holds_the_truth(name):
     def neutral(x, time, covariates):
         return x
 
-    counts = [compare(name, case, neutral, p) for p in (right, wrong, none, {"else": (0.0, -1.0, 1.0)})]
+    given = (right, wrong, none, {"else": (0.0, -1.0, 1.0)})
+    counts = [compare(name, case, neutral, {**fitted, **parameters}) for parameters in given]
     assert [(c.inside, c.intervals) for c in counts] == [(len(known), len(known)), (0, len(known)), (0, 0), (0, 0)]
 
 
