@@ -19,6 +19,7 @@ register_cause(
         lambda v, p: augment.Stiffening(v[0], v[1]),
         lambda p: [(0.9, 0.6 * p.peak), (0.9, 0.1 * p.peak)],
         simpler=("axis_gain",),
+        ahead=0.03,
         form={"axis_gain": 0.03, "saturation": 0.03, TAXEL_GAIN: 0.03},
         beyond=lambda v, p: abs(v[0] - 1) / 0.008,
         barred=bent_apart,
