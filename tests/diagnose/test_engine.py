@@ -93,6 +93,16 @@ def test_what_may_be_a_tilt_or_a_coupling_is_a_coupling_with_the_tilt_as_its_riv
     assert coupling.rivals_energy["rotation"] < 0.01 * coupling.energy_gain.sum()
 
 
+def test_a_stiffening_that_is_nearly_a_gain_is_one():
+    recording, _ = hidden(seed=310)
+    simulated = recording.simulated.astype(float)
+    change = augment.Stiffening(0.94, 40.0).run(simulated, recording.time) - simulated
+    found = explain(replace(recording, measured=(recording.measured + np.round(change, 2)).astype(np.float32)))
+    (stiffening,) = found.found
+    assert stiffening.name == "stiffening"
+    assert 0.03 < stiffening.rivals_energy["axis_gain"] / stiffening.energy_gain.sum() < 0.08
+
+
 def test_drift_and_offset_run_through_the_pauses_in_the_model():
     recording, case = hidden("drift", "offset", seed=305, strength=0.9)
     explanation = explain(recording)
