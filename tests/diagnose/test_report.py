@@ -24,6 +24,8 @@ from report_pages import check_pictures, pictures_of, recording
 
 CHROME = browser.find()
 
+pytestmark = pytest.mark.timeout(300)  # four diagnoses and five pages are made ahead of the first test
+
 
 @pytest.fixture(scope="module")
 def two():
