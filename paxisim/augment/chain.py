@@ -252,7 +252,10 @@ def _decode(document: Mapping[str, Any]) -> Transform:
 
 def _decode_value(value: Any) -> Any:
     if isinstance(value, dict) and "layout" in value:
-        return TaxelLayout.from_dict(value["layout"])
+        try:
+            return TaxelLayout.from_dict(value["layout"])
+        except InvalidValueError as error:
+            raise InvalidValueError(f"Chain: a member of the JSON lacks or misuses 'layout': {error}") from error
     if isinstance(value, dict) and "number" in value:
         return float(value["number"])
     if isinstance(value, dict):

@@ -317,6 +317,7 @@ def assert_same(ours: Any, theirs: Any) -> None:
         {"name": "a", "type": "Offset", "parameters": {"value": {"dtype": "number", "shape": [1], "data": [1.0]}}},
         {"name": "a", "type": "LowPass", "parameters": {"tau": {"number": "abc"}}},
         {"name": "a", "type": "Poisson", "parameters": {"layout": {"layout": 5}}},
+        {"name": "a", "type": "Poisson", "parameters": {"layout": {"layout": {"rows": 2}}}},
     ],
 )
 def test_json_that_is_no_chain_is_refused(member):
