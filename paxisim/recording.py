@@ -283,6 +283,8 @@ class Recording:
             whole = cls(**vars(found))
         except InvalidValueError as error:
             raise InvalidValueError(f"{path}: {error}") from error
+        if wanted is None and missing == "nan":
+            return whole
         chosen = whole.to_aligned() if wanted is None else whole.to_aligned().choose(wanted)
         return cls(**vars(chosen.known() if missing == "drop" else chosen))
 

@@ -56,18 +56,18 @@ class Aligned:
     def choose(self, pads: tuple[str, ...]) -> Aligned:
         """Only the pads of these names, in this order; the covariate ``resultant`` likewise, where it has a row a pad.
 
+        The recording must have its pads' names, as one that was checked does.
+
         Raises:
             UnknownNameError: There is no such pad.
         """
-        tensor = self.measured if self.measured is not None else self.simulated
-        names = self.pads or tuple(f"pad{i}" for i in range(0 if tensor is None else tensor.shape[1]))
         for name in pads:
-            if name not in names:
-                raise UnknownNameError("pad", name, names)
-        index = [names.index(name) for name in pads]
+            if name not in self.pads:
+                raise UnknownNameError("pad", name, self.pads)
+        index = [self.pads.index(name) for name in pads]
         covariates = dict(self.covariates)
         resultant = covariates.get("resultant")
-        if resultant is not None and resultant.shape[1:] == (len(names), 3):
+        if resultant is not None and resultant.shape[1:] == (len(self.pads), 3):
             covariates["resultant"] = resultant[:, index]
         return replace(
             self,

@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import zipfile
 import zlib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import orjson
+from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
@@ -42,9 +44,7 @@ def write_npz(path: Path, recording: Aligned) -> None:
     """
     arrays = {name: getattr(recording, name) for name in _ARRAYS if getattr(recording, name) is not None}
     arrays |= {schemas.COVARIATE + name: value for name, value in recording.covariates.items()}
-    for name, values in arrays.items():
-        if np.isinf(values).any():  # as an MCAP file and a table
-            raise InvalidValueError(f"{name!r} holds an infinite value, which a file cannot; write NaN for not known")
+    _refuse_infinite(arrays)
     layout = recording.layout
     about = {
         "format": schemas.FORMAT,
@@ -78,9 +78,7 @@ def read_npz(path: Path) -> Aligned:
     if "time" not in arrays or not {"measured", "simulated"} & arrays.keys():
         found = ", ".join(arrays) or "nothing"
         raise InvalidValueError(f"{path} must hold 'time' and 'measured' or 'simulated' (or both), it holds {found}")
-    for name in arrays.keys() - {"about"}:
-        if arrays[name].dtype.kind == "f" and np.isinf(arrays[name]).any():
-            raise InvalidValueError(f"{path}: {name!r} holds an infinite value; NaN stands for what is not known")
+    _refuse_infinite(arrays, f"{path}: ")
     return Aligned(
         **{name: arrays[name] for name in _ARRAYS if name in arrays},
         covariates={
@@ -92,14 +90,20 @@ def read_npz(path: Path) -> Aligned:
     )
 
 
+def _refuse_infinite(arrays: Mapping[str, NDArray[Any]], where: str = "") -> None:
+    for name, values in arrays.items():
+        if values.dtype.kind == "f" and np.isinf(values).any():  # as an MCAP file and a table
+            raise InvalidValueError(
+                f"{where}{name!r} holds an infinite value, which a file cannot; write NaN for not known"
+            )
+
+
 def _described(path: Path, about: Any) -> dict[str, Any]:
     """What the text of an archive says: layout, pads and metadata."""
-    wrong = InvalidValueError(f"{path}: 'about' must be a JSON object with a list 'pads' and an object 'metadata'")
-    if not isinstance(about, dict):
-        raise wrong
-    layout, pads, metadata = about.get("layout"), about.get("pads", []), about.get("metadata", {})
+    given = {"layout": None, "pads": [], "metadata": {}, **about} if isinstance(about, dict) else {}
+    layout, pads, metadata = given.get("layout"), given.get("pads"), given.get("metadata")
     if not (isinstance(pads, list) and isinstance(metadata, dict)):
-        raise wrong
+        raise InvalidValueError(f"{path}: 'about' must be a JSON object with a list 'pads' and an object 'metadata'")
     try:
         layout = None if layout is None else TaxelLayout.from_dict(layout)
     except InvalidValueError as error:

@@ -85,6 +85,13 @@ def headroom_share(case, before, after):
     return float((before**2 - after**2) / room) if room > LITTLE * floor else None
 
 
+def _read(case, name, x, opening, start):
+    """What a hidden effect makes of `x` (T, pads, 3, rows, cols) at 500 Hz."""
+    gap = np.broadcast_to(np.asarray(opening, dtype=float), (len(x),))
+    episode = Episode(start, gap, np.full(len(x), 25.0))
+    return case.sensor.effects[name](x.reshape(*x.shape[:3], -1), episode).reshape(x.shape)
+
+
 class _Bench:
     """The hidden effect and the fitted one, to put the same forces on."""
 
@@ -95,9 +102,7 @@ class _Bench:
 
     def true(self, x, opening=0.02, start=None):
         """What the hidden effect makes of `x` (T, pads, 3, rows, cols) at 500 Hz."""
-        gap = np.broadcast_to(np.asarray(opening, dtype=float), (len(x),))
-        episode = Episode(self.start if start is None else start, gap, np.full(len(x), 25.0))
-        return self.case.sensor.effects[self._name](x.reshape(*x.shape[:3], -1), episode).reshape(x.shape)
+        return _read(self.case, self._name, x, opening, self.start if start is None else start)
 
     def fitted(self, x, opening=0.02, time=None):
         """What the fitted effect makes of it."""
@@ -295,9 +300,7 @@ def _places(prefix, values):
 
 def _without_force(case, name, start):
     """(pads, 3, rows, cols) what the hidden effect reads at a time."""
-    still = Episode(start, np.full(1, 0.02), np.full(1, 25.0))
-    shape = case.measured.shape[1:]
-    return case.sensor.effects[name](np.zeros((1, *shape[:2], shape[2] * shape[3])), still)[0].reshape(shape)
+    return _read(case, name, np.zeros((1, *case.measured.shape[1:])), 0.02, start)[0]
 
 
 def _offsets(case, fitted):
@@ -323,9 +326,8 @@ TRUE_PARAMETERS = {
         f"{'xyz'[j]}_to_{'xyz'[i]}": case.truth["axis_coupling"]["matrix"][i, j]
         for i, j in ((0, 2), (1, 2), (2, 0), (2, 1))
     },
-    "rotation": lambda case, fitted: _axes(
-        "about_", -case.truth["rotation"]["vector"]
-    ),  # of the sensor, not of the force
+    # of the sensor, not of the force
+    "rotation": lambda case, fitted: _axes("about_", -case.truth["rotation"]["vector"]),
     "latency": lambda case, fitted: {"delay": case.truth["latency"]["delay"]},
     "saturation": lambda case, fitted: {"limit": case.truth["saturation"]["limit"]},
     "dead_band": lambda case, fitted: {"width": case.truth["dead_band"]["width"]},
