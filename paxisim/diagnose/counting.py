@@ -13,6 +13,10 @@ from paxisim.diagnose.blocks import in_blocks
 from paxisim.diagnose.noise import FloatArray
 
 NO_RIPPLE = 1e-5  # of a step: what noise leaves of rounding is not computed below it
+STEEP = 0.25  # of a step: with less noise two harmonics do not make the staircase
+LEAST_NOISE = 0.02  # of a step
+BEYOND = 5.0  # times the noise from an edge, where none of it leaves the step
+UNSURE = 0.02  # of a force: by how much calibration and the contact's place leave it unknown, which smears its steps
 REACH = 7.0  # times the noise: beyond it none of it changes the sign of a force
 
 
@@ -62,9 +66,9 @@ class Counting:
         """The variance (N^2) of a reading about what `read` says of its force, the mean of forces within a step."""
         if self.step == 0:
             return self.dither**2
-        first, second = self._ripple
-        said = (self.step / np.pi) ** 2 * (first**2 / 2 + second**2 / 8)
-        return self.dither**2 + self.step**2 / 12 - said
+        order = np.arange(1, 13)
+        harmonics = np.exp(-4 * (np.pi * order * self.dither / self.step) ** 2) / order**2
+        return self.dither**2 + self.step**2 * (1 / 12 - float(harmonics.sum()) / (2 * np.pi**2))
 
     def slope(self, force: FloatArray) -> FloatArray:
         """By how much what is read of `force` changes with it; only where `reads_all` is False."""
@@ -87,7 +91,7 @@ class Counting:
 
     @property
     def _ripples(self) -> bool:
-        return self.step > 0 and self._ripple[0] > NO_RIPPLE
+        return self.step > 0 and np.exp(-2 * (np.pi * self.dither / self.step) ** 2) > NO_RIPPLE
 
     def _cut_off(self, force: FloatArray) -> FloatArray:
         """What the readings below 0 that are read as 0 add to the mean."""
@@ -110,22 +114,25 @@ class Counting:
             table = self.dither * (bell + below * ndtr(below))
         return table, 4000 / (2 * REACH * self.dither)
 
-    @property
-    def _ripple(self) -> tuple[float, float]:
-        """What noise leaves of the first two harmonics of rounding."""
-        spread = (np.pi * self.dither / self.step) ** 2
-        return float(np.exp(-2 * spread)), float(np.exp(-8 * spread))
-
     def _rounding(self, force: FloatArray) -> FloatArray:
         """What rounding takes from the mean; 7 digits of it are enough."""
-        first, second = self._ripple
         turns = force / self.step
-        turns -= np.rint(turns)
-        angle = (2 * np.pi * turns).astype(np.float32)
-        ripple = np.sin(angle)
-        if second > NO_RIPPLE:
-            ripple *= np.float32(first) - np.float32(second) * np.cos(angle)
-        else:
-            ripple *= np.float32(first)
-        ripple *= np.float32(self.step / np.pi)
+        width = np.hypot(max(self.dither / self.step, LEAST_NOISE), UNSURE * turns).astype(np.float32)
+        turns = (turns - np.rint(turns)).astype(np.float32)
+        angle, spread = np.float32(2 * np.pi) * turns, np.float32(np.pi**2) * width**2
+        ripple = np.sin(angle) * (np.exp(-2 * spread) - np.exp(-8 * spread) * np.cos(angle)) / np.float32(np.pi)
+        near = width < STEEP
+        if near.any():
+            ripple[near] = _staircase(turns[near], width[near])
+        ripple *= np.float32(self.step)
         return ripple
+
+
+def _staircase(turns: FloatArray, width: FloatArray) -> FloatArray:
+    """What rounding takes from turns of -0.5 to 0.5 whose noise is less than `STEEP`, in steps."""
+    taken, far = turns.copy(), np.abs(turns)
+    at_edge = far > 0.5 - BEYOND * width
+    own, noise = turns[at_edge], width[at_edge]
+    half = np.float32(0.5)
+    taken[at_edge] += ndtr((-own - half) / noise) - ndtr((own - half) / noise)
+    return taken

@@ -1,60 +1,63 @@
-"""Dither: the noise of a sensor ahead of its steps, from how its counts change while nothing is pressed."""
+"""Dither: the noise of a sensor ahead of its steps, from how its counts change while nothing moves."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import logsumexp
-from scipy.stats import norm
+from scipy.ndimage import maximum_filter1d
+from scipy.special import ndtr
 
 from paxisim.diagnose.noise import FloatArray
 
 LEAST = 5  # samples of an episode
-SMOOTH = 0.6  # of a step: with more noise the spread of the counts tells it
-NOISES = np.geomspace(0.15, 0.8, 25)  # steps; with less the reading hardly differs
-SPREADS = np.array([0.02, 0.1, 0.2, 0.4, 0.8, 1.6, 6.4])  # steps, of the zeros of the channels
-MEMORY = 1.5  # times the noise before a contact: what is more after it is not noise
-FAR = 3  # counts from the commonest one, that are told apart
+SMOOTH = 0.6  # of a step: with more noise the spread of the counts at rest tells it
+HELD = 0.3  # s without a move, after which a slow sensor has settled
+APART = 0.15  # s between the counts that are compared, so that some of slow noise shows, too
+STILL = 0.1  # of a step, by which a held force may move in that time
+MOVING = 0.2  # of a step, by which it may where too few are held
+FEWEST = 300  # counts compared
+UNTOLD = 0.15  # of a step: the least that is taken for the noise where hardly a force of more than a step is held
+NOISES = np.geomspace(0.01, 1.0, 60)  # of a step
 
 
 def dither_of(
     measured: FloatArray,
+    simulated: FloatArray,
     at_rest: NDArray[np.bool_],
     untouched: NDArray[np.bool_],
     episodes: tuple[slice, ...],
+    interval: float,
     step: float,
     alive: NDArray[np.bool_],
 ) -> float:
-    """The noise before rounding (N), from the shear that is read where nothing is pressed.
+    """The noise before rounding (N).
 
-    Where it is small against a step, it shows in how often a channel leaves its commonest count, as does a zero near
-    the edge of a step. The two are told apart by all channels together: the noise is the likeliest one, with zeros
-    that are normally distributed about 0 in each episode.
+    Without a step, or with a small one, it is the spread of the shear that is read where nothing is pressed. Against a
+    large step it hardly shows there: no reading leaves its count but those whose zero is near an edge. Pressed taxels
+    are as likely to be near one as not, and then two readings of a force that moves by d differ by as many steps, on
+    average, as d and the noise of both together are.
 
     Args:
         measured: ``(T, pads, 3, rows, cols)`` newtons.
+        simulated: The same, from which is taken where taxels are pressed and how fast that changes.
         at_rest: ``(T,)`` where nothing is pressed.
         untouched: ``(T,)`` where nothing has been pressed in the episode so far: no memory of a load is there.
         episodes: Their samples.
+        interval: Usual seconds between two samples.
         step: N, of the sensor; 0 where it has none.
         alive: ``(pads, 3, rows, cols)`` channels that take part.
     """
     resting = _shear(measured, at_rest, episodes, alive)
     before = _shear(measured, untouched, episodes, alive) or resting
-    if not resting:
-        return 0.0
-    if step == 0 or _spread(before) > SMOOTH * step:  # all of it: noise that is slow shows in long spans only
+    if resting and (step == 0 or _spread(before) > SMOOTH * step):  # all: slow noise shows in long spans only
         return float(np.sqrt(max(_spread(resting) ** 2 - step**2 / 12, 0.0)))
-    noise, longer = _before_rounding(before, step), _before_rounding(resting, step)
-    return longer if longer < MEMORY * noise else noise  # slow noise shows in long spans only, but so does a memory
-
-
-def _before_rounding(parts: list[FloatArray], step: float) -> float:
-    counts = [np.round(part / step) for part in parts]
-    commonest = np.array([np.median(c, axis=0) for c in counts])
-    far = [np.clip(c - own, -FAR, FAR) for c, own in zip(counts, commonest, strict=True)]
-    seen = np.array([[(f == level).sum(axis=0) for f in far] for level in range(-FAR, FAR + 1)], dtype=float)
-    return step * _likeliest(seen.reshape(2 * FAR + 1, -1).T, commonest.ravel())
+    if step == 0:
+        return 0.0
+    held = _under_load(measured, simulated, episodes, interval, step, alive)
+    if held is not None:
+        return held
+    shown = _spread(before) ** 2 - step**2 / 12 if resting else 0.0
+    return float(np.sqrt(max(shown, (UNTOLD * step) ** 2)))
 
 
 def _shear(
@@ -68,15 +71,36 @@ def _spread(parts: list[FloatArray]) -> float:
     return float(np.median([part.std(axis=0) for part in parts]))
 
 
-def _likeliest(seen: FloatArray, commonest: FloatArray) -> float:
-    """Noise in steps, from ``(channels, 2 * FAR + 1)`` how often each count about the commonest was seen."""
-    zero = np.linspace(-0.5, 0.5, 41)
-    edges = np.r_[-np.inf, np.arange(-FAR, FAR) + 0.5, np.inf]
-    below = norm.cdf((edges - zero[:, None]) / NOISES[:, None, None])  # (noises, zeros, edges)
-    chance = np.log(np.maximum(np.diff(below, axis=-1), 1e-12))
-    fits = np.einsum("cl,nzl->cnz", seen, chance)
-    best = np.full(len(NOISES), -np.inf)
-    for spread in SPREADS:
-        prior = norm.logpdf(commonest[:, None] + zero, scale=spread)
-        best = np.maximum(best, np.sum(logsumexp(fits + prior[:, None, :], axis=-1), axis=0))
-    return float(NOISES[best.argmax()])
+def _under_load(
+    measured: FloatArray,
+    simulated: FloatArray,
+    episodes: tuple[slice, ...],
+    interval: float,
+    step: float,
+    alive: NDArray[np.bool_],
+) -> float | None:
+    """The noise (N) with which held forces of more than a step are read as they are, if there are such."""
+    apart, window = (max(1, round(seconds / interval)) for seconds in (APART, HELD + APART))
+    counted, moved, fastest = [], [], []
+    for span in episodes:
+        force, count = simulated[span] / step, np.rint(measured[span] / step)
+        change = apart * np.abs(np.diff(force, axis=0, prepend=force[:1]))
+        fast = maximum_filter1d(change, window + 1, axis=0, origin=window // 2)[apart:]  # of the time up to a sample
+        pressed = (np.minimum(np.abs(force[apart:]), np.abs(force[:-apart])) > 1) & (fast < MOVING) & alive
+        counted.append(np.abs(count[apart:] - count[:-apart])[pressed])
+        moved.append(np.abs(force[apart:] - force[:-apart])[pressed])
+        fastest.append(fast[pressed])
+    differ, move, fast = (np.concatenate(parts) for parts in (counted, moved, fastest))
+    if len(fast) < FEWEST:
+        return None
+    taken = fast <= max(STILL, float(np.partition(fast, FEWEST - 1)[FEWEST - 1]))
+    number, edges = np.histogram(move[taken], bins=100)
+    expected = [number @ _mean_difference((edges[1:] + edges[:-1]) / 2, noise) for noise in NOISES]
+    return step * float(np.interp(differ[taken].sum(), expected, NOISES))
+
+
+def _mean_difference(move: FloatArray, noise: float) -> FloatArray:
+    """The mean size of `move` and the difference of two readings with `noise`, all in steps."""
+    both = np.sqrt(2) * noise
+    density = np.exp(-0.5 * (move / both) ** 2) / np.sqrt(2 * np.pi)
+    return np.asarray(2 * both * density + move * (1 - 2 * ndtr(-move / both)))

@@ -27,6 +27,7 @@ from paxisim.diagnose.under_load import tells_under_load
 LEVEL = 0.9
 _LEVELS, _PER_OCTAVE = 64, 8  # of force, down from the peak
 _LEAST_REST = 5  # frames of an episode at rest
+_NOISES = (0.6, 1.0, 1.5)  # of the usual noise, that channels may have
 _FINER = 4  # times the frames, to see what straight lines between them do
 _STEP = 0.1  # of a parameter's scale, to see what it does
 
@@ -328,4 +329,9 @@ def _zero_spread(found: Explanation, name: str) -> FloatArray | None:
     typical = np.median(variance, axis=(2, 3), keepdims=True)  # a few episodes tell a variance badly, taxels are alike
     reach = np.sqrt(np.maximum(variance, typical)) * student.ppf(0.5 + LEVEL / 2, degrees)
     middle = problem.read(np.mean(problem.zero, axis=0, keepdims=True))[0] if np.ndim(problem.zero) else 0.0 * reach
-    return (problem.counting.unread(middle + reach) - problem.counting.unread(middle - reach)) / 2
+    counting = problem.counting
+    ends = []
+    for share in _NOISES:  # a channel's own, which tells how far its zero is from the edge of a step
+        own = replace(counting, dither=share * counting.dither)
+        ends += [own.unread(middle - reach), own.unread(middle + reach)]
+    return np.ptp(ends, axis=0) / 2

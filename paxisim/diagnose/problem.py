@@ -340,7 +340,10 @@ def with_noise(problem: Problem, tolerance: Tolerance) -> Problem:
     noise = noise_of(problem.measured, problem.simulated, problem.episodes, step, alive)
     allowed = tolerated(problem.simulated, problem.time, problem.episodes, tolerance)
     if alive[:, :2].any():
-        dither = dither_of(problem.measured, problem.at_rest, problem.untouched, problem.episodes, step, alive)
+        dither = dither_of(
+            problem.measured, problem.simulated, problem.at_rest, problem.untouched,
+            problem.episodes, problem.interval, step, alive,
+        )  # fmt: skip
     else:  # no shear is measured
         dither = float(np.sqrt(max(np.median(noise[alive]) ** 2 - step**2 / 12, 0.0))) if alive.any() else 0.0
     counted = np.sqrt(step**2 / 12 + dither**2)

@@ -75,13 +75,19 @@ def tangent_of(problem: Problem, causes: Sequence[Cause], x: FloatArray, predict
     problem = whole.compared
     probes = [(item, values) for item in causes if item.probes is not None for values in item.probes(problem)]
     effects = np.empty((len(probes), *problem.measured.shape))
+    prediction = whole.at_compared(prediction)
+    was_read = problem.read(prediction)
+
+    def read(change: FloatArray) -> FloatArray:
+        return change if problem.counting.reads_all else problem.read(prediction + change) - was_read
+
     for row, (item, values) in enumerate(probes):
-        effects[row] = problem.weigh(whole.at_compared(whole.run(item.make(values, whole), x) - x))
+        effects[row] = problem.weigh(read(whole.at_compared(whole.run(item.make(values, whole), x) - x)))
     x = whole.at_compared(x)
-    residual = problem.residual(whole.at_compared(prediction))
+    residual = problem.residual(prediction)
     with_gains = any(item.name == TAXEL_GAIN for item in causes)
     taxels = x.shape[1] * x.shape[3] * x.shape[4] if with_gains else 0
-    loads = problem.weigh(x)
+    loads = problem.weigh(read(0.1 * x) / 0.1)
     shared, size = len(effects), len(effects) + taxels
     products = np.zeros((len(problem.episodes), size, size))
     projections = np.zeros((len(problem.episodes), size))

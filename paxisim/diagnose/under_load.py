@@ -15,6 +15,8 @@ from paxisim.diagnose.problem import FloatArray, Problem
 from paxisim.diagnose.sums import Sums
 
 TURNS = 4  # of Gauss-Newton
+CHORD = 0.2  # of a step, on both sides of a force, at most: what is read beyond it says nothing of what lies there
+BETWEEN = 0.02  # of a step from a whole count; a mean that is nearer to one says nothing more
 FARTHEST = 0.3  # of a step, that a value moves in one of them
 PRIOR = 1.0  # 1/N^2, that draws each value to 0
 SMALL, LARGEST = 0.5, 0.99  # a force up to that share of a channel's largest, which is that quantile, is small
@@ -68,27 +70,45 @@ def under_load(
     every = np.ones(len(problem.time), dtype=bool)
     if begin is None:  # whole counts show without a load
         left = problem.measured - problem.read(prediction)
-        begin = Sums(problem, left, curves, quiet_frames(problem)).values(PRIOR)
-    values = begin
+        begin = _ahead_of_steps(problem, Sums(problem, left, curves, quiet_frames(problem)).values(PRIOR))
     farthest = FARTHEST * _hidden_by(problem)
 
     def zero(values: FloatArray) -> FloatArray:
         return np.einsum("ci,it->tc", values, basis).reshape(-1, *shape)
 
-    others = values
+    values = begin
+    weight = problem.weight**2
+    best = others = values
+    least, change = np.full(len(values), np.inf), np.zeros_like(values)
     for _ in range(TURNS):
         miss, slope = at_edges(problem, prediction + zero(values))
+        left = np.einsum("t...,t...->...", weight, miss**2).ravel()
         sums = Sums(problem, miss, curves, every, slope)
-        others = values + np.clip(sums.values_of_others(PRIOR), -farthest, farthest)
-        values = values + np.clip(sums.values(PRIOR), -farthest, farthest)
+        better = (left < least)[:, None]
+        others = np.where(better, values + np.clip(sums.values_of_others(PRIOR), -farthest, farthest), others)
+        change = np.where(better, np.clip(sums.values(PRIOR), -farthest, farthest), change / 2)  # or it went too far
+        best, least = np.where(better, values, best), np.minimum(least, left)
+        values = best + change
     gain = np.empty(len(problem.episodes))
-    weight = problem.weight**2
     before = problem.measured - problem.read(prediction)
     for number, span in enumerate(problem.episodes):
         own = np.einsum("ci,it->tc", others[number], basis[:, span]).reshape(-1, *shape)
         after = problem.measured[span] - problem.read(prediction[span] + own)
         gain[number] = np.sum(weight[span] * (before[span] ** 2 - after**2))
-    return UnderLoad(values, zero(values), gain)
+    return UnderLoad(best, zero(best), gain)
+
+
+def _ahead_of_steps(problem: Problem, reading: FloatArray) -> FloatArray:
+    """The zeros ``(channels, 1)`` behind the mean readings at rest of shear that changes between two counts.
+
+    A normal reading is cut off below 0, where many zeros are read alike.
+    """
+    if problem.step == 0 or problem.gate is not None:
+        return reading
+    reading = reading.reshape(problem.alive.shape)
+    between = np.abs(reading / problem.step - np.rint(reading / problem.step)) > BETWEEN
+    between[:, 2] = False
+    return np.where(between, problem.counting.unread(reading), reading).reshape(-1, 1)
 
 
 def at_other_loads(problem: Problem, prediction: FloatArray) -> float:
@@ -126,6 +146,8 @@ def quiet_frames(problem: Problem) -> NDArray[np.bool_]:
 
 def at_edges(problem: Problem, force: FloatArray) -> tuple[FloatArray, FloatArray]:
     """``(T, pads, 3, rows, cols)`` what is read beside `force` (N), and by how much its mean reading moves with it."""
-    small = 0.2 * _hidden_by(problem)
+    small = CHORD * _hidden_by(problem)
+    if problem.gate is None:
+        small = min(small, max(1.5 * problem.dither, 0.05 * problem.step))
     slope = (problem.read(force + small) - problem.read(force - small)) / (2 * small)
     return problem.measured - problem.read(force), slope

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from paxisim.diagnose.cause import FORM, Cause, Values
+from paxisim.diagnose.cause import FORM, TAXEL_GAIN, Cause, Values
 from paxisim.diagnose.displaced import beyond_tolerated
 from paxisim.diagnose.fits import Fits
 from paxisim.diagnose.fitting import Fit
@@ -87,6 +87,8 @@ class Worth:
             return False  # they also fit contacts beside their places
         if alone and item.mistaken >= FORM and not self._is_own(fewer, more, item, least, int(gain.argmax())):
             return False
+        if not self._is_not_gains(fewer, item, least):
+            return False
         if self.is_consistent(more, fewer, max(least, self.misfit(fewer, name, more))):
             return True
         return self.is_consistent(more, fewer, least) and self.told_beside_absorbers(fewer, name)
@@ -124,6 +126,14 @@ class Worth:
         judged = float(gain[list(numbers)].sum())
         enough = min(UNLIKE_TOLERATED * max(least, judged), CLEARLY_UNLIKE * least)
         return own + float(gain.sum()) - judged > enough
+
+    def _is_not_gains(self, fewer: Fit, item: Cause, least: float) -> bool:
+        """Whether a field brings enough beside gains of taxels, where steps make much of those that are tolerated."""
+        coarse = self._problem.dither < COARSE * self._problem.step
+        if not (coarse and item.covariate) or TAXEL_GAIN in fewer.values or TAXEL_GAIN not in self._by_name:
+            return True
+        gains = self._fits.of([*fewer.values, TAXEL_GAIN], fewer)
+        return self.is_consistent(self._fits.of([*gains.values, item.name], gains), gains, least)
 
     def told_beside_absorbers(self, fewer: Fit, name: str, among: str = "") -> bool:
         """Whether a cause brings enough where others, `among` them, take up what the form of one of a fit's misses."""

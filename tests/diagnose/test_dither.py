@@ -3,22 +3,33 @@
 import numpy as np
 import pytest
 
-from paxisim.diagnose.dither import dither_of
+from paxisim.diagnose.dither import UNTOLD, dither_of
 
-EPISODES, FRAMES, STEP = 10, 80, 0.1
+EPISODES, FRAMES, STEP, INTERVAL = 10, 80, 0.1, 0.02
 SIZE = (2, 3, 4, 3)
 SPANS = tuple(slice(k * FRAMES, (k + 1) * FRAMES) for k in range(EPISODES))
-UNTOUCHED = np.tile(np.arange(FRAMES) < FRAMES // 2, EPISODES)
+UNTOUCHED = np.tile(np.arange(FRAMES) < FRAMES // 4, EPISODES)
+AT_REST = np.tile((np.arange(FRAMES) < FRAMES // 4) | (np.arange(FRAMES) >= 3 * FRAMES // 4), EPISODES)
 ALIVE = np.ones(SIZE, dtype=bool)
-EVERY = np.ones(EPISODES * FRAMES, dtype=bool)
+
+
+def held(rng, largest=8 * STEP, slope=0.0):
+    """``(T, *SIZE)`` forces that are taken up at once, held, growing by `slope` a second, and let go."""
+    level = (
+        rng.uniform(-largest, largest, (EPISODES, 1, *SIZE))
+        + slope * np.linspace(0, FRAMES * INTERVAL, FRAMES)[:, None, None, None, None]
+    )
+    return np.where(AT_REST[:, None, None, None, None], 0.0, level.reshape(-1, *SIZE))
 
 
 def zeros(kind, rng):
     """``(T, *SIZE)`` what is read without a force, before rounding."""
     time = np.repeat(np.linspace(0, 1, EPISODES), FRAMES)[:, None, None, None, None]
-    return {"right": 0.0, "offset": 2 * STEP, "small offset": 0.3 * STEP, "drift": 2 * STEP * time}[
-        kind
-    ] * rng.standard_normal(SIZE) + 0 * time
+    edges = 0.5 * STEP * rng.choice([-1, 1], SIZE) + 0 * time
+    if kind == "at the edges":
+        return edges
+    size = {"right": 0.0, "offset": 2 * STEP, "small offset": 0.3 * STEP, "drift": 2 * STEP * time}[kind]
+    return size * rng.standard_normal(SIZE) + 0 * time
 
 
 def counts(force, noise, rng):
@@ -26,32 +37,54 @@ def counts(force, noise, rng):
     return np.round((force + own * rng.standard_normal(force.shape)) / STEP) * STEP
 
 
-@pytest.mark.parametrize("kind", ["right", "offset", "small offset", "drift"])
-@pytest.mark.parametrize("share", [0.18, 0.25, 0.4, 0.7])
+def found(measured, simulated, at_rest=AT_REST, untouched=UNTOUCHED, step=STEP):
+    return dither_of(measured, simulated, at_rest, untouched, SPANS, INTERVAL, step, ALIVE)
+
+
+@pytest.mark.parametrize("kind", ["right", "offset", "small offset", "drift", "at the edges"])
+@pytest.mark.parametrize("share", [0.02, 0.05, 0.18, 0.4, 0.7])
 def test_zeros_are_not_taken_for_noise(kind, share):
     rng = np.random.default_rng(7)
-    measured = counts(zeros(kind, rng), share * STEP, rng)
-    dither = dither_of(measured, EVERY, UNTOUCHED, SPANS, STEP, ALIVE)
-    assert dither == pytest.approx(share * STEP, rel=0.3)
+    force = held(rng)
+    measured = counts(force + zeros(kind, rng), share * STEP, rng)
+    assert found(measured, force) == pytest.approx(share * STEP, rel=0.3)
 
 
-def test_noise_that_reaches_no_count_is_said_to_be_small():
+def test_a_force_that_moves_faster_than_simulated_is_not_taken_for_noise():
+    rng = np.random.default_rng(8)
+    slowly, fast = held(rng, slope=0.5 * STEP), held(rng, slope=5 * STEP)
+    assert found(counts(1.1 * slowly, 0.1 * STEP, rng), slowly) == pytest.approx(0.1 * STEP, rel=0.3)
+    assert found(counts(1.1 * fast, 0.1 * STEP, rng), fast) == UNTOLD * STEP
+
+
+def test_a_slow_sensor_is_given_time_to_settle():
+    rng = np.random.default_rng(9)
+    force = held(rng)
+    since = np.tile(np.arange(FRAMES) - FRAMES // 4, EPISODES)[:, None, None, None, None] * INTERVAL
+    slow = np.where(force != 0, force * -np.expm1(-np.maximum(since, 0) / 0.06), 0.0)
+    assert found(counts(slow, 0.05 * STEP, rng), force) == pytest.approx(0.05 * STEP, rel=0.3)
+
+
+def test_noise_is_a_guess_where_hardly_a_force_passes_a_step():
     rng = np.random.default_rng(1)
-    assert dither_of(counts(zeros("right", rng), 0.05 * STEP, rng), EVERY, UNTOUCHED, SPANS, STEP, ALIVE) <= 0.15 * STEP
+    force = held(rng, largest=0.9 * STEP)
+    assert found(counts(force, 0.05 * STEP, rng), force) == UNTOLD * STEP
 
 
 def test_what_a_press_leaves_behind_is_not_noise():
     rng = np.random.default_rng(3)
-    tail = np.where(UNTOUCHED, 0.0, np.exp(-np.tile(np.arange(FRAMES) - FRAMES / 2, EPISODES) / 20))
-    measured = counts(4 * STEP * tail[:, None, None, None, None] + zeros("right", rng), 0.3 * STEP, rng)
-    assert dither_of(measured, EVERY, UNTOUCHED, SPANS, STEP, ALIVE) == pytest.approx(0.3 * STEP, rel=0.2)
-    # without samples before a press it has to do
-    assert dither_of(measured, EVERY, ~EVERY, SPANS, STEP, ALIVE) > 0.3 * STEP
+    tail = np.where(AT_REST & ~UNTOUCHED, np.exp(-np.tile(np.arange(FRAMES) - 3 * FRAMES / 4, EPISODES) / 10), 0.0)
+    force = held(rng)
+    measured = counts(force + 4 * STEP * tail[:, None, None, None, None], 0.3 * STEP, rng)
+    assert found(measured, force) == pytest.approx(0.3 * STEP, rel=0.2)
 
 
 def test_a_sensor_without_steps_and_one_that_is_always_pressed():
     rng = np.random.default_rng(5)
     measured = 0.02 * rng.standard_normal((EPISODES * FRAMES, *SIZE))
-    assert dither_of(measured, EVERY, UNTOUCHED, SPANS, 0.0, ALIVE) == pytest.approx(0.02, rel=0.05)
-    assert dither_of(0 * measured, EVERY, UNTOUCHED, SPANS, 0.0, ALIVE) == 0.0
-    assert dither_of(measured, ~EVERY, ~EVERY, SPANS, 0.0, ALIVE) == 0.0
+    never = np.zeros_like(AT_REST)
+    assert found(measured, 0 * measured, step=0.0) == pytest.approx(0.02, rel=0.05)
+    assert found(0 * measured, 0 * measured, step=0.0) == 0.0
+    assert found(measured, 0 * measured, never, never, step=0.0) == 0.0
+    force = held(rng)
+    assert found(counts(force, 0.1 * STEP, rng), force, never, never) == pytest.approx(0.1 * STEP, rel=0.2)
