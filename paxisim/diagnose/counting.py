@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from paxisim.augment.dead_band import DeadBand
@@ -24,7 +25,8 @@ REACH = 7.0  # times the noise: beyond it none of it changes the sign of a force
 class Counting:
     """What a sensor reads of a force on average, given its noise.
 
-    The mean of a rounded value is a staircase that noise makes smooth; its first two harmonics are taken.
+    The mean of a rounded value is a staircase that noise makes smooth, as does what is not known of the force. Where it
+    is smooth, its first two harmonics are taken.
 
     Attributes:
         step: Newtons a count, 0 if it does not count.
@@ -114,25 +116,26 @@ class Counting:
             table = self.dither * (bell + below * ndtr(below))
         return table, 4000 / (2 * REACH * self.dither)
 
-    def _rounding(self, force: FloatArray) -> FloatArray:
+    def _rounding(self, force: FloatArray) -> NDArray[np.float32]:
         """What rounding takes from the mean; 7 digits of it are enough."""
-        turns = force / self.step
-        width = np.hypot(max(self.dither / self.step, LEAST_NOISE), UNSURE * turns).astype(np.float32)
-        turns = (turns - np.rint(turns)).astype(np.float32)
-        angle, spread = np.float32(2 * np.pi) * turns, np.float32(np.pi**2) * width**2
-        ripple = np.sin(angle) * (np.exp(-2 * spread) - np.exp(-8 * spread) * np.cos(angle)) / np.float32(np.pi)
-        near = width < STEEP
-        if near.any():
-            ripple[near] = _staircase(turns[near], width[near])
-        ripple *= np.float32(self.step)
-        return ripple
+        least = max(self.dither / self.step, LEAST_NOISE)
+        turns = (force / self.step).astype(np.float32)
+        variance = np.float32(least**2) + (np.float32(UNSURE) * turns) ** 2
+        turns = turns - np.rint(turns)
+        first = np.exp(np.float32(-2 * np.pi**2) * variance)  # what noise leaves of the first harmonic; of the second:
+        second = first**2 * first**2
+        angle = np.float32(2 * np.pi) * turns
+        ripple = np.sin(angle) * (first - second * np.cos(angle)) / np.float32(np.pi)
+        if least < STEEP:
+            steep = variance < STEEP**2
+            ripple[steep] = _staircase(turns[steep], np.sqrt(variance[steep]))
+        return ripple * np.float32(self.step)
 
 
-def _staircase(turns: FloatArray, width: FloatArray) -> FloatArray:
+def _staircase(turns: NDArray[np.float32], width: NDArray[np.float32]) -> NDArray[np.float32]:
     """What rounding takes from turns of -0.5 to 0.5 whose noise is less than `STEEP`, in steps."""
-    taken, far = turns.copy(), np.abs(turns)
-    at_edge = far > 0.5 - BEYOND * width
-    own, noise = turns[at_edge], width[at_edge]
-    half = np.float32(0.5)
+    taken = turns.copy()
+    at_edge = np.abs(turns) > 0.5 - BEYOND * width
+    own, noise, half = turns[at_edge], width[at_edge], np.float32(0.5)
     taken[at_edge] += ndtr((-own - half) / noise) - ndtr((own - half) / noise)
     return taken

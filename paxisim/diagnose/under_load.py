@@ -76,9 +76,10 @@ def under_load(
     def zero(values: FloatArray) -> FloatArray:
         return np.einsum("ci,it->tc", values, basis).reshape(-1, *shape)
 
-    values = begin
     weight = problem.weight**2
-    best = others = values
+    values: FloatArray = begin
+    best: FloatArray = begin
+    others: FloatArray = begin
     least, change = np.full(len(values), np.inf), np.zeros_like(values)
     for _ in range(TURNS):
         miss, slope = at_edges(problem, prediction + zero(values))
