@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
-from scipy.special import ndtr
+from scipy.special import ndtr, ndtri
 
 from paxisim.diagnose.noise import FloatArray
 
@@ -16,7 +16,7 @@ APART = 0.15  # s between the counts that are compared, so that some of slow noi
 STILL = 0.1  # of a step, by which a held force may move in that time
 MOVING = 0.2  # of a step, by which it may where too few are held
 FEWEST = 300  # counts compared
-UNTOLD = 0.15  # of a step: the least that is taken for the noise where hardly a force of more than a step is held
+UNTOLD = 0.15  # of a step: noise that may not show at rest at all
 NOISES = np.geomspace(0.01, 1.0, 60)  # of a step
 
 
@@ -35,7 +35,7 @@ def dither_of(
     Without a step, or with a small one, it is the spread of the shear that is read where nothing is pressed. Against a
     large step it hardly shows there: no reading leaves its count but those whose zero is near an edge. Pressed taxels
     are as likely to be near one as not, and then two readings of a force that moves by d differ by as many steps, on
-    average, as d and the noise of both together are.
+    average, as d and the noise of both together are. It is not more than would show at rest in any case.
 
     Args:
         measured: ``(T, pads, 3, rows, cols)`` newtons.
@@ -54,10 +54,11 @@ def dither_of(
     if step == 0:
         return 0.0
     held = _under_load(measured, simulated, episodes, interval, step, alive)
-    if held is not None:
-        return held
-    shown = _spread(before) ** 2 - step**2 / 12 if resting else 0.0
-    return float(np.sqrt(max(shown, (UNTOLD * step) ** 2)))
+    if not resting:
+        return UNTOLD * step if held is None else held
+    # with a zero in the middle of a step counts change least
+    most = step * max(UNTOLD, 0.5 / float(ndtri(1 - 0.5 * min(_spread(before) / step, 1.0) ** 2)))
+    return most if held is None else min(held, most)
 
 
 def _shear(
