@@ -45,6 +45,11 @@ class Counting:
         """Whether `read` returns what it is given."""
         return not self._ripples and not self._cuts and self.gate is None
 
+    @property
+    def is_steep(self) -> bool:
+        """Whether noise hardly reaches the next count."""
+        return self.dither < STEEP * self.step
+
     def read(self, force: FloatArray) -> FloatArray:
         """What is read of `force` ``(T, pads, 3, rows, cols)`` on average; `force` itself where that is the same."""
         return force if self.reads_all else in_blocks(force, lambda part: self._read(force[part]))

@@ -20,6 +20,7 @@ SIGNIFICANT = 30.0  # energy, in units of the noise, that chance does not explai
 SLOW = 20.0  # energy, in units of the noise, that each number of a field may take of slow noise in it
 FEW = 6  # numbers of a cause
 PROMISE = 0.4  # of what a cause must bring, that it must promise while it is small to be fitted
+STEEP_PROMISE = 0.2  # the same at first where noise hardly reaches the next count, as small effects hardly show there
 HINT = 0.2  # of what a cause must bring, that it must promise to be looked at as one that nearly was kept
 NEAR = 0.6  # of the best one's gain: who has less is not fitted
 
@@ -120,7 +121,8 @@ class _Search:
         found = self.fits.of(chosen)
         least = {n: self._limits.least(self._by_name[n]) * self._problem.samples for n in gains}
         # what others' forms may leave to one is not what it is looked for with
-        promising = [n for n in gains if gains[n] >= PROMISE * max(least[n], self._worth.misfit(found, n))]
+        asked = STEEP_PROMISE if self._problem.counting.is_steep and not self._limits.second else PROMISE
+        promising = [n for n in gains if gains[n] >= asked * max(least[n], self._worth.misfit(found, n))]
         near = [n for n in promising[:most] if gains[n] >= share * gains[promising[0]]]
         simpler = [n for m in near for n in self._by_name[m].simpler]
         # what looks like a cause that is in shows only once both are fitted
