@@ -231,7 +231,7 @@ def _explained(
     def refit(part: Problem) -> FloatArray:
         fitted = fit(part, chosen, found.fit.values)
         if zero.gain:
-            own = zero_beside(part, fitted, plan)
+            own = zero_beside(part, fitted, plan, drifted="drift" in zero.gain)
             elapsed = problem.time - part.time[0]
             return whole(replace(problem, zero=own.at(np.maximum(elapsed, 0.0))), fitted.values)
         return whole(problem, fitted.values)

@@ -23,7 +23,7 @@ from paxisim.diagnose.zero import Zero, nothing
 CLOSER = 0.4  # of what a cause must bring, that it must bring where no sample is far off
 CHANCE = 200.0  # energy, in units of the noise, that slow noise brings in a short recording, too
 TURNS = 3  # of a dead band and the zero that it holds back
-FEWER = 2.0  # times what matters, that a drift must bring at last: nothing else goes one way from episode to episode
+FEWER = 2.0  # times what matters, that a drift must bring to stay, and at last: no other goes one way all along
 LEFT = 0.06  # of what the other causes explain, that their forms leave to an offset
 ROUNDING = 1e-9  # of an energy: two that differ by less are the same
 
@@ -102,13 +102,14 @@ def with_zero(problem: Problem, zero: Zero) -> Problem:
     return replace(problem, zero=zero.at(problem.time - problem.time[0]))
 
 
-def zero_beside(problem: Problem, fitted: Fit, plan: Plan) -> Zero:
+def zero_beside(problem: Problem, fitted: Fit, plan: Plan, *, drifted: bool = False) -> Zero:
     """What is read without a force beside causes that were fitted.
 
     Args:
         problem: The recording.
         fitted: The causes.
         plan: Whether offset and drift are looked for, and what they must bring.
+        drifted: Whether a drift was found before these causes were known.
     """
     # a dead band holds back small zeros: they are told by what gets through with a load
     chosen = [cause(name) for name in fitted.values if name != DEAD_BAND]
@@ -120,7 +121,7 @@ def zero_beside(problem: Problem, fitted: Fit, plan: Plan) -> Zero:
     hidden = tells_under_load(problem)
     limits = plan.limits
     material = MANY * limits.material
-    drifts = FEWER * limits.material if limits.second and not hidden else None
+    drifts = FEWER * limits.material if (limits.second or drifted) and not hidden else None
 
     def energy(zero: Zero) -> float:
         return float(np.sum(problem.residual(bare + zero.at(problem.time - problem.time[0])) ** 2))
@@ -137,12 +138,12 @@ def zero_beside(problem: Problem, fitted: Fit, plan: Plan) -> Zero:
 
 
 def _zero_renewed(state: State, plan: Plan) -> State:
-    zero = zero_beside(state.problem, state.found.fit, plan)
+    zero = zero_beside(state.problem, state.found.fit, plan, drifted="drift" in state.zero.gain)
     if not zero.gain and not state.zero.gain:
         return State(state.problem, state.found, zero)
     problem = with_zero(state.problem, zero)
     found = search(problem, plan, list(state.found.fit.values))
-    again = zero_beside(problem, found.fit, plan)
+    again = zero_beside(problem, found.fit, plan, drifted="drift" in zero.gain)
     renewed = with_zero(problem, again)
     much = MANY * plan.limits.material * problem.samples
     if _energy(renewed, found.fit) < _energy(problem, found.fit) + much:  # else it was lost behind a dead band

@@ -111,6 +111,11 @@ def test_drift_and_offset_run_through_the_pauses_in_the_model():
     np.testing.assert_allclose(whole, explanation.prediction, atol=1e-6)
 
 
+def test_a_drift_stays_beside_a_field_that_took_some_of_what_it_brings():
+    recording, _ = hidden("drift", "interference", seed=403, strength=0.15)
+    assert named(explain(recording)) == {"drift", "interference"}
+
+
 def test_a_fit_on_some_episodes_is_close_on_the_others():
     recording, case = hidden("axis_gain", seed=307, strength=0.8)
     explanation = explain(recording)
