@@ -53,14 +53,14 @@ def drift_under_load(
     one = ratio + curve
     near = amplitude + (offset - ratio * amplitude) / max(float(one.mean()), 0.1)
     tied = under_load(problem, prediction, [one], near[:, None])
-    clearly = tied.gain.sum() > constant.gain.sum() + CLEARLY_DRIFT
-    if not matters(both.gain - constant.gain) and not (clearly and matters(tied.gain)):
-        return None
-    if with_offset and matters(both.gain - tied.gain):
-        gains = {"drift": both.gain - constant.gain, "offset": both.gain - tied.gain}
-    else:
+    beside = both.gain - constant.gain  # which may be worse than nothing
+    if matters(beside) and matters(both.gain) and with_offset and matters(both.gain - tied.gain):
+        gains = {"drift": beside, "offset": both.gain - tied.gain}
+    elif matters(tied.gain) and (matters(beside) or tied.gain.sum() > constant.gain.sum() + CLEARLY_DRIFT):
         amplitude, gains = tied.values[:, 0], {"drift": tied.gain}
         offset = ratio * amplitude
+    else:
+        return None
 
     def shaped(values: FloatArray) -> FloatArray:
         return np.where(problem.alive, values.reshape(problem.alive.shape), 0.0)

@@ -29,6 +29,7 @@ UNLIKE_TOLERATED = (
 )
 CLEARLY_UNLIKE = 5.0  # times what it must bring, of which so much is enough, as large saturations look like a gain, too
 UNPRESSED = 0.5  # of what a field brings in the one episode that shows it, that it must bring where nothing is pressed
+BESIDE_GAINS = 2.0  # times what it must bring, that a field must bring beside gains of taxels where steps are large
 SEVERAL = 6  # episodes
 
 
@@ -133,7 +134,7 @@ class Worth:
         if not (coarse and item.covariate) or TAXEL_GAIN in fewer.values or TAXEL_GAIN not in self._by_name:
             return True
         gains = self._fits.of([*fewer.values, TAXEL_GAIN], fewer)
-        return self.is_consistent(self._fits.of([*gains.values, item.name], gains), gains, least)
+        return self.is_consistent(self._fits.of([*gains.values, item.name], gains), gains, BESIDE_GAINS * least)
 
     def told_beside_absorbers(self, fewer: Fit, name: str, among: str = "") -> bool:
         """Whether a cause brings enough where others, `among` them, take up what the form of one of a fit's misses."""
