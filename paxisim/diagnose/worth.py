@@ -134,7 +134,9 @@ class Worth:
         if not (coarse and item.covariate) or TAXEL_GAIN in fewer.values or TAXEL_GAIN not in self._by_name:
             return True
         gains = self._fits.of([*fewer.values, TAXEL_GAIN], fewer)
-        return self.is_consistent(self._fits.of([*gains.values, item.name], gains), gains, BESIDE_GAINS * least)
+        more = self._fits.of([*gains.values, item.name], gains)
+        enough = float((gains.energy - more.energy).sum()) > BESIDE_GAINS * least
+        return enough and self.is_consistent(more, gains, least)
 
     def told_beside_absorbers(self, fewer: Fit, name: str, among: str = "") -> bool:
         """Whether a cause brings enough where others, `among` them, take up what the form of one of a fit's misses."""
