@@ -8,12 +8,11 @@ from numpy.typing import NDArray
 from paxisim.diagnose.drift_under_load import CLEARLY_DRIFT, RELINEARISED, drift_under_load
 from paxisim.diagnose.problem import FloatArray, Problem, showing
 from paxisim.diagnose.sums import Sums
-from paxisim.diagnose.under_load import at_other_loads, tells_under_load, under_load
+from paxisim.diagnose.under_load import goes_with_load, tells_under_load, under_load
 from paxisim.diagnose.worth import in_one_episode
 from paxisim.diagnose.zero import TAUS, Zero, best_tau, course, nothing
 
 FEWEST = 10  # frames that a zero is told from
-OTHER_LOADS = 0.25  # of what an offset brings, that it must bring under loads it was not read from
 
 
 def zero_of(
@@ -58,11 +57,11 @@ def zero_of(
     hiding = None
     if not resting and tells_under_load(problem):
         hiding = under_load(problem, prediction, [always])
-        rest = hiding.zero + problem.measured - problem.read(prediction + hiding.zero)
         if with_drift and not owned:
-            found = drift_under_load(problem, prediction, hiding, lasts, "offset" in names)
+            found, hiding = drift_under_load(problem, prediction, hiding, lasts, "offset" in names)
             if found is not None:
                 return found
+        rest = hiding.zero + problem.measured - problem.read(prediction + hiding.zero)
 
     left = _Left(problem, rest, frames)
     constant, field = left.fit([always]), _field(problem, frames)
@@ -98,9 +97,7 @@ def zero_of(
             gain = left.gain(chosen, left.fit([*field, ratio + course(left.time, tau)]))
         elif hiding is not None:
             gain = hiding.gain
-            # what another cause's form leaves is not the same under every load; nor is what passes a dead band's edge
-            steps = problem.gate is None and matters(gain)
-            if steps and at_other_loads(problem, prediction) < OTHER_LOADS * gain.sum():
+            if matters(gain) and goes_with_load(problem, prediction, hiding):
                 gain = np.zeros_like(gain)
         else:
             gain = left.gain(_Left(problem, rest - (offset - own), frames).fit([always]))

@@ -19,6 +19,7 @@ CHORD = 0.2  # of a step, on both sides of a force, at most: what is read beyond
 BETWEEN = 0.02  # of a step from a whole count; a mean that is nearer to one says nothing more
 FARTHEST = 0.3  # of a step, that a value moves in one of them
 PRIOR = 1.0  # 1/N^2, that draws each value to 0
+OTHER_LOADS = 0.25  # of what an offset brings, that it must bring under loads it was not read from
 SMALL, LARGEST = 0.5, 0.99  # a force up to that share of a channel's largest, which is that quantile, is small
 
 
@@ -52,9 +53,7 @@ class UnderLoad:
     gain: FloatArray
 
 
-def under_load(
-    problem: Problem, prediction: FloatArray, curves: list[FloatArray], begin: FloatArray | None = None
-) -> UnderLoad:
+def under_load(problem: Problem, prediction: FloatArray, curves: list[FloatArray], *begins: FloatArray) -> UnderLoad:
     """Fit curves of time behind `prediction` and ahead of the steps, for every channel.
 
     A sample tells of them as far as its mean reading moves with the force, which it does at the edge of a step.
@@ -63,40 +62,56 @@ def under_load(
         problem: The recording.
         prediction: ``(T, pads, 3, rows, cols)`` newtons.
         curves: ``(T,)`` each.
-        begin: ``(channels, curves)`` values to begin with; default: what is read at rest.
+        begins: ``(channels, curves)`` values to begin with, for each channel those that leave least; default: what is
+            read at rest.
     """
     basis = np.stack(curves)
     shape = problem.alive.shape
     every = np.ones(len(problem.time), dtype=bool)
-    if begin is None:  # whole counts show without a load
+    if not begins:  # whole counts show without a load
         left = problem.measured - problem.read(prediction)
-        begin = _ahead_of_steps(problem, Sums(problem, left, curves, quiet_frames(problem)).values(PRIOR))
-    farthest = FARTHEST * _hidden_by(problem)
+        begins = (_ahead_of_steps(problem, Sums(problem, left, curves, quiet_frames(problem)).values(PRIOR)),)
+    farthest = FARTHEST * _hidden_by(problem) / np.abs(basis).max(axis=1)
 
     def zero(values: FloatArray) -> FloatArray:
         return np.einsum("ci,it->tc", values, basis).reshape(-1, *shape)
 
     weight = problem.weight**2
-    values: FloatArray = begin
-    best: FloatArray = begin
-    others: FloatArray = begin
+    values: FloatArray = np.zeros_like(begins[0])
+    least = np.full(len(values), np.inf)
+    for begin in begins:
+        left = np.einsum(
+            "t...,t...->...", weight, (problem.measured - problem.read(prediction + zero(begin))) ** 2
+        ).ravel()
+        values, least = np.where((left < least)[:, None], begin, values), np.minimum(left, least)
+    best: FloatArray = values
+    others: FloatArray = np.broadcast_to(values, (len(problem.episodes), *values.shape))
     least, change = np.full(len(values), np.inf), np.zeros_like(values)
     for _ in range(TURNS):
         miss, slope = at_edges(problem, prediction + zero(values))
         left = np.einsum("t...,t...->...", weight, miss**2).ravel()
-        sums = Sums(problem, miss, curves, every, slope)
+        sums = Sums(problem, miss + slope * zero(values), curves, every, slope)
         better = (left < least)[:, None]
-        others = np.where(better, values + np.clip(sums.values_of_others(PRIOR), -farthest, farthest), others)
-        change = np.where(better, np.clip(sums.values(PRIOR), -farthest, farthest), change / 2)  # or it went too far
+        away = np.clip(sums.values_of_others(PRIOR) - values, -farthest, farthest)
+        others = np.where(better, values + away, others)
+        on = np.clip(sums.values(PRIOR) - values, -farthest, farthest)
+        change = np.where(better, on, change / 2)  # or it went too far
         best, least = np.where(better, values, best), np.minimum(least, left)
         values = best + change
+    before = weight * (problem.measured - problem.read(prediction)) ** 2
+    known = weight * (problem.measured - problem.read(prediction + zero(best))) ** 2
     gain = np.empty(len(problem.episodes))
-    before = problem.measured - problem.read(prediction)
     for number, span in enumerate(problem.episodes):
-        own = np.einsum("ci,it->tc", others[number], basis[:, span]).reshape(-1, *shape)
-        after = problem.measured[span] - problem.read(prediction[span] + own)
-        gain[number] = np.sum(weight[span] * (before[span] ** 2 - after**2))
+        after = weight * (problem.measured - problem.read(prediction + zero(others[number]))) ** 2
+        # what is left out moves a value along a tangent, which is no good far from where it touches
+        astray = _elsewhere(after, span) > _elsewhere(known, span)
+        gain[number] = np.sum(before[span] - np.where(astray, known[span], after[span]))
     return UnderLoad(best, zero(best), gain)
+
+
+def _elsewhere(energy: FloatArray, span: slice) -> FloatArray:
+    """``(pads, 3, rows, cols)`` energy outside an episode."""
+    return energy.sum(axis=0) - energy[span].sum(axis=0)
 
 
 def _ahead_of_steps(problem: Problem, reading: FloatArray) -> FloatArray:
@@ -138,6 +153,14 @@ def at_other_loads(problem: Problem, prediction: FloatArray) -> float:
         after = problem.measured - problem.read(prediction + values)
         total += float(np.sum((weight * (before**2 - after**2))[~own]))
     return total
+
+
+def goes_with_load(problem: Problem, prediction: FloatArray, constant: UnderLoad) -> bool:
+    """Whether a constant is the image of what another cause leaves, which is not the same under every load.
+
+    Beside a dead band that is not told, as what passes its edge is not the same, either.
+    """
+    return problem.gate is None and bool(at_other_loads(problem, prediction) < OTHER_LOADS * constant.gain.sum())
 
 
 def quiet_frames(problem: Problem) -> NDArray[np.bool_]:
