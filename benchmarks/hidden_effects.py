@@ -2,16 +2,24 @@
 
     python benchmarks/hidden_effects.py --singles 100 --pairs 60 --triples 40 --nulls 100 --outsiders 40 --jobs 2
 
-Recordings are made by `tests/hidden`, which shares no code with the diagnosis. Besides:
+Recordings are made by `tests/hidden/practice`, which shares no code with the diagnosis, or by another generator:
+
+- ``--generator exam``: by `tests/hidden/exam`, which no diagnosis was built with: singles, pairs, nulls and outsiders.
+  Its misses are looked at once at most: from then on it is one more generator to practise with.
+- ``--misses``: what was named where, cause by cause and miss by miss.
+
+With ``practice`` alone:
 
 - ``--poor N``: motions of one slow speed, diagnosed, recorded again as advised, and diagnosed again.
 - ``--nested N``: the first N of each kind are diagnosed once more without two episodes that judge the model.
-- ``--suite N``: how often the cases of ``tests/diagnose/test_hidden_effects.py`` are solved, the rates it rests on.
 - ``--cost``: seconds and memory against length and number of taxels.
+
+With both:
+
 - ``--json FILE``: each case is kept as a line of JSON; started again, what is in FILE is not done again.
 - ``--case single:17``: one case, in words, with what was hidden.
 
-Case number n of a kind has the seed ``seed * 1_000_000 + n`` and a kind's number on top, whatever the counts are.
+Case number n of a kind is the same whatever the counts are.
 """
 
 from __future__ import annotations
@@ -28,11 +36,11 @@ from pathlib import Path
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy: one thread for each job
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
+import numpy as np
 from hidden_table.cost import costs
 from hidden_table.solve import compared, diagnosed, made, solve
-from hidden_table.suite import suite
 from hidden_table.table import table
-from hidden_table.tasks import KINDS, Outcome, Task, read_outcome, tasks, version
+from hidden_table.tasks import GENERATORS, IN_EXAM, KINDS, Outcome, Task, read_outcome, tasks, version
 
 
 def kept(path: Path | None, code: str) -> list[Outcome]:
@@ -52,7 +60,7 @@ def kept(path: Path | None, code: str) -> list[Outcome]:
 
 def run(wanted: Sequence[Task], nested: int, jobs: int, path: Path | None) -> list[Outcome]:
     """All outcomes, those that `path` holds not done again; on an interrupt those that are done."""
-    code = version()
+    code = version(wanted[0].generator)
     done = {o.task: o for o in kept(path, code)}
     outcomes = [done[task] for task in wanted if task in done]
     left = [task for task in wanted if task not in done]
@@ -77,12 +85,13 @@ def run(wanted: Sequence[Task], nested: int, jobs: int, path: Path | None) -> li
 def show(task: Task) -> None:
     """One case, in words."""
     case = made(task)
-    print(f"{task.name}: {' + '.join(task.true) or 'nothing'} hidden, family {task.family}, seed {case.seed}")
-    print(f"signal {case.signal:.3f}, {len(case.time)} samples at {case.sensor.nuisance.rate:.0f} Hz\n{case.truth}\n")
+    rate = 1 / np.median(np.diff(case.time))
+    print(f"{task.name}: {' + '.join(task.true) or 'nothing'} hidden, {dict(task.options)}, seed {case.seed}")
+    print(f"signal {case.signal:.3f}, {len(case.time)} samples at {rate:.0f} Hz\n{case.truth}\n")
     diagnosis, seconds = diagnosed(case)
     print(diagnosis)
     print(f"\n{seconds:.1f} s")
-    for name, (error, inside, count) in compared(case, diagnosis).items():
+    for name, (error, inside, count) in compared(case, diagnosis).items() if task.generator == "practice" else ():
         print(f"{name}: error {error:.1%}, {inside} of {count} intervals hold the truth")
 
 
@@ -92,30 +101,34 @@ def main() -> None:
     for kind in KINDS:
         plural = "" if kind == "poor" else "s"
         parser.add_argument(f"--{kind}{plural}", dest=kind, type=int, default=0, help=f"number of {kind} cases")
+    parser.add_argument("--generator", choices=GENERATORS, default="practice", help="of the recordings")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=1, help="processes")
     parser.add_argument("--family", choices=("development", "final", "both"), default="both", help="of motions")
     parser.add_argument("--nested", type=int, default=0, help="cases of each kind to be judged by unseen episodes too")
     parser.add_argument("--json", type=Path, help="file of JSON lines to keep the cases in")
     parser.add_argument("--case", help="one case, such as single:17, in words")
-    parser.add_argument("--suite", type=int, default=0, help="draws of each case of the test suite")
+    parser.add_argument("--misses", action="store_true", help="what was named where, and each miss")
     parser.add_argument("--cost", action="store_true", help="measure time and memory against size")
     arguments = parser.parse_args()
+    counts = {kind: getattr(arguments, kind) for kind in KINDS}
+    if arguments.generator == "exam":
+        beyond = [f"--{name}" for name in ("nested", "cost") if getattr(arguments, name)]
+        beyond += [f"--{kind}" for kind in KINDS if counts[kind] and kind not in IN_EXAM]
+        if beyond:
+            parser.error(f"{', '.join(beyond)}: not with --generator exam")
     if arguments.case:
         kind, _, number = arguments.case.partition(":")
-        if kind not in KINDS or not number.isdigit():
-            parser.error(f"--case takes KIND:NUMBER with one of {', '.join(KINDS)}, got {arguments.case!r}")
-        show(tasks({kind: int(number) + 1}, arguments.seed, arguments.family)[-1])
+        kinds = IN_EXAM if arguments.generator == "exam" else KINDS
+        if kind not in kinds or not number.isdigit():
+            parser.error(f"--case takes KIND:NUMBER with one of {', '.join(kinds)}, got {arguments.case!r}")
+        show(tasks(arguments.generator, {kind: int(number) + 1}, arguments.seed, arguments.family)[-1])
         return
-    wanted = tasks({kind: getattr(arguments, kind) for kind in KINDS}, arguments.seed, arguments.family)
-    if not (wanted or arguments.suite or arguments.cost):
-        parser.error(
-            "nothing to do: give --singles, --pairs, --triples, --nulls, --outsiders, --poor, --suite or --cost"
-        )
+    wanted = tasks(arguments.generator, counts, arguments.seed, arguments.family)
+    if not (wanted or arguments.cost):
+        parser.error("nothing to do: give --singles, --pairs, --triples, --nulls, --outsiders, --poor or --cost")
     if wanted:
-        table(run(wanted, arguments.nested, arguments.jobs, arguments.json))
-    if arguments.suite:
-        suite(arguments.suite, arguments.seed, arguments.jobs)
+        table(run(wanted, arguments.nested, arguments.jobs, arguments.json), misses=arguments.misses)
     if arguments.cost:
         costs(arguments.seed, arguments.jobs)
 

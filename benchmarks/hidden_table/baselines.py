@@ -14,10 +14,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from paxisim.diagnose.checks import read_layout, read_rounding, read_taxels
 from scipy.stats import chi2
 
+from hidden_table.tasks import BASELINES
 from paxisim.diagnose.cause import TAXEL_GAIN, cause, known_causes
-from paxisim.diagnose.checks import read_layout, read_rounding, read_taxels
 from paxisim.diagnose.noise import Tolerance
 from paxisim.diagnose.problem import Problem, problem_of, with_noise
 from paxisim.recording import Recording
@@ -25,7 +26,6 @@ from paxisim.recording import Recording
 Floats = NDArray[np.floating]
 DRIFT_TAU = 200.0  # s
 ALPHA = 0.01
-NAMES = ("BIC", "Wald")
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +61,7 @@ def baselines(recording: Recording, ideal: Floats | None) -> tuple[dict[str, tup
         ideal: ``(T, pads, 3, rows, cols)`` what the hidden effects themselves make of the simulation (N).
     """
     linear = linear_of(recording, ideal)
-    named = {"BIC": by_bic(linear), "Wald": by_wald(linear)}
+    named = dict(zip(BASELINES, (by_bic(linear), by_wald(linear)), strict=True))
     shares = {name: share_of(linear, causes) for name, causes in named.items()}
     return {name: (*linear.read, *causes) for name, causes in named.items()}, shares
 

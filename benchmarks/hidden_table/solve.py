@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
+import importlib
 import resource
 import signal
 import time
 import traceback
 
 import numpy as np
-from hidden.cases import Case, again, joined, make
-from hidden.compare import LITTLE, compare, headroom_share
+from hidden.practice.cases import Case, again, joined
+from hidden.practice.compare import LITTLE, compare, headroom_share
 
 import paxisim
-from hidden_table.baselines import baselines
-from hidden_table.tasks import NULLS, STRONG, Answer, Outcome, Task
-from paxisim.diagnose.advice import motions_of
+from hidden_table.tasks import STRONG, Answer, Outcome, Task
 from paxisim.diagnose.diagnosis import Diagnosis
 from paxisim.recording import Recording
 
@@ -37,15 +36,20 @@ def solve(task: Task, nested: bool = False) -> Outcome:
     except Exception:
         return Outcome(task, case.signal, weakest, None, memory=_memory(), error=traceback.format_exc(limit=-4))
     answer = _answer(diagnosis, seconds)
+    share = headroom_share(case, diagnosis.heldout.nrmse_before, diagnosis.heldout.nrmse_after)
+    if task.generator == "exam":
+        return Outcome(task, case.signal, weakest, answer, share=share, memory=_memory())
     if task.kind == "poor":
         return _follow(task, case, answer)
+    from hidden_table.baselines import baselines  # an exam does without them
+
     named, shares = baselines(recording(case), case.ideal)
     return Outcome(
         task,
         case.signal,
         weakest,
         answer,
-        share=headroom_share(case, diagnosis.heldout.nrmse_before, diagnosis.heldout.nrmse_after),
+        share=share,
         nested=_nested(case, task.seed) if nested else None,
         compared=compared(case, diagnosis),
         baselines=named,
@@ -60,8 +64,9 @@ def made(task: Task) -> Case:
     Of poor motions the first in which the effect stands above the noise, if there is one: what cannot be seen at all
     is another question.
     """
+    make = importlib.import_module(f"hidden.{task.generator}.cases").make
     if task.kind != "poor":
-        return make(task.true, seed=task.seed, family=task.family, ideal=True, **NULLS[task.options])
+        return make(task.true, seed=task.seed, ideal=True, **dict(task.options))
     for attempt in range(TRIES):
         case = make(task.true, seed=task.seed + 100_000_000 * attempt, family="poor", rate=SLOW)
         if case.signal > STRONG:
@@ -141,6 +146,8 @@ def _nested(case: Case, seed: int) -> float | None:
 
 def _follow(task: Task, case: Case, answer: Answer) -> Outcome:
     """Record what is advised with the same sensor, and diagnose both recordings together."""
+    from paxisim.diagnose.advice import motions_of
+
     motions = motions_of(answer.advice)
     if not motions:
         return Outcome(task, case.signal, case.signal, answer, after=answer, memory=_memory())

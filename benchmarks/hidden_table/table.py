@@ -1,4 +1,7 @@
-"""Table: rates with intervals beside what is asked for and beside the baselines, confusion, errors and worst cases."""
+"""Table: rates with intervals beside what is asked for and beside the baselines, gains and errors.
+
+Nothing here tells one cause from another unless the misses are asked for, see `misses`: so an exam can be taken again.
+"""
 
 from __future__ import annotations
 
@@ -6,14 +9,10 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
-from hidden.effects import EFFECTS
-from hidden.outsiders import OUTSIDERS
 from scipy.stats import binomtest
 
-from hidden_table.baselines import NAMES
-from hidden_table.tasks import NULLS, STRONG, Answer, Outcome, by_rivals, is_confidently_wrong, is_exact
-
-WORST = 40
+from hidden_table.misses import said, show_misses
+from hidden_table.tasks import BASELINES, STRONG, Answer, Outcome, by_rivals, is_confidently_wrong, is_exact
 
 
 def wilson(hits: float, count: int) -> tuple[float, float]:
@@ -51,14 +50,15 @@ def _rates(
         met = hits / len(some) >= limit if target.startswith(">=") else hits / len(some) <= limit
     others = []
     if other:
-        for name in NAMES:
+        for name in BASELINES:
             here = [o for o in some if name in o.baselines]
-            others.append(_rate(sum(other(set(o.baselines[name]), set(o.task.true)) for o in here), len(here)))
+            if here:
+                others.append(_rate(sum(other(set(o.baselines[name]), set(o.task.true)) for o in here), len(here)))
     _row(f"{what} ({hits}/{len(some)})", target, _rate(hits, len(some)), met, others)
 
 
-def table(outcomes: Sequence[Outcome]) -> None:
-    """Print all of it."""
+def table(outcomes: Sequence[Outcome], misses: bool = False) -> None:
+    """Print all of it, with the misses if they are asked for."""
     kinds = {kind: [o for o in outcomes if o.task.kind == kind] for kind in Counter(o.task.kind for o in outcomes)}
     main = [o for o in outcomes if o.task.kind != "poor"]
     if main:
@@ -66,11 +66,10 @@ def table(outcomes: Sequence[Outcome]) -> None:
         _gains(main)
         _parameters(main)
     if "poor" in kinds:
-        _poor(kinds["poor"])
+        _poor(kinds["poor"], misses)
     _costs(outcomes)
-    if "single" in kinds:
-        _confusion(kinds["single"])
-    _worst(outcomes)
+    if misses:
+        show_misses(outcomes)
 
 
 def _main(kinds: dict[str, list[Outcome]], main: Sequence[Outcome]) -> None:
@@ -86,7 +85,8 @@ def _main(kinds: dict[str, list[Outcome]], main: Sequence[Outcome]) -> None:
     singles, pairs, triples = (kinds.get(kind, []) for kind in ("single", "pair", "triple"))
     nulls, outsiders = kinds.get("null", []), kinds.get("outsider", [])
     strong = [o for o in singles if o.signal > STRONG]
-    print(f"{'':<42} {'target':<9} {'paxisim (95 % interval)':<24} {'':<7} " + " ".join(f"{n:<24}" for n in NAMES))
+    others = [name for name in BASELINES if any(name in o.baselines for o in main)]
+    print(f"{'':<42} {'target':<9} {'paxisim (95 % interval)':<24} {'':<7} " + " ".join(f"{n:<24}" for n in others))
     _rates(f"exact singles, signal > {STRONG}", strong, lambda o: o.exact, ">= 95 %", exact)
     _rates("exact singles, all", singles, lambda o: o.exact, "", exact)
     _rates("exact pairs", pairs, lambda o: o.exact, ">= 88 %", exact)
@@ -96,13 +96,8 @@ def _main(kinds: dict[str, list[Outcome]], main: Sequence[Outcome]) -> None:
     _rates("both of those named", clear, lambda o: o.contained, "", contained)
     _rates("exact triples", triples, lambda o: o.exact, ">= 65 %", exact)
     _rates("nulls with a false name", nulls, lambda o: bool(o.named), "<= 1 %", anything)
-    for options in NULLS:
-        some = [o for o in nulls if o.task.options == options]
-        _rates(f"  {options}", some, lambda o: bool(o.named), "<= 1 %", anything)
     _rates("nulls said to be unexplained", nulls, lambda o: o.flagged)
     _rates("outsiders flagged", outsiders, lambda o: o.flagged, ">= 90 %")
-    for name in OUTSIDERS:
-        _rates(f"  {name}", [o for o in outsiders if o.task.true == (name,)], lambda o: o.flagged)
     clear = [o for o in outsiders if o.signal > STRONG]
     _rates(f"outsiders flagged, signal > {STRONG}", clear, lambda o: o.flagged)
     _rates("outsiders given a name", outsiders, lambda o: bool(o.named), "", anything)
@@ -138,10 +133,10 @@ def _gains(main: Sequence[Outcome]) -> None:
     print(f"  above what the true effect leaves           {_quantiles(o.share for o in some)}")
     right = [o for o in some if o.exact]
     print(f"  the same, where the set is exact            {_quantiles(o.share for o in right)}")
-    for name in NAMES:
-        print(
-            f"  {name + ', above what the true effect leaves':<43} {_quantiles(o.baseline_shares[name] for o in some)}"
-        )
+    for name in BASELINES:
+        shares = [o.baseline_shares[name] for o in some if name in o.baseline_shares]
+        if shares:
+            print(f"  {name + ', above what the true effect leaves':<43} {_quantiles(shares)}")
     print(f"  black box, above the floor that is read     {_quantiles(a.ceiling for a in answers)}")
     nested = [o for o in some if o.nested is not None]
     if nested:
@@ -167,7 +162,7 @@ def _parameters(main: Sequence[Outcome]) -> None:
             end="",
         )
     print("\n  cause          found   error: median     p90   intervals that hold the truth")
-    for name in EFFECTS:
+    for name in sorted({row[0] for row in rows}):
         own = [row for row in rows if row[0] == name]
         if own:
             own_errors = [row[1] for row in own]
@@ -177,7 +172,7 @@ def _parameters(main: Sequence[Outcome]) -> None:
             print(f"  {name:<14} {len(own):>5} {np.median(own_errors):>14.1%} {high:>8.1%}   {held}")
 
 
-def _poor(poor: Sequence[Outcome]) -> None:
+def _poor(poor: Sequence[Outcome], misses: bool) -> None:
     """Of effects that one slow speed shows, and of those it does not."""
     seen = [o for o in poor if o.signal > STRONG]
     hidden = [o for o in poor if o.signal <= STRONG]
@@ -198,11 +193,11 @@ def _poor(poor: Sequence[Outcome]) -> None:
         lambda o: o.answer is not None and (o.task.true[0] in o.answer.not_testable or among(o.answer, o.task.true[0])),
     )
     _rates("following the advice: exact", hidden, lambda o: is_exact(o.task, o.after))
-    for o in poor:
-        first, second = _said(o.answer), _said(o.after)
+    for o in poor if misses else ():
+        first, second = said(o.answer), said(o.after)
         if o.answer is None or not is_exact(o.task, o.after):
             print(f"  {o.task.name:<10} {o.task.true[0]:<14} signal {o.signal:8.3f}: {first}")
-            print(f"    after {_list(o.motions)}: {second}")
+            print(f"    after {', '.join(o.motions) or 'nothing'}: {second}")
 
 
 def _costs(outcomes: Sequence[Outcome]) -> None:
@@ -213,46 +208,3 @@ def _costs(outcomes: Sequence[Outcome]) -> None:
             f"{max(seconds):.1f}; largest memory of a process, generator included, "
             f"{max(o.memory for o in outcomes):.2f} GB"
         )
-
-
-def _confusion(singles: Sequence[Outcome]) -> None:
-    """Rows: what is hidden. Columns: what is named; a case with several names counts in each."""
-    columns = [*EFFECTS, "nothing"]
-    used = [c for c in columns if any((c in o.named) or (c == "nothing" and not o.named) for o in singles)]
-    print("\nconfusion of the singles (rows: hidden, columns: named; several names count in each)")
-    for height in range(max(map(len, used))):
-        print(" " * 21 + "  ".join(f"{c.rjust(max(map(len, used)))[height]:>2}" for c in used))
-    for name in EFFECTS:
-        own = [o for o in singles if o.task.true == (name,)]
-        if own:
-            counts = [sum((c in o.named) or (c == "nothing" and not o.named) for o in own) for c in used]
-            print(f"  {name:<14} {len(own):>3}  " + "  ".join(f"{count or '.':>2}" for count in counts))
-
-
-def _list(names: Iterable[str]) -> str:
-    return ", ".join(names) or "nothing"
-
-
-def _said(answer: Answer | None) -> str:
-    if answer is None:
-        return "crash"
-    named = [name + (f" (or {'/'.join(answer.rivals[name])})" if answer.rivals[name] else "") for name in answer.named]
-    return f"{answer.verdict}: {_list(named)}"
-
-
-def _worst(outcomes: Sequence[Outcome]) -> None:
-    """Wrong answers, those said with certainty first, then the clearest effects."""
-
-    def wrong(o: Outcome) -> bool:
-        if o.task.kind == "poor":
-            return False
-        return not o.flagged if o.task.kind == "outsider" else not o.exact
-
-    misses = [o for o in outcomes if wrong(o)]
-    if not misses:
-        return
-    print(f"\nworst of {len(misses)} misses (again, in words: the same command with --case and the case's name)")
-    for o in sorted(misses, key=lambda o: (not is_confidently_wrong(o.task, o.answer), -o.signal))[:WORST]:
-        true = " + ".join(o.task.true) or o.task.options
-        said = o.error.strip().splitlines()[-1] if o.error else _said(o.answer)
-        print(f"  {o.task.name:<12} {true:<34} {o.task.family[:5]} signal {o.signal:8.3f} {o.weakest:7.3f}  {said}")

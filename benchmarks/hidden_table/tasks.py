@@ -10,11 +10,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from hidden.effects import EFFECTS
-from hidden.outsiders import OUTSIDERS
 
+GENERATORS = ("practice", "exam")
 KINDS = {"single": 1, "pair": 2, "null": 3, "outsider": 4, "triple": 5, "poor": 6}
-NULLS = {"plain": {}, "AR 0.95": {"rho": 0.95}, "0.1 N rounding": {"coarse": True}}
+IN_EXAM = ("single", "pair", "null", "outsider")
+NULLS = ({}, {"rho": 0.95}, {"coarse": True})
+BASELINES = ("BIC", "Wald")
 STRONG = 0.1  # of the noise's energy: an effect that stands above it must be named
 
 
@@ -26,16 +27,16 @@ class Task:
         kind: Of `KINDS`. number: within its kind.
         true: What is hidden.
         seed: Of the recording.
-        family: Of motions.
-        options: Of `NULLS`.
+        options: What else the generator is given, by name.
+        generator: Of `GENERATORS`.
     """
 
     kind: str
     number: int
     true: tuple[str, ...]
     seed: int
-    family: str
-    options: str = "plain"
+    options: tuple[tuple[str, Any], ...] = ()
+    generator: str = "practice"
 
     @property
     def name(self) -> str:
@@ -155,7 +156,8 @@ def read_outcome(row: Mapping[str, Any]) -> Outcome:
         rivals = {name: tuple(others) for name, others in of["rivals"].items()}
         return Answer(**{**of, **lists, "rivals": rivals})
 
-    task = Task(**{**row["task"], "true": tuple(row["task"]["true"])})
+    options = tuple((name, value) for name, value in row["task"]["options"])
+    task = Task(**{**row["task"], "true": tuple(row["task"]["true"]), "options": options})
     return Outcome(
         **{
             **row,
@@ -169,11 +171,24 @@ def read_outcome(row: Mapping[str, Any]) -> Outcome:
     )
 
 
-def tasks(counts: Mapping[str, int], seed: int, family: str) -> list[Task]:
-    """All cases that are asked for; singles go through the causes in turn, sets are drawn.
+def tasks(generator: str, counts: Mapping[str, int], seed: int, family: str = "both") -> list[Task]:
+    """All cases that are asked for."""
+    return exam(counts, seed) if generator == "exam" else practice(counts, seed, family)
 
-    Case number n of a kind is the same for any counts.
-    """
+
+def exam(counts: Mapping[str, int], seed: int) -> list[Task]:
+    """The questions of the exam, in its own order."""
+    from hidden.exam import tasks as questions  # only where it is asked for
+
+    asked = questions.tasks(*(counts.get(kind, 0) for kind in IN_EXAM), seed)
+    return [Task(t.kind, t.number, tuple(t.causes), t.seed, tuple(sorted(t.options.items())), "exam") for t in asked]
+
+
+def practice(counts: Mapping[str, int], seed: int, family: str) -> list[Task]:
+    """Singles go through the causes in turn, sets are drawn; case number n of a kind is the same for any counts."""
+    from hidden.practice.effects import EFFECTS
+    from hidden.practice.outsiders import OUTSIDERS
+
     families = ["development", "final"] if family == "both" else [family]
     names, foreign = list(EFFECTS), list(OUTSIDERS)
     out = []
@@ -189,16 +204,18 @@ def tasks(counts: Mapping[str, int], seed: int, family: str) -> list[Task]:
                 true = sorted(map(str, rng.choice(names, size, replace=False)))
             # the cycle over the causes must not go in step with that over the families
             own = families[(number + number // len(names)) % len(families)] if kind != "poor" else "poor"
-            options = list(NULLS)[number % len(NULLS)] if kind == "null" else "plain"
-            out.append(Task(kind, number, tuple(true), seed * 1_000_000 + place * 10_000 + number, own, options))
+            options = {"family": own, **(NULLS[number % len(NULLS)] if kind == "null" else {})}
+            own_seed = seed * 1_000_000 + place * 10_000 + number
+            out.append(Task(kind, number, tuple(true), own_seed, tuple(sorted(options.items()))))
     return out
 
 
-def version() -> str:
+def version(generator: str) -> str:
     """Of the code that a result depends on: results of different versions must not be mixed."""
     root = Path(__file__).parents[2]
     digest = hashlib.sha256()
-    for folder in ("paxisim/diagnose", "paxisim/augment", "tests/hidden"):
-        for path in sorted((root / folder).glob("*.py")):
-            digest.update(path.read_bytes())
+    for folder in ("paxisim/diagnose", "paxisim/augment", f"tests/hidden/{generator}"):
+        for path in sorted((root / folder).rglob("*.py")):
+            if not path.name.startswith("test_"):
+                digest.update(str(path.relative_to(root)).encode() + path.read_bytes())
     return digest.hexdigest()[:12]

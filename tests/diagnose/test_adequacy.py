@@ -15,7 +15,7 @@ from paxisim.diagnose.problem import problem_of
 from paxisim.diagnose.shapes import GROUPS, LONG, shapes_of
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from hidden.cases import make
+from hidden.practice.cases import make
 from recorded import recording_of
 
 

@@ -18,7 +18,7 @@ from paxisim.diagnose.run import _verdict, diagnose
 from paxisim.errors import InvalidValueError, UnknownNameError
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from hidden.cases import make
+from hidden.practice.cases import make
 from recorded import recording_of
 
 CAUSES = ("axis_gain", "rotation", "latency")

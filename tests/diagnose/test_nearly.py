@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from hidden.cases import make
+from hidden.practice.cases import make
 from recorded import recording_of
 
 from paxisim.augment.creep import Creep

@@ -13,7 +13,7 @@ from paxisim.diagnose.run import diagnose
 from paxisim.diagnose.silent import silent_channels, silent_in_words
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from hidden.cases import make
+from hidden.practice.cases import make
 from recorded import recording_of
 
 CAUSES = ("axis_gain", "taxel_gain", "dead_taxels")

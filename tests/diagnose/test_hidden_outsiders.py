@@ -1,0 +1,13 @@
+"""Effects outside the vocabulary: it is said that something is left which no cause explains."""
+
+import pytest
+from hidden_suite import FOREIGN, assert_right
+
+pytestmark = [pytest.mark.rates, pytest.mark.timeout(3600)]
+
+POOR = 0.6
+FLAGGED = ("partly_explained", "unexplained")
+
+
+def test_most_effects_outside_the_vocabulary_are_flagged():
+    assert_right(FOREIGN, lambda case: case.diagnosis().verdict in FLAGGED, POOR)

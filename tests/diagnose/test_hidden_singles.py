@@ -1,0 +1,59 @@
+"""Single hidden effects are named, with their size and their gain: fixed cases, and counts a poor build misses."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.stats import binom
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from hidden.practice.compare import compare, headroom_share
+from hidden.practice.effects import EFFECTS
+from hidden_suite import CHANCE, SINGLES, assert_right, bound
+
+POOR = 0.6
+ERROR = 0.15  # of an effect's size, median
+GAIN = 0.9  # of the headroom, held out, median
+
+
+@pytest.mark.parametrize(("count", "rate"), [(38, 0.6), (18, 0.6), (12, 0.4)])
+def test_a_bound_is_the_least_count_that_a_poor_build_hardly_reaches(count, rate):
+    least = bound(count, rate)
+    assert binom.sf(least - 1, count, rate) < CHANCE <= binom.sf(least - 2, count, rate)
+
+
+def test_each_effect_is_hidden_twice():
+    assert len(SINGLES) == 2 * len(EFFECTS) == 38
+    assert len({case.number for case in SINGLES}) == 38
+
+
+@pytest.mark.rates
+@pytest.mark.timeout(3600)
+def test_most_effects_are_named():
+    assert_right(SINGLES, lambda case: case.exact, POOR)
+
+
+@pytest.mark.rates
+@pytest.mark.timeout(3600)
+def test_what_is_named_rightly_has_its_size():
+    errors = {}
+    for case in SINGLES:
+        if case.exact:
+            model = case.diagnosis().model[case.names[0]]
+            errors[str(case)] = compare(case.names[0], case.recorded(), model.run, {}).error
+    assert np.median(list(errors.values())) < ERROR, errors
+
+
+@pytest.mark.rates
+@pytest.mark.timeout(3600)
+def test_what_is_named_rightly_has_its_gain():
+    shares = {}
+    for case in SINGLES:
+        if case.exact:
+            heldout = case.diagnosis().heldout
+            share = headroom_share(case.recorded(), heldout.nrmse_before, heldout.nrmse_after)
+            if share is not None:
+                shares[str(case)] = share
+    assert np.median(list(shares.values())) > GAIN, shares

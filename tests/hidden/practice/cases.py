@@ -1,0 +1,188 @@
+"""Recordings with known truth: one effect, several, none, or one that is outside the vocabulary."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from hidden.practice import advised, contact, motions, sensor
+from hidden.practice.effects import EFFECTS, Episode, Pad
+from hidden.practice.outsiders import OUTSIDERS
+
+
+@dataclass
+class Sensor:
+    """A sensor with its faults, which can be recorded again.
+
+    Attributes:
+        pad: its taxels. nuisance: its noise, clock and tolerances.
+        effects: by name, what each does to a force.
+        own_step: N a count, before an effect coarsened it.
+        warm: degC by which it warms up.
+    """
+
+    pad: Pad
+    nuisance: sensor.Nuisance
+    effects: dict
+    own_step: float
+    warm: float
+
+    def apply(self, force, episode):
+        """All effects, one after the other."""
+        for effect in self.effects.values():
+            force = effect(force, episode)
+        return force
+
+
+@dataclass
+class Case:
+    """A recording, and what is hidden in it.
+
+    Attributes:
+        time: (T,) s. measured, simulated: (T, pads, 3, rows, cols) N. covariates: (T,) by name. episode: (T,).
+        pitch: (row, column) m.
+        causes: names of what was hidden. truth: their figures.
+        signal: energy of the effect over the energy of the noise, both of what was measured.
+        signals: by cause, the same of what it changes beside the others; if asked for.
+        sensor: to record again, or to do experiments on.
+        ideal: (T, pads, 3, rows, cols) N, what the hidden effects themselves make of the simulation, or None.
+    """
+
+    time: np.ndarray
+    measured: np.ndarray
+    simulated: np.ndarray
+    covariates: dict
+    episode: np.ndarray
+    pitch: tuple
+    causes: tuple
+    truth: dict = field(default_factory=dict)
+    signal: float = 0.0
+    signals: dict = field(default_factory=dict)
+    seed: int = 0
+    sensor: Sensor | None = None
+    ideal: np.ndarray | None = None
+
+
+def make(causes=(), *, seed, family="development", rows=6, cols=5, pads=2, strength=None, duration=9.0, rho=None,
+         strong_noise=False, coarse=False, rate=None, ideal=False, more=(), forms=()):  # fmt: skip
+    """A recording in which `causes` are hidden.
+
+    Args:
+        causes: names of EFFECTS or OUTSIDERS.
+        seed: the recording, bit for bit.
+        family: of motions and indenters, see `motions`.
+        strength: 0 to 1 for all causes; default: drawn for each.
+        duration: of an episode, s.
+        rho: correlation of the noise; default: drawn.
+        strong_noise: five times the noise.
+        coarse: rounding to whole 0.1 N in any case; else half of the sensors round finer.
+        rate: samples a second; default: drawn.
+        ideal: whether to keep what the effects make of the simulation, and `signals`; outsiders have none.
+        more: kinds of episodes that follow those of the family.
+        forms: by name of an effect, its form; default: drawn for each.
+    """
+    rng = np.random.default_rng(seed)
+    pitch = (4.35e-3, 4.52e-3)
+    where = contact.positions(rows, cols, pitch)
+    size = (rows * pitch[0], cols * pitch[1])
+    step = 0.1 if coarse or rng.random() < 0.5 else 0.01
+    nuisance = sensor.draw(rng, pads, len(where), step, rho, strong_noise)
+    if rate is not None:
+        nuisance.rate = float(rate)
+
+    moves = [motions.episode(kind, family, rng, size, pads, duration) for kind in (*motions.KINDS[family], *more)]
+    loads = np.concatenate([np.abs(contact.field(move, where)).max(axis=(1, 2, 3)) for move in moves])
+    pad = Pad(where, rows, cols, pads, float(np.quantile(loads, 0.995)))
+    known = {**EFFECTS, **OUTSIDERS}
+    order = [name for name in known if name in causes]
+    if len(order) != len(set(causes)):
+        raise ValueError(f"unknown cause among {causes}")
+    effects, truth, forms = {}, {}, dict(forms)
+    for name in order:
+        own = {"form": forms[name]} if name in forms else {}
+        size = rng.random() if strength is None else strength
+        effects[name], truth[name] = known[name](rng, pad, size, **own)
+    own_step = nuisance.step
+    if "quantisation" in truth:
+        nuisance.step, nuisance.rounding = truth["quantisation"]["step"], truth["quantisation"]["form"]
+    pauses = rng.uniform(20, 60, len(moves))
+    starts = np.cumsum(pauses) + duration * np.arange(len(moves))
+    device = Sensor(pad, nuisance, effects, own_step, rng.uniform(-0.5, 0.5))
+    case = _recorded(device, moves, starts, rng, ideal and not set(order) & set(OUTSIDERS))
+    return replace(case, pitch=pitch, causes=tuple(order), truth=truth, seed=seed)
+
+
+def again(case, kinds, *, seed):
+    """The same sensor, recorded with the motions that were asked for, after the first recording on the same clock.
+
+    Args:
+        case: the first recording.
+        kinds: names of `advised.ADVISED`.
+        seed: of the motions and the noise.
+    """
+    rng = np.random.default_rng(seed)
+    rows, cols = case.measured.shape[3:]
+    size = (rows * case.pitch[0], cols * case.pitch[1])
+    moves = [move for kind in kinds for move in advised.ADVISED[kind](rng, size, case.sensor.pad.pads)]
+    lengths = np.array([len(move.normal) for move in moves]) / motions.RATE
+    pauses = rng.uniform(20, 60, len(moves))
+    starts = case.time[-1] + np.cumsum(pauses) + np.concatenate([[0.0], np.cumsum(lengths)[:-1]])
+    new = _recorded(case.sensor, moves, starts, rng, False)
+    return replace(new, pitch=case.pitch, causes=case.causes, truth=case.truth, seed=seed)
+
+
+def joined(first, second):
+    """Two recordings of one sensor as one, the second after the first."""
+    both = {name: np.concatenate([getattr(first, name), getattr(second, name)]) for name in (
+        "time", "measured", "simulated")}  # fmt: skip
+    covariates = {n: np.concatenate([first.covariates[n], second.covariates[n]]) for n in first.covariates}
+    episode = np.concatenate([first.episode, second.episode + first.episode[-1] + 1])
+    return replace(first, **both, covariates=covariates, episode=episode, ideal=None)
+
+
+def _recorded(device, moves, starts, rng, ideal):
+    """What `device` reads of `moves` that begin at `starts`, with what is simulated of them."""
+    pad, nuisance = device.pad, device.nuisance
+    parts, effect_energy, noise_energy = [], 0.0, 0.0
+    each = dict.fromkeys(device.effects if ideal else (), 0.0)
+    for number, (move, start) in enumerate(zip(moves, starts, strict=True)):
+        force, wanted = contact.field(move, pad.where), contact.field(move, pad.where, nuisance.pose_error)
+        fine_time = start + np.arange(len(force)) / motions.RATE
+        temperature = 25 + device.warm * (1 - np.exp(-fine_time / 300))
+        about = Episode(start, move.opening, temperature)
+        changed = device.apply(force, about)
+        time, read = sensor.sample(changed, nuisance, rng, motions.RATE)
+        at = np.minimum(np.round(time * motions.RATE).astype(int), len(force) - 1)
+        coarser = (nuisance.step**2 - device.own_step**2) / 12  # energy of rounding to more than the device's own step
+        effect_energy += float(np.sum((changed[at] - force[at]) ** 2) + len(at) * nuisance.noise.size * coarser)
+        for name in each:
+            others = {other: effect for other, effect in device.effects.items() if other != name}
+            without = replace(device, effects=others).apply(force, about)
+            rounding = len(at) * nuisance.noise.size * coarser if name == "quantisation" else 0.0
+            each[name] += float(np.sum((changed[at] - without[at]) ** 2) + rounding)
+        noise_energy += float(len(at) * np.sum(nuisance.noise**2 + device.own_step**2 / 12))
+        covariates = {"gripper_opening": move.opening[at], "temperature": temperature[at]}
+        best = device.apply(wanted, about)[at] if ideal else wanted[:0]
+        parts.append((start + time, read, wanted[at], covariates, np.full(len(at), number), best))
+
+    def join(i):
+        return np.concatenate([part[i] for part in parts])
+
+    grid = (-1, pad.pads, 3, pad.rows, pad.cols)
+    best = None
+    if ideal:
+        coarse = nuisance.step if nuisance.step > device.own_step else 0.0  # then rounding is an effect
+        best = sensor.in_range(sensor.rounded(join(5), coarse, nuisance.rounding) if coarse else join(5))
+        best = best.reshape(grid).astype(np.float32)
+    return Case(
+        time=join(0),
+        measured=join(1).reshape(grid).astype(np.float32),
+        simulated=join(2).reshape(grid).astype(np.float32),
+        covariates={name: np.concatenate([part[3][name] for part in parts]) for name in parts[0][3]},
+        episode=join(4),
+        pitch=(),
+        causes=(),
+        signal=effect_energy / noise_energy,
+        signals={name: energy / noise_energy for name, energy in each.items()},
+        sensor=device,
+        ideal=best,
+    )

@@ -1,0 +1,81 @@
+"""What effects share: the sensor, the episode, and how sizes, signs and forms are drawn."""
+
+import functools
+from dataclasses import dataclass
+
+import numpy as np
+
+DT = 1 / 500
+COUNT = 0.1
+
+
+@dataclass
+class Pad:
+    """The sensor: (N, 2) taxel centres (m), rows, cols, number of pads, and the largest force of a taxel (N)."""
+
+    where: np.ndarray
+    rows: int
+    cols: int
+    pads: int
+    peak: float
+
+    @property
+    def away(self):
+        """(N, N, 2) from the second taxel to the first, m."""
+        return self.where[:, None] - self.where[None]
+
+    @property
+    def distance(self):
+        """(N, N) between taxels, in pitches."""
+        r = np.linalg.norm(self.away, axis=-1)
+        return r / np.median(np.sort(r, axis=1)[:, 1])
+
+    @property
+    def unit(self):
+        """(N, 2) taxel centres, -1 to 1 over the pad."""
+        return self.where / np.abs(self.where).max(axis=0).clip(1e-9)
+
+
+@dataclass
+class Episode:
+    """What an effect may know of an episode: seconds since the recording began, (T,) opening (m), (T,) degC."""
+
+    start: float
+    opening: np.ndarray
+    temperature: np.ndarray
+
+
+def between(low, high, strength):
+    """Log-linearly from `low` to `high`."""
+    return float(low * (high / low) ** strength)
+
+
+def sign(rng, *shape):
+    """-1 or 1."""
+    return rng.choice([-1.0, 1.0], shape) if shape else float(rng.choice([-1.0, 1.0]))
+
+
+def smooth(rng, pad, *shape):
+    """(*shape, N) that vary smoothly over the pad: mean 0, standard deviation 1."""
+    x, y = pad.unit.T
+    values = rng.standard_normal((*shape, 5)) @ np.stack([x, y, x * y, x**2, y**2])
+    values = values - values.mean(axis=-1, keepdims=True)
+    return values / values.std(axis=-1, keepdims=True).clip(1e-9)
+
+
+def forms(*names):
+    """An effect that is drawn from several forms, or has the one that is asked for; its truth says which."""
+
+    def given(effect):
+        @functools.wraps(effect)
+        def drawn(rng, pad, strength, form=None):
+            own = names[rng.integers(len(names))]  # drawn in any case: what follows does not depend on it
+            if form is not None and form not in names:
+                raise ValueError(f"{effect.__name__} has the forms {names}, got {form!r}")
+            apply, truth = effect(rng, pad, strength, form or own)
+            return apply, {"form": form or own, **truth}
+
+        drawn.forms = names
+        return drawn
+
+    return given

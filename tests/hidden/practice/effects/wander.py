@@ -1,0 +1,81 @@
+"""What is read without force and does not stay: the field of the gripper, and drift."""
+
+import numpy as np
+
+from hidden.practice.effects.common import COUNT, DT, between, forms, sign
+
+TRAVEL = 0.04  # m, of the gripper
+
+
+@forms("dipole", "two_dipoles", "quadratic")
+def interference(rng, pad, strength, form):
+    """A field that follows the opening, zeroed at one opening within the travel.
+
+    `two_dipoles`: opposite ones, further away, so that the field changes much over the pad. `quadratic`: a polynomial
+    in the opening for each pad and axis, with a slope over the pad.
+    """
+    size = between(0.2, 5.0, strength) * COUNT
+    moment = rng.standard_normal(3)
+    moment /= np.linalg.norm(moment)
+    height = rng.uniform(0.02, 0.04)
+    apart = rng.uniform(0.006, 0.012)
+    powers = rng.standard_normal((2, pad.pads, 3, 1)) * np.array([1.0, 0.6])[:, None, None, None]
+    slope = 0.4 * rng.standard_normal((2, pad.pads, 3, 2)) @ pad.unit.T
+    at = rng.uniform(0.0, TRAVEL)
+
+    def dipole(opening, further=0.0, aside=0.0):
+        here = np.concatenate([pad.where, np.zeros((len(pad.where), 1))], axis=1)
+        out = np.empty((len(opening), pad.pads, 3, len(here)))
+        for p in range(pad.pads):
+            side = 1.0 if p % 2 == 0 else -1.0  # every other pad faces the other way
+            across = 0.004 * side + aside + 0 * opening
+            away = np.stack([across, 0.003 + 0 * opening, -(height + further + opening)], axis=-1)
+            r = here[None] - away[:, None]
+            d = np.linalg.norm(r, axis=-1, keepdims=True)
+            b = 3 * r * (r @ moment)[..., None] / d**5 - moment / d**3
+            out[:, p] = np.moveaxis(b, -1, 1)
+        return out
+
+    def raw(opening):
+        if form == "dipole":
+            return dipole(opening)
+        if form == "two_dipoles":
+            return dipole(opening, 0.01, apart) - dipole(opening, 0.01, -apart)
+        way = opening[:, None, None, None] / TRAVEL
+        linear, square = powers * (1 + slope)
+        return linear * way + square * way**2
+
+    span, home = raw(np.linspace(0.0, TRAVEL, 9)), raw(np.array([at]))
+    scale = size / np.abs(span - home).mean(axis=(1, 3)).max()
+    return lambda f, e: f + scale * (raw(e.opening) - home), {"size": size, "zeroed_at": at}
+
+
+@forms("curve_and_walk", "linear", "temperature")
+def drift(rng, pad, strength, form):
+    """Zeroed when the recording begins, or minutes before.
+
+    `temperature`: of the sensor's own electronics, quick and slow parts and a room that swings; no thermometer sees it.
+    """
+    size = between(0.005, 0.10, strength) * pad.peak
+    amount = size * sign(rng, pad.pads, 3, 1) * rng.uniform(0.5, 1.0, (pad.pads, 3, len(pad.where)))
+    amount[:, 2] = np.abs(amount[:, 2])
+    tau, quick, period = rng.uniform(150.0, 500.0), rng.uniform(40.0, 120.0), rng.uniform(250.0, 500.0)
+    before = (0.0, rng.uniform(100.0, 300.0))[rng.integers(2)]
+    seed = int(rng.integers(2**31))
+
+    def course(t):
+        if form == "linear":
+            return t / 600
+        if form == "curve_and_walk":
+            return -np.expm1(-t / tau)
+        return -0.5 * np.expm1(-t / quick) - 0.5 * np.expm1(-t / 900) + 0.08 * (1 - np.cos(2 * np.pi * t / period))
+
+    def apply(f, e):
+        t = before + e.start + DT * np.arange(len(f))
+        curve = course(t) / course(np.array(600.0))
+        if form == "curve_and_walk":
+            own = np.random.default_rng([seed, round(e.start)])
+            curve = curve + own.standard_normal(len(f)).cumsum() * 0.02 * (DT / 9) ** 0.5
+        return f + curve[:, None, None, None] * amount
+
+    return apply, {"in_600_s": amount, "tau": tau, "zeroed_before": before}

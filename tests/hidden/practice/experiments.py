@@ -1,0 +1,238 @@
+"""Experiments: what is read of an effect, hidden or fitted, to compare the two.
+
+| cause | what is read |
+|---|---|
+| axis_gain | gain of each axis |
+| taxel_gain | gain of each taxel, as much as it was pressed |
+| offset | reading without force, each channel |
+| drift | change of that from the recording's begin to each episode's |
+| stiffening | gain at 10, 25, 75 and 100 % of the peak, over that at 50 % |
+| poisson | all shear, along x and along y, that a load on a middle taxel makes |
+| crosstalk | share of a load on a taxel that its four neighbours read, mean over the taxels |
+| axis_coupling, rotation | matrix from the force to what is read |
+| layout | where each force is read |
+| creep | further reading 1 s and 10 s after a step, as a share of that at once |
+| hysteresis | width of the loop at 25, 50 and 75 % of the peak over the reading there, second round |
+| low_pass, latency | lag behind a ramp, mean over its last second |
+| saturation | reading of three times the peak over that of a fifth |
+| dead_band | least force that is read by half |
+| quantisation | step |
+| dead_taxels | which taxels do not answer |
+| interference | change of the field over the opening's range, mean of each pad; normal only where it is positive |
+
+What depends on the force or moment at which a sensor reads right alone is left out: loops, gains and readings are
+relative to another reading, fields and drifts are changes.
+"""
+
+import numpy as np
+
+from hidden.practice.effects import DT, Episode
+
+
+def read(case, name, x, opening, start):
+    """What a hidden effect makes of `x` (T, pads, 3, rows, cols) at 500 Hz."""
+    gap = np.broadcast_to(np.asarray(opening, dtype=float), (len(x),))
+    episode = Episode(start, gap, np.full(len(x), 25.0))
+    return case.sensor.effects[name](x.reshape(*x.shape[:3], -1), episode).reshape(x.shape)
+
+
+class Bench:
+    """The hidden effect and the fitted one, to put the same forces on."""
+
+    def __init__(self, case, name, run):
+        self.case, self._name, self._run = case, name, run
+        self.pad = case.sensor.pad
+        self.start = float(case.time[0])
+
+    def true(self, x, opening=0.02, start=None):
+        """What the hidden effect makes of `x` (T, pads, 3, rows, cols) at 500 Hz."""
+        return read(self.case, self._name, x, opening, self.start if start is None else start)
+
+    def fitted(self, x, opening=0.02, time=None):
+        """What the fitted effect makes of it."""
+        gap = np.broadcast_to(np.asarray(opening, dtype=float), (len(x),))
+        time = self.start + DT * np.arange(len(x)) if time is None else time
+        return np.asarray(self._run(x, time, {"gripper_opening": gap, "temperature": np.full(len(x), 25.0)}))
+
+    def still(self, value):
+        """(2, pads, 3, rows, cols) of a frame, or of a number."""
+        return np.zeros((2, *self.case.measured.shape[1:])) + value
+
+    def line(self, forces):
+        """(T, 1, 3, 1, 1) of one taxel's normal force: enough for what acts on each channel alone."""
+        x = np.zeros((len(forces), 1, 3, 1, 1))
+        x[:, 0, 2, 0, 0] = forces
+        return x
+
+    def both(self, x, read):
+        """What `read` says of both."""
+        return read(self.true(x)), read(self.fitted(x))
+
+
+def _axis_gain(bench):
+    return (*bench.both(bench.still(1.0), lambda y: y[-1].mean(axis=(0, 2, 3))), np.ones(3))
+
+
+def _taxel_gain(bench):
+    load = np.sqrt(np.sum(bench.case.simulated[:, :, 2].astype(float) ** 2, axis=0))
+    return (*bench.both(bench.still(1.0), lambda y: y[-1, :, 2] * load), load)
+
+
+def _offset(bench):
+    return (*bench.both(bench.still(0.0), lambda y: y[-1]), 0.0)
+
+
+def _drift(bench):
+    starts = bench.case.time[np.flatnonzero(np.diff(bench.case.episode, prepend=-1))]
+    rest = np.zeros((25, *bench.case.measured.shape[1:]))
+    true = np.stack([bench.true(rest, start=start).mean(axis=0) for start in starts])
+    fitted = bench.fitted(np.zeros((len(starts), *rest.shape[1:])), time=starts)
+    return true[1:] - true[0], fitted[1:] - fitted[0], 0.0
+
+
+def _stiffening(bench):
+    forces = bench.pad.peak * np.array([0.5, 0.1, 0.25, 0.75, 1.0])
+
+    def relative(y):
+        gain = y[:, 0, 2, 0, 0] / forces
+        return gain[1:] / gain[0]
+
+    return (*bench.both(bench.line(forces), relative), 1.0)
+
+
+def _probe(bench):
+    """A unit of normal force on a middle taxel of each pad, and where that is."""
+    row, col = bench.pad.rows // 2, bench.pad.cols // 2
+    x = bench.still(0.0)
+    x[:, :, 2, row, col] = 1.0
+    return x, row, col
+
+
+def _poisson(bench):
+    x, _, _ = _probe(bench)
+    return (*bench.both(x, lambda y: np.abs(y[-1, 0, :2]).sum(axis=(1, 2))), 0.0)
+
+
+def _crosstalk(bench):
+    rows, cols = bench.pad.rows, bench.pad.cols
+    x = np.zeros((rows * cols, *bench.case.measured.shape[1:]))
+    x[:, :, 2] = np.eye(rows * cols).reshape(-1, 1, rows, cols)
+
+    def share(y):
+        z = y[:, :, 2].reshape(rows, cols, bench.pad.pads, rows, cols)  # row and column of the load, and of the reading
+        i, j = np.arange(rows), np.arange(cols)
+        own = z[i[:, None], j, :, i[:, None], j]
+        to_rows = [z[a, :, :, a + d][j, :, j] / own[a] for d in (-1, 1) for a in i if 0 <= a + d < rows]
+        to_cols = [z[:, b, :, :, b + d][i, :, i] / own[:, b] for d in (-1, 1) for b in j if 0 <= b + d < cols]
+        return np.concatenate([np.ravel(shares) for shares in (*to_rows, *to_cols)]).mean()
+
+    return (*bench.both(x, share), 0.0)
+
+
+def _matrix(bench):
+    def columns(of):
+        return np.stack([of(bench.still(np.eye(3)[k][:, None, None]))[-1].mean(axis=(0, 2, 3)) for k in range(3)])
+
+    return columns(bench.true), columns(bench.fitted), np.eye(3)
+
+
+def _layout(bench):
+    frame = np.random.default_rng(0).uniform(1, 2, bench.case.measured.shape[1:])
+    return (*bench.both(bench.still(frame), lambda y: y[-1]), frame)
+
+
+def _creep(bench):
+    step = np.r_[np.zeros(50), np.full(round(10.1 / DT), 0.5 * bench.pad.peak)]
+
+    def further(y):
+        y = y[:, 0, 2, 0, 0]
+        at_once = y[51]
+        return [y[50 + round(t / DT)] / at_once - 1 for t in (1.0, 10.0)]
+
+    return (*bench.both(bench.line(step), further), 0.0)
+
+
+def _hysteresis(bench):
+    way = np.linspace(0, 1, 501)
+    forces = bench.pad.peak * np.r_[way, way[-2::-1], way[1:], way[-2::-1]]
+    level = np.array([125, 250, 375])
+
+    def width(y):
+        y = y[:, 0, 2, 0, 0]
+        return (y[1000 + level] - y[2000 - level]) / y[1500]
+
+    return (*bench.both(bench.line(forces), width), 0.0)
+
+
+def _lag(bench):
+    t = np.arange(0, 4, DT)
+    true = t - bench.true(bench.line(t))[:, 0, 2, 0, 0]
+    slow = float(np.median(np.diff(bench.case.time)))  # a fitted delay keeps only so many frames
+    own = np.arange(0, 4, slow)
+    fitted = own - bench.fitted(bench.line(own), time=bench.start + own)[:, 0, 2, 0, 0]
+    return true[t > 3].mean(), fitted[own > 3].mean(), 0.0
+
+
+def _saturation(bench):
+    forces = bench.pad.peak * np.array([0.2, 3.0])
+    return (*bench.both(bench.line(forces), lambda y: y[1, 0, 2, 0, 0] / y[0, 0, 2, 0, 0]), 0.0)
+
+
+def _dead_band(bench):
+    forces = np.arange(0.001, 1.5, 0.001)
+
+    def edge(y):
+        return forces[np.argmax(y[:, 0, 2, 0, 0] > 0.5 * forces)]
+
+    return (*bench.both(bench.line(forces), edge), 0.0)
+
+
+def _quantisation(bench):
+    read = bench.fitted(bench.line(np.arange(0, 5, 0.001)))[:, 0, 2, 0, 0]
+    levels = np.unique(np.round(read, 6))
+    return bench.case.truth["quantisation"]["step"], np.median(np.diff(levels)), 0.0
+
+
+def _dead_taxels(bench):
+    def dead(of):
+        return (of(bench.still(5.0)) - of(bench.still(0.0)))[-1, :, 2] < 2.5
+
+    return dead(bench.true), dead(bench.fitted), 0.0
+
+
+def _interference(bench):
+    opening = bench.case.covariates["gripper_opening"]
+    gaps = np.linspace(opening.min(), opening.max(), 9)
+    x = np.zeros((9, *bench.case.measured.shape[1:]))
+    true = bench.true(x, gaps)
+    seen = np.ones(true.shape, bool)
+    seen[:, :, 2] = true[:, :, 2] > 0  # a normal reading does not go below 0, whatever the field
+
+    def change(y):
+        mean = (y * seen).sum(axis=0) / seen.sum(axis=0).clip(1)
+        return ((y - mean) * seen).mean(axis=(3, 4))
+
+    return change(true), change(bench.fitted(x, gaps)), 0.0
+
+
+EXPERIMENTS = {
+    "axis_gain": _axis_gain,
+    "taxel_gain": _taxel_gain,
+    "offset": _offset,
+    "drift": _drift,
+    "stiffening": _stiffening,
+    "poisson": _poisson,
+    "crosstalk": _crosstalk,
+    "axis_coupling": _matrix,
+    "rotation": _matrix,
+    "layout": _layout,
+    "creep": _creep,
+    "hysteresis": _hysteresis,
+    "low_pass": _lag,
+    "latency": _lag,
+    "saturation": _saturation,
+    "dead_band": _dead_band,
+    "quantisation": _quantisation,
+    "dead_taxels": _dead_taxels,
+    "interference": _interference,
+}

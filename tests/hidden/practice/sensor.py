@@ -1,0 +1,78 @@
+"""What every real recording has besides the effect: noise, rounding, a clock that is not quite even, small errors."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import lfilter
+
+from hidden.practice.effects import COUNT
+
+
+@dataclass
+class Nuisance:
+    """What is drawn once for a recording.
+
+    Attributes:
+        rate: samples a second.
+        noise: (pads, 3, N) standard deviation, N.
+        rho: correlation of the noise from one 20 Hz sample to the next.
+        scatter: (pads, 3, N) gains about 1 that no calibration has removed.
+        pose_error: (2,) how far off the simulated contact is, m.
+        jitter: largest deviation of a sample's moment from its time stamp, s.
+        step: newtons a count.
+        rounding: "round" to the nearest count, or "floor": the middle of the count below which it lies.
+    """
+
+    rate: float
+    noise: np.ndarray
+    rho: float
+    scatter: np.ndarray
+    pose_error: np.ndarray
+    jitter: float
+    step: float
+    rounding: str = "round"
+
+
+def draw(rng, pads, taxels, step=COUNT, rho=None, strong=False):
+    """A sensor's nuisances; `strong` noise is five times the usual."""
+    noise = np.exp(rng.uniform(np.log(0.05), np.log(0.5))) * COUNT * rng.uniform(0.7, 1.4, (pads, 3, taxels))
+    return Nuisance(
+        rate=float(rng.choice([20.0, 30.0, 50.0, 100.0], p=[0.4, 0.3, 0.2, 0.1])),
+        noise=noise * (5 if strong else 1),
+        rho=float(rng.choice([0.0, 0.5, 0.8, 0.95])) if rho is None else rho,
+        scatter=1 + rng.uniform(0.003, 0.01) * rng.standard_normal((pads, 3, taxels)),
+        pose_error=rng.uniform(-0.5, 0.5, 2) * 0.2e-3,
+        jitter=2e-3,
+        step=step,
+    )
+
+
+def sample(force, nuisance, rng, fine_rate):
+    """(time, readings) of (T, pads, 3, N) forces at `fine_rate`: sampled, noisy, rounded, normal never negative."""
+    count = int(len(force) / fine_rate * nuisance.rate)
+    time = np.arange(count) / nuisance.rate
+    moment = np.clip((time + rng.uniform(-1, 1, count) * nuisance.jitter) * fine_rate, 0, len(force) - 1)
+    low = np.floor(moment).astype(int)
+    high = np.minimum(low + 1, len(force) - 1)
+    way = (moment - low)[:, None, None, None]
+    clean = (force[low] * (1 - way) + force[high] * way) * nuisance.scatter
+    white = rng.standard_normal(clean.shape)
+    rho = nuisance.rho ** (20 / nuisance.rate) if nuisance.rho else 0.0
+    coloured = lfilter([np.sqrt(1 - rho**2)], [1, -rho], white, axis=0)
+    read = clean + nuisance.noise * (0.7 * white + 0.7 * coloured)
+    if nuisance.step:
+        read = rounded(read, nuisance.step, nuisance.rounding)
+    return time, in_range(read)
+
+
+def rounded(read, step, rounding="round"):
+    """Readings in counts of `step`."""
+    counts = np.floor(read / step) + 0.5 if rounding == "floor" else np.round(read / step)
+    return counts * step
+
+
+def in_range(read):
+    """(T, pads, 3, N) readings as a device can give them: a normal force is never negative."""
+    read = read.copy()
+    read[:, :, 2] = np.maximum(read[:, :, 2], 0)
+    return np.clip(read, -12.8, 25.5)
