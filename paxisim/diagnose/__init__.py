@@ -17,8 +17,6 @@ from paxisim._lazy import lazy
 if TYPE_CHECKING:
     from paxisim.diagnose.cause import Cause as Cause
     from paxisim.diagnose.cause import Free as Free
-    from paxisim.diagnose.cause import known_causes as known_causes
-    from paxisim.diagnose.cause import register_cause as register_cause
     from paxisim.diagnose.diagnosis import Diagnosis as Diagnosis
     from paxisim.diagnose.diagnosis import FittedParameter as FittedParameter
     from paxisim.diagnose.diagnosis import FoundCause as FoundCause
@@ -28,10 +26,13 @@ if TYPE_CHECKING:
     from paxisim.diagnose.diagnosis import Place as Place
     from paxisim.diagnose.diagnosis import Symptoms as Symptoms
     from paxisim.diagnose.run import diagnose as diagnose
+    from paxisim.diagnose.vocabulary import known_causes as known_causes
+    from paxisim.diagnose.vocabulary import register_cause as register_cause
     from paxisim.recording import Recording
 
 _HOMES = {
-    "paxisim.diagnose.cause": ("Cause", "Free", "known_causes", "register_cause"),
+    "paxisim.diagnose.cause": ("Cause", "Free"),
+    "paxisim.diagnose.vocabulary": ("known_causes", "register_cause"),
     "paxisim.diagnose.diagnosis": (
         "Diagnosis",
         "FittedParameter",

@@ -1,42 +1,19 @@
-"""Cause: a transform and what is needed to search for it."""
+"""Cause: a transform and all that is needed to look for it. Each cause is one file in `causes/`."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from paxisim import augment
 from paxisim.augment.transform import Transform
 from paxisim.diagnose.problem import FloatArray, Problem
-from paxisim.errors import InvalidValueError, UnknownNameError
 
 Values = Sequence[float]
 
-MANY = 7.0
-"""What a cause with a number for each taxel or channel costs, see `Cause`."""
-
-Solve = Callable[[Problem, FloatArray, Callable[[FloatArray], FloatArray], bool, "FloatArray | None"], FloatArray]
-
-FORM = 0.002
-"""Share of a cause's gain that most others may bring besides, see `Cause`; measured by `benchmarks/form_shares.py`."""
-
-UNLIKE = 0.0005
-"""The same for those that look like no other."""
-
-TAXEL_GAIN = "taxel_gain"
-"""The one cause with a number for each taxel; it is fitted in closed form."""
-
-STATIC = ("axis_gain", "stiffening", "crosstalk")
-"""Causes that act on how hard a taxel is pressed."""
-
 AXES = "xyz"
-
-DEAD_BAND = "dead_band"
-"""The one cause that holds back a zero."""
-
-GAIN_PRIOR = 0.1
-"""Spread of taxels' gains about 1 that is expected before a recording has told of it."""
 
 
 @dataclass(frozen=True)
@@ -44,19 +21,17 @@ class Free:
     """One number that is fitted.
 
     Attributes:
-        name: What it is called in a report.
+        name: What a report calls it.
         unit: Its unit, ``"1"`` for a pure number.
-        neutral: The value at which the cause does nothing, or at which it does not matter.
+        neutral: The value at which the cause does nothing, or the value expected where the data do not decide.
         low: Least value.
         high: Largest value.
-        scale: By how much it typically moves; the search steps in these units.
-        material: A cause is named only if one of its numbers is this far from neutral; None for a number that it is not
-            named for, such as a time constant.
-        spread: How far from neutral it may be expected: it stays there as long as the data do not say otherwise. None
-            where the data always do.
-        together: Numbers of a cause with the same word here act on other channels each, and are tried together.
-        channel: Pad and axis that such a number acts on alone.
-        held_beside: Names of causes beside which it stays neutral, as they do what it does.
+        scale: By how much it typically moves; the fit steps in these units.
+        material: The cause is named only if one of its numbers is at least this far from neutral. None for numbers
+            that do not count, such as time constants.
+        spread: Standard deviation of a prior about `neutral`; None for no prior.
+        together: Numbers of a cause with the same word here act on different channels, and are moved at once.
+        channel: Pad and axis that such a number acts on.
     """
 
     name: str
@@ -69,139 +44,169 @@ class Free:
     spread: float | None = None
     together: str = ""
     channel: tuple[int, int] = (0, 0)
-    held_beside: tuple[str, ...] = ()
-
-    def is_held(self, beside: Iterable[str]) -> bool:
-        """Whether it stays neutral beside causes of these names."""
-        return not set(self.held_beside).isdisjoint(beside)
 
 
 @dataclass(frozen=True)
+class Gauge:
+    """The gain that a calibration convention brings with a cause.
+
+    A sensor that creeps reads right at once if it was calibrated with quick presses, and after a while if it was
+    calibrated with held loads. The second sensor has a gain below 1 besides the creep; that gain is not a cause of its
+    own. One number from 0 to 1 says where between the two conventions the sensor was calibrated; it is fitted with the
+    cause and reported as one of its parameters.
+
+    Attributes:
+        name: Of the number. At 0 the cause's transform reads right as it is, at 1 it is multiplied by `gain`.
+        gain: The gain at the other convention, given the cause's values and the recording.
+    """
+
+    name: str
+    gain: Callable[[Values, Problem], float]
+
+
+@dataclass(frozen=True, eq=False)
+class Local:
+    """Numbers of each taxel or channel, fitted in closed form.
+
+    Attributes:
+        name: What the array is called, in a report and in the transform.
+        unit: Its unit, ``"1"`` for a pure number.
+        solve: The array that fits best, given the problem, the force that comes in, a function that says what is read
+            of the force that goes out, and an array to begin with or None.
+        error: Half the widths of the 90 % intervals of the array, given the problem of three or more episodes, what the
+            whole model makes of it (N), and the array.
+    """
+
+    name: str
+    unit: str
+    solve: Callable[[Problem, FloatArray, Callable[[FloatArray], FloatArray], FloatArray | None], FloatArray]
+    error: Callable[[Problem, FloatArray, FloatArray], FloatArray]
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """A reading without force that follows a course in time which all channels share, each by an amount of its own.
+
+    Attributes:
+        name: What the amounts are called, in a report and in the transform.
+        curve: ``(T,)`` the course, given seconds since the recording began and a time constant (s).
+        taus: Time constants that are tried; one entry if the course has none.
+    """
+
+    name: str
+    curve: Callable[[FloatArray, float], FloatArray]
+    taus: tuple[float, ...] = (0.0,)
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """What a deterministic check read off the recording.
+
+    Attributes:
+        transform: The fault.
+        values: Its figures by name.
+        problem: The recording as it is compared from here on.
+        rounds: Whether what it does is the rounding that `Problem.read` already knows of.
+    """
+
+    transform: Transform
+    values: Mapping[str, float | FloatArray]
+    problem: Problem
+    rounds: bool = False
+
+
+def _nothing(problem: Problem) -> tuple[Free, ...]:
+    return ()
+
+
+def _no_starts(problem: Problem) -> Sequence[Values]:
+    return ()
+
+
+def _always(problem: Problem) -> str:
+    return ""
+
+
+@dataclass(frozen=True, eq=False)
 class Cause:
     """Something that a sensor does and the simulation lacks.
 
+    A cause is fitted (`free` and `starts`, or `local`, or `course`) or read off the recording (`read`).
+
     Attributes:
         name: As it appears in a diagnosis.
-        order: Where it sits in the chain, smaller is nearer to the contact.
-        free: What is fitted, given the problem (its peak force, its number of pads ...).
-        make: The transform with these values, in the order of `free`. Of a transform of one's own, only fields that are
-            declared with `paxisim.augment.parameter` get intervals in the model, as others cannot be drawn.
-        probes: Sets of values whose effects, taken together, span what the cause can do while it is small. The search
-            ranks causes by them; give several where the effect changes its shape, as with time constants. None for a
-            cause that is not searched for but read off the data.
-        covariate: Name of the covariate that it needs, empty for none.
-        simpler: Names of causes that it can imitate with fewer numbers; it is named only if it does better than they.
-        ahead: By what share of its gain it must be better than those.
-        behind: By what share of its gain, given its values, it must be better than another cause, by its name, which it
-            does not imitate but whose form costs that one as much.
-        told_beside: By name of another cause, the only numbers that tell it from that one where both are in.
-        costs: How many times the energy that matters it must bring: more than 1 for one with many numbers, in which
-            what no calibration has removed gathers.
-        form: Share of its gain that another cause, by its name, may bring besides, as no form fits exactly what a
-            sensor does; that one's `mistaken` where it is not listed.
-        absorbs: The same where those of `absorbers` are fitted besides, which take up what its form misses; a cause
-            that brings less than its share in `form` may bring more than this.
-        absorbers: Names of causes.
-        mistaken: Share of another cause's gain that this one may bring only because that one's form does not fit.
-        faint: Factor on the energy that matters, that is enough without samples far off, as chance brings less.
-        beyond: How far `values` are from what those could do, in units of what matters: at least 1 to be named.
-        solve: For one with a number for each taxel or channel: the array that fits best, in closed form, given the
-            problem, what comes in, a function that says what the causes behind it make of what goes out, whether there
-            are none, and an array near it, if one is known. It then has no `free`, and `make` takes the array.
-        solves: What that array is called, in a report and in the transform.
-        relative_to: Names of causes that scale all taxels alike: beside one of them that array is 1 on average, as
-            nothing tells which of the two has a factor that all have in common.
-        barred: Why it cannot be told in a problem; empty if it can.
+        order: Its place in the chain; smaller is nearer to the contact.
+        make: The transform with these values: the numbers in the order of `free`, or the array of `local`. Fields of a
+            transform of your own get intervals in the model only if `paxisim.augment.parameter` declares them.
+        excites: Name of the motion, one of `paxisim.diagnose.advice.MOTIONS`, that shows this cause best.
+        free: The numbers that are fitted, given the problem.
+        starts: Values to begin the fit with, for each form that the effect may take. Together they should span what
+            the cause does while it is small, as candidates are ranked by them.
+        gauge: The gain that comes with the cause's calibration convention, if there is one.
+        local: For a cause with a number for each taxel or channel, fitted in closed form.
+        course: For a cause that adds a reading without force.
+        read: For a cause that is read off the recording before the search.
+        nuisance: Whether it is fitted beside all others from the beginning, and named only if it counts in the end.
+        planes: Whether the cause comes with a constant that is a plane over each pad's axis, so that `offset` is
+            named only for what is left of the zero beside such planes.
+        covariate: Name of the covariate that it needs.
+        misfit: Share of its gain that is left for others to explain, as no form is exactly the sensor's.
+        price: How many times the usual gain it must bring: more than 1 for a cause with many numbers, in which
+            tolerated errors gather.
+        size: How large the values are, in units of the smallest size of interest; default: by `Free.material`.
+        barred: Why it cannot be told in this recording; an empty string if it can.
     """
 
     name: str
     order: float
-    free: Callable[[Problem], tuple[Free, ...]]
     make: Callable[[Values, Problem], Transform]
-    probes: Callable[[Problem], Sequence[Values]] | None
+    excites: str = "varied"
+    free: Callable[[Problem], tuple[Free, ...]] = _nothing
+    starts: Callable[[Problem], Sequence[Values]] = _no_starts
+    gauge: Gauge | None = None
+    local: Local | None = None
+    course: Course | None = None
+    read: Callable[[Problem], Reading | None] | None = None
+    nuisance: bool = False
+    planes: bool = False
     covariate: str = ""
-    simpler: tuple[str, ...] = ()
-    ahead: float = 0.08
-    behind: Mapping[str, Callable[[Values, Problem], float]] = field(default_factory=dict)
-    told_beside: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    costs: float = 1.0
-    form: Mapping[str, float] = field(default_factory=dict)
-    absorbs: Mapping[str, float] = field(default_factory=dict)
-    absorbers: tuple[str, ...] = ()
-    mistaken: float = FORM
-    faint: float = 1.0
-    beyond: Callable[[Values, Problem], float] = lambda values, problem: np.inf
-    solve: Solve | None = None
-    solves: str = ""
-    relative_to: tuple[str, ...] = ()
-    barred: Callable[[Problem], str] = lambda problem: ""
+    misfit: float = 0.01
+    price: float = 1.0
+    size: Callable[[Values, Problem], float] | None = None
+    barred: Callable[[Problem], str] = _always
 
-    @property
-    def gives_way(self) -> tuple[str, ...]:
-        """Names of the causes that are taken in its place if it is hardly better."""
-        return (*self.simpler, *self.behind)
+    def parameters(self, problem: Problem) -> tuple[Free, ...]:
+        """The fitted numbers, that of the gauge last."""
+        own = self.free(problem)
+        return (*own, Free(self.gauge.name, "1", 0.0, 0.0, 1.0, 0.3, spread=1.0)) if self.gauge else own
 
-    @property
-    def is_searched(self) -> bool:
-        """Whether it is fitted; else it is read off the data, and has no rivals."""
-        return self.probes is not None or self.solve is not None
+    def transform(self, values: FloatArray, problem: Problem) -> Transform:
+        """The transform with fitted values, the gauge's included."""
+        if self.local or self.course:
+            return self.make(values, problem)  # type: ignore[arg-type]
+        numbers = [float(v) for v in values]
+        if self.gauge is None:
+            return self.make(numbers, problem)
+        own, share = numbers[:-1], numbers[-1]
+        made = self.make(own, problem)
+        gain = 1 + share * (self.gauge.gain(own, problem) - 1)
+        return made if gain == 1 else augment.Chain([made, augment.AxisGain((gain,) * 3)], [self.name, self.gauge.name])
 
-    def size(self, values: Values, problem: Problem, beside: Iterable[str] = ()) -> float:
-        """How far it is from neutral, in units of what matters: at least 1 to be named.
+    def places(self, problem: Problem) -> list[FloatArray]:
+        """The starts, those of a gauge at both of its ends."""
+        starts = [np.asarray(values, dtype=np.float64) for values in self.starts(problem)]
+        return [np.append(s, end) for s in starts for end in (0.0, 1.0)] if self.gauge else starts
 
-        Args:
-            values: Of it.
-            problem: The recording.
-            beside: Names of the causes beside which it is to be told.
-        """
-        beyond = self.beyond(values, problem)
-        free = self.free(problem)
-        if self.solve is not None or not free:
-            return beyond
-        telling = [self.told_beside[name] for name in beside if name in self.told_beside]
-        sizes = [
-            abs(v - f.neutral) / max(f.material, 1e-12)
-            for v, f in zip(values, free, strict=True)
-            if f.material is not None and all(f.name in names for names in telling)
-        ]
-        return min(beyond, max(sizes, default=0.0))
+    def amount(self, values: FloatArray, problem: Problem) -> float:
+        """How large the values are, in units of the smallest size of interest."""
+        if self.size is not None:
+            return self.size(values, problem)  # type: ignore[arg-type]
+        pairs = zip(values, self.free(problem), strict=False)
+        return max((abs(float(v) - f.neutral) / f.material for v, f in pairs if f.material), default=np.inf)
 
 
-def one_away(size: int, index: int, neutral: float, step: float) -> list[float]:
-    """Neutral values, but for one, a step away: what to probe a cause of several parameters with."""
-    values = [neutral] * size
+def one_away(count: int, index: int, neutral: float, step: float) -> list[float]:
+    """Neutral values, but for one that is a step away: a start of a cause with several parameters."""
+    values = [neutral] * count
     values[index] += step
     return values
-
-
-_CAUSES: dict[str, Cause] = {}
-
-
-def register_cause(cause: Cause) -> None:
-    """Add a cause to those that are searched for from now on.
-
-    Raises:
-        InvalidValueError: There is one of that name already.
-    """
-    if cause.name in _CAUSES:
-        raise InvalidValueError(f"there is a cause {cause.name!r} already; choose another name")
-    _CAUSES[cause.name] = cause
-
-
-def known_causes() -> tuple[str, ...]:
-    """The names of all causes, in the order of the chain."""
-    from paxisim.diagnose import causes as _  # noqa: F401  # registers ours
-
-    return tuple(sorted(_CAUSES, key=lambda name: _CAUSES[name].order))
-
-
-def cause(name: str) -> Cause:
-    """The cause of that name.
-
-    Raises:
-        UnknownNameError: There is none.
-    """
-    known = known_causes()
-    if name not in known:
-        raise UnknownNameError("cause", name, known)
-    return _CAUSES[name]

@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.diagnose.each import each
-from paxisim.diagnose.heldout import folds_of
 from paxisim.diagnose.problem import FloatArray, Problem
 from paxisim.errors import MissingExtraError
 
@@ -14,6 +13,7 @@ CHANNELS = 12  # for each axis
 ROWS = 12_000  # numbers that are learned from, for each axis
 FRAMES = 4000  # that are judged, at most
 LAGS = (1, 2, 4, 8)  # frames
+FOLDS = 8
 
 Places = tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]
 
@@ -57,6 +57,7 @@ def ceiling(problem: Problem, simulated: FloatArray, seed: int, jobs: int = 1) -
 def _left(problem: Problem, inputs: FloatArray, wanted: FloatArray, seed: int, jobs: int) -> FloatArray:
     """``(episodes,)`` the share of the squares of `wanted` ``(C, T)`` that is left where it was held out."""
     from sklearn.ensemble import HistGradientBoostingRegressor
+    from sklearn.model_selection import KFold
     from threadpoolctl import ThreadpoolController
 
     count = len(problem.episodes)
@@ -80,7 +81,8 @@ def _left(problem: Problem, inputs: FloatArray, wanted: FloatArray, seed: int, j
                 if true.any():  # where these taxels are not off at all, nothing is said of the others
                     left[number] = np.sum((true - guess) ** 2) / np.sum(true**2)
 
-    each(judge, folds_of(problem), jobs)
+    folds = [list(held) for _, held in KFold(min(FOLDS, count)).split(np.arange(count))] if count > 1 else [[0]]
+    each(judge, folds, jobs)
     return left
 
 

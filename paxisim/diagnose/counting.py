@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
-from paxisim.augment.dead_band import DeadBand
 from paxisim.diagnose.blocks import in_blocks
 from paxisim.diagnose.noise import FloatArray
 
@@ -32,18 +31,16 @@ class Counting:
         step: Newtons a count, 0 if it does not count.
         dither: Noise before rounding (N).
         clips: Whether a normal reading never goes below 0.
-        gate: A dead band that forces pass before they are counted, if one is known.
     """
 
     step: float
     dither: float
     clips: bool
-    gate: DeadBand | None
 
     @property
     def reads_all(self) -> bool:
         """Whether `read` returns what it is given."""
-        return not self._ripples and not self._cuts and self.gate is None
+        return not self._ripples and not self._cuts
 
     @property
     def is_steep(self) -> bool:
@@ -83,8 +80,6 @@ class Counting:
         return (self.read(force + small) - self.read(force - small)) / (2 * small)
 
     def _read(self, force: FloatArray) -> FloatArray:
-        if self.gate is not None:
-            force = self.gate.apply(force, {})
         read = force - self._rounding(force) if self._ripples else force.copy()
         if self._cuts:
             normal = read[:, :, 2]

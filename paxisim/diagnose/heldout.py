@@ -1,27 +1,25 @@
-"""Held out: how good a model is on episodes that took no part in its fit, and what noise alone would leave."""
+"""Held out: how good a model is on samples that took no part in its fit, and what noise alone would leave."""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import bootstrap
 
-from paxisim.diagnose.cause import cause
 from paxisim.diagnose.diagnosis import HeldOut, Interval
-from paxisim.diagnose.each import each
-from paxisim.diagnose.engine import Explanation
+from paxisim.diagnose.explanation import Explanation, without_each
 from paxisim.diagnose.problem import FloatArray, Problem
 
-FOLDS = 8
 DRAWS = 400  # of the bootstrap
 LEVEL = 0.9  # of the intervals
-LONE = 0.5  # of a gain, that one episode has which is held out half by half
-CHOSEN = "Causes were chosen on all episodes; their numbers were fitted without those held out."
+CHOSEN = "Causes were chosen by the same held-out episodes; their parameters were fitted without those held out."
 LEAST_ROOM = 0.02  # of the floor, that the error must be above it for anything to be explained
-_EQUAL = 1e-5  # of the force, by which streams without noise may differ
-_ALIKE = 0.02  # of the force, by which the simulations of a repeated motion may differ
+EQUAL = 1e-5  # of the force, by which streams without noise may differ
+ALIKE = 0.02  # of the force, by which the simulations of a repeated motion may differ
+SLOW_NOISE = 2.5  # times the variance of fast noise, that slow noise can make of it at rest
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,89 +28,47 @@ class Squares:
 
     Attributes:
         before: ``(episodes,)`` of the simulation.
-        after: ``(episodes,)`` of the model, fitted on other episodes.
+        after: ``(episodes,)`` of the model, fitted to other folds.
+        without: ``(episodes,)`` of the model fitted again without a cause, by its name.
         floor: ``(episodes,)`` what noise would leave.
         force: ``(episodes,)`` the measured force.
-        prediction: ``(T, pads, 3, rows, cols)`` the held-out predictions, N.
         source: Where the floor is read from.
-        lone: Numbers of episodes that were held out in halves, as each alone shows most of what was found, or of a
-            field, which could not be fitted to the others.
+        split: Numbers of the episodes that were held out one block after the other.
     """
 
     before: FloatArray
     after: FloatArray
+    without: Mapping[str, FloatArray]
     floor: FloatArray
     force: FloatArray
-    prediction: FloatArray
     source: str
-    lone: tuple[int, ...] = ()
+    split: tuple[int, ...]
+
+    @property
+    def room(self) -> FloatArray:
+        """``(episodes,)`` what can be explained."""
+        return self.before - self.floor
 
 
-def folds_of(problem: Problem) -> list[list[int]]:
-    """The episodes that are held out together, those of a fold far apart."""
-    count = len(problem.episodes)
-    return [list(range(fold, count, min(FOLDS, count))) for fold in range(min(FOLDS, count))]
-
-
-def hold_out(found: Explanation, simulated: FloatArray, jobs: int = 1) -> Squares:
-    """Errors of the model on episodes it was not fitted to; with a single episode, on that one.
-
-    An episode that alone shows most of what was found, or of a field, is held out one half after the other.
-
-    Args:
-        found: The causes, with the way to fit them again.
-        simulated: ``(T, pads, 3, rows, cols)`` the recording's simulation as it came, N.
-        jobs: Processors to use.
-    """
-    problem = found.problem
-    count = len(problem.episodes)
-    prediction = found.prediction
-    lone = _lone(found) if count > 1 else ()
-    if count > 1 and found.found:
-        prediction = prediction.copy()
-
-        def predicted(split: tuple[list[slice], list[slice]]) -> None:
-            others, held_out = split
-            refitted = found.fit_on(others)
-            for span in held_out:
-                prediction[span] = refitted[span]
-
-        each(predicted, _splits(problem, lone), jobs)
-    problem = found.judged
-    after = problem.measured - problem.read(prediction)
-    coarse = any(named.name == "quantisation" for named in found.found)  # then rounding is part of what is wrong
-    floor, source = _noise(problem, prediction, after, coarse)
+def squares_of(found: Explanation, jobs: int = 1) -> Squares:
+    """Errors of simulation and model on held-out samples."""
+    problem = found.off.judged
+    coarse = any(reading.rounds for reading in found.off.readings.values())  # then rounding is part of what is wrong
+    simulated = found.off.raw.simulated
+    after = problem.measured - problem.read(found.heldout)
+    without = {}
+    for name, (own, prediction) in without_each(found, jobs).items():
+        without[name] = _squares(problem, problem.measured - own.read(prediction))
+    floor, source = _noise(problem, found.heldout, after, coarse)
     return Squares(
         _squares(problem, problem.measured - (simulated if coarse else problem.read(simulated))),
         _squares(problem, after),
+        without,
         floor,
         _squares(problem, problem.measured),
-        prediction,
         source,
-        lone,
+        found.folds.split,
     )
-
-
-def _lone(found: Explanation) -> tuple[int, ...]:
-    """The episodes that alone show most of what was found, or of a field: without them it could not be fitted."""
-    gains = [found.empty_energy - found.energy] if found.found else []
-    gains += [named.energy_gain for named in found.found if cause(named.name).covariate]
-    gains = [np.maximum(gain, 0.0) for gain in gains]
-    return tuple(sorted({int(np.argmax(gain)) for gain in gains if gain.max() > LONE * gain.sum()}))
-
-
-def _splits(problem: Problem, lone: Collection[int]) -> Iterator[tuple[list[slice], list[slice]]]:
-    """Samples to fit to, and those to be judged by that fit."""
-    for fold in folds_of(problem):
-        others = [span for number, span in enumerate(problem.episodes) if number not in fold]
-        whole = [problem.episodes[number] for number in fold if number not in lone]
-        if whole:
-            yield others, whole
-        for span in (problem.episodes[number] for number in fold if number in lone):
-            middle = (span.start + span.stop) // 2
-            halves = slice(span.start, middle), slice(middle, span.stop)
-            for own, other in (halves, halves[::-1]):
-                yield sorted([*others, other], key=lambda s: s.start), [own]
 
 
 def _squares(problem: Problem, values: FloatArray) -> FloatArray:
@@ -134,7 +90,7 @@ def _noise(problem: Problem, prediction: FloatArray, after: FloatArray, coarse: 
     calm = np.concatenate([problem.at_rest[span][1:] for span in problem.episodes])
     if calm.sum() >= 50:
         fast = np.mean(steps[calm] ** 2, axis=0) / 2
-        variance = np.clip(np.var(after[problem.at_rest], axis=0), fast, 2.5 * fast)
+        variance = np.clip(np.var(after[problem.at_rest], axis=0), fast, SLOW_NOISE * fast)
     else:
         variance = np.median(steps**2, axis=0) / 0.455 / 2
     rounding = problem.counting.left if coarse else problem.step**2 / 12
@@ -155,39 +111,54 @@ def _repeated(problem: Problem) -> float | None:
         force = float(np.mean(problem.simulated[one] ** 2))
         if force < 1e-4 * problem.peak**2 or len(found) > 20:
             continue
-        if np.mean((problem.simulated[one] - problem.simulated[other]) ** 2) < _ALIKE**2 * force:
+        if np.mean((problem.simulated[one] - problem.simulated[other]) ** 2) < ALIKE**2 * force:
             apart = problem.measured[one] - problem.measured[other]
             found.append(float(np.sum(apart**2, where=problem.alive)) / 2 / length)
     return float(np.median(found)) if found else None
 
 
-def draws_of(episodes: int, seed: int) -> FloatArray:
-    """``(DRAWS, episodes)`` how often each episode comes when as many are drawn with replacement."""
-    chosen = np.random.default_rng(seed).integers(episodes, size=(DRAWS, episodes))
-    return np.stack([np.bincount(row, minlength=episodes) for row in chosen]).astype(float)
+def share_of(gained: FloatArray, room: FloatArray, seed: int) -> Interval:
+    """What is gained as a share of the room, with a 90 % interval from a bootstrap over episodes.
 
+    Args:
+        gained: ``(episodes,)`` N^2.
+        room: ``(episodes,)`` N^2, with a positive sum.
+        seed: Of the bootstrap.
+    """
+    value = float(gained.sum() / room.sum())
+    if len(room) < 3:
+        return Interval(value)
 
-def bounds(values: FloatArray) -> tuple[float, float] | tuple[None, None]:
-    """The ends of the interval that holds `LEVEL` of the values."""
-    values = values[np.isfinite(values)]
-    if not len(values):
-        return None, None
-    low, high = np.quantile(values, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
-    return float(low), float(high)
+    def share(own: FloatArray, whole: FloatArray, axis: int = -1) -> FloatArray:
+        total = whole.sum(axis=axis)
+        return np.asarray(own.sum(axis=axis) / np.where(total > 0, total, np.nan))
+
+    drawn = bootstrap(
+        (gained, room), share, paired=True, vectorized=True, n_resamples=DRAWS, method="percentile",
+        confidence_level=LEVEL, random_state=np.random.default_rng(seed),
+    ).bootstrap_distribution  # fmt: skip
+    known = drawn[np.isfinite(drawn)]
+    if not len(known):
+        return Interval(value)
+    low, high = np.quantile(known, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
+    return Interval(value, float(low), float(high))
 
 
 def explained_share(squares: Squares, after: FloatArray, seed: int) -> Interval | None:
     """The share of the error above the floor that is gone, None if the error is not above it."""
-    room = squares.before - squares.floor
-    if room.sum() <= max(LEAST_ROOM * squares.floor.sum(), _EQUAL**2 * squares.force.sum()):
+    if squares.room.sum() <= max(LEAST_ROOM * squares.floor.sum(), EQUAL**2 * squares.force.sum()):
         return None
-    share = (squares.before - after).sum() / room.sum()
-    if len(room) < 3:
-        return Interval(float(share))
-    draws = draws_of(len(room), seed)
-    rooms = draws @ room
-    shares = np.where(rooms > 0, draws @ (squares.before - after) / np.where(rooms > 0, rooms, 1.0), np.nan)
-    return Interval(float(share), *bounds(shares))
+    return share_of(squares.before - after, squares.room, seed)
+
+
+def gains_of(squares: Squares, seed: int) -> dict[str, Interval]:
+    """What each cause takes away of the explainable error, by its name.
+
+    Where nothing is above the floor it is a share of the whole error.
+    """
+    above = squares.room.sum() > LEAST_ROOM * squares.floor.sum()
+    room = np.maximum(squares.room, squares.before - squares.after) if above else squares.before
+    return {name: share_of(without - squares.after, room, seed) for name, without in squares.without.items()}
 
 
 def figures(squares: Squares, seed: int, ceiling: FloatArray | None, note: str) -> HeldOut:
@@ -203,13 +174,11 @@ def figures(squares: Squares, seed: int, ceiling: FloatArray | None, note: str) 
     def normalised(values: FloatArray) -> float:
         return float(np.sqrt(values.sum() / max(squares.force.sum(), 1e-12)))
 
-    if squares.lone:
-        several = len(squares.lone) > 1
-        numbers = " and ".join(str(number + 1) for number in squares.lone)
-        those = f"Episodes {numbers}, which alone show" if several else f"Episode {numbers}, which alone shows"
-        most = f"{those} most{' of a cause' if several else ''}, {'were' if several else 'was'}"
-        note = f"{note} {most} held out one half after the other.".strip()
-    if len(squares.after) > 1 and np.any(squares.after != squares.before):
+    if squares.split:
+        numbers = " and ".join(str(number + 1) for number in squares.split)
+        those = f"Episodes {numbers} were" if len(squares.split) > 1 else f"Episode {numbers} was"
+        note = f"{note} {those} held out one block after the other.".strip()
+    if np.any(squares.after != squares.before):
         note = f"{note} {CHOSEN}".strip()
     black = None if ceiling is None else explained_share(squares, ceiling, seed)
     gains = (squares.before - squares.after) / np.maximum(squares.before, 1e-12)
@@ -226,32 +195,9 @@ def figures(squares: Squares, seed: int, ceiling: FloatArray | None, note: str) 
     )
 
 
-def gains_of(found: Explanation, squares: Squares, seed: int) -> Mapping[str, Interval]:
-    """What each cause takes away of the explainable error, the others fitted again.
-
-    The fit's gain by cause is reduced to what is gained on held-out episodes. That can be explained whatever the floor
-    says, which counts rounding that may itself be a cause; with nothing above the floor it is a share of the whole.
-    """
-    room, kept = squares.before - squares.floor, squares.before - squares.after
-    alone = len(found.found) == 1
-    shares = {}
-    for named in found.found:
-        whole = np.maximum(named.energy_gain if alone else found.empty_energy - found.energy, 0.0)
-
-        def share(times: FloatArray, part: FloatArray = named.energy_gain, whole: FloatArray = whole) -> FloatArray:
-            of_fit = np.clip((times @ part) / np.maximum(times @ whole, 1e-9), -1.0, 1.0)
-            above = times @ room > LEAST_ROOM * (times @ squares.floor)
-            explainable = np.where(above, np.maximum(times @ room, times @ kept), times @ squares.before)
-            return of_fit * (times @ kept) / np.maximum(explainable, 1e-12)
-
-        value = float(share(np.ones(len(room))))
-        limits = (None, None) if len(room) < 3 else bounds(share(draws_of(len(room), seed)))
-        shares[named.name] = Interval(value, *limits)
-    return shares
-
-
-def survives(gain: FloatArray, least: float, seed: int) -> float:
-    """How often, when episodes are drawn anew, a gain is more than `least`."""
+def survives(gain: FloatArray, needed: float, seed: int) -> float:
+    """How often, when held-out units are drawn with replacement, a gain is more than what is needed."""
     if len(gain) < 2:
-        return 0.5 * float(gain.sum() > least)
-    return float(np.mean(draws_of(len(gain), seed) @ gain > least))
+        return 0.5 * float(gain.sum() > needed)
+    draws = np.random.default_rng(seed).integers(len(gain), size=(DRAWS, len(gain)))
+    return float(np.mean(gain[draws].sum(axis=1) > needed))

@@ -2,40 +2,155 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 from scipy.stats import t as student
 
 from paxisim.augment.chain import Chain
 from paxisim.augment.parameter import parameters
 from paxisim.augment.transform import Transform
-from paxisim.diagnose.cause import DEAD_BAND, GAIN_PRIOR, TAXEL_GAIN, Cause, Free, cause
-from paxisim.diagnose.channels import CHANNEL_CURVE, curve_error
 from paxisim.diagnose.diagnosis import FittedParameter, Interval
-from paxisim.diagnose.engine import Explanation, Named
-from paxisim.diagnose.fitting import Fitted, predict
-from paxisim.diagnose.gains import by_episode, drawn
+from paxisim.diagnose.explanation import Explanation, Named
 from paxisim.diagnose.noise import Tolerance, differences
 from paxisim.diagnose.problem import FloatArray, Problem
-from paxisim.diagnose.under_load import tells_under_load
 
 LEVEL = 0.9
 _LEVELS, _PER_OCTAVE = 64, 8  # of force, down from the peak
 _LEAST_REST = 5  # frames of an episode at rest
 _NOISES = (0.6, 1.0, 1.5)  # of the usual noise, that channels may have
-_FINER = 4  # times the frames, to see what straight lines between them do
-_STEP = 0.1  # of a parameter's scale, to see what it does
 
 
 def parameters_of(found: Explanation) -> Mapping[str, tuple[FittedParameter, ...]]:
     """By cause, its fitted numbers with units and 90 % intervals."""
     spreads = _spreads(found)
-    return {named.name: tuple(_parameters(found, named, spreads)) for named in found.found}
+    return {named.name: tuple(_parameters(found, named, spreads)) for named in found.named}
+
+
+def _parameters(found: Explanation, named: Named, spreads: Mapping[tuple[str, str], float]) -> list[FittedParameter]:
+    free = {item.name: item for item in named.cause.parameters(found.problem)}
+    out = []
+    for name, value in named.values.items():
+        if name in free and np.ndim(value) == 0:
+            item, number = free[name], float(value)
+            reach = spreads.get((named.name, name))
+            interval = Interval(number)
+            if reach is not None:
+                interval = Interval(number, max(number - reach, item.low), min(number + reach, item.high))
+            out.append(FittedParameter(name, item.unit, interval))
+            continue
+        array, half = np.asarray(value, dtype=float), _half_width(found, named, name)
+        unit = _unit(named, name)
+        for place in np.ndindex(array.shape):
+            label, number = name + "".join(f"_{i}" for i in place), float(array[place])
+            interval = Interval(number)
+            if half is not None:
+                interval = Interval(number, number - float(half[place]), number + float(half[place]))
+            out.append(FittedParameter(label, unit, interval))
+    return out
+
+
+def _unit(named: Named, name: str) -> str:
+    if named.cause.local is not None:
+        return named.cause.local.unit
+    if name == "tau":
+        return "s"
+    return "1" if named.evidence is None and name in ("dead", "stuck") else "N"
+
+
+def _half_width(found: Explanation, named: Named, name: str) -> FloatArray | None:
+    """Half the widths of the intervals of an array; None where the recording gives none."""
+    if len(found.problem.episodes) < 3:
+        return None
+    if named.cause.local is not None:
+        problem = replace(found.problem, curves=np.ones((1, len(found.problem.time))))
+        return named.cause.local.error(problem, found.prediction, np.asarray(named.values[name]))
+    if named.cause.course is not None and name == named.cause.course.name:
+        return _zero_spread(found, named)
+    return None
+
+
+def _spreads(found: Explanation) -> dict[tuple[str, str], float]:
+    """Half the width of the interval of each number.
+
+    Errors that episodes, channels or levels of force have in common do not average out within them: the scores of each
+    are summed before they are squared. The last stand for a form that is not quite that of the sensor. To these comes
+    what a contact that is off its place does.
+    """
+    if len(found.problem.episodes) < 3:
+        return {}
+    rows, free, residual, slopes, prior, prediction = found.search.fitter.linearised(found.fit, found.constant)
+    if not free:
+        return {}
+    frames = len(rows.time)
+    residual, slopes = residual.reshape(frames, -1), slopes.reshape(len(free), frames, -1)
+    flat = slopes.reshape(len(free), -1)
+    inverse = np.linalg.pinv(flat @ flat.T + np.diag(prior), rcond=1e-9, hermitian=True)
+    variance, degrees = _clustered(rows, residual, slopes, inverse)
+    for change in differences(prediction):
+        effect = rows.weigh(Tolerance().place * change / 2).reshape(frames, -1)
+        variance += (inverse @ np.einsum("atc,tc->a", slopes, effect)) ** 2
+    reach = np.sqrt(variance) * student.ppf(0.5 + LEVEL / 2, degrees)
+    seen = slopes.any(axis=(1, 2))
+    return {(n, f.name): float(r * f.scale) for (n, _, f), r, told in zip(free, reach, seen, strict=True) if told}
+
+
+def _clustered(rows: Problem, residual: FloatArray, slopes: FloatArray, inverse: FloatArray):
+    """``(free,)`` variances of the numbers, in units of their scales, and degrees of freedom."""
+    scores = slopes * residual
+    level = _levels(rows)
+    by_episode = np.stack([scores[:, span].sum(axis=1) for span in rows.episodes], axis=-1)  # (free, C, episodes)
+    count = len(rows.episodes)
+    clusters = (
+        by_episode.sum(axis=1) * np.sqrt(count / (count - 1)),
+        by_episode.sum(axis=2),
+        np.stack([np.bincount(level.ravel(), row.ravel(), _LEVELS) for row in scores]),
+    )
+    each = [(inverse @ cluster) ** 2 for cluster in clusters]
+    variances = np.array([part.sum(axis=1) for part in each])  # (3, free)
+    # few clusters that matter tell little of how much they vary
+    squares = np.array([np.sum(part**2, axis=1) for part in each])
+    degrees = np.maximum(variances**2 / np.maximum(squares, 1e-300) - 1, 1.0)
+    noise = np.sum((inverse @ by_episode.reshape(len(scores), -1)) ** 2, axis=1)  # it is in each of them
+    together = np.maximum(variances.sum(axis=0) - 2 * noise, variances.max(axis=0))
+    shared = variances.sum(axis=0) ** 2 / np.maximum((variances**2 / degrees).sum(axis=0), 1e-300)
+    return together, np.maximum(shared, 1.0)
+
+
+def _levels(problem: Problem) -> NDArray[np.intp]:
+    """``(T, channels)`` the level of force of each sample, each a fixed ratio above the one below."""
+    size = np.abs(problem.simulated).reshape(len(problem.time), -1) / problem.peak
+    return np.clip(np.log2(np.maximum(size, 1e-9)) * _PER_OCTAVE + _LEVELS, 0, _LEVELS - 1).astype(np.intp)
+
+
+def _zero_spread(found: Explanation, named: Named) -> FloatArray | None:
+    """``(pads, 3, rows, cols)`` half the width of each channel's amount, told by what the episodes leave at rest."""
+    problem = found.problem
+    causes = [c for c in sorted(found.fit.causes, key=lambda c: c.order) if c.course is not None]
+    seconds = problem.time - problem.time[0]
+    curves = [c.course.curve(seconds, found.fit.taus[c.name]) for c in causes if c.course is not None]
+    spans = [np.flatnonzero(problem.told[span]) + span.start for span in problem.episodes]
+    spans = [span for span in spans if len(span) >= _LEAST_REST]
+    if len(spans) <= len(curves) + 1:
+        return None
+    left = problem.measured - problem.read(found.prediction)
+    basis = np.array([[curve[span].mean() for curve in curves] for span in spans])  # (episodes, curves)
+    share = (np.linalg.pinv(basis.T @ basis) @ basis.T)[causes.index(named.cause)]  # of each episode
+    degrees = len(spans) - len(curves)
+    means = np.stack([left[span].mean(axis=0) for span in spans])
+    variance = np.einsum("e,e...->...", share**2, means**2) * len(spans) / degrees
+    typical = np.median(variance, axis=(2, 3), keepdims=True)  # a few episodes tell a variance badly, taxels are alike
+    reach = np.sqrt(np.maximum(variance, typical)) * student.ppf(0.5 + LEVEL / 2, degrees)
+    zero = np.tensordot(np.array([curve.mean() for curve in curves]), found.fit.whole.zero, 1) + found.constant
+    middle, counting = problem.read(zero[None])[0], problem.counting
+    ends = []
+    for share in _NOISES:  # a channel's own, which tells how far its zero is from the edge of a step
+        own = replace(counting, dither=share * counting.dither)
+        ends += [own.unread(middle - reach), own.unread(middle + reach)]
+    return np.ptp(ends, axis=0) / 2
 
 
 def model_intervals(
@@ -51,40 +166,43 @@ def model_intervals(
         fitted: By cause, its fitted numbers, as `parameters_of` gives them.
     """
     intervals = {}
-    for named in found.found:
+    for named in found.named:
         own = [p for p in fitted[named.name] if p.value.low is not None and p.value.high is not None]
         if not own:
             continue
-        item, problem = cause(named.name), found.problem
-        if not item.is_searched:  # read off the data: its numbers are the transform's
-            intervals[named.name] = _read_ends(named, own)
+        if named.cause.local is None and not named.cause.parameters(found.problem):  # its numbers are the transform's
+            intervals[named.name] = _array_ends(named, own)
             continue
-        if item.solve:
-            shape = np.shape(named.values[item.solves])
-            ends = [np.reshape([getattr(p.value, end) for p in own], shape) for end in ("low", "high")]
-        else:
-            names = list(named.values)
-            middle = [float(value) for value in named.values.values()]  # type: ignore[arg-type]
-            ends = [
-                [float(end) if name == p.name else value for name, value in zip(names, middle, strict=True)]  # type: ignore[arg-type]
-                for p in own
-                for end in (p.value.low, p.value.high)
-            ]
-        moved = []
-        for values in ends:
-            try:
-                moved.append(item.make(values, problem))  # type: ignore[arg-type]
-            except ValueError:  # values that are allowed one by one, but not together
-                continue
-        reach = _reach(named.transform, moved)
+        reach = _reach(named.transform, _moved(found, named, own))
         member = found.model[named.name]
         alone = isinstance(member, Chain) and not isinstance(named.transform, Chain)  # put in its place by `in_order`
         intervals[named.name] = {member.names[0]: reach} if alone else reach
     return {name: own for name, own in intervals.items() if own}
 
 
-def _read_ends(named: Named, own: Sequence[FittedParameter]) -> dict[str, Any]:
-    """By array of a cause that was read off the data, the least and largest values that its numbers may have."""
+def _moved(found: Explanation, named: Named, own: Sequence[FittedParameter]) -> list[Transform]:
+    """A cause's transform with its numbers at the ends of their intervals."""
+    if named.cause.local is not None:
+        shape = np.shape(named.values[named.cause.local.name])
+        ends = [np.reshape([getattr(p.value, end) for p in own], shape) for end in ("low", "high")]
+    else:
+        middle = {name: float(value) for name, value in named.values.items()}  # type: ignore[arg-type]
+        ends = [
+            np.array(list({**middle, p.name: float(end)}.values()))  # type: ignore[arg-type]
+            for p in own
+            for end in (p.value.low, p.value.high)
+        ]
+    moved = []
+    for values in ends:
+        try:
+            moved.append(named.cause.transform(values, found.problem))
+        except ValueError:  # values that are allowed one by one, but not together
+            continue
+    return moved
+
+
+def _array_ends(named: Named, own: Sequence[FittedParameter]) -> dict[str, Any]:
+    """By array of a cause, the least and largest values that its numbers may have."""
     out: dict[str, Any] = {}
     for name, value in named.values.items():
         ends = [p.value for p in own if p.name.startswith(f"{name}_")]
@@ -96,242 +214,13 @@ def _read_ends(named: Named, own: Sequence[FittedParameter]) -> dict[str, Any]:
 def _reach(middle: Transform, moved: Sequence[Transform]) -> dict[str, Any]:
     """By parameter of a transform its least and largest values among `moved` ones, of those that differ."""
     if isinstance(middle, Chain):
-        members = {n: _reach(middle[n], [other[n] for other in moved]) for n in middle.names}  # type: ignore[index]
+        alike = [other for other in moved if isinstance(other, Chain) and other.names == middle.names]
+        members = {n: _reach(middle[n], [other[n] for other in alike]) for n in middle.names}
         return {name: own for name, own in members.items() if own}
     out: dict[str, Any] = {}
+    moved = [next(iter(m)) if isinstance(m, Chain) else m for m in moved]
     for name in parameters(middle):
         values = np.stack([np.asarray(getattr(t, name), dtype=np.float64) for t in (middle, *moved)])
         if np.ptp(values, axis=0).any():
             out[name] = values.min(axis=0), values.max(axis=0)
     return out
-
-
-def _parameters(
-    found: Explanation, named: Named, spreads: Mapping[tuple[str, str], tuple[float, float]]
-) -> Iterator[FittedParameter]:
-    free = {item.name: item for item in cause(named.name).free(found.problem)}
-    for name, value in named.values.items():
-        item = free.get(name)
-        if item is not None and np.ndim(value) == 0:
-            reach = spreads.get((named.name, name))
-            number = float(value)
-            if reach is None:
-                yield FittedParameter(name, item.unit, Interval(number))
-            else:
-                low, high = max(number - reach[0], item.low), min(number + reach[1], item.high)
-                yield FittedParameter(name, item.unit, Interval(number, low, high))
-            continue
-        unit = "1" if named.name in (TAXEL_GAIN, "dead_taxels") and name != "value" else "N"
-        unit = "s" if name == "tau" else unit
-        array = np.asarray(value, dtype=float)
-        reach_of = None
-        if named.name == TAXEL_GAIN:
-            reach_of = _gain_spread(found, array)
-        elif (named.name, name) in (("offset", "value"), ("drift", "amplitude")):
-            reach_of = _zero_spread(found, named.name)
-        elif named.name == CHANNEL_CURVE and len(found.problem.episodes) >= 3:
-            count = len(found.problem.episodes)
-            reach_of = curve_error(found.problem, found.prediction) * student.ppf(0.5 + LEVEL / 2, count - 1)
-        for place in np.ndindex(array.shape):
-            label = name + "".join(f"_{i}" for i in place)
-            number = float(array[place])
-            if reach_of is None:
-                yield FittedParameter(label, unit, Interval(number))
-            else:
-                reach = float(reach_of[place])
-                yield FittedParameter(label, unit, Interval(number, number - reach, number + reach))
-
-
-def _spreads(found: Explanation) -> dict[tuple[str, str], tuple[float, float]]:
-    """How far each parameter's interval reaches below and above its value.
-
-    Errors that episodes, channels or levels of force have in common do not average out within them: the scores of each
-    are summed before they are squared. The last stand for a form that is not quite that of the sensor. To these come
-    what a contact that is off its place does, and what a simulation that bends between the frames would change.
-    """
-    problem = found.problem
-    chosen = [named for named in found.found if cause(named.name).is_searched]
-    causes = [cause(named.name) for named in chosen]
-    fitted = [(n, c) for n, c in zip(chosen, causes, strict=True) if c.solve is None]
-    names = [n.name for n, _ in fitted]
-    free = [(n, item) for n, c in fitted for item in c.free(problem) if not item.is_held(names)]
-    if not free or len(problem.episodes) < 3:
-        return {}
-    values = {n.name: np.array([float(v) for v in n.values.values()]) for n, _ in fitted}  # type: ignore[arg-type]
-    problem = problem.thinned
-    linear = _Linear(problem, causes, values, [(named.name, item) for named, item in free])
-    reach = linear.spread()
-    moved = [linear.moved_by(effect) for effect in _misplaced(problem, linear.prediction)]
-    reach = np.sqrt(reach**2 + np.sum(np.square(moved), axis=0))
-    finer = np.zeros(len(free))
-    if any(named.transform.has_memory for named in chosen):
-        finer = -linear.moved_by(_finer(problem, causes, linear.values) - linear.prediction)
-    low, high = reach + np.maximum(-finer, 0.0), reach + np.maximum(finer, 0.0)
-    return {
-        (named.name, item.name): (float(below), float(above))
-        for (named, item), below, above, seen in zip(free, low, high, linear.seen, strict=True)
-        if seen
-    }
-
-
-def _finer(problem: Problem, causes: Sequence[Cause], values: Fitted) -> FloatArray:
-    """What the causes make of a simulation that bends smoothly between the frames instead of running straight."""
-    times, forces, zeros, spans = [], [], [], []
-    begin = 0
-    for span in problem.episodes:
-        time = problem.time[span]
-        if len(time) < 4 or np.diff(time).min() <= 0:
-            return predict(problem, causes, values)[0]
-        fine = np.interp(np.arange(_FINER * (len(time) - 1) + 1) / _FINER, np.arange(len(time)), time)
-        times.append(fine)
-        forces.append(CubicSpline(time, problem.simulated[span])(fine))
-        zeros.append(np.searchsorted(time, fine, side="right") - 1 + span.start)
-        spans.append(slice(begin, begin + len(fine)))
-        begin += len(fine)
-    nearest = np.concatenate(zeros)
-    fine = replace(
-        problem,
-        simulated=np.concatenate(forces),
-        time=np.concatenate(times),
-        covariates={name: np.interp(np.concatenate(times), problem.time, c) for name, c in problem.covariates.items()},
-        episodes=tuple(spans),
-        zero=problem.zero if isinstance(problem.zero, (int, float)) else problem.zero[nearest],
-    )
-    made = predict(fine, causes, values)[0]
-    return np.concatenate([made[span][::_FINER] for span in spans])
-
-
-class _Linear:
-    """A fit as it is near its values: the residual and its slopes."""
-
-    def __init__(
-        self, problem: Problem, causes: Sequence[Cause], values: Fitted, free: Sequence[tuple[str, Free]]
-    ) -> None:
-        self._problem, at = problem.compared, problem.at_compared
-        self._at = at
-        self.prediction, self.values = predict(problem, causes, values)
-        base = self._problem.residual(at(self.prediction))
-        slope = np.zeros((len(free), *base.shape))
-        for row, (name, item) in enumerate(free):
-            index = [f.name for f in cause(name).free(problem)].index(item.name)
-            step = _STEP * item.scale * (-1 if values[name][index] + _STEP * item.scale > item.high else 1)
-            moved = values[name].copy()
-            moved[index] += step
-            try:
-                after = self._problem.residual(at(predict(problem, causes, {**values, name: moved})[0]))
-                slope[row] = (after - base) / step
-            except ValueError:  # values that are allowed one by one, but not together
-                continue
-        frames = len(base)
-        self._base, self._slope = base.reshape(frames, -1), slope.reshape(len(free), frames, -1)
-        normal = np.einsum("atc,btc->ab", self._slope, self._slope, optimize=True)
-        scale = np.sqrt(np.maximum(np.diag(normal), 1e-12))
-        self._inverse = np.linalg.pinv(normal / np.outer(scale, scale), rcond=1e-6) / np.outer(scale, scale)
-
-    @property
-    def seen(self) -> NDArray[np.bool_]:
-        """``(free,)`` whether a parameter changes anything in the recording."""
-        return np.asarray(self._slope.any(axis=(1, 2)), dtype=np.bool_)
-
-    def spread(self) -> FloatArray:
-        """Half the widths of intervals that come from the scores."""
-        problem, scores = self._problem, self._slope * self._base
-        level = _levels(problem)
-        by_episode = np.stack([scores[:, span].sum(axis=1) for span in problem.episodes], axis=-1)  # (D, C, episodes)
-        count = len(problem.episodes)
-        clusters = (
-            by_episode.sum(axis=1) * np.sqrt(count / (count - 1)),
-            by_episode.sum(axis=2),
-            np.stack([np.bincount(level.ravel(), row.ravel(), _LEVELS) for row in scores]),
-        )
-        each = [(self._inverse @ scores) ** 2 for scores in clusters]
-        variances = np.array([part.sum(axis=1) for part in each])  # (3, D)
-        # few that matter tell little of how much they vary
-        squares = np.array([np.sum(part**2, axis=1) for part in each])
-        degrees = np.maximum(variances**2 / np.maximum(squares, 1e-300) - 1, 1.0)
-        noise = np.sum((self._inverse @ by_episode.reshape(len(scores), -1)) ** 2, axis=1)  # it is in each of them
-        together = np.maximum(variances.sum(axis=0) - 2 * noise, variances.max(axis=0))
-        shared = variances.sum(axis=0) ** 2 / np.maximum((variances**2 / degrees).sum(axis=0), 1e-300)
-        return np.sqrt(together) * student.ppf(0.5 + LEVEL / 2, np.maximum(shared, 1.0))
-
-    def moved_by(self, effect: FloatArray) -> FloatArray:
-        """By how much an `effect` ``(T, pads, 3, rows, cols)`` on the reading (N) moves each parameter."""
-        weighed = self._problem.weigh(self._at(effect)).reshape(self._base.shape)
-        return -self._inverse @ np.einsum("atc,tc->a", self._slope, weighed)
-
-
-def _levels(problem: Problem) -> NDArray[np.intp]:
-    """``(T, channels)`` the level of force of each sample, each a fixed ratio above the one below."""
-    size = np.abs(problem.simulated).reshape(len(problem.time), -1) / problem.peak
-    return np.clip(np.log2(np.maximum(size, 1e-9)) * _PER_OCTAVE + _LEVELS, 0, _LEVELS - 1).astype(np.intp)
-
-
-def _misplaced(problem: Problem, x: FloatArray) -> Iterator[FloatArray]:
-    """What contacts that are off by the tolerance along rows and columns change in `x`."""
-    for change in differences(x):
-        yield Tolerance().place * change / 2
-
-
-def _gain_spread(found: Explanation, gains: FloatArray) -> FloatArray | None:
-    """``(pads, rows, cols)`` half the width of each taxel's interval.
-
-    Made of what differs from episode to episode, of gains by which the axes of a taxel may be off, of contacts off
-    their place, and, for taxels that were hardly pressed, of how far the gains of the others are spread.
-    """
-    problem = found.problem
-    count = len(problem.episodes)
-    if count < 3:
-        return None
-    load = problem.weigh(found.prediction)
-    scores = problem.residual(found.prediction) * load
-    load = load / np.maximum(np.abs(gains), 0.05)[:, None]
-    squares = load**2
-    by_axis, weights = squares.sum(axis=0), by_episode(problem, squares)
-    products = weights.sum(axis=0)
-    scores = by_episode(problem, scores) / np.maximum(np.abs(gains), 0.05)
-    prior = drawn(scores + (gains - 1) * weights, weights)[1]
-    total = products + prior
-    episodes = np.sum(scores**2, axis=0) * count / (count - 1)
-    tolerance = Tolerance()
-    axes = np.sum((tolerance.gain * gains[:, None] * by_axis) ** 2, axis=1)
-    places = sum(np.sum(load * problem.weigh(e), axis=(0, 2)) ** 2 for e in _misplaced(problem, found.prediction))
-    told = products > prior
-    spread = float(np.std(gains[told])) if told.sum() > 1 else GAIN_PRIOR
-    shrunk = (prior * spread) ** 2
-    error = np.sqrt(np.maximum(episodes, products) + axes + places + shrunk) / total
-    return error * student.ppf(0.5 + LEVEL / 2, count - 1)
-
-
-def _zero_spread(found: Explanation, name: str) -> FloatArray | None:
-    """``(pads, 3, rows, cols)`` half the width of each channel's interval: "offset" or the drift's "amplitude".
-
-    Told, as they are, by what the episodes leave at rest; by all of their frames where noise does not reach a count, by
-    those with a load where a dead band holds back the others.
-    """
-    problem = found.problem
-    curves = [np.ones(len(problem.time))]
-    for named in found.found:
-        if named.name == "drift":
-            curves.append(-np.expm1(-(problem.time - problem.time[0]) / np.max(named.values["tau"])))
-    frames = np.ones(len(problem.time), dtype=bool) if tells_under_load(problem) else problem.at_rest
-    if any(named.name == DEAD_BAND for named in found.found):
-        frames = ~problem.at_rest
-    spans = [np.flatnonzero(frames[span]) + span.start for span in problem.episodes]
-    spans = [span for span in spans if len(span) >= _LEAST_REST]
-    if len(spans) <= len(curves) + 1:
-        return None
-    left = problem.measured - problem.read(found.prediction)
-    basis = np.array([[curve[span].mean() for curve in curves] for span in spans])  # (episodes, curves)
-    share = (np.linalg.pinv(basis.T @ basis) @ basis.T)[0 if name == "offset" else -1]  # of each episode
-    degrees = len(spans) - len(curves)
-    means = np.stack([left[span].mean(axis=0) for span in spans])
-    variance = np.einsum("e,e...->...", share**2, means**2) * len(spans) / degrees
-    typical = np.median(variance, axis=(2, 3), keepdims=True)  # a few episodes tell a variance badly, taxels are alike
-    reach = np.sqrt(np.maximum(variance, typical)) * student.ppf(0.5 + LEVEL / 2, degrees)
-    middle = problem.read(np.mean(problem.zero, axis=0, keepdims=True))[0] if np.ndim(problem.zero) else 0.0 * reach
-    counting = problem.counting
-    ends = []
-    for share in _NOISES:  # a channel's own, which tells how far its zero is from the edge of a step
-        own = replace(counting, dither=share * counting.dither)
-        ends += [own.unread(middle - reach), own.unread(middle + reach)]
-    return np.ptp(ends, axis=0) / 2

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.augment.chain import Chain
-from paxisim.augment.dead_band import DeadBand
 from paxisim.augment.latency import Latency
 from paxisim.augment.low_pass import LowPass
 from paxisim.augment.transform import Transform
@@ -25,9 +24,12 @@ from paxisim.logs.aligned import episode_spans
 from paxisim.recording import Recording
 
 PRESSED = 0.01  # of the peak force, from which on a taxel is pressed
-ENOUGH = 300_000  # numbers, for a fit
+ENOUGH = 100_000  # numbers, for a fit
 LONGEST = 0.05  # s between the frames that are fitted
+RESTING = 0.05  # of the samples, that must be at rest for the zero to be read there
+LEAST_TOLD = 4  # samples of an episode that tell its zero
 SELDOM = 1.2  # of a step: where readings change by less from one to the next, that tells little of the noise
+TOLERANCE = Tolerance()
 BEND = 0.01  # of the noise's energy, that may lie between them
 
 
@@ -47,9 +49,12 @@ class Problem:
         step: Newtons a count of the sensor, 0 if it does not count.
         dither: Noise before rounding (N).
         clips: Whether a normal reading never goes below 0.
-        zero: ``(T, pads, 3, rows, cols)`` or 0: what is read without any force (N), known so far.
         least: The least force (N) that is simulated, at most 0.
-        gate: A dead band that forces pass before they are counted, where a zero is looked for ahead of it.
+        curves: ``(curves, T)`` courses in time that the zero of each channel may follow. They are taken out of every
+            residual, read where they are told best (`told`).
+        fitted: ``(T,)`` samples that take part in a fit, None for all.
+        constant: ``(pads, 3, rows, cols)`` N or 0, what is read without force and is not fitted.
+        shrink: ``(pads, 3, 1, 1)`` how much of what taxels do not share remains of the amounts of the second curve.
     """
 
     measured: FloatArray
@@ -63,9 +68,11 @@ class Problem:
     step: float
     dither: float
     clips: bool = False
-    zero: FloatArray | float = 0.0
     least: float = 0.0
-    gate: DeadBand | None = None
+    curves: FloatArray | None = None
+    fitted: NDArray[np.bool_] | None = None
+    constant: FloatArray | float = 0.0
+    shrink: FloatArray | None = None
 
     @cached_property
     def weight(self) -> FloatArray:
@@ -78,10 +85,74 @@ class Problem:
         return float(np.median(np.diff(self.time[self.episodes[0]])))
 
     @cached_property
-    def _share(self) -> FloatArray:
-        """Each sample's share in its channel's mean."""
-        square = self.weight**2
-        return square / np.maximum(square.sum(axis=0), 1e-12)
+    def told(self) -> NDArray[np.bool_]:
+        """``(T,)`` samples that tell the zero: where nothing is pressed, as what else is wrong is small there.
+
+        Where noise hardly reaches the next count a small zero shows only under load, so all samples count.
+        """
+        rest = self.at_rest
+        told = rest if rest.mean() > RESTING and not self.counting.is_steep else np.ones_like(rest)
+        return told if self.fitted is None else told & self.fitted
+
+    @cached_property
+    def at_told(self) -> Problem:
+        """The problem of those samples alone."""
+        return self._at([span.start + np.flatnonzero(self.told[span]) for span in self.episodes])
+
+    @cached_property
+    def _square(self) -> FloatArray:
+        """``(T, channels)`` weights with which the zero is told."""
+        return (self.weight**2).reshape(len(self.time), -1) * self.told[:, None]
+
+    @cached_property
+    def _inverse(self) -> FloatArray:
+        """``(channels, curves, curves)`` of the normal equations of the zero."""
+        assert self.curves is not None
+        normal = np.einsum("it,jt,tc->cij", self.curves, self.curves, self._square, optimize=True)
+        ridge = 1e-9 * np.trace(normal, axis1=1, axis2=2)[:, None, None] + 1e-12
+        return np.linalg.inv(normal + ridge * np.eye(len(self.curves)))
+
+    def zero_of(self, difference: FloatArray) -> FloatArray:
+        """``(curves, pads, 3, rows, cols)`` amounts of `curves` that explain most of a difference (N)."""
+        assert self.curves is not None
+        flat = difference.reshape(len(self.time), -1)
+        right = self.curves @ (self._square * flat)
+        zero = np.einsum("cij,jc->ic", self._inverse, right).reshape(len(self.curves), *self.alive.shape)
+        if self.shrink is not None:
+            common = self._mean_over_taxels(zero[1])
+            zero[1] = common + self.shrink * (zero[1] - common)
+            normal = np.einsum("it,tc->ic", self.curves[:1] * self.curves[:2], self._square)
+            zero[0] = ((right[0] - normal[1] * zero[1].ravel()) / np.maximum(normal[0], 1e-12)).reshape(zero[0].shape)
+        return zero
+
+    def _mean_over_taxels(self, values: FloatArray) -> FloatArray:
+        """``(pads, 3, 1, 1)`` means of the channels that take part."""
+        count = np.maximum(self.alive.sum(axis=(2, 3), keepdims=True), 1)
+        return np.sum(values * self.alive, axis=(2, 3), keepdims=True) / count
+
+    def shrunk(self, difference: FloatArray) -> Problem:
+        """The problem in which amounts of the second curve are drawn to what the taxels of a pad's axis share.
+
+        They are drawn the more, the less their spread exceeds what the scatter of the episodes makes of it (the
+        James-Stein estimator).
+
+        Args:
+            difference: ``(T, pads, 3, rows, cols)`` N, to be explained by the zero.
+        """
+        assert self.curves is not None
+        told = [span.start + np.flatnonzero(self.told[span]) for span in self.episodes]
+        told = [frames for frames in told if len(frames) >= LEAST_TOLD]
+        if len(self.curves) < 2 or len(told) < len(self.curves) + 2:
+            return self
+        basis = np.array([self.curves[:, frames].mean(axis=1) for frames in told])
+        means = np.array([difference[frames].mean(axis=0) for frames in told])
+        solve = np.linalg.pinv(basis)
+        amounts = np.tensordot(solve, means, 1)
+        left = means - np.tensordot(basis, amounts, 1)
+        variance = np.sum(left**2, axis=0) / (len(told) - basis.shape[1]) * np.sum(solve[1] ** 2)
+        spread = (amounts[1] - self._mean_over_taxels(amounts[1])) ** 2
+        share = 1 - self._mean_over_taxels(variance) / np.maximum(self._mean_over_taxels(spread), 1e-12)
+        return replace(self, shrink=np.clip(share, 0.0, 1.0))
 
     @property
     def samples(self) -> int:
@@ -166,7 +237,7 @@ class Problem:
     @cached_property
     def counting(self) -> Counting:
         """How the sensor turns forces into readings."""
-        return Counting(self.step, self.dither, self.clips, self.gate)
+        return Counting(self.step, self.dither, self.clips)
 
     def read(self, force: FloatArray) -> FloatArray:
         """What the sensor reads of `force` on average, see `Counting`."""
@@ -184,7 +255,6 @@ class Problem:
         """The problem of some frames of each episode."""
         which = np.concatenate(frames)
         ends = np.cumsum([len(own) for own in frames])
-        zero = self.zero if isinstance(self.zero, (int, float)) else self.zero[which]
         return replace(
             self,
             measured=self.measured[which],
@@ -193,7 +263,8 @@ class Problem:
             covariates={name: values[which] for name, values in self.covariates.items()},
             episodes=tuple(slice(int(end) - len(own), int(end)) for end, own in zip(ends, frames, strict=True)),
             sigma=self.sigma[which],
-            zero=zero,
+            curves=None if self.curves is None else self.curves[:, which],
+            fitted=None if self.fitted is None else self.fitted[which],
         )
 
     @cached_property
@@ -249,7 +320,7 @@ class Problem:
 
     @property
     def _spare(self) -> int:
-        return max(1, int(self.samples / ENOUGH))
+        return max(1, round(self.samples / ENOUGH))
 
     def _kept(self, stride: int) -> NDArray[np.intp]:
         return np.concatenate([np.arange(span.start, span.stop, stride) for span in self.episodes])
@@ -284,10 +355,11 @@ class Problem:
         return self.weigh(self.measured - self.read(prediction))
 
     def weigh(self, difference: FloatArray) -> FloatArray:
-        """A difference of tensors in units of the noise, freed of each channel's mean."""
-        shape = difference.shape
-        mean = np.einsum("tc,tc->c", self._share.reshape(shape[0], -1), difference.reshape(shape[0], -1))
-        weighed = difference - mean.reshape(shape[1:])
+        """A difference of tensors in units of the noise, freed of what a zero that follows `curves` explains."""
+        if self.curves is None:
+            return difference * self.weight
+        zero = self.zero_of(difference).reshape(len(self.curves), -1)
+        weighed = difference - (self.curves.T @ zero).reshape(difference.shape)
         weighed *= self.weight
         return weighed
 
@@ -302,7 +374,7 @@ def showing(gain: FloatArray) -> NDArray[np.bool_]:
     return np.abs(gain) > 1e-2 * np.abs(gain).max()
 
 
-def problem_of(recording: Recording, tolerance: Tolerance) -> Problem:
+def problem_of(recording: Recording, tolerance: Tolerance = TOLERANCE) -> Problem:
     """A recording made ready.
 
     Raises:
@@ -334,7 +406,7 @@ def problem_of(recording: Recording, tolerance: Tolerance) -> Problem:
     return with_noise(problem, tolerance)
 
 
-def with_noise(problem: Problem, tolerance: Tolerance) -> Problem:
+def with_noise(problem: Problem, tolerance: Tolerance = TOLERANCE) -> Problem:
     """The problem with its noise read from its own streams."""
     alive, step = problem.alive, problem.step
     noise = noise_of(problem.measured, problem.simulated, problem.episodes, step, alive)

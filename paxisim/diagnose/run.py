@@ -3,33 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from paxisim import augment
 from paxisim.diagnose.adequacy import left_over
-from paxisim.diagnose.advice import advice
-from paxisim.diagnose.cause import cause, known_causes
+from paxisim.diagnose.advice import NOT_ASKED, advice
+from paxisim.diagnose.cause import Cause
 from paxisim.diagnose.ceiling import ceiling
 from paxisim.diagnose.diagnosis import Diagnosis, FittedParameter, FoundCause, Interval, LeftOver, Verdict
-from paxisim.diagnose.engine import Explanation, Thresholds, Tolerance, explain
-from paxisim.diagnose.heldout import Squares, explained_share, figures, gains_of, hold_out, survives
+from paxisim.diagnose.explanation import Explanation, explanation_of
+from paxisim.diagnose.folds import effects, folds_of
+from paxisim.diagnose.heldout import Squares, explained_share, figures, gains_of, squares_of, survives
 from paxisim.diagnose.intervals import model_intervals, parameters_of
 from paxisim.diagnose.prepare import prepare
-from paxisim.diagnose.problem import FloatArray, Problem, showing
+from paxisim.diagnose.problem import FloatArray, Problem, problem_of
+from paxisim.diagnose.reading import read_off
 from paxisim.diagnose.repeats import settled, with_untold
 from paxisim.diagnose.rivals import rivals_of
+from paxisim.diagnose.rules import Rules
+from paxisim.diagnose.search import Search
 from paxisim.diagnose.silent import silent_in_words
 from paxisim.diagnose.streams import Streams
 from paxisim.diagnose.symptoms import symptoms
+from paxisim.diagnose.vocabulary import cause, known_causes
 from paxisim.errors import InvalidValueError, MissingExtraError
 from paxisim.recording import Recording
 
-LITTLE = 0.2  # of what can be explained: who explains less, and leaves clear structure, has not found it
-CLEAR = 2.0  # limits that a left-over must reach to be clear
-NEARLY = 0.75  # of what a cause must bring to be named: who brings so much may be in it
-FAINT = 2.0  # times what is material that a cause must change the prediction by, to be testable
+CLEAR = 2.0  # times its limit, that left-over structure must reach to be clear
 
 
 def diagnose(
@@ -45,16 +46,21 @@ def diagnose(
     Args:
         recording: With measured and simulated tensors in newtons, the simulation replaying the same motion; covariates
             by name (`gripper_opening` in m), and several episodes.
-        causes: Names of those to look for, of `known_causes`; default: all.
-        seed: Of what is drawn: the bootstrap over episodes and the black box; at least 0.
+        causes: Names of the causes to look for, of `known_causes`; default: all.
+        seed: Random seed of the bootstrap over episodes and of the black box; at least 0.
         jobs: Processors to use, at least 1; the answer is the same for any number.
-        progress: Told in words what is being done.
+        progress: Called with a line of text at each stage.
 
     Raises:
         InvalidValueError: The recording cannot be diagnosed: a stream is missing, constant, in another unit or too
             short, or the streams do not overlap.
         UnknownNameError: There is no such cause.
     """
+    _check(causes, seed, jobs)
+    return diagnosis_of(recording, causes, seed, jobs, progress or (lambda text: None), Rules())
+
+
+def _check(causes: Sequence[str] | None, seed: int, jobs: int) -> None:
     if not isinstance(jobs, int) or jobs < 1:
         raise InvalidValueError(f"jobs must be a whole number of at least 1, got {jobs!r}")
     if not isinstance(seed, (int, np.integer)) or seed < 0:
@@ -63,105 +69,147 @@ def diagnose(
         raise InvalidValueError(f"causes must be a sequence of names, got the string {causes!r}")
     for name in causes or ():
         cause(name)
-    tell = progress or (lambda text: None)
+
+
+def diagnosis_of(
+    recording: Recording,
+    causes: Sequence[str] | None,
+    seed: int,
+    jobs: int,
+    tell: Callable[[str], None],
+    rules: Rules,
+) -> Diagnosis:
+    """As `diagnose`, with other rules."""
     tell("checking the recording")
     recording, warnings = prepare(recording)
     recording, unsettled, note = settled(recording)
-    warnings += note
-    thresholds = Thresholds()
-    found = explain(recording, causes, thresholds=thresholds, tolerance=Tolerance(), jobs=jobs, progress=progress)
-    assert recording.simulated is not None
-    simulated = recording.simulated.astype(np.float64)
-    problem, judged = found.problem, found.judged
-    warnings += silent_in_words(~judged.alive, recording.pads)
-    tell("refitting to some episodes, judging on the others")
-    squares = hold_out(found, simulated, jobs)
-    tell("looking for structure in what is left")
-    structure = left_over(problem, found.prediction)
-    share = explained_share(squares, squares.after, seed)
-    clear = any(item.statistic > CLEAR * item.limit for item in structure)
-    if found.found and clear and share is not None and share.value < LITTLE:
-        found, squares = _nothing(found, simulated), replace(squares, after=squares.before, prediction=simulated)
-    gains = gains_of(found, squares, seed)
-    structure = (*unsettled, *_not_held(found, gains), *structure)
+
+    tell("reading layout, rounding and dead taxels")
+    raw = problem_of(recording)
+    wanted, not_searched = _wanted(raw, causes)
+    off = read_off(raw, wanted)
+
+    searched = [item for item in wanted if item.read is None]
+    search = Search(off.problem, searched, folds_of(off.problem, searched, rules), rules, jobs, tell)
+    chosen = search.run()
+
+    tell("predicting held-out episodes")
+    found = explanation_of(off, search, chosen, jobs)
+    squares = squares_of(found, jobs)
+
+    tell("looking for structure in the residual")
+    structure = left_over(off.problem, found.prediction)
+    if _explains_too_little(squares, structure, rules, seed):
+        found = explanation_of(off, search, (), jobs)
+        squares = squares_of(found, jobs)
+
     tell("comparing with a black box")
-    black, note = _ceiling(judged, simulated, seed, jobs)
-    tell("looking for what would do as well")
-    rivals = rivals_of(found, thresholds.material * problem.samples / 2)
-    searched = [name for name in causes or known_causes() if name not in found.not_searched]
-    rivals = with_untold(problem, rivals, searched)
-    faint = _faint(found, rivals)
-    left = (*structure, *_as_left_over(faint))
-    parameters = parameters_of(found)
-    warnings += _at_bounds(found)
-    named = _named(found, gains, rivals, parameters)
-    one = len(problem.episodes) == 1
-    verdict = _verdict(named, left, one)
-    missing = {**found.not_searched, **_not_excited(problem, found, set(causes or known_causes()))}
-    missing = {name: why for name, why in missing.items() if name not in {item.name for item in named}}
-    to_show = {name: why for name, why in missing.items() if not cause(name).barred(problem)}
+    black, missing = _ceiling(off.judged, raw.simulated, seed, jobs)
+
+    tell("looking for rivals")
+    judged = _judged(found, squares, seed)
+    doubts = (*unsettled, *structure, *judged.near_misses)
+    verdict = _verdict(judged.causes, doubts, len(raw.episodes) == 1)
+    untestable = {**not_searched, **_not_excited(found, wanted)}
+    untestable = {n: why for n, why in untestable.items() if n not in {item.name for item in judged.causes}}
+    warnings = (*warnings, *note, *silent_in_words(~off.judged.alive, recording.pads), *_at_bounds(found))
     return Diagnosis(
         verdict=verdict,
-        causes=named,
-        heldout=figures(squares, seed, black, note),
-        confidence=_confidence(found, rivals, thresholds, seed, bool(structure)),
-        not_testable=missing,
-        streams=_streams(recording, judged, squares),
-        symptoms=symptoms(judged, simulated, found.prediction, recording.pads, warnings=warnings, left_over=left),
+        causes=judged.causes,
+        heldout=figures(squares, seed, black, missing),
+        confidence=_confidence(found, judged, seed, bool(unsettled or structure)),
+        not_testable=untestable,
+        streams=_streams(recording, found),
+        symptoms=symptoms(
+            off.judged, raw.simulated, found.prediction, recording.pads, warnings=warnings, left_over=doubts
+        ),
         advice=advice(
-            [(item.name, item.rivals) for item in named],
-            {**to_show, **dict.fromkeys(faint, "it is too faint to be named")},
-            unexplained=bool(structure),
-            episodes=len(problem.episodes),
+            [(item.name, item.rivals) for item in judged.causes],
+            {n: why for n, why in untestable.items() if n in _showable(raw, wanted)}
+            | dict.fromkeys(judged.missed, "it gains too little to be named"),
+            unexplained=bool(unsettled or structure),
+            episodes=len(raw.episodes),
         ),
         model=found.model,
-        intervals=model_intervals(found, parameters),
+        intervals=model_intervals(found, judged.parameters),
     )
 
 
-def _verdict(named: Sequence[FoundCause], structure: Sequence[LeftOver], one: bool) -> Verdict:
-    if structure:
+@dataclass(frozen=True)
+class Judged:
+    """The named causes with what is said of each.
+
+    Attributes:
+        causes: By gain.
+        parameters: By cause, with intervals.
+        missed: Causes that fall a little short of being named.
+        near_misses: The same in words.
+    """
+
+    causes: tuple[FoundCause, ...]
+    parameters: Mapping[str, tuple[FittedParameter, ...]]
+    missed: tuple[str, ...]
+    near_misses: tuple[LeftOver, ...]
+
+
+def _judged(found: Explanation, squares: Squares, seed: int) -> Judged:
+    gains = gains_of(squares, seed)
+    rules, search = found.search.rules, found.search
+    rivals = with_untold(found.problem, rivals_of(found), list(search.causes))
+    parameters = parameters_of(found)
+    causes = [
+        FoundCause(
+            named.name,
+            parameters[named.name],
+            gains[named.name],
+            rivals[named.name],
+            _evidence(squares.without[named.name] - squares.after, gains[named.name]),
+        )
+        for named in found.named
+    ]
+    rivalling = {name for names in rivals.values() for name in names}
+    shares = search.near_misses([c.name for c in found.fit.causes]) if found.fitted else {}
+    shares = {n: s for n, s in shares.items() if s > rules.near_miss and n not in rivalling}
+    lines = tuple(
+        LeftOver(
+            f"{name} may be at work as well: it gains {min(share, 1):.0%} of what is needed to name it",
+            share,
+            rules.near_miss,
+        )
+        for name, share in shares.items()
+    )
+    return Judged(tuple(sorted(causes, key=lambda c: -c.gain.value)), parameters, tuple(shares), lines)
+
+
+def _wanted(raw: Problem, causes: Sequence[str] | None) -> tuple[list[Cause], dict[str, str]]:
+    """The causes that can be looked for, and by name why the others cannot."""
+    wanted, not_searched = [], {}
+    for name in known_causes():
+        item = cause(name)
+        if causes is not None and name not in causes:
+            not_searched[name] = NOT_ASKED
+        elif item.covariate and item.covariate not in raw.covariates:
+            not_searched[name] = f"the recording has no covariate {item.covariate!r}"
+        elif why := item.barred(raw):
+            not_searched[name] = why
+        else:
+            wanted.append(item)
+    return wanted, not_searched
+
+
+def _explains_too_little(squares: Squares, structure: Sequence[LeftOver], rules: Rules, seed: int) -> bool:
+    """Whether clear structure is left over and the causes explain little: then they are not the cause."""
+    share = explained_share(squares, squares.after, seed)
+    clear = any(item.statistic > CLEAR * item.limit for item in structure)
+    return clear and share is not None and share.value < rules.explains
+
+
+def _verdict(named: Sequence[FoundCause], doubts: Sequence[LeftOver], one: bool) -> Verdict:
+    if doubts:
         return "partly_explained" if named else "unexplained"
     if not named:
         return "no_discrepancy"
     return "ambiguous" if one or any(item.rivals for item in named) else "explained"
-
-
-def _faint(found: Explanation, rivals: Mapping[str, tuple[str, ...]]) -> dict[str, float]:
-    """What causes bring of what they must bring to be named that may be at work beside those that are."""
-    told = {name for names in rivals.values() for name in names}
-    return {n: share for n, share in found.nearly.items() if found.found and share > NEARLY and n not in told}
-
-
-def _as_left_over(shares: Mapping[str, float]) -> tuple[LeftOver, ...]:
-    """Causes that may be at work, but bring too little to be named, or no more than others in their place."""
-    return tuple(
-        LeftOver(
-            f"{name} may be at work too: it brings {min(share, 1):.0%} of what it must bring to be named", share, NEARLY
-        )
-        for name, share in shares.items()
-    )
-
-
-def _not_held(found: Explanation, gains: Mapping[str, Interval]) -> tuple[LeftOver, ...]:
-    """Causes that were fitted, and take nothing away from episodes that took no part in the fit."""
-    return tuple(
-        LeftOver(f"{item.name} gains nothing on episodes that it was not fitted to: do not rely on it", 1.0, 1.0)
-        for item in found.found
-        if cause(item.name).is_searched and gains[item.name].value <= 0
-    )
-
-
-def _nothing(found: Explanation, simulated: FloatArray) -> Explanation:
-    """Without the causes, which explain too little of what is structured to be believed."""
-    return replace(
-        found,
-        found=(),
-        model=augment.Chain(),
-        prediction=simulated,
-        energy=found.empty_energy,
-        refit=lambda _: simulated,
-    )
 
 
 def _ceiling(problem: Problem, simulated: FloatArray, seed: int, jobs: int) -> tuple[FloatArray | None, str]:
@@ -172,92 +220,66 @@ def _ceiling(problem: Problem, simulated: FloatArray, seed: int, jobs: int) -> t
 
 
 def _at_bounds(found: Explanation) -> tuple[str, ...]:
-    """Numbers that would go on beyond what is allowed: what they are part of is not to be believed as it stands."""
+    """Warnings of numbers that the data would push beyond what is allowed."""
     lines = []
-    for item in found.found:
-        for free in cause(item.name).free(found.problem):
-            value = item.values.get(free.name)
+    for named in found.fitted:
+        for free in named.cause.free(found.problem):
+            value = named.values.get(free.name)
             at = [bound for bound in (free.low, free.high) if bound != free.neutral and value == bound]
             if at and free.material is not None:
                 lines.append(
-                    f"{free.name} of {item.name} is at its bound, {at[0]:g} {free.unit}: other causes may hold it there"
+                    f"{free.name} of {named.name} is at its bound, {at[0]:g} {free.unit}: do not rely on its value"
                 )
     return tuple(lines)
 
 
-def _named(
-    found: Explanation,
-    gains: Mapping[str, Interval],
-    rivals: Mapping[str, tuple[str, ...]],
-    parameters: Mapping[str, tuple[FittedParameter, ...]],
-) -> tuple[FoundCause, ...]:
-    causes = [
-        FoundCause(
-            item.name,
-            parameters[item.name],
-            gains[item.name],
-            rivals[item.name],
-            _evidence(item.energy_gain, gains[item.name]),
-        )
-        for item in found.found
-    ]
-    return tuple(sorted(causes, key=lambda item: -item.gain.value))
-
-
 def _evidence(gain: FloatArray, share: Interval) -> str:
-    shown = gain[showing(gain)]
-    better = int((shown > 0).sum())
-    worse = f"Without it the model is worse in {better} of the {len(shown)} episodes that show it"
-    if share.value <= 0:
-        return f"{worse}, but it gains nothing on episodes that it was not fitted to."
-    return f"{worse}, and {share.value:.0%} of the explainable error comes back."
+    shown = np.abs(gain) > 1e-2 * np.abs(gain).max()
+    worse = int((gain[shown] > 0).sum())
+    text = f"Without it the model predicts {worse} of the {int(shown.sum())} held-out episodes that show it worse"
+    return f"{text}; it explains {share.value:.0%} of the explainable error."
 
 
-def _confidence(
-    found: Explanation, rivals: Mapping[str, tuple[str, ...]], limits: Thresholds, seed: int, structure: bool
-) -> dict[str, float]:
-    """How often a cause is kept when episodes are drawn anew, shared with its rivals, halved with structure left."""
-    least = limits.material * found.problem.samples
-    return {
-        item.name: survives(item.energy_gain, least, seed) / (1 + len(rivals[item.name])) * (0.5 if structure else 1.0)
-        for item in found.found
-    }
+def _confidence(found: Explanation, judged: Judged, seed: int, structure: bool) -> dict[str, float]:
+    """How often a cause is kept when held-out units are resampled, shared with its rivals, halved with structure."""
+    evidence = {named.name: named.evidence for named in found.named}
+    out = {}
+    for item in judged.causes:
+        own = evidence[item.name]
+        kept = 1.0 if own is None else survives(own.gain, own.needed, seed)
+        out[item.name] = kept / (1 + len(item.rivals)) * (0.5 if structure else 1.0)
+    return out
 
 
-def _not_excited(problem: Problem, found: Explanation, wanted: set[str]) -> dict[str, str]:
+def _not_excited(found: Explanation, wanted: Sequence[Cause]) -> dict[str, str]:
     """Causes that, at a size worth finding, would hardly change what this motion reads."""
-    missing: dict[str, str] = {}
-    limit = FAINT * Thresholds().material
-    for name in sorted(wanted):
-        item = cause(name)
-        if (
-            item.probes is None
-            or name in found.not_searched
-            or (item.covariate and item.covariate not in problem.covariates)
-        ):
+    problem, rules, missing = found.problem.thinned, found.search.rules, {}
+    for item in wanted:
+        if item.read is not None or item.local is not None or item.course is not None:
             continue
-        try:
-            effects = [item.make(values, problem) for values in item.probes(problem)]
-            energy = max(
-                (np.sum(problem.weigh(problem.run(e, problem.simulated) - problem.simulated) ** 2) for e in effects),
-                default=np.inf,
-            )
-        except ValueError:
-            continue
-        if energy < limit * problem.samples:
-            missing[name] = "this motion does not excite it: at a size worth finding it would stay within the noise"
+        changes = effects(problem, item, problem.simulated)
+        energy = max((float(np.sum((change * problem.weight) ** 2)) for change in changes), default=np.inf)
+        if energy < rules.visible * rules.material * problem.samples:
+            missing[item.name] = "this motion does not excite it: at a size worth finding it would stay within the noise"
     return missing
 
 
-def _streams(recording: Recording, problem: Problem, squares: Squares) -> Streams:
+def _showable(raw: Problem, wanted: Sequence[Cause]) -> set[str]:
+    """Causes that another recording of the same sensor could show."""
+    names = {item.name for item in wanted}
+    return names | {n for n in known_causes() if not cause(n).barred(raw)}
+
+
+def _streams(recording: Recording, found: Explanation) -> Streams:
     assert recording.measured is not None
     assert recording.simulated is not None
+    problem = found.off.judged
     return Streams(
         time=recording.time,
         episode=recording.episode,
         measured=recording.measured,
         simulated=recording.simulated,
-        extended=problem.read(squares.prediction).astype(np.float32),
+        extended=problem.read(found.heldout).astype(np.float32),
         covariates=problem.covariates,
         pads=recording.pads,
         layout=recording.layout,

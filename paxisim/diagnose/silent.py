@@ -9,10 +9,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from paxisim.diagnose.cause import AXES
-from paxisim.diagnose.checks import CLEAR, FRAMES, pressed_beyond
 from paxisim.diagnose.problem import PRESSED, Problem
 
+AXES = "xyz"
+CLEAR = 0.6  # N, beyond any dead band
+FRAMES = 8  # in which a taxel is pressed so, at least
+WITHIN = 15.0  # times what is tolerated of its place, that a contact must press on a taxel to be on it
 SHARE = 0.2  # of the peak, beyond any zero that readings cut below 0 hide
 MOST = 8  # that are listed
 
@@ -68,3 +70,10 @@ def silent_in_words(silent: NDArray[np.bool_], pads: tuple[str, ...]) -> tuple[s
             "answer otherwise. They are left out"
         )
     return tuple(warnings)
+
+
+def pressed_beyond(problem: Problem, least: float) -> NDArray[np.bool_]:
+    """``(T, pads, 3, rows, cols)`` where a force is larger than `least` (N), and its contact surely on the taxel."""
+    variance = problem.sigma**2
+    tolerated = np.sqrt(variance - variance.min(axis=0))  # large at a contact's edge, which may be beside the taxel
+    return np.abs(problem.simulated) > np.maximum(least, WITHIN * tolerated)

@@ -1,5 +1,46 @@
-"""The causes that come with paxisim; importing this registers them."""
+"""The causes that come with paxisim, in the order of the chain."""
 
-from paxisim.diagnose.causes import curves, field, gains, memory, mixing, read_off, timing
+from paxisim.diagnose.cause import Cause
+from paxisim.diagnose.causes.axis_coupling import AXIS_COUPLING
+from paxisim.diagnose.causes.axis_gain import AXIS_GAIN
+from paxisim.diagnose.causes.channel_curve import CHANNEL_CURVE
+from paxisim.diagnose.causes.creep import CREEP
+from paxisim.diagnose.causes.crosstalk import CROSSTALK
+from paxisim.diagnose.causes.dead_band import DEAD_BAND
+from paxisim.diagnose.causes.dead_taxels import DEAD_TAXELS
+from paxisim.diagnose.causes.drift import DRIFT
+from paxisim.diagnose.causes.hysteresis import HYSTERESIS
+from paxisim.diagnose.causes.interference import INTERFERENCE
+from paxisim.diagnose.causes.latency import LATENCY
+from paxisim.diagnose.causes.layout import LAYOUT
+from paxisim.diagnose.causes.low_pass import LOW_PASS
+from paxisim.diagnose.causes.offset import OFFSET
+from paxisim.diagnose.causes.poisson import POISSON
+from paxisim.diagnose.causes.quantisation import QUANTISATION
+from paxisim.diagnose.causes.rotation import ROTATION
+from paxisim.diagnose.causes.saturation import SATURATION
+from paxisim.diagnose.causes.stiffening import STIFFENING
+from paxisim.diagnose.causes.taxel_gain import TAXEL_GAIN
 
-__all__ = ["curves", "field", "gains", "memory", "mixing", "read_off", "timing"]
+CAUSES: tuple[Cause, ...] = (
+    LAYOUT,
+    STIFFENING,
+    CREEP,
+    HYSTERESIS,
+    POISSON,
+    CROSSTALK,
+    AXIS_COUPLING,
+    ROTATION,
+    INTERFERENCE,
+    AXIS_GAIN,
+    LOW_PASS,
+    LATENCY,
+    CHANNEL_CURVE,
+    TAXEL_GAIN,
+    OFFSET,
+    DRIFT,
+    DEAD_BAND,
+    SATURATION,
+    QUANTISATION,
+    DEAD_TAXELS,
+)

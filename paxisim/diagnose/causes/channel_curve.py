@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from scipy.stats import t as student
 
 from paxisim import augment
 from paxisim.augment.channel_curve import hats
-from paxisim.diagnose.cause import MANY, Cause, Values, register_cause
+from paxisim.diagnose.cause import Cause, Local, Values
 from paxisim.diagnose.problem import FloatArray, Problem
 
-CHANNEL_CURVE = "channel_curve"
 KNOTS = 9
 BEND = 0.01  # of the peak, by which a curve must leave its straight line to matter
 _STEP = 0.01  # of the peak, to see what an error at a knot does
@@ -33,11 +33,6 @@ def bent_apart(problem: Problem) -> str:
     return "each channel has a curve of its own, which says this too (channel_curve)" if problem.one_load else ""
 
 
-def zero_is_fitted(problem: Problem) -> str:
-    """Why no offset can be told."""
-    return "the zero of each channel was fitted with its readout" if problem.one_load else ""
-
-
 def _own_loads(problem: Problem) -> str:
     return "" if problem.one_load else "channels are in newtons: one law for all taxels is looked for (stiffening)"
 
@@ -51,23 +46,24 @@ def _curve(values: Values, problem: Problem) -> augment.ChannelCurve:
 
 
 def _solve(
-    problem: Problem, y: FloatArray, end: Callable[[FloatArray], FloatArray], last: bool, near: FloatArray | None
+    problem: Problem, y: FloatArray, end: Callable[[FloatArray], FloatArray], near: FloatArray | None
 ) -> FloatArray:
-    """``(KNOTS, pads, 3, rows, cols)`` N, the errors that fit best, channel by channel; see `Cause.solve`."""
+    """``(KNOTS, pads, 3, rows, cols)`` N, the errors that fit best, channel by channel; see `Local.solve`."""
     low, high = (np.asarray(value) for value in _ends(problem))
     shapes = np.moveaxis(hats(y, low, high, KNOTS), 1, 0)  # (KNOTS, T, ...)
     step = _STEP * problem.peak
     error = np.zeros((KNOTS, *y.shape[1:])) if near is None else near
-    for _ in range(1 if last or near is not None else 2):
+    used = 1.0 if problem.fitted is None else problem.fitted[:, None, None, None, None]
+    for _ in range(2 if near is None else 1):
         bent = y + np.sum(shapes * error[:, None], axis=0)
         now = end(bent)
-        slopes = shapes if last else np.stack([(end(bent + step * shape) - now) / step for shape in shapes])
-        effects = np.stack([problem.weigh(slope) for slope in slopes])
-        right = np.einsum("at...,t...->...a", effects, problem.residual(now), optimize=True)
+        slopes = np.stack([(end(bent + step * shape) - now) / step for shape in shapes])
+        effects = np.stack([problem.weigh(slope) for slope in slopes]) * used
+        right = np.einsum("at...,t...->...a", effects, problem.weigh(problem.measured - now), optimize=True)
         change = np.linalg.solve(_normal(problem, effects), right[..., None])[..., 0]
         error = error + np.moveaxis(change, -1, 0)
-    after = problem.measured - problem.read(end(y + np.sum(shapes * error[:, None], axis=0)))
-    share = problem.weight**2
+    after = problem.measured - end(y + np.sum(shapes * error[:, None], axis=0))
+    share = problem.weight**2 * used
     return error + np.sum(share * after, axis=0) / np.maximum(share.sum(axis=0), 1e-12)
 
 
@@ -78,8 +74,8 @@ def _normal(problem: Problem, effects: FloatArray) -> FloatArray:
     return normal + ridge * np.eye(KNOTS)
 
 
-def curve_error(problem: Problem, prediction: FloatArray) -> FloatArray:
-    """``(KNOTS, pads, 3, rows, cols)`` N, standard errors of the fitted errors, with episodes as the replicates."""
+def _error(problem: Problem, prediction: FloatArray, fitted: FloatArray) -> FloatArray:
+    """``(KNOTS, pads, 3, rows, cols)`` N, half widths of 90 % intervals, with episodes as the replicates."""
     low, high = (np.asarray(value) for value in _ends(problem))
     shapes = np.moveaxis(hats(problem.simulated, low, high, KNOTS), 1, 0)
     effects = np.stack([problem.weigh(shape) for shape in shapes])
@@ -89,7 +85,7 @@ def curve_error(problem: Problem, prediction: FloatArray) -> FloatArray:
         score = np.einsum("at...,t...->...a", effects[:, span], rest[span], optimize=True)
         square += (inverse @ score[..., None])[..., 0] ** 2
     count = len(problem.episodes)
-    return np.moveaxis(np.sqrt(square * count / (count - 1)), -1, 0)
+    return np.moveaxis(np.sqrt(square * count / (count - 1)), -1, 0) * student.ppf(0.95, count - 1)
 
 
 def _bend(values: Values, problem: Problem) -> float:
@@ -101,29 +97,13 @@ def _bend(values: Values, problem: Problem) -> float:
     return float(np.sqrt(np.mean(rest**2, axis=0))[problem.alive].max() / (BEND * problem.peak))
 
 
-def _probes(problem: Problem) -> list[FloatArray]:
-    """Each channel bent one way, and one way and then the other."""
-    place = np.linspace(-1, 1, KNOTS)
-    probes = []
-    for shape in (1 - place**2, place - place**3):
-        for channel in zip(*np.nonzero(problem.alive), strict=True):
-            error = np.zeros((KNOTS, *problem.alive.shape))
-            error[(slice(None), *channel)] = 0.05 * problem.peak * shape
-            probes.append(error)
-    return probes
-
-
-register_cause(
-    Cause(
-        CHANNEL_CURVE,
-        74,  # it commutes with what is late, and has to be solved for once only if nothing follows
-        lambda p: (),
-        _curve,
-        _probes,  # type: ignore[arg-type]
-        costs=MANY,
-        beyond=_bend,
-        solve=_solve,
-        solves="error",
-        barred=_own_loads,
-    )
+CHANNEL_CURVE = Cause(
+    "channel_curve",
+    74,
+    _curve,
+    "staircase",
+    local=Local("error", "N", _solve, _error),
+    price=3.0,
+    size=_bend,
+    barred=_own_loads,
 )

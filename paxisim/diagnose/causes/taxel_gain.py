@@ -1,34 +1,43 @@
-"""Gains: one for each taxel, in closed form, drawn together where the episodes tell little of one or disagree."""
+"""Taxel gain: each taxel has a gain of its own, fitted in closed form.
+
+Gains are drawn together where the episodes tell little of one or disagree.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
 import numpy as np
+from scipy.stats import t as student
 
-from paxisim.diagnose.cause import GAIN_PRIOR
+from paxisim import augment
+from paxisim.diagnose.cause import Cause, Local, Values
+from paxisim.diagnose.causes.channel_curve import bent_apart
+from paxisim.diagnose.noise import Tolerance, differences
 from paxisim.diagnose.problem import FloatArray, Problem
 
+GAIN_PRIOR = 0.1  # spread of taxels' gains about 1 that is expected before a recording has told of it
 LEAST_SPREAD = 0.01  # of the gains, below which it is not told
 TELLS = 1e-3  # of the best pressed taxel's weight, below which one tells nothing of spread or excess
 ROUNDS = 5
+MATERIAL = 0.026  # of the gains' spread
 
 
 def taxel_gains(
-    problem: Problem, x: FloatArray, end: Callable[[FloatArray], FloatArray], last: bool, near: FloatArray | None
+    problem: Problem, x: FloatArray, end: Callable[[FloatArray], FloatArray], near: FloatArray | None
 ) -> FloatArray:
-    """``(pads, rows, cols)`` gains that fit best, see `drawn`; the arguments are those of `Cause.solve`.
+    """``(pads, rows, cols)`` gains that fit best, see `drawn`; the arguments are those of `Local.solve`.
 
     What comes after the gains acts on each taxel alone, so that one small change of all of them shows every slope.
     """
-    rounds = 1 if last or near is not None else 3
+    rounds = 3 if near is None else 1
     gains = np.ones((x.shape[1], *x.shape[3:])) if near is None else near
     for turn in range(rounds):
         now = end(x * gains[:, None])
-        slope = x if last else (end(x * (gains[:, None] + 0.02)) - now) / 0.02
+        slope = (end(x * (gains[:, None] + 0.02)) - now) / 0.02
         load = problem.weigh(slope)
         weights = by_episode(problem, load**2)
-        away = drawn(by_episode(problem, load * problem.residual(now)) + (gains - 1) * weights, weights)[0]
+        away = drawn(by_episode(problem, load * problem.weigh(problem.measured - now)) + (gains - 1) * weights, weights)[0]
         change = 1 + away - gains
         gains = np.clip(gains + (change if turn == 0 else 0.8 * change), 0.05, 5.0)
     return gains
@@ -36,6 +45,8 @@ def taxel_gains(
 
 def by_episode(problem: Problem, values: FloatArray) -> FloatArray:
     """``(episodes, pads, rows, cols)`` sums of ``(T, pads, 3, rows, cols)`` over each episode's frames and the axes."""
+    if problem.fitted is not None:
+        values = values * problem.fitted[:, None, None, None, None]
     return np.stack([values[span].sum(axis=(0, 2)) for span in problem.episodes])
 
 
@@ -65,3 +76,51 @@ def drawn(pulls: FloatArray, weights: FloatArray) -> tuple[FloatArray, float]:
         ridge = excess / max(float(np.sum(trust**2 * apart) / max(np.sum(trust**2), 1e-12)), LEAST_SPREAD**2)
         away = common + (pull - common * weight) / (weight + ridge)
     return away, ridge
+
+
+def _error(problem: Problem, prediction: FloatArray, gains: FloatArray) -> FloatArray:
+    """``(pads, rows, cols)`` half the width of each taxel's interval.
+
+    Made of what differs from episode to episode, of gains by which the axes of a taxel may be off, of contacts off
+    their place, and, for taxels that were hardly pressed, of how far the gains of the others are spread.
+    """
+    count = len(problem.episodes)
+    load = problem.weigh(prediction)
+    scores = problem.residual(prediction) * load
+    load = load / np.maximum(np.abs(gains), 0.05)[:, None]
+    squares = load**2
+    by_axis, weights = squares.sum(axis=0), by_episode(problem, squares)
+    products = weights.sum(axis=0)
+    scores = by_episode(problem, scores) / np.maximum(np.abs(gains), 0.05)
+    prior = drawn(scores + (gains - 1) * weights, weights)[1]
+    total = products + prior
+    episodes = np.sum(scores**2, axis=0) * count / (count - 1)
+    tolerance = Tolerance()
+    axes = np.sum((tolerance.gain * gains[:, None] * by_axis) ** 2, axis=1)
+    moved = [tolerance.place * change / 2 for change in differences(prediction)]
+    places = sum(np.sum(load * problem.weigh(e), axis=(0, 2)) ** 2 for e in moved)
+    told = products > prior
+    spread = float(np.std(gains[told])) if told.sum() > 1 else GAIN_PRIOR
+    shrunk = (prior * spread) ** 2
+    error = np.sqrt(np.maximum(episodes, products) + axes + places + shrunk) / total
+    return error * student.ppf(0.95, count - 1)
+
+
+def _size(gains: Values, problem: Problem) -> float:
+    """The spread of the taxels' gains, by how hard each was pressed on, in units of what matters."""
+    load = np.sum((problem.simulated * problem.weight) ** 2, axis=(0, 2))
+    mean = np.average(gains, weights=load)
+    return float(np.sqrt(np.average((np.asarray(gains) - mean) ** 2, weights=load)) / MATERIAL)
+
+
+TAXEL_GAIN = Cause(
+    "taxel_gain",
+    75,  # filters commute with it, and a filter's fit is then not held up by that of so many gains
+    lambda v, p: augment.TaxelGain(np.asarray(v)),
+    "places",
+    local=Local("gain", "1", taxel_gains, _error),
+    misfit=0.01,
+    price=3.0,
+    size=_size,
+    barred=bent_apart,
+)

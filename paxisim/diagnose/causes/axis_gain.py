@@ -1,0 +1,18 @@
+"""Axis gain: each axis reads too much or too little by a factor of its own."""
+
+from __future__ import annotations
+
+from paxisim import augment
+from paxisim.diagnose.cause import AXES, Cause, Free, one_away
+from paxisim.diagnose.causes.channel_curve import bent_apart
+
+AXIS_GAIN = Cause(
+    "axis_gain",
+    60,
+    lambda v, p: augment.AxisGain(tuple(v)),
+    "loads",
+    lambda p: tuple(Free(f"gain_{axis}", "1", 1.0, 0.2, 5.0, 0.1, 0.015) for axis in AXES),
+    lambda p: [one_away(3, k, 1.0, 0.1) for k in range(3)],
+    misfit=0.002,
+    barred=bent_apart,
+)

@@ -1,0 +1,33 @@
+"""Crosstalk: a taxel also reads a part of what its neighbours feel."""
+
+from __future__ import annotations
+
+from paxisim import augment
+from paxisim.diagnose.cause import Cause, Free, Values
+from paxisim.diagnose.causes.channel_curve import no_neighbours
+from paxisim.diagnose.problem import Problem
+
+SHARED = 0.012  # of its load, that a taxel must give to its neighbours
+
+
+def _size(values: Values, problem: Problem) -> float:
+    # the 4 next neighbours, and the 16 beyond at distances up to 2.8 pitches
+    return abs(values[0]) * (4 + 7 * values[1]) / SHARED
+
+
+CROSSTALK = Cause(
+    "crosstalk",
+    41,
+    lambda v, p: augment.Crosstalk(v[0], length=1.0, far=v[1], taken=v[2]),
+    "probe",
+    lambda p: (
+        Free("strength", "1", 0.0, -0.3, 0.3, 0.02),
+        Free("far", "1", 0.5, 0.0, 3.0, 0.5),
+        # the gauge: calibrated with single taxels, which lose nothing, or with flat presses, which read right
+        Free("taken", "1", 0.5, 0.0, 1.0, 0.3),
+    ),
+    lambda p: [(0.02, 0.0, 0.0), (0.02, 1.0, 0.0), (0.02, 1.0, 1.0)],
+    misfit=0.02,
+    size=_size,
+    barred=no_neighbours,
+)

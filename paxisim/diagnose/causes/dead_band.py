@@ -1,0 +1,32 @@
+"""Dead band: small forces are not read."""
+
+from __future__ import annotations
+
+from paxisim import augment
+from paxisim.diagnose.cause import Cause, Free, Gauge
+from paxisim.diagnose.causes.channel_curve import bent_apart
+from paxisim.diagnose.problem import Problem
+
+
+def _least(problem: Problem) -> float:
+    """Half-width (N) of a dead band that matters: rounding alone holds back half a count."""
+    told = problem.dither > 0.2 * problem.step
+    return max(0.02, (0.45 if told else 0.55) * problem.step)
+
+
+DEAD_BAND = Cause(
+    "dead_band",
+    80,
+    lambda v, p: augment.DeadBand(v[0], v[1], v[2]),
+    "light",
+    lambda p: (
+        Free("width", "N", 0.0, 0.0, 1.0, 0.05, _least(p)),
+        Free("shrink", "1", 0.0, 0.0, 1.0, 0.3),
+        Free("edge", "1", 0.2, 0.0, 1.0, 0.1, spread=0.1),
+    ),
+    lambda p: [(width, shrink, 0.2) for width in (0.06, 0.12, 0.2, 0.3) for shrink in (0.0, 1.0)],
+    # calibrated with small changes of a force, or so that the peak is read right
+    gauge=Gauge("calibrated_at_peak", lambda v, p: 1 / max(1 - v[0] * v[1] / p.peak, 0.2)),
+    misfit=0.02,
+    barred=bent_apart,
+)

@@ -1,0 +1,29 @@
+"""Drift: the zero wanders over minutes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from paxisim import augment
+from paxisim.diagnose.cause import Cause, Course
+from paxisim.diagnose.problem import Problem
+
+LEAST_EPISODES = 4
+LEAST_SECONDS = 30.0
+
+
+def _needs_time(problem: Problem) -> str:
+    long = problem.runs_through and problem.time[-1] - problem.time[0] > LEAST_SECONDS
+    return "" if long and len(problem.episodes) >= LEAST_EPISODES else "slow changes show only over several episodes on one clock"
+
+
+DRIFT = Cause(
+    "drift",
+    77,
+    lambda v, p: augment.Drift(amplitude=np.asarray(v[0]), tau=float(v[1])),  # type: ignore[arg-type]
+    "sessions",
+    course=Course("amplitude", lambda seconds, tau: -np.expm1(-seconds / tau), (150.0, 400.0, 1000.0, 4000.0)),
+    misfit=0.02,
+    price=7.0,
+    barred=_needs_time,
+)

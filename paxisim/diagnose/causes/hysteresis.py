@@ -1,0 +1,20 @@
+"""Hysteresis: the reading depends on whether the force was rising or falling."""
+
+from __future__ import annotations
+
+from paxisim import augment
+from paxisim.diagnose.cause import Cause, Free, Gauge, one_away
+
+RADII = (0.02, 0.06, 0.15, 0.4)  # of the peak, of the plays
+
+HYSTERESIS = Cause(
+    "hysteresis",
+    30,
+    lambda v, p: augment.Hysteresis(tuple(v), tuple(radius * p.peak for radius in RADII)),
+    "triangles",
+    lambda p: tuple(Free(f"weight_{radius:g}_peak", "1", 0.0, 0.0, 0.24, 0.05, 0.012) for radius in RADII),
+    lambda p: [one_away(len(RADII), i, 0.0, 0.1) for i in range(len(RADII))],
+    # calibrated with large forces, or with swings that are too small to move the plays
+    gauge=Gauge("calibrated_small", lambda v, p: 1 / max(1 - sum(v), 0.04)),
+    misfit=0.04,
+)

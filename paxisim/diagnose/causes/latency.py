@@ -1,0 +1,17 @@
+"""Latency: one of the two streams is late."""
+
+from __future__ import annotations
+
+from paxisim import augment
+from paxisim.diagnose.cause import Cause, Free
+from paxisim.diagnose.causes.low_pass import capacity
+
+LATENCY = Cause(
+    "latency",
+    71,
+    lambda v, p: augment.Latency(v[0], capacity=capacity(p, v[0])),
+    "taps",
+    lambda p: (Free("delay", "s", 0.0, -0.5, 0.5, 0.02, 0.003),),
+    lambda p: [(-0.1,), (0.01,), (0.03,), (0.1,)],
+    misfit=0.003,
+)

@@ -1,0 +1,99 @@
+"""Layout: taxels, axes or pads are swapped or reversed on the way; read off the correlations of the streams."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+
+from paxisim import augment
+from paxisim.diagnose.cause import Cause, Reading
+from paxisim.diagnose.causes.channel_curve import mixes_alike
+from paxisim.diagnose.causes.read_only import not_made
+from paxisim.diagnose.problem import FloatArray, Problem, with_noise
+
+CLEARLY = 0.05  # by how much a correlation must be better for a fault of the layout to be named
+
+
+def _read(problem: Problem) -> Reading | None:
+    """The layout with which the streams agree clearly better than with the one given, if there is one.
+
+    Taxels and pads are told by the normal force, whatever its sign; axes and signs by the forces that remain.
+    """
+    normal, wanted = problem.measured[:, :, 2], problem.simulated[:, :, 2]
+    pads, rows, cols = wanted.shape[1:]
+    orders = list(itertools.permutations(range(pads))) if pads <= 3 else [tuple(range(pads))]
+
+    def alike_either_way(simulated: FloatArray) -> FloatArray:
+        """As `_alike`, of a normal force whose sign may be reversed."""
+        alike = _alike(normal, simulated, problem)
+        return -alike if alike.mean() < 0 else alike
+
+    best, most = {}, alike_either_way(wanted)
+    base = most
+    for order, flip_rows, flip_cols, transpose in itertools.product(
+        orders, (False, True), (False, True), (False, True) if rows == cols else (False,)
+    ):
+        fault = {"flip_rows": flip_rows, "flip_cols": flip_cols, "transpose": transpose, "pad_order": order}
+        moved = augment.LayoutFault(**fault)(problem.simulated)[:, :, 2]
+        alike = alike_either_way(moved)
+        if alike.mean() > most.mean() + 1e-9 and alike.mean() > base.mean() + CLEARLY:
+            best, most = fault, alike
+    if best and (most > base)[most != base].mean() < 0.8:
+        best = {}
+    if best.get("pad_order") == tuple(range(pads)):
+        best["pad_order"] = None
+    moved = augment.LayoutFault(**best)(problem.simulated)
+    signs, order = _axes(problem, moved)
+    if not best and signs == (1, 1, 1) and order == (0, 1, 2):
+        return None
+    fault = augment.LayoutFault(**best, axis_signs=signs, axis_order=order)
+    moved = fault(problem.simulated)
+    return Reading(fault, {}, with_noise(replace(problem, simulated=moved)))
+
+
+def _alike(measured: FloatArray, simulated: FloatArray, problem: Problem) -> FloatArray:
+    """The correlation in each episode that has something to compare, about each taxel's rest."""
+    out = []
+    least = max(0.1 * float(np.abs(simulated).max()), problem.step)
+    for span in problem.episodes:
+        a, b = measured[span], simulated[span]
+        if np.abs(b).max() > least:
+            a = a - np.median(measured, axis=0)
+            out.append(np.sum(a * b) / np.sqrt(np.sum(a * a) * np.sum(b * b) + 1e-12))
+    return np.array(out or [0.0])
+
+
+def _axes(problem: Problem, simulated: FloatArray) -> tuple[tuple[int, int, int], tuple[int, int, int]]:
+    """Signs and order of the axes: of x and y, each by how it goes with the simulated ones."""
+
+    def alike(i: int, j: int) -> FloatArray:
+        return _alike(problem.measured[:, :, i], simulated[:, :, j], problem)
+
+    signs, order = [1, 1, 1], (0, 1, 2)
+    straight = np.mean([np.abs(alike(0, 0)).mean(), np.abs(alike(1, 1)).mean()])
+    crossed = np.mean([np.abs(alike(0, 1)).mean(), np.abs(alike(1, 0)).mean()])
+    if crossed > straight + 0.4:
+        order = (1, 0, 2)
+    for axis in range(3):
+        each = alike(axis, order[axis])
+        strong = each[np.abs(each) > 0.2]
+        opposed = len(strong) and strong.mean() < -0.4 and (strong < 0).mean() >= 0.8
+        if opposed and (axis == 2 or _turned(problem, simulated, axis, order[axis])):
+            signs[axis] = -1
+    return (signs[0], signs[1], signs[2]), order
+
+
+def _turned(problem: Problem, simulated: FloatArray, axis: int, other: int) -> bool:
+    """Whether a shear goes against the simulated one beside what of it goes with the normal force.
+
+    A sensor that reads part of the normal force as shear may drown the little shear of a press.
+    """
+    shear, normal = simulated[:, :, other].ravel(), simulated[:, :, 2].ravel()
+    measured = problem.measured[:, :, axis] - np.median(problem.measured[:, :, axis], axis=0)
+    both = np.stack([shear, normal])
+    return bool(np.linalg.lstsq(both @ both.T, both @ measured.ravel(), rcond=None)[0][0] < 0)
+
+
+LAYOUT = Cause("layout", 0, not_made("layout"), "corners", read=_read, barred=mixes_alike)

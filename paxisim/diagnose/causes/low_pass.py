@@ -1,0 +1,38 @@
+"""Low-pass: quick changes are smoothed away."""
+
+from __future__ import annotations
+
+from paxisim import augment
+from paxisim.augment.transform import Transform
+from paxisim.diagnose.cause import Cause, Free, Values
+from paxisim.diagnose.problem import Problem
+
+
+def _make(values: Values, problem: Problem) -> Transform:
+    first, second, delay = values
+    filters = [augment.LowPass(first), augment.LowPass(second)]
+    late = delay * (first + second)
+    if late > 0:
+        filters.append(augment.Latency(late, capacity=capacity(problem, late)))  # type: ignore[arg-type]
+    return augment.Chain(filters)
+
+
+def capacity(problem: Problem, delay: float) -> int:
+    """Frames that a latency must keep, so that none between now and then is left out."""
+    return int(max(16, 4 * abs(delay) / problem.interval + 4))
+
+
+LOW_PASS = Cause(
+    "low_pass",
+    70,
+    _make,
+    "taps",
+    lambda p: (
+        Free("tau_1", "s", 0.0, 0.0, 2.0, 0.02, 0.003),
+        Free("tau_2", "s", 0.0, 0.0, 2.0, 0.02, 0.003),
+        # the gauge: a filter of many poles, or one with linear phase, delays more than two poles do
+        Free("delay", "1", 0.0, 0.0, 1.0, 0.3, spread=1.0),
+    ),
+    lambda p: [(0.01, 0.005, 0.0), (0.03, 0.02, 0.0), (0.1, 0.05, 0.0), (0.03, 0.03, 0.8)],
+    misfit=0.003,
+)

@@ -1,0 +1,26 @@
+"""Offset: the reading is not zero where nothing presses."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from paxisim import augment
+from paxisim.diagnose.cause import Cause, Course
+from paxisim.diagnose.problem import Problem
+
+
+def _zero_is_fitted(problem: Problem) -> str:
+    return "the zero of each channel was fitted with its readout" if problem.one_load else ""
+
+
+OFFSET = Cause(
+    "offset",
+    76,
+    lambda v, p: augment.Offset(np.asarray(v)),
+    "free",
+    course=Course("value", lambda seconds, tau: np.ones_like(seconds)),
+    nuisance=True,
+    misfit=0.002,
+    price=7.0,
+    barred=_zero_is_fitted,
+)

@@ -1,0 +1,28 @@
+"""Rotation: the sensor's axes are turned against those of the simulation."""
+
+from __future__ import annotations
+
+from paxisim import augment
+from paxisim.diagnose.cause import AXES, Cause, Free, one_away
+from paxisim.diagnose.causes.channel_curve import mixes_alike
+from paxisim.diagnose.problem import Problem
+
+TILT = 0.01  # rad, of a sensor in its mount, that is expected
+MOST_TILT = 0.09
+
+
+def _free(problem: Problem) -> tuple[Free, ...]:
+    tilts = (Free(f"about_{axis}", "rad", 0.0, -MOST_TILT, MOST_TILT, 0.05, 0.012, TILT) for axis in AXES[:2])
+    return (*tilts, Free("about_z", "rad", 0.0, -0.6, 0.6, 0.05, 0.012))
+
+
+ROTATION = Cause(
+    "rotation",
+    51,
+    lambda v, p: augment.Rotation((tuple(v),)),
+    "slides",
+    _free,
+    lambda p: [one_away(3, k, 0.0, 0.05) for k in range(3)],
+    misfit=0.002,
+    barred=mixes_alike,
+)

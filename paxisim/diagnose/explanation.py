@@ -1,0 +1,207 @@
+"""Explanation: the causes that a search has kept, with the extended model and what it predicts, held out and not."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from paxisim import augment
+from paxisim.augment.transform import Transform
+from paxisim.diagnose.cause import Cause
+from paxisim.diagnose.each import each
+from paxisim.diagnose.fitting import Fit, Part, curves_of
+from paxisim.diagnose.folds import Folds
+from paxisim.diagnose.model import Model, in_order
+from paxisim.diagnose.problem import FloatArray, Problem
+from paxisim.diagnose.reading import ReadOff, read_off
+from paxisim.diagnose.search import Evidence, Search, owned_constant
+
+
+@dataclass(frozen=True, eq=False)
+class Named:
+    """A cause that the recording asks for.
+
+    Attributes:
+        cause: The cause.
+        transform: What it does, with the fitted values.
+        values: Fitted numbers and arrays by name, in the units of the cause's parameters, or N.
+        evidence: Of a cause that was fitted; None for one that was read off.
+    """
+
+    cause: Cause
+    transform: Transform
+    values: Mapping[str, float | FloatArray]
+    evidence: Evidence | None
+
+    @property
+    def name(self) -> str:
+        """Of the cause."""
+        return self.cause.name
+
+
+@dataclass(frozen=True, eq=False)
+class Explanation:
+    """What a recording asks for.
+
+    Attributes:
+        off: What the checks read off.
+        search: The search, with its fits.
+        names: The causes that were fitted and kept.
+        fit: Their fit.
+        constant: ``(pads, 3, rows, cols)`` N, the constant that they bring by convention.
+        named: The causes, those that were read off included, in the order of the chain.
+        model: The extended model, to be applied to the recording's simulated stream.
+        prediction: ``(T, pads, 3, rows, cols)`` N, what it makes of it, before rounding.
+        heldout: The same, each sample by the fit that left its fold out.
+    """
+
+    off: ReadOff
+    search: Search
+    names: tuple[str, ...]
+    fit: Fit
+    constant: FloatArray
+    named: tuple[Named, ...]
+    model: augment.Chain
+    prediction: FloatArray
+    heldout: FloatArray
+
+    @property
+    def problem(self) -> Problem:
+        """The recording that was explained, as the checks left it."""
+        return self.off.problem
+
+    @property
+    def folds(self) -> Folds:
+        """What is held out together."""
+        return self.search.folds
+
+    @property
+    def fitted(self) -> tuple[Named, ...]:
+        """The causes that were fitted."""
+        return tuple(named for named in self.named if named.evidence is not None)
+
+
+def explanation_of(off: ReadOff, search: Search, chosen: Sequence[str], jobs: int = 1) -> Explanation:
+    """What a search has found.
+
+    Args:
+        off: What the checks read off.
+        search: The search.
+        chosen: Its result.
+        jobs: Processors to use.
+    """
+    evidence = {name: search.evidence(chosen, name) for name in chosen}
+    dropped = [n for n in chosen if search.causes[n].nuisance and not evidence[n].kept]
+    names = tuple(n for n in chosen if n not in dropped)
+    fit, constant = search.fit(chosen), np.zeros(off.problem.alive.shape)
+    for name in dropped:
+        constant, fit = owned_constant(off.problem, fit), search.without(chosen, name)
+    prediction = predicted(off.problem, fit.causes, fit, fit.whole, constant)
+    heldout = heldout_of(off.problem, search.folds, fit, constant, jobs)
+    members, named = _members(off, fit, evidence, constant)
+    for name, reading in off.readings.items():
+        item = next(c for c in off.causes if c.name == name)
+        named.append(Named(item, reading.transform, reading.values, None))
+        members.append((item.order, name, reading.transform))
+        if not reading.rounds and reading.problem.alive.sum() < off.raw.alive.sum():
+            prediction, heldout = reading.transform(prediction), reading.transform(heldout)
+    ordered = sorted(members, key=lambda member: member[0])
+    model = in_order([(name, transform) for _, name, transform in ordered])
+    named.sort(key=lambda item: item.cause.order)
+    return Explanation(off, search, names, fit, constant, tuple(named), model, prediction, heldout)
+
+
+def _members(
+    off: ReadOff, fit: Fit, evidence: Mapping[str, Evidence], constant: FloatArray
+) -> tuple[list[tuple[float, str, Transform]], list[Named]]:
+    """The members of the model with their places in the chain, and the causes that were fitted."""
+    courses = [c for c in sorted(fit.causes, key=lambda c: c.order) if c.course is not None]
+    zero = dict(zip([c.name for c in courses], fit.whole.zero, strict=True))
+    members, named = [], []
+    for item in fit.causes:
+        if item.course is not None:
+            tau = fit.taus[item.name]
+            amounts = np.where(off.problem.alive, zero[item.name], 0.0)
+            values: dict[str, float | FloatArray] = {item.course.name: amounts}
+            if len(item.course.taus) > 1:
+                values["tau"] = tau
+            transform = item.make(amounts if len(values) == 1 else (amounts, tau), off.problem)  # type: ignore[arg-type]
+        elif item.local is not None:
+            values = {item.local.name: fit.whole.values[item.name]}
+            transform = item.transform(fit.whole.values[item.name], off.problem)
+        else:
+            numbers = fit.whole.values[item.name]
+            values = {f.name: float(v) for f, v in zip(item.parameters(off.problem), numbers, strict=True)}
+            transform = item.transform(numbers, off.problem)
+        members.append((item.order, item.name, transform))
+        named.append(Named(item, transform, values, evidence[item.name]))
+    if np.any(constant):
+        nuisance = next(c for c in off.causes if c.nuisance)
+        members.append((nuisance.order, nuisance.name, nuisance.make(constant, off.problem)))  # type: ignore[arg-type]
+    return members, named
+
+
+def predicted(
+    problem: Problem, causes: Sequence[Cause], fit: Fit, part: Part, constant: FloatArray | float = 0.0
+) -> FloatArray:
+    """``(T, pads, 3, rows, cols)`` N, what a fit makes of every sample of a recording, before rounding."""
+    rows = replace(problem, curves=curves_of(problem, causes, fit.taus), constant=constant)
+    return Model(rows, causes, rows).run(part.values, part.zero if len(part.zero) else None)
+
+
+def heldout_of(problem: Problem, folds: Folds, fit: Fit, constant: FloatArray | float, jobs: int = 1) -> FloatArray:
+    """``(T, pads, 3, rows, cols)`` N, each sample as the fit to the other folds predicts it."""
+    out = np.empty_like(problem.simulated)
+    fold = folds.of_sample
+
+    def fill(number: int) -> None:
+        mine = fold == number
+        out[mine] = predicted(problem, fit.causes, fit, fit.folds[number], constant)[mine]
+
+    each(fill, range(len(fit.folds)), jobs)
+    return out
+
+
+def without_each(found: Explanation, jobs: int = 1) -> dict[str, tuple[Problem, FloatArray]]:
+    """By cause, what the model fitted again without it predicts of held-out samples, and how that is read.
+
+    Args:
+        found: The causes.
+        jobs: Processors to use.
+    """
+    out = {}
+    for named in found.named:
+        if named.evidence is None:
+            out[named.name] = _unread(found, named, jobs)
+            continue
+        names = [c.name for c in found.fit.causes]
+        fit, constant = found.fit, found.constant
+        if named.cause.nuisance:
+            constant = owned_constant(found.problem, found.fit)
+            fit = found.search.without(names, named.name)
+        elif any(found.search.causes[n].nuisance for n in names):
+            fit = found.search.without(names, named.name)
+        else:
+            fewer = [c for c in found.fit.causes if c.name != named.name]
+            fit = found.search.fitter.fit(fewer, found.fit, constant)
+        prediction = heldout_of(found.problem, found.folds, fit, constant, jobs)
+        for reading in found.off.readings.values():
+            if not reading.rounds and reading.problem.alive.sum() < found.off.raw.alive.sum():
+                prediction = reading.transform(prediction)
+        out[named.name] = found.problem, prediction
+    return out
+
+
+def _unread(found: Explanation, named: Named, jobs: int) -> tuple[Problem, FloatArray]:
+    """The same without a cause that was read off: the streams as they are without that reading."""
+    others = [c for c in found.off.causes if c.name != named.name]
+    problem = read_off(found.off.raw, others).problem
+    if found.off.readings[named.name].rounds:
+        return replace(problem, step=0.0, clips=False), found.heldout
+    search = Search(problem, found.search.causes.values(), found.folds, found.search.rules)
+    fit = search.fitter.fit(found.fit.causes, found.fit, found.constant)
+    return problem, heldout_of(problem, found.folds, fit, found.constant, jobs)
+
+

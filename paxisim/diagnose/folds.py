@@ -1,0 +1,113 @@
+"""Folds: which samples are held out together.
+
+The unit is the episode, as samples within one share the errors of its contact. An episode that alone excites a cause is
+split into two blocks with a gap between them, so that the cause can be fitted to one and judged on the other; so are the
+episodes of a recording that has few.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from paxisim.diagnose.cause import Cause
+from paxisim.diagnose.problem import FloatArray, Problem
+from paxisim.diagnose.rules import Rules
+
+
+@dataclass(frozen=True, eq=False)
+class Folds:
+    """What is held out together.
+
+    Attributes:
+        unit: ``(T,)`` the unit that each sample belongs to; -1 in the gap between two blocks.
+        fold: ``(units,)`` the fold of each unit.
+        episode: ``(units,)`` the episode of each unit.
+        split: Numbers of the episodes that were split.
+    """
+
+    unit: NDArray[np.intp]
+    fold: NDArray[np.intp]
+    episode: NDArray[np.intp]
+    split: tuple[int, ...]
+
+    @property
+    def count(self) -> int:
+        """Number of folds."""
+        return int(self.fold.max()) + 1
+
+    @property
+    def of_sample(self) -> NDArray[np.intp]:
+        """``(T,)`` the fold that leaves each sample out; for the gap after a block, that of the block."""
+        unit = np.maximum.accumulate(np.where(self.unit >= 0, self.unit, 0))
+        return self.fold[unit]
+
+
+def folds_of(problem: Problem, causes: Iterable[Cause], rules: Rules) -> Folds:
+    """The folds of a recording.
+
+    Args:
+        problem: The recording.
+        causes: That are looked for.
+        rules: How many folds there are at most, and how long the gaps.
+    """
+    count = len(problem.episodes)
+    lone = _lone(problem, causes, rules) if count >= rules.few_episodes else set()
+    blocks = [2 if number in lone else 1 for number in range(count)]
+    if count < rules.few_episodes:
+        blocks = [-(-rules.few_episodes // count)] * count
+    unit, episode = np.full(len(problem.time), -1, dtype=np.intp), []
+    gap = int(np.ceil(rules.gap / problem.interval))
+    for number, (span, pieces) in enumerate(zip(problem.episodes, blocks, strict=True)):
+        edges = np.linspace(span.start, span.stop, pieces + 1).astype(int)
+        for start, stop in zip(edges[:-1], edges[1:], strict=True):
+            short = gap if stop < span.stop and stop - start > 2 * gap else 0
+            unit[start : stop - short] = len(episode)
+            episode.append(number)
+    fold = np.arange(len(episode)) % min(rules.folds, len(episode))
+    split = tuple(number for number, pieces in enumerate(blocks) if pieces > 1)
+    return Folds(unit, fold, np.array(episode), split)
+
+
+def _lone(problem: Problem, causes: Iterable[Cause], rules: Rules) -> set[int]:
+    """Numbers of the episodes that show most of what some cause would do."""
+    problem, found = problem.thinned, set()
+    for item in causes:
+        energies = [energy_by_episode(problem, effect) for effect in effects(problem, item, problem.simulated)]
+        total = np.sum([energy / max(energy.sum(), 1e-12) for energy in energies], axis=0) if energies else np.zeros(1)
+        if total.max() > rules.lone * total.sum() > 0:
+            found.add(int(total.argmax()))
+    return found
+
+
+def effects(problem: Problem, item: Cause, x: FloatArray) -> list[FloatArray]:
+    """What a cause does to `x` at each of its starts (N), numbers that act on different channels moved at once."""
+    free = item.parameters(problem)
+    groups = [f.together for f in free]
+    changes = []
+    if free and all(groups):
+        for group in dict.fromkeys(groups):
+            values = np.array([f.neutral + f.scale * (f.together == group) for f in free])
+            changes.append(problem.run(item.transform(values, problem), x) - x)
+        return changes
+    for start in item.starts(problem):
+        values = np.append(np.asarray(start, dtype=np.float64), 0.0) if item.gauge else np.asarray(start, dtype=float)
+        changes.append(problem.run(item.transform(values, problem), x) - x)
+    return changes
+
+
+def energy_by_episode(problem: Problem, effect: FloatArray) -> FloatArray:
+    """``(episodes,)`` energy of an effect in units of the noise, freed of a constant of each episode."""
+    out = []
+    for span in problem.episodes:
+        own = effect[span] - effect[span].mean(axis=0)
+        out.append(float(np.sum((own * problem.weight[span]) ** 2)))
+    return np.array(out)
+
+
+def names_of(causes: Sequence[Cause]) -> tuple[str, ...]:
+    """The names of causes."""
+    return tuple(item.name for item in causes)

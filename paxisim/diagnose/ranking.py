@@ -1,0 +1,110 @@
+"""Ranking: candidates by what they promise while they are small, as the sums that least squares needs.
+
+For each fold the products of all effects with one another and with the residual are kept. With them any set of causes is
+fitted to some folds and judged on the others by solving a small linear system, without touching the data.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from paxisim.diagnose.cause import Cause
+from paxisim.diagnose.fitting import Fit, Fitter
+from paxisim.diagnose.folds import effects
+from paxisim.diagnose.model import Model
+from paxisim.diagnose.problem import FloatArray, Problem
+
+MOST = 60_000  # numbers that are enough for a ranking
+GAUGE_STEP = 0.05  # of the gain, to see what a gauge does
+
+
+class Ranking:
+    """What causes would gain beside a model, linearised.
+
+    The gauge of a cause is fitted with it, so that a cause and its gauge are found although neither gains alone.
+    """
+
+    def __init__(self, fitter: Fitter, causes: Sequence[Cause], fit: Fit) -> None:
+        """Sum up.
+
+        Args:
+            fitter: With the recording and its folds.
+            causes: Candidates; those with starts are ranked.
+            fit: The model.
+        """
+        problem = fitter.problem
+        self.causes = {c.name: c for c in causes if c.local is None and c.course is None}
+        self._chosen = [name for name in fit.names if name in self.causes]
+        rows = fitter.rows(fit.causes, fit.taus)
+        model = Model(problem, fit.causes, rows)
+        prediction = model.run(fit.whole.values, fit.whole.zero if len(fit.whole.zero) else None)
+        force = Model(problem, [c for c in fit.causes if c.course is None], problem).run(fit.whole.values, None)
+        stride = max(1, int(rows.samples / MOST))
+        thin = rows.every(stride)
+        kept = np.concatenate([np.arange(s.start, s.stop, stride) for s in rows.episodes])
+        self._unit = fitter.unit[kept]
+        self._fold = np.where(self._unit >= 0, fitter.fold[self._unit], -1)
+        prediction = prediction[kept]
+        was_read = thin.read(prediction)
+
+        def weighed(change: FloatArray) -> FloatArray:
+            change = problem.at_compared(change)[kept]
+            read = change if thin.counting.reads_all else thin.read(prediction + change) - was_read
+            return thin.weigh(read)
+
+        columns, owners = [], []
+        for item in self.causes.values():
+            own = _columns(problem, item, force, weighed)
+            columns += own
+            owners += [item.name] * len(own)
+        columns.append(weighed(GAUGE_STEP * force))
+        owners.append("")
+        self._owner = np.array(owners)
+        residual = thin.weigh(thin.measured - was_read).reshape(len(kept), -1)
+        matrix = np.stack([c.reshape(len(kept), -1) for c in columns])
+        count = int(fitter.fold.max()) + 1
+        size = len(columns)
+        self._products, self._projections = np.zeros((count, size, size)), np.zeros((count, size))
+        for number in range(count):
+            mine = self._fold == number
+            part, rest = matrix[:, mine].reshape(size, -1), residual[mine].ravel()
+            self._products[number], self._projections[number] = part @ part.T, part @ rest
+        times = fitter.whole.samples / thin.samples
+        self._products *= times
+        self._projections *= times
+
+    def gain(self, names: Sequence[str]) -> float:
+        """Energy that causes gain on held-out folds beside the model's own."""
+        return self._gain([*self._chosen, *names]) - self._gain(self._chosen)
+
+    def _gain(self, names: Sequence[str]) -> float:
+        gauged = any(self.causes[n].gauge is not None for n in names)
+        which = np.flatnonzero(np.isin(self._owner, [*names, ""] if gauged else list(names)))
+        if not len(which):
+            return 0.0
+        products, projections = self._products[:, which[:, None], which], self._projections[:, which]
+        total, right = products.sum(axis=0), projections.sum(axis=0)
+        ridge = np.diag(1e-6 * np.diag(total) + 1e-9)
+        if len(products) > 1:
+            values = np.linalg.solve(total - products + ridge, (right - projections)[..., None])
+        else:
+            values = np.linalg.solve(total + ridge, right[:, None])[None]
+        gains = 2 * projections[:, None] @ values - np.swapaxes(values, 1, 2) @ products @ values
+        return float(gains.sum())
+
+
+def _columns(problem: Problem, item: Cause, force: FloatArray, weighed) -> list[FloatArray]:
+    """What a cause does to the residual at each of its starts."""
+    found = [weighed(effect) for effect in effects(problem, item, force)]
+    free = item.parameters(problem)
+    if not (free and all(f.together for f in free)):
+        return found
+    columns = []
+    for group, effect in zip(dict.fromkeys(f.together for f in free), found, strict=True):
+        for about in (f for f in free if f.together == group):
+            alone = np.zeros_like(effect)
+            alone[(slice(None), *about.channel)] = effect[(slice(None), *about.channel)]
+            columns.append(alone)
+    return columns

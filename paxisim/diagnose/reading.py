@@ -1,0 +1,57 @@
+"""Reading off: what deterministic checks see before any search: layout, rounding, dead taxels, silent channels."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from paxisim.diagnose.cause import Cause, Reading
+from paxisim.diagnose.problem import Problem, with_noise
+from paxisim.diagnose.silent import silent_channels
+from paxisim.errors import InvalidValueError
+
+
+@dataclass(frozen=True, eq=False)
+class ReadOff:
+    """What the checks say.
+
+    Attributes:
+        raw: The recording as it came.
+        problem: The recording that is left to be explained.
+        readings: By cause that was found, what was read.
+        causes: All that were asked for.
+    """
+
+    raw: Problem
+    problem: Problem
+    readings: Mapping[str, Reading]
+    causes: tuple[Cause, ...]
+
+    @property
+    def judged(self) -> Problem:
+        """The recording as figures are given of it: what dead taxels should have read is an error, too."""
+        dead = self.raw.alive & ~self.problem.alive
+        silent = silent_channels(self.raw)
+        return replace(self.problem, alive=self.problem.alive | (dead & ~silent))
+
+
+def read_off(raw: Problem, causes: Sequence[Cause]) -> ReadOff:
+    """Run the checks of the causes that have one.
+
+    Raises:
+        InvalidValueError: No channel answers.
+    """
+    problem, readings = raw, {}
+    for item in causes:
+        found = item.read(problem) if item.read is not None else None
+        if found is not None:
+            readings[item.name], problem = found, found.problem
+    silent = silent_channels(problem)
+    if silent.any():
+        problem = with_noise(replace(problem, alive=problem.alive & ~silent))
+    if not problem.alive.any():
+        raise InvalidValueError(
+            "no taxel answers to what the simulation presses on it: was the sensor connected, and is it the same "
+            "motion, in newtons?"
+        )
+    return ReadOff(raw, problem, readings, tuple(causes))

@@ -1,0 +1,53 @@
+"""Rules: the constants that decide what is named, each with what it stands for.
+
+`benchmarks/rule_sensitivity.py` halves and doubles each of them and prints what changes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Rules:
+    """What decides.
+
+    Attributes:
+        material: Materiality: the share of the noise's energy that a cause must gain on held-out episodes. A smaller
+            gain does not matter to a user. A cause's `price` multiplies it.
+        agreement: The least positive fraction of the total absolute gain over held-out units: how far they must agree.
+        without_best: The share of the required gain that must remain without the unit that gains most, as the
+            jackknife has it: one odd episode is no replicate.
+        clear: z-score of the gain against what noise alone makes of it.
+        folds: Held-out folds at most: leave one out up to so many units.
+        few_episodes: Recordings of fewer episodes are split into blocks.
+        lone: Share of a cause's excitation that one episode may hold before it is split into two blocks.
+        gap: Seconds between blocks of one episode, so that the two share no noise.
+        contest: Candidates that are fitted for one place, after ranking by their linearised held-out gain.
+        pairs: Pairs of candidates that are fitted for two places.
+        promise: Share of the required gain that a candidate must promise, linearised, to be fitted.
+        most: Causes at most.
+        tie: Share of a cause's gain by which a rival may be worse and still be one, where the forms of the two
+            (`misfit`) are not known worse.
+        near_miss: Share of the required gain from which on a cause that is not named is mentioned.
+        explains: Least share of the explainable error that the named causes must explain together where clear
+            structure is left over.
+        visible: Times `material` that a cause must change the reading by, at its starts, to be testable.
+    """
+
+    material: float = 0.003
+    agreement: float = 0.75
+    without_best: float = 0.25
+    clear: float = 3.0
+    folds: int = 8
+    few_episodes: int = 4
+    lone: float = 0.6
+    gap: float = 0.5
+    contest: int = 4
+    pairs: int = 2
+    promise: float = 0.3
+    most: int = 5
+    tie: float = 0.03
+    near_miss: float = 0.6
+    explains: float = 0.2
+    visible: float = 2.0

@@ -1,0 +1,227 @@
+"""Search: sets of causes are scored by what they leave on held-out episodes; causes are added, exchanged and dropped."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from paxisim.diagnose.cause import Cause
+from paxisim.diagnose.each import each
+from paxisim.diagnose.fitting import Fit, Fitter
+from paxisim.diagnose.folds import Folds
+from paxisim.diagnose.problem import FloatArray, Problem
+from paxisim.diagnose.ranking import Ranking
+from paxisim.diagnose.rules import Rules
+
+ROUNDS = 6  # of adding, exchanging and dropping at most
+WORSE = 1.0005  # times the energy of fewer causes, from which on a fit has ended in the wrong place
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """What speaks for a cause: the model with it against the model fitted again without it.
+
+    Attributes:
+        name: Of the cause.
+        gain: ``(units,)`` energy that it takes away on held-out units, in units of the noise.
+        needed: Energy that it must take away: what is material, and what the misfit of the other causes may leave.
+        amount: How large its values are, in units of the smallest size of interest.
+        kept: Whether it passes the test.
+    """
+
+    name: str
+    gain: FloatArray
+    needed: float
+    amount: float
+    kept: bool
+
+    @property
+    def share(self) -> float:
+        """What it gains as a share of what it must."""
+        return float(self.gain.sum()) / max(self.needed, 1e-12)
+
+
+class Search:
+    """A search for the causes of a recording, with the fits that it has made.
+
+    Attributes:
+        problem: The recording.
+        folds: What is held out together.
+        rules: What decides.
+    """
+
+    def __init__(
+        self, problem: Problem, causes: Iterable[Cause], folds: Folds, rules: Rules, jobs: int = 1,
+        tell: Callable[[str], None] = lambda text: None,
+    ) -> None:  # fmt: skip
+        """Nothing is fitted yet."""
+        self.problem, self.folds, self.rules, self._jobs, self._tell = problem, folds, rules, jobs, tell
+        self.causes = {c.name: c for c in causes}
+        self.fitter = Fitter(problem, folds.unit, folds.fold)
+        self._fits: dict[frozenset[str], Fit] = {}
+        self._rankings: dict[frozenset[str], Ranking] = {}
+        self._bare: dict[frozenset[str], Fit] = {}
+
+    def run(self) -> tuple[str, ...]:
+        """The names of the causes that pass the test."""
+        chosen = tuple(c.name for c in self.causes.values() if c.nuisance)
+        seen: set[frozenset[str]] = set()
+        for _ in range(ROUNDS):
+            self._tell(f"looking for a cause beside {', '.join(self._shown(chosen)) or 'none'}")
+            better = self._dropped(self._exchanged(self._added(chosen)))
+            if frozenset(better) in seen or set(better) == set(chosen):
+                break
+            seen.add(frozenset(better))
+            chosen = better
+        return chosen
+
+    def fit(self, names: Sequence[str], start: Fit | None = None) -> Fit:
+        """The fit of a set of causes, made once."""
+        key = frozenset(names)
+        if key not in self._fits:
+            self._fits[key] = self.fitter.fit([self.causes[n] for n in names], start)
+        return self._fits[key]
+
+    def evidence(self, names: Sequence[str], name: str) -> Evidence:
+        """What speaks for one cause of a set."""
+        item, fit = self.causes[name], self.fit(names)
+        without = self.without(names, name)
+        gain = without.heldout - fit.heldout
+        material = self.rules.material * self.problem.samples
+        needed = item.price * material
+        needed += sum(self.causes[n].misfit * energy for n, energy in fit.effects.items() if n != name)
+        amount = np.inf
+        if item.course is None:
+            amount = item.amount(fit.whole.values[name], self.problem)
+        total, best = float(gain.sum()), float(gain.max())
+        positive = float(np.maximum(gain, 0).sum()) / max(float(np.abs(gain).sum()), 1e-12)
+        kept = (
+            total > needed
+            and positive >= self.rules.agreement
+            and (len(gain) < 3 or total - best > self.rules.without_best * needed)
+            and amount >= 1
+        )
+        return Evidence(name, gain, needed, amount, kept)
+
+    def without(self, names: Sequence[str], name: str) -> Fit:
+        """The fit of a set without one of its causes; the constant that the others own stays without a nuisance."""
+        fewer = [n for n in names if n != name]
+        if not self.causes[name].nuisance:
+            return self.fit(fewer, self.fit(names))
+        key = frozenset(names)
+        if key not in self._bare:
+            constant = owned_constant(self.problem, self.fit(names))
+            self._bare[key] = self.fitter.fit([self.causes[n] for n in fewer], self.fit(names), constant)
+        return self._bare[key]
+
+    def ranked(self, names: Sequence[str]) -> list[tuple[float, str]]:
+        """What each other cause with starts promises beside a set, largest first."""
+        ranking = self._ranking(names)
+        others = [n for n in ranking.causes if n not in names]
+        return sorted(((ranking.gain([n]), n) for n in others), reverse=True)
+
+    def objective(self, names: Sequence[str]) -> float:
+        """What is left on held-out units, and what the causes must bring: the less, the better the set."""
+        material = self.rules.material * self.problem.samples
+        price = sum(self.causes[n].price for n in names if not self.causes[n].nuisance)
+        return float(self.fit(names).heldout.sum()) + material * price
+
+    def near_misses(self, names: Sequence[str]) -> dict[str, float]:
+        """Causes that were fitted beside a set and fall short, with what they gain as a share of what they must."""
+        found = {}
+        for key in list(self._fits):
+            extra = key - set(names)
+            if len(extra) == 1 and set(names) < key:
+                name = next(iter(extra))
+                evidence = self.evidence([*names, name], name)
+                if not evidence.kept and evidence.amount >= 1:
+                    found[name] = evidence.share
+        return found
+
+    def _shown(self, names: Sequence[str]) -> list[str]:
+        return [n for n in names if not self.causes[n].nuisance]
+
+    def _ranking(self, names: Sequence[str]) -> Ranking:
+        key = frozenset(names)
+        if key not in self._rankings:
+            self._rankings[key] = Ranking(self.fitter, list(self.causes.values()), self.fit(names))
+        return self._rankings[key]
+
+    def _candidates(self, names: Sequence[str], most: int) -> list[tuple[str, ...]]:
+        """Causes that may be added: those fitted in closed form, and those that promise most."""
+        least = self.rules.promise * self.rules.material * self.problem.samples
+        local = [n for n, c in self.causes.items() if n not in names and (c.local or c.course) and not c.nuisance]
+        promising = [n for gain, n in self.ranked(names)[:most] if gain > least]
+        return [(n,) for n in (*local, *promising)]
+
+    def _pairs(self, names: Sequence[str]) -> list[tuple[str, ...]]:
+        """Pairs that promise more together than each with the best of the others alone."""
+        if len(self._shown(names)) > self.rules.most - 2:
+            return []
+        ranking = self._ranking(names)
+        alone = {n: gain for gain, n in self.ranked(names)}
+        material = self.rules.material * self.problem.samples
+        best = max(alone.values(), default=0.0)
+        gains = [(ranking.gain([a, b]), (a, b)) for i, a in enumerate(alone) for b in list(alone)[i + 1 :]]
+        promising = sorted((g for g in gains if g[0] > best + material), reverse=True)
+        return [pair for _, pair in promising[: self.rules.pairs]]
+
+    def _added(self, chosen: tuple[str, ...]) -> tuple[str, ...]:
+        if len(self._shown(chosen)) >= self.rules.most:
+            return chosen
+        sets = [(*chosen, *extra) for extra in (*self._candidates(chosen, self.rules.contest), *self._pairs(chosen))]
+        self._fit_all(sets, self.fit(chosen))
+        for names in sorted(sets, key=self.objective):
+            if self.objective(names) >= self.objective(chosen):
+                break
+            if all(self.evidence(names, n).kept for n in names if n not in chosen):
+                return names
+        return chosen
+
+    def _exchanged(self, chosen: tuple[str, ...]) -> tuple[str, ...]:
+        """With each cause replaced by another that leaves less."""
+        for name in self._shown(chosen):
+            rest = tuple(n for n in chosen if n != name)
+            self.fit(rest, self.fit(chosen))
+            sets = [(*rest, *extra) for extra in self._candidates(rest, self.rules.contest - 1) if extra != (name,)]
+            self._fit_all(sets, self.fit(rest))
+            best = min([chosen, *sets], key=self.objective)
+            if best != chosen and self.evidence(best, best[-1]).kept:
+                return self._exchanged(best) if len(best) == len(chosen) else best
+        return chosen
+
+    def _dropped(self, chosen: tuple[str, ...]) -> tuple[str, ...]:
+        """Without the causes that fail the test, the weakest first."""
+        while True:
+            failed = [e for n in self._shown(chosen) if not (e := self.evidence(chosen, n)).kept]
+            if not failed:
+                return chosen
+            weakest = min(failed, key=lambda e: e.share).name
+            chosen = tuple(n for n in chosen if n != weakest)
+
+    def _fit_all(self, sets: Sequence[tuple[str, ...]], start: Fit) -> None:
+        each(lambda names: self.fit(names, start), sets, self._jobs)
+
+
+def owned_constant(problem: Problem, fit: Fit) -> FloatArray:
+    """``(pads, 3, rows, cols)`` N, the part of a fitted offset that other causes of the set bring by convention.
+
+    A field need not be zero at the opening where the recording begins; a drift may have begun before the recording.
+    """
+    ordered = [c for c in sorted(fit.causes, key=lambda c: c.order) if c.course is not None]
+    zero = dict(zip([c.name for c in ordered], fit.whole.zero, strict=True))
+    constant = next((zero[c.name] for c in ordered if c.nuisance), np.zeros(problem.alive.shape))
+    owned = np.zeros_like(constant)
+    if any(c.planes for c in fit.causes):
+        rows, cols = (np.arange(n) - (n - 1) / 2 for n in constant.shape[2:])
+        shapes = np.stack([np.ones((len(rows), len(cols))), *np.meshgrid(rows, cols, indexing="ij")]).reshape(3, -1)
+        flat = constant.reshape(-1, shapes.shape[1])
+        owned = (flat @ np.linalg.pinv(shapes) @ shapes).reshape(constant.shape)
+    for item in ordered:
+        if not item.nuisance:
+            course, left = zero[item.name], constant - owned
+            ratio = float(np.sum(course * left) / max(float(np.sum(course**2)), 1e-12))
+            owned = owned + np.clip(ratio, 0.0, 3.0) * course
+    return owned
