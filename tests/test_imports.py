@@ -120,6 +120,77 @@ def test_imports_run_one_way(path):
         assert LEVELS[other] < LEVELS[part], f"{part} must not import {other}"
 
 
+def module_of(path: Path) -> str:
+    parts = path.relative_to(PACKAGE.parent).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def modules_imported_by(path: Path, known: set[str], *, later: bool = False) -> set[str]:
+    """The modules of paxisim that a file imports, but not for type checkers alone; `later`: inside functions too."""
+    found, open_ = set(), [ast.parse(path.read_text(encoding="utf-8"))]
+    while open_:
+        node = open_.pop()
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
+            continue
+        if isinstance(node, ast.FunctionDef) and not later:
+            continue
+        open_ += ast.iter_child_nodes(node)
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert not node.level, f"{path.name} imports relatively"
+            names = {f"{node.module}.{alias.name}" for alias in node.names}
+            modules = names & known
+            found |= modules | ({node.module} if len(modules) < len(names) else set())
+    return found & known - {module_of(path)}
+
+
+# a package's own file hands out names of its modules, when they are used first; modules do not reach back to it
+MODULES = {module_of(path): path for path in FILES if path.name != "__init__.py"}
+PACKAGES = {module_of(path) for path in FILES if path.name == "__init__.py"}
+
+
+def circle_in(imports: dict[str, set[str]]) -> list[str]:
+    """Modules each of which imports the next, and the last one the first; empty if there are none."""
+    done: set[str] = set()
+
+    def follow(name: str, way: list[str]) -> list[str]:
+        if name in way:
+            return way[way.index(name) :]
+        if name in done:
+            return []
+        for other in sorted(imports.get(name, ())):
+            if circle := follow(other, [*way, name]):
+                return circle
+        done.add(name)
+        return []
+
+    return next((circle for name in sorted(imports) if (circle := follow(name, []))), [])
+
+
+def test_circles_are_found():
+    assert circle_in({"a": {"b"}, "b": {"c"}, "c": {"b"}}) == ["b", "c"]
+    assert circle_in({"a": {"b", "c"}, "b": {"c"}}) == []
+
+
+def test_no_module_needs_itself_to_be_imported():
+    assert circle_in({name: modules_imported_by(path, set(MODULES)) for name, path in MODULES.items()}) == []
+
+
+def test_the_modules_of_the_diagnosis_have_an_order():
+    """Imports inside functions count; a diagnosis alone may call for its report, which knows what a diagnosis is."""
+    inside = {name for name in MODULES if name.startswith("paxisim.diagnose.")}
+    imports = {name: modules_imported_by(MODULES[name], inside, later=True) for name in inside}
+    imports["paxisim.diagnose.diagnosis"] -= {"paxisim.diagnose.report.page"}
+    assert circle_in(imports) == []
+
+
+@pytest.mark.parametrize("name", sorted(n for n in MODULES if n.startswith("paxisim.diagnose.")))
+def test_modules_of_the_diagnosis_do_not_reach_back_to_their_packages(name):
+    imported = modules_imported_by(MODULES[name], PACKAGES | set(MODULES))
+    assert not {package for package in PACKAGES & imported if name.startswith(f"{package}.")}
+
+
 INTEGRATIONS = PACKAGE.parent / "integrations"
 
 

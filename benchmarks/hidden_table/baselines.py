@@ -10,17 +10,17 @@ are read off the data by the diagnosis' own checks, so that what differs is only
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from paxisim.diagnose.checks import read_layout, read_rounding, read_taxels
 from scipy.stats import chi2
 
 from hidden_table.tasks import BASELINES
-from paxisim.diagnose.cause import TAXEL_GAIN, cause, known_causes
-from paxisim.diagnose.noise import Tolerance
-from paxisim.diagnose.problem import Problem, problem_of, with_noise
+from paxisim.diagnose.cause import Cause
+from paxisim.diagnose.problem import Problem, problem_of
+from paxisim.diagnose.reading import read_off
+from paxisim.diagnose.vocabulary import cause, known_causes
 from paxisim.recording import Recording
 
 Floats = NDArray[np.floating]
@@ -69,17 +69,13 @@ def baselines(recording: Recording, ideal: Floats | None) -> tuple[dict[str, tup
 def linear_of(recording: Recording, ideal: Floats | None = None) -> Linear:
     """The sums, episode by episode."""
     read, raw, problem = _read(recording)
-    causes = [cause(name) for name in known_causes()]
-    causes = [
-        c
-        for c in causes
-        if c.probes is not None and not c.barred(problem) and (not c.covariate or c.covariate in problem.covariates)
-    ]  # those with a probe are searched for
-    probes = [(c, values) for c in causes for values in c.probes(problem)]  # type: ignore[misc]
+    probes = [(c, values) for c in _searched(problem) for values in c.starts(problem)]
     shape = problem.simulated.shape[1:]
     channels = int(np.prod(shape))
     taxel = np.broadcast_to(np.arange(channels // 3).reshape(shape[0], 1, *shape[2:]), shape).ravel()
-    owner = [c.name for c, _ in probes] + [TAXEL_GAIN] * (channels // 3) + ["offset"] * channels + ["drift"] * channels
+    owner = (
+        [c.name for c, _ in probes] + ["taxel_gain"] * (channels // 3) + ["offset"] * channels + ["drift"] * channels
+    )
     dense, size = len(probes), len(owner)
     gains = np.arange(dense, dense + channels // 3)
     offsets = np.arange(size - 2 * channels, size - channels)
@@ -189,17 +185,14 @@ def _solved(a: Floats, b: Floats) -> Floats:
     return np.linalg.solve(a + np.diag(1e-7 * np.diag(a) + 1e-9), b)
 
 
+def _searched(problem: Problem) -> list[Cause]:
+    """The causes that have starts and can be told: taxels' gains and zeros are summed apart."""
+    causes = [cause(name) for name in known_causes()]
+    return [c for c in causes if not c.barred(problem) and (not c.covariate or c.covariate in problem.covariates)]
+
+
 def _read(recording: Recording) -> tuple[tuple[str, ...], Problem, Problem]:
     """What is read off the data, the recording as it came, and what is left."""
-    raw = problem = problem_of(recording, Tolerance())
-    names = ["quantisation"] if read_rounding(raw, 0.1) else []
-    layout = read_layout(problem)
-    if layout:
-        names.append("layout")
-        problem = with_noise(replace(problem, simulated=layout.transform(problem.simulated)), Tolerance())
-    taxels = read_taxels(problem)
-    if taxels:
-        names.append("dead_taxels")
-        gone = (np.asarray(taxels.values["dead"]) + np.asarray(taxels.values["stuck"])) > 0
-        problem = replace(problem, alive=problem.alive & ~gone[:, None])
-    return tuple(names), raw, problem
+    raw = problem_of(recording)
+    off = read_off(raw, [cause(name) for name in known_causes() if not cause(name).barred(raw)])
+    return tuple(off.readings), raw, off.problem

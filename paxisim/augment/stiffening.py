@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 from paxisim.augment.parameter import namespace, parameter
 from paxisim.augment.transform import Covariates, Transform
 
+
 @dataclass(frozen=True, eq=False)
 class Stiffening(Transform):
     """The reading grows as a power of the force on the taxel.

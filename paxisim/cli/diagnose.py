@@ -11,8 +11,8 @@ from paxisim.cli.output import check_folder, progress
 from paxisim.errors import InvalidValueError, OutputExistsError
 
 FILES = {
-    "report.html": "the diagnosis in pictures, for a browser",
-    "diagnosis.json": "the diagnosis in numbers",
+    "report.html": "the report with pictures, for a browser",
+    "diagnosis.json": "all figures of the diagnosis",
     "model.json": "the extended sensor model",
 }
 
@@ -26,11 +26,10 @@ def diagnose(
     jobs: int = 1,
     force: bool = False,
 ) -> None:
-    """Say what the simulation gets wrong, why, and what fixing it gains.
+    """Diagnose what the simulation gets wrong and why.
 
-    The recording holds what the sensor measured and what the simulation, replaying the same motion, says. Written are
-    report.html, the diagnosis in pictures; diagnosis.json, the same in numbers; and model.json, the extended sensor
-    model.
+    The recording contains the measured tensors and the simulated tensors of the same motion. The command writes
+    report.html, the report with pictures; diagnosis.json, all figures; and model.json, the extended sensor model.
 
     For example:
 
@@ -38,13 +37,13 @@ def diagnose(
 
     Args:
         recording: An .mcap, .npz or .csv file with measured and simulated tensors.
-        output: The folder to write to; it is made if need be, in one that exists.
-        causes: Only look for these, separated by commas; default: all. They are axis_gain, taxel_gain, offset, drift,
+        output: The folder to write to; created if needed, but its parent folder must exist.
+        causes: Causes to search for, separated by commas; default: all. They are axis_gain, taxel_gain, offset, drift,
             stiffening, poisson, crosstalk, axis_coupling, rotation, layout, creep, hysteresis, low_pass, latency,
             saturation, dead_band, quantisation, dead_taxels, interference and channel_curve.
-        seed: Of what is drawn at random.
-        jobs: Processors to use.
-        force: Overwrite a diagnosis that is in the folder.
+        seed: Random seed.
+        jobs: Number of processors to use.
+        force: Overwrite an existing diagnosis in the folder.
     """
     from paxisim.diagnose.run import diagnose as run
     from paxisim.recording import Recording
@@ -59,12 +58,12 @@ def diagnose(
     print(found)
     print()
     for name, what in FILES.items():
-        if (output / name).exists():  # the report needs an extra; without it there was a warning
+        if (output / name).exists():  # without the extra for the report there was a warning
             print(f"{output / name}: {what}")
 
 
 def _check_folder(folder: Path, force: bool) -> None:
-    """Refuse an output before any work is done."""
+    """Check the output folder before any work is done."""
     if folder.exists() and not folder.is_dir():
         raise InvalidValueError(f"the output must be a folder, {folder} is a file")
     check_folder(folder / "report.html" if folder.is_dir() else folder)

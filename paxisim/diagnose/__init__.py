@@ -1,8 +1,7 @@
-"""Diagnosis: what the simulation gets wrong, why, and what fixing it gains: ``paxisim.diagnose(recording)``.
+"""Diagnosis: find out what a simulation gets wrong and why, with ``paxisim.diagnose(recording)``.
 
-A recording of measured and simulated tensors goes in, a `Diagnosis` comes out: a verdict, the causes with their fitted
-parameters, what they gain on episodes that took no part, and the extended sensor model. `register_cause` adds a cause
-of one's own.
+The input is a recording with measured and simulated tensors. The output is a `Diagnosis`: a verdict, the causes with
+their fitted parameters and held-out gains, and an extended sensor model. `register_cause` adds a user-defined cause.
 """
 
 from __future__ import annotations
@@ -49,7 +48,7 @@ __getattr__, __dir__, __all__ = lazy(__name__, _HOMES)
 
 
 class _Callable(ModuleType):
-    """The package as a function: importing any of its modules puts the package where ``paxisim.diagnose`` looks."""
+    """Makes the package callable, because importing a submodule binds the package to ``paxisim.diagnose``."""
 
     def __call__(
         self,

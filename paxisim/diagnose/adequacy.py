@@ -1,7 +1,7 @@
-"""Adequacy: whether what a model leaves still has structure that noise and tolerances do not make.
+"""Adequacy: tests for structure in the residual that noise and tolerances do not account for.
 
-Each test gives a number and a limit; one number over its limit is enough: a model that leaves structure is never called
-an explanation. The recording is gone through episode by episode, so that little memory is needed beside it.
+Each test yields a statistic and a limit. A single statistic above its limit is enough: a model whose residual has
+structure is never reported as a full explanation. The tests process one episode at a time to save memory.
 """
 
 from __future__ import annotations
@@ -16,29 +16,29 @@ from paxisim.diagnose.diagnosis import LeftOver
 from paxisim.diagnose.problem import FloatArray, Problem
 from paxisim.diagnose.shapes import Shapes, others, shapes_of
 
-CONTACT = 2.5  # variance under load over that at rest
-TOGETHER = 4.0  # variance of a pad's mean over that of independent taxels
-BURST = 20.0  # energy of the worst hundredth of the frames at rest over the usual
-LINE = 6.0  # power of a line over that beside it
-NEIGHBOUR = 3.0  # energy a frame that a taxel's neighbour explains of it
-HELD = 0.1  # of the frames in which nothing changes though it should
-SHAPE = 0.003  # energy a number that a shape explains in episodes it was not fitted to
-TOLERATED = 0.004  # of the force: so large an error may have a shape, as one of the pose has beyond first order
-AGREE = 1.2  # standard errors over episodes that a shape must gain: a single episode that gains alone has 1
-FORM = 0.04  # of what a model explains: by so much the form of a true cause may be off
+CONTACT = 2.5  # variance under load relative to that at rest
+TOGETHER = 4.0  # variance of a pad's mean relative to that of independent taxels
+BURST = 20.0  # energy of the worst 1% of frames at rest relative to the median
+LINE = 6.0  # power of a spectral line relative to its surroundings
+NEIGHBOUR = 3.0  # energy per frame that a neighbour explains of a taxel's residual
+HELD = 0.1  # share of frames that repeat although the force changes
+SHAPE = 0.003  # held-out energy per sample that a shape explains
+TOLERATED = 0.004  # relative error of the force that a shape may have, such as a pose error beyond first order
+AGREE = 1.2  # z-score over episodes that a shape must reach; a gain in a single episode has 1
+FORM = 0.04  # share of the explained energy that the form error of a true cause may leave
 
-_WINDOW = 1024  # frames of a spectrum
+_WINDOW = 1024  # frames per spectrum
 
 
 def left_over(problem: Problem, prediction: FloatArray) -> tuple[LeftOver, ...]:
-    """The structure in what `prediction` leaves, strongest first; empty if there is none.
+    """Structure in the residual of a prediction, strongest first; empty if there is none.
 
-    A true cause whose fitted form is not quite the sensor's leaves a little of what it explains; so each limit is at
-    least a small share of what the same test says of the simulation alone.
+    A true cause whose fitted form differs slightly from the sensor's leaves a small part of its effect in the residual.
+    Each limit is therefore at least a small share of the same statistic for the plain simulation.
 
     Args:
         problem: The recording.
-        prediction: ``(T, pads, 3, rows, cols)`` newtons, the model's output.
+        prediction: ``(T, pads, 3, rows, cols)`` newtons, the output of the model.
     """
     tests = dict(_tests(problem, prediction))
     if any(f.statistic > f.limit for f in tests.values()):
@@ -50,7 +50,7 @@ def left_over(problem: Problem, prediction: FloatArray) -> tuple[LeftOver, ...]:
 
 
 def _tests(problem: Problem, prediction: FloatArray) -> Iterator[tuple[str, LeftOver]]:
-    """What each test says, by its name."""
+    """The result of each test, with the name of the test."""
     residual = _residual(problem, prediction)
     for kind, found in (
         ("load", _under_load(problem, prediction, residual)),
@@ -65,7 +65,7 @@ def _tests(problem: Problem, prediction: FloatArray) -> Iterator[tuple[str, Left
 
 
 def _residual(problem: Problem, prediction: FloatArray) -> NDArray[np.float32]:
-    """What is left in units of the noise, freed of each channel's mean."""
+    """The residual divided by the noise, without the mean of each channel."""
     amount, weights = np.zeros(problem.alive.shape), np.zeros(problem.alive.shape)
     residual = np.empty(prediction.shape, dtype=np.float32)
     for span in problem.episodes:
@@ -80,7 +80,7 @@ def _residual(problem: Problem, prediction: FloatArray) -> NDArray[np.float32]:
 
 
 def _under_load(problem: Problem, prediction: FloatArray, residual: NDArray[np.float32]) -> Iterator[LeftOver]:
-    """More is left where a taxel is pressed than tolerances allow, against what is left at rest."""
+    """Test whether the residual of pressed taxels exceeds that at rest by more than the tolerances allow."""
     pressed, quiet = np.zeros(2), np.zeros(2)
     for span in problem.episodes:
         load = np.abs(prediction[span]).max(axis=2, keepdims=True) > 0.1 * problem.peak
@@ -90,11 +90,11 @@ def _under_load(problem: Problem, prediction: FloatArray, residual: NDArray[np.f
         quiet += square[rest].sum(dtype=float), rest.sum() * problem.alive.sum()
     if pressed[1] >= 100:
         ratio = pressed[0] / pressed[1] / max(quiet[0] / max(quiet[1], 1), 1.0)
-        yield LeftOver("the error grows under load beyond what the tolerances allow", float(ratio), CONTACT)
+        yield LeftOver("the residual grows under load by more than the tolerances allow", float(ratio), CONTACT)
 
 
 def _together(problem: Problem, residual: NDArray[np.float32]) -> Iterator[LeftOver]:
-    """At rest the taxels' noises are their own: what moves all of a pad at once is no noise of the taxels."""
+    """Test whether the residuals of a pad's taxels are correlated at rest; independent noise is not."""
     means, energy = [], np.zeros(problem.alive.shape[:2])
     for span in problem.episodes:
         rest = residual[span][problem.at_rest[span]].astype(float)
@@ -105,11 +105,11 @@ def _together(problem: Problem, residual: NDArray[np.float32]) -> Iterator[LeftO
         count = np.maximum(problem.alive.sum(axis=(2, 3)), 1)
         each = np.maximum(energy / count / len(mean), 0.1)
         ratio = np.mean(mean**2, axis=0) / count / each
-        yield LeftOver("taxels of a pad move together at rest", float(ratio.max()), TOGETHER)
+        yield LeftOver("the taxels of a pad change together at rest", float(ratio.max()), TOGETHER)
 
 
 def _bursts(problem: Problem, residual: NDArray[np.float32]) -> Iterator[LeftOver]:
-    """A few frames at rest carry most of the energy."""
+    """Test whether a few frames at rest carry most of the energy."""
     energy = np.concatenate(
         [np.mean(residual[span][problem.at_rest[span]] ** 2, axis=(1, 2, 3, 4)) for span in problem.episodes]
     )
@@ -121,7 +121,7 @@ def _bursts(problem: Problem, residual: NDArray[np.float32]) -> Iterator[LeftOve
 
 
 def _lines(problem: Problem, residual: NDArray[np.float32]) -> Iterator[LeftOver]:
-    """One frequency stands out at rest, as mains hum or its alias does."""
+    """Test for a spectral line at rest, such as mains hum or its alias."""
     length = min(max(span.stop - span.start for span in problem.episodes), _WINDOW)
     interval = problem.interval
     frequency = np.fft.rfftfreq(length, interval)
@@ -140,11 +140,11 @@ def _lines(problem: Problem, residual: NDArray[np.float32]) -> Iterator[LeftOver
         beside = np.r_[max(2, i - 14) : i - 3, i + 4 : min(len(power), i + 15)]
         ratios[i] = power[i] / max(np.median(power[beside]), 1e-12)
     at = int(ratios.argmax())
-    yield LeftOver(f"a line at {frequency[at]:.1f} Hz at rest", float(ratios[at]), LINE)
+    yield LeftOver(f"a spectral line at {frequency[at]:.1f} Hz at rest", float(ratios[at]), LINE)
 
 
 def _neighbours(problem: Problem, prediction: FloatArray, residual: NDArray[np.float32]) -> Iterator[LeftOver]:
-    """A taxel reads what its neighbour should."""
+    """Test whether a taxel reads the force on one of its neighbours."""
     rows, cols = prediction.shape[-2:]
     sides = ((0, 1), (0, -1), (1, 0), (-1, 0))
     projections = np.zeros((len(sides), len(problem.episodes), prediction.shape[1], rows, cols))
@@ -159,12 +159,12 @@ def _neighbours(problem: Problem, prediction: FloatArray, residual: NDArray[np.f
     share = np.clip(others(projections, 1) / (others(products, 1) + 1.0), 0.0, 1.2)
     gain = np.sum(2 * share * projections - share**2 * products, axis=1).max(axis=0) / len(problem.time)
     where = np.unravel_index(int(gain.argmax()), gain.shape)
-    words = "pad {} taxel ({}, {}) reads what a neighbour should".format(*where)
+    words = "pad {} taxel ({}, {}) reads the force on a neighbour".format(*where)
     yield LeftOver(words, float(gain.max()), NEIGHBOUR)
 
 
 def _held(problem: Problem) -> Iterator[LeftOver]:
-    """Frames are repeated although the force changes."""
+    """Test for frames that repeat although the force changes."""
     same, moved = 0, 0
     for span in problem.episodes:
         change = np.abs(np.diff(problem.simulated[span], axis=0))
@@ -176,9 +176,9 @@ def _held(problem: Problem) -> Iterator[LeftOver]:
 
 
 def _shapes(shapes: Shapes) -> Iterator[LeftOver]:
-    """Shapes that no noise has; most episodes must agree."""
+    """Test whether a shape explains held-out residual energy, consistently over episodes."""
     limit = SHAPE + (FORM * shapes.explained + TOLERATED**2 * shapes.load) / shapes.samples
     for name, gain in zip(shapes.names, shapes.gains(), strict=True):
         chance = float(gain.std(ddof=1)) * np.sqrt(len(gain)) if len(gain) > 1 else 0.0
         if gain.sum() > AGREE * chance:
-            yield LeftOver(f"the error goes with {name}", float(gain.sum()) / shapes.samples, limit)
+            yield LeftOver(f"the residual correlates with {name}", float(gain.sum()) / shapes.samples, limit)

@@ -1,7 +1,7 @@
-"""Between: a sequence as a curve through its frames, for what is as fast as the frames themselves.
+"""Between: cubic interpolation between frames, for effects as fast as the frame rate.
 
-Drawn straight from frame to frame a fast motion is cut at its peaks, which looks like a low-pass; and a delay by half
-the time between frames, which makes each reading of two, would be one.
+Linear interpolation cuts off the peaks of fast motions, which resembles a low-pass filter. A delay by half a frame
+interval, which averages neighbouring frames, would then be mistaken for one.
 """
 
 from __future__ import annotations
@@ -12,19 +12,19 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-FINE = 0.01  # s between the points that are put in
-LONG = 0.15  # s between two frames, beyond which nothing is known of what lies between
+FINE = 0.01  # s between interpolated points
+LONG = 0.15  # s; longer gaps between frames are not interpolated
 _NODES = 4
 
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """Points between the frames of a sequence, each on the cubic through the four frames about it.
+    """Points between the frames of a sequence, each on the cubic through the four nearest frames.
 
     Attributes:
-        time: ``(M,)`` seconds, the frames' own among them.
-        own: ``(T,)`` which of them are the frames'.
-        weights: ``(M, T)`` of the frames in each point.
+        time: ``(M,)`` seconds, including those of the frames.
+        own: ``(T,)`` indices of the frames.
+        weights: ``(M, T)`` interpolation weights.
     """
 
     time: NDArray[np.float64]
@@ -32,12 +32,12 @@ class Curve:
     weights: csr_array
 
     def __call__(self, x: NDArray[np.floating]) -> NDArray[np.floating]:
-        """``(T, ...)`` at the frames as ``(M, ...)`` at the points."""
-        return (self.weights @ x.reshape(len(x), -1)).reshape(-1, *x.shape[1:])
+        """Interpolate ``(T, ...)`` values at the frames to ``(M, ...)`` values at the points."""
+        return (self.weights.astype(x.dtype) @ x.reshape(len(x), -1)).reshape(-1, *x.shape[1:])
 
 
 def curve_through(time: NDArray[np.float64]) -> Curve | None:
-    """The points between frames at these times (s); None where frames are close already, too few or out of order."""
+    """Points between frames at these times (s); None if frames are close enough, too few or not in order."""
     gaps = np.diff(time)
     if len(time) < _NODES or gaps.min() <= 0:
         return None

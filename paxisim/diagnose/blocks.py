@@ -1,4 +1,4 @@
-"""Blocks: long arrays gone through a few frames at a time, so that what is made in between stays in the cache."""
+"""Blocks: process long arrays a few frames at a time, so that temporaries stay in the cache."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ import numpy as np
 
 from paxisim.diagnose.noise import FloatArray
 
-BLOCK = 50_000  # numbers at a time
+BLOCK = 50_000  # values per block
 
 
 def in_blocks(values: FloatArray, function: Callable[[slice], FloatArray]) -> FloatArray:
-    """What a function makes of some frames of ``(T, ...)`` values at a time, put together.
+    """Apply a function to ``(T, ...)`` values block by block and concatenate the results.
 
     Args:
-        values: What it is made of.
-        function: Given frames, the same shape as `values` has for them.
+        values: The array; the function is expected to close over it.
+        function: Takes a slice of frames and returns an array with the shape of `values` for that slice.
     """
     out = np.empty_like(values)
     frames = max(BLOCK // max(values[:1].size, 1), 1)

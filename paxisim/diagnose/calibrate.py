@@ -1,4 +1,4 @@
-"""Calibrate: a linear readout for sensors whose channels are no newtons, so that they can be diagnosed."""
+"""Calibrate: a linear readout that lets sensors whose channels are not in newtons be diagnosed."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.recording import Recording
 
 LEAST = 0.1
-"""Share of a channel's variance that goes with the reference, for the channel to be used."""
+"""Least share of a channel's variance that the reference must explain for the channel to be used."""
 
 
 @dataclass(frozen=True, eq=False)
 class Readout:
-    """What each channel reads of a load: ``channel = offset + gain load``.
+    """Linear response of each channel to a load: ``channel = offset + gain * load``.
 
-    The channels' own unit is not that of a force: microtesla, counts, farad. Read backwards, each channel is an
-    estimate of the load in newtons, with a noise of its own: ``(channel - offset) / gain``. So a diagnosis can compare
-    them with the load, which is then what the simulation says on every channel.
+    The unit of the channels is not that of a force; it may be microtesla, counts or farad. Inverted, each channel is an
+    estimate of the load in newtons, with its own noise: ``(channel - offset) / gain``. A diagnosis can compare these
+    estimates with the load, which then serves as the simulation of every channel.
 
     Attributes:
-        gain: ``(pads, 3, rows, cols)`` of each channel, in its unit a newton.
-        offset: ``(pads, 3, rows, cols)`` its reading without load, in its unit.
-        used: ``(pads, 3, rows, cols)`` whether the channel answers to the load at all.
-        reference: Name of the covariate that is the load (N).
-        unit: Of the channels.
+        gain: ``(pads, 3, rows, cols)`` channel units per newton.
+        offset: ``(pads, 3, rows, cols)`` reading without load, in channel units.
+        used: ``(pads, 3, rows, cols)`` whether the channel responds to the load.
+        reference: Name of the covariate that holds the load (N).
+        unit: Unit of the channels.
     """
 
     gain: NDArray[np.float64]
@@ -37,30 +37,30 @@ class Readout:
     unit: str = ""
 
     def to_force(self, channels: NDArray[np.floating]) -> NDArray[np.float64]:
-        """``(..., pads, 3, rows, cols)`` channels -> the load that each of them says (N), 0 where it says none."""
+        """Convert ``(..., pads, 3, rows, cols)`` channels to estimates of the load (N); unused channels give 0."""
         gain = np.where(self.used, self.gain, 1.0)
         return np.where(self.used, (np.asarray(channels, dtype=np.float64) - self.offset) / gain, 0.0)
 
     def to_channels(self, force: NDArray[np.floating]) -> NDArray[np.float64]:
-        """``(..., pads, 3, rows, cols)`` newtons a channel -> channels in their own unit."""
+        """Convert ``(..., pads, 3, rows, cols)`` newtons to channels in their own unit."""
         return self.offset + np.where(self.used, self.gain, 0.0) * np.asarray(force, dtype=np.float64)
 
     def apply(self, recording: Recording) -> Recording:
-        """A recording made ready for a diagnosis: newtons as read, beside the load as the simulated stream.
+        """Convert a recording for diagnosis: channels to newtons, with the load as the simulated stream.
 
         Args:
-            recording: With the channels in `measured`, of the same sensor, and the covariate `reference`. Samples at
-                which the load is not known are left out.
+            recording: Of the same sensor, with the channels in `measured` and the covariate `reference`. Samples
+                without a known load are dropped.
 
         Raises:
             UnknownNameError: The covariate is missing.
-            InvalidValueError: Another number of pads, rows or columns, no `measured`, or the load is never known.
+            InvalidValueError: The shape differs, `measured` is missing, or the load is never known.
         """
         load = _load(recording, self.reference)
         assert recording.measured is not None
         if recording.measured.shape[1:] != self.gain.shape:
             raise InvalidValueError(
-                f"the readout is of {self.gain.shape} channels (pads, 3, rows, cols), the recording has "
+                f"the readout has shape {self.gain.shape} (pads, 3, rows, cols), but the recording has "
                 f"{recording.measured.shape[1:]}"
             )
         known = np.isfinite(load)
@@ -77,9 +77,9 @@ class Readout:
 
 
 def calibrate_readout(recording: Recording, reference: str) -> Readout:
-    """Fit the linear readout of a sensor whose channels are no newtons, from a load that was measured beside it.
+    """Fit the linear readout of a sensor whose channels are not in newtons, using a load measured by a reference.
 
-    A straight line a channel, by least squares; what is not straight, late or remembered is left to the diagnosis.
+    Each channel gets a straight line by least squares. Nonlinearity, delay and memory are left to the diagnosis.
 
     Example:
         ```python
@@ -89,12 +89,12 @@ def calibrate_readout(recording: Recording, reference: str) -> Readout:
         ```
 
     Args:
-        recording: With the channels in `measured`, in whatever unit.
-        reference: Name of the covariate that holds the load, ``(T,)`` newtons, NaN where it is not known.
+        recording: With the channels in `measured`, in any unit.
+        reference: Name of the covariate that holds the load, ``(T,)`` newtons, NaN where unknown.
 
     Raises:
         UnknownNameError: There is no such covariate.
-        InvalidValueError: No `measured`, a load that is constant or hardly known, or no channel that answers to it.
+        InvalidValueError: `measured` is missing, the load is constant or mostly unknown, or no channel responds to it.
     """
     load = _load(recording, reference)
     assert recording.measured is not None
@@ -102,8 +102,8 @@ def calibrate_readout(recording: Recording, reference: str) -> Readout:
     known = np.isfinite(load) & np.isfinite(channels).all(axis=(1, 2, 3, 4))
     if known.sum() < 10 or np.ptp(load[known]) == 0:
         raise InvalidValueError(
-            f"the readout is fitted to a load that changes: {reference!r} is known at {int(known.sum())} samples"
-            + ("" if known.sum() < 10 else ", and constant")
+            f"a readout needs a varying load: {reference!r} is known at {int(known.sum())} samples"
+            + ("" if known.sum() < 10 else " and constant")
         )
     load, channels = load[known] - load[known].mean(), channels[known]
     mean = channels.mean(axis=0)
@@ -111,17 +111,19 @@ def calibrate_readout(recording: Recording, reference: str) -> Readout:
     variance = channels.var(axis=0)
     used = gain**2 * np.mean(load**2) > LEAST * np.maximum(variance, 1e-300)
     if not used.any():
-        raise InvalidValueError(f"no channel goes with {reference!r}: is it of the same motion, on the same clock?")
+        raise InvalidValueError(
+            f"no channel correlates with {reference!r}: does it belong to the same motion, on the same clock?"
+        )
     offset = mean - gain * float(_load(recording, reference)[known].mean())
     return Readout(gain, offset, used, reference, str(recording.metadata.get("unit", "")))
 
 
 def _load(recording: Recording, reference: str) -> NDArray[np.float64]:
     if recording.measured is None:
-        raise InvalidValueError("a readout is fitted to what was measured, the recording has no measured tensor")
+        raise InvalidValueError("a readout is fitted to the measured tensor, but the recording has none")
     if reference not in recording.covariates:
         raise UnknownNameError("covariate", reference, recording.covariates)
     load = recording.covariates[reference]
     if load.ndim != 1:
-        raise InvalidValueError(f"the load must be one number a sample, {reference!r} has shape {load.shape}")
+        raise InvalidValueError(f"the load must be a single value per sample, but {reference!r} has shape {load.shape}")
     return load

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from paxisim import augment
-from paxisim.augment.transform import Transform
+from paxisim.augment.transform import STAGES, Transform
 from paxisim.diagnose.problem import FloatArray, Problem
 
 Values = Sequence[float]
@@ -147,6 +147,8 @@ class Cause:
         course: For a cause that adds a reading without force.
         read: For a cause that is read off the recording before the search.
         nuisance: Whether it is fitted beside all others from the beginning, and named only if it counts in the end.
+        remembers: Whether only motions of several speeds tell it from the other causes that remember.
+        unpressed_rival: Name of a cause that does the same on taxels that nothing presses.
         planes: Whether the cause comes with a constant that is a plane over each pad's axis, so that `offset` is
             named only for what is left of the zero beside such planes.
         covariate: Name of the covariate that it needs.
@@ -155,6 +157,8 @@ class Cause:
             tolerated errors gather.
         size: How large the values are, in units of the smallest size of interest; default: by `Free.material`.
         barred: Why it cannot be told in this recording; an empty string if it can.
+        words: What it is, in one short sentence for a reader who has never met the name.
+        picture: The kind of picture that shows it in a report, a key of `paxisim.diagnose.report.kinds.PICTURES`.
     """
 
     name: str
@@ -168,12 +172,16 @@ class Cause:
     course: Course | None = None
     read: Callable[[Problem], Reading | None] | None = None
     nuisance: bool = False
+    remembers: bool = False
+    unpressed_rival: str = ""
     planes: bool = False
     covariate: str = ""
     misfit: float = 0.01
     price: float = 1.0
     size: Callable[[Values, Problem], float] | None = None
     barred: Callable[[Problem], str] = _always
+    words: str = ""
+    picture: str = "plain"
 
     def parameters(self, problem: Problem) -> tuple[Free, ...]:
         """The fitted numbers, that of the gauge last."""
@@ -190,7 +198,12 @@ class Cause:
         own, share = numbers[:-1], numbers[-1]
         made = self.make(own, problem)
         gain = 1 + share * (self.gauge.gain(own, problem) - 1)
-        return made if gain == 1 else augment.Chain([made, augment.AxisGain((gain,) * 3)], [self.name, self.gauge.name])
+        if gain == 1:
+            return made
+        after: Transform = augment.AxisGain((gain,) * 3)
+        if STAGES.index(made.stage) > STAGES.index(after.stage):  # it stands for a calibration, not for the magnets
+            after = augment.Chain([after])
+        return augment.Chain([made, after], [self.name, self.gauge.name])
 
     def places(self, problem: Problem) -> list[FloatArray]:
         """The starts, those of a gauge at both of its ends."""

@@ -1,4 +1,4 @@
-"""Ceiling: what a black box, which names nothing, would explain of the error on the same held-out episodes."""
+"""Ceiling: how much of the error a black-box model explains on the same held-out episodes."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from paxisim.diagnose.each import each
 from paxisim.diagnose.problem import FloatArray, Problem
 from paxisim.errors import MissingExtraError
 
-CHANNELS = 12  # for each axis
-ROWS = 12_000  # numbers that are learned from, for each axis
-FRAMES = 4000  # that are judged, at most
+CHANNELS = 12  # per axis
+ROWS = 12_000  # training samples per axis
+FRAMES = 4000  # most frames that are evaluated
 LAGS = (1, 2, 4, 8)  # frames
 FOLDS = 8
 
@@ -19,17 +19,17 @@ Places = tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]
 
 
 def ceiling(problem: Problem, simulated: FloatArray, seed: int, jobs: int = 1) -> FloatArray:
-    """``(episodes,)`` squared errors (N^2) of gradient boosting on the simulation and its past.
+    """``(episodes,)`` squared error (N^2) of gradient boosting on the simulation and its past.
 
-    The boosting learns, for each axis, the difference of measurement and simulation from the taxel's force on all axes
-    and its past, the pad's total force, the time and the covariates. To be done in seconds it sees the most loaded
-    taxels and a part of the frames; the error of the other taxels is taken to fall alike.
+    For each axis, the model predicts the difference between measurement and simulation from the present and past force
+    on the taxel, the total force on the pad, the time and the covariates. To run within seconds it uses the most loaded
+    taxels and a subset of the frames; the error of the other taxels is assumed to decrease by the same factor.
 
     Args:
         problem: The recording.
-        simulated: ``(T, pads, 3, rows, cols)`` the simulation, N.
-        seed: Of the boosting and of what it sees.
-        jobs: Processors to use.
+        simulated: ``(T, pads, 3, rows, cols)`` newtons, the simulation.
+        seed: Random seed of the boosting and of the subset.
+        jobs: Number of threads.
 
     Raises:
         MissingExtraError: scikit-learn is not installed.
@@ -55,7 +55,7 @@ def ceiling(problem: Problem, simulated: FloatArray, seed: int, jobs: int = 1) -
 
 
 def _left(problem: Problem, inputs: FloatArray, wanted: FloatArray, seed: int, jobs: int) -> FloatArray:
-    """``(episodes,)`` the share of the squares of `wanted` ``(C, T)`` that is left where it was held out."""
+    """``(episodes,)`` held-out squared error as a share of the energy of `wanted` ``(C, T)``."""
     from sklearn.ensemble import HistGradientBoostingRegressor
     from sklearn.model_selection import KFold
     from threadpoolctl import ThreadpoolController
@@ -71,14 +71,14 @@ def _left(problem: Problem, inputs: FloatArray, wanted: FloatArray, seed: int, j
         x, y = inputs[:, train].reshape(-1, inputs.shape[-1]), wanted[:, train].ravel()
         pick = np.random.default_rng((seed, fold[0])).choice(len(y), min(len(y), ROWS), replace=False)
         model = HistGradientBoostingRegressor(max_iter=60, max_leaf_nodes=24, min_samples_leaf=40, random_state=seed)
-        # the boosting's own threads wait for one another so often that a busy machine takes minutes
+        # the boosting's own threads synchronise so often that it takes minutes on a busy machine
         with controller.limit(limits=1, user_api="openmp"):
             model.fit(x[pick], y[pick])
             for number in fold:
                 here = judged & (episode == number)
                 true = wanted[:, here]
                 guess = model.predict(inputs[:, here].reshape(-1, inputs.shape[-1])).reshape(true.shape)
-                if true.any():  # where these taxels are not off at all, nothing is said of the others
+                if true.any():  # without an error on these taxels, the factor is undefined
                     left[number] = np.sum((true - guess) ** 2) / np.sum(true**2)
 
     folds = [list(held) for _, held in KFold(min(FOLDS, count)).split(np.arange(count))] if count > 1 else [[0]]
@@ -87,11 +87,11 @@ def _left(problem: Problem, inputs: FloatArray, wanted: FloatArray, seed: int, j
 
 
 def _inputs(problem: Problem, x: FloatArray) -> tuple[FloatArray, Places]:
-    """``(C, T, D)`` inputs of the most loaded taxels, and their pads, rows and columns."""
+    """``(C, T, D)`` features of the most loaded taxels, and their pads, rows and columns."""
     load = np.sqrt(np.mean(x**2, axis=(0, 2)))
     order = np.argsort(load.ravel())[::-1][:CHANNELS]
     pad, row, col = np.unravel_index(order, load.shape)
-    own = x[:, pad, :, row, col]  # (C, T, 3): what is picked comes first
+    own = x[:, pad, :, row, col]  # (C, T, 3): the indexed axes come first
     columns = [own]
     for lag in LAGS:
         late = own.copy()
@@ -100,7 +100,7 @@ def _inputs(problem: Problem, x: FloatArray) -> tuple[FloatArray, Places]:
             late[:, first : span.stop] = own[:, span.start : span.stop - lag] if first < span.stop else 0.0
             late[:, span.start : first] = own[:, span.start : span.start + 1]
         columns.append(late)
-    columns.append(np.moveaxis(x.sum(axis=(3, 4)), 0, 1)[pad])  # the pad's total
+    columns.append(np.moveaxis(x.sum(axis=(3, 4)), 0, 1)[pad])  # total force on the pad
     for values in (problem.time - problem.time[0], *problem.covariates.values()):
         columns.append(np.broadcast_to(values[None, :, None], (*own.shape[:2], 1)))
     columns.append(np.broadcast_to(np.arange(len(order), dtype=float)[:, None, None], (*own.shape[:2], 1)))

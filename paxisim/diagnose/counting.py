@@ -1,4 +1,4 @@
-"""Counting: a sensor that counts in steps, and not below 0, reads another force than acts on it."""
+"""Counting: the mean reading of a sensor that rounds to steps and may clip at 0."""
 
 from __future__ import annotations
 
@@ -12,47 +12,52 @@ from scipy.special import ndtr
 from paxisim.diagnose.blocks import in_blocks
 from paxisim.diagnose.noise import FloatArray
 
-NO_RIPPLE = 1e-5  # of a step: what noise leaves of rounding is not computed below it
-STEEP = 0.25  # of a step: with less noise two harmonics do not make the staircase
-LEAST_NOISE = 0.02  # of a step
-BEYOND = 5.0  # times the noise from an edge, where none of it leaves the step
-UNSURE = 0.02  # of a force: by how much calibration and the contact's place leave it unknown, which smears its steps
-REACH = 7.0  # times the noise: beyond it none of it changes the sign of a force
+NO_RIPPLE = 1e-5  # steps; smaller rounding errors are neglected
+STEEP = 0.25  # steps; with less noise, two harmonics do not represent the staircase
+LEAST_NOISE = 0.02  # steps
+BEYOND = 5.0  # distance from a rounding edge, in units of the noise, at which the edge has no effect
+UNSURE = 0.02  # relative uncertainty of the force from calibration and contact position, which smooths the steps
+POINTS = 400  # of the table below, in one standard deviation of the noise
+BEYOND_EDGE = ndtr(-(np.arange(int(POINTS * BEYOND) + 1) + 0.5) / POINTS).astype(np.float32)
+"""Share of the noise that lies beyond an edge of a step, by the distance to it."""
+REACH = 7.0  # force, in units of the noise, above which clipping at 0 has no effect
 
 
 @dataclass(frozen=True, eq=False)
 class Counting:
-    """What a sensor reads of a force on average, given its noise.
+    """The mean reading of a force, given the noise.
 
-    The mean of a rounded value is a staircase that noise makes smooth, as does what is not known of the force. Where it
-    is smooth, its first two harmonics are taken.
+    The mean of a rounded value is a staircase, smoothed by noise and the uncertainty of the force. A smooth staircase
+    is represented by its first two harmonics.
 
     Attributes:
-        step: Newtons a count, 0 if it does not count.
-        dither: Noise before rounding (N).
-        clips: Whether a normal reading never goes below 0.
+        step: Newtons per count, 0 if the sensor does not quantise.
+        dither: Standard deviation of the noise before rounding (N).
+        clips: Whether normal readings are clipped at 0.
+        phase: The reading nearest to 0 (N); 0 where readings are whole steps.
     """
 
     step: float
     dither: float
     clips: bool
+    phase: float = 0.0
 
     @property
     def reads_all(self) -> bool:
-        """Whether `read` returns what it is given."""
+        """Whether `read` returns its input unchanged."""
         return not self._ripples and not self._cuts
 
     @property
     def is_steep(self) -> bool:
-        """Whether noise hardly reaches the next count."""
+        """Whether the noise rarely reaches the next count."""
         return self.dither < STEEP * self.step
 
     def read(self, force: FloatArray) -> FloatArray:
-        """What is read of `force` ``(T, pads, 3, rows, cols)`` on average; `force` itself where that is the same."""
+        """Mean reading of `force` ``(T, pads, 3, rows, cols)``; `force` itself if there is no difference."""
         return force if self.reads_all else in_blocks(force, lambda part: self._read(force[part]))
 
     def unread(self, reading: FloatArray) -> FloatArray:
-        """The constant force that reads, on average, as `reading` ``(pads, 3, rows, cols)``; below 0 as it is."""
+        """The constant force whose mean reading is `reading` ``(pads, 3, rows, cols)``."""
         if self.reads_all:
             return reading
         size = float(np.abs(reading).max()) + 2 * self.step + 2 * self.dither
@@ -67,7 +72,7 @@ class Counting:
 
     @property
     def left(self) -> float:
-        """The variance (N^2) of a reading about what `read` says of its force, the mean of forces within a step."""
+        """Variance (N^2) of a reading around its mean, averaged over forces within a step."""
         if self.step == 0:
             return self.dither**2
         order = np.arange(1, 13)
@@ -75,7 +80,7 @@ class Counting:
         return self.dither**2 + self.step**2 * (1 / 12 - float(harmonics.sum()) / (2 * np.pi**2))
 
     def slope(self, force: FloatArray) -> FloatArray:
-        """By how much what is read of `force` changes with it; only where `reads_all` is False."""
+        """Derivative of the mean reading with respect to `force`; only if `reads_all` is False."""
         small = 1e-3 * (self.step or self.dither)
         return (self.read(force + small) - self.read(force - small)) / (2 * small)
 
@@ -96,7 +101,7 @@ class Counting:
         return self.step > 0 and np.exp(-2 * (np.pi * self.dither / self.step) ** 2) > NO_RIPPLE
 
     def _cut_off(self, force: FloatArray) -> FloatArray:
-        """What the readings below 0 that are read as 0 add to the mean."""
+        """How much clipping at 0 adds to the mean reading."""
         table, scale = self._cut_table
         place = np.clip((force + REACH * self.dither) * scale, 0.0, len(table) - 1.001)
         low = place.astype(np.intp)
@@ -105,10 +110,10 @@ class Counting:
 
     @cached_property
     def _cut_table(self) -> tuple[FloatArray, float]:
-        """That addition between plus and minus `REACH` of the noise, and the places of the table in a newton."""
+        """`_cut_off` tabulated within `REACH` times the noise, and the number of table entries per newton."""
         force = np.linspace(-REACH, REACH, 4001) * self.dither
         below = -force / self.dither
-        if self.dither < 0.5 * self.step:  # counts are told apart; what is far below is cut by the caller
+        if self.dither < 0.5 * self.step:  # counts are distinct; the caller clips what is far below 0
             step = self.step / self.dither
             table = self.step * np.sum([ndtr(below - (k + 0.5) * step) for k in range(3)], axis=0)
         else:
@@ -117,25 +122,34 @@ class Counting:
         return table, 4000 / (2 * REACH * self.dither)
 
     def _rounding(self, force: FloatArray) -> NDArray[np.float32]:
-        """What rounding takes from the mean; 7 digits of it are enough."""
+        """How much rounding subtracts from the mean reading, in single precision."""
         least = max(self.dither / self.step, LEAST_NOISE)
-        turns = (force / self.step).astype(np.float32)
+        turns = ((force - self.phase) / self.step).astype(np.float32)
         variance = np.float32(least**2) + (np.float32(UNSURE) * turns) ** 2
         turns = turns - np.rint(turns)
-        first = np.exp(np.float32(-2 * np.pi**2) * variance)  # what noise leaves of the first harmonic; of the second:
-        second = first**2 * first**2
-        angle = np.float32(2 * np.pi) * turns
-        ripple = np.sin(angle) * (first - second * np.cos(angle)) / np.float32(np.pi)
-        if least < STEEP:
-            steep = variance < STEEP**2
-            ripple[steep] = _staircase(turns[steep], np.sqrt(variance[steep]))
+        if least >= STEEP:
+            return _smooth(turns, variance) * np.float32(self.step)
+        steep = variance < STEEP**2
+        ripple = np.empty_like(turns)
+        ripple[steep] = _staircase(turns[steep], np.sqrt(variance[steep]))
+        ripple[~steep] = _smooth(turns[~steep], variance[~steep])
         return ripple * np.float32(self.step)
 
 
+def _smooth(turns: NDArray[np.float32], variance: NDArray[np.float32]) -> NDArray[np.float32]:
+    """What rounding takes from turns of -0.5 to 0.5 with noise of at least `STEEP`, in steps: two harmonics."""
+    first = np.exp(np.float32(-2 * np.pi**2) * variance)  # what noise leaves of the first harmonic; of the second:
+    second = first**2 * first**2
+    angle = np.float32(2 * np.pi) * turns
+    return np.sin(angle) * (first - second * np.cos(angle)) / np.float32(np.pi)
+
+
 def _staircase(turns: NDArray[np.float32], width: NDArray[np.float32]) -> NDArray[np.float32]:
-    """What rounding takes from turns of -0.5 to 0.5 whose noise is less than `STEEP`, in steps."""
+    """What rounding takes from turns of -0.5 to 0.5 with noise of less than `STEEP`, in steps."""
     taken = turns.copy()
     at_edge = np.abs(turns) > 0.5 - BEYOND * width
-    own, noise, half = turns[at_edge], width[at_edge], np.float32(0.5)
-    taken[at_edge] += ndtr((-own - half) / noise) - ndtr((own - half) / noise)
+    own = turns[at_edge]
+    below = (0.5 - np.abs(own)) / width[at_edge]  # in units of the noise, to the edge
+    place = np.minimum(below * np.float32(POINTS), np.float32(POINTS * BEYOND)).astype(np.intp)
+    taken[at_edge] = own - np.copysign(BEYOND_EDGE[place], own)
     return taken

@@ -1,4 +1,4 @@
-"""Diagnosis: what was found, as a person reads it and as files hold it."""
+"""Diagnosis: the result of a diagnosis, as text, as files and as a report."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ Verdict = Literal["no_discrepancy", "explained", "ambiguous", "partly_explained"
 
 @dataclass(frozen=True)
 class Interval:
-    """A number with what it may be.
+    """An estimate with its 90% confidence interval.
 
     Attributes:
         value: The estimate.
-        low: Lower end of the 90 % interval, None if the recording gives none (one episode).
+        low: Lower end of the interval; None if there is none, as with a single episode.
         high: Upper end.
     """
 
@@ -47,12 +47,12 @@ class Interval:
 
 @dataclass(frozen=True)
 class FittedParameter:
-    """A parameter of a cause.
+    """A fitted parameter of a cause.
 
     Attributes:
-        name: As the cause calls it.
-        unit: Its unit, ``"1"`` for a pure number.
-        value: The fit, with its 90 % interval.
+        name: Name of the parameter.
+        unit: Its unit, ``"1"`` if dimensionless.
+        value: The estimate with its 90% interval.
     """
 
     name: str
@@ -62,15 +62,15 @@ class FittedParameter:
 
 @dataclass(frozen=True)
 class FoundCause:
-    """A cause that the recording asks for.
+    """A cause that the diagnosis names.
 
     Attributes:
         name: As in `known_causes`.
-        parameters: Fitted, with units and intervals.
-        gain: What it takes off the held-out energy of the error, as a share of the explainable error, if it is the last
-            to be added; with its interval.
-        rivals: Causes that would do as well in its place.
-        evidence: Why it is named, in a sentence.
+        parameters: Fitted parameters with units and intervals.
+        gain: Reduction of the held-out error energy compared with the model refitted without the cause, as a share of
+            the explainable error.
+        rivals: Causes that fit as well in its place.
+        evidence: Why the cause is named, in a sentence.
     """
 
     name: str
@@ -82,21 +82,23 @@ class FoundCause:
 
 @dataclass(frozen=True)
 class HeldOut:
-    """How far off the simulation is, in episodes that took no part in the fit.
+    """Errors on held-out episodes.
 
-    RMSE is over all channels that answer and all samples, divided by the root mean square of the measured force.
+    The normalised RMSE is the RMS error over all channels in use and all samples, divided by the RMS of the measured
+    force.
 
     Attributes:
-        nrmse_before: Of the simulation as it was.
-        nrmse_after: Of the extended model.
-        noise_floor: What noise and rounding alone would leave.
+        nrmse_before: Normalised RMSE of the simulation.
+        nrmse_after: Normalised RMSE of the extended model.
+        noise_floor: Normalised RMSE that noise and rounding alone would cause.
         noise_source: "repeated motions" or "high-frequency differences".
-        explained: Share of the explainable error (that above the floor, in energy) that the model explains; None where
-            there is nothing to explain.
+        explained: Share of the explainable error that the model explains, where the explainable error is the energy
+            above the noise floor; None if there is nothing to explain.
         gain_per_episode: Share of each episode's error energy that the model removes.
-        ceiling_nrmse: Of a black box (gradient boosting on lagged inputs), None if it was not run.
-        ceiling_explained: The share that the black box explains.
-        note: Why a figure is missing or to be read with care; empty if there is nothing to say.
+        ceiling_nrmse: Normalised RMSE of a black-box model (gradient boosting on lagged inputs); None if it was not
+            run.
+        ceiling_explained: Share of the explainable error that the black box explains.
+        note: Caveats about the figures; empty if there are none.
     """
 
     nrmse_before: float
@@ -116,8 +118,8 @@ class Place:
 
     Attributes:
         where: A pad, an axis, a taxel, a phase, a band of frequencies or a covariate.
-        before: Share of the error's energy above the noise that the simulation has there.
-        after: What the extended model leaves there, as a share of the same total.
+        before: Share of the simulation's error energy found there.
+        after: Error energy of the extended model there, as a share of the same total.
     """
 
     where: str
@@ -127,12 +129,12 @@ class Place:
 
 @dataclass(frozen=True)
 class LeftOver:
-    """Structure in what the model leaves, or a cause that may be at work besides.
+    """Structure in the residual, or a near miss: a cause that falls short of being named.
 
     Attributes:
-        what: In words.
-        statistic: How strong it is.
-        limit: From where on it counts.
+        what: Description.
+        statistic: Its strength.
+        limit: The threshold that it exceeds.
     """
 
     what: str
@@ -142,11 +144,11 @@ class LeftOver:
 
 @dataclass(frozen=True)
 class Symptoms:
-    """Where the error lives, and what is wrong with the recording itself.
+    """Where the error is, and warnings about the recording.
 
     Attributes:
-        warnings: What is wrong with the recording or to be read with care.
-        left_over: Structure in what the model leaves, and causes that may be at work but are too faint to be named.
+        warnings: Problems with the recording and caveats.
+        left_over: Structure in the residual, and near misses.
         pads: Shares by pad.
         axes: By axis.
         taxels: The ten worst.
@@ -167,24 +169,24 @@ class Symptoms:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What the simulation gets wrong, why, and what fixing it gains. Print it to read it.
+    """What the simulation gets wrong, why, and how much a correction gains. Print it to read it.
 
     Attributes:
-        verdict: "no_discrepancy", "explained", "ambiguous" (rivals that the data cannot tell apart), "partly_explained"
-            (named causes, and structure left over or a cause too faint to be named) or "unexplained".
-        causes: In the order of their gain.
-        heldout: Figures on episodes that took no part in the fit.
-        confidence: Of each cause, 0 to 1: how often its gain still matters when episodes are drawn anew, shared with
-            its rivals, and halved where structure is left over.
-        not_testable: Causes that this recording cannot show, and why.
-        symptoms: Where the error lives.
+        verdict: "no_discrepancy", "explained", "ambiguous" (rivals that the data cannot separate), "partly_explained"
+            (named causes, plus structure in the residual or near misses) or "unexplained".
+        causes: The named causes, largest gain first.
+        heldout: Errors on held-out episodes.
+        confidence: For each cause, a value from 0 to 1: how often its gain remains material when held-out episodes are
+            resampled, divided among the cause and its rivals, and halved if the residual has structure.
+        not_testable: The reason why, for each cause that this recording cannot test.
+        symptoms: Where the error is.
         advice: What to record next.
-        model: The extended sensor model. Its latency and low-pass were fitted on curves through the frames: step by
-            step in a simulator they do what was fitted, on frames some 50 ms apart they cut fast motions a bit more.
-        intervals: What the model's parameters may be, 90 %: by member and parameter the lowest and the highest value,
-            arrays of the parameter's shape, as ``GCS.around(model, intervals)`` takes them. A parameter without an
-            interval is not in it.
-        streams: What it was made from, for the pictures of the report; None in a diagnosis that was loaded.
+        model: The extended sensor model. Latency and low-pass filters were fitted on interpolated frames: stepped in a
+            simulator they behave as fitted, whereas on frames 50 ms apart they attenuate fast motions slightly more.
+        intervals: 90% intervals of the model's parameters: by member and parameter, the lowest and the highest value as
+            arrays of the parameter's shape, as ``GCS.around(model, intervals)`` expects. Parameters without an
+            interval are omitted.
+        streams: The tensors behind the diagnosis, for the pictures of the report; None if it was loaded from a file.
     """
 
     verdict: Verdict
@@ -199,7 +201,7 @@ class Diagnosis:
     streams: Streams | None = field(default=None, repr=False, compare=False)
 
     def to_json(self) -> str:
-        """The diagnosis as JSON text; a number that is not finite becomes null."""
+        """The diagnosis as JSON; non-finite numbers become null."""
         document = {
             "format": FORMAT,
             "verdict": self.verdict,
@@ -216,10 +218,10 @@ class Diagnosis:
 
     @classmethod
     def from_json(cls, text: str) -> Diagnosis:
-        """The diagnosis that `to_json` wrote.
+        """Read the JSON that `to_json` wrote.
 
         Raises:
-            InvalidValueError: The text is not one.
+            InvalidValueError: The text is not a valid diagnosis.
         """
         try:
             document = json.loads(text)
@@ -229,7 +231,7 @@ class Diagnosis:
             raise InvalidValueError(f"expected a JSON object of format {FORMAT!r}")
         if document.get("verdict") not in get_args(Verdict):
             expected = ", ".join(get_args(Verdict))
-            raise InvalidValueError(f"expected a diagnosis' verdict of {expected}, got {document.get('verdict')!r}")
+            raise InvalidValueError(f"verdict must be one of {expected}, got {document.get('verdict')!r}")
         try:
             return cls(
                 verdict=document["verdict"],
@@ -245,12 +247,12 @@ class Diagnosis:
         except PaxisimError:
             raise
         except (KeyError, TypeError, AttributeError, ValueError) as error:
-            raise InvalidValueError(f"the diagnosis lacks or misuses a field: {error}") from error
+            raise InvalidValueError(f"the diagnosis has a missing or invalid field: {error}") from error
 
     def report(self) -> str:
-        """The diagnosis in pictures: one HTML page that needs nothing else, neither network nor script.
+        """The diagnosis as a self-contained HTML page with pictures, without network access or scripts.
 
-        A diagnosis that was loaded has no streams: its page says so and lacks the pictures that are made of them.
+        A diagnosis that was loaded from a file has no streams, so its page lacks the pictures that need them.
 
         Raises:
             MissingExtraError: matplotlib or jinja2 is not installed.
@@ -260,11 +262,10 @@ class Diagnosis:
         return page(self)
 
     def save(self, folder: str | Path) -> None:
-        """Write ``diagnosis.json``, ``model.json`` and ``report.html`` into `folder`, which is made if need be.
+        """Write ``diagnosis.json``, ``model.json`` and ``report.html`` to `folder`, which is created if needed.
 
-        Each file is written whole or not at all; ``model.json`` is what `Chain.load` reads. Where matplotlib or jinja2
-        is missing there is a warning in place of the report, and an older report in the folder is removed, as it would
-        be of another diagnosis.
+        Each file is written atomically; `Chain.load` reads ``model.json``. If matplotlib or jinja2 is missing, a
+        warning replaces the report, and an older report in the folder is removed.
 
         Raises:
             OSError: The folder or a file in it cannot be written.
@@ -277,21 +278,21 @@ class Diagnosis:
             page = self.report()
         except MissingExtraError as error:
             (folder / REPORT).unlink(missing_ok=True)
-            warnings.warn(f"no {REPORT} is written: {error}", stacklevel=2)
+            warnings.warn(f"{REPORT} was not written: {error}", stacklevel=2)
         else:
             _write(folder / REPORT, page)
 
     def files(self) -> dict[str, str]:
-        """The JSON files that `save` writes, by name."""
+        """Contents of the JSON files that `save` writes, by file name."""
         return {"model.json": self.model.to_json() + "\n", "diagnosis.json": self.to_json() + "\n"}
 
     @classmethod
     def load(cls, folder: str | Path) -> Diagnosis:
-        """Read what `save` wrote; raises as `from_json` does, and FileNotFoundError where there is none."""
+        """Read what `save` wrote; raises like `from_json`, and FileNotFoundError if there is no file."""
         return parse_file(Path(folder) / "diagnosis.json", cls.from_json)
 
     def __str__(self) -> str:
-        """The table that a person reads, 80 columns wide."""
+        """The diagnosis as text, 80 columns wide."""
         return text_of(self)
 
 

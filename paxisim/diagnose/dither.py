@@ -1,4 +1,4 @@
-"""Dither: the noise of a sensor ahead of its steps, from how its counts change while nothing moves."""
+"""Dither: noise ahead of quantisation, estimated from count changes under constant force."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from scipy.special import ndtr, ndtri
 
 from paxisim.diagnose.noise import FloatArray
 
-LEAST = 5  # samples of an episode
-SMOOTH = 0.6  # of a step: with more noise the spread of the counts at rest tells it
-HELD = 0.3  # s without a move, after which a slow sensor has settled
-APART = 0.15  # s between the counts that are compared, so that some of slow noise shows, too
-STILL = 0.1  # of a step, by which a held force may move in that time
-MOVING = 0.2  # of a step, by which it may where too few are held
-FEWEST = 300  # counts compared
-UNTOLD = 0.15  # of a step: noise that may not show at rest at all
-NOISES = np.geomspace(0.01, 1.0, 60)  # of a step
+LEAST = 5  # fewest samples in an episode
+SMOOTH = 0.6  # steps; above it, the standard deviation at rest determines the noise
+HELD = 0.3  # s of constant force after which a slow sensor has settled
+APART = 0.15  # s between compared counts, long enough to include some slow noise
+STILL = 0.1  # steps that a held force may change in that time
+MOVING = 0.2  # steps that it may change if too few samples are held
+FEWEST = 300  # fewest compared counts
+UNTOLD = 0.15  # steps; noise that may be invisible at rest
+NOISES = np.geomspace(0.01, 1.0, 60)  # steps
 
 
 def dither_of(
@@ -30,33 +30,34 @@ def dither_of(
     step: float,
     alive: NDArray[np.bool_],
 ) -> float:
-    """The noise before rounding (N).
+    """Standard deviation of the noise before rounding (N).
 
-    Without a step, or with a small one, it is the spread of the shear that is read where nothing is pressed. Against a
-    large step it hardly shows there: no reading leaves its count but those whose zero is near an edge. Pressed taxels
-    are as likely to be near one as not, and then two readings of a force that moves by d differ by as many steps, on
-    average, as d and the noise of both together are. It is not more than would show at rest in any case.
+    Without a quantisation step, or with a small one, it is the standard deviation of the shear at rest. With a large
+    step the noise is hardly visible at rest: a reading changes its count only if its zero is near a rounding edge.
+    Under load, forces are spread evenly relative to the edges, so the mean count difference between two readings
+    follows from the change of force and the noise of both. The result is bounded by the noise visible at rest.
 
     Args:
         measured: ``(T, pads, 3, rows, cols)`` newtons.
-        simulated: The same, from which is taken where taxels are pressed and how fast that changes.
-        at_rest: ``(T,)`` where nothing is pressed.
-        untouched: ``(T,)`` where nothing has been pressed in the episode so far: no memory of a load is there.
-        episodes: Their samples.
-        interval: Usual seconds between two samples.
-        step: N, of the sensor; 0 where it has none.
-        alive: ``(pads, 3, rows, cols)`` channels that take part.
+        simulated: The same; it determines which taxels are pressed and how fast the force changes.
+        at_rest: ``(T,)`` whether no taxel is pressed.
+        untouched: ``(T,)`` whether no taxel has been pressed yet in the episode, so that no memory effect is present.
+        episodes: Samples of each episode.
+        interval: Typical seconds between samples.
+        step: Quantisation step (N); 0 if there is none.
+        alive: ``(pads, 3, rows, cols)`` channels in use.
     """
     resting = _shear(measured, at_rest, episodes, alive)
     before = _shear(measured, untouched, episodes, alive) or resting
-    if resting and (step == 0 or _spread(before) > SMOOTH * step):  # all: slow noise shows in long spans only
+    if resting and (step == 0 or _spread(before) > SMOOTH * step):
+        # all samples at rest, as slow noise shows in long spans only
         return float(np.sqrt(max(_spread(resting) ** 2 - step**2 / 12, 0.0)))
     if step == 0:
         return 0.0
     held = _under_load(measured, simulated, episodes, interval, step, alive)
     if not resting:
         return UNTOLD * step if held is None else held
-    # with a zero in the middle of a step counts change least
+    # counts change least for a zero in the middle of a step
     most = step * max(UNTOLD, 0.5 / float(ndtri(1 - 0.5 * min(_spread(before) / step, 1.0) ** 2)))
     return most if held is None else min(held, most)
 
@@ -80,13 +81,14 @@ def _under_load(
     step: float,
     alive: NDArray[np.bool_],
 ) -> float | None:
-    """The noise (N) with which held forces of more than a step are read as they are, if there are such."""
+    """Noise (N) estimated from held forces above one step; None if there are too few."""
     apart, window = (max(1, round(seconds / interval)) for seconds in (APART, HELD + APART))
     counted, moved, fastest = [], [], []
     for span in episodes:
         force, count = simulated[span] / step, np.rint(measured[span] / step)
         change = apart * np.abs(np.diff(force, axis=0, prepend=force[:1]))
-        fast = maximum_filter1d(change, window + 1, axis=0, origin=window // 2)[apart:]  # of the time up to a sample
+        # over the window that ends at the sample
+        fast = maximum_filter1d(change, window + 1, axis=0, origin=window // 2)[apart:]
         pressed = (np.minimum(np.abs(force[apart:]), np.abs(force[:-apart])) > 1) & (fast < MOVING) & alive
         counted.append(np.abs(count[apart:] - count[:-apart])[pressed])
         moved.append(np.abs(force[apart:] - force[:-apart])[pressed])
@@ -101,7 +103,7 @@ def _under_load(
 
 
 def _mean_difference(move: FloatArray, noise: float) -> FloatArray:
-    """The mean size of `move` and the difference of two readings with `noise`, all in steps."""
+    """Mean absolute difference of two readings with `noise` whose forces differ by `move`, all in steps."""
     both = np.sqrt(2) * noise
     density = np.exp(-0.5 * (move / both) ** 2) / np.sqrt(2 * np.pi)
     return np.asarray(2 * both * density + move * (1 - 2 * ndtr(-move / both)))

@@ -1,4 +1,4 @@
-"""Each: work that several processors share."""
+"""Each: a parallel map over threads."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ _Made = TypeVar("_Made")
 
 
 def each(work: Callable[[_Item], _Made], items: Iterable[_Item], jobs: int) -> list[_Made]:
-    """What `work` makes of each item, in their order, by up to `jobs` threads.
+    """The result of `work` for each item, in order, using up to `jobs` threads.
 
-    Threads do, as numpy lets others run while it computes; none waits for another in the midst of its work, so that a
-    busy machine costs no more than its share.
+    Threads are sufficient because numpy releases the global interpreter lock while it computes. Items do not wait for
+    one another, so that a busy machine slows them down no more than proportionally.
     """
     items = list(items)
     if jobs == 1 or len(items) < 2:

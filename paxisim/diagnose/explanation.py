@@ -10,6 +10,7 @@ import numpy as np
 from paxisim import augment
 from paxisim.augment.transform import Transform
 from paxisim.diagnose.cause import Cause
+from paxisim.diagnose.causes import CAUSES
 from paxisim.diagnose.each import each
 from paxisim.diagnose.fitting import Fit, Part, curves_of
 from paxisim.diagnose.folds import Folds
@@ -48,7 +49,7 @@ class Explanation:
     Attributes:
         off: What the checks read off.
         search: The search, with its fits.
-        names: The causes that were fitted and kept.
+        chosen: The causes that were fitted and kept, with the nuisances that were fitted beside them.
         fit: Their fit.
         constant: ``(pads, 3, rows, cols)`` N, the constant that they bring by convention.
         named: The causes, those that were read off included, in the order of the chain.
@@ -59,7 +60,7 @@ class Explanation:
 
     off: ReadOff
     search: Search
-    names: tuple[str, ...]
+    chosen: tuple[str, ...]
     fit: Fit
     constant: FloatArray
     named: tuple[Named, ...]
@@ -92,12 +93,14 @@ def explanation_of(off: ReadOff, search: Search, chosen: Sequence[str], jobs: in
         chosen: Its result.
         jobs: Processors to use.
     """
-    evidence = {name: search.evidence(chosen, name) for name in chosen}
-    dropped = [n for n in chosen if search.causes[n].nuisance and not evidence[n].kept]
-    names = tuple(n for n in chosen if n not in dropped)
-    fit, constant = search.fit(chosen), np.zeros(off.problem.alive.shape)
+    chosen = search.confirmed(tuple(chosen))
+    asked = {item.name for item in off.causes}
+    evidence = {name: search.evidence(chosen, name, exact=True) for name in chosen}
+    dropped = [n for n in chosen if search.causes[n].nuisance and not (evidence[n].kept and n in asked)]
+    fit, constant = search.exact(chosen), np.zeros(off.problem.alive.shape)
     for name in dropped:
-        constant, fit = owned_constant(off.problem, fit), search.without(chosen, name)
+        fit, owned = search.exact_without(chosen, name)
+        constant = constant if owned is None else owned
     prediction = predicted(off.problem, fit.causes, fit, fit.whole, constant)
     heldout = heldout_of(off.problem, search.folds, fit, constant, jobs)
     members, named = _members(off, fit, evidence, constant)
@@ -110,7 +113,7 @@ def explanation_of(off: ReadOff, search: Search, chosen: Sequence[str], jobs: in
     ordered = sorted(members, key=lambda member: member[0])
     model = in_order([(name, transform) for _, name, transform in ordered])
     named.sort(key=lambda item: item.cause.order)
-    return Explanation(off, search, names, fit, constant, tuple(named), model, prediction, heldout)
+    return Explanation(off, search, chosen, fit, constant, tuple(named), model, prediction, heldout)
 
 
 def _members(
@@ -138,7 +141,7 @@ def _members(
         members.append((item.order, item.name, transform))
         named.append(Named(item, transform, values, evidence[item.name]))
     if np.any(constant):
-        nuisance = next(c for c in off.causes if c.nuisance)
+        nuisance = next(c for c in CAUSES if c.nuisance)
         members.append((nuisance.order, nuisance.name, nuisance.make(constant, off.problem)))  # type: ignore[arg-type]
     return members, named
 
@@ -176,22 +179,23 @@ def without_each(found: Explanation, jobs: int = 1) -> dict[str, tuple[Problem, 
         if named.evidence is None:
             out[named.name] = _unread(found, named, jobs)
             continue
-        names = [c.name for c in found.fit.causes]
-        fit, constant = found.fit, found.constant
-        if named.cause.nuisance:
-            constant = owned_constant(found.problem, found.fit)
-            fit = found.search.without(names, named.name)
-        elif any(found.search.causes[n].nuisance for n in names):
-            fit = found.search.without(names, named.name)
-        else:
-            fewer = [c for c in found.fit.causes if c.name != named.name]
-            fit = found.search.fitter.fit(fewer, found.fit, constant)
+        fit, constant = _refitted_without(found, named)
         prediction = heldout_of(found.problem, found.folds, fit, constant, jobs)
         for reading in found.off.readings.values():
             if not reading.rounds and reading.problem.alive.sum() < found.off.raw.alive.sum():
                 prediction = reading.transform(prediction)
         out[named.name] = found.problem, prediction
     return out
+
+
+def _refitted_without(found: Explanation, named: Named) -> tuple[Fit, FloatArray]:
+    """The model fitted again without one of its causes, and the constant that is there by convention."""
+    search, names = found.search, [c.name for c in found.fit.causes]
+    if named.cause.nuisance or any(search.causes[n].nuisance for n in names):
+        fit, owned = search.exact_without(names, named.name)
+        return fit, found.constant if owned is None else owned
+    fewer = [c for c in found.fit.causes if c.name != named.name]
+    return search.fitter.exact(search.fitter.fit(fewer, found.fit, found.constant), found.constant), found.constant
 
 
 def _unread(found: Explanation, named: Named, jobs: int) -> tuple[Problem, FloatArray]:
@@ -201,7 +205,5 @@ def _unread(found: Explanation, named: Named, jobs: int) -> tuple[Problem, Float
     if found.off.readings[named.name].rounds:
         return replace(problem, step=0.0, clips=False), found.heldout
     search = Search(problem, found.search.causes.values(), found.folds, found.search.rules)
-    fit = search.fitter.fit(found.fit.causes, found.fit, found.constant)
+    fit = search.fitter.exact(search.fitter.fit(found.fit.causes, found.fit, found.constant), found.constant)
     return problem, heldout_of(problem, found.folds, fit, found.constant, jobs)
-
-

@@ -1,4 +1,4 @@
-"""Faults: which rows, axes and taxels are wrong, in a short phrase, where the numbers of a cause do not say it."""
+"""Faults: a short description of a layout fault or of dead taxels, for causes without numeric parameters."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from paxisim.augment.layout_faults import LayoutFault
 if TYPE_CHECKING:
     from paxisim.diagnose.diagnosis import Diagnosis
 
-MOST = 8  # taxels of a pad that are listed
+MOST = 8  # taxels listed per pad
 _AXES = "xyz"
 
 
 def fault_in_words(diagnosis: Diagnosis, name: str) -> str:
-    """What is wrong with the layout, or which taxels are dead; empty for other causes.
+    """The layout fault or the dead taxels in words; empty for other causes.
 
     Args:
-        diagnosis: With the model and the pads' names.
-        name: Of a cause.
+        diagnosis: With the model and the names of the pads.
+        name: Name of a cause.
     """
     if name not in diagnosis.model.names:
         return ""
     member = diagnosis.model[name]
-    if isinstance(member, Chain) and len(member) == 1:  # put in its place by the engine
+    if isinstance(member, Chain) and len(member) == 1:  # wrapped, as it comes later than its stage
         member = member[0]
     pads = [place.where for place in diagnosis.symptoms.pads]
     if isinstance(member, LayoutFault):
@@ -58,7 +58,7 @@ def _moved(order: Sequence[int], names: Sequence[str]) -> list[str]:
 
 def _taxels(fault: DeadTaxels, pads: Sequence[str]) -> list[str]:
     words = []
-    for which, what in ((fault.dead, "no answer"), (fault.stuck, "stuck")):
+    for which, what in ((fault.dead, "no response"), (fault.stuck, "stuck")):
         places = np.argwhere(np.asarray(which) > 0)
         named = []
         for pad in np.unique(places[:, 0]):

@@ -1,8 +1,8 @@
-"""Fitting: the parameters of several causes at once, on all episodes and on all but each fold.
+"""Fitting: several causes at once, to all episodes and to all but each fold.
 
-Damped Gauss-Newton steps with the real transforms. `scipy.optimize.least_squares` needs 2 to 5 times as long here: it
-cannot use that a change of one cause runs only what follows it, and it decomposes Jacobians of a million rows where the
-normal equations of some ten numbers are enough (`benchmarks/fit_speed.py`).
+While sets of causes are compared, the fit without a fold begins with the fit to all episodes, uses its slopes, and is
+brought to the least of its own squares. Figures that are reported come from `Fitter.exact`: each fold's fit begins with
+the causes' own starts and never meets the samples that judge it.
 """
 
 from __future__ import annotations
@@ -17,14 +17,10 @@ from numpy.typing import NDArray
 from paxisim.diagnose.cause import Cause, Free
 from paxisim.diagnose.model import Fitted, Model
 from paxisim.diagnose.problem import FloatArray, Problem
+from paxisim.diagnose.squares import Squares, best_start
 
-PROBE = 0.05  # of a parameter's scale, to see what it does
-STEPS = 12  # of Gauss-Newton at most
-CONVERGED = 1e-4  # of the energy, below which a step is the last
 ZEROS = 4  # times that the zero and the other numbers are fitted in turns, at most
 SETTLED = 2e-3  # of the energy, below which a turn is the last
-REFITS = 4  # evaluations for a fold at most
-UNSETTLED = 0.02  # energy a channel, in units of the noise, that a fold's fit may still gain by another step
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,52 +100,68 @@ class Fitter:
             constant: ``(pads, 3, rows, cols)`` N, a reading without force that is there and not fitted.
         """
         taus = self._taus(causes, start)
+        rows, parts = self._for_fit(causes, taus, start, constant)
+        squares = Squares(Model(self.problem, causes, rows), causes)
+        values, zero = self._descend(squares, causes, {} if start is None else start.whole.values)
+        residual, slopes = squares.linearised(values, zero)
+        whole = _part(squares, values, zero)
+        energies = {n: e * self.samples for n, e in squares.effects(values, zero).items()}
+        heldout, folds = np.zeros(len(self.fold)), []
+        for number, part in enumerate(parts):
+            own = Squares(Model(self.problem, causes, part), causes)
+            part_values, left = own.refit(values, zero, residual, slopes)
+            heldout[self.fold == number] = self._by_unit(left)[self.fold == number]
+            folds.append(_part(own, part_values, zero))
+        return Fit(tuple(causes), taus, whole, tuple(folds), energies, self._by_unit(residual), heldout)
+
+    def exact(self, fit: Fit, constant: FloatArray | None = None) -> Fit:
+        """A fit whose folds are fitted without anything of the fit to all episodes."""
+        _, parts = self._for_fit(fit.causes, fit.taus, None, constant)
+        heldout, folds = np.zeros(len(self.fold)), []
+        for number, part in enumerate(parts):
+            own = Squares(Model(self.problem, fit.causes, part), fit.causes)
+            values, zero = self._descend(own, fit.causes, {})
+            left = own.residual(values, zero)
+            heldout[self.fold == number] = self._by_unit(left)[self.fold == number]
+            folds.append(_part(own, values, zero))
+        return replace(fit, folds=tuple(folds), heldout=heldout)
+
+    def _descend(self, squares: Squares, causes: Sequence[Cause], start: Fitted) -> tuple[Fitted, FloatArray]:
+        """The values and the zero that fit best."""
+        model, rows = squares.model, squares.rows
+        zero = np.zeros((0 if rows.curves is None else len(rows.curves), *rows.alive.shape))
+        shared = [c for c in causes if c.local is None and c.course is None]
+        values = {c.name: start[c.name] for c in shared if c.name in start}
+        for item in shared:
+            if item.name not in values:
+                begun = [c for c in causes if c.name in values or c is item or c.local or c.course]
+                values[item.name] = best_start(Model(self.problem, begun, rows), item, values, zero)
+        values = squares.descend(values, zero)
+        if not len(zero) or (rows.counting.reads_all and not squares.bends):
+            return values, zero
+        # the zero begins at 0: one that was read beside fewer causes holds what those left
+        for _ in range(ZEROS):
+            before = squares.energy(values, zero)
+            moved = model.zero({**values, **model.solved}, zero)
+            trial = squares.descend(values, moved)
+            after = squares.energy(trial, moved)
+            if after < before:
+                values, zero = trial, moved
+            if after > (1 - SETTLED) * before:
+                break
+        return values, zero
+
+    def _for_fit(
+        self, causes: Sequence[Cause], taus: Mapping[str, float], start: Fit | None, constant: FloatArray | None
+    ) -> tuple[Problem, list[Problem]]:
+        """The compared frames for a fit to all episodes, and to all but each fold."""
         rows, parts = self._rows(causes, taus)
         if constant is not None:
             rows, *parts = [replace(own, constant=constant) for own in (rows, *parts)]
         if rows.curves is not None and len(rows.curves) > 1:
             left = self._left(start, rows)
             rows, *parts = [own.shrunk(left) for own in (rows, *parts)]
-        model = Model(self.problem, causes, rows)
-        shape = (0 if rows.curves is None else len(rows.curves), *rows.alive.shape)
-        zero = np.zeros(shape)
-        values = {} if start is None else {n: v for n, v in start.whole.values.items() if n in {c.name for c in causes}}
-        local = {c.name for c in causes if c.local is not None}
-        values = {n: v for n, v in values.items() if n not in local}
-        for item in causes:
-            if item.local is None and item.course is None and item.name not in values:
-                begun = [c for c in causes if c.name in values or c is item or c.local or c.course]
-                values[item.name] = _best_start(Model(self.problem, begun, rows), item, values, zero)
-        least = _Squares(model, causes)
-        values = least.descend(values, zero)
-        for _ in range(ZEROS if len(zero) and not (rows.counting.reads_all and not least.bends) else 0):
-            # the zero of the model without it: one that was read beside fewer causes holds what those left
-            before = least.energy(values, zero)
-            moved = model.zero({**values, **model.solved}, zero)
-            trial = least.descend(values, moved)
-            after = least.energy(trial, moved)
-            if after < before:
-                values, zero = trial, moved
-            if after > (1 - SETTLED) * before:
-                break
-        residual, slopes = least.linearised(values, zero)
-        solved = {**values, **{n: model.solved[n] for n in local}}
-        if len(zero):
-            zero = zero + rows.zero_of(rows.measured - rows.read(model.run(solved, zero)))
-        effects = {n: e * self.samples for n, e in least.effects(values, zero).items()}
-        energy, heldout = self._by_unit(residual), np.zeros(len(self.fold))
-        folds = []
-        for number, part in enumerate(parts):
-            own = _Squares(Model(self.problem, causes, part), causes)
-            part_values, left = own.refit(values, zero, residual, slopes)
-            mine = self.fold == number
-            heldout[mine] = self._by_unit(left)[mine]
-            part_zero = zero
-            if len(zero):
-                read = part.read(own.model.run(part_values, zero))
-                part_zero = zero + part.zero_of(part.measured - read)
-            folds.append(Part(part_values, part_zero))
-        return Fit(tuple(causes), taus, Part(solved, zero), tuple(folds), effects, energy, heldout)
+        return rows, parts
 
     def linearised(
         self, fit: Fit, constant: FloatArray
@@ -162,7 +174,7 @@ class Fitter:
             the prediction (N).
         """
         rows = replace(self._rows(fit.causes, fit.taus)[0], constant=constant)
-        squares = _Squares(Model(self.problem, fit.causes, rows), fit.causes)
+        squares = Squares(Model(self.problem, fit.causes, rows), fit.causes)
         values = {n: v for n, v in fit.whole.values.items() if n in {name for name, _, _ in squares.free}}
         residual, slopes = squares.linearised(values, fit.whole.zero)
         return rows, squares.free, residual, slopes, squares.prior, squares.prediction
@@ -225,214 +237,17 @@ class Fitter:
         return self._shared[key]
 
 
+def _part(squares: Squares, values: Fitted, zero: FloatArray) -> Part:
+    """The values with the arrays of local causes, and the zero with what the residual still says of it."""
+    rows, model = squares.rows, squares.model
+    read = rows.read(model.run(values, zero if len(zero) else None))
+    solved = {**values, **model.solved}
+    return Part(solved, zero + rows.zero_of(rows.measured - read) if len(zero) else zero)
+
+
 def curves_of(rows: Problem, causes: Sequence[Cause], taus: Mapping[str, float]) -> FloatArray | None:
     """``(curves, T)`` the courses of the causes that have one, in the order of the chain; None if none has."""
     seconds = rows.time - rows.time[0]
     ordered = sorted(causes, key=lambda c: c.order)
     curves = [c.course.curve(seconds, taus[c.name]) for c in ordered if c.course is not None]
     return np.stack(curves) if curves else None
-
-
-class _Squares:
-    """The sum of squares of a model as a function of its causes' numbers."""
-
-    def __init__(self, model: Model, causes: Sequence[Cause]) -> None:
-        self.model, self.rows, self.causes = model, model.rows, causes
-        shared = [c for c in causes if c.local is None and c.course is None]
-        self.free = [(c.name, i, f) for c in shared for i, f in enumerate(c.parameters(model.problem))]
-        self.bends = any(c.order > 77 for c in shared)
-        spreads = np.array([np.inf if f.spread is None else f.spread for _, _, f in self.free])
-        self._held = np.where(np.isfinite(spreads), 1 / spreads, 0.0)
-        self.prediction: FloatArray = np.zeros(0)
-        self._neutral = np.array([f.neutral for _, _, f in self.free])
-        self._scale = np.array([f.scale for _, _, f in self.free])
-
-    @property
-    def prior(self) -> FloatArray:
-        """``(free,)`` weights of the priors, in units of the scales."""
-        return (self._held * self._scale) ** 2
-
-    def residual(self, values: Fitted, zero: FloatArray) -> FloatArray:
-        self.prediction = self.model.run(values, zero if len(zero) else None)
-        return self.rows.residual(self.prediction).ravel()
-
-    def _used(self, residual: FloatArray) -> FloatArray:
-        """The residual of the samples that take part in the fit."""
-        if self.rows.fitted is None:
-            return residual
-        return residual.reshape(len(self.rows.time), -1)[self.rows.fitted].ravel()
-
-    def _away(self, values: Fitted) -> FloatArray:
-        """How far the numbers are from what is expected of them, in units of their spread."""
-        return self._held * (np.array([values[n][i] for n, i, _ in self.free]) - self._neutral)
-
-    def descend(self, values: Fitted, zero: FloatArray) -> Fitted:
-        """The values after Gauss-Newton steps, damped until each leaves less."""
-        best, off = self.residual(values, zero), self._away(values)
-        energy, damping = float(best @ best + off @ off), 1e-3
-        for _ in range(STEPS if self.free else 0):
-            slopes = self._slopes(values, len(best))
-            normal = slopes @ slopes.T + np.diag(self.prior)
-            right = slopes @ best + self._held * self._scale * off
-            before = energy
-            for _ in range(5):
-                ridge = damping * np.diag(np.diag(normal) + 1e-6 * np.trace(normal) + 1e-9)
-                trial = self._moved(values, self._step(normal + ridge, right, values))
-                try:
-                    new = self.residual(trial, zero)
-                except ValueError:  # values that are allowed one by one, but not together
-                    damping *= 8
-                    continue
-                away = self._away(trial)
-                total = float(new @ new + away @ away)
-                if total < energy:
-                    values, best, off, energy, damping = trial, new, away, total, damping / 4
-                    break
-                damping *= 8
-            if before - energy < CONVERGED * before:
-                break
-        return values
-
-    def linearised(self, values: Fitted, zero: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The residual at these values and its slopes, ``(free, numbers)``."""
-        residual = self.residual(values, zero)
-        return residual, self._slopes(values, len(residual))
-
-    def effects(self, values: Fitted, zero: FloatArray) -> dict[str, float]:
-        """By cause that has numbers or an array, the energy of what it does to the residual, after `linearised`."""
-        solved, out = self.model.solved, {}
-        base = self.rows.read(self.prediction)
-        for item in self.causes:
-            if item.course is None:
-                without = self.rows.read(self.model.run({**values, **solved}, None, begin=item.name, skip=True))
-                self.model.solved = solved
-                out[item.name] = float(np.sum(self.rows.weigh(base - without) ** 2))
-        return out
-
-    def refit(
-        self, values: Fitted, zero: FloatArray, residual: FloatArray, slopes: FloatArray
-    ) -> tuple[Fitted, FloatArray]:
-        """The values that fit the part, and the residual of all frames.
-
-        The part's own residual is brought to its least by steps that use the slopes of the whole fit.
-        """
-        if not self.free:
-            left = self.residual(values, zero)
-            return {**values, **self.model.solved}, left
-        count = len(self.rows.time)
-        assert self.rows.fitted is not None
-        slopes = slopes.reshape(len(slopes), count, -1)[:, self.rows.fitted].reshape(len(slopes), -1)
-        normal = slopes @ slopes.T + np.diag(self.prior)
-        best, left, solved, damping = values, residual, None, 1e-6
-        least = self._energy(residual, values)
-        for _ in range(REFITS):
-            right = slopes @ self._used(left) + self._held * self._scale * self._away(best)
-            step = self._step(normal + damping * np.diag(np.diag(normal) + 1e-9), right, best)
-            promise = -float(2 * right @ step + step @ normal @ step)
-            if solved is not None and promise < UNSETTLED * self.rows.alive.sum():
-                break
-            trial = self._moved(best, step)
-            try:
-                new = self.residual(trial, zero)
-            except ValueError:  # values that are allowed one by one, but not together
-                damping *= 100
-                continue
-            energy = self._energy(new, trial)
-            if energy < least:
-                best, left, solved, least = trial, new, self.model.solved, energy
-            else:
-                damping = max(100 * damping, 1e-3)
-        if solved is None:
-            left = self.residual(best, zero)
-            solved = self.model.solved
-        return {**best, **solved}, left
-
-    def energy(self, values: Fitted, zero: FloatArray) -> float:
-        """Of the residual at these values, with the priors."""
-        return self._energy(self.residual(values, zero), values)
-
-    def _energy(self, residual: FloatArray, values: Fitted) -> float:
-        used, off = self._used(residual), self._away(values)
-        return float(used @ used + off @ off)
-
-    def _step(self, normal: FloatArray, right: FloatArray, values: Fitted) -> FloatArray:
-        """The step to the least of a quadratic within the bounds, in units of the scales.
-
-        A number that would leave its bounds is put on the bound, and the others are solved for again.
-        """
-        now = np.array([values[n][i] for n, i, _ in self.free])
-        low = (np.array([f.low for _, _, f in self.free]) - now) / self._scale
-        high = (np.array([f.high for _, _, f in self.free]) - now) / self._scale
-        step, moving = np.zeros(len(now)), np.ones(len(now), dtype=bool)
-        for _ in range(len(now)):
-            rest = right[moving] + normal[np.ix_(moving, ~moving)] @ step[~moving]
-            step[moving] = -np.linalg.solve(normal[np.ix_(moving, moving)], rest)
-            outside = moving & ((step < low - 1e-9) | (step > high + 1e-9))
-            if not outside.any():
-                break
-            step = np.where(outside, np.clip(step, low, high), step)
-            moving &= ~outside
-        return step
-
-    def _moved(self, values: Fitted, change: FloatArray) -> Fitted:
-        """The values after a step, in units of their scales, within their bounds."""
-        moved = {n: v.copy() for n, v in values.items()}
-        for (n, i, f), amount in zip(self.free, change, strict=True):
-            moved[n][i] = np.clip(moved[n][i] + np.clip(amount, -5, 5) * f.scale, f.low, f.high)
-        return moved
-
-    def _slopes(self, values: Fitted, size: int) -> FloatArray:
-        """``(free, size)`` by how much the residual changes with each number, in units of its scale."""
-        slopes = np.zeros((len(self.free), size))
-        shape = self.rows.alive.shape
-        counting = self.rows.counting
-        steep = 1.0 if counting.reads_all else counting.slope(self.prediction)
-        known = {n: v for n, v in values.items()}
-        tried: dict[tuple[str, str], FloatArray] = {}
-
-        def effect(name: str, moved: FloatArray) -> FloatArray:
-            kept = self.model.solved
-            change = self.prediction - self.model.run({**known, name: moved}, None, begin=name)
-            self.model.solved = kept
-            return self.rows.weigh(change * steep)
-
-        for row, (name, index, about) in enumerate(self.free):
-            if about.together:
-                key = name, about.together
-                if key not in tried:
-                    moved = values[name].copy()
-                    moved[[i for n, i, f in self.free if (n, f.together) == key]] += PROBE * about.scale
-                    tried[key] = effect(name, moved).reshape(-1, *shape) / PROBE
-                slopes[row].reshape(-1, *shape)[(slice(None), *about.channel)] = tried[key][(slice(None), *about.channel)]
-                continue
-            step = PROBE * about.scale
-            step = -step if values[name][index] + step > about.high else step
-            moved = values[name].copy()
-            moved[index] += step
-            slopes[row] = effect(name, moved).ravel() * (about.scale / step)
-        return slopes
-
-
-def _best_start(model: Model, item: Cause, values: Fitted, zero: FloatArray) -> FloatArray:
-    """The start, taken as far as it helps, with which a cause begins beside `values`."""
-    problem, rows = model.problem, model.rows
-    free = item.parameters(problem)
-    neutral = np.array([f.neutral for f in free])
-    if all(f.together for f in free):  # linear in many numbers, which are told apart at once
-        return neutral
-    low, high = np.array([f.low for f in free]), np.array([f.high for f in free])
-    base = rows.residual(model.run({**values, item.name: neutral}, zero if len(zero) else None)).ravel()
-    best, least = neutral, float(base @ base)
-    counted = np.array([f.material is not None for f in item.free(problem)] + [False] * (item.gauge is not None))
-    for start in item.places(problem):
-        new = rows.residual(model.run({**values, item.name: start}, None, begin=item.name)).ravel()
-        effect = new - base
-        share = -float(effect @ base) / max(float(effect @ effect), 1e-12)
-        trials = [(start, new)]
-        if counted.any():  # along the amount, which the effect is nearly proportional to
-            moved = np.where(counted, np.clip(neutral + share * (start - neutral), low, high), start)
-            trials.append((moved, rows.residual(model.run({**values, item.name: moved}, None, begin=item.name)).ravel()))
-        for trial, left in trials:
-            if left @ left < least:
-                best, least = trial, float(left @ left)
-    return best

@@ -76,10 +76,10 @@ def _lone(problem: Problem, causes: Iterable[Cause], rules: Rules) -> set[int]:
     """Numbers of the episodes that show most of what some cause would do."""
     problem, found = problem.thinned, set()
     for item in causes:
-        energies = [energy_by_episode(problem, effect) for effect in effects(problem, item, problem.simulated)]
-        total = np.sum([energy / max(energy.sum(), 1e-12) for energy in energies], axis=0) if energies else np.zeros(1)
-        if total.max() > rules.lone * total.sum() > 0:
-            found.add(int(total.argmax()))
+        for effect in effects(problem, item, problem.simulated):
+            energy = energy_by_episode(problem, effect)
+            if energy.max() > rules.lone * energy.sum() > 0:
+                found.add(int(energy.argmax()))
     return found
 
 

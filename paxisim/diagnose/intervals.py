@@ -94,7 +94,8 @@ def _spreads(found: Explanation) -> dict[tuple[str, str], float]:
         effect = rows.weigh(Tolerance().place * change / 2).reshape(frames, -1)
         variance += (inverse @ np.einsum("atc,tc->a", slopes, effect)) ** 2
     reach = np.sqrt(variance) * student.ppf(0.5 + LEVEL / 2, degrees)
-    seen = slopes.any(axis=(1, 2))
+    strength = np.sum(flat**2, axis=1)
+    seen = strength > 1e-9 * strength.max()
     return {(n, f.name): float(r * f.scale) for (n, _, f), r, told in zip(free, reach, seen, strict=True) if told}
 
 

@@ -1,4 +1,4 @@
-"""Noise: what of a difference between the streams is not to be explained, read from the streams themselves."""
+"""Noise: estimates of the noise and of tolerated errors, from the streams themselves."""
 
 from __future__ import annotations
 
@@ -10,17 +10,21 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
-_PRESSED = 0.2  # of the largest force, beyond which no noise is cut off below 0
+NEARLY_STEP = 0.03  # steps; tolerance of a gap between readings
+COMMON = 0.15  # least share of the gaps that are one step
+SHIFTED = 0.1  # steps; with a larger phase the readings are not multiples of the step
+
+_PRESSED = 0.2  # of the largest force; above it, clipping at 0 does not affect the noise
 
 
 @dataclass(frozen=True)
 class Tolerance:
-    """What every calibrated sensor and every replayed motion is off by, and what nobody needs explained.
+    """Errors of calibration and replay that are tolerated and need no explanation.
 
     Attributes:
-        gain: Share of the force.
-        time: Seconds between a sample and its time stamp.
-        place: Pitches by which the simulated contact may be off.
+        gain: Relative error of the force.
+        time: Error of a time stamp, seconds.
+        place: Position error of the simulated contact, in pitches.
     """
 
     gain: float = 0.01
@@ -35,16 +39,16 @@ def noise_of(
     step: float,
     alive: NDArray[np.bool_],
 ) -> FloatArray:
-    """The noise of each channel (N), from how the residual changes from sample to sample.
+    """Standard deviation of each channel's noise (N), from differences of the residual between samples.
 
-    Changes are small against the noise for whatever is slow, an effect included; half of them by size is taken, so
-    that fast moments do not count. A channel that is quieter than half of its axis is given that axis' median.
+    Slow effects hardly contribute to these differences, and their median is robust to fast transients. A channel
+    quieter than the median of its axis is assigned that median.
     """
     residual = measured - simulated
     steps = np.concatenate([np.diff(residual[span], axis=0) for span in episodes])
     sigma = np.sqrt(np.median(steps**2, axis=0) / 0.455 / 2)
     each = [np.median(sigma[:, axis][alive[:, axis]]) if alive[:, axis].any() else 0.0 for axis in range(3)]
-    if measured[:, :, 2].min() >= 0:  # what is cut off below 0 hides the noise of a normal force at rest
+    if measured[:, :, 2].min() >= 0:  # clipping at 0 hides the noise of the normal force at rest
         shear = [each[axis] for axis in range(2) if alive[:, axis].any()]
         each[2] = max(each[2], float(np.mean(shear)) if shear else _under_load(steps, simulated, episodes))
     typical = np.reshape(each, (1, 3, 1, 1))
@@ -52,37 +56,45 @@ def noise_of(
 
 
 def _under_load(steps: FloatArray, simulated: FloatArray, episodes: tuple[slice, ...]) -> float:
-    """The noise (N) of normal forces where they are pressed so that nothing is cut off."""
+    """Noise (N) of the normal force under loads large enough to avoid clipping."""
     normal = np.concatenate([simulated[span, :, 2][1:] for span in episodes])
     changes = steps[:, :, 2][normal > _PRESSED * normal.max()]
     return float(np.sqrt(np.median(changes**2) / 0.455 / 2)) if changes.size else 0.0
 
 
-def step_of(measured: FloatArray) -> float:
-    """The step (N) in which a sensor counts; 0 where no step is to be seen."""
+def step_of(measured: FloatArray) -> tuple[float, float]:
+    """Quantisation step of the sensor and its reading nearest to 0 (N); both are 0 if there is no step."""
     values = np.unique(np.round(measured[:: max(1, len(measured) // 400)].ravel(), 5))
     gaps = np.diff(values)
     gaps = gaps[gaps > 2e-4]
     if not len(gaps):
-        return 0.0
+        return 0.0, 0.0
     step = float(np.median(gaps[gaps < 1.5 * gaps.min()]))
-    for _ in range(3):  # large readings tell the step more exactly than neighbours do, once their number is known
-        counts = np.round(values / step)
+    for candidate in np.unique(np.round(gaps, 4)):  # the smallest common gap; clipping at 0 adds others
+        alike = np.abs(gaps - candidate) < NEARLY_STEP * candidate
+        if alike.mean() > COMMON:
+            step = float(np.median(gaps[alike]))
+            break
+    phase = float(np.angle(np.mean(np.exp(2j * np.pi * values / step))) / (2 * np.pi)) * step
+    phase = phase if abs(phase) > SHIFTED * step else 0.0
+    values = values[values != 0] if phase else values  # 0 is where normal readings are clipped
+    for _ in range(3):  # large readings determine the step more precisely, once their counts are known
+        counts = np.round((values - phase) / step)
         near = np.abs(counts) <= 0.1 / 1e-5 * step
-        step = float(np.sum(values[near] * counts[near]) / max(np.sum(counts[near] ** 2), 1.0)) or step
-    off = np.abs(values / step - np.round(values / step))
-    return step if np.quantile(off, 0.99) < 0.02 else 0.0
+        step = float(np.sum((values[near] - phase) * counts[near]) / max(np.sum(counts[near] ** 2), 1.0)) or step
+    off = np.abs((values - phase) / step - np.round((values - phase) / step))
+    return (step, phase) if np.quantile(off, 0.99) < 0.02 else (0.0, 0.0)
 
 
 def tolerated(x: FloatArray, time: FloatArray, episodes: tuple[slice, ...], tolerance: Tolerance) -> FloatArray:
-    """``(T, pads, 3, rows, cols)`` variance (N^2) that `tolerance` allows about the simulation `x`."""
+    """``(T, pads, 3, rows, cols)`` variance (N^2) of the tolerated errors around the simulation `x`."""
     speed = np.concatenate([rate(x[span], time[span]) for span in episodes])
     along, across = differences(x)
     return (tolerance.gain * x) ** 2 + (tolerance.time * speed) ** 2 + tolerance.place**2 * (across**2 + along**2)
 
 
 def rate(values: FloatArray, time: FloatArray) -> FloatArray:
-    """``(T, ...)`` how fast `values` change (1/s); samples of one time stamp all have that of the first of them."""
+    """``(T, ...)`` time derivative of `values` (1/s); samples that share a time stamp get that of the first."""
     fresh = np.diff(time, prepend=-np.inf) > 0
     if fresh.sum() < 2:
         return np.zeros_like(values)
@@ -92,6 +104,6 @@ def rate(values: FloatArray, time: FloatArray) -> FloatArray:
 
 
 def differences(x: FloatArray, beyond: Literal["constant", "edge"] = "constant") -> tuple[FloatArray, FloatArray]:
-    """How the two neighbours of each taxel differ along columns, and along rows; beyond the pad is 0, or its edge."""
+    """Central differences along columns and along rows; values beyond the pad are 0 or those of its edge."""
     padded = np.pad(x, ((0, 0), (0, 0), (0, 0), (1, 1), (1, 1)), mode=beyond)
     return padded[..., 2:, 1:-1] - padded[..., :-2, 1:-1], padded[..., 1:-1, 2:] - padded[..., 1:-1, :-2]

@@ -1,4 +1,4 @@
-"""Prepare: a recording that can be diagnosed, and what is wrong with it."""
+"""Prepare: validate a recording, clean it and split it into episodes."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from paxisim.recording import Recording
 LEAST_SECONDS = 2.0
 FEW_SECONDS = 20.0
 LEAST_FRAMES = 40
-MOST = 4_000_000  # numbers that are compared
-_LONGEST = 0.04  # s between the frames of a recording that is shortened
-_LEAST_EPISODES = 12  # of those that are kept
-_SCALE = 5.0  # times that measured and simulated forces may differ: as far as a gain goes
-_FORCES = (0.01, 1000.0)  # N, that the most pressed taxel may reach
-_FOLLOWS = 0.2  # correlation of measured and simulated forces of one motion, at least
-_REST = 0.3  # s without contact at which a long recording may be cut
-_GAP = 10.0  # intervals after which time has been interrupted
+MOST = 4_000_000  # most values that are compared
+_LONGEST = 0.04  # s, longest frame interval after decimation
+_LEAST_EPISODES = 12  # fewest episodes that are kept
+_SCALE = 5.0  # largest ratio of measured to simulated force that a gain may explain
+_FORCES = (0.01, 1000.0)  # N, plausible range of the peak force on a taxel
+_FOLLOWS = 0.2  # least correlation between measured and simulated force
+_REST = 0.3  # s without contact at which a recording may be split
+_GAP = 10.0  # typical intervals; a longer gap interrupts the recording
 
 
 def prepare(recording: Recording) -> tuple[Recording, tuple[str, ...]]:
-    """A recording without what is not known, cut into episodes where it is in one piece, and warnings.
+    """The recording without missing samples, split into episodes if it has only one, and warnings.
 
     Raises:
-        InvalidValueError: It cannot be diagnosed; the message says why and what to do.
+        InvalidValueError: The recording cannot be diagnosed; the message states why and what to do.
     """
     if not isinstance(recording, Recording):
         raise InvalidValueError(f"recording must be a paxisim.Recording, got {type(recording).__name__}")
@@ -38,23 +38,25 @@ def prepare(recording: Recording) -> tuple[Recording, tuple[str, ...]]:
         ("measured", "record the sensor"),
     ):
         if getattr(recording, name) is None:
-            raise InvalidValueError(f"a diagnosis compares two streams, the recording has no {name} tensor: {other}")
+            raise InvalidValueError(
+                f"a diagnosis compares two streams, but the recording has no {name} tensor: {other}"
+            )
     warnings: list[str] = []
     recording = _known(recording, warnings)
     seconds, frames = recording.duration, len(recording)
     if seconds < LEAST_SECONDS or frames < LEAST_FRAMES:
         raise InvalidValueError(
-            f"the recording is too short to be diagnosed: {seconds:.2g} s and {frames} samples, at least "
+            f"the recording is too short to be diagnosed: it has {seconds:.2g} s and {frames} samples; at least "
             f"{LEAST_SECONDS:g} s and {LEAST_FRAMES} samples are needed"
         )
     still = [np.median(np.diff(recording.time[span])) == 0 for span in episode_spans(recording.episode)]
     if any(still):
         raise InvalidValueError(
-            f"in {sum(still)} of {len(still)} episodes most samples have the time of the one before: stamp each sample "
-            "with its own time"
+            f"in {sum(still)} of {len(still)} episodes most samples repeat the previous time stamp: give each sample "
+            "its own time stamp"
         )
     if seconds < FEW_SECONDS:
-        warnings.append(f"only {seconds:.1f} s were recorded: expect wide intervals and missed causes")
+        warnings.append(f"the recording has only {seconds:.1f} s: expect wide intervals and missed causes")
     cut = _cut(recording)
     pieces = len(np.unique(cut.episode))
     was_one = pieces > len(np.unique(recording.episode))
@@ -62,24 +64,26 @@ def prepare(recording: Recording) -> tuple[Recording, tuple[str, ...]]:
     _check_signals(cut, warnings)
     count = len(np.unique(cut.episode))
     if was_one:
-        warnings.append(f"one episode was cut into {pieces} where the pads are free")
+        warnings.append(f"the single episode was split into {pieces} where the pads are unloaded")
     elif count == 1:
         warnings.append(
-            "one episode: nothing can be held out, the figures are those of the fit, and no name is certain"
+            "the recording has one episode: nothing can be held out, the figures are in-sample, and no cause is certain"
         )
     elif count < 4:
-        warnings.append(f"only {count} episodes: held-out figures rest on few replicates")
+        warnings.append(f"the recording has only {count} episodes: held-out figures rest on few replicates")
     return cut, tuple(warnings)
 
 
 def _known(recording: Recording, warnings: list[str]) -> Recording:
-    """Without samples at which a tensor is not known."""
+    """The recording without samples at which a tensor is missing."""
     recording = _without_missing(recording, warnings)
     known = np.ones(len(recording), dtype=bool)
     for name in ("measured", "simulated"):
         finite = np.isfinite(getattr(recording, name)).all(axis=(1, 2, 3, 4))
         if not finite.any():
-            raise InvalidValueError(f"{name} holds NaN at every sample: a channel is missing, or the stream is empty")
+            raise InvalidValueError(
+                f"{name} contains NaN at every sample: a channel is missing, or the stream is empty"
+            )
         known &= finite
     if not known.any():
         raise InvalidValueError("measured and simulated do not overlap in time: no sample has both")
@@ -87,15 +91,15 @@ def _known(recording: Recording, warnings: list[str]) -> Recording:
     for name, values in recording.covariates.items():
         finite = np.isfinite(values.reshape(len(values), -1)).all(axis=1)
         if values.ndim > 1:
-            warnings.append(f"covariate {name!r} has several numbers a sample and is not used")
+            warnings.append(f"covariate {name!r} has several values per sample and is ignored")
         elif not finite[known].all():
             warnings.append(
-                f"covariate {name!r} is not known at {np.mean(~finite[known]):.0%} of the samples and is not used"
+                f"covariate {name!r} is missing at {np.mean(~finite[known]):.0%} of the samples and is ignored"
             )
         else:
             covariates[name] = values
     if known.mean() < 1:
-        warnings.append(f"{np.mean(~known):.1%} of the samples hold NaN and were left out")
+        warnings.append(f"{np.mean(~known):.1%} of the samples contain NaN and were dropped")
     recording = replace(recording, covariates=covariates)
     interrupted = np.zeros(len(recording), dtype=bool)
     if not known.all():
@@ -108,18 +112,18 @@ def _known(recording: Recording, warnings: list[str]) -> Recording:
     sizes = np.bincount(episode)
     enough = sizes[episode] >= 4
     if not enough.any():
-        raise InvalidValueError("no episode has 4 samples at which both streams are known")
+        raise InvalidValueError("no episode has 4 samples with both streams")
     recording = replace(recording, episode=episode)
     return recording if enough.all() else recording[enough]
 
 
 def _without_missing(recording: Recording, warnings: list[str]) -> Recording:
-    """With 0 for measured channels that are never known, which are then left out as those are that never change."""
+    """The recording with 0 in measured channels that are always NaN; constant channels are excluded later."""
     assert recording.measured is not None
     missing = np.isnan(recording.measured).all(axis=0)
     if missing.all() or not missing.any():
         return recording
-    warnings.append(f"{int(missing.sum())} of {missing.size} measured channels are NaN throughout, and read as 0")
+    warnings.append(f"{int(missing.sum())} of {missing.size} measured channels are always NaN and were set to 0")
     return replace(recording, measured=np.where(missing, 0, recording.measured))
 
 
@@ -129,11 +133,11 @@ def _check_signals(recording: Recording, warnings: list[str]) -> None:
     y, x = recording.measured.astype(np.float64), recording.simulated.astype(np.float64)
     for name, values in (("measured", y), ("simulated", x)):
         if float(np.ptp(values, axis=0).max()) == 0:
-            raise InvalidValueError(f"{name} is constant: every sample is the same, so nothing can be told from it")
+            raise InvalidValueError(f"{name} is constant: every sample is the same")
         if not np.isfinite(np.square(values).sum()):
-            raise InvalidValueError(f"{name} holds values that are no forces")
+            raise InvalidValueError(f"{name} contains values too large to be forces")
     if np.array_equal(x, y):
-        warnings.append("measured and simulated are the same numbers: is one a copy of the other?")
+        warnings.append("measured and simulated are identical: is one a copy of the other?")
     y, x = y - y.mean(axis=0), x - x.mean(axis=0)
     product, own, other = float(np.sum(x * y)), float(np.sum(x * x)), float(np.sum(y * y))
     alike = product / max(np.sqrt(own * other), 1e-300)
@@ -141,30 +145,30 @@ def _check_signals(recording: Recording, warnings: list[str]) -> None:
     if abs(alike) > 0.5 and not 1 / _SCALE <= slope <= _SCALE:
         raise InvalidValueError(
             f"measured is {slope:.3g} times simulated: both must be in newtons; is one in millinewtons or counts? "
-            "Multiply it by the newtons of its unit, such as 0.1 N a count"
+            "Convert it to newtons, for example with 0.1 N per count"
         )
     peak = peak_of(recording.simulated)
     if not _FORCES[0] <= peak <= _FORCES[1]:
         raise InvalidValueError(
-            f"simulated reaches {peak:.3g} N on a taxel, from {_FORCES[0]:g} to {_FORCES[1]:g} N were expected: both "
-            "streams must be in newtons; are they in millinewtons or counts? Multiply both by the newtons of their unit"
+            f"simulated reaches {peak:.3g} N on a taxel, but {_FORCES[0]:g} to {_FORCES[1]:g} N were expected: both "
+            "streams must be in newtons; are they in millinewtons or counts? Convert both to newtons"
         )
     if scale < 1 / _SCALE and abs(alike) < _FOLLOWS:
         raise InvalidValueError(
-            f"measured shows no signal: it changes {scale:.2g} times as much as simulated, and not with it "
+            f"measured shows no signal: it changes {scale:.2g} times as much as simulated and does not follow it "
             f"(correlation {alike:.2f}); was the sensor connected and pressed, and is it the same motion?"
         )
     if not 1 / _SCALE <= scale <= _SCALE:
         warnings.append(f"measured changes {scale:.3g} times as much as simulated; are both in newtons?")
     if alike < _FOLLOWS:
-        warnings.append(f"measured and simulated hardly go together (correlation {alike:.2f}): is it the same motion?")
+        warnings.append(f"measured and simulated hardly correlate ({alike:.2f}): is it the same motion?")
     stuck = int(np.sum(np.ptp(recording.measured, axis=0) == 0))
     if stuck > 0.5 * recording.measured[0].size:
         warnings.append(f"{stuck} of {recording.measured[0].size} channels never change")
 
 
 def _cut(recording: Recording) -> Recording:
-    """A recording in one piece, cut in the middle of its rests."""
+    """The recording, split at the middle of its rests if it has a single episode."""
     assert recording.simulated is not None
     if len(np.unique(recording.episode)) > 1:
         return recording
@@ -186,20 +190,18 @@ def _cut(recording: Recording) -> Recording:
 
 
 def _shortened(recording: Recording, warnings: list[str]) -> Recording:
-    """A recording of as many numbers as a diagnosis can hold: fewer frames of each episode, then fewer episodes."""
+    """The recording reduced to a size that a diagnosis can hold: fewer frames per episode, then fewer episodes."""
     assert recording.measured is not None
     numbers = recording.measured.size
     if numbers <= MOST:
         return recording
     first = episode_starts(recording.episode)
-    number = np.cumsum(np.isin(np.arange(len(recording)), first)) - 1  # of each frame's episode
+    number = np.cumsum(np.isin(np.arange(len(recording)), first)) - 1  # episode of each frame
     interval = float(np.median(np.diff(recording.time)))
     stride = max(1, min(int(np.ceil(numbers / MOST)), int(_LONGEST / max(interval, 1e-9))))
     skip = max(1, min(int(np.ceil(numbers / MOST / stride)), len(first) // _LEAST_EPISODES))
     kept = ((np.arange(len(recording)) - first[number]) % stride == 0) & (number % skip == 0)
-    warnings.append(
-        f"the recording is long: one frame in {stride} of one episode in {skip} was compared, the figures are theirs"
-    )
+    warnings.append(f"the recording is long: only one frame in {stride} of one episode in {skip} was used")
     return recording[kept]
 
 

@@ -55,6 +55,7 @@ class Problem:
         fitted: ``(T,)`` samples that take part in a fit, None for all.
         constant: ``(pads, 3, rows, cols)`` N or 0, what is read without force and is not fitted.
         shrink: ``(pads, 3, 1, 1)`` how much of what taxels do not share remains of the amounts of the second curve.
+        phase: The reading nearest to 0 (N); 0 where readings are whole steps.
     """
 
     measured: FloatArray
@@ -73,6 +74,7 @@ class Problem:
     fitted: NDArray[np.bool_] | None = None
     constant: FloatArray | float = 0.0
     shrink: FloatArray | None = None
+    phase: float = 0.0
 
     @cached_property
     def weight(self) -> FloatArray:
@@ -237,7 +239,7 @@ class Problem:
     @cached_property
     def counting(self) -> Counting:
         """How the sensor turns forces into readings."""
-        return Counting(self.step, self.dither, self.clips)
+        return Counting(self.step, self.dither, self.clips, self.phase)
 
     def read(self, force: FloatArray) -> FloatArray:
         """What the sensor reads of `force` on average, see `Counting`."""
@@ -253,6 +255,7 @@ class Problem:
 
     def _at(self, frames: Sequence[NDArray[np.intp]]) -> Problem:
         """The problem of some frames of each episode."""
+        frames = [own for own in frames if len(own)]
         which = np.concatenate(frames)
         ends = np.cumsum([len(own) for own in frames])
         return replace(
@@ -393,7 +396,7 @@ def problem_of(recording: Recording, tolerance: Tolerance = TOLERANCE) -> Proble
     peak = peak_of(simulated)
     if not peak > 0:
         raise InvalidValueError("the simulated tensor is 0 throughout: there is nothing to compare")
-    step = step_of(measured)
+    step, phase = step_of(measured)
     covariates = {n: c for n, c in recording.covariates.items() if c.ndim == 1 and np.isfinite(c).all()}
     alive = np.ones(measured.shape[1:], dtype=bool)
     if "readout" in recording.metadata:  # channels that do not answer to the load are 0 in both streams
@@ -401,7 +404,7 @@ def problem_of(recording: Recording, tolerance: Tolerance = TOLERANCE) -> Proble
     problem = Problem(
         measured, simulated, recording.time, covariates, episodes, np.ones(1), peak,
         alive, step, 0.0, clips=bool(measured[:, :, 2].min() >= 0),
-        least=min(float(simulated.min()), 0.0),
+        least=min(float(simulated.min()), 0.0), phase=phase,
     )  # fmt: skip
     return with_noise(problem, tolerance)
 
@@ -413,7 +416,7 @@ def with_noise(problem: Problem, tolerance: Tolerance = TOLERANCE) -> Problem:
     allowed = tolerated(problem.simulated, problem.time, problem.episodes, tolerance)
     if alive[:, :2].any():
         dither = dither_of(
-            problem.measured, problem.simulated, problem.at_rest, problem.untouched,
+            problem.measured - problem.phase, problem.simulated, problem.at_rest, problem.untouched,
             problem.episodes, problem.interval, step, alive,
         )  # fmt: skip
     else:  # no shear is measured

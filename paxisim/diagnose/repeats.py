@@ -1,4 +1,4 @@
-"""Repeats: what a motion that is repeated tells, and what it cannot: a sensor that settles, and speed."""
+"""Repeats: detect a sensor that has not settled, and motions too uniform in speed to separate memory effects."""
 
 from __future__ import annotations
 
@@ -11,51 +11,48 @@ from paxisim.diagnose.problem import FloatArray, Problem
 from paxisim.logs.aligned import episode_spans
 from paxisim.recording import Recording
 
-ALIKE = 0.15  # of its peak, by which the load of a repeated motion may differ
-LEAST = 5  # like episodes, of which the later half tells what is usual
-UNUSUAL = 2.0  # times the largest distance among the later half
-SPEEDS = 2.0  # times by which the slowest and the fastest pass differ where there is one speed
-MEMORY = ("creep", "hysteresis")
-"""Causes that differ only in what the speed does to them."""
-
-_HAS_LOAD = 0.5  # of the recording's largest load, that an episode with a load reaches
+ALIKE = 0.15  # relative difference in load up to which two episodes repeat the same motion
+LEAST = 5  # fewest repeated episodes; the later half serves as the reference
+UNUSUAL = 2.0  # times the largest distance within the later half
+SPEEDS = 2.0  # ratio of the fastest to the slowest loading rate below which there is a single speed
+_HAS_LOAD = 0.5  # share of the largest load that an episode must reach to count as loaded
 _PHASES = 100
 _LOADED = 0.02  # of the peak
 
 
 def settled(recording: Recording) -> tuple[Recording, tuple[LeftOver, ...], tuple[str, ...]]:
-    """The recording without the first episodes, in which the sensor had not settled; what they show; and a warning."""
+    """The recording without its initial unsettled episodes, the structure found in them, and a warning."""
     count, off = settling(recording)
     if not count:
         return recording, (), ()
     first = "the first episode" if count == 1 else f"the first {count} episodes"
-    left = LeftOver(f"under load {first} read otherwise than the later ones of the same motion", off, UNUSUAL)
+    left = LeftOver(f"{first} of a repeated motion read differently from the later ones under load", off, UNUSUAL)
     warning = (
-        f"{first}, of a motion that is repeated, read otherwise than the later ones ({off:.1f} times as far off as "
-        "those are): the sensor had not settled. They are left out; the model is that of the settled sensor"
+        f"{first} of a repeated motion read differently from the later ones ({off:.1f} times their spread): the sensor "
+        "had not settled. These episodes were excluded, and the model describes the settled sensor"
     )
     return recording[_loaded(recording)[count].start :], (left,), (warning,)
 
 
 def _loaded(recording: Recording) -> list[slice]:
-    """The episodes with a load."""
+    """The loaded episodes."""
     assert recording.simulated is not None
     load = np.abs(recording.simulated).max(axis=(1, 2, 3, 4))
     return [span for span in episode_spans(recording.episode) if load[span].max() > _HAS_LOAD * load.max()]
 
 
 def settling(recording: Recording) -> tuple[int, float]:
-    """How many episodes at the beginning read otherwise than the later ones of the same motion.
+    """How many initial episodes read differently from the later ones of the same motion.
 
-    A fresh or rested gel is stiffer in its first presses (Mullins' effect). Told only where one motion is repeated
-    throughout; a zero that drifts does not count, as what each episode reads at rest is taken off.
+    A fresh or rested gel is stiffer in its first presses (Mullins effect). This can be detected only if the whole
+    recording repeats one motion. Drift of the zero does not count: the reading at rest is subtracted in each episode.
 
     Args:
-        recording: With both streams; episodes without a load are passed over.
+        recording: With both streams; episodes without load are ignored.
 
     Returns:
-        Their number, at most half of the episodes; and how far off the first is, over the most that any of the later
-        half is from the others of it.
+        Their number, at most half of the episodes; and the distance of the first episode, relative to the largest
+        distance within the later half.
     """
     assert recording.measured is not None
     assert recording.simulated is not None
@@ -94,7 +91,7 @@ def _distance(shape: FloatArray, others: FloatArray) -> float:
 
 
 def one_speed(problem: Problem) -> bool:
-    """Whether every load was put on and taken off at about the same speed."""
+    """Whether all loads were applied and released at about the same speed."""
     speeds = []
     for span in problem.episodes:
         load, time = np.abs(problem.simulated[span]).max(axis=(1, 2, 3, 4)), problem.time[span]
@@ -112,20 +109,20 @@ def one_speed(problem: Problem) -> bool:
 
 
 def with_untold(
-    problem: Problem, rivals: Mapping[str, tuple[str, ...]], searched: Sequence[str]
+    problem: Problem, rivals: Mapping[str, tuple[str, ...]], remembering: Sequence[str]
 ) -> Mapping[str, tuple[str, ...]]:
-    """The rivals, with those memories that only other speeds could tell apart.
+    """The rivals, plus memory effects that only other speeds could separate.
 
     Args:
         problem: The recording.
-        rivals: By cause that was found, those that do as well by the data.
-        searched: The causes that were looked for.
+        rivals: Rivals of each named cause.
+        remembering: Names of the causes in the search that differ only in what the speed does to them.
     """
     if not one_speed(problem):
         return rivals
     out = dict(rivals)
-    for name in MEMORY:
+    for name in remembering:
         if name in rivals:
-            others = [other for other in MEMORY if other != name and other in searched]
+            others = [other for other in remembering if other != name]
             out[name] = tuple(dict.fromkeys([*rivals[name], *others]))
     return out

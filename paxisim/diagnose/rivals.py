@@ -22,10 +22,12 @@ def rivals_of(found: Explanation) -> Mapping[str, tuple[str, ...]]:
     rivals: dict[str, tuple[str, ...]] = {named.name: () for named in found.named}
     for named in found.fitted:
         if not named.cause.nuisance:
-            rivals[named.name] = _in_place(found.search, tuple(c.name for c in found.fit.causes), named.name)
-        elif _on_unpressed(found.problem, np.asarray(next(iter(named.values.values())))):
-            if any(c.name == "dead_taxels" for c in found.off.causes):
-                rivals[named.name] = ("dead_taxels",)
+            rivals[named.name] = _in_place(found.search, found.chosen, named.name)
+            continue
+        amounts = np.asarray(next(iter(named.values.values())))
+        asked = {item.name for item in found.off.causes}
+        if named.cause.unpressed_rival in asked and _on_unpressed(found.problem, amounts):
+            rivals[named.name] = (named.cause.unpressed_rival,)
     return rivals
 
 

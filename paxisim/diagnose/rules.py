@@ -16,9 +16,6 @@ class Rules:
         material: Materiality: the share of the noise's energy that a cause must gain on held-out episodes. A smaller
             gain does not matter to a user. A cause's `price` multiplies it.
         agreement: The least positive fraction of the total absolute gain over held-out units: how far they must agree.
-        without_best: The share of the required gain that must remain without the unit that gains most, as the
-            jackknife has it: one odd episode is no replicate.
-        clear: z-score of the gain against what noise alone makes of it.
         folds: Held-out folds at most: leave one out up to so many units.
         few_episodes: Recordings of fewer episodes are split into blocks.
         lone: Share of a cause's excitation that one episode may hold before it is split into two blocks.
@@ -37,8 +34,6 @@ class Rules:
 
     material: float = 0.003
     agreement: float = 0.75
-    without_best: float = 0.25
-    clear: float = 3.0
     folds: int = 8
     few_episodes: int = 4
     lone: float = 0.6

@@ -10,6 +10,7 @@ import numpy as np
 from paxisim.diagnose.adequacy import left_over
 from paxisim.diagnose.advice import NOT_ASKED, advice
 from paxisim.diagnose.cause import Cause
+from paxisim.diagnose.causes import CAUSES
 from paxisim.diagnose.ceiling import ceiling
 from paxisim.diagnose.diagnosis import Diagnosis, FittedParameter, FoundCause, Interval, LeftOver, Verdict
 from paxisim.diagnose.explanation import Explanation, explanation_of
@@ -89,7 +90,8 @@ def diagnosis_of(
     wanted, not_searched = _wanted(raw, causes)
     off = read_off(raw, wanted)
 
-    searched = [item for item in wanted if item.read is None]
+    nuisances = [item for item in CAUSES if item.nuisance and item not in wanted and not item.barred(raw)]
+    searched = [item for item in (*wanted, *nuisances) if item.read is None]
     search = Search(off.problem, searched, folds_of(off.problem, searched, rules), rules, jobs, tell)
     chosen = search.run()
 
@@ -127,6 +129,7 @@ def diagnosis_of(
             [(item.name, item.rivals) for item in judged.causes],
             {n: why for n, why in untestable.items() if n in _showable(raw, wanted)}
             | dict.fromkeys(judged.missed, "it gains too little to be named"),
+            {name: cause(name).excites for name in known_causes()},
             unexplained=bool(unsettled or structure),
             episodes=len(raw.episodes),
         ),
@@ -155,7 +158,8 @@ class Judged:
 def _judged(found: Explanation, squares: Squares, seed: int) -> Judged:
     gains = gains_of(squares, seed)
     rules, search = found.search.rules, found.search
-    rivals = with_untold(found.problem, rivals_of(found), list(search.causes))
+    remembering = [name for name, item in search.causes.items() if item.remembers]
+    rivals = with_untold(found.problem, rivals_of(found), remembering)
     parameters = parameters_of(found)
     causes = [
         FoundCause(
@@ -168,7 +172,7 @@ def _judged(found: Explanation, squares: Squares, seed: int) -> Judged:
         for named in found.named
     ]
     rivalling = {name for names in rivals.values() for name in names}
-    shares = search.near_misses([c.name for c in found.fit.causes]) if found.fitted else {}
+    shares = search.near_misses(found.chosen) if found.fitted else {}
     shares = {n: s for n, s in shares.items() if s > rules.near_miss and n not in rivalling}
     lines = tuple(
         LeftOver(
@@ -260,7 +264,9 @@ def _not_excited(found: Explanation, wanted: Sequence[Cause]) -> dict[str, str]:
         changes = effects(problem, item, problem.simulated)
         energy = max((float(np.sum((change * problem.weight) ** 2)) for change in changes), default=np.inf)
         if energy < rules.visible * rules.material * problem.samples:
-            missing[item.name] = "this motion does not excite it: at a size worth finding it would stay within the noise"
+            missing[item.name] = (
+                "this motion does not excite it: at a size worth finding it would stay within the noise"
+            )
     return missing
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -63,6 +64,8 @@ class Search:
         self._fits: dict[frozenset[str], Fit] = {}
         self._rankings: dict[frozenset[str], Ranking] = {}
         self._bare: dict[frozenset[str], Fit] = {}
+        self._exact: dict[frozenset[str], Fit] = {}
+        self._exact_bare: dict[frozenset[str], Fit] = {}
 
     def run(self) -> tuple[str, ...]:
         """The names of the causes that pass the test."""
@@ -84,10 +87,37 @@ class Search:
             self._fits[key] = self.fitter.fit([self.causes[n] for n in names], start)
         return self._fits[key]
 
-    def evidence(self, names: Sequence[str], name: str) -> Evidence:
+    def exact(self, names: Sequence[str]) -> Fit:
+        """The fit of a set whose folds are fitted on their own, see `Fitter.exact`."""
+        key = frozenset(names)
+        if key not in self._exact:
+            self._exact[key] = self.fitter.exact(self.fit(names))
+        return self._exact[key]
+
+    def exact_without(self, names: Sequence[str], name: str) -> tuple[Fit, FloatArray | None]:
+        """The same without one of its causes, and the constant that the others own where that one is a nuisance."""
+        if not self.causes[name].nuisance:
+            return self.exact([n for n in names if n != name]), None
+        key, constant = frozenset(names), owned_constant(self.problem, self.fit(names))
+        if key not in self._exact_bare:
+            self._exact_bare[key] = self.fitter.exact(self.without(names, name), constant)
+        return self._exact_bare[key], constant
+
+    def confirmed(self, chosen: tuple[str, ...]) -> tuple[str, ...]:
+        """The causes that pass the test with folds that are fitted on their own, the weakest dropped first."""
+        while True:
+            each(partial(self.exact_without, chosen), self._shown(chosen), self._jobs)
+            failed = [e for n in self._shown(chosen) if not (e := self.evidence(chosen, n, exact=True)).kept]
+            if not failed:
+                return chosen
+            weakest = min(failed, key=lambda e: e.share).name
+            chosen = tuple(n for n in chosen if n != weakest)
+
+    def evidence(self, names: Sequence[str], name: str, exact: bool = False) -> Evidence:
         """What speaks for one cause of a set."""
-        item, fit = self.causes[name], self.fit(names)
-        without = self.without(names, name)
+        item = self.causes[name]
+        fit = self.exact(names) if exact else self.fit(names)
+        without = self.exact_without(names, name)[0] if exact else self.without(names, name)
         gain = without.heldout - fit.heldout
         material = self.rules.material * self.problem.samples
         needed = item.price * material
@@ -95,14 +125,9 @@ class Search:
         amount = np.inf
         if item.course is None:
             amount = item.amount(fit.whole.values[name], self.problem)
-        total, best = float(gain.sum()), float(gain.max())
+        total = float(gain.sum())
         positive = float(np.maximum(gain, 0).sum()) / max(float(np.abs(gain).sum()), 1e-12)
-        kept = (
-            total > needed
-            and positive >= self.rules.agreement
-            and (len(gain) < 3 or total - best > self.rules.without_best * needed)
-            and amount >= 1
-        )
+        kept = total > needed and positive >= self.rules.agreement and amount >= 1
         return Evidence(name, gain, needed, amount, kept)
 
     def without(self, names: Sequence[str], name: str) -> Fit:

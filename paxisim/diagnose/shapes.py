@@ -1,9 +1,8 @@
-"""Shapes: what an error may go with, and how much of it each of them explains in episodes it was not fitted to.
+"""Shapes: regressors that a residual may correlate with, and the held-out energy that each of them explains.
 
-The residual is tried on some thirty hand-made shapes, one by one, each with one factor an axis. What every channel may
-be off by (a constant in each episode, its gain, a displacement) is taken out of both, which leaves a sharper view of
-what has another shape than adding it to the noise would. Only sums over episodes are kept, so that memory does not grow
-with the recording.
+The residual is regressed on about thirty shapes, one at a time, with one coefficient per axis. Tolerated errors of each
+channel (a constant per episode, a gain, a displacement) are first projected out of both, which is more sensitive than
+adding them to the noise. Only sums over episodes are kept, so that memory does not grow with the recording.
 """
 
 from __future__ import annotations
@@ -17,25 +16,25 @@ from scipy.signal import lfilter
 from paxisim.diagnose.noise import differences, rate
 from paxisim.diagnose.problem import FloatArray, Problem
 
-GROUPS = 16  # of episodes at most, that are held out together
-LONG = 2000  # frames of an episode that are kept: a longer one is thinned
-RIDGE = 1e-3  # of a shape's own energy
+GROUPS = 16  # most groups of episodes that are held out together
+LONG = 2000  # most frames per episode; longer episodes are thinned
+RIDGE = 1e-3  # relative to the energy of a shape
 
-_MOVING = 0.0015  # s by which a sample may be off its time stamp
-_TOLERATED = 3  # shapes that each channel may be off by beside a constant: gain, two displacements
+_MOVING = 0.0015  # s, tolerated error of a time stamp
+_TOLERATED = 3  # shapes of tolerated errors besides a constant: gain, two displacements
 
 
 @dataclass(frozen=True, eq=False)
 class Shapes:
-    """Sums over groups of episodes, in units of the noise, freed of what is tolerated.
+    """Sums over groups of episodes, in units of the noise, with tolerated errors projected out.
 
     Attributes:
-        names: In words, of each shape.
-        products: ``(groups, 3, shapes)`` of the shapes with themselves, by axis.
-        projections: ``(groups, 3, shapes)`` of the shapes with the residual.
-        explained: Energy of what the model changes, freed likewise.
-        load: Energy of the force itself, freed of constants.
-        samples: Numbers compared.
+        names: Each shape in words.
+        products: ``(groups, 3, shapes)`` inner product of each shape with itself, by axis.
+        projections: ``(groups, 3, shapes)`` inner product of each shape with the residual.
+        explained: Energy of the model's change to the simulation, with tolerated errors projected out.
+        load: Energy of the force, without constants.
+        samples: Number of values compared.
     """
 
     names: tuple[str, ...]
@@ -46,23 +45,23 @@ class Shapes:
     samples: int
 
     def gains(self) -> FloatArray:
-        """``(shapes, groups)`` energy that each shape explains in each group, fitted on the others."""
+        """``(shapes, groups)`` energy that each shape explains in each group when fitted on the other groups."""
         products, projections = np.moveaxis(self.products, -1, 0), np.moveaxis(self.projections, -1, 0)
         factor = others(projections, 1) / (others(products, 1) + RIDGE * products.sum(axis=1, keepdims=True) + 1e-9)
         return np.sum(2 * factor * projections - factor**2 * products, axis=2)
 
 
 def others(sums: FloatArray, axis: int) -> FloatArray:
-    """What all other groups sum to; a single group has to judge itself."""
+    """The sum over all other groups; a single group is its own sum."""
     return sums.sum(axis=axis, keepdims=True) - sums if sums.shape[axis] > 1 else sums
 
 
 def shapes_of(problem: Problem, prediction: FloatArray) -> Shapes:
-    """The sums for what a model leaves.
+    """The sums for the residual of a prediction.
 
     Args:
         problem: The recording.
-        prediction: ``(T, pads, 3, rows, cols)`` newtons, the model's output.
+        prediction: ``(T, pads, 3, rows, cols)`` newtons, the output of the model.
     """
     noise = problem.sigma.min(axis=0)
     scales = _scales(problem, prediction)
@@ -101,13 +100,13 @@ def shapes_of(problem: Problem, prediction: FloatArray) -> Shapes:
 
 
 def _without_constant(gram: FloatArray) -> FloatArray:
-    """Without the first row, a constant, and its part in the others."""
+    """The Gram matrix without its first row, a constant, after projecting that out of the others."""
     first = gram[:, :1]
     return (gram - np.swapaxes(first, 1, 2) * first / (first[:, :, :1] + 1e-9))[:, 1:, 1:]
 
 
 def _freed(problem: Problem, names: tuple[str, ...], grams: FloatArray, samples: int) -> Shapes:
-    """Without the part of residual and shapes that the tolerated explain, over the whole recording."""
+    """Project the tolerated errors out of residual and shapes, over the whole recording."""
     tolerated = slice(0, _TOLERATED)
     total = grams.sum(axis=0)
     ridge = 1e-6 * np.trace(total[:, tolerated, tolerated], axis1=-2, axis2=-1)[:, None, None] + 1e-9
@@ -126,7 +125,7 @@ def _freed(problem: Problem, names: tuple[str, ...], grams: FloatArray, samples:
 
 
 def _scales(problem: Problem, x: FloatArray) -> dict[str, float]:
-    """What makes the shapes comparable between episodes."""
+    """Scales that make the shapes comparable between episodes."""
     total, speed, fastest = 0.0, 0.0, 0.0
     for span in problem.episodes:
         time = problem.time[span]
@@ -140,9 +139,9 @@ def _scales(problem: Problem, x: FloatArray) -> dict[str, float]:
 def _shapes_at(
     problem: Problem, span: slice, x: FloatArray, seen: FloatArray, scales: dict[str, float]
 ) -> Iterator[tuple[str, FloatArray]]:
-    """What an error may go with, in words, and the shape that it then has in this episode.
+    """Each shape in words, and its values in this episode.
 
-    `seen` is the largest normal force of each taxel before.
+    `seen` is the largest earlier normal force of each taxel.
     """
     time = problem.time[span]
     moving = rate(x, time)
@@ -160,30 +159,30 @@ def _shapes_at(
         keep = np.exp(-interval / tau)
         return np.asarray(lfilter([1 - keep], [1, -keep], values, axis=0))
 
-    yield "the size of the force", x * size
-    yield "the square of the force's size", x * size**2
-    yield "the rate of the force", moving
+    yield "the magnitude of the force", x * size
+    yield "the squared magnitude of the force", x * size**2
+    yield "the rate of change of the force", moving
     for tau in (0.3, 1.5, 6.0):
-        yield f"the force of the last {tau:g} s", slow(x, tau)
-    yield "the pad's total force", x * total
-    yield "the square of the pad's total force", x * total**2
+        yield f"the force over the last {tau:g} s", slow(x, tau)
+    yield "the total force on the pad", x * total
+    yield "the squared total force on the pad", x * total**2
     for tau in (0.3, 1.0, 3.0):
         past = slow(total, tau)
-        yield f"the pad's total force of the last {tau:g} s", x * past
-        yield f"the square of the pad's total force of the last {tau:g} s", x * past**2
-    yield "the speed of a taxel's force", x * np.sqrt(np.abs(moving) / scales["rate"])
-    yield "the speed of the pad's force", x * np.sqrt(speed)
-    yield "the largest force before, against the present", x * normal / (most + 0.01)
-    yield "the largest force before", x * most
-    yield "the first part of the largest force before", x * np.exp(-most / 0.3)
-    yield "the row, times the rate: rows are read one after another", moving * rows[:, None]
-    yield "the column, times the rate: columns are read one after another", moving * cols
-    yield "the shear over the normal force", x * friction
-    yield "the shear beyond a share of the normal force", x * np.maximum(friction - 0.15, 0.0)
-    yield "the time", x * _centred(problem.time, span)
+        yield f"the total force on the pad over the last {tau:g} s", x * past
+        yield f"the squared total force on the pad over the last {tau:g} s", x * past**2
+    yield "the loading speed of the taxel", x * np.sqrt(np.abs(moving) / scales["rate"])
+    yield "the loading speed of the pad", x * np.sqrt(speed)
+    yield "the present force relative to the largest earlier force", x * normal / (most + 0.01)
+    yield "the largest earlier force", x * most
+    yield "the largest earlier force, saturating early", x * np.exp(-most / 0.3)
+    yield "the row times the rate of change: rows may be scanned one after another", moving * rows[:, None]
+    yield "the column times the rate of change: columns may be scanned one after another", moving * cols
+    yield "the ratio of shear to normal force", x * friction
+    yield "the shear above a fixed share of the normal force", x * np.maximum(friction - 0.15, 0.0)
+    yield "time", x * _centred(problem.time, span)
     for name, values in problem.covariates.items():
         if name != "gripper_opening" and np.ptp(values) > 1e-9:
-            yield f"{name}, times the force", x * _centred(values, span)
+            yield f"{name} times the force", x * _centred(values, span)
 
 
 def _centred(values: FloatArray, span: slice) -> FloatArray:

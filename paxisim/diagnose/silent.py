@@ -1,7 +1,7 @@
-"""Silent: channels that never change though they are pressed: nothing in them is to be explained.
+"""Silent: channels whose reading never changes under load, which the diagnosis excludes.
 
-A sensor may measure the normal force only, and a wire or a hall element may fail alone. No gain, however small, is the
-cause of a reading that is one and the same number throughout.
+A sensor may measure the normal force only, and a single wire or Hall element may fail. A gain, however small, cannot
+cause a constant reading.
 """
 
 from __future__ import annotations
@@ -12,17 +12,18 @@ from numpy.typing import NDArray
 from paxisim.diagnose.problem import PRESSED, Problem
 
 AXES = "xyz"
-CLEAR = 0.6  # N, beyond any dead band
-FRAMES = 8  # in which a taxel is pressed so, at least
-WITHIN = 15.0  # times what is tolerated of its place, that a contact must press on a taxel to be on it
-SHARE = 0.2  # of the peak, beyond any zero that readings cut below 0 hide
-MOST = 8  # that are listed
+CLEAR = 0.6  # N, larger than any dead band
+FRAMES = 8  # fewest frames with such a force
+WITHIN = 15.0  # times the tolerated position error: a larger force means that the contact is on the taxel
+SHARE = 0.2  # of the peak; larger than any zero hidden by clipping at 0
+MOST = 8  # channels listed
 
 
 def silent_channels(problem: Problem) -> NDArray[np.bool_]:
-    """``(pads, 3, rows, cols)`` channels that take part, and never change where rounding or a gate would not hold them.
+    """``(pads, 3, rows, cols)`` channels in use that never change under forces too large for rounding or a dead band.
 
-    Where all of a pad's axis never change, that is so of them all if other channels read forces that are half as large.
+    If no channel of a pad and axis ever changes, all of them count as silent, provided that other channels read forces
+    half as large.
     """
     alive = problem.alive
     still = alive & (np.ptp(problem.measured, axis=0) == 0)
@@ -46,11 +47,11 @@ def _is_missing(problem: Problem, pad: int, axis: int, still: NDArray[np.bool_])
 
 
 def silent_in_words(silent: NDArray[np.bool_], pads: tuple[str, ...]) -> tuple[str, ...]:
-    """What to tell of channels that are left out.
+    """Warnings about excluded channels.
 
     Args:
         silent: ``(pads, 3, rows, cols)``.
-        pads: The pads' names.
+        pads: Names of the pads.
     """
     whole = silent.all(axis=(2, 3))
     warnings = []
@@ -58,22 +59,22 @@ def silent_in_words(silent: NDArray[np.bool_], pads: tuple[str, ...]) -> tuple[s
         axes = [" and ".join(AXES[axis] for axis in np.flatnonzero(own)) for own in whole]
         names = ", ".join(f"{own} of pad {pad}" for own, pad in zip(axes, pads, strict=True) if own)
         warnings.append(
-            f"{names} never change though the simulation does: the sensor does not measure them, or they are not "
-            "connected. They are left out, so nothing is said of them"
+            f"{names} never change although the simulation does. Either the sensor does not measure them, or they are "
+            "not connected. They were excluded"
         )
     single = np.argwhere(silent & ~whole[:, :, None, None])
     if len(single):
         names = ", ".join(f"{AXES[k]} of pad {pads[p]} ({r}, {c})" for p, k, r, c in single[:MOST])
         more = f" and {len(single) - MOST} more" if len(single) > MOST else ""
         warnings.append(
-            f"{names}{more} never change{'s' if len(single) == 1 else ''} though pressed: dead channels of taxels that "
-            "answer otherwise. They are left out"
+            f"{names}{more} never change{'s' if len(single) == 1 else ''} under load although the other axes of the "
+            "taxel respond: dead channels. They were excluded"
         )
     return tuple(warnings)
 
 
 def pressed_beyond(problem: Problem, least: float) -> NDArray[np.bool_]:
-    """``(T, pads, 3, rows, cols)`` where a force is larger than `least` (N), and its contact surely on the taxel."""
+    """``(T, pads, 3, rows, cols)`` where a force exceeds `least` (N) and the contact is certainly on the taxel."""
     variance = problem.sigma**2
-    tolerated = np.sqrt(variance - variance.min(axis=0))  # large at a contact's edge, which may be beside the taxel
+    tolerated = np.sqrt(variance - variance.min(axis=0))  # large at the edge of a contact, which may miss the taxel
     return np.abs(problem.simulated) > np.maximum(least, WITHIN * tolerated)

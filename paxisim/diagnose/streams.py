@@ -1,4 +1,4 @@
-"""Streams: what a diagnosis was made from, kept in memory for the pictures of its report."""
+"""Streams: the tensors behind a diagnosis, kept in memory for the pictures of its report."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from paxisim.logs.aligned import episode_spans
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Streams:
-    """Measured, simulated and extended tensors on one clock; no file of a diagnosis holds them.
+    """Measured, simulated and extended tensors on one clock; they are not saved with a diagnosis.
 
     Attributes:
         time: ``(T,)`` seconds.
         episode: ``(T,)`` the number of each sample's episode, 0, 1, ...
         measured: ``(T, pads, 3, rows, cols)`` float32 newtons.
-        simulated: The same, as it came.
-        extended: The same, what a sensor reads on average by the extended model, fitted to other episodes.
+        simulated: The same, as recorded.
+        extended: The same, the mean reading predicted by the extended model fitted to other episodes.
         covariates: ``(T,)`` each, by name.
-        pads: The pads' names.
-        layout: Their taxels.
-        step: Newtons a count of the sensor, 0 if it does not count.
-        alive: ``(pads, 3, rows, cols)`` channels that take part; one that the sensor does not measure is left out.
+        pads: Names of the pads.
+        layout: Layout of the taxels.
+        step: Newtons per count, 0 if the sensor does not quantise.
+        alive: ``(pads, 3, rows, cols)`` channels in use, without those that the sensor does not measure.
     """
 
     time: NDArray[np.float64]
@@ -49,10 +49,10 @@ class Streams:
 
     @property
     def peak(self) -> float:
-        """The force (N) that the most loaded taxel reaches in the simulation, 99.5 % quantile over time."""
+        """Peak force (N) on the most loaded taxel in the simulation, 99.5% quantile over time."""
         return peak_of(self.simulated)
 
     @property
     def at_rest(self) -> NDArray[np.bool_]:
-        """``(T,)`` where no taxel is pressed."""
+        """``(T,)`` whether no taxel is pressed."""
         return np.abs(self.simulated).max(axis=(1, 2, 3, 4)) < 0.01 * max(self.peak, 1e-9)

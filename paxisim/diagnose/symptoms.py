@@ -1,4 +1,4 @@
-"""Symptoms: where the error lives, before and after: pads, taxels, axes, phases, frequencies, covariates."""
+"""Symptoms: where the error is, before and after: pads, taxels, axes, phases, frequencies, covariates."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from paxisim.diagnose.diagnosis import LeftOver, Place, Symptoms
 from paxisim.diagnose.noise import rate
 from paxisim.diagnose.problem import FloatArray, Problem
 
-WORST = 10  # taxels that are named
+WORST = 10  # taxels listed
 BANDS = ((0.0, 0.2), (0.2, 1.0), (1.0, 3.0), (3.0, 10.0), (10.0, np.inf))  # Hz
 PHASES = ("free", "loading", "holding", "unloading", "sliding")
-_STILL = 0.05  # of the peak in a second: slower than that a force is held
+_STILL = 0.05  # peaks per second; a force that changes more slowly is held
 
 
 def symptoms(
@@ -27,11 +27,11 @@ def symptoms(
 
     Args:
         problem: The recording.
-        simulated: ``(T, pads, 3, rows, cols)`` the simulation as it came, N.
-        prediction: The same of the extended model.
-        pads: The pads' names.
-        warnings: What is wrong with the recording.
-        left_over: What `adequacy` found.
+        simulated: ``(T, pads, 3, rows, cols)`` newtons, the simulation as recorded.
+        prediction: The same for the extended model.
+        pads: Names of the pads.
+        warnings: Warnings about the recording.
+        left_over: Structure in the residual, and near misses.
     """
     before = (problem.measured - problem.read(simulated)) * problem.weight
     after = (problem.measured - problem.read(prediction)) * problem.weight
@@ -61,7 +61,7 @@ def symptoms(
 
 
 def phases_of(problem: Problem) -> np.ndarray:
-    """``(T, pads)`` one of `PHASES`: sliding while the pressure's middle moves or shear grows faster than the force."""
+    """``(T, pads)`` one of `PHASES`; sliding: the centre of pressure moves, or shear changes faster than the force."""
     x = problem.simulated
     normal = x[:, :, 2].sum(axis=(2, 3))
     shear = x[:, :, :2].sum(axis=(3, 4))
@@ -75,7 +75,7 @@ def phases_of(problem: Problem) -> np.ndarray:
     largest = max(float(np.abs(normal).max()), 1e-9)
     pressed = np.abs(normal) > 0.01 * largest
     force, sideways = changing(normal) / largest, np.linalg.norm(changing(shear), axis=-1) / largest
-    moving = np.linalg.norm(changing(middle), axis=-1) > 0.5  # taxels a second
+    moving = np.linalg.norm(changing(middle), axis=-1) > 0.5  # taxels per second
     phase = np.full(normal.shape, "holding", dtype=object)
     phase[force > _STILL] = "loading"
     phase[force < -_STILL] = "unloading"
@@ -85,7 +85,7 @@ def phases_of(problem: Problem) -> np.ndarray:
 
 
 def _bands(problem: Problem, residual: FloatArray) -> FloatArray:
-    """Shares of a residual's energy by `BANDS`."""
+    """Energy of a residual in each of `BANDS`."""
     power = np.zeros(len(BANDS))
     for span in problem.episodes:
         values = residual[span].reshape(span.stop - span.start, -1)
@@ -99,11 +99,11 @@ def _bands(problem: Problem, residual: FloatArray) -> FloatArray:
 
 
 def _band_name(band: tuple[float, float]) -> str:
-    return f"over {band[0]:g} Hz" if np.isinf(band[1]) else f"{band[0]:g} to {band[1]:g} Hz"
+    return f"above {band[0]:g} Hz" if np.isinf(band[1]) else f"{band[0]:g} to {band[1]:g} Hz"
 
 
 def _covariates(problem: Problem, before: FloatArray, after: FloatArray) -> tuple[Place, ...]:
-    """The largest squared correlation that the mean error of a pad and axis has with each covariate and with time."""
+    """The largest squared correlation of a pad's mean residual on an axis with each covariate and with time."""
     rest = problem.at_rest if problem.at_rest.sum() >= 20 else np.ones(len(problem.time), dtype=bool)
     found = []
     for name, values in {"time": problem.time, **problem.covariates}.items():

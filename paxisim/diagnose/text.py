@@ -1,9 +1,9 @@
-"""Text: a diagnosis as a table that a person reads in a terminal."""
+"""Text: a diagnosis as a table for the terminal."""
 
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from paxisim.diagnose.advice import NOT_ASKED
@@ -13,35 +13,41 @@ if TYPE_CHECKING:
     from paxisim.diagnose.diagnosis import Diagnosis, FittedParameter, HeldOut, Interval, Place, Symptoms, Verdict
 
 WIDTH = 80
+MANY = 8  # parameters of a cause; if there are more, those of one unit are summarised by their range
+FEW = 3  # parameters of one unit that are always listed
 
 SENTENCES: Mapping[Verdict, str] = {
     "no_discrepancy": "The simulation agrees with the measurement within noise and tolerances.",
-    "explained": "The causes below explain the difference; nothing of note is left over.",
-    "ambiguous": "The causes below explain the difference, but so do their rivals: record what is advised.",
-    "partly_explained": "The causes below explain a part; what else there is stands under Left over.",
-    "unexplained": "The measurement differs from the simulation, and no known cause explains it.",
+    "explained": "The causes below explain the difference; the residual shows no further structure.",
+    "ambiguous": "The causes below explain the difference, but so do their rivals. See Record next.",
+    "partly_explained": "The causes below explain part of the difference. See What remains.",
+    "unexplained": "The simulation differs from the measurement, and no known cause explains it.",
 }
 
-ONE_EPISODE = "The causes below explain the difference, but one episode makes no name certain: record several."
+ONE_EPISODE = (
+    "The causes below explain the difference, but a single episode cannot confirm them. Record several episodes."
+)
 
 
 def is_of_one_episode(diagnosis: Diagnosis) -> bool:
-    """Whether a verdict is ambiguous because nothing was held out, not because of rivals."""
+    """Whether the verdict is ambiguous because nothing was held out, rather than because of rivals."""
     return diagnosis.verdict == "ambiguous" and not any(item.rivals for item in diagnosis.causes)
 
 
 def text_of(diagnosis: Diagnosis) -> str:
-    """The table, 80 columns wide."""
+    """The diagnosis as text, 80 columns wide."""
     sentence = ONE_EPISODE if is_of_one_episode(diagnosis) else SENTENCES[diagnosis.verdict]
     lines = [f"Verdict: {diagnosis.verdict}", *_wrap(sentence, "  ")]
     lines += [line for warning in diagnosis.symptoms.warnings for line in _wrap(f"Warning: {warning}", "")]
     lines += ["", *_table(diagnosis)] if diagnosis.causes else []
-    lines += ["", *_figures(diagnosis.heldout)]
+    lines += ["", *_figures(diagnosis.heldout, bool(diagnosis.causes))]
     if diagnosis.symptoms.left_over:
-        lines += ["", "Left over"]
+        lines += ["", "What remains"]
         lines += [line for item in diagnosis.symptoms.left_over for line in _wrap(f"- {item.what}", "  ")]
     if any((diagnosis.symptoms.axes, diagnosis.symptoms.phases)) and diagnosis.verdict != "no_discrepancy":
-        lines += ["", "Where the error lives (share of its energy: before -> after)", *_places(diagnosis.symptoms)]
+        compared = ", before -> after" if diagnosis.causes else ""
+        lines += ["", f"Where the error is (share of its energy{compared})"]
+        lines += _places(diagnosis.symptoms, bool(diagnosis.causes))
     reasons = reasons_of(diagnosis)
     if reasons:
         lines += ["", "Not testable with this recording"]
@@ -54,7 +60,7 @@ def text_of(diagnosis: Diagnosis) -> str:
 
 
 def reasons_of(diagnosis: Diagnosis) -> dict[str, list[str]]:
-    """By reason, the causes that the recording cannot show; those that were not asked for are left out."""
+    """The causes that the recording cannot test, by reason, without those that the caller excluded."""
     reasons: dict[str, list[str]] = {}
     for name, why in diagnosis.not_testable.items():
         if why != NOT_ASKED:
@@ -73,7 +79,8 @@ def _table(diagnosis: Diagnosis) -> list[str]:
         head = f"{cause.name[:15]:<16}{_percent(cause.gain):<26}{diagnosis.confidence.get(cause.name, 0):>10.0%}  "
         first, *rest = textwrap.wrap(rivals, WIDTH - len(head))
         lines += [head + first, *[" " * len(head) + line for line in rest]]
-        numbers = fault_in_words(diagnosis, cause.name) or _parameters(cause.parameters)
+        numbers = ", ".join(f"{name} {value}" for name, value in parameters_in_words(cause.parameters))
+        numbers = fault_in_words(diagnosis, cause.name) or numbers
         lines += _wrap(numbers, "  ") + _wrap(cause.evidence, "  ")
     return lines
 
@@ -84,34 +91,45 @@ def _percent(value: Interval) -> str:
     return f"{value.value:.1%} [{value.low:.1%}, {value.high:.1%}]"
 
 
-def _parameters(parameters: tuple[FittedParameter, ...]) -> str:
-    """The parameters in a line; many are summed up by their range."""
-    if len(parameters) > 8:
-        values = [p.value.value for p in parameters]
-        unit = "" if parameters[0].unit == "1" else f" {parameters[0].unit}"
-        return f"{len(parameters)} parameters from {min(values):.3g} to {max(values):.3g}{unit}"
-    return ", ".join(f"{p.name} {p.value}{'' if p.unit == '1' else ' ' + p.unit}" for p in parameters)
+def parameters_in_words(parameters: Sequence[FittedParameter]) -> list[tuple[str, str]]:
+    """Names and values of the parameters; many parameters of one unit are summarised by their range."""
+    if len(parameters) <= MANY:
+        return [(p.name, f"{p.value}{_unit(p)}") for p in parameters]
+    lines = []
+    for unit in dict.fromkeys(p.unit for p in parameters):
+        own = [p for p in parameters if p.unit == unit]
+        values = [p.value.value for p in own]
+        if len(own) > FEW:
+            lines.append((f"{len(own)} parameters", f"from {min(values):.3g} to {max(values):.3g}{_unit(own[0])}"))
+        else:
+            lines += [(p.name, f"{p.value}{_unit(p)}") for p in own]
+    return lines
 
 
-def _figures(heldout: HeldOut) -> list[str]:
-    ceiling = "not run" if heldout.ceiling_nrmse is None else f"{heldout.ceiling_nrmse:.1%}"
-    share = "nothing to explain" if heldout.explained is None else _percent(heldout.explained)
-    lines = [
-        "Held-out error (normalised RMSE)",
-        f"  simulation {heldout.nrmse_before:.1%}, extended model {heldout.nrmse_after:.1%}, "
-        f"noise floor {heldout.noise_floor:.1%}",
-        f"  explained of what can be: {share}",
-        f"  black box: {ceiling}"
-        + (f", explains {heldout.ceiling_explained:.1%}" if heldout.ceiling_explained is not None else ""),
-    ]
+def _unit(parameter: FittedParameter) -> str:
+    return "" if parameter.unit == "1" else f" {parameter.unit}"
+
+
+def _figures(heldout: HeldOut, extended: bool) -> list[str]:
+    after = f", extended model {heldout.nrmse_after:.1%}" if extended else ""
+    errors = f"simulation {heldout.nrmse_before:.1%}{after}, noise floor {heldout.noise_floor:.1%}"
+    if heldout.ceiling_nrmse is not None:
+        errors += f", black box {heldout.ceiling_nrmse:.1%}"
+    lines = ["Held-out error (normalised RMSE)", f"  {errors}"]
+    if extended and heldout.explained is not None:
+        shares = f"the extended model explains {_percent(heldout.explained)} of the explainable error"
+        if heldout.ceiling_explained is not None:
+            shares += f", the black box {max(heldout.ceiling_explained, 0.0):.1%}"
+        lines += _wrap(shares, "  ")
     return lines + (_wrap(heldout.note, "  ") if heldout.note else [])
 
 
-def _places(symptoms: Symptoms) -> list[str]:
+def _places(symptoms: Symptoms, extended: bool) -> list[str]:
     lines = []
     for title in ("pads", "axes", "phases", "frequencies", "taxels"):
         places: tuple[Place, ...] = getattr(symptoms, title)
         shown = sorted(places, key=lambda place: -place.before)[:4]
-        text = ", ".join(f"{place.where} {place.before:.0%} -> {place.after:.0%}" for place in shown)
+        after = [f" -> {place.after:.0%}" if extended else "" for place in shown]
+        text = ", ".join(f"{place.where} {place.before:.0%}{now}" for place, now in zip(shown, after, strict=True))
         lines += _wrap(f"{title}: {text}", "  ") if text else []
     return lines

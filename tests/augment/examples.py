@@ -157,7 +157,11 @@ EXAMPLES: dict[str, Example] = {
     "Saturation": Example(
         lambda rng: saturation.Saturation(rng.uniform(-1, -0.5, 3), rng.uniform(0.5, 1, 3), rng.uniform(0.1, 0.9))
     ),
-    "Stiffening": Example(lambda rng: stiffening.Stiffening(rng.uniform(0.7, 1.5), rng.uniform(0.5, 2))),
+    "Stiffening": Example(
+        lambda rng: stiffening.Stiffening(
+            rng.uniform(0.7, 1.5), rng.uniform(0.5, 2), rng.uniform(0.05, 1), rng.uniform(0.2, 0.8)
+        )
+    ),
     "TaxelGain": Example(lambda rng: gains.TaxelGain(rng.uniform(0.25, 1.75, TAXELS)), linear=True),
     "TemperatureDrift": Example(
         lambda rng: temperature.TemperatureDrift(

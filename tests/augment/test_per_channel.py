@@ -18,7 +18,7 @@ from paxisim.augment.offset import Offset
 from paxisim.augment.quantisation import Quantisation
 from paxisim.augment.rotation import Rotation
 from paxisim.augment.saturation import Saturation
-from paxisim.augment.stiffening import KNEE, Stiffening
+from paxisim.augment.stiffening import Stiffening
 from paxisim.errors import InvalidValueError
 
 
@@ -70,9 +70,32 @@ class TestStiffening:
         assert y[0, 2, 0, 0] == pytest.approx(2 * 0.25**1.5, rel=1e-3)
 
     def test_linear_below_the_knee(self):
-        tiny = Stiffening(0.7)(taxel(0, 0, 1e-6))[0, 2, 0, 0]
-        assert tiny / 1e-6 == pytest.approx((KNEE / math.hypot(1, KNEE)) ** -0.3)
-        assert Stiffening(0.7)(taxel(0, 0, 2e-6))[0, 2, 0, 0] == pytest.approx(2 * tiny, rel=1e-6)
+        for knee in (0.01, 0.3):
+            bent = Stiffening(0.7, 1.0, knee)
+            tiny = bent(taxel(0, 0, 1e-6))[0, 2, 0, 0]
+            assert tiny / 1e-6 == pytest.approx((knee / math.hypot(1, knee)) ** -0.3)
+            assert bent(taxel(0, 0, 2e-6))[0, 2, 0, 0] == pytest.approx(2 * tiny, rel=1e-6)
+
+    def test_with_a_large_knee_the_gain_changes_with_the_square_of_the_force(self):
+        knee, exponent, scale = 10.0, 5.0, 2.0
+        bent = Stiffening(exponent, scale, knee)
+        force = np.array([0.5, 1.0, 2.0, 4.0])
+        gain = np.array([bent(taxel(0, 0, f))[0, 2, 0, 0] for f in force]) / force
+        away = gain - (knee / math.hypot(1, knee)) ** (exponent - 1)
+        np.testing.assert_allclose(away / away[0], (force / force[0]) ** 2, rtol=0.05)
+        assert gain[2] == pytest.approx(1)
+
+    def test_axes_bend_together_or_each_by_itself(self):
+        x = taxel(0.4, -0.8, 3.0)
+        apart = Stiffening(0.7, 2.0, 0.2, 0.0)(x)
+        for axis in range(3):
+            alone = np.zeros_like(x)
+            alone[:, axis] = x[:, axis]
+            np.testing.assert_allclose(apart[:, axis], Stiffening(0.7, 2.0, 0.2)(alone)[:, axis], rtol=1e-12)
+        between = Stiffening(0.7, 2.0, 0.2, 0.5)(x)
+        together = Stiffening(0.7, 2.0, 0.2)(x)
+        shear = [y[0, 0, 0, 0] for y in (together, between, apart)]
+        assert shear[0] < shear[1] < shear[2]
 
     def test_the_direction_stays_whatever_it_is(self):
         x = frame()

@@ -40,14 +40,14 @@ def test_it_prints_the_table_and_writes_the_files(path, capsys):
     gain = {p["name"]: p["value"]["value"] for p in document["causes"][0]["parameters"]}["gain_z"]
     assert gain == pytest.approx(1.2, abs=0.02)
     assert len(Chain.load(out / "model.json")) == 1
-    assert f"{out / 'report.html'}: the diagnosis in pictures" in printed
+    assert f"{out / 'report.html'}: the report with pictures" in printed
     assert '<section class="cause" id="axis_gain">' in (out / "report.html").read_text(encoding="utf-8")
 
 
 def test_without_jinja2_there_is_a_warning_in_place_of_the_report(path, capsys, monkeypatch):
     out = path.parent / "out"
     monkeypatch.setitem(sys.modules, "jinja2", None)
-    with pytest.warns(UserWarning, match=r"no report.html is written: .*jinja2.*paxisim\[diagnose\]"):
+    with pytest.warns(UserWarning, match=r"report.html was not written: .*jinja2.*paxisim\[diagnose\]"):
         diagnose(path, out, causes="axis_gain")
     assert f"{out / 'diagnosis.json'}: " in capsys.readouterr().out
     assert sorted(file.name for file in out.iterdir()) == ["diagnosis.json", "model.json"]

@@ -1,7 +1,59 @@
-"""A case of `tests/hidden`, which knows nothing of paxisim, as a user has it."""
+"""Recordings for tests: cases of `tests/hidden`, which knows nothing of paxisim, as a user has them."""
 
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import paxisim
 from paxisim.recording import Recording
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from hidden.practice.cases import make
+
+SMALL = {"rows": 4, "cols": 3, "rate": 20, "duration": 6.0}
 
 
 def recording_of(case):
     return Recording(case.time, case.measured, case.simulated, case.covariates, case.episode)
+
+
+def small(*causes, seed, **options):
+    """A recording of 4x3 taxels at 20 Hz in eight short episodes, in which `causes` are hidden."""
+    case = make(causes, seed=seed, **{**SMALL, **options})
+    print(f"make({causes}, seed={seed}, {options}): signal {case.signal:.3g}")
+    return recording_of(case)
+
+
+def plain(effect=None, seed=1, noise=0.02, **options):
+    """A small recording of a sensor with white noise that counts in no steps.
+
+    Args:
+        effect: What it reads of ``(force, time)`` of an episode; default: the force.
+        seed: Of the motion and the noise.
+        noise: N.
+        options: Of the motion, for `hidden.practice.cases.make`.
+    """
+    case = make((), seed=seed, **{**SMALL, **options})
+    read = case.simulated.astype(float)
+    for number in np.unique(case.episode) if effect is not None else ():
+        own = case.episode == number
+        read[own] = effect(read[own], case.time[own])
+    read += noise * np.random.default_rng(seed).standard_normal(read.shape)
+    return replace(recording_of(case), measured=read.astype(np.float32))
+
+
+def diagnosed(recording, causes=None, **arguments):
+    """The diagnosis without scikit-learn: the black box, which takes most time, names nothing."""
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("sklearn", "sklearn.ensemble"):
+            patch.setitem(sys.modules, name, None)
+        return paxisim.diagnose(recording, causes, **arguments)
+
+
+def names(diagnosis):
+    """The causes that are named, largest gain first."""
+    return [cause.name for cause in diagnosis.causes]

@@ -12,7 +12,6 @@ sys.path.insert(0, str(Path(__file__).parent))
 from field_sensor import press
 
 import paxisim
-from paxisim.diagnose.noise import Tolerance
 from paxisim.diagnose.prepare import prepare
 from paxisim.diagnose.problem import problem_of
 from paxisim.errors import InvalidValueError, UnknownNameError
@@ -67,19 +66,19 @@ def test_bad_input():
     with pytest.raises(UnknownNameError, match="did you mean 'load'"):
         paxisim.calibrate_readout(recording, "loads")
     constant = dataclasses.replace(recording, covariates={"load": np.ones(len(recording))})
-    with pytest.raises(InvalidValueError, match="fitted to a load that changes"):
+    with pytest.raises(InvalidValueError, match="needs a varying load"):
         paxisim.calibrate_readout(constant, "load")
     unknown = dataclasses.replace(recording, covariates={"load": np.full(len(recording), np.nan)})
     with pytest.raises(InvalidValueError, match="is known at 0 samples"):
         paxisim.calibrate_readout(unknown, "load")
     several = dataclasses.replace(recording, covariates={"load": np.ones((len(recording), 3))})
-    with pytest.raises(InvalidValueError, match="one number a sample"):
+    with pytest.raises(InvalidValueError, match="a single value per sample"):
         paxisim.calibrate_readout(several, "load")
     noise = dataclasses.replace(recording, covariates={"load": np.random.default_rng(0).normal(size=len(recording))})
-    with pytest.raises(InvalidValueError, match="no channel goes with 'load'"):
+    with pytest.raises(InvalidValueError, match="no channel correlates with 'load'"):
         paxisim.calibrate_readout(noise, "load")
     simulated = dataclasses.replace(recording, measured=None, simulated=recording.measured)
-    with pytest.raises(InvalidValueError, match="has no measured tensor"):
+    with pytest.raises(InvalidValueError, match="measured tensor, but the recording has none"):
         paxisim.calibrate_readout(simulated, "load")
     readout = paxisim.calibrate_readout(recording, "load")
     wider = dataclasses.replace(recording, measured=np.zeros((len(recording), 1, 3, 1, 6)), layout=None)
@@ -91,6 +90,6 @@ def test_a_channel_that_is_not_used_takes_no_part_in_a_diagnosis():
     recording = press()
     recording.measured[:, 0, 1, 0, 2] = np.random.default_rng(0).normal(size=len(recording))
     ready = paxisim.calibrate_readout(recording, "load").apply(recording)
-    problem = problem_of(prepare(ready)[0], Tolerance())
+    problem = problem_of(prepare(ready)[0])
     assert problem.alive.sum() == 14
     assert problem.one_load  # a sensor of channels that are no forces: nothing is looked for that mixes them

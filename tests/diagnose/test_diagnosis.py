@@ -13,19 +13,20 @@ import paxisim.diagnose as package
 from paxisim.augment.chain import Chain
 from paxisim.diagnose import Diagnosis
 from paxisim.diagnose.advice import advice
-from paxisim.diagnose.diagnosis import FoundCause, Interval, LeftOver
-from paxisim.diagnose.run import _verdict, diagnose
+from paxisim.diagnose.diagnosis import Interval
+from paxisim.diagnose.run import diagnose
+from paxisim.diagnose.vocabulary import cause, known_causes
 from paxisim.errors import InvalidValueError, UnknownNameError
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from hidden.practice.cases import make
-from recorded import recording_of
+from recorded import diagnosed, recording_of
 
 CAUSES = ("axis_gain", "rotation", "latency")
 
 
 def recording(causes=(), seed=3, **options):
-    case = make(causes, seed=seed, **{"rows": 4, "cols": 3, "duration": 5.0, **options})
+    case = make(causes, seed=seed, **{"rows": 4, "cols": 3, "duration": 5.0, "rate": 20, **options})
     return recording_of(case)
 
 
@@ -51,8 +52,8 @@ def test_the_cause_is_named_with_its_gain_and_its_parameters(rotated):
     assert rotated.not_testable["creep"] == "not asked for"
 
 
-def test_any_number_of_processors_gives_the_same_answer(rotated):
-    assert diagnose(recording(("rotation",), strength=0.9), CAUSES, seed=1, jobs=3).to_json() == rotated.to_json()
+def test_the_answer_is_the_same_each_time_and_for_any_number_of_processors(rotated):
+    assert diagnose(recording(("rotation",), strength=0.9), CAUSES, seed=1, jobs=2).to_json() == rotated.to_json()
 
 
 def test_the_model_brings_the_simulation_nearer_to_the_measurement(rotated):
@@ -99,7 +100,7 @@ def test_errors_name_the_file_of_a_diagnosis(rotated, tmp_path):
     for content, words in (
         (b"\xff", "expected UTF-8 text"),
         (b"{", "must be JSON"),
-        (unknown.encode(), "verdict of no_discrepancy, explained, .*, got 'guilty'"),
+        (unknown.encode(), "verdict must be one of no_discrepancy, explained, .*, got 'guilty'"),
     ):
         path.write_bytes(content)
         with pytest.raises(InvalidValueError, match=rf"diagnosis\.json: .*{words}"):
@@ -107,18 +108,13 @@ def test_errors_name_the_file_of_a_diagnosis(rotated, tmp_path):
 
 
 def test_nothing_is_named_where_nothing_is_hidden():
-    found = diagnose(recording(), CAUSES)
+    found = diagnosed(recording(), CAUSES)
     assert (found.verdict, found.causes, len(found.model)) == ("no_discrepancy", (), 0)
-
-
-def test_the_same_seed_gives_the_same_diagnosis(rotated):
-    again = diagnose(recording(("rotation",), strength=0.9), CAUSES, seed=1)
-    assert again.to_json() == rotated.to_json()
 
 
 @pytest.fixture(scope="module")
 def dead():
-    return diagnose(recording(("dead_taxels",), strength=0.6), ("dead_taxels", "axis_gain"))
+    return diagnosed(recording(("dead_taxels",), strength=0.6), ("dead_taxels", "axis_gain"))
 
 
 def test_the_error_of_dead_taxels_lives_where_they_are(dead):
@@ -131,46 +127,24 @@ def test_the_error_of_dead_taxels_lives_where_they_are(dead):
 
 
 def test_what_is_outside_the_vocabulary_is_not_explained():
-    found = diagnose(recording(("hum",), strength=0.8), CAUSES)
+    found = diagnosed(recording(("hum",), strength=0.8), CAUSES)
     assert found.verdict in ("unexplained", "partly_explained")
     assert found.symptoms.left_over
-    assert any("left over" in line for line in found.advice)
-
-
-def test_a_poor_motion_gives_no_certainty():
-    """One slow speed does not tell a gel that creeps from one with hysteresis."""
-    found = diagnose(recording(("creep",), strength=0.9, family="poor", duration=9.0), ("creep", "hysteresis"))
-    assert found.verdict == "ambiguous"
-    (cause,) = found.causes
-    assert {cause.name, *cause.rivals} == {"creep", "hysteresis"}
-    assert found.confidence[cause.name] <= 0.5
-    assert any("three speeds" in line for line in found.advice)
+    assert any("unexplained residual" in line for line in found.advice)
 
 
 def test_gain_control_is_not_called_stiffening():
     given = recording(("gain_control",), strength=0.5, seed=5, duration=9.0)
-    found = diagnose(given, ("stiffening", "axis_gain", "creep"))
+    found = diagnosed(given, ("stiffening", "axis_gain", "creep"))
     assert found.verdict in ("unexplained", "partly_explained")
     assert any("total force" in item.what for item in found.symptoms.left_over)
-
-
-def test_the_verdict_is_explained_only_with_nothing_left_and_no_rivals():
-    cause = FoundCause("creep", (), Interval(0.9), (), "")
-    rivalled = dataclasses.replace(cause, rivals=("hysteresis",))
-    left = (LeftOver("a line", 9.0, 4.0),)
-    assert _verdict([cause], (), False) == "explained"
-    assert _verdict([cause, rivalled], (), False) == "ambiguous"
-    assert _verdict([cause], (), True) == "ambiguous"
-    assert _verdict([cause, rivalled], left, False) == "partly_explained"
-    assert _verdict([], left, False) == "unexplained"
-    assert _verdict([], (), False) == "no_discrepancy"
 
 
 def test_a_stream_must_be_there():
     given = recording()
     for name in ("measured", "simulated"):
         with pytest.raises(InvalidValueError, match=f"no {name} tensor"):
-            diagnose(dataclasses.replace(given, **{name: None}))
+            diagnosed(dataclasses.replace(given, **{name: None}))
 
 
 def test_streams_must_overlap_in_time():
@@ -179,10 +153,10 @@ def test_streams_must_overlap_in_time():
     half = len(given) // 2
     measured[:half], simulated[half:] = np.nan, np.nan
     with pytest.raises(InvalidValueError, match="do not overlap"):
-        diagnose(dataclasses.replace(given, measured=measured, simulated=simulated))
+        diagnosed(dataclasses.replace(given, measured=measured, simulated=simulated))
     measured[:] = np.nan
     with pytest.raises(InvalidValueError, match="NaN at every sample"):
-        diagnose(dataclasses.replace(given, measured=measured))
+        diagnosed(dataclasses.replace(given, measured=measured))
 
 
 def test_samples_with_nan_are_left_out_and_said():
@@ -190,30 +164,30 @@ def test_samples_with_nan_are_left_out_and_said():
     measured = given.measured.copy()
     measured[50:60] = np.nan
     covariates = {**given.covariates, "temperature": np.where(np.arange(len(given)) < 9, np.nan, 25.0)}
-    found = diagnose(dataclasses.replace(given, measured=measured, covariates=covariates), ("axis_gain",))
+    found = diagnosed(dataclasses.replace(given, measured=measured, covariates=covariates), ("axis_gain",))
     assert any("NaN" in warning for warning in found.symptoms.warnings)
-    assert any("'temperature' is not known" in warning for warning in found.symptoms.warnings)
+    assert any("'temperature' is missing" in warning for warning in found.symptoms.warnings)
 
 
 def test_a_time_stamp_that_comes_twice_changes_nothing_of_note(rotated):
     given = recording(("rotation",), strength=0.9)
     time = given.time.copy()
     time[101] = time[100]
-    found = diagnose(dataclasses.replace(given, time=time), CAUSES, seed=1)
+    found = diagnosed(dataclasses.replace(given, time=time), CAUSES, seed=1)
     assert [cause.name for cause in found.causes] == ["rotation"]
     assert found.heldout.nrmse_after == pytest.approx(rotated.heldout.nrmse_after, rel=0.01)
 
 
 def test_time_must_go_on():
     given = recording()
-    with pytest.raises(InvalidValueError, match="8 of 8 episodes most samples have the time of the one before"):
-        diagnose(dataclasses.replace(given, time=np.floor(given.time)))
+    with pytest.raises(InvalidValueError, match="8 of 8 episodes most samples repeat the previous time stamp"):
+        diagnosed(dataclasses.replace(given, time=np.floor(given.time)))
 
 
 def test_episodes_may_each_begin_at_0(rotated):
     given = recording(("rotation",), strength=0.9)
     begins = given.time[np.searchsorted(given.episode, given.episode)]
-    found = diagnose(dataclasses.replace(given, time=given.time - begins), (*CAUSES, "drift", "stiffening"), seed=1)
+    found = diagnosed(dataclasses.replace(given, time=given.time - begins), (*CAUSES, "drift", "stiffening"), seed=1)
     assert [cause.name for cause in found.causes] == ["rotation"]
     assert "on one clock" in found.not_testable["drift"]
     assert found.heldout.nrmse_after == pytest.approx(rotated.heldout.nrmse_after, rel=0.01)
@@ -223,7 +197,7 @@ def test_episodes_may_each_begin_at_0(rotated):
 def test_signals_must_change(name):
     given = recording()
     with pytest.raises(InvalidValueError, match=f"{name} is constant"):
-        diagnose(dataclasses.replace(given, **{name: np.full_like(given.measured, 0.5)}))
+        diagnosed(dataclasses.replace(given, **{name: np.full_like(given.measured, 0.5)}))
 
 
 @pytest.mark.parametrize(
@@ -233,56 +207,58 @@ def test_signals_must_change(name):
 def test_another_unit_is_told(scale, said):
     given = recording()
     with pytest.raises(InvalidValueError, match=rf"measured is {said}[.\d]* times simulated: both must be in newtons"):
-        diagnose(dataclasses.replace(given, measured=given.measured * scale))
+        diagnosed(dataclasses.replace(given, measured=given.measured * scale))
 
 
 @pytest.mark.parametrize("scale", [1000.0, 0.001])
 def test_streams_that_are_both_in_another_unit_are_told(scale):
     given = recording()
-    with pytest.raises(InvalidValueError, match=r"N on a taxel, from 0\.01 to 1000 N were expected"):
-        diagnose(dataclasses.replace(given, measured=given.measured * scale, simulated=given.simulated * scale))
+    with pytest.raises(InvalidValueError, match=r"N on a taxel, but 0\.01 to 1000 N were expected"):
+        diagnosed(dataclasses.replace(given, measured=given.measured * scale, simulated=given.simulated * scale))
 
 
 def test_a_sensor_that_is_not_connected_is_told():
     given = recording()
     noise = 0.02 * np.random.default_rng(0).standard_normal(given.measured.shape)
     with pytest.raises(InvalidValueError, match="no signal"):
-        diagnose(dataclasses.replace(given, measured=noise))
+        diagnosed(dataclasses.replace(given, measured=noise))
 
 
 def test_a_copy_is_told_and_is_no_discrepancy(tmp_path):
     given = recording()
-    found = diagnose(dataclasses.replace(given, measured=given.simulated), ("axis_gain",))
+    found = diagnosed(dataclasses.replace(given, measured=given.simulated), ("axis_gain",))
     assert found.verdict == "no_discrepancy"
     assert found.heldout.explained is None
     assert any("a copy" in warning for warning in found.symptoms.warnings)
     assert "nan" not in str(found)
     found.save(tmp_path)
     assert str(Diagnosis.load(tmp_path)) == str(found)
-    assert "Where the error lives" not in found.report()
+    assert "Where the error is" not in found.report()
 
 
 def test_a_recording_must_last():
     with pytest.raises(InvalidValueError, match="too short"):
-        diagnose(recording()[:30])
+        diagnosed(recording()[:30])
 
 
 def test_one_episode_is_cut_where_the_pads_are_free():
     given = recording()
     time = np.arange(len(given)) / given.rate
-    found = diagnose(dataclasses.replace(given, time=time, episode=np.zeros(len(given))), ("axis_gain",))
-    assert any("was cut into" in warning for warning in found.symptoms.warnings)
+    found = diagnosed(dataclasses.replace(given, time=time, episode=np.zeros(len(given))), ("axis_gain",))
+    assert any("was split into" in warning for warning in found.symptoms.warnings)
 
 
 def test_one_short_press_gives_no_certainty():
     given = next(recording(("rotation",), strength=0.9).episodes())
-    found = diagnose(given, CAUSES)
+    found = diagnosed(given, CAUSES)
     assert found.verdict == "ambiguous"
     assert not any(item.rivals for item in found.causes)
-    assert "one episode makes no name certain" in " ".join(str(found).split())
+    assert "a single episode cannot confirm them" in " ".join(str(found).split())
     assert "so do their rivals" not in str(found)
-    assert any(warning.startswith("one episode") for warning in found.symptoms.warnings)
-    assert any(warning.startswith("only 5") or warning.startswith("only 4") for warning in found.symptoms.warnings)
+    assert any(warning.startswith("the recording has one episode") for warning in found.symptoms.warnings)
+    assert any(
+        line.startswith(("the recording has only 5", "the recording has only 4")) for line in found.symptoms.warnings
+    )
 
 
 @pytest.mark.parametrize(
@@ -292,23 +268,27 @@ def test_one_short_press_gives_no_certainty():
 )
 def test_arguments_are_checked(arguments):
     with pytest.raises(InvalidValueError):
-        diagnose(recording(), **arguments)
+        diagnosed(recording(), **arguments)
 
 
 def test_only_recordings_and_known_causes():
     with pytest.raises(InvalidValueError, match="Recording"):
-        diagnose(np.zeros(3))
+        diagnosed(np.zeros(3))
     with pytest.raises(UnknownNameError, match="creep"):
-        diagnose(recording(), ["crep"])
+        diagnosed(recording(), ["crep"])
 
 
 def test_advice_is_of_rivals_and_of_what_was_not_excited():
     lines = advice(
-        [("hysteresis", ("creep",))], {"drift": "too short", "layout": "not asked for"}, unexplained=False, episodes=2
+        [("hysteresis", ("creep",))],
+        {"drift": "too short", "layout": "not asked for"},
+        {name: cause(name).excites for name in known_causes()},
+        unexplained=False,
+        episodes=2,
     )
-    assert lines[0].startswith("to tell hysteresis from creep: press and release in one triangle at three speeds")
+    assert lines[0].startswith("to separate hysteresis from creep: press and release in a triangle wave at three")
     assert any("8 episodes" in line for line in lines)
-    assert any(line.startswith("to show drift") for line in lines)
+    assert any(line.startswith("to test for drift") for line in lines)
     assert not any("layout" in line for line in lines)
 
 

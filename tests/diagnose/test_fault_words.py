@@ -37,9 +37,9 @@ def taxels(*places):
         (
             "dead_taxels",
             DeadTaxels(taxels((0, 1, 2), (0, 3, 0)), taxels((1, 0, 0)), np.zeros((2, 3, 4, 3))),
-            "no answer: pad left (1, 2), (3, 0); stuck: pad right (0, 0)",
+            "no response: pad left (1, 2), (3, 0); stuck: pad right (0, 0)",
         ),
-        ("dead_taxels", Chain([DeadTaxels(taxels((0, 1, 2)))]), "no answer: pad left (1, 2)"),
+        ("dead_taxels", Chain([DeadTaxels(taxels((0, 1, 2)))]), "no response: pad left (1, 2)"),
     ],
 )
 def test_it_is_said_what_is_wrong(name, member, words):
@@ -55,9 +55,9 @@ def test_the_report_says_it_too():
     pytest.importorskip("matplotlib")
     pytest.importorskip("jinja2")
     page = diagnosis("dead_taxels", DeadTaxels(taxels((0, 1, 2)))).report()
-    assert "no answer: pad left (1, 2)" in page
+    assert "no response: pad left (1, 2)" in page
     assert "not asked for" not in page
-    assert "<h2>What this recording cannot show</h2>" in page
+    assert "<h2>What this recording cannot test</h2>" in page
     assert "<b>drift</b>: too short" in page
 
 

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from paxisim.diagnose.cause import GAIN_PRIOR
-from paxisim.diagnose.gains import drawn
+from paxisim.diagnose.causes.taxel_gain import GAIN_PRIOR, drawn
 
 SHAPE = (2, 6, 5)
 

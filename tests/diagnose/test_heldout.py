@@ -1,69 +1,90 @@
-"""Held-out predictions come from fits that have not seen what they predict, also where one episode shows it all."""
+"""What is called held out comes from fits that never saw what they predict; gains are shares of what can be gained."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from recorded import diagnosed, plain, small
 
-from paxisim.augment import Chain
-from paxisim.diagnose.diagnosis import Interval
-from paxisim.diagnose.engine import Explanation, Named
-from paxisim.diagnose.heldout import Squares, figures, gains_of, hold_out
-from paxisim.diagnose.problem import Problem
-from paxisim.diagnose.run import _evidence, _not_held
+from paxisim import augment
+from paxisim.diagnose.explanation import explanation_of, heldout_of
+from paxisim.diagnose.fitting import Fitter
+from paxisim.diagnose.folds import folds_of
+from paxisim.diagnose.heldout import Squares, explained_share, gains_of, squares_of, survives
+from paxisim.diagnose.problem import problem_of
+from paxisim.diagnose.reading import read_off
+from paxisim.diagnose.rules import Rules
+from paxisim.diagnose.search import Search
+from paxisim.diagnose.vocabulary import cause
 
-EPISODES, FRAMES = 6, 40
-SHAPE = (EPISODES * FRAMES, 1, 3, 2, 2)
-
-
-def explanation(gain, fits):
-    """Of a cause that gains `gain` in each episode; each fit predicts its own number, and is kept in `fits`."""
-    rng = np.random.default_rng(0)
-    force = np.abs(rng.standard_normal(SHAPE))
-    spans = tuple(slice(k * FRAMES, (k + 1) * FRAMES) for k in range(EPISODES))
-    time = np.arange(len(force)) * 0.05
-    alive = np.ones(SHAPE[1:], dtype=bool)
-    problem = Problem(force, force, time, {}, spans, np.full(SHAPE, 0.1), 3.0, alive, 0.0, 0.0)
-
-    def refit(part):
-        fits.append(part.time)
-        return np.full(SHAPE, float(len(fits)))
-
-    named = Named("creep", Chain(), {}, np.asarray(gain, dtype=float), {})
-    energy = np.ones(EPISODES)
-    return Explanation(problem, (named,), Chain(), force, energy + gain, energy, refit=refit)
+EPISODES = 8
+CREEP = augment.Creep((0.2,), (1.0,))
 
 
-@pytest.mark.parametrize(("gain", "lone"), [([1, 1, 1, 1, 1, 1], ()), ([0, 0, 0, 9, 1, 0], (3,))])
-def test_nothing_is_predicted_by_a_fit_that_has_seen_it(gain, lone):
-    fits = []
-    found = explanation(np.array(gain), fits)
-    squares = hold_out(found, found.problem.simulated)
-    assert squares.lone == lone
-    by = squares.prediction[:, 0, 0, 0, 0].astype(int)  # number of the fit that predicted each frame
-    for frame, number in enumerate(by):
-        assert found.problem.time[frame] not in fits[number - 1]
-    for number in lone:
-        span = found.problem.episodes[number]
-        first, second = by[span][0], by[span][-1]
-        assert first != second
-        assert found.problem.time[span][-1] in fits[first - 1], "the other half is in the fit"
-        assert found.problem.time[span][0] in fits[second - 1]
-        assert all(np.all(np.diff(times) > 0) for times in fits)
-        assert (
-            "Episode 4, which alone shows most, was held out one half after the other."
-            in figures(squares, 0, None, "").note
-        )
+@pytest.fixture(scope="module")
+def problem():
+    return problem_of(plain(lambda force, time: 1.1 * CREEP.run(force, time) + 0.1, seed=4))
 
 
-def test_an_episode_that_alone_shows_a_field_is_in_halves_too():
-    found = explanation(np.array([1, 8, 1, 1, 1, 1]), [])
-    field = replace(found.found[0], name="interference", energy_gain=np.array([0, 0, 0, 0.0, 9, 1]))
-    both = replace(found, found=(*found.found, field))
-    squares = hold_out(both, found.problem.simulated)
-    assert squares.lone == (1, 4)
-    note = figures(squares, 0, None, "").note
-    assert "Episodes 2 and 5, which alone show most of a cause, were held out one half after the other." in note
+def odd(problem, number):
+    """The problem, with measurements of one episode that no other is like."""
+    measured, span = problem.measured.copy(), problem.episodes[number]
+    measured[span] = 0.4 * measured[span][::-1] + 0.5
+    return replace(problem, measured=measured)
+
+
+def heldout(problem, names):
+    causes = [cause(name) for name in names]
+    folds = folds_of(problem, causes, Rules())
+    assert not folds.split
+    fitter = Fitter(problem, folds.unit, folds.fold)
+    return heldout_of(problem, folds, fitter.exact(fitter.fit(causes)), 0.0)
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        ("creep",),
+        ("axis_gain", "latency"),
+        ("taxel_gain",),
+        ("offset", "axis_gain"),
+        ("offset", "drift"),
+        ("stiffening", "offset"),
+        ("hysteresis",),
+    ],
+    ids=" + ".join,
+)
+def test_a_held_out_episode_says_nothing_of_its_own_prediction(problem, names):
+    """Its measurements may be anything: what the others predict of it stays."""
+    number = int(np.argmax([problem.simulated[span].max() for span in problem.episodes]))
+    change = (heldout(odd(problem, number), names) - heldout(problem, names)) / problem.sigma
+    own = np.zeros(len(change), dtype=bool)
+    own[problem.episodes[number]] = True
+    assert np.sqrt(np.mean(change[own] ** 2)) < 0.02, "of the noise"
+    assert np.sqrt(np.mean(change[~own] ** 2)) > 0.02, "it does say something of the others'"
+
+
+@pytest.fixture(scope="module")
+def found():
+    recording = small("creep", seed=21, strength=0.9)
+    off = read_off(problem_of(recording), [cause(name) for name in ("creep", "axis_gain")])
+    search = Search(off.problem, off.causes, folds_of(off.problem, off.causes, Rules()), Rules())
+    return explanation_of(off, search, search.run())
+
+
+def test_the_errors_that_are_reported_are_those_of_the_held_out_predictions(found):
+    squares = squares_of(found)
+    problem = found.problem
+    left = (problem.measured - problem.read(found.heldout)) ** 2
+    np.testing.assert_allclose(squares.after, [left[span].sum() for span in problem.episodes])
+    assert squares.after.sum() > 1.0001 * np.sum((problem.measured - problem.read(found.prediction)) ** 2)
+    np.testing.assert_allclose(squares.without["creep"].sum(), squares.before.sum(), rtol=0.1)
+
+
+def test_an_episode_that_was_cut_is_said():
+    recording = next(small("axis_gain", seed=3, strength=0.9).episodes())
+    note = diagnosed(recording, ("axis_gain",)).heldout.note
+    assert "Episode 1 was held out one block after the other." in note
 
 
 @pytest.mark.parametrize(
@@ -76,30 +97,37 @@ def test_an_episode_that_alone_shows_a_field_is_in_halves_too():
     ],
 )
 def test_a_gain_is_a_share_of_what_can_be_explained(before, after, floor, gain):
-    found = explanation(np.ones(EPISODES), [])
     each = np.ones(EPISODES)
-    squares = Squares(before * each, after * each, floor * each, 9 * each, found.problem.simulated, "")
-    assert gains_of(found, squares, 0)["creep"].value == pytest.approx(gain)
+    squares = Squares(before * each, after * each, {"creep": before * each}, floor * each, 9 * each, "", ())
+    assert gains_of(squares, 0)["creep"].value == pytest.approx(gain)
 
 
-@pytest.mark.parametrize(("gain", "held"), [(0.2, True), (0.0, False), (-3.0, False)])
-def test_a_cause_that_gains_nothing_where_it_was_not_fitted_is_not_relied_on(gain, held):
-    found = explanation(np.ones(EPISODES), [])
-    told = _not_held(found, {"creep": Interval(gain)})
-    assert [item.what.split()[0] for item in told] == ([] if held else ["creep"])
-    assert ("gains nothing on episodes" in _evidence(np.ones(EPISODES), Interval(gain))) is not held
+def test_nothing_above_the_floor_is_no_share():
+    each = np.ones(EPISODES)
+    assert explained_share(Squares(each, each, {}, each, 9 * each, "", ()), each, 0) is None
 
 
-@pytest.mark.parametrize("noise", [0.02, 0.2])
+def test_a_few_episodes_of_little_noise_give_no_warning():
+    """In some of the draws of the bootstrap there is nothing to explain."""
+    before = np.array([5.0, *[0.9] * (EPISODES - 1)])
+    each = np.ones(EPISODES)
+    share = explained_share(Squares(before, each, {}, each, 9 * each, "", ()), each, 0)
+    assert share is not None
+    assert np.isfinite([share.low, share.high]).all()
+
+
+def test_confidence_is_how_often_a_gain_is_enough_when_episodes_are_drawn_again():
+    assert survives(np.ones(EPISODES), 4.0, 0) == 1.0
+    assert survives(np.ones(EPISODES), 9.0, 0) == 0.0
+    lone = np.array([8.0, *[0.0] * (EPISODES - 1)])
+    assert 0.5 < survives(lone, 4.0, 0) < 0.8, "the episode is among the drawn"
+
+
+@pytest.mark.parametrize("noise", [0.02, 0.1])
 def test_rounding_that_is_a_cause_is_no_noise(noise):
-    found = explanation(np.ones(EPISODES), [])
-    rng, force = np.random.default_rng(1), found.problem.simulated
-    measured = np.round(force + noise * rng.standard_normal(force.shape))
-    problem = replace(found.problem, measured=measured, step=1.0, dither=max(noise, 0.15))
-    named = (replace(found.found[0], name="quantisation"),)
-    coarse = replace(found, problem=problem, found=named, refit=lambda part: force)
-    squares = hold_out(coarse, force)
-    told = figures(squares, 0, None, "")
+    recording = plain(seed=4, noise=noise)
+    recording.measured[:] = np.round(recording.measured * 2) / 2
+    told = diagnosed(recording, ("quantisation",)).heldout
     assert told.noise_floor <= 1.02 * told.nrmse_after
     assert told.noise_floor > 0.8 * told.nrmse_after
     assert told.nrmse_after < told.nrmse_before

@@ -9,18 +9,17 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from hidden.practice.cases import make
-from recorded import recording_of
+from recorded import diagnosed, recording_of
 
 from paxisim import GCS
 from paxisim.diagnose import Diagnosis
-from paxisim.diagnose.run import diagnose
 
 
 @pytest.fixture(scope="module", params=["rotation", "creep", "low_pass", "taxel_gain"])
 def found(request):
-    case = make((request.param,), seed=5, rows=4, cols=3, duration=5.0, strength=0.9)
+    case = make((request.param,), seed=5, rows=4, cols=3, rate=20, duration=5.0, strength=0.9)
     recording = recording_of(case)
-    return diagnose(recording, (request.param,), seed=1)
+    return diagnosed(recording, (request.param,), seed=1)
 
 
 def leaves(intervals, model):

@@ -1,37 +1,20 @@
-"""From nothing to a cause that is named there is a size at which it may be at work, and is told as that."""
+"""Between nothing and a cause that is named there are near misses, which are reported as such."""
 
-import sys
-from dataclasses import replace
-from pathlib import Path
-
-import numpy as np
 import pytest
+from recorded import diagnosed, names, plain
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
-from hidden.practice.cases import make
-from recorded import recording_of
-
-from paxisim.augment.creep import Creep
-from paxisim.diagnose.run import diagnose
+from paxisim.augment import Creep
 
 CAUSES = ("axis_gain", "creep")
 
 
 @pytest.mark.parametrize(
-    ("amplitude", "named", "faint"),
-    [(0.0, {"axis_gain"}, False), (0.011, {"axis_gain"}, True), (0.02, set(CAUSES), False)],
+    ("amplitude", "named", "faint"), [(0.0, CAUSES[:1], False), (0.018, CAUSES[:1], True), (0.025, CAUSES, False)]
 )
 def test_a_faint_second_cause_is_not_passed_over(amplitude, named, faint):
-    recording = recording_of(make(("axis_gain",), seed=401, rows=4, cols=3, duration=6.0, strength=0.7))
-    force, creep = recording.simulated.astype(float), Creep((amplitude,), (1.0,))
-    crept = [creep.run(force[own], recording.time[own]) for own in _episodes(recording.episode)]
-    measured = recording.measured + (np.concatenate(crept) - force).astype(np.float32)
-    diagnosis = diagnose(replace(recording, measured=measured), CAUSES)
-    assert {item.name for item in diagnosis.causes} == named
-    assert any(item.what.startswith("creep may be at work too") for item in diagnosis.symptoms.left_over) is faint
-    assert any(line.startswith("to show creep") for line in diagnosis.advice) is faint
-    assert (diagnosis.verdict == "partly_explained") is faint
-
-
-def _episodes(numbers):
-    return [numbers == number for number in np.unique(numbers)]
+    creep = Creep((amplitude,), (1.0,))
+    found = diagnosed(plain(lambda force, time: 1.2 * creep.run(force, time), seed=4, noise=0.05), CAUSES)
+    assert tuple(names(found)) == named
+    assert any("creep" in item.what for item in found.symptoms.left_over) is faint
+    assert any("creep" in line for line in found.advice) is faint
+    assert found.verdict == ("partly_explained" if faint else "explained")

@@ -13,21 +13,22 @@ pytest.importorskip("jinja2")
 
 from paxisim import augment
 from paxisim.diagnose import Diagnosis
-from paxisim.diagnose.cause import cause, known_causes
+from paxisim.diagnose.causes import CAUSES
 from paxisim.diagnose.diagnosis import FittedParameter, FoundCause, HeldOut, Interval, Symptoms
-from paxisim.diagnose.noise import Tolerance
+from paxisim.diagnose.model import in_order
 from paxisim.diagnose.problem import problem_of
 from paxisim.diagnose.report.effect import effects, run
-from paxisim.diagnose.report.kinds import KINDS, WORDS, evidence
+from paxisim.diagnose.report.kinds import PICTURES, evidence
 from paxisim.diagnose.report.style import binned, drawing, scattered
 from paxisim.diagnose.streams import Streams
+from paxisim.diagnose.vocabulary import cause
 from paxisim.layout import TaxelLayout
 from paxisim.recording import Recording
 
 sys.path.insert(0, str(Path(__file__).parent))
 from report_pages import check_pictures, pictures_of, recording
 
-READ = {  # what `checks` reads off the data, by name
+READ = {  # causes without fitted parameters
     "layout": augment.LayoutFault(flip_rows=True, pad_order=(1, 0)),
     "offset": augment.Offset(np.full((2, 3, 4, 3), 0.2)),
     "drift": augment.Drift(amplitude=np.full((2, 3, 4, 3), 0.5), tau=120.0),
@@ -53,18 +54,18 @@ def found_cause(name, parameters=()):
     return FoundCause(name, tuple(parameters), Interval(0.5, 0.4, 0.6), (), "A sentence.")
 
 
-def member_of(name, problem):
+def member_of(name, problem, place):
     """A transform of the cause, and what a diagnosis would say of its parameters."""
     if name in READ:
         value = Interval(0.3, 0.2, 0.4)
         return READ[name], [FittedParameter("step", "N", value)]
     about = cause(name)
-    values = list(about.probes(problem)[0])
+    values = about.places(problem)[place]
     parameters = [
         FittedParameter(free.name, free.unit, Interval(value, value - 0.01, value + 0.01))
-        for free, value in zip(about.free(problem), values, strict=True)
+        for free, value in zip(about.parameters(problem), values, strict=True)
     ]
-    return about.make(values, problem), parameters
+    return about.transform(values, problem), parameters
 
 
 @pytest.fixture(scope="module")
@@ -74,17 +75,22 @@ def given():
 
 @pytest.fixture(scope="module")
 def problem(given):
-    return problem_of(given, Tolerance())
+    return problem_of(given)
 
 
-def test_every_cause_has_its_own_pictures_and_words():
-    assert set(KINDS) == set(WORDS) <= set(known_causes())
+def test_every_cause_has_words_and_a_kind_of_picture():
+    assert all(item.words.endswith(".") for item in CAUSES)
+    assert {item.picture for item in CAUSES} == set(PICTURES) - {"plain"}
+    assert not set(PICTURES) & {item.name for item in CAUSES}, "a kind of picture is no cause"
 
 
-@pytest.mark.parametrize("name", sorted(KINDS))
-def test_the_pictures_of_every_cause(name, given, problem):
-    transform, parameters = member_of(name, problem)
-    chain = augment.Chain([transform], [name])
+@pytest.mark.parametrize(
+    "place", [0, 1], ids=["first start", "second start"]
+)  # without and with a gauge, if it has one
+@pytest.mark.parametrize("name", sorted(item.name for item in CAUSES))
+def test_the_pictures_of_every_cause(name, place, given, problem):
+    transform, parameters = member_of(name, problem, place)
+    chain = in_order([(name, transform)])
     with drawing():
         (effect,) = effects((found_cause(name, parameters),), chain, streams_of(given))
         made = evidence(effect)
@@ -107,7 +113,7 @@ def test_a_cause_of_the_users_own_has_the_plain_pictures(given):
     with drawing():
         (effect,) = effects((found_cause("shaken"),), chain, streams_of(given))
         titles = [picture.title for picture in evidence(effect)]
-    assert titles[0] == "What shaken adds is what is missing"
+    assert titles[0] == "Deviation without shaken, and what shaken adds"
     assert len(titles) == 2
 
 

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from paxisim.diagnose.engine import Tolerance
 from paxisim.diagnose.problem import problem_of
 from paxisim.diagnose.symptoms import phases_of, symptoms
 from paxisim.recording import Recording
@@ -34,7 +33,7 @@ def presses(**wrong):
     opening = 0.02 + 0.01 * np.sin(at)
     measured += wrong.get("field", 0.0) * (opening - 0.02)[:, None, None, None, None]
     recording = Recording(at, measured, simulated, {"gripper_opening": opening}, episode)
-    return problem_of(recording, Tolerance())
+    return problem_of(recording)
 
 
 def test_phases_follow_the_motion():

@@ -1,4 +1,4 @@
-"""Axis coupling: a force on one axis is read on another as well."""
+"""Axis coupling: a force on one axis leaks into the reading of another axis."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from paxisim.diagnose.cause import Cause, Free, Values, one_away
 from paxisim.diagnose.causes.channel_curve import mixes_alike
 from paxisim.diagnose.problem import Problem
 
-# in the plane of the pad only what is symmetric: the rest of it is a turn about the normal, which is `rotation`
+# in the plane of the pad only the symmetric part: the antisymmetric part is `rotation` about the normal
 COUPLED = {
     "z_to_x": ((0, 2),),
     "z_to_y": ((1, 2),),
@@ -36,4 +36,6 @@ AXIS_COUPLING = Cause(
     lambda p: [one_away(len(COUPLED), i, 0.0, 0.1) for i in range(len(COUPLED))],
     misfit=0.002,
     barred=mixes_alike,
+    words="A force on one axis leaks into the reading of another axis.",
+    picture="axes",
 )

@@ -1,4 +1,4 @@
-"""Axis gain: each axis reads too much or too little by a factor of its own."""
+"""Axis gain: each axis reads too high or too low by a constant factor."""
 
 from __future__ import annotations
 
@@ -15,4 +15,6 @@ AXIS_GAIN = Cause(
     lambda p: [one_away(3, k, 1.0, 0.1) for k in range(3)],
     misfit=0.002,
     barred=bent_apart,
+    words="Each axis reads too high or too low by a constant factor.",
+    picture="gains",
 )

@@ -1,4 +1,4 @@
-"""Causes of sensors whose channels are no forces, each calibrated to the same load (`calibrate_readout`)."""
+"""Channel curve: for sensors whose channels are not forces, each calibrated to the same load (`calibrate_readout`)."""
 
 from __future__ import annotations
 
@@ -13,28 +13,36 @@ from paxisim.diagnose.cause import Cause, Local, Values
 from paxisim.diagnose.problem import FloatArray, Problem
 
 KNOTS = 9
-BEND = 0.01  # of the peak, by which a curve must leave its straight line to matter
-_STEP = 0.01  # of the peak, to see what an error at a knot does
-_PRIOR = 3.0  # of the peak: what keeps the error at a knot where no load was
+BEND = 0.01  # of the peak; materiality of the deviation of a curve from a straight line
+_STEP = 0.01  # of the peak; finite difference at a knot
+_PRIOR = 3.0  # of the peak; standard deviation of the prior at a knot, for knots without load
 
 
 def mixes_alike(problem: Problem) -> str:
-    """Why a cause that mixes channels, or swaps them, cannot be told."""
-    return "the simulation says the same for all channels: what mixes them cannot be told" if problem.one_load else ""
+    """Why causes that mix or swap channels cannot be tested; empty if they can."""
+    return (
+        "the simulation is the same for all channels, so mixing between them is not identifiable"
+        if problem.one_load
+        else ""
+    )
 
 
 def no_neighbours(problem: Problem) -> str:
-    """Why nothing that goes from taxel to taxel can be told."""
+    """Why causes that act between taxels cannot be tested; empty if they can."""
     return "a pad of a single taxel has no neighbours" if problem.alive[0, 0].size == 1 else mixes_alike(problem)
 
 
 def bent_apart(problem: Problem) -> str:
-    """Why no gain, and no law that all taxels share, can be told."""
-    return "each channel has a curve of its own, which says this too (channel_curve)" if problem.one_load else ""
+    """Why gains and curves shared by all taxels cannot be tested; empty if they can."""
+    return "each channel has its own curve, which includes this effect (channel_curve)" if problem.one_load else ""
 
 
 def _own_loads(problem: Problem) -> str:
-    return "" if problem.one_load else "channels are in newtons: one law for all taxels is looked for (stiffening)"
+    return (
+        ""
+        if problem.one_load
+        else "the channels are in newtons, so one curve for all taxels is tested instead (stiffening)"
+    )
 
 
 def _ends(problem: Problem) -> tuple[float, float]:
@@ -48,7 +56,7 @@ def _curve(values: Values, problem: Problem) -> augment.ChannelCurve:
 def _solve(
     problem: Problem, y: FloatArray, end: Callable[[FloatArray], FloatArray], near: FloatArray | None
 ) -> FloatArray:
-    """``(KNOTS, pads, 3, rows, cols)`` N, the errors that fit best, channel by channel; see `Local.solve`."""
+    """``(KNOTS, pads, 3, rows, cols)`` N, best-fitting errors, channel by channel; see `Local.solve`."""
     low, high = (np.asarray(value) for value in _ends(problem))
     shapes = np.moveaxis(hats(y, low, high, KNOTS), 1, 0)  # (KNOTS, T, ...)
     step = _STEP * problem.peak
@@ -68,14 +76,14 @@ def _solve(
 
 
 def _normal(problem: Problem, effects: FloatArray) -> FloatArray:
-    """``(pads, 3, rows, cols, KNOTS, KNOTS)`` products of the knots' effects, with what holds a knot without load."""
+    """``(pads, 3, rows, cols, KNOTS, KNOTS)`` normal matrix of the knots' effects, with the prior."""
     normal = np.einsum("at...,bt...->...ab", effects, effects, optimize=True)
     ridge = 1 / (_PRIOR * problem.peak) ** 2 + 1e-7 * np.trace(normal, axis1=-2, axis2=-1)[..., None, None]
     return normal + ridge * np.eye(KNOTS)
 
 
 def _error(problem: Problem, prediction: FloatArray, fitted: FloatArray) -> FloatArray:
-    """``(KNOTS, pads, 3, rows, cols)`` N, half widths of 90 % intervals, with episodes as the replicates."""
+    """``(KNOTS, pads, 3, rows, cols)`` N, half widths of 90% intervals, with episodes as replicates."""
     low, high = (np.asarray(value) for value in _ends(problem))
     shapes = np.moveaxis(hats(problem.simulated, low, high, KNOTS), 1, 0)
     effects = np.stack([problem.weigh(shape) for shape in shapes])
@@ -89,7 +97,7 @@ def _error(problem: Problem, prediction: FloatArray, fitted: FloatArray) -> Floa
 
 
 def _bend(values: Values, problem: Problem) -> float:
-    """How far the most bent channel leaves its straight line, in units of what matters."""
+    """Deviation of the most curved channel from a straight line, in units of materiality."""
     error = np.asarray(values)
     place = np.linspace(-1, 1, len(error))
     slope = np.tensordot(place, error, 1) / np.sum(place**2)
@@ -106,4 +114,6 @@ CHANNEL_CURVE = Cause(
     price=3.0,
     size=_bend,
     barred=_own_loads,
+    words="Each channel responds to the load along its own curve.",
+    picture="curves",
 )

@@ -1,4 +1,4 @@
-"""Creep: under a steady load the reading goes on growing, and it comes back slowly."""
+"""Creep: under a constant load the reading keeps changing, and it recovers slowly after release."""
 
 from __future__ import annotations
 
@@ -17,7 +17,10 @@ CREEP = Cause(
         Free("tau_2", "s", 5.0, 0.1, 200.0, 3.0),
     ),
     lambda p: [(0.1, tau, 0.0, 5.0 if tau < 3 else 0.5) for tau in (0.3, 1.0, 3.0, 10.0)],
-    # calibrated with quick presses, or with loads that were held until the creep was over
+    # calibrated with quick presses (0), or with loads held until creep ended (1)
     gauge=Gauge("calibrated_held", lambda v, p: 1 / max(1 + v[0] + v[2], 0.2)),
+    remembers=True,
     misfit=0.01,
+    words="Under a constant load the reading keeps changing, and it recovers slowly after release.",
+    picture="holds",
 )

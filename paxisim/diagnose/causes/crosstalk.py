@@ -1,4 +1,4 @@
-"""Crosstalk: a taxel also reads a part of what its neighbours feel."""
+"""Crosstalk: a taxel also reads part of the force on its neighbours."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from paxisim.diagnose.cause import Cause, Free, Values
 from paxisim.diagnose.causes.channel_curve import no_neighbours
 from paxisim.diagnose.problem import Problem
 
-SHARED = 0.012  # of its load, that a taxel must give to its neighbours
+SHARED = 0.012  # materiality: share of its load that a taxel passes to its neighbours
 
 
 def _size(values: Values, problem: Problem) -> float:
-    # the 4 next neighbours, and the 16 beyond at distances up to 2.8 pitches
+    # the 4 nearest neighbours, and 16 more at distances up to 2.8 pitches
     return abs(values[0]) * (4 + 7 * values[1]) / SHARED
 
 
@@ -21,13 +21,15 @@ CROSSTALK = Cause(
     lambda v, p: augment.Crosstalk(v[0], length=1.0, far=v[1], taken=v[2]),
     "probe",
     lambda p: (
-        Free("strength", "1", 0.0, -0.3, 0.3, 0.02),
+        Free("strength", "1", 0.0, -0.3, 0.3, 0.02, 0.001),
         Free("far", "1", 0.5, 0.0, 3.0, 0.5),
-        # the gauge: calibrated with single taxels, which lose nothing, or with flat presses, which read right
+        # the gauge: calibrated with single taxels (0, nothing is lost), or with flat presses (1, which read right)
         Free("taken", "1", 0.5, 0.0, 1.0, 0.3),
     ),
     lambda p: [(0.02, 0.0, 0.0), (0.02, 1.0, 0.0), (0.02, 1.0, 1.0)],
     misfit=0.02,
     size=_size,
     barred=no_neighbours,
+    words="A taxel also reads part of the force on its neighbours.",
+    picture="neighbours",
 )

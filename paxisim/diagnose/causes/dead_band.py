@@ -9,7 +9,7 @@ from paxisim.diagnose.problem import Problem
 
 
 def _least(problem: Problem) -> float:
-    """Half-width (N) of a dead band that matters: rounding alone holds back half a count."""
+    """Materiality of the half width (N): rounding alone suppresses half a count."""
     told = problem.dither > 0.2 * problem.step
     return max(0.02, (0.45 if told else 0.55) * problem.step)
 
@@ -25,8 +25,10 @@ DEAD_BAND = Cause(
         Free("edge", "1", 0.2, 0.0, 1.0, 0.1, spread=0.1),
     ),
     lambda p: [(width, shrink, 0.2) for width in (0.06, 0.12, 0.2, 0.3) for shrink in (0.0, 1.0)],
-    # calibrated with small changes of a force, or so that the peak is read right
+    # calibrated with small changes of force (0), or so that the peak reads right (1)
     gauge=Gauge("calibrated_at_peak", lambda v, p: 1 / max(1 - v[0] * v[1] / p.peak, 0.2)),
     misfit=0.02,
     barred=bent_apart,
+    words="Small forces are not read.",
+    picture="small_forces",
 )

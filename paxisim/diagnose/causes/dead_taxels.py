@@ -1,4 +1,4 @@
-"""Dead taxels: those that do not answer, or are stuck at a level; read off the recording."""
+"""Dead taxels: taxels that do not respond, or are stuck at a level; read off the recording."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from paxisim.diagnose.causes.read_only import not_made
 from paxisim.diagnose.problem import FloatArray, Problem
 from paxisim.diagnose.silent import CLEAR, FRAMES, pressed_beyond
 
-FAINT = 0.3  # of a shear, that a taxel that lives surely reads
-CONSISTENT = 1.6  # times the root of the sum of their squares, that the episodes' answers must add up to
-FAR = 4.0  # times what others read at rest, and what does not matter
-MISSING = 8.0  # times the noise that the answer of a stuck taxel must be missing
-STILL = 1.8  # times the noise that it may move
-UNMOVED = 0.2  # of what the others of its pad and axis move
-LATE = 0.1  # s, of a taxel that answers late
+FAINT = 0.3  # share of a shear that a working taxel reads at least
+CONSISTENT = 1.6  # z-score of the summed response over episodes that counts as a response
+FAR = 4.0  # times the typical reading at rest plus what is immaterial
+MISSING = 8.0  # z-score of the missing response of a stuck taxel
+STILL = 1.8  # standard deviation of a stuck taxel, in units of the noise
+UNMOVED = 0.2  # of the drift of the other taxels of the pad and axis
+LATE = 0.1  # s, time constant of a taxel that responds late
 
 
 def _read(problem: Problem) -> Reading | None:
-    """Taxels that do not answer on any axis while the simulation says that they are pressed."""
+    """Taxels that do not respond on any axis although the simulation presses them."""
     simulated, measured = problem.simulated, problem.measured
     level, noise = np.median(measured, axis=0), np.median(problem.sigma, axis=0)
     floor = max(0.6 * problem.step, 0.03)
     loaded = pressed_beyond(problem, max(0.06 * problem.peak, CLEAR))[:, :, 2] & (simulated[:, :, 2] > 0)
     dead = loaded.sum(axis=0) >= FRAMES
-    # one that answers late rises when it is no longer pressed
+    # a late response may rise after the press has ended
     rise = np.quantile(measured[:, :, 2] - level[:, 2], 0.998, axis=0)
     dead &= rise < np.maximum(0.4 * np.quantile(simulated[:, :, 2], 0.998, axis=0), 3.5 * noise[:, 2])
     for axis in range(3):
@@ -38,8 +38,8 @@ def _read(problem: Problem) -> Reading | None:
         energy = np.sum(x**2, axis=0)
         each = np.stack([np.sum(x[span] * y[span], axis=0) for span in problem.episodes])
         slope = each.sum(axis=0) / np.maximum(energy, 1e-12)
-        told = energy > (40 * noise[:, axis]) ** 2  # else noise alone decides
-        if axis < 2:  # slow noise may look like a faint answer, but not like the same in all episodes
+        told = energy > (40 * noise[:, axis]) ** 2  # otherwise noise alone would decide
+        if axis < 2:  # slow noise may resemble a faint response, but not the same one in all episodes
             shared = np.abs(each.sum(axis=0)) > CONSISTENT * np.sqrt(np.sum(each**2, axis=0))
             told &= shared | (np.abs(slope) > FAINT)
         dead &= ~told | (np.abs(slope) < 0.12)
@@ -57,9 +57,9 @@ def _read(problem: Problem) -> Reading | None:
 
 
 def _still(problem: Problem, level: FloatArray, noise: FloatArray, floor: float) -> NDArray[np.bool_]:
-    """``(pads, rows, cols)`` taxels that stay where no other is, on all axes, while they are pressed however little.
+    """``(pads, rows, cols)`` taxels stuck at an unusual level on all axes while they are pressed, however lightly.
 
-    That is enough of one that reads something, which no dead band holds back, if the next count is within reach.
+    This suffices for a taxel with a non-zero reading, which no dead band suppresses, if the force spans a count.
     """
     usual = np.median(np.abs(level), axis=(2, 3), keepdims=True)
     far = (np.abs(level) > FAR * (usual + floor)).any(axis=1) | _unmoved(problem, floor)
@@ -70,14 +70,14 @@ def _still(problem: Problem, level: FloatArray, noise: FloatArray, floor: float)
         for values in (problem.simulated, problem.measured)
     )
     energy, both = np.sum(x**2, axis=(0, 2)), np.sum(x * y, axis=(0, 2))
-    missing = (energy - both) / np.sqrt(np.maximum(energy, 1e-12))  # of the answer, in units of its noise
+    missing = (energy - both) / np.sqrt(np.maximum(energy, 1e-12))  # z-score of the missing response
     still = ((problem.measured - level) / noise).std(axis=0) < STILL
     reached = np.quantile(np.abs(problem.simulated), 0.998, axis=0).max(axis=1) > problem.step
     return far & (both < 0.25 * energy) & (missing > MISSING) & still.all(axis=1) & reached
 
 
 def _unmoved(problem: Problem, floor: float) -> NDArray[np.bool_]:
-    """``(pads, rows, cols)`` taxels that are read alike in all episodes before a contact, where others drift away."""
+    """``(pads, rows, cols)`` taxels whose reading before contact stays constant while that of others drifts."""
     spans = [span for span in problem.episodes if problem.untouched[span].any()]
     if len(spans) < 2:
         return np.zeros_like(problem.alive[:, 0])
@@ -89,11 +89,19 @@ def _unmoved(problem: Problem, floor: float) -> NDArray[np.bool_]:
 
 
 def _answers_late(problem: Problem, level: FloatArray, noise: FloatArray) -> NDArray[np.bool_]:
-    """``(pads, rows, cols)`` taxels that answer to what pressed them some tenths of a second ago, as after a tap."""
+    """``(pads, rows, cols)`` taxels that respond with a delay of some tenths of a second."""
     late = problem.run(augment.LowPass(LATE), problem.simulated)[:, :, 2]
     x, y = late - late.mean(axis=0), problem.measured[:, :, 2] - level[:, 2]
     energy, both = np.sum(x**2, axis=0), np.sum(x * y, axis=0)
     return (both > 0.3 * energy) & (both > 8 * noise[:, 2] * np.sqrt(energy))
 
 
-DEAD_TAXELS = Cause("dead_taxels", 95, not_made("dead_taxels"), "places", read=_read)
+DEAD_TAXELS = Cause(
+    "dead_taxels",
+    95,
+    not_made("dead_taxels"),
+    "places",
+    read=_read,
+    words="Some taxels do not respond to force.",
+    picture="silent_map",
+)

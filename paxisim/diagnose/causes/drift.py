@@ -1,4 +1,4 @@
-"""Drift: the zero wanders over minutes."""
+"""Drift: the zero reading drifts over minutes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,11 @@ LEAST_SECONDS = 30.0
 
 def _needs_time(problem: Problem) -> str:
     long = problem.runs_through and problem.time[-1] - problem.time[0] > LEAST_SECONDS
-    return "" if long and len(problem.episodes) >= LEAST_EPISODES else "slow changes show only over several episodes on one clock"
+    return (
+        ""
+        if long and len(problem.episodes) >= LEAST_EPISODES
+        else "a slow drift is visible only over several episodes on one clock"
+    )
 
 
 DRIFT = Cause(
@@ -26,4 +30,6 @@ DRIFT = Cause(
     misfit=0.02,
     price=7.0,
     barred=_needs_time,
+    words="The zero reading drifts over minutes.",
+    picture="zero_in_time",
 )

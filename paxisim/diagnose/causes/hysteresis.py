@@ -1,11 +1,11 @@
-"""Hysteresis: the reading depends on whether the force was rising or falling."""
+"""Hysteresis: the reading at a given force differs between loading and unloading."""
 
 from __future__ import annotations
 
 from paxisim import augment
 from paxisim.diagnose.cause import Cause, Free, Gauge, one_away
 
-RADII = (0.02, 0.06, 0.15, 0.4)  # of the peak, of the plays
+RADII = (0.02, 0.06, 0.15, 0.4)  # of the peak; radii of the play operators
 
 HYSTERESIS = Cause(
     "hysteresis",
@@ -14,7 +14,10 @@ HYSTERESIS = Cause(
     "triangles",
     lambda p: tuple(Free(f"weight_{radius:g}_peak", "1", 0.0, 0.0, 0.24, 0.05, 0.012) for radius in RADII),
     lambda p: [one_away(len(RADII), i, 0.0, 0.1) for i in range(len(RADII))],
-    # calibrated with large forces, or with swings that are too small to move the plays
+    # calibrated with large forces (0), or with swings too small to move the play operators (1)
     gauge=Gauge("calibrated_small", lambda v, p: 1 / max(1 - sum(v), 0.04)),
+    remembers=True,
     misfit=0.04,
+    words="The reading at a given force differs between loading and unloading.",
+    picture="loops",
 )

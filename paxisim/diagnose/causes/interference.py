@@ -1,4 +1,4 @@
-"""Interference: a field from outside is read as a force, and it changes as the gripper moves."""
+"""Interference: an external magnetic field is read as a force; it changes with the gripper opening."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ def _free(problem: Problem) -> tuple[Free, ...]:
             for pad in range(problem.measured.shape[1]):
                 for k, axis in enumerate(AXES):
                     name, bound = f"{power}_{place}pad{pad}_{axis}", 1e4 * scale
-                    free.append(
-                        Free(name, unit, 0.0, -bound, bound, scale, material, spread, power + place, (pad, k))
-                    )
+                    free.append(Free(name, unit, 0.0, -bound, bound, scale, material, spread, power + place, (pad, k)))
     return tuple(free)
 
 
 def _make(values: Values, problem: Problem) -> augment.Interference:
     pads = problem.measured.shape[1]
-    linear, quadratic = np.reshape(values, (2, 3, pads, 3))  # the middle, from row to row, from column to column
+    linear, quadratic = np.reshape(
+        values, (2, 3, pads, 3)
+    )  # at the centre, gradient along rows, gradient along columns
     opening = problem.covariates[COVARIATE]
     rest = problem.at_rest if problem.at_rest.any() else np.ones(len(opening), dtype=bool)
     home = float(np.median(opening[rest]))
@@ -47,7 +47,9 @@ INTERFERENCE = Cause(
     "gripper",
     _free,
     _starts,
-    planes=True,  # the gauge: the field need not be zero where the recording begins
+    planes=True,  # the gauge: the field need not be zero at the start of the recording
     covariate=COVARIATE,
     misfit=0.02,
+    words="An external magnetic field is read as a force; it changes with the gripper opening.",
+    picture="covariate",
 )

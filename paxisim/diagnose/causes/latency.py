@@ -1,4 +1,4 @@
-"""Latency: one of the two streams is late."""
+"""Latency: there is a constant delay between measurement and simulation."""
 
 from __future__ import annotations
 
@@ -14,4 +14,6 @@ LATENCY = Cause(
     lambda p: (Free("delay", "s", 0.0, -0.5, 0.5, 0.02, 0.003),),
     lambda p: [(-0.1,), (0.01,), (0.03,), (0.1,)],
     misfit=0.003,
+    words="There is a constant delay between measurement and simulation.",
+    picture="shift",
 )

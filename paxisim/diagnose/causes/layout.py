@@ -1,4 +1,4 @@
-"""Layout: taxels, axes or pads are swapped or reversed on the way; read off the correlations of the streams."""
+"""Layout: taxels, axes or pads are swapped or reversed; read off the correlations of the streams."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from paxisim.diagnose.causes.channel_curve import mixes_alike
 from paxisim.diagnose.causes.read_only import not_made
 from paxisim.diagnose.problem import FloatArray, Problem, with_noise
 
-CLEARLY = 0.05  # by how much a correlation must be better for a fault of the layout to be named
+CLEARLY = 0.05  # least gain in correlation for a layout fault to be named
 
 
 def _read(problem: Problem) -> Reading | None:
-    """The layout with which the streams agree clearly better than with the one given, if there is one.
+    """The layout for which the streams correlate clearly better than for the given one, if there is one.
 
-    Taxels and pads are told by the normal force, whatever its sign; axes and signs by the forces that remain.
+    The order of taxels and pads follows from the normal force, regardless of its sign; that of axes from all forces.
     """
     normal, wanted = problem.measured[:, :, 2], problem.simulated[:, :, 2]
     pads, rows, cols = wanted.shape[1:]
     orders = list(itertools.permutations(range(pads))) if pads <= 3 else [tuple(range(pads))]
 
     def alike_either_way(simulated: FloatArray) -> FloatArray:
-        """As `_alike`, of a normal force whose sign may be reversed."""
+        """As `_alike`, for a normal force whose sign may be reversed."""
         alike = _alike(normal, simulated, problem)
         return -alike if alike.mean() < 0 else alike
 
@@ -54,7 +54,7 @@ def _read(problem: Problem) -> Reading | None:
 
 
 def _alike(measured: FloatArray, simulated: FloatArray, problem: Problem) -> FloatArray:
-    """The correlation in each episode that has something to compare, about each taxel's rest."""
+    """Correlation in each episode with a load, relative to the median of each taxel."""
     out = []
     least = max(0.1 * float(np.abs(simulated).max()), problem.step)
     for span in problem.episodes:
@@ -66,7 +66,7 @@ def _alike(measured: FloatArray, simulated: FloatArray, problem: Problem) -> Flo
 
 
 def _axes(problem: Problem, simulated: FloatArray) -> tuple[tuple[int, int, int], tuple[int, int, int]]:
-    """Signs and order of the axes: of x and y, each by how it goes with the simulated ones."""
+    """Signs and order of the axes, from their correlation with the simulated ones."""
 
     def alike(i: int, j: int) -> FloatArray:
         return _alike(problem.measured[:, :, i], simulated[:, :, j], problem)
@@ -86,9 +86,9 @@ def _axes(problem: Problem, simulated: FloatArray) -> tuple[tuple[int, int, int]
 
 
 def _turned(problem: Problem, simulated: FloatArray, axis: int, other: int) -> bool:
-    """Whether a shear goes against the simulated one beside what of it goes with the normal force.
+    """Whether a shear has the opposite sign of the simulated one, after regressing out the normal force.
 
-    A sensor that reads part of the normal force as shear may drown the little shear of a press.
+    Leakage of the normal force into the shear reading may exceed the small shear of a press.
     """
     shear, normal = simulated[:, :, other].ravel(), simulated[:, :, 2].ravel()
     measured = problem.measured[:, :, axis] - np.median(problem.measured[:, :, axis], axis=0)
@@ -96,4 +96,13 @@ def _turned(problem: Problem, simulated: FloatArray, axis: int, other: int) -> b
     return bool(np.linalg.lstsq(both @ both.T, both @ measured.ravel(), rcond=None)[0][0] < 0)
 
 
-LAYOUT = Cause("layout", 0, not_made("layout"), "corners", read=_read, barred=mixes_alike)
+LAYOUT = Cause(
+    "layout",
+    0,
+    not_made("layout"),
+    "corners",
+    read=_read,
+    barred=mixes_alike,
+    words="Taxels, axes or pads are swapped or reversed.",
+    picture="mapping",
+)

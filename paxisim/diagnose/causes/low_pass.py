@@ -1,4 +1,4 @@
-"""Low-pass: quick changes are smoothed away."""
+"""Low-pass: the sensor smooths fast changes of force."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def _make(values: Values, problem: Problem) -> Transform:
 
 
 def capacity(problem: Problem, delay: float) -> int:
-    """Frames that a latency must keep, so that none between now and then is left out."""
+    """Number of frames that a latency must buffer to cover its delay."""
     return int(max(16, 4 * abs(delay) / problem.interval + 4))
 
 
@@ -30,9 +30,11 @@ LOW_PASS = Cause(
     lambda p: (
         Free("tau_1", "s", 0.0, 0.0, 2.0, 0.02, 0.003),
         Free("tau_2", "s", 0.0, 0.0, 2.0, 0.02, 0.003),
-        # the gauge: a filter of many poles, or one with linear phase, delays more than two poles do
+        # the gauge: a filter with many poles, or with linear phase, delays more than two poles do
         Free("delay", "1", 0.0, 0.0, 1.0, 0.3, spread=1.0),
     ),
     lambda p: [(0.01, 0.005, 0.0), (0.03, 0.02, 0.0), (0.1, 0.05, 0.0), (0.03, 0.03, 0.8)],
     misfit=0.003,
+    words="The sensor smooths fast changes of force.",
+    picture="edges",
 )

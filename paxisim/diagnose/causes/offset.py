@@ -1,4 +1,4 @@
-"""Offset: the reading is not zero where nothing presses."""
+"""Offset: the sensor does not read zero at rest."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from paxisim.diagnose.problem import Problem
 
 
 def _zero_is_fitted(problem: Problem) -> str:
-    return "the zero of each channel was fitted with its readout" if problem.one_load else ""
+    return "the zero of each channel is part of its readout" if problem.one_load else ""
 
 
 OFFSET = Cause(
@@ -20,7 +20,10 @@ OFFSET = Cause(
     "free",
     course=Course("value", lambda seconds, tau: np.ones_like(seconds)),
     nuisance=True,
+    unpressed_rival="dead_taxels",
     misfit=0.002,
     price=7.0,
     barred=_zero_is_fitted,
+    words="The sensor does not read zero at rest.",
+    picture="zero",
 )

@@ -1,4 +1,4 @@
-"""Poisson: a pressed gel bulges sideways, and drags its neighbours outwards."""
+"""Poisson: the pressed gel bulges sideways and shears the neighbouring taxels outwards."""
 
 from __future__ import annotations
 
@@ -9,10 +9,18 @@ from paxisim.diagnose.causes.channel_curve import no_neighbours
 POISSON = Cause(
     "poisson",
     40,
-    lambda v, p: augment.Poisson(v[0], v[1], reach=2.9),
+    # in steps of 0.01, as each falloff has a kernel of its own
+    lambda v, p: augment.Poisson(v[0], v[1], reach=2.9, falloff=round(v[2], 2)),
     "probe",
-    lambda p: (Free("cx", "1", 0.0, 0.0, 1.0, 0.05, 0.008), Free("cy", "1", 0.0, 0.0, 1.0, 0.05, 0.008)),
-    lambda p: [(0.1, 0.0), (0.0, 0.1)],
+    lambda p: (
+        Free("cx", "1", 0.0, 0.0, 1.0, 0.05, 0.008),
+        Free("cy", "1", 0.0, 0.0, 1.0, 0.05, 0.008),
+        # the forms: nearly the gradient of the load (a short falloff), or a push that reaches far
+        Free("falloff", "pitch", 1.0, 0.2, 4.0, 0.6, spread=2.0),
+    ),
+    lambda p: [(0.1, 0.0, 1.0), (0.0, 0.1, 1.0), (0.1, 0.1, 0.4)],
     misfit=0.01,
     barred=no_neighbours,
+    words="The pressed gel bulges sideways and shears the neighbouring taxels outwards.",
+    picture="outward_shear",
 )

@@ -1,4 +1,4 @@
-"""Read only: causes that a check reads off the recording are not made from numbers."""
+"""Read only: causes that are read off the recording have no parameters to be made from."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from paxisim.errors import InvalidValueError
 
 
 def not_made(name: str) -> Callable[[Values, Problem], Transform]:
-    """What takes the place of `Cause.make`."""
+    """A `Cause.make` that refuses."""
 
     def make(values: Values, problem: Problem) -> Transform:
-        raise InvalidValueError(f"{name} is read off the recording, it is not made from numbers")
+        raise InvalidValueError(f"{name} is read off the recording and cannot be made from parameters")
 
     return make

@@ -1,4 +1,4 @@
-"""Rotation: the sensor's axes are turned against those of the simulation."""
+"""Rotation: the sensor's axes are rotated relative to those of the simulation."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from paxisim.diagnose.cause import AXES, Cause, Free, one_away
 from paxisim.diagnose.causes.channel_curve import mixes_alike
 from paxisim.diagnose.problem import Problem
 
-TILT = 0.01  # rad, of a sensor in its mount, that is expected
+TILT = 0.01  # rad, standard deviation of the prior for the tilt of a sensor in its mount
 MOST_TILT = 0.09
 
 
@@ -25,4 +25,6 @@ ROTATION = Cause(
     lambda p: [one_away(3, k, 0.0, 0.05) for k in range(3)],
     misfit=0.002,
     barred=mixes_alike,
+    words="The sensor's axes are rotated relative to those of the simulation.",
+    picture="axes",
 )

@@ -1,4 +1,4 @@
-"""Saturation: large forces are cut off."""
+"""Saturation: large forces are clipped."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from paxisim.diagnose.cause import Cause, Free, Gauge, Values
 from paxisim.diagnose.causes.channel_curve import bent_apart
 from paxisim.diagnose.problem import Problem
 
-REACHED = 1.1  # times the peak: a limit beyond it bends the curve as a stiffening does
+REACHED = 1.1  # times the peak; a larger limit acts like stiffening
 
 
 def _make(values: Values, problem: Problem) -> augment.Saturation:
@@ -27,13 +27,15 @@ SATURATION = Cause(
     _make,
     "staircase",
     lambda p: (
-        Free("limit", "N", 2.0 * p.peak, 0.15 * p.peak, 3 * p.peak, 0.1 * p.peak),
+        Free("limit", "N", 2.0 * p.peak, 0.15 * p.peak, 3 * p.peak, 0.1 * p.peak, 0.2 * p.peak),
         Free("softness", "1", 0.3, 0.0, 1.0, 0.2),
     ),
     lambda p: [(share * p.peak, 0.2) for share in (0.5, 0.7, 0.9)] + [(0.9 * p.peak, 0.8)],
-    # calibrated with small forces, or so that the peak is read right
+    # calibrated with small forces (0), or so that the peak reads right (1)
     gauge=Gauge("calibrated_at_peak", _gain),
     misfit=0.01,
     size=lambda v, p: REACHED * p.peak / v[0],
     barred=bent_apart,
+    words="Large forces are clipped.",
+    picture="curves",
 )

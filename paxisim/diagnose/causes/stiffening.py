@@ -1,4 +1,4 @@
-"""Stiffening: the reading is not proportional to the force, by one law for all taxels."""
+"""Stiffening: the reading is not proportional to the force, with one curve for all taxels."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from paxisim.diagnose.cause import Cause, Free, Values
 from paxisim.diagnose.causes.channel_curve import bent_apart
 from paxisim.diagnose.problem import Problem
 
-BEND = 0.02  # by which the gain must change between a tenth of the peak and the peak
+BEND = 0.02  # materiality of the change in gain between a tenth of the peak and the peak
 
 
 def _free(problem: Problem) -> tuple[Free, ...]:
     peak = problem.peak
     return (
-        Free("exponent", "1", 1.0, 0.3, 3.0, 0.1),
-        # the gauge: any force up to the peak may be the one at which the sensor was calibrated
+        Free("exponent", "1", 1.0, 0.3, 3.0, 0.1, 0.008),
+        # the gauge: the sensor may have been calibrated at any force up to the peak
         Free("scale", "N", 0.5 * peak, 0.02 * peak, 1.3 * peak, 0.2 * peak, spread=0.5 * peak),
-        # the forms: a power law (a small knee), a gain that grows with the square of the force (a large one)
+        # the forms: a power law (small knee), or a gain that grows with the square of the force (large knee)
         Free("knee", "1", 0.3, 0.01, 4.0, 0.3, spread=1.0),
-        # the gel bends all axes together, a readout each axis by itself
+        # the gel acts on all axes together (1), an electronic readout on each axis separately (0)
         Free("shared", "1", 1.0, 0.0, 1.0, 0.3, spread=1.0),
     )
 
@@ -43,8 +43,12 @@ STIFFENING = Cause(
     _make,
     "staircase",
     _free,
-    lambda p: [(0.9, share * p.peak, knee, shared) for share, knee in ((0.3, 0.05), (0.5, 1.0)) for shared in (1.0, 0.0)],
+    lambda p: [
+        (0.9, share * p.peak, knee, shared) for share, knee in ((0.3, 0.05), (0.5, 1.0)) for shared in (1.0, 0.0)
+    ],
     misfit=0.01,
     size=_size,
     barred=bent_apart,
+    words="The reading is not proportional to the force.",
+    picture="curves",
 )

@@ -1,6 +1,6 @@
-"""Taxel gain: each taxel has a gain of its own, fitted in closed form.
+"""Taxel gain: each taxel has its own gain, fitted in closed form.
 
-Gains are drawn together where the episodes tell little of one or disagree.
+Gains are shrunk towards their common value (empirical Bayes) where episodes say little or disagree.
 """
 
 from __future__ import annotations
@@ -16,19 +16,19 @@ from paxisim.diagnose.causes.channel_curve import bent_apart
 from paxisim.diagnose.noise import Tolerance, differences
 from paxisim.diagnose.problem import FloatArray, Problem
 
-GAIN_PRIOR = 0.1  # spread of taxels' gains about 1 that is expected before a recording has told of it
-LEAST_SPREAD = 0.01  # of the gains, below which it is not told
-TELLS = 1e-3  # of the best pressed taxel's weight, below which one tells nothing of spread or excess
+GAIN_PRIOR = 0.1  # standard deviation of the prior of the gains
+LEAST_SPREAD = 0.01  # smallest estimate of that standard deviation
+TELLS = 1e-3  # relative to the largest weight; less loaded taxels do not inform the prior
 ROUNDS = 5
-MATERIAL = 0.026  # of the gains' spread
+MATERIAL = 0.026  # materiality of the standard deviation of the gains
 
 
 def taxel_gains(
     problem: Problem, x: FloatArray, end: Callable[[FloatArray], FloatArray], near: FloatArray | None
 ) -> FloatArray:
-    """``(pads, rows, cols)`` gains that fit best, see `drawn`; the arguments are those of `Local.solve`.
+    """``(pads, rows, cols)`` best-fitting gains, see `drawn`; the arguments are those of `Local.solve`.
 
-    What comes after the gains acts on each taxel alone, so that one small change of all of them shows every slope.
+    Everything after the gains acts on each taxel separately, so one perturbation of all gains yields all slopes.
     """
     rounds = 3 if near is None else 1
     gains = np.ones((x.shape[1], *x.shape[3:])) if near is None else near
@@ -37,29 +37,31 @@ def taxel_gains(
         slope = (end(x * (gains[:, None] + 0.02)) - now) / 0.02
         load = problem.weigh(slope)
         weights = by_episode(problem, load**2)
-        away = drawn(by_episode(problem, load * problem.weigh(problem.measured - now)) + (gains - 1) * weights, weights)[0]
+        away = drawn(
+            by_episode(problem, load * problem.weigh(problem.measured - now)) + (gains - 1) * weights, weights
+        )[0]
         change = 1 + away - gains
         gains = np.clip(gains + (change if turn == 0 else 0.8 * change), 0.05, 5.0)
     return gains
 
 
 def by_episode(problem: Problem, values: FloatArray) -> FloatArray:
-    """``(episodes, pads, rows, cols)`` sums of ``(T, pads, 3, rows, cols)`` over each episode's frames and the axes."""
+    """``(episodes, pads, rows, cols)`` sums of ``(T, pads, 3, rows, cols)`` over axes and frames of each episode."""
     if problem.fitted is not None:
         values = values * problem.fitted[:, None, None, None, None]
     return np.stack([values[span].sum(axis=(0, 2)) for span in problem.episodes])
 
 
 def drawn(pulls: FloatArray, weights: FloatArray) -> tuple[FloatArray, float]:
-    """How far gains are from 1, and the weight with which each is drawn to the gain that all have in common.
+    """Deviations of the gains from 1, and the weight of the shrinkage towards the common gain.
 
-    A contact that is not where it was simulated is so for its whole episode, and what another cause does is there in
-    each: then frames tell less than their noise would let them. How much less shows in the gains that the episodes
-    would have apart, and how far gains are from one another in those that are told well (empirical Bayes).
+    A misplaced contact persists for a whole episode, and so does the effect of another cause, so that errors within an
+    episode are correlated. Their excess variance is estimated from the scatter of the gain between episodes, and the
+    prior variance from the scatter between well-loaded taxels (empirical Bayes).
 
     Args:
-        pulls: ``(episodes, pads, rows, cols)`` load times what gains of 1 leave, summed, in units of the noise.
-        weights: The same of the load squared.
+        pulls: ``(episodes, pads, rows, cols)`` sum of load times residual at gains of 1, in units of the noise.
+        weights: The same sum of the squared load.
     """
     pull, weight = pulls.sum(axis=0), weights.sum(axis=0)
     tells, told = weights > TELLS * weights.max(), weight > TELLS * weight.max()
@@ -79,10 +81,10 @@ def drawn(pulls: FloatArray, weights: FloatArray) -> tuple[FloatArray, float]:
 
 
 def _error(problem: Problem, prediction: FloatArray, gains: FloatArray) -> FloatArray:
-    """``(pads, rows, cols)`` half the width of each taxel's interval.
+    """``(pads, rows, cols)`` half the width of each taxel's 90% interval.
 
-    Made of what differs from episode to episode, of gains by which the axes of a taxel may be off, of contacts off
-    their place, and, for taxels that were hardly pressed, of how far the gains of the others are spread.
+    It combines the scatter between episodes, the tolerated gain errors of the axes, the tolerated position error of
+    contacts, and, for taxels that were hardly pressed, the scatter of the other gains.
     """
     count = len(problem.episodes)
     load = problem.weigh(prediction)
@@ -107,7 +109,7 @@ def _error(problem: Problem, prediction: FloatArray, gains: FloatArray) -> Float
 
 
 def _size(gains: Values, problem: Problem) -> float:
-    """The spread of the taxels' gains, by how hard each was pressed on, in units of what matters."""
+    """Load-weighted standard deviation of the gains, in units of materiality."""
     load = np.sum((problem.simulated * problem.weight) ** 2, axis=(0, 2))
     mean = np.average(gains, weights=load)
     return float(np.sqrt(np.average((np.asarray(gains) - mean) ** 2, weights=load)) / MATERIAL)
@@ -115,7 +117,7 @@ def _size(gains: Values, problem: Problem) -> float:
 
 TAXEL_GAIN = Cause(
     "taxel_gain",
-    75,  # filters commute with it, and a filter's fit is then not held up by that of so many gains
+    75,  # it commutes with filters, and placed after them it does not slow down their fit
     lambda v, p: augment.TaxelGain(np.asarray(v)),
     "places",
     local=Local("gain", "1", taxel_gains, _error),
@@ -123,4 +125,6 @@ TAXEL_GAIN = Cause(
     price=3.0,
     size=_size,
     barred=bent_apart,
+    words="Each taxel has its own gain.",
+    picture="taxel_map",
 )

@@ -1,5 +1,5 @@
-"""Report: a diagnosis as one HTML page of pictures; `paxisim.diagnose.Diagnosis.report` is the front.
+"""Report: a diagnosis as one HTML page with pictures, made by `paxisim.diagnose.Diagnosis.report`.
 
-`page` puts the page together; each other module draws one kind of picture. Needs matplotlib and jinja2 (the
-``diagnose`` extra), but no display, no pyplot and no browser.
+`page` assembles the page, `kinds` lists the kinds of pictures, and the other modules draw them. The report needs
+matplotlib and jinja2 (the ``diagnose`` extra), but no display, pyplot or browser.
 """

@@ -1,11 +1,10 @@
-"""Background: what is read though nothing presses: against the gripper's opening, and against time."""
+"""Background: readings at rest, against a covariate and against time."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from paxisim.augment.interference import Interference
 from paxisim.diagnose.report import marks
 from paxisim.diagnose.report.effect import Effect, Series
 from paxisim.diagnose.report.maps import MOST_PADS, grid_of_maps
@@ -18,49 +17,62 @@ from paxisim.diagnose.report.style import (
     thin,
 )
 
-_LENGTHS = {"gripper_opening": ("gripper opening, mm", 1e3), "temperature": ("temperature, °C", 1.0)}
+_LABELS = {"gripper_opening": ("gripper opening, mm", 1e3), "temperature": ("temperature, °C", 1.0)}
 
 
-def field(effect: Effect) -> list[Picture]:
-    """Interference: the mean reading of a pad against the covariate it goes with, on the two worst axes."""
-    member = effect.member
-    name = member.covariate if isinstance(member, Interference) else "gripper_opening"
-    label, scale = _LENGTHS.get(name, (name, 1.0))
+def covariate(effect: Effect) -> list[Picture]:
+    """The mean reading of a pad at rest against the cause's covariate, on the two most affected axes."""
+    assert effect.about is not None
+    name = effect.about.covariate
+    label, scale = _LABELS.get(name, (name, 1.0))
     x = scale * effect.streams.covariates[name]
-    frames = _free(effect)
-    return [_field(effect, pad, axis, x, frames, label) for pad, axis in effect.axes[:2]]
+    frames = _at_rest(effect)
+    return [_against(effect, pad, axis, x, frames, label) for pad, axis in effect.axes[:2]]
 
 
-def _free(effect: Effect) -> NDArray[np.bool_]:
+def _at_rest(effect: Effect) -> NDArray[np.bool_]:
     rest = effect.streams.at_rest
     return rest if rest.sum() >= 20 else np.ones(len(rest), dtype=bool)
 
 
-def _field(effect: Effect, pad: int, axis: int, x: Series, frames: NDArray[np.bool_], label: str) -> Picture:
+def _against(effect: Effect, pad: int, axis: int, x: Series, frames: NDArray[np.bool_], label: str) -> Picture:
     taxels = effect.streams.layout.taxels
     measured, without, model = (values[frames] / taxels for values in effect.sums(pad, axis))
     x, seen, adds = x[frames], measured - without, model - without
-    middle = float(np.mean(seen - adds))  # the field is told up to a constant
+    middle = float(np.mean(seen - adds))  # known up to a constant only
     figure, axes = panel()
     marks.cloud(axes, x, seen)
     marks.level(axes, middle)
     mean, fitted = binned(x, adds + middle, bins=60, least=1)
     marks.with_cause(axes, mean, fitted, effect.cause.name)
-    axes.set_xlabel(f"{label}; nothing touches the pads")
-    axes.set_ylabel(f"{AXES[axis]} reading, N a taxel")
+    axes.set_xlabel(f"{label} (pads unloaded)")
+    axes.set_ylabel(f"{AXES[axis]} reading, N per taxel")
     swing = float(adds.max() - adds.min())
     place = f"pad {effect.streams.pads[pad]}, {AXES[axis]}"
     return finish(
         figure,
-        f"Nothing touches it, yet {place} moves by {swing:.2g} N with the {label.split(',')[0]}",
-        f"Mean reading of {place} with nothing pressed, against {label}: points follow the curve of the model with "
+        f"With no contact, {place} changes by {swing:.2g} N with the {label.split(',')[0]}",
+        f"Mean reading of {place} at rest against {label}. The points follow the curve of the model with "
         f"{effect.cause.name}, which spans {swing:.3g} N.",
     )
 
 
 def zero(effect: Effect) -> list[Picture]:
-    """Offset and drift: what is read at rest, taxel by taxel and in time."""
-    shift = _amount(effect)
+    """The reading at rest in time, and the zero of each taxel as maps."""
+    first = effect.streams.episodes[0]
+    return _zeros(
+        effect, _added(effect, first), "The sensor does not read zero at rest", "Reading of each taxel at rest"
+    )
+
+
+def zero_in_time(effect: Effect) -> list[Picture]:
+    """The reading at rest in time, and how far the zero of each taxel moves as maps."""
+    first, last = effect.streams.episodes[0], effect.streams.episodes[-1]
+    change = _added(effect, last) - _added(effect, first)
+    return _zeros(effect, change, "The zero drifts", "How far the zero of each taxel drifts")
+
+
+def _zeros(effect: Effect, shift: Series, title: str, title_of_maps: str) -> list[Picture]:
     pads = sorted(np.argsort(-(shift**2).sum(axis=(1, 2, 3)), kind="stable")[:MOST_PADS].tolist())
     titles = [f"{effect.streams.pads[pad]}, {AXES[axis]}" for pad in pads for axis in range(3)]
     limit = float(np.abs(shift[pads]).max()) or 1.0
@@ -70,30 +82,28 @@ def zero(effect: Effect) -> list[Picture]:
     name = effect.cause.name
     spread = finish(
         figure,
-        "What each taxel reads without any force" if name == "offset" else "How far each taxel's zero wanders",
-        f"Maps of the fitted {name} of each taxel by pad and axis; the largest is {shift[pad, axis, row, col]:.3g} N "
+        title_of_maps,
+        f"Maps of the fitted {name} of each taxel, by pad and axis. The largest is {shift[pad, axis, row, col]:.3g} N "
         f"at {effect.place((pad, axis, row, col))}.",
         legend=False,
     )
-    return [_in_time(effect, shift), spread]
+    return [_in_time(effect, shift, title), spread]
 
 
-def _amount(effect: Effect) -> Series:
-    """``(pads, 3, rows, cols)`` N that the cause adds, at the end against the start if it wanders."""
-    first, last = effect.streams.episodes[0], effect.streams.episodes[-1]
-    ends = [np.mean(effect.model[s] - effect.without[s], axis=0, dtype=float) for s in (first, last)]
-    return ends[1] - ends[0] if effect.cause.name == "drift" else ends[0]
+def _added(effect: Effect, span: slice) -> Series:
+    """``(pads, 3, rows, cols)`` N that the cause adds on average over an episode."""
+    return np.mean(effect.model[span] - effect.without[span], axis=0, dtype=float)
 
 
-def _in_time(effect: Effect, shift: Series) -> Picture:
-    """The mean of the taxels of one pad's axis that are off to the side to which most are: their noise averages out."""
+def _in_time(effect: Effect, shift: Series, title: str) -> Picture:
+    """The mean over the taxels of one pad and axis that shift in the same direction; averaging reduces the noise."""
     sides = np.stack([np.clip(shift, 0, None), np.clip(-shift, 0, None)]).sum(axis=(3, 4))
     side, pad, axis = (int(i) for i in np.unravel_index(int(sides.argmax()), sides.shape))
     taxels = shift[pad, axis] * (1 - 2 * side) > 0
     arrays = (effect.streams.measured, effect.without, effect.model)
     measured, lacking, model = (a[:, pad, axis][:, taxels].mean(axis=1, dtype=float) for a in arrays)
     seen, adds = measured - lacking, model - lacking
-    frames = _free(effect)
+    frames = _at_rest(effect)
     minutes = (effect.streams.time - effect.streams.time[0]) / 60
     figure, axes = panel()
     marks.cloud(axes, minutes[frames], seen[frames], faint=True)
@@ -105,12 +115,12 @@ def _in_time(effect: Effect, shift: Series) -> Picture:
     marks.means(
         axes, np.array([minutes[rest].mean() for rest in rests]), np.array([seen[rest].mean() for rest in rests])
     )
-    axes.set_xlabel("time, min; nothing touches the pads")
-    axes.set_ylabel(f"{AXES[axis]} reading, N a taxel")
+    axes.set_xlabel("time, min (pads unloaded)")
+    axes.set_ylabel(f"{AXES[axis]} reading, N per taxel")
     place = f"pad {effect.streams.pads[pad]}, {AXES[axis]}, mean of {int(taxels.sum())} taxels"
     return finish(
         figure,
-        f"{'The zero wanders' if effect.cause.name == 'drift' else 'At rest it does not read zero'} ({place})",
-        f"Readings with nothing pressed in time, {place}: the means of the episodes lie on the line of the model with "
+        f"{title} ({place})",
+        f"Reading at rest against time, {place}. The episode means lie on the line of the model with "
         f"{effect.cause.name}.",
     )

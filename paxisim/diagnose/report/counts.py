@@ -1,20 +1,22 @@
-"""Counts: which values a sensor reads at all, for rounding that is too coarse."""
+"""Counts: which values a sensor reads at all, for causes that round the readings to steps."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from paxisim.diagnose.report.curves import force_force
+from paxisim.diagnose.report.curves import force_force, in_newtons
 from paxisim.diagnose.report.effect import Effect
 from paxisim.diagnose.report.style import GRID, MEASURED, SIMULATED, Picture, finish, panel
 
-_STEPS = 6  # of rounding that the histogram shows
-_PARTS = 9  # bins in a step, odd so that a multiple is in the middle of one
+_STEPS = 6  # shown in the histogram
+_NEAR = 8.0  # steps shown in the curve
+_PARTS = 9  # bins per step; odd, so that each multiple lies in the middle of a bin
 
 
-def counts(effect: Effect) -> list[Picture]:
-    """Quantisation: a histogram of the readings, and what is read against what should be."""
-    return [_histogram(effect, effect.cause.parameters[0].value.value), force_force(effect)]
+def steps(effect: Effect) -> list[Picture]:
+    """A histogram of the readings, and measured against expected force near zero."""
+    step = in_newtons(effect)
+    return [_histogram(effect, step), force_force(effect, "A smooth force is read in steps", _NEAR * step)]
 
 
 def _histogram(effect: Effect, step: float) -> Picture:
@@ -27,12 +29,12 @@ def _histogram(effect: Effect, step: float) -> Picture:
     axes.bar(middle, 100 * seen / max(int(seen.sum()), 1), width=0.8 * step / _PARTS, color=MEASURED, label="measured")
     part = 100 * smooth / max(int(smooth.sum()), 1)
     axes.step(middle, part, where="mid", color=SIMULATED, linewidth=1.6, label="without")
-    axes.set_xlabel(f"reading, N; grey: multiples of {step:.3g} N")
-    axes.set_ylabel("% of the readings")
+    axes.set_xlabel(f"reading, N (grey: multiples of {step:.3g} N)")
+    axes.set_ylabel("% of readings")
     axes.grid(visible=False)
     return finish(
         figure,
-        f"Only multiples of {step:.3g} N are ever read",
-        f"Histogram of the readings from {edges[0]:.2g} to {edges[-1]:.2g} N: those measured stand in narrow bars at "
-        f"multiples of {step:.3g} N, those of the model without rounding are spread evenly.",
+        f"The sensor reads only multiples of {step:.3g} N",
+        f"Histogram of the readings from {edges[0]:.2g} to {edges[-1]:.2g} N. Measured readings fall on multiples of "
+        f"{step:.3g} N; those of the model without rounding spread evenly.",
     )

@@ -1,4 +1,4 @@
-"""Effect: what one cause does to the simulated stream, all other causes being there, and where it is seen best."""
+"""Effect: what one cause adds to the simulated stream when all other causes are present, and where it shows best."""
 
 from __future__ import annotations
 
@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 from paxisim.augment.chain import Chain
 from paxisim.augment.drift import Drift
 from paxisim.augment.transform import Transform
+from paxisim.diagnose.cause import Cause
 from paxisim.diagnose.diagnosis import FoundCause
 from paxisim.diagnose.streams import Streams
+from paxisim.diagnose.vocabulary import cause, known_causes
 
 Series = NDArray[np.float64]
 Channel = tuple[int, int, int, int]  # pad, axis, row, column
@@ -20,13 +22,13 @@ Channel = tuple[int, int, int, int]  # pad, axis, row, column
 
 @dataclass(frozen=True, eq=False)
 class Effect:
-    """A cause's effect.
+    """The effect of a cause.
 
     Attributes:
-        cause: Which one.
-        streams: What was recorded.
-        model: ``(T, pads, 3, rows, cols)`` float32 newtons, of the whole extended model.
-        without: The same, of the model that lacks the cause.
+        cause: The cause, as the diagnosis found it.
+        streams: The recorded and simulated tensors.
+        model: ``(T, pads, 3, rows, cols)`` float32 newtons, output of the extended model.
+        without: The same, output of the extended model without this cause.
         chain: The extended model.
     """
 
@@ -38,19 +40,23 @@ class Effect:
 
     @property
     def member(self) -> Transform:
-        """The cause's transform; a chain wraps one that stands later than its stage."""
-        member = self.chain[self.cause.name]
-        return member[0] if isinstance(member, Chain) and len(member) == 1 else member
+        """The cause's transform, without the chain that wraps a transform placed later than its stage."""
+        return _unwrapped(self.chain[self.cause.name])
+
+    @property
+    def about(self) -> Cause | None:
+        """The cause as registered; None if no cause of that name is registered any more."""
+        return cause(self.cause.name) if self.cause.name in known_causes() else None
 
     @cached_property
     def energy(self) -> Series:
-        """``(episodes, pads, 3, rows, cols)`` N^2, what the cause adds to the channels that take part."""
+        """``(episodes, pads, 3, rows, cols)`` N^2, energy that the cause adds to the channels in use."""
         added = [np.sum((self.model[s] - self.without[s]) ** 2, axis=0, dtype=float) for s in self.streams.episodes]
         return np.where(self.streams.alive, added, 0.0)
 
     @cached_property
     def axes(self) -> list[tuple[int, int]]:
-        """Pads and axes, the most affected first."""
+        """Pairs of pad and axis, most affected first."""
         order = np.argsort(-self.energy.sum(axis=(0, 3, 4)).ravel(), kind="stable")
         return [divmod(int(i), 3) for i in order]
 
@@ -61,29 +67,29 @@ class Effect:
         return (int(at[0]), int(at[1]), int(at[2]), int(at[3]))
 
     def best_episode(self, pad: int, axis: int) -> int:
-        """The episode in which that pad's axis is affected most."""
+        """The episode in which this pad and axis is affected most."""
         return int(np.argmax(self.energy[:, pad, axis].sum(axis=(1, 2))))
 
     def sums(self, pad: int, axis: int, span: slice | None = None) -> tuple[Series, Series, Series]:
-        """A pad's whole force on an axis (N): measured, by the model without the cause, and by the whole model."""
+        """Total force on a pad along an axis (N): measured, model without the cause, full model."""
         where = span or slice(None)
         arrays = (self.streams.measured, self.without, self.model)
         return tuple(a[where, pad, axis].sum(axis=(1, 2), dtype=float) for a in arrays)  # type: ignore[return-value]
 
     def at(self, channel: Channel, span: slice | None = None) -> tuple[Series, Series, Series]:
-        """A channel's force (N): measured, by the model without the cause, and by the whole model."""
+        """Force on a channel (N): measured, model without the cause, full model."""
         where = (span or slice(None), *channel)
         arrays = (self.streams.measured, self.without, self.model)
         return tuple(a[where].astype(float) for a in arrays)  # type: ignore[return-value]
 
     def place(self, channel: Channel) -> str:
-        """A channel in words."""
+        """A channel in words, for a title."""
         pad, axis, row, col = channel
         return f"pad {self.streams.pads[pad]}, taxel ({row}, {col}), {'xyz'[axis]}"
 
 
 def effects(causes: tuple[FoundCause, ...], chain: Chain, streams: Streams) -> list[Effect]:
-    """The effect of each cause; those that the chain has no member of are left out."""
+    """The effect of each cause that has a member in the chain."""
     model = run(chain, streams)
     return [
         Effect(cause, streams, model, run(_without(chain, cause.name), streams), chain)
@@ -93,18 +99,29 @@ def effects(causes: tuple[FoundCause, ...], chain: Chain, streams: Streams) -> l
 
 
 def run(chain: Chain, streams: Streams) -> NDArray[np.float32]:
-    """``(T, pads, 3, rows, cols)`` float32: the chain on the simulated stream, its memory begun anew in each episode.
+    """``(T, pads, 3, rows, cols)`` float32: output of the chain on the simulated stream.
 
-    A drift alone goes on from one to the next.
+    The state is reset at the start of each episode, except for drift, which continues across episodes.
     """
     parts = []
     for span in streams.episodes:
         elapsed = float(streams.time[span.start] - streams.time[0])
-        members = [replace(m, start=m.start + elapsed) if isinstance(m, Drift) else m for m in chain]
+        members = [_continued(member, elapsed) for member in chain]
         covariates = {name: values[span] for name, values in streams.covariates.items()}
         own = Chain(members, chain.names)
         parts.append(np.asarray(own.run(streams.simulated[span], streams.time[span], covariates), dtype=np.float32))
     return np.concatenate(parts)
+
+
+def _unwrapped(member: Transform) -> Transform:
+    return member[0] if isinstance(member, Chain) and len(member) == 1 else member
+
+
+def _continued(member: Transform, elapsed: float) -> Transform:
+    """A member as it stands after `elapsed` seconds; only a drift depends on that."""
+    if isinstance(member, Chain):
+        return Chain([_continued(m, elapsed) for m in member], member.names)
+    return replace(member, start=member.start + elapsed) if isinstance(member, Drift) else member
 
 
 def _without(chain: Chain, name: str) -> Chain:

@@ -1,4 +1,4 @@
-"""Gain: the held-out error before and after, against the noise floor and a black box; by cause; by episode."""
+"""Gain: held-out error of simulation, extended model and black box; gain by cause and by episode."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from paxisim.diagnose.report.style import EXTENDED, INK, MUTED, PAPER, SIMULATED
 
 
 def gain_pictures(diagnosis: Diagnosis) -> list[Picture]:
-    """What the extended model gains on episodes that took no part in its fit."""
+    """How much the extended model improves on held-out episodes."""
     pictures = [_bars(diagnosis.heldout, bool(diagnosis.causes))]
     if diagnosis.causes:
         pictures.append(_causes(diagnosis))
@@ -17,7 +17,7 @@ def gain_pictures(diagnosis: Diagnosis) -> list[Picture]:
 
 
 def percent(value: float) -> str:
-    """A share in words; a black box that fails is not worth its digits."""
+    """A share as text, without meaningless digits for a black box that fails."""
     return f"{value:.1%}" if value < 10 else "over 1000%"
 
 
@@ -30,7 +30,7 @@ def _bars(heldout: HeldOut, extended: bool) -> Picture:
     figure, axes = panel(0.85 + 0.38 * len(rows))
     most = max(heldout.nrmse_before, heldout.nrmse_after, heldout.noise_floor)
     for place, (_, value, colour) in enumerate(rows):
-        end = 100 * min(value, 1.1 * most)  # a black box that fails says so, and does not flatten the others
+        end = 100 * min(value, 1.1 * most)  # keeps a failing black box from squashing the other bars
         axes.barh(place, end, height=0.62, color=colour)
         axes.annotate(percent(value), (end, place), (4, 0), textcoords="offset points", va="center", color=INK)
     axes.axvline(100 * heldout.noise_floor, color=INK, linewidth=1.2, linestyle=(0, (3, 2)))
@@ -45,14 +45,14 @@ def _bars(heldout: HeldOut, extended: bool) -> Picture:
     axes.set_xlim(0, 136 * most or 1.0)
     axes.grid(axis="y", visible=False)
     axes.tick_params(axis="y", length=0)
-    axes.set_xlabel("error, % of the measured force")
+    axes.set_xlabel("normalised RMSE, %")
     words = ", ".join(f"{name} {percent(value)}" for name, value, _ in rows)
-    where = "on held-out data" if len(heldout.gain_per_episode) > 1 else "of the fit"
-    becomes = f" becomes {heldout.nrmse_after:.1%}" if extended else ""
+    where = "Held-out" if len(heldout.gain_per_episode) > 1 else "In-sample"
+    becomes = f" → {heldout.nrmse_after:.1%}" if extended else ""
     return finish(
         figure,
-        f"Error {where}: {heldout.nrmse_before:.1%}{becomes}",
-        f"Bars of the normalised error {where}: {words}; the noise floor is {heldout.noise_floor:.1%}.",
+        f"{where} error: {heldout.nrmse_before:.1%}{becomes}",
+        f"{where} normalised RMSE: {words}. The noise floor is {heldout.noise_floor:.1%}.",
         legend=False,
     )
 
@@ -78,12 +78,12 @@ def _causes(diagnosis: Diagnosis) -> Picture:
     axes.set_xlim(118 * least, max(120 * most, 1.0))
     axes.grid(axis="y", visible=False)
     axes.tick_params(axis="y", length=0)
-    axes.set_xlabel("% of the explainable error, 90 % interval")
+    axes.set_xlabel("% of the explainable error, 90% interval")
     words = ", ".join(f"{cause.name} {cause.gain.value:.0%}" for cause in causes)
     return finish(
         figure,
-        "What each cause takes away, were it the last to be added",
-        f"Bars of the gain by cause, with intervals: {words}.",
+        "Gain of each cause: full model against the model without it",
+        f"Gain of each cause, with intervals: {words}.",
         legend=False,
     )
 
@@ -98,14 +98,14 @@ def _episodes(heldout: HeldOut) -> Picture:
     axes.axhline(0, color=INK, linewidth=0.8)
     axes.set_ylim(min(0.0, 1.1 * min(shown)), 100)
     axes.set_xlabel("episode")
-    axes.set_ylabel("% of its error")
+    axes.set_ylabel("error removed, %")
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.grid(axis="x", visible=False)
     better = sum(gain > 0 for gain in gains)
     return finish(
         figure,
-        f"The error is smaller in {better} of {len(gains)} episodes",
-        f"Bars of the share of each episode's error energy that the model removes; it is positive in {better} of "
-        f"{len(gains)} episodes.",
+        f"The error decreases in {better} of {len(gains)} episodes",
+        f"Share of each episode's error energy that the model removes. It is positive in {better} of {len(gains)} "
+        "episodes.",
         legend=False,
     )

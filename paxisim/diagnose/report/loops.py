@@ -1,4 +1,4 @@
-"""Loops: force against force, for what depends on where the force came from."""
+"""Loops: force against force, for causes that depend on the direction of loading."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from paxisim.diagnose.report.style import AXES, EXTENDED, MEASURED, Picture, fin
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_NEAR = 0.3  # of the largest effect: episodes and taxels that show so much count
+_NEAR = 0.3  # of the largest effect: episodes and taxels that show less are ignored
 
 
 def loops(effect: Effect) -> list[Picture]:
-    """Hysteresis: the loop of measured against simulated force, and the loop opened."""
+    """The loop of measured against simulated force, and its deviation from the straight line."""
     pad, axis, _, _ = effect.channel
     name = effect.cause.name
     number = _simplest(effect)
@@ -35,12 +35,12 @@ def loops(effect: Effect) -> list[Picture]:
     marks.without(axes, lacking, lacking)
     axes.plot(lacking, model, color=EXTENDED, linewidth=1.3, label=f"with {name}")
     axes.set_xlabel(f"{AXES[axis]} force without {name}, N")
-    axes.set_ylabel(f"{AXES[axis]} force read, N")
+    axes.set_ylabel(f"{AXES[axis]} force measured, N")
     closed = finish(
         figure,
-        "The way back is not the way there",
-        f"Measured force against the force of the model without {name}, {place}: a loop, which the model "
-        "with it follows; without it there is only the straight line.",
+        "Loading and unloading follow different curves",
+        f"Measured force against force in the model without {name}, {place}. The measured loop is followed by the "
+        f"model with {name}; without it, only the straight line remains.",
     )
 
     figure, axes = panel(3.0)
@@ -50,19 +50,19 @@ def loops(effect: Effect) -> list[Picture]:
     marks.with_cause(axes, lacking, model - lacking, name)
     _arrows(axes, lacking, model - lacking)
     axes.set_xlabel(f"{AXES[axis]} force without {name}, N")
-    axes.set_ylabel("what comes on top, N")
+    axes.set_ylabel("deviation, N")
     gap = float((model - lacking).max() - (model - lacking).min())
     opened = finish(
         figure,
-        f"The loop, opened: it spans {gap:.2g} N ({where})",
-        f"Measured force minus the model without {name}, against that model's force, {place}: points "
-        f"lie on a loop that spans {gap:.3g} N, which the model with it follows.",
+        f"Deviation from the straight line spans {gap:.2g} N ({where})",
+        f"Measured force minus force in the model without {name}, against the latter, {place}. The points lie on a "
+        f"loop that spans {gap:.3g} N; the model with {name} follows it.",
     )
     return [closed, opened]
 
 
 def _simplest(effect: Effect) -> int:
-    """The episode with the fewest turns, of those that show the cause well."""
+    """The episode with the fewest reversals, of those that show the cause well."""
     pad, axis, _, _ = effect.channel
     energy = effect.energy[:, pad, axis].sum(axis=(1, 2))
     turns = []
@@ -73,7 +73,7 @@ def _simplest(effect: Effect) -> int:
 
 
 def _arrows(axes: Axes, x: Series, y: Series) -> None:
-    """Which way the loop is run through: once upwards and once downwards, near the middle of the range."""
+    """The direction of travel, once during loading and once during unloading, near the middle of the range."""
     middle = (float(x.min()) + float(x.max())) / 2
     for way in (1, -1):
         crossing = np.flatnonzero((x[:-1] - middle) * way <= 0) if len(x) > 1 else np.zeros(0, dtype=int)

@@ -1,4 +1,4 @@
-"""Maps: a number for each taxel, drawn where the taxel is."""
+"""Maps: a value for each taxel, drawn at the position of the taxel."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-MOST_PADS = 4  # that are drawn; of more the worst
+MOST_PADS = 4  # drawn; the worst ones if there are more
 
 
 def places(streams: Streams, extended: bool = True) -> list[Picture]:
-    """Where the error lives: a map of taxels for each pad and axis, before and, if there is a model, after."""
+    """Maps of the error of each taxel, by pad and axis: before and, if there is a model, after."""
     before = _error(streams, streams.simulated)
     after = _error(streams, streams.extended) if extended else None
     pads = sorted(np.argsort(-(before**2).sum(axis=(1, 2, 3)), kind="stable")[:MOST_PADS].tolist())
     limit = float(before[pads].max())
-    if limit == 0:  # nowhere
+    if limit == 0:
         return []
     order = np.argsort(-(before**2).sum(axis=(0, 2, 3)), kind="stable")
     return [_places(streams, before, after, pads, int(axis), limit) for axis in order]
 
 
 def _error(streams: Streams, other: NDArray[np.float32]) -> NDArray[np.float64]:
-    """``(pads, 3, rows, cols)`` N, root mean square, an episode at a time for the memory's sake."""
+    """``(pads, 3, rows, cols)`` N, RMS error, summed episode by episode to save memory."""
     square = sum(np.sum((streams.measured[s] - other[s]) ** 2, axis=0, dtype=float) for s in streams.episodes)
     return np.sqrt(square / len(streams.time)) * streams.alive
 
@@ -52,15 +52,15 @@ def _places(
     was = float(np.sqrt(np.mean(before[:, axis] ** 2)))
     if after is None:
         maps, titles = [before[pad, axis] for pad in pads], [f"pad {streams.pads[pad]}" for pad in pads]
-        title = f"{AXES[axis]}: {was:.2g} N"
-        alt = f"Maps of the error of each taxel on {AXES[axis]} for each pad. Overall {was:.3g} N; {at}."
+        title = f"{AXES[axis]}: RMS error {was:.2g} N"
+        alt = f"Maps of the RMS error of each taxel on {AXES[axis]}, by pad. Overall {was:.3g} N; {at}."
     else:
         maps = [values[pad, axis] for pad in pads for values in (before, after)]
         titles = [f"pad {streams.pads[pad]}, {when}" for pad in pads for when in ("before", "after")]
         now = float(np.sqrt(np.mean(after[:, axis] ** 2)))
-        title = f"{AXES[axis]}: {was:.2g} N becomes {now:.2g} N"
+        title = f"{AXES[axis]}: RMS error {was:.2g} N → {now:.2g} N"
         alt = (
-            f"Maps of the error of each taxel on {AXES[axis]}, before and after, for each pad. Overall {was:.3g} N "
+            f"Maps of the RMS error of each taxel on {AXES[axis]}, by pad, before and after. Overall {was:.3g} N "
             f"before and {now:.3g} N after; before, {at}."
         )
     return finish(grid_of_maps(streams.layout, maps, titles, 2, limit), title, alt, legend=False)
@@ -77,17 +77,17 @@ def grid_of_maps(
     unit: str = " N",
     strip: bool = True,
 ) -> Figure:
-    """A figure of maps with one scale, and the scale beneath.
+    """A figure of maps that share a colour scale, with the scale below.
 
     Args:
         layout: Where the taxels are.
         maps: ``(rows, cols)`` each.
-        titles: Of each.
-        columns: Maps side by side.
-        limit: Value of the full colour.
-        signed: Whether values below 0 have a colour of their own.
-        unit: What follows a value on the scale.
-        strip: Whether the scale is drawn.
+        titles: One for each map.
+        columns: Number of maps side by side.
+        limit: Value at full colour.
+        signed: Whether negative values have a separate colour.
+        unit: Unit on the scale.
+        strip: Whether to draw the scale.
     """
     from matplotlib.figure import Figure
 
@@ -107,7 +107,7 @@ def grid_of_maps(
 
 
 def draw_map(axes: Axes, layout: TaxelLayout, values: np.ndarray, limit: float, signed: bool = False) -> None:
-    """Cells whose colour is the stronger, the larger the value; row 0 is at the top."""
+    """Draw one cell for each taxel; a larger value has a stronger colour. Row 0 is at the top."""
     from matplotlib.collections import PatchCollection
     from matplotlib.colors import to_rgba
     from matplotlib.patches import FancyBboxPatch, Rectangle

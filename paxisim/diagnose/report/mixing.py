@@ -1,4 +1,4 @@
-"""Mixing: what of one axis arrives on another, and what a taxel reads of its neighbours."""
+"""Mixing: coupling between axes, and between neighbouring taxels."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from paxisim.diagnose.report.style import (
 
 
 def axes_mixed(effect: Effect) -> list[Picture]:
-    """Axis coupling and rotation: what is left on one axis against the force on another, and all nine factors."""
+    """The deviation on one axis against the force on another, and the full 3x3 matrix."""
     matrices = [_mixing(effect, pad) for pad in range(len(effect.streams.pads))]
     off = np.abs(matrices) * (1 - np.eye(3)) * np.sqrt(_loads(effect))[:, None, :]
     pad, into, source = (int(i) for i in np.unravel_index(int(off.argmax()), off.shape))
@@ -30,13 +30,13 @@ def axes_mixed(effect: Effect) -> list[Picture]:
 
 
 def _loads(effect: Effect) -> Series:
-    """``(pads, 3)`` N^2, the simulated force on each axis."""
+    """``(pads, 3)`` N^2, energy of the simulated force on each axis."""
     squares = [np.sum(effect.without[s] ** 2, axis=(0, 3, 4), dtype=float) for s in effect.streams.episodes]
     return np.sum(squares, axis=0)
 
 
 def _mixing(effect: Effect, pad: int) -> Series:
-    """``(3, 3)`` how a force on each axis, columns, is read on each, rows, by the model."""
+    """``(3, 3)`` least-squares matrix of the model: rows are axes read, columns axes of the force."""
     x = np.stack([effect.sums(pad, axis)[1] for axis in range(3)])
     y = np.stack([effect.sums(pad, axis)[2] for axis in range(3)])
     ridge = 1e-9 * max(float(np.trace(x @ x.T)), 1e-12) * np.eye(3)
@@ -57,13 +57,13 @@ def _leak(effect: Effect, pad: int, into: int, source: int) -> Picture:
     ends = np.array([min(load.min(), 0), max(load.max(), 0)])
     marks.with_cause(axes, ends, slope * ends, effect.cause.name)
     axes.set_xlabel(f"{AXES[source]} force of the pad, N")
-    axes.set_ylabel(f"what comes on top on {AXES[into]}, N")
+    axes.set_ylabel(f"deviation on {AXES[into]}, N")
     name = effect.streams.pads[pad]
     return finish(
         figure,
-        f"{abs(slope):.0%} of the force on {AXES[source]} is read on {AXES[into]} (pad {name})",
-        f"Measured {AXES[into]} force of pad {name} beyond that of the model without {effect.cause.name}, against the "
-        f"{AXES[source]} force: points lie along a line of slope {slope:.3g}, as the model says.",
+        f"{AXES[into]} reads {abs(slope):.0%} of the {AXES[source]} force (pad {name})",
+        f"Measured {AXES[into]} force of pad {name} minus force in the model without {effect.cause.name}, against the "
+        f"{AXES[source]} force. The points follow the model's line, of slope {slope:.3g}.",
     )
 
 
@@ -90,28 +90,52 @@ def _matrix(effect: Effect, matrix: Series, pad: int) -> Picture:
         spine.set_visible(False)
     axes.tick_params(length=0)
     axes.set_xticks(range(3), [f"force on {axis}" for axis in AXES], color=INK)
-    axes.set_yticks(range(3), [f"read on {axis}" for axis in AXES], color=INK)
+    axes.set_yticks(range(3), [f"reading on {axis}" for axis in AXES], color=INK)
     words = "; ".join(", ".join(f"{round(v, 3) + 0.0:.3f}" for v in row) for row in matrix)
     return finish(
         figure,
-        "How each axis is read on each; without the cause, ones and zeros",
-        f"Matrix of pad {effect.streams.pads[pad]}, rows what is read, columns the force: {words}.",
+        "Coupling matrix (identity without the cause)",
+        f"Coupling matrix of pad {effect.streams.pads[pad]}, rows are readings and columns forces: {words}.",
         legend=False,
     )
 
 
 def neighbours(effect: Effect) -> list[Picture]:
-    """Poisson and crosstalk: what a taxel reads, against the load beside it; and one moment as a map."""
-    return [_moment(effect), _beside(effect)]
+    """One moment as a map, and the deviation of a taxel against the mean force on its neighbours."""
+    axis = effect.channel[1]
+    near, _ = _around(effect)
+    weight = near / max(int(near.sum()), 1)
+    label = f"mean {AXES[axis]} force on the {int(near.sum())} neighbours, N"
+    return [_moment(effect, shear=False), _beside(effect, axis, weight, label)]
+
+
+def outward_shear(effect: Effect) -> list[Picture]:
+    """One moment as a map, and the shear of a taxel against the normal force on either side of it."""
+    axis = effect.channel[1]
+    near, away = _around(effect)
+    # a neighbour at smaller x pushes towards larger x
+    weight = np.where(near, -away[:, min(axis, 1)] / np.maximum(np.linalg.norm(away, axis=1), 1e-9) ** 2, 0.0)
+    weight = weight / max(float(np.abs(weight).sum()), 1e-12)
+    label = f"difference in normal force across {AXES[axis]}, N"
+    return [_moment(effect, shear=effect.axes[0][1] < 2), _beside(effect, 2, weight, label)]
+
+
+def _around(effect: Effect) -> tuple[np.ndarray, Series]:
+    """Which taxels are neighbours of the most affected one, and ``(taxels, 2)`` m, where each is as seen from it."""
+    layout, (_, _, row, col) = effect.streams.layout, effect.channel
+    where = layout.positions[:, :2]
+    away = where - where[row * layout.cols + col]
+    distance = np.linalg.norm(away, axis=1)
+    return (distance > 1e-9) & (distance < 1.6 * max(layout.pitch)), away
 
 
 def _strongest(effect: Effect, pad: int) -> int:
-    """The sample at which the cause adds most to a pad, and which is held longest about."""
+    """The sample around which the cause adds most energy to a pad, smoothed over five samples."""
     adds = np.array([np.sum((effect.model[t, pad] - effect.without[t, pad]) ** 2) for t in range(len(effect.model))])
     return int(np.convolve(adds, np.ones(5), mode="same").argmax())
 
 
-def _moment(effect: Effect) -> Picture:
+def _moment(effect: Effect, shear: bool) -> Picture:
     from matplotlib.figure import Figure
 
     pad = effect.axes[0][0]
@@ -121,17 +145,19 @@ def _moment(effect: Effect) -> Picture:
     seen = (streams.measured[around, pad] - effect.without[around, pad]).mean(axis=0, dtype=float)
     adds = (effect.model[around, pad] - effect.without[around, pad]).mean(axis=0, dtype=float)
     load = effect.without[around, pad, 2].mean(axis=0, dtype=float)
-    shear = effect.axes[0][1] < 2 and effect.cause.name == "poisson"
     figure = Figure(figsize=(WIDTH, 2.65), layout="constrained")
     pair = figure.subplots(1, 2)
     where = streams.layout.positions[:, :2] * 1e3
     largest = float(np.abs(adds[:2] if shear else adds[2]).max()) or 1.0
-    for axes, values, title in zip(pair, (seen, adds), ("measured on top", f"{effect.cause.name} adds"), strict=True):
+    longest = max(largest, float(np.abs(seen[:2]).max()))
+    for axes, values, title in zip(
+        pair, (seen, adds), ("measured deviation", f"{effect.cause.name} adds"), strict=True
+    ):
         if shear:
             draw_map(axes, streams.layout, load, 1.25 * float(np.abs(load).max() or 1.0))
             arrows = axes.quiver(
                 *where.T, *values[:2].reshape(2, -1), angles="xy", scale_units="xy",
-                scale=largest / (0.85e3 * min(streams.layout.pitch)), width=0.014, zorder=4, clip_on=False,
+                scale=longest / (0.85e3 * min(streams.layout.pitch)), width=0.014, zorder=4, clip_on=False,
                 color=MEASURED if axes is pair[0] else EXTENDED,
             )  # fmt: skip
             arrows.set_in_layout(False)
@@ -141,33 +167,21 @@ def _moment(effect: Effect) -> Picture:
     place = f"pad {streams.pads[pad]} at {streams.time[at] - streams.time[0]:.1f} s"
     return finish(
         figure,
-        f"Shear points away from the load (up to {largest:.2g} N; shade: normal force)"
+        f"Shear points away from the contact (up to {largest:.2g} N; shading: normal force)"
         if shear
-        else f"One moment: what is read besides the taxel's own force (full colour {largest:.2g} N)",
-        f"Maps of {place}: what is measured beyond the model without {effect.cause.name}, and what the cause adds; "
-        "they look alike.",
+        else f"One moment: deviation of each taxel (full colour: {largest:.2g} N)",
+        f"Maps of {place}: measured force minus force in the model without {effect.cause.name}, and what the cause "
+        "adds. The two agree.",
         legend=False,
     )
 
 
-def _beside(effect: Effect) -> Picture:
+def _beside(effect: Effect, source: int, weight: Series, label: str) -> Picture:
+    """The deviation on the most affected channel against a weighted mean of the force on axis `source` around it."""
     channel = effect.channel
     pad, axis, row, col = channel
     measured, without, model = effect.at(channel)
-    layout = effect.streams.layout
-    where = layout.positions[:, :2]
-    away = where - where[row * layout.cols + col]
-    distance = np.linalg.norm(away, axis=1)
-    near = (distance > 1e-9) & (distance < 1.6 * max(layout.pitch))
-    loads = effect.without[:, pad, 2 if effect.cause.name == "poisson" else axis].reshape(len(without), -1)
-    if effect.cause.name == "poisson":  # what lies at smaller x pushes towards larger x
-        weight = np.where(near, -away[:, min(axis, 1)] / np.maximum(distance, 1e-9) ** 2, 0.0)
-        label = f"load beside it, across {AXES[axis]}, N"
-    else:
-        weight = near / max(int(near.sum()), 1)
-        label = f"mean {AXES[axis]} force of the {int(near.sum())} neighbours, N"
-    scale = np.abs(weight).sum() if effect.cause.name == "poisson" else 1.0
-    x = loads.astype(float) @ weight / max(float(scale), 1e-12)
+    x = effect.without[:, pad, source].reshape(len(without), -1).astype(float) @ weight
     kept = np.abs(x) > 0.01 * np.abs(x).max()
     figure, axes = panel()
     seen, adds = (measured - without)[kept], (model - without)[kept]
@@ -176,10 +190,10 @@ def _beside(effect: Effect) -> Picture:
     px, adds = scattered(x[kept], adds)
     axes.plot(px, adds, "o", color=EXTENDED, markersize=2.4, markeredgewidth=0, label=f"with {effect.cause.name}")
     axes.set_xlabel(label)
-    axes.set_ylabel(f"on top on {AXES[axis]}, N")
+    axes.set_ylabel(f"deviation on {AXES[axis]}, N")
     return finish(
         figure,
-        f"The load beside it shows on {AXES[axis]} of taxel ({row}, {col})",
-        f"What {effect.place(channel)} reads beyond the model without {effect.cause.name}, against the load of its "
-        "neighbours: points rise along those of the model with it.",
+        f"Taxel ({row}, {col}) reads its neighbours' load on {AXES[axis]}",
+        f"Measured force on {effect.place(channel)} minus force in the model without {effect.cause.name}, against the "
+        f"load on its neighbours. The points follow those of the model with {effect.cause.name}.",
     )

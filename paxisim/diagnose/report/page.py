@@ -1,4 +1,4 @@
-"""Page: a diagnosis as one HTML file."""
+"""Page: a diagnosis as a single HTML file."""
 
 from __future__ import annotations
 
@@ -9,28 +9,29 @@ import numpy as np
 
 from paxisim._version import __version__
 from paxisim.augment.chain import Chain
+from paxisim.augment.latency import Latency
 from paxisim.diagnose.diagnosis import Diagnosis, FoundCause, Interval
 from paxisim.diagnose.faults import fault_in_words
-from paxisim.diagnose.text import is_of_one_episode, reasons_of
+from paxisim.diagnose.text import is_of_one_episode, parameters_in_words, reasons_of
+from paxisim.diagnose.vocabulary import cause, known_causes
 from paxisim.errors import MissingExtraError
 
 HEADS = {
     "no_discrepancy": "The simulation agrees with the measurement",
     "explained": "{causes} explain{s} the difference",
-    "ambiguous": "{causes} may explain the difference, and so may others",
-    "partly_explained": "{causes} explain{s} a part of the difference",
-    "unexplained": "Something is wrong, and no known cause explains it",
+    "ambiguous": "{causes} may explain the difference, but other causes fit equally well",
+    "partly_explained": "{causes} explain{s} part of the difference",
+    "unexplained": "The simulation differs from the measurement, and no known cause explains it",
 }
 TAILS = {
-    "no_discrepancy": "What is left is within noise and tolerances.",
-    "explained": "Nothing of note is left over.",
-    "ambiguous": "This recording cannot tell them apart: record what is advised below.",
-    "partly_explained": "What is left over, or may be at work besides, stands below.",
-    "unexplained": "The difference has structure, so it is no noise; what is known of it stands below.",
+    "no_discrepancy": "The residual is within noise and tolerances.",
+    "explained": "The residual shows no further structure.",
+    "ambiguous": "This recording cannot separate the rival causes. See What to record next.",
+    "partly_explained": "The residual still has structure, or a further cause is a near miss. See What remains.",
+    "unexplained": "The residual has structure, so it is not noise. See What remains.",
 }
 ONE_EPISODE_HEAD = "{causes} may explain the difference"
-ONE_EPISODE_TAIL = "One episode makes no name certain: record several."
-_MANY = 8  # parameters; of more the range is given
+ONE_EPISODE_TAIL = "A single episode cannot confirm a cause. Record several episodes."
 
 
 def page(diagnosis: Diagnosis) -> str:
@@ -55,7 +56,7 @@ def page(diagnosis: Diagnosis) -> str:
 def _context(diagnosis: Diagnosis) -> dict[str, Any]:
     from paxisim.diagnose.report.effect import effects
     from paxisim.diagnose.report.gain import gain_pictures
-    from paxisim.diagnose.report.kinds import WORDS, evidence
+    from paxisim.diagnose.report.kinds import evidence
     from paxisim.diagnose.report.maps import places
     from paxisim.diagnose.report.remains import remains
     from paxisim.diagnose.report.style import drawing
@@ -75,7 +76,7 @@ def _context(diagnosis: Diagnosis) -> dict[str, Any]:
     causes = [
         {
             "found": cause,
-            "words": WORDS.get(cause.name, ""),
+            "words": _words(cause.name),
             "pictures": pictures.get(cause.name, []),
             "parameters": _parameters(diagnosis, cause),
             "confidence": diagnosis.confidence.get(cause.name),
@@ -104,25 +105,24 @@ def _head(diagnosis: Diagnosis) -> str:
     return text[:1].upper() + text[1:]
 
 
+def _words(name: str) -> str:
+    """What a cause is, in a sentence; empty if it is no longer registered."""
+    return cause(name).words if name in known_causes() else ""
+
+
 def _reads_ahead(model: Chain) -> bool:
-    """Whether a frame's reading needs frames to come, as where the simulated stream is the late one."""
-    if "latency" not in model.names:
-        return False
-    member = model["latency"]
-    member = member[0] if isinstance(member, Chain) else member  # put in its place by the engine
-    return float(np.min(member.delay)) < 0  # type: ignore[union-attr]
+    """Whether a reading depends on future frames, because the simulated stream is the one that lags."""
+    return any(
+        _reads_ahead(member) if isinstance(member, Chain) else isinstance(member, Latency) and np.min(member.delay) < 0
+        for member in model
+    )
 
 
 def _parameters(diagnosis: Diagnosis, cause: FoundCause) -> list[tuple[str, str]]:
-    """Names and values; many are summed up."""
+    """Names and values as text; many are summarised by their range."""
     if words := fault_in_words(diagnosis, cause.name):
-        return [("what is wrong", words)]
-    parameters = cause.parameters
-    unit = "" if not parameters or parameters[0].unit == "1" else f" {parameters[0].unit}"
-    if len(parameters) > _MANY:
-        values = [p.value.value for p in parameters]
-        return [(f"{len(parameters)} parameters", f"from {min(values):.3g} to {max(values):.3g}{unit}")]
-    return [(p.name, f"{p.value}{'' if p.unit == '1' else ' ' + p.unit}") for p in parameters]
+        return [("fault", words)]
+    return parameters_in_words(cause.parameters)
 
 
 def _percent(value: Interval | float) -> str:

@@ -1,4 +1,4 @@
-"""Plain: for any cause, also one of the user's: what is seen against what it predicts, and both in time."""
+"""Plain: pictures for any cause: measured and predicted deviation in time, and against each other."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from paxisim.diagnose.report.style import AXES, Picture, finish, panel, thin
 
 
 def plain(effect: Effect) -> list[Picture]:
-    """What the cause adds in time, and point by point against what is measured beyond the rest of the model."""
+    """The measured deviation and what the cause adds, in time and against each other."""
     channel, name = effect.channel, effect.cause.name
     number = int(effect.energy[(slice(None), *channel)].argmax())
     span = effect.streams.episodes[number]
@@ -23,11 +23,11 @@ def plain(effect: Effect) -> list[Picture]:
     marks.cloud(axes, t, measured - lacking)
     marks.with_cause(axes, t, model - lacking, name)
     axes.set_xlabel("time in the episode, s")
-    axes.set_ylabel(f"what comes on top on {AXES[channel[1]]}, N")
+    axes.set_ylabel(f"deviation on {AXES[channel[1]]}, N")
     in_time = finish(
         figure,
-        f"What {name} adds is what is missing",
-        f"Measured force minus that of the model without {name}, and what {name} adds, in time: {place}, "
+        f"Deviation without {name}, and what {name} adds",
+        f"Measured force minus force in the model without {name}, and what {name} adds, against time, {place}, "
         f"episode {number}.",
     )
 
@@ -38,12 +38,12 @@ def plain(effect: Effect) -> list[Picture]:
     marks.level(axes)
     ends = np.array([adds.min(), adds.max()])
     marks.with_cause(axes, ends, ends, name)
-    axes.set_xlabel(f"{name} says, N")
-    axes.set_ylabel("missing without it, N")
+    axes.set_xlabel(f"{name} adds, N")
+    axes.set_ylabel("measured deviation, N")
     against = finish(
         figure,
-        "Point by point: what is missing, and what the cause says",
-        f"What the measurement has beyond the model without {name}, against what {name} adds, {place}: points lie "
-        "about the line on which both are equal.",
+        f"Measured deviation against what {name} adds",
+        f"Measured force minus force in the model without {name}, against what {name} adds, {place}. The points "
+        "scatter around the line of equality.",
     )
     return [in_time, against]

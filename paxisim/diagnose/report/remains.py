@@ -1,4 +1,4 @@
-"""Remains: what no cause explains, by frequency and by force."""
+"""Remains: the residual that no cause explains, by frequency and by force."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from paxisim.diagnose.report.marks import DASHES
 from paxisim.diagnose.report.style import EXTENDED, SIMULATED, Picture, finish, logarithmic, panel
 from paxisim.diagnose.streams import Streams
 
-_LINE = 6.0  # times its surroundings: a line of the spectrum
-_BINS = 12  # of force
+_LINE = 6.0  # power of a spectral line over that of its surroundings
+_BINS = 12  # force bins
 
 
 def remains(streams: Streams, extended: bool) -> list[Picture]:
-    """What is left by frequency and by force: of the extended model beside the simulation, or of the simulation."""
+    """The residual by frequency and by force, of the simulation and, if there is one, of the extended model."""
     kinds = [(streams.simulated, SIMULATED, "simulated", DASHES if extended else "-")]
     if extended:
         kinds.append((streams.extended, EXTENDED, "extended", "-"))
@@ -31,22 +31,22 @@ def _frequencies(streams: Streams, kinds) -> Picture:  # type: ignore[no-untyped
     logarithmic(axes, "x", frequency)
     logarithmic(axes, "y", np.concatenate(sizes))
     axes.set_xlabel("frequency, Hz")
-    axes.set_ylabel("error, N per √Hz")
+    axes.set_ylabel("residual, N per √Hz")
     around = np.array([np.median(size[max(0, i - 6) : i + 7]) for i in range(len(size))])
     at = int(np.argmax(size / np.maximum(around, 1e-12)))
     told = at > 3 and size[at] > np.sqrt(_LINE) * around[at]
     line = f": a line at {frequency[at]:.2g} Hz" if told else ""
     return finish(
         figure,
-        f"What is left, by frequency{line}",
-        f"Spectrum of the error, mean of all channels{line}.",
+        f"Residual by frequency{line}",
+        f"Spectrum of the residual, mean of all channels{line}.",
     )
 
 
 def _spectrum(streams: Streams, other: np.ndarray) -> tuple[Series, Series]:
-    """Frequencies (Hz) and the error's root power spectral density (N per root Hz), mean of channels and episodes."""
+    """Frequencies (Hz) and the residual's amplitude spectral density (N per root Hz), mean of channels and episodes."""
     interval = float(np.median(np.diff(streams.time[streams.episodes[0]])))
-    typical = int(np.median([s.stop - s.start for s in streams.episodes]))  # shorter episodes are left out
+    typical = int(np.median([s.stop - s.start for s in streams.episodes]))  # shorter episodes are ignored
     length = min(typical, max(32, round(8.0 / interval)))
     window = np.hanning(length)
     power, count = np.zeros(length // 2 + 1), 0
@@ -77,5 +77,5 @@ def _forces(streams: Streams, kinds) -> Picture:  # type: ignore[no-untyped-def]
         axes.plot(middle[told], root, "o", linestyle=style, color=colour, markersize=4, linewidth=1.5, label=label)
     axes.set_ylim(0, 1.08 * axes.get_ylim()[1])
     axes.set_xlabel("force on the taxel, N")
-    axes.set_ylabel("error of the taxel, N")
-    return finish(figure, "What is left, by force", "Root mean square error of a taxel against the force on it.")
+    axes.set_ylabel("RMS residual of the taxel, N")
+    return finish(figure, "Residual by force", "RMS residual of a taxel against the force on it.")

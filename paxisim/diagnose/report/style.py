@@ -1,7 +1,7 @@
-"""Style: the look that all pictures of a report share, and how a figure becomes text of a page.
+"""Style: the common style of all pictures in a report, and the conversion of a figure to inline SVG.
 
-A picture is drawn as wide as a phone, so that its text has the size of the page's; a wider window shows several side by
-side. Colours are named: in the SVG they are variables, which a dark page sets otherwise.
+Each picture is as wide as a phone screen, so that its text matches the size of the page's text; wider windows show
+several side by side. Colours are CSS variables in the SVG, so that they follow the page's dark mode.
 """
 
 from __future__ import annotations
@@ -25,20 +25,20 @@ MEASURED, SIMULATED, EXTENDED = INK, "#d9480f", "#1971c2"
 DARK = {INK: "#e6edf3", PAPER: "#161b22", MUTED: "#9aa4ae", GRID: "#30363d", SIMULATED: "#ff922b", EXTENDED: "#4dabf7"}
 _VARIABLES = {INK: "ink", PAPER: "paper", MUTED: "muted", GRID: "grid", SIMULATED: "simulated", EXTENDED: "extended"}
 
-WIDTH, HEIGHT = 3.75, 2.7  # inches; 360 pixels of CSS wide
+WIDTH, HEIGHT = 3.75, 2.7  # inches; 360 CSS pixels wide
 AXES = "xyz"
-_LONG = re.compile(r"(\.\d\d)\d+")  # a hundredth of a point is fine enough
-POINTS = 500  # at most in a line or a cloud
+_LONG = re.compile(r"(\.\d\d)\d+")  # two decimals of a point are enough
+POINTS = 500  # most points in a line or cloud
 
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture of the page.
+    """A picture on the page.
 
     Attributes:
-        source: What an ``img`` shows: SVG as a data URI.
-        title: What to see, in a sentence.
-        alt: What it shows, for who cannot see it.
+        source: SVG as a data URI, for ``img``.
+        title: What to see in it.
+        alt: Alternative text for readers who cannot see it.
     """
 
     source: str
@@ -48,7 +48,7 @@ class Picture:
 
 @contextmanager
 def drawing() -> Iterator[None]:
-    """Settings of matplotlib under which figures are made and written; those from before come back."""
+    """Context with the matplotlib settings of a report; restores the previous ones on exit."""
     from matplotlib import rc_context
 
     settings: Any = {
@@ -84,7 +84,7 @@ def drawing() -> Iterator[None]:
 
 
 def panel(height: float = HEIGHT) -> tuple[Figure, Axes]:
-    """A figure as wide as a phone, with one pair of axes."""
+    """A figure as wide as a phone screen, with one set of axes."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(WIDTH, height), layout="constrained")
@@ -92,7 +92,7 @@ def panel(height: float = HEIGHT) -> tuple[Figure, Axes]:
 
 
 def finish(figure: Figure, title: str, alt: str, legend: bool = True) -> Picture:
-    """The figure as a picture, with a legend of its labelled lines above the axes."""
+    """The figure as a `Picture`, with a legend of its labelled lines above the axes."""
     if legend:
         labelled = {}
         for axes in figure.axes:
@@ -126,7 +126,7 @@ def _data_uri(svg: str) -> str:
 
 
 def logarithmic(axes: Axes, which: str, values: np.ndarray) -> None:
-    """A logarithmic axis, "x" or "y", with labels at 1, 2 and 5 where it spans little, else at powers of ten."""
+    """Make axis "x" or "y" logarithmic, with ticks at 1, 2 and 5 for a small range, else at powers of ten."""
     low, high = float(values.min()), float(values.max())
     steps = (1, 2, 5) if high < 300 * low else (1,)
     powers = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
@@ -138,19 +138,19 @@ def logarithmic(axes: Axes, which: str, values: np.ndarray) -> None:
 
 
 def thin(*arrays: np.ndarray, points: int = POINTS) -> tuple[np.ndarray, ...]:
-    """Every n-th of the samples, so that at most `points` are left."""
+    """Every n-th sample, so that at most `points` remain."""
     step = max(1, -(-len(arrays[0]) // points))
     return tuple(array[::step] for array in arrays)
 
 
 def scattered(x: np.ndarray, *others: np.ndarray, points: int = POINTS) -> tuple[np.ndarray, ...]:
-    """At most `points` samples, spread evenly over the range of `x`: rare values are kept, crowded ones thinned."""
+    """At most `points` samples, spread evenly over the range of `x`: sparse regions are kept, dense ones thinned."""
     if len(x) <= points:
         return (x, *others)
     low, high = float(x.min()), float(x.max())
     cell = np.minimum((40 * (x - low) / max(high - low, 1e-12)).astype(int), 39)
     order = np.argsort(cell, kind="stable")
-    within = np.arange(len(x)) - np.searchsorted(cell[order], cell[order])  # a sample's place in its cell
+    within = np.arange(len(x)) - np.searchsorted(cell[order], cell[order])  # index within its cell
     sizes = np.bincount(cell, minlength=40)
     share = max(1, points // max(int((sizes > 0).sum()), 1))
     step = np.maximum(1, -(-sizes // share))
@@ -159,7 +159,7 @@ def scattered(x: np.ndarray, *others: np.ndarray, points: int = POINTS) -> tuple
 
 
 def binned(x: np.ndarray, *others: np.ndarray, bins: int = 24, least: int = 5) -> tuple[np.ndarray, ...]:
-    """Means of all arrays in `bins` equal parts of the range of `x`, where there are enough samples."""
+    """Means of all arrays in `bins` equal bins over the range of `x`, where there are at least `least` samples."""
     low, high = float(x.min()), float(x.max())
     cell = np.minimum((bins * (x - low) / max(high - low, 1e-12)).astype(int), bins - 1)
     count = np.bincount(cell, minlength=bins)

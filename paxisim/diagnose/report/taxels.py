@@ -1,4 +1,4 @@
-"""Taxels: causes that have a number for each taxel, as maps beside the trace of the taxel that shows them best."""
+"""Taxels: causes with a value for each taxel, as maps beside the channel that shows them best."""
 
 from __future__ import annotations
 
@@ -14,10 +14,9 @@ from paxisim.diagnose.report.maps import MOST_PADS, grid_of_maps
 from paxisim.diagnose.report.style import AXES, Picture, finish, panel, thin
 
 
-def taxel_gains(effect: Effect) -> list[Picture]:
-    """The gain of each taxel as a map, and force against force of the taxel that it changes most."""
-    streams = effect.streams
-    member = effect.member
+def taxel_map(effect: Effect) -> list[Picture]:
+    """The gain of each taxel as a map, and force against force for the taxel that changes most."""
+    streams, member = effect.streams, effect.member
     assert isinstance(member, TaxelGain)
     gains = np.asarray(member.gain, dtype=float)
     gains = 100 * (np.broadcast_to(gains, (len(streams.pads), *streams.measured.shape[-2:])) - 1)
@@ -29,17 +28,16 @@ def taxel_gains(effect: Effect) -> list[Picture]:
     )  # fmt: skip
     spread = finish(
         figure,
-        f"Taxels differ: from {gains.min():+.0f}% to {gains.max():+.0f}%",
+        f"Gains of the taxels deviate by {gains.min():+.0f}% to {gains.max():+.0f}%",
         f"Maps of the fitted gain of each taxel, from {gains.min():+.1f}% to {gains.max():+.1f}%.",
         legend=False,
     )
-    return [spread, force_force(effect)]
+    return [spread, force_force(effect, "The taxel with the largest effect")]
 
 
-def dead(effect: Effect) -> list[Picture]:
-    """Which taxels do not answer, and one of them while it is pressed."""
-    streams = effect.streams
-    member = effect.member
+def silent_map(effect: Effect) -> list[Picture]:
+    """Which taxels do not respond, and one of them while it is pressed."""
+    streams, member = effect.streams, effect.member
     assert isinstance(member, DeadTaxels)
     gone = np.asarray(member.dead, dtype=float) + np.asarray(member.stuck, dtype=float)
     gone = np.broadcast_to(gone, (len(streams.pads), *streams.measured.shape[-2:]))
@@ -50,17 +48,17 @@ def dead(effect: Effect) -> list[Picture]:
     names = ", ".join(f"pad {streams.pads[p]} ({r}, {c})" for p, r, c in np.argwhere(gone > 0)[:12])
     where = finish(
         figure,
-        f"{count} taxel{'s do' if count > 1 else ' does'} not answer",
-        f"Maps of the taxels that do not answer: {names}.",
+        f"{count} taxel{'s do' if count > 1 else ' does'} not respond",
+        f"Maps of the taxels that do not respond: {names}.",
         legend=False,
     )
     channel = effect.channel
     number = int(effect.energy[(slice(None), *channel)].argmax())
-    return [where, _trace(effect, channel, number, "It is pressed, and reads the same all the time")]
+    return [where, _trace(effect, channel, number, "The reading stays constant under load")]
 
 
-def layout(effect: Effect) -> list[Picture]:
-    """What a wrong mapping does: the force as simulated, as measured, and as simulated with the mapping put right."""
+def mapping(effect: Effect) -> list[Picture]:
+    """The force as simulated, as measured, and as simulated with the corrected mapping."""
     member = effect.member
     assert isinstance(member, LayoutFault)
     pictures = []
@@ -71,14 +69,16 @@ def layout(effect: Effect) -> list[Picture]:
     for axis in turned[:1]:
         energy = effect.energy[:, :, axis]
         number, pad, row, col = (int(i) for i in np.unravel_index(int(energy.argmax()), energy.shape))
-        title = f"{AXES[axis]} has the wrong sign" if member.axis_signs[axis] < 0 else f"{AXES[axis]} is another axis"
+        title = (
+            f"{AXES[axis]} has the wrong sign" if member.axis_signs[axis] < 0 else f"{AXES[axis]} reads another axis"
+        )
         pictures.append(_trace(effect, (pad, axis, row, col), number, title))
     if not moved:
-        pictures.append(force_force(effect))
+        pictures.append(force_force(effect, "Measured and simulated force disagree"))
     elif not turned:
         channel = effect.channel
         number = int(effect.energy[(slice(None), *channel)].argmax())
-        pictures.append(_trace(effect, channel, number, "A taxel reads what another one feels"))
+        pictures.append(_trace(effect, channel, number, "A taxel reads the force on another taxel"))
     return pictures
 
 
@@ -88,16 +88,16 @@ def _moved(effect: Effect) -> Picture:
     span = streams.episodes[number]
     change = [float(np.sum((effect.model[t] - effect.without[t]) ** 2)) for t in range(span.start, span.stop)]
     at = span.start + int(np.argmax(change))
-    kinds = ((effect.without, "simulated"), (streams.measured, "measured"), (effect.model, "put right"))
+    kinds = ((effect.without, "simulated"), (streams.measured, "measured"), (effect.model, "corrected"))
     pads = range(min(len(streams.pads), MOST_PADS))
     maps = [np.abs(values[at, pad, 2]).astype(float) for pad in pads for values, _ in kinds]
     titles = [f"{streams.pads[pad]}, {name}" for pad in pads for _, name in kinds]
     figure = grid_of_maps(streams.layout, maps, titles, 3, float(np.max(maps)) or 1.0)
     return finish(
         figure,
-        "Simulated and measured are the same picture, laid out otherwise",
-        f"Maps of the normal force {streams.time[at] - streams.time[span.start]:.1f} s into episode {number}: as "
-        "simulated, as measured, and as simulated with the layout put right, which looks like the measured one.",
+        "The same contact with another taxel order",
+        f"Maps of the normal force {streams.time[at] - streams.time[span.start]:.1f} s into episode {number}: "
+        "simulated, measured, and simulated with the corrected layout, which agrees with the measured one.",
         legend=False,
     )
 
@@ -113,5 +113,5 @@ def _trace(effect: Effect, channel: tuple[int, int, int, int], number: int, titl
     return finish(
         figure,
         f"{title} ({place})",
-        f"Measured force of {place} in episode {number}, and the model with and without {effect.cause.name}.",
+        f"Measured force on {place} in episode {number}, and the model with and without {effect.cause.name}.",
     )

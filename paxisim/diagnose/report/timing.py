@@ -1,4 +1,4 @@
-"""Timing: what comes late or slowly: holds for creep, shifted edges for a delay, lost swings for a filter."""
+"""Timing: causes that act over time: slow changes during holds, delays, and lost bandwidth."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from paxisim.diagnose.report.style import (
     thin,
 )
 
-_EDGE = 12.0  # delays that a picture of an edge is wide
-_MOST = 4  # episodes that are searched for the shift
+_EDGE = 12.0  # width of the picture of an edge, in delays
+_MOST = 4  # episodes used to find the shift
 
 
 def holds(effect: Effect) -> list[Picture]:
-    """Creep: a pad's force while it is held, and what grows meanwhile."""
+    """Force on a pad during a hold, and how the deviation changes with time."""
     pad, axis = effect.axes[0]
     number = effect.best_episode(pad, axis)
     span = effect.streams.episodes[number]
@@ -36,11 +36,11 @@ def holds(effect: Effect) -> list[Picture]:
 
     figure, axes = panel()
     marks.force_trace(axes, t, measured, lacking, model, name)
-    axes.set_ylabel(f"{AXES[axis]} force of the pad, N")
+    axes.set_ylabel(f"{AXES[axis]} force on the pad, N")
     whole = finish(
         figure,
-        "Under load the reading goes on after the force stands still",
-        f"Measured force, and the model with and without {name}, {place}.",
+        "The reading keeps changing under constant load",
+        f"Measured force against time, and the model with and without {name}, {place}.",
     )
 
     figure, axes = panel()
@@ -49,25 +49,37 @@ def holds(effect: Effect) -> list[Picture]:
     marks.with_cause(axes, t, model - lacking, name)
     pressed = (np.abs(lacking) > 0.1 * np.abs(lacking).max()).tolist()
     axes.fill_between(t, 0, 1, where=pressed, transform=axes.get_xaxis_transform(), color=MUTED, alpha=0.13, lw=0)
-    axes.set_xlabel("time in the episode, s; grey: pressed")
-    axes.set_ylabel("what comes on top, N")
+    axes.set_xlabel("time in the episode, s (grey: pressed)")
+    axes.set_ylabel("deviation, N")
     grows = finish(
         figure,
-        "What comes on top builds up while pressed, and dies away after",
-        f"Measured force minus the model without {name} in time, {place}: it grows under load and decays after it, as "
-        f"the model with {name} does, by up to {np.abs(model - lacking).max():.3g} N.",
+        "The deviation changes slowly during the hold and decays after release",
+        f"Measured force minus force in the model without {name} against time, {place}. The model with {name} follows "
+        f"it, up to {np.abs(model - lacking).max():.3g} N.",
     )
     return [whole, grows]
 
 
+def shift(effect: Effect) -> list[Picture]:
+    """The fastest edge, and the error against the shift between the streams."""
+    lags, errors = _shifted(effect, effect.channel)
+    late = float(lags[errors.argmin()]) > 0
+    title = f"The measurement {'lags behind' if late else 'leads'} the simulation"
+    return [_edge(effect, lags, errors, title), _shift(effect, effect.channel, lags, errors)]
+
+
 def edges(effect: Effect) -> list[Picture]:
-    """Latency and low-pass: the fastest edge from near, and how late or how flat all of them are."""
+    """The fastest edge, and the transfer function from simulated to measured force."""
+    lags, errors = _shifted(effect, effect.channel)
+    return [_edge(effect, lags, errors, "Fast edges are smoothed"), _swings(effect, effect.channel)]
+
+
+def _edge(effect: Effect, lags: Series, errors: Series, title: str) -> Picture:
     channel = effect.channel
     number = int(effect.energy[(slice(None), *channel)].argmax())
     span = effect.streams.episodes[number]
     time = effect.streams.time[span] - effect.streams.time[span.start]
     measured, lacking, model = effect.at(channel, span)
-    lags, errors = _shifted(effect, channel)
     best = float(lags[errors.argmin()])
     interval = float(np.median(np.diff(time)))
     half = float(np.clip(_EDGE * abs(best) / 2, 10 * interval, 1.5))
@@ -82,23 +94,19 @@ def edges(effect: Effect) -> list[Picture]:
     axes.set_xlabel("time in the episode, s")
     axes.set_ylabel(f"{AXES[channel[1]]} force, N")
     place = f"{effect.place(channel)}, episode {number}"
-    close = finish(
-        figure,
-        f"The measurement comes {'late' if best > 0 else 'early'}" if name == "latency" else "Edges are rounded",
-        f"The fastest moment of {place}: measured points lie on the model with {name}, beside the one without.",
-    )
-    return [close, _shift(effect, channel, lags, errors) if name == "latency" else _swings(effect, channel)]
+    alt = f"The fastest edge on {place}. The measured points lie on the model with {name}."
+    return finish(figure, title, alt)
 
 
 def _shifted(effect: Effect, channel: Channel) -> tuple[Series, Series]:
-    """Lags (s), and the root mean square (N) that a pad's axis leaves with the model without shifted by each."""
+    """Lags (s), and the RMS error (N) of the model without the cause, shifted by each lag, on a pad and axis."""
     streams, (pad, axis, _, _) = effect.streams, channel
     interval = float(np.median(np.diff(streams.time[streams.episodes[0]])))
     most = np.argsort(-effect.energy[:, pad, axis].sum(axis=(1, 2)), kind="stable")[:_MOST]
     parts = []
     for span in (streams.episodes[int(number)] for number in most):
         time = streams.time[span]
-        fresh = np.concatenate([[True], np.diff(time) > 0])  # a spline needs times that grow
+        fresh = np.concatenate([[True], np.diff(time) > 0])  # a spline needs increasing times
         parts.append((time, CubicSpline(time[fresh], effect.without[span, pad, axis][fresh], axis=0), span))
 
     def left(lags: Series) -> Series:
@@ -134,20 +142,20 @@ def _shift(effect: Effect, channel: Channel, lags: Series, errors: Series) -> Pi
     )  # fmt: skip
     axes.set_ylim(-0.16 * float(errors.max()), 1.08 * float(errors.max()))
     axes.set_yticks([tick for tick in axes.get_yticks() if 0 <= tick <= errors.max()])
-    axes.set_xlabel("simulation shifted to later by, ms")
+    axes.set_xlabel("shift of the simulation, ms")
     axes.set_ylabel("error, N")
     pad, axis, _, _ = channel
     return finish(
         figure,
-        f"The streams agree best when one is shifted by {abs(1e3 * lags[best]):.0f} ms",
-        f"Error of pad {effect.streams.pads[pad]}, {AXES[axis]}, against the shift of the simulation: "
-        f"{errors[none]:.3g} N as recorded, least with {errors[best]:.3g} N at {1e3 * lags[best]:.0f} ms.",
+        f"The error is smallest when the simulation is shifted by {1e3 * lags[best]:.0f} ms",
+        f"RMS error of pad {effect.streams.pads[pad]}, {AXES[axis]}, against the shift of the simulation: "
+        f"{errors[none]:.3g} N as recorded, minimum {errors[best]:.3g} N at {1e3 * lags[best]:.0f} ms.",
         legend=False,
     )
 
 
 def _swings(effect: Effect, channel: Channel) -> Picture:
-    """How much of each frequency is measured, of what the model without the cause has."""
+    """Gain from the model without the cause to the measurement, by frequency."""
     streams = effect.streams
     interval = float(np.median(np.diff(streams.time[streams.episodes[0]])))
     typical = int(np.median([s.stop - s.start for s in streams.episodes]))  # shorter episodes are left out
@@ -170,10 +178,10 @@ def _swings(effect: Effect, channel: Channel) -> Picture:
     logarithmic(axes, "x", frequency[seen])
     axes.set_ylim(0, max(1.25, min(1.6, float(measured.max(initial=0.0)))))
     axes.set_xlabel("frequency, Hz")
-    axes.set_ylabel("measured / without")
+    axes.set_ylabel("gain (measured / without)")
     return finish(
         figure,
-        "The faster the swing, the less of it arrives",
-        f"Share of the force that is measured against frequency, {effect.place(channel)}: measured points fall with "
-        "frequency as the model with the cause does.",
+        "The gain falls with frequency",
+        f"Gain from simulated to measured force against frequency, {effect.place(channel)}. The measured points fall "
+        "with frequency like the model with the cause.",
     )

@@ -1,4 +1,4 @@
-"""Traces: when the error happens: the worst episodes in time, and its shares by phase and frequency."""
+"""Traces: the worst episodes in time, and the error by phase, frequency, pad and axis."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from paxisim.diagnose.report.style import (
 from paxisim.diagnose.streams import Streams
 
 EPISODES = 3
-SECONDS = 40.0  # at most in a trace
+SECONDS = 40.0  # longest trace
 
 
 def worst_episodes(streams: Streams, extended: bool = True) -> list[Picture]:
-    """The episodes with the largest error, each by its worst taxel; with the extended model, if there is one."""
+    """The episodes with the largest error, each with its worst channel."""
     square = [np.sum((streams.measured[s] - streams.simulated[s]) ** 2, axis=0, dtype=float) for s in streams.episodes]
     energy = np.where(streams.alive, square, 0.0)
     order = np.argsort(-energy.sum(axis=(1, 2, 3, 4)), kind="stable")[:EPISODES]
@@ -66,19 +66,19 @@ def _trace(streams: Streams, number: int, energy: np.ndarray, with_model: bool) 
         return finish(
             figure,
             f"Episode {number}, {place}: error {before:.2g} N",
-            f"Traces of {place} in episode {number}: measured and simulated force, and the error beneath. The root "
-            f"mean square error is {before:.3g} N.",
+            f"Traces of {place} in episode {number}: measured and simulated force, and the error below. The RMS error "
+            f"is {before:.3g} N.",
         )
     return finish(
         figure,
-        f"Episode {number}, {place}: error {before:.2g} N becomes {after:.2g} N",
-        f"Traces of {place} in episode {number}: measured, simulated and extended force, and both errors beneath. The "
-        f"root mean square error is {before:.3g} N before and {after:.3g} N after.",
+        f"Episode {number}, {place}: error {before:.2g} N → {after:.2g} N",
+        f"Traces of {place} in episode {number}: measured, simulated and extended force, and both errors below. The "
+        f"RMS error is {before:.3g} N before and {after:.3g} N after.",
     )
 
 
 def _near_worst(time: np.ndarray, error: np.ndarray) -> slice:
-    """The samples of `SECONDS` about the largest error; all where there are no more."""
+    """The samples within `SECONDS` around the largest error."""
     if time[-1] - time[0] <= SECONDS:
         return slice(0, len(time))
     middle = np.clip(time[np.abs(error).argmax()], time[0] + SECONDS / 2, time[-1] - SECONDS / 2)
@@ -87,16 +87,14 @@ def _near_worst(time: np.ndarray, error: np.ndarray) -> slice:
 
 
 def shares(symptoms: Symptoms, extended: bool = True) -> list[Picture]:
-    """The error by what the pads do, by frequency, and by pad and axis; also after, if there is a model."""
+    """The error by phase of the motion, by frequency, and by pad and axis; before and, if there is a model, after."""
     pictures = []
     if sum(place.before for place in symptoms.pads) <= 0:
         return pictures
-    for name, group in (("what the pad does", symptoms.phases), ("frequency", symptoms.frequencies)):
+    for name, group in (("phase", symptoms.phases), ("frequency", symptoms.frequencies)):
         if group:
             most = max(group, key=lambda place: place.before)
-            word = "while " if group is symptoms.phases else "at "
-            title = f"By {name}: {'most' if most.before > 0.5 else 'more than elsewhere'} {word}{most.where}"
-            pictures.append(_shares(f"{title} ({most.before:.0%})", name, group, extended))
+            pictures.append(_shares(f"By {name}: {most.where} has {most.before:.0%}", name, group, extended))
     pads = [replace(place, where=f"pad {place.where}") for place in symptoms.pads]
     worst = [max(group, key=lambda place: place.before) for group in (pads, symptoms.axes)]
     title = "By pad and axis: " + ", ".join(f"{place.where} has {place.before:.0%}" for place in worst)
@@ -116,4 +114,4 @@ def _shares(title: str, name: str, group: Sequence[Place], extended: bool) -> Pi
     axes.tick_params(axis="y", length=0)
     axes.set_xlabel("% of the simulation's error energy")
     words = "; ".join(f"{p.where} {p.before:.0%}" + (f", {p.after:.0%} after" if extended else "") for p in group)
-    return finish(figure, title, f"Bars of the error's energy by {name}: {words}.")
+    return finish(figure, title, f"Share of the error energy by {name}: {words}.")

@@ -1,4 +1,4 @@
-"""What is read off the data without a search: a zero that is off or drifts, and a layout whose shear is weak."""
+"""What is read off the data without a search: a layout whose shear is weak, and taxels that do not answer."""
 
 from dataclasses import replace
 
@@ -7,9 +7,10 @@ import pytest
 from scipy.signal import lfilter
 
 from paxisim import augment
-from paxisim.diagnose.checks import read_layout, read_taxels
-from paxisim.diagnose.find_zero import zero_of
 from paxisim.diagnose.problem import Problem
+from paxisim.diagnose.reading import read_off
+from paxisim.diagnose.vocabulary import cause
+from paxisim.errors import InvalidValueError
 
 EPISODES, FRAMES, NOISE = 8, 60, 0.02
 SIZE = (2, 3, 3, 2)
@@ -29,38 +30,15 @@ def problem(measured_of, axes=(0.3, -0.2, 1.0), seed=4):
     return Problem(measured, force, time, {}, spans, np.full_like(force, NOISE), float(force.max()), alive, 0.0, NOISE)
 
 
+def read_layout(given):
+    return cause("layout").read(given)
+
+
+def read_taxels(given):
+    return cause("dead_taxels").read(given)
+
+
 AMPLITUDE = 0.03 * np.where(np.random.default_rng(9).random(SIZE) < 0.5, -1, 1)
-
-
-@pytest.mark.parametrize(
-    ("added", "name"),
-    [
-        (lambda time: np.ones_like(time), "offset"),
-        (lambda time: -np.expm1(-time / 150), "drift"),
-        (lambda time: np.zeros_like(time), None),
-    ],
-)
-def test_a_drift_from_a_right_zero_is_no_offset_and_an_offset_no_drift(added, name):
-    made = problem(lambda force, time: force + added(time)[:, None, None, None, None] * AMPLITUDE)
-    found = zero_of(made, made.simulated, 0.021, 0.7)
-    assert set(found.gain) == ({name} if name else set())
-    if name:
-        expected = added(made.time)[:, None, None, None, None] * AMPLITUDE
-        assert np.abs(found.at(made.time) - expected).max() < 0.5 * np.abs(AMPLITUDE).max()
-
-
-@pytest.mark.parametrize("tau", [85.0, 270.0])
-def test_a_drift_whose_beginning_is_cut_off_below_0_is_no_offset_beside_it(tau):
-    amplitude = 0.4 * np.random.default_rng(6).uniform(0.5, 1.0, SIZE)
-    made = problem(lambda force, time: force - np.expm1(-time / tau)[:, None, None, None, None] * amplitude)
-    noise = 0.05 * np.random.default_rng(7).standard_normal(made.measured.shape)
-    measured = made.measured + noise
-    measured[:, :, 2] = np.maximum(measured[:, :, 2], 0)
-    spread = float(np.hypot(0.05, NOISE))
-    cut = replace(made, measured=measured, sigma=np.full_like(noise, spread), dither=spread, clips=True)
-    found = zero_of(cut, cut.simulated, 0.021, 0.7)
-    assert set(found.gain) == {"drift"}
-    assert found.tau == pytest.approx(tau, rel=0.15)  # between those of the grid, too
 
 
 @pytest.mark.parametrize("axis", [0, 1])
@@ -167,3 +145,22 @@ def test_a_taxel_that_is_hardly_pressed_is_dead_if_it_does_not_drift_with_the_ot
     assert (reading is None) is drifts
     if reading is not None:
         np.testing.assert_array_equal(np.argwhere(reading.values["dead"]), [[1, 2, 0]])
+
+
+def test_what_was_read_off_is_left_out_of_what_is_left_to_explain():
+    made = problem(lambda force, time: force)
+    measured = made.measured.copy()
+    measured[:, 1, :, 2, 0] = NOISE * np.random.default_rng(2).standard_normal((len(made.time), 3))
+    causes = [cause(name) for name in ("layout", "dead_taxels", "quantisation")]
+    off = read_off(replace(made, measured=measured), causes)
+    assert list(off.readings) == ["dead_taxels"]
+    gone = np.zeros(SIZE, dtype=bool)
+    gone[1, :, 2, 0] = True
+    np.testing.assert_array_equal(off.problem.alive, ~gone)
+    assert off.judged.alive.all(), "what a dead taxel should have read is an error all the same"
+
+
+def test_a_sensor_that_does_not_answer_at_all_is_refused():
+    made = problem(lambda force, time: 0 * force)
+    with pytest.raises(InvalidValueError, match="no taxel answers"):
+        read_off(made, [cause("dead_taxels")])

@@ -1,0 +1,78 @@
+"""How long a fit takes, over `scipy.optimize.least_squares` on the same residual.
+
+    python benchmarks/fit_speed.py
+
+Both begin with the same values and end at the same energy to 0.1 %; the ratio of their times is printed for three sets of
+causes, on a recording with those causes made by `tests/hidden`.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from pathlib import Path
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy: one thread for each
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+
+import numpy as np
+from hidden.practice.cases import make
+from scipy.optimize import least_squares
+
+from paxisim.diagnose.fitting import Fitter
+from paxisim.diagnose.folds import folds_of
+from paxisim.diagnose.model import Model
+from paxisim.diagnose.problem import problem_of
+from paxisim.diagnose.rules import Rules
+from paxisim.diagnose.squares import Squares, best_start
+from paxisim.diagnose.vocabulary import cause
+from paxisim.recording import Recording
+
+SETS = (("creep",), ("stiffening", "rotation"), ("hysteresis", "crosstalk", "latency"))
+
+
+def main() -> None:
+    """Time the fits and print a table."""
+    print(f"{'causes':<34}{'ours (s)':>10}{'scipy (s)':>10}{'ratio':>8}{'energies':>22}")
+    for number, names in enumerate(SETS):
+        case = make(names, seed=number, strength=0.7)
+        recording = Recording(case.time, case.measured, case.simulated, case.covariates, case.episode)
+        problem = problem_of(recording)
+        causes = [cause(n) for n in (*names, "offset")]
+        folds = folds_of(problem, causes, Rules())
+        fitter = Fitter(problem, folds.unit, folds.fold)
+        rows = fitter.rows(causes, {"offset": 0.0})
+        squares = Squares(Model(fitter.problem, causes, rows), causes)
+        zero = np.zeros((1, *rows.alive.shape))
+        values: dict[str, np.ndarray] = {}
+        for name in names:
+            begun = [c for c in causes if c.name in values or c.name in (name, "offset")]
+            values[name] = best_start(Model(fitter.problem, begun, rows), cause(name), values, zero)
+
+        begin = time.perf_counter()
+        ours = squares.descend(values, zero)
+        seconds = time.perf_counter() - begin
+        least = squares.energy(ours, zero)
+
+        scale = np.array([f.scale for _, _, f in squares.free])
+        low, high = (np.array([getattr(f, end) for _, _, f in squares.free]) / scale for end in ("low", "high"))
+
+        def residual(x: np.ndarray, squares=squares, scale=scale, zero=zero, values=values) -> np.ndarray:
+            trial = {n: v.copy() for n, v in values.items()}
+            for (name, place, _), value in zip(squares.free, x * scale, strict=True):
+                trial[name][place] = value
+            return squares.residual(trial, zero)
+
+        start = np.array([values[n][i] for n, i, _ in squares.free]) / scale
+        start = np.clip(start, low + 1e-6, high - 1e-6)
+        begin = time.perf_counter()
+        found = least_squares(residual, start, bounds=(low, high), ftol=1e-4)
+        theirs = time.perf_counter() - begin
+        print(
+            f"{'+'.join(names):<34}{seconds:>10.2f}{theirs:>10.2f}{theirs / seconds:>8.1f}{least:>11.0f}{2 * found.cost:>11.0f}"
+        )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,248 @@
+"""Squares: the sum of squares of a model as a function of its causes' numbers, and how it is brought to its least.
+
+Damped Gauss-Newton steps with the real transforms. `scipy.optimize.least_squares` takes 2 to 5 times as long here: it
+cannot use that a change of one cause runs only what follows it, and it decomposes Jacobians of 100,000 rows where the
+normal equations of some ten numbers are enough (`benchmarks/fit_speed.py`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from paxisim.diagnose.cause import Cause
+from paxisim.diagnose.model import ZERO_ORDER, Fitted, Model
+from paxisim.diagnose.problem import FloatArray
+
+PROBE = 0.05  # of a parameter's scale, to see what it does
+STEPS = 20  # of Gauss-Newton at most
+DAMPINGS = 5  # of one of them
+CONVERGED = 3e-5  # of the energy, below which a step is the last
+REFITS = 4  # evaluations for a fold at most
+UNSETTLED = 0.02  # energy a channel, in units of the noise, that a fold's fit may still gain by another step
+
+
+class Squares:
+    """The sum of squares of a model as a function of its causes' numbers.
+
+    Attributes:
+        free: The numbers, each with its cause's name and its place there.
+        prediction: ``(T, pads, 3, rows, cols)`` N, that of the last `residual`.
+    """
+
+    def __init__(self, model: Model, causes: Sequence[Cause]) -> None:
+        """Nothing is run yet."""
+        self.model, self.rows, self.causes = model, model.rows, causes
+        shared = [c for c in causes if c.local is None and c.course is None]
+        self.free = [(c.name, i, f) for c in shared for i, f in enumerate(c.parameters(model.problem))]
+        self.bends = any(c.order > ZERO_ORDER for c in shared)
+        spreads = np.array([np.inf if f.spread is None else f.spread for _, _, f in self.free])
+        self._held = np.where(np.isfinite(spreads), 1 / spreads, 0.0)
+        self.prediction: FloatArray = np.zeros(0)
+        self._neutral = np.array([f.neutral for _, _, f in self.free])
+        self._scale = np.array([f.scale for _, _, f in self.free])
+
+    @property
+    def prior(self) -> FloatArray:
+        """``(free,)`` weights of the priors, in units of the scales."""
+        return (self._held * self._scale) ** 2
+
+    def residual(self, values: Fitted, zero: FloatArray) -> FloatArray:
+        """``(numbers,)`` what is left at these values, in units of the noise."""
+        self.prediction = self.model.run(values, zero if len(zero) else None)
+        return self.rows.residual(self.prediction).ravel()
+
+    def _used(self, residual: FloatArray) -> FloatArray:
+        """The residual of the samples that take part in the fit."""
+        if self.rows.fitted is None:
+            return residual
+        return residual.reshape(len(self.rows.time), -1)[self.rows.fitted].ravel()
+
+    def _used_rows(self, slopes: FloatArray) -> FloatArray:
+        """Slopes of the samples that take part in the fit."""
+        if self.rows.fitted is None:
+            return slopes
+        return slopes.reshape(len(slopes), len(self.rows.time), -1)[:, self.rows.fitted].reshape(len(slopes), -1)
+
+    def _away(self, values: Fitted) -> FloatArray:
+        """How far the numbers are from what is expected of them, in units of their spread."""
+        return self._held * (np.array([values[n][i] for n, i, _ in self.free]) - self._neutral)
+
+    def descend(self, values: Fitted, zero: FloatArray) -> Fitted:
+        """The values after Gauss-Newton steps, damped until each leaves less."""
+        best, off = self._used(self.residual(values, zero)), self._away(values)
+        energy, damping = float(best @ best + off @ off), 1e-3
+        for _ in range(STEPS if self.free else 0):
+            slopes = self._used_rows(self._slopes(values))
+            normal = slopes @ slopes.T + np.diag(self.prior)
+            right = slopes @ best + self._held * self._scale * off
+            before = energy
+            for _ in range(DAMPINGS):
+                ridge = damping * np.diag(np.diag(normal) + 1e-6 * np.trace(normal) + 1e-9)
+                trial = self._moved(values, self._step(normal + ridge, right, values))
+                try:
+                    new = self._used(self.residual(trial, zero))
+                except ValueError:  # values that are allowed one by one, but not together
+                    damping *= 8
+                    continue
+                away = self._away(trial)
+                total = float(new @ new + away @ away)
+                if total < energy:
+                    values, best, off, energy, damping = trial, new, away, total, damping / 4
+                    break
+                damping *= 8
+            else:  # the model last ran with values that were not taken
+                self.residual(values, zero)
+            if before - energy < CONVERGED * before:
+                break
+        return values
+
+    def linearised(self, values: Fitted, zero: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The residual at these values and its slopes, ``(free, numbers)``."""
+        residual = self.residual(values, zero)
+        return residual, self._slopes(values)
+
+    def effects(self, values: Fitted, zero: FloatArray) -> dict[str, float]:
+        """By cause that has numbers or an array, the energy of what it does to the residual, after `linearised`."""
+        solved, out = self.model.solved, {}
+        base = self.rows.read(self.prediction)
+        for item in self.causes:
+            if item.course is None:
+                without = self.rows.read(self.model.run({**values, **solved}, None, begin=item.name, skip=True))
+                self.model.solved = solved
+                out[item.name] = float(np.sum(self.rows.weigh(base - without) ** 2))
+        return out
+
+    def refit(
+        self, values: Fitted, zero: FloatArray, residual: FloatArray, slopes: FloatArray
+    ) -> tuple[Fitted, FloatArray]:
+        """The values that fit the part, and the residual of all frames.
+
+        The part's own residual is brought to its least by steps that use the slopes of the whole fit.
+        """
+        if not self.free:
+            left = self.residual(values, zero)
+            return {**values, **self.model.solved}, left
+        slopes = self._used_rows(slopes)
+        normal = slopes @ slopes.T + np.diag(self.prior)
+        best, left, solved, damping = values, residual, None, 1e-6
+        least = self._energy(residual, values)
+        for _ in range(REFITS):
+            right = slopes @ self._used(left) + self._held * self._scale * self._away(best)
+            step = self._step(normal + damping * np.diag(np.diag(normal) + 1e-9), right, best)
+            promise = -float(2 * right @ step + step @ normal @ step)
+            if solved is not None and promise < UNSETTLED * self.rows.alive.sum():
+                break
+            trial = self._moved(best, step)
+            try:
+                new = self.residual(trial, zero)
+            except ValueError:  # values that are allowed one by one, but not together
+                damping *= 100
+                continue
+            energy = self._energy(new, trial)
+            if energy < least:
+                best, left, solved, least = trial, new, self.model.solved, energy
+            else:
+                damping = max(100 * damping, 1e-3)
+        if solved is None:
+            left = self.residual(best, zero)
+            solved = self.model.solved
+        return {**best, **solved}, left
+
+    def energy(self, values: Fitted, zero: FloatArray) -> float:
+        """Of the residual at these values, with the priors."""
+        return self._energy(self.residual(values, zero), values)
+
+    def _energy(self, residual: FloatArray, values: Fitted) -> float:
+        used, off = self._used(residual), self._away(values)
+        return float(used @ used + off @ off)
+
+    def _step(self, normal: FloatArray, right: FloatArray, values: Fitted) -> FloatArray:
+        """The step to the least of a quadratic within the bounds, in units of the scales.
+
+        A number that would leave its bounds is put on the bound, and the others are solved for again.
+        """
+        now = np.array([values[n][i] for n, i, _ in self.free])
+        low = (np.array([f.low for _, _, f in self.free]) - now) / self._scale
+        high = (np.array([f.high for _, _, f in self.free]) - now) / self._scale
+        step, moving = np.zeros(len(now)), np.ones(len(now), dtype=bool)
+        for _ in range(len(now)):
+            rest = right[moving] + normal[np.ix_(moving, ~moving)] @ step[~moving]
+            step[moving] = -np.linalg.solve(normal[np.ix_(moving, moving)], rest)
+            outside = moving & ((step < low - 1e-9) | (step > high + 1e-9))
+            if not outside.any():
+                break
+            step = np.where(outside, np.clip(step, low, high), step)
+            moving &= ~outside
+        return step
+
+    def _moved(self, values: Fitted, change: FloatArray) -> Fitted:
+        """The values after a step, in units of their scales, within their bounds."""
+        moved = {n: v.copy() for n, v in values.items()}
+        for (n, i, f), amount in zip(self.free, change, strict=True):
+            moved[n][i] = np.clip(moved[n][i] + np.clip(amount, -5, 5) * f.scale, f.low, f.high)
+        return moved
+
+    def _slopes(self, values: Fitted) -> FloatArray:
+        """``(free, numbers)`` by how much the residual changes with each number, in units of its scale."""
+        shape = self.rows.alive.shape
+        slopes = np.zeros((len(self.free), self.rows.measured.size))
+        counting = self.rows.counting
+        steep = 1.0 if counting.reads_all else counting.slope(self.prediction)
+        known = dict(values)
+        tried: dict[tuple[str, str], FloatArray] = {}
+
+        def effect(name: str, moved: FloatArray) -> FloatArray:
+            kept = self.model.solved
+            change = self.prediction - self.model.run({**known, name: moved}, None, begin=name)
+            self.model.solved = kept
+            return self.rows.weigh(change * steep)
+
+        for row, (name, index, about) in enumerate(self.free):
+            if about.together:
+                key = name, about.together
+                if key not in tried:
+                    moved = values[name].copy()
+                    moved[[i for n, i, f in self.free if (n, f.together) == key]] += PROBE * about.scale
+                    tried[key] = effect(name, moved).reshape(-1, *shape) / PROBE
+                slopes[row].reshape(-1, *shape)[(slice(None), *about.channel)] = tried[key][
+                    (slice(None), *about.channel)
+                ]
+                continue
+            step = PROBE * about.scale
+            step = -step if values[name][index] + step > about.high else step
+            moved = values[name].copy()
+            moved[index] += step
+            slopes[row] = effect(name, moved).ravel() * (about.scale / step)
+        return slopes
+
+
+def best_start(model: Model, item: Cause, values: Fitted, zero: FloatArray) -> FloatArray:
+    """The start, taken as far as it helps, with which a cause begins beside `values`."""
+    problem, rows = model.problem, model.rows
+    free = item.parameters(problem)
+    neutral = np.array([f.neutral for f in free])
+    if all(f.together for f in free):  # linear in many numbers, which are told apart at once
+        return neutral
+    low, high = np.array([f.low for f in free]), np.array([f.high for f in free])
+
+    def left(trial: FloatArray, begin: str = item.name) -> FloatArray:
+        residual = rows.residual(model.run({**values, item.name: trial}, zero if len(zero) else None, begin=begin))
+        return (residual if rows.fitted is None else residual[rows.fitted]).ravel()
+
+    base = left(neutral, "")
+    best, least = neutral, float(base @ base)
+    counted = np.array([f.material is not None for f in item.free(problem)] + [False] * (item.gauge is not None))
+    for start in item.places(problem):
+        new = left(start)
+        effect = new - base
+        share = -float(effect @ base) / max(float(effect @ effect), 1e-12)
+        trials = [(start, new)]
+        if counted.any():  # along the amount, which the effect is nearly proportional to
+            moved = np.where(counted, np.clip(neutral + share * (start - neutral), low, high), start)
+            trials.append((moved, left(moved)))
+        for trial, rest in trials:
+            if rest @ rest < least:
+                best, least = trial, float(rest @ rest)
+    return best

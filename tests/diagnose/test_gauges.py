@@ -1,0 +1,76 @@
+"""A cause owns the gauge that its calibration brings: it is named alone, however its sensor was calibrated."""
+
+import numpy as np
+import pytest
+from recorded import diagnosed, names, plain
+from scipy.signal import lfilter
+
+from paxisim.diagnose.cause import Gauge
+from paxisim.diagnose.problem import problem_of
+from paxisim.diagnose.vocabulary import cause, known_causes
+
+NEAR = ("axis_gain", "creep", "hysteresis", "stiffening", "low_pass", "offset", "interference")
+SEED = 5
+PEAK = problem_of(plain(seed=SEED)).peak
+
+
+@pytest.mark.parametrize("held", [0.0, 0.5, 1.0])
+def test_creep_is_creep_whatever_loads_its_sensor_was_calibrated_with(held):
+    amount, tau = 0.2, 1.5
+
+    def creeps(force, time):
+        kept = np.exp(-np.median(np.diff(time)) / tau)
+        relaxed = lfilter([1 - kept], [1, -kept], force, axis=0)
+        return (1 - held * amount) * force + amount * relaxed
+
+    found = diagnosed(plain(creeps, seed=SEED), NEAR)
+    assert names(found) == ["creep"]
+    (share,) = (p.value.value for p in found.causes[0].parameters if p.name == "calibrated_held")
+    assert share == pytest.approx(held, abs=0.3)
+
+
+@pytest.mark.parametrize("bend", [-0.15, 0.2])
+def test_a_gain_that_changes_with_the_square_of_the_force_is_stiffening(bend):
+    def stiffens(force, time):
+        length = np.linalg.norm(force, axis=2, keepdims=True)
+        return force * (1 + bend * (length / PEAK) ** 2)
+
+    assert names(diagnosed(plain(stiffens, seed=SEED), NEAR)) == ["stiffening"]
+
+
+@pytest.mark.parametrize("small", [1.0, 0.85])
+def test_loops_are_hysteresis_whatever_a_small_swing_reads(small):
+    width, lag, substeps = 0.2 * PEAK, 0.15, 10
+
+    def loops(force, time):
+        """The law of Bouc and Wen; `small` is what small swings read."""
+        state, last, states = np.zeros_like(force[0]), force[0], np.empty_like(force)
+        for frame, now in enumerate(force):
+            step = (now - last) / substeps
+            for _ in range(substeps):
+                state = state + step * (1 - np.where(step * state > 0, np.abs(state) / width, 0.0))
+            states[frame], last = state, now
+        return (small + lag) * force - lag * states
+
+    assert names(diagnosed(plain(loops, seed=SEED), NEAR)) == ["hysteresis"]
+
+
+def test_a_field_that_is_not_zero_where_the_recording_begins_is_interference():
+    recording = plain(seed=SEED, more=("gripper",) * 3)
+    opening = recording.covariates["gripper_opening"]
+    size = np.array([[0.4, -0.2, 0.3], [-0.3, 0.5, 0.2]])[:, :, None, None]
+    field = (opening - opening.min() - 0.7 * np.ptp(opening)) / np.ptp(opening)
+    recording.measured[:] += field[:, None, None, None, None] * size
+    assert names(diagnosed(recording, NEAR)) == ["interference"]
+
+
+def test_a_gauge_multiplies_what_its_cause_reads():
+    problem, time = problem_of(plain(seed=SEED)), np.array([0.0, 0.05])
+    force = np.ones((2, 1, 3, 1, 1))
+    gauged = [cause(name) for name in known_causes() if isinstance(cause(name).gauge, Gauge)]
+    assert gauged
+    for item in gauged:
+        start = np.asarray(item.starts(problem)[0], dtype=float)
+        right, other = (item.transform(np.append(start, end), problem).run(force, time) for end in (0.0, 1.0))
+        np.testing.assert_allclose(other, right * item.gauge.gain(start, problem))
+        assert item.parameters(problem)[-1].name == item.gauge.name

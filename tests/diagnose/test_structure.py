@@ -1,0 +1,36 @@
+"""How the package is built: small, and with what is special about a cause in that cause's file alone."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+import paxisim.diagnose as package
+from paxisim.diagnose.causes import CAUSES
+
+PACKAGE = Path(package.__file__).parent
+GENERIC = sorted(PACKAGE.glob("*.py"))
+MOST = 3500  # lines
+NAMES = {item.name for item in CAUSES}
+
+
+def strings(path):
+    """The strings of a module with their lines, without those that say what something is."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    words = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    return [(n.value, n.lineno) for n in ast.walk(tree) if isinstance(n, ast.Constant) and id(n) not in words]
+
+
+def test_the_package_without_its_report_and_its_causes_is_small():
+    lines = {path.name: len(path.read_text(encoding="utf-8").splitlines()) for path in GENERIC}
+    assert sum(lines.values()) <= MOST, lines
+
+
+@pytest.mark.parametrize("path", GENERIC, ids=lambda path: path.name)
+def test_a_module_that_serves_all_causes_knows_none_by_name(path):
+    assert [(value, line) for value, line in strings(path) if value in NAMES] == []
+
+
+def test_each_cause_has_a_file_of_its_own():
+    files = {path.stem for path in (PACKAGE / "causes").glob("*.py")}
+    assert files >= NAMES

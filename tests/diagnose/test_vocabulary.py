@@ -1,0 +1,97 @@
+"""The causes that a diagnosis knows: a plain tuple, and those that a user has added."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from recorded import diagnosed, names, plain
+
+from paxisim import augment
+from paxisim.diagnose import Cause, Free, known_causes, register_cause, vocabulary
+from paxisim.diagnose.causes import CAUSES
+from paxisim.errors import InvalidValueError, UnknownNameError
+
+VOCABULARY = {
+    "axis_gain", "taxel_gain", "offset", "drift", "stiffening", "poisson", "crosstalk", "axis_coupling", "rotation",
+    "layout", "creep", "hysteresis", "low_pass", "latency", "saturation", "dead_band", "quantisation", "dead_taxels",
+    "interference", "channel_curve",
+}  # fmt: skip
+
+
+@pytest.fixture
+def own(monkeypatch):
+    """Causes that are added are forgotten after the test."""
+    monkeypatch.setattr(vocabulary, "_ADDED", [])
+
+
+def pad_gain(name="pad_gain"):
+    return Cause(
+        name,
+        62,
+        lambda values, problem: augment.PadAxisGain([[v] * 3 for v in values]),
+        free=lambda problem: tuple(Free(f"pad_{p}", "1", 1.0, 0.2, 5.0, 0.1, 0.03) for p in range(2)),
+        starts=lambda problem: [(1.1, 1.0), (1.0, 1.1)],
+    )
+
+
+def test_the_causes_that_come_with_paxisim_are_a_tuple_of_unlike_names():
+    assert type(CAUSES) is tuple
+    assert all(type(item) is Cause for item in CAUSES)
+    assert {item.name for item in CAUSES} == VOCABULARY
+    assert len(CAUSES) == len(VOCABULARY)
+
+
+def test_names_come_in_the_order_of_the_chain():
+    orders = {item.name: item.order for item in CAUSES}
+    assert [orders[name] for name in known_causes()] == sorted(orders.values())
+
+
+def test_each_cause_is_found_in_one_way_only():
+    for item in CAUSES:
+        ways = [item.local is not None, item.course is not None, item.read is not None]
+        assert sum(ways) <= 1, item.name
+
+
+def test_importing_the_causes_registers_nothing():
+    code = """
+import pkgutil, importlib
+import paxisim.diagnose.causes as causes
+from paxisim.diagnose import cause
+import sys
+assert "paxisim.diagnose.vocabulary" not in sys.modules
+before = causes.CAUSES
+for module in pkgutil.iter_modules(causes.__path__): importlib.import_module(f"{causes.__name__}.{module.name}")
+assert causes.CAUSES is before and "paxisim.diagnose.vocabulary" not in sys.modules
+from paxisim.diagnose.vocabulary import known_causes
+print(len(known_causes()), len(causes.CAUSES))
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    assert done.stdout.split() == [str(len(VOCABULARY))] * 2
+
+
+def test_a_name_is_taken_once(own):
+    with pytest.raises(InvalidValueError, match="there is a cause 'creep' already"):
+        register_cause(pad_gain("creep"))
+    register_cause(pad_gain())
+    assert set(known_causes()) == VOCABULARY | {"pad_gain"}
+    with pytest.raises(InvalidValueError, match="'pad_gain' already"):
+        register_cause(pad_gain())
+    assert len(CAUSES) == len(VOCABULARY)
+
+
+def test_a_cause_of_ones_own_takes_part(own):
+    register_cause(pad_gain())
+    gains = np.array([1.3, 0.8]).reshape(2, 1, 1, 1)
+    recording = plain(lambda force, time: gains * force, seed=2)
+    found = diagnosed(recording, ("pad_gain", "axis_gain", "taxel_gain"))
+    assert names(found) == ["pad_gain"]
+    values = {p.name: p.value for p in found.causes[0].parameters}
+    for name, true in (("pad_0", 1.3), ("pad_1", 0.8)):
+        assert values[name].value == pytest.approx(true, abs=0.03)
+        assert values[name].low < values[name].value < values[name].high
+
+
+def test_a_name_that_is_not_known_is_refused_with_the_nearest():
+    with pytest.raises(UnknownNameError, match="creep"):
+        vocabulary.cause("crep")
