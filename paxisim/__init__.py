@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from paxisim.augment.gcs import GCS as GCS
     from paxisim.augment.history import History as History
     from paxisim.bump import GaussianBump as GaussianBump
-    from paxisim.diagnose.calibrate import Readout as Readout
-    from paxisim.diagnose.calibrate import calibrate_readout as calibrate_readout
+    from paxisim.calibrate import Readout as Readout
+    from paxisim.calibrate import calibrate_readout as calibrate_readout
     from paxisim.errors import DeviceError as DeviceError
     from paxisim.errors import DeviceTimeoutError as DeviceTimeoutError
     from paxisim.errors import InvalidValueError as InvalidValueError
@@ -79,7 +79,7 @@ _HOMES = {
     "paxisim.augment.gcs": ("GCS",),
     "paxisim.augment.history": ("History",),
     "paxisim.bump": ("GaussianBump",),
-    "paxisim.diagnose.calibrate": ("Readout", "calibrate_readout"),
+    "paxisim.calibrate": ("Readout", "calibrate_readout"),
     "paxisim.errors": (
         "DeviceError",
         "DeviceTimeoutError",

@@ -28,6 +28,7 @@ LEVELS = {
     "augment": 2,
     "reference": 2,
     "hw": 2,
+    "calibrate": 2,
     "diagnose": 3,
     "viz": 3,
     "cli": 4,

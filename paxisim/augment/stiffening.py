@@ -44,11 +44,7 @@ class Stiffening(Transform):
     def apply(self, x: Any, covariates: Covariates) -> Any:
         """See `Transform.apply`."""
         xp = namespace(x)
-        ratio, knee = x / self.fit("scale", x), self.fit("knee", x)
-        shared = self.fit("shared", x) ** 0.5
-        length = xp.zeros_like(ratio[..., :1, :, :]) + knee  # begins above 0, where hypot has a gradient
-        for axis in range(3):
-            length = xp.hypot(length, shared * ratio[..., axis : axis + 1, :, :])
-        own = (1 - shared**2) ** 0.5 * ratio
-        length = xp.hypot(length + 0 * own, own)
-        return x * (length / (1 + knee**2) ** 0.5) ** (self.fit("exponent", x) - 1)
+        ratio, knee, shared = x / self.fit("scale", x), self.fit("knee", x), self.fit("shared", x)
+        own = ratio**2
+        square = knee**2 + shared * xp.sum(own, axis=-3, keepdims=True) + (1 - shared) * own  # above 0, for the root
+        return x * (square / (1 + knee**2)) ** ((self.fit("exponent", x) - 1) / 2)

@@ -114,8 +114,11 @@ class Counting:
         force = np.linspace(-REACH, REACH, 4001) * self.dither
         below = -force / self.dither
         if self.dither < 0.5 * self.step:  # counts are distinct; the caller clips what is far below 0
-            step = self.step / self.dither
-            table = self.step * np.sum([ndtr(below - (k + 0.5) * step) for k in range(3)], axis=0)
+            step, top = self.step / self.dither, self.phase / self.dither
+            top = top if top < 0 else top - step  # the highest reading below 0
+            edges = top + step / 2 - step * np.arange(3)
+            sizes = np.array([-top, step, step]) * self.dither
+            table = np.sum([size * ndtr(below + edge) for size, edge in zip(sizes, edges, strict=True)], axis=0)
         else:
             bell = np.exp(-0.5 * below**2) / np.sqrt(2 * np.pi)
             table = self.dither * (bell + below * ndtr(below))

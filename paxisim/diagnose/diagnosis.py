@@ -13,8 +13,8 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from paxisim.augment.chain import Chain
-from paxisim.diagnose.streams import Streams
-from paxisim.diagnose.text import text_of
+from paxisim.diagnose.report.streams import Streams
+from paxisim.diagnose.report.text import text_of
 from paxisim.errors import InvalidValueError, MissingExtraError, PaxisimError
 from paxisim.logs.atomic import parse_file, whole_file
 

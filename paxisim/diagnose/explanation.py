@@ -101,7 +101,7 @@ def explanation_of(off: ReadOff, search: Search, chosen: Sequence[str], jobs: in
     for name in dropped:
         fit, owned = search.exact_without(chosen, name)
         constant = constant if owned is None else owned
-    prediction = predicted(off.problem, fit.causes, fit, fit.whole, constant)
+    prediction = predicted(off.problem, fit.causes, fit.whole, constant)
     heldout = heldout_of(off.problem, search.folds, fit, constant, jobs)
     members, named = _members(off, fit, evidence, constant)
     for name, reading in off.readings.items():
@@ -146,11 +146,9 @@ def _members(
     return members, named
 
 
-def predicted(
-    problem: Problem, causes: Sequence[Cause], fit: Fit, part: Part, constant: FloatArray | float = 0.0
-) -> FloatArray:
+def predicted(problem: Problem, causes: Sequence[Cause], part: Part, constant: FloatArray | float = 0.0) -> FloatArray:
     """``(T, pads, 3, rows, cols)`` N, what a fit makes of every sample of a recording, before rounding."""
-    rows = replace(problem, curves=curves_of(problem, causes, fit.taus), constant=constant)
+    rows = replace(problem, curves=curves_of(problem, causes, part.taus), constant=constant)
     return Model(rows, causes, rows).run(part.values, part.zero if len(part.zero) else None)
 
 
@@ -161,7 +159,7 @@ def heldout_of(problem: Problem, folds: Folds, fit: Fit, constant: FloatArray | 
 
     def fill(number: int) -> None:
         mine = fold == number
-        out[mine] = predicted(problem, fit.causes, fit, fit.folds[number], constant)[mine]
+        out[mine] = predicted(problem, fit.causes, fit.folds[number], constant)[mine]
 
     each(fill, range(len(fit.folds)), jobs)
     return out

@@ -30,10 +30,12 @@ class Part:
     Attributes:
         values: By cause, in the order of its `parameters`; the arrays of local causes.
         zero: ``(curves, pads, 3, rows, cols)`` N.
+        taus: Time constant of the course of each cause that has one, by name.
     """
 
     values: Fitted
     zero: FloatArray
+    taus: Mapping[str, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +44,6 @@ class Fit:
 
     Attributes:
         causes: The causes.
-        taus: Time constant of the course of each cause that has one, by name.
         whole: The fit to all episodes.
         folds: Those to all but each fold.
         effects: By cause, the energy of what it does to the reading, in units of the noise, the others as they are.
@@ -51,12 +52,16 @@ class Fit:
     """
 
     causes: tuple[Cause, ...]
-    taus: Mapping[str, float]
     whole: Part
     folds: tuple[Part, ...]
     effects: Mapping[str, float]
     energy: FloatArray
     heldout: FloatArray
+
+    @property
+    def taus(self) -> Mapping[str, float]:
+        """Of the fit to all episodes."""
+        return self.whole.taus
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -104,26 +109,27 @@ class Fitter:
         squares = Squares(Model(self.problem, causes, rows), causes)
         values, zero = self._descend(squares, causes, {} if start is None else start.whole.values)
         residual, slopes = squares.linearised(values, zero)
-        whole = _part(squares, values, zero)
+        whole = _part(squares, values, zero, taus)
         energies = {n: e * self.samples for n, e in squares.effects(values, zero).items()}
         heldout, folds = np.zeros(len(self.fold)), []
         for number, part in enumerate(parts):
             own = Squares(Model(self.problem, causes, part), causes)
             part_values, left = own.refit(values, zero, residual, slopes)
             heldout[self.fold == number] = self._by_unit(left)[self.fold == number]
-            folds.append(_part(own, part_values, zero))
-        return Fit(tuple(causes), taus, whole, tuple(folds), energies, self._by_unit(residual), heldout)
+            folds.append(_part(own, part_values, zero, taus))
+        return Fit(tuple(causes), whole, tuple(folds), energies, self._by_unit(residual), heldout)
 
     def exact(self, fit: Fit, constant: FloatArray | None = None) -> Fit:
         """A fit whose folds are fitted without anything of the fit to all episodes."""
-        _, parts = self._for_fit(fit.causes, fit.taus, None, constant)
         heldout, folds = np.zeros(len(self.fold)), []
-        for number, part in enumerate(parts):
+        for number in range(int(self.fold.max()) + 1):
+            taus = self._taus(fit.causes, None, number)
+            part = self._for_fit(fit.causes, taus, None, constant)[1][number]
             own = Squares(Model(self.problem, fit.causes, part), fit.causes)
             values, zero = self._descend(own, fit.causes, {})
             left = own.residual(values, zero)
             heldout[self.fold == number] = self._by_unit(left)[self.fold == number]
-            folds.append(_part(own, values, zero))
+            folds.append(_part(own, values, zero, taus))
         return replace(fit, folds=tuple(folds), heldout=heldout)
 
     def _descend(self, squares: Squares, causes: Sequence[Cause], start: Fitted) -> tuple[Fitted, FloatArray]:
@@ -188,10 +194,10 @@ class Fitter:
         known = self.unit >= 0
         return np.bincount(self.unit[known], square[known], len(self.fold)) * self.samples
 
-    def _taus(self, causes: Sequence[Cause], start: Fit | None) -> dict[str, float]:
-        """The time constant of each course, the one that leaves least of what `start` leaves."""
+    def _taus(self, causes: Sequence[Cause], start: Fit | None, fold: int | None = None) -> dict[str, float]:
+        """The time constant of each course."""
         taus: dict[str, float] = {}
-        for item in causes:
+        for item in sorted(causes, key=lambda c: c.order):
             if item.course is None:
                 continue
             if start is not None and item.name in start.taus:
@@ -199,19 +205,26 @@ class Fitter:
             elif len(item.course.taus) == 1:
                 taus[item.name] = item.course.taus[0]
             else:
-                taus[item.name] = self._best_tau(item, causes, taus, start)
+                taus[item.name] = self._best_tau(item, causes, taus, start, fold)
         return taus
 
-    def _best_tau(self, item: Cause, causes: Sequence[Cause], taus: dict[str, float], start: Fit | None) -> float:
+    def _best_tau(
+        self, item: Cause, causes: Sequence[Cause], taus: dict[str, float], start: Fit | None, fold: int | None
+    ) -> float:
+        """The time constant with which each episode's zero is predicted best by those of the others."""
         assert item.course is not None
         left = self._left(start, self.problem.compared)
         known = [c for c in causes if c.course is not None and c.name in taus]
-        energies = []
+        squares = []
         for tau in item.course.taus:
-            trial, _ = self._rows([*known, item], {**taus, item.name: tau})
-            told = trial.told[:, None, None, None, None]
-            energies.append(float(np.sum((trial.weigh(left) * told) ** 2)))
-        return item.course.taus[int(np.argmin(energies))]
+            rows, parts = self._rows([*known, item], {**taus, item.name: tau})
+            basis, means = (rows if fold is None else parts[fold]).zero_by_episode(left)
+            hat = basis @ np.linalg.pinv(basis)
+            apart = (means - np.tensordot(hat, means, 1)) / np.maximum(1 - np.diag(hat), 1e-3)[
+                :, None, None, None, None
+            ]
+            squares.append(float(np.sum(apart**2, where=rows.alive)))
+        return item.course.taus[int(np.argmin(squares))]
 
     def _left(self, start: Fit | None, rows: Problem) -> FloatArray:
         """``(T, pads, 3, rows, cols)`` N, what a fit without its zero leaves of the compared frames."""
@@ -237,12 +250,12 @@ class Fitter:
         return self._shared[key]
 
 
-def _part(squares: Squares, values: Fitted, zero: FloatArray) -> Part:
+def _part(squares: Squares, values: Fitted, zero: FloatArray, taus: Mapping[str, float]) -> Part:
     """The values with the arrays of local causes, and the zero with what the residual still says of it."""
     rows, model = squares.rows, squares.model
     read = rows.read(model.run(values, zero if len(zero) else None))
     solved = {**values, **model.solved}
-    return Part(solved, zero + rows.zero_of(rows.measured - read) if len(zero) else zero)
+    return Part(solved, zero + rows.zero_of(rows.measured - read) if len(zero) else zero, taus)
 
 
 def curves_of(rows: Problem, causes: Sequence[Cause], taus: Mapping[str, float]) -> FloatArray | None:

@@ -126,21 +126,18 @@ def share_of(gained: FloatArray, room: FloatArray, seed: int) -> Interval:
         seed: Of the bootstrap.
     """
     value = float(gained.sum() / room.sum())
-    if len(room) < 3:
+    if len(room) < 3 or not np.ptp(gained):
         return Interval(value)
 
     def share(own: FloatArray, whole: FloatArray, axis: int = -1) -> FloatArray:
         total = whole.sum(axis=axis)
-        return np.asarray(own.sum(axis=axis) / np.where(total > 0, total, np.nan))
+        return np.asarray(np.where(total > 0, own.sum(axis=axis) / np.where(total > 0, total, 1.0), value))
 
     drawn = bootstrap(
         (gained, room), share, paired=True, vectorized=True, n_resamples=DRAWS, method="percentile",
         confidence_level=LEVEL, random_state=np.random.default_rng(seed),
     ).bootstrap_distribution  # fmt: skip
-    known = drawn[np.isfinite(drawn)]
-    if not len(known):
-        return Interval(value)
-    low, high = np.quantile(known, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
+    low, high = np.quantile(drawn, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
     return Interval(value, float(low), float(high))
 
 

@@ -132,6 +132,20 @@ class Problem:
         count = np.maximum(self.alive.sum(axis=(2, 3), keepdims=True), 1)
         return np.sum(values * self.alive, axis=(2, 3), keepdims=True) / count
 
+    def zero_by_episode(self, difference: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """``(episodes, curves)`` and ``(episodes, pads, 3, rows, cols)`` means where the zero is told.
+
+        Args:
+            difference: ``(T, pads, 3, rows, cols)`` N, to be explained by the zero.
+        """
+        assert self.curves is not None
+        told = [span.start + np.flatnonzero(self.told[span]) for span in self.episodes]
+        told = [frames for frames in told if len(frames) >= LEAST_TOLD]
+        basis = [self.curves[:, frames].mean(axis=1) for frames in told]
+        means = [difference[frames].mean(axis=0) for frames in told]
+        shape = difference.shape[1:]
+        return np.reshape(basis, (len(told), len(self.curves))), np.reshape(means, (len(told), *shape))
+
     def shrunk(self, difference: FloatArray) -> Problem:
         """The problem in which amounts of the second curve are drawn to what the taxels of a pad's axis share.
 
@@ -141,17 +155,13 @@ class Problem:
         Args:
             difference: ``(T, pads, 3, rows, cols)`` N, to be explained by the zero.
         """
-        assert self.curves is not None
-        told = [span.start + np.flatnonzero(self.told[span]) for span in self.episodes]
-        told = [frames for frames in told if len(frames) >= LEAST_TOLD]
-        if len(self.curves) < 2 or len(told) < len(self.curves) + 2:
+        basis, means = self.zero_by_episode(difference)
+        if basis.shape[1] < 2 or len(basis) < basis.shape[1] + 2:
             return self
-        basis = np.array([self.curves[:, frames].mean(axis=1) for frames in told])
-        means = np.array([difference[frames].mean(axis=0) for frames in told])
         solve = np.linalg.pinv(basis)
         amounts = np.tensordot(solve, means, 1)
         left = means - np.tensordot(basis, amounts, 1)
-        variance = np.sum(left**2, axis=0) / (len(told) - basis.shape[1]) * np.sum(solve[1] ** 2)
+        variance = np.sum(left**2, axis=0) / (len(basis) - basis.shape[1]) * np.sum(solve[1] ** 2)
         spread = (amounts[1] - self._mean_over_taxels(amounts[1])) ** 2
         share = 1 - self._mean_over_taxels(variance) / np.maximum(self._mean_over_taxels(spread), 1e-12)
         return replace(self, shrink=np.clip(share, 0.0, 1.0))

@@ -84,7 +84,7 @@ class Ranking:
         A single cause is also tried at each of its starts alone, as several starts of one effect may be fitted to noise.
         What it gains on the folds it is fitted to counts half: one fold alone may show it.
         """
-        own = self._columns_of([*self._chosen, *names])
+        own = self._columns_of(names, with_gauges=True) | self._columns_of(self._chosen)
         sets = [own]
         if len(names) == 1 and (self._owner == names[0]).sum() <= FEW:
             others = own & (self._owner != names[0])
@@ -94,8 +94,8 @@ class Ranking:
         heldout = max(map(self._gain, sets)) - self._gain(chosen)
         return max(heldout, FITTED * (self._gain(own, False) - self._gain(chosen, False)))
 
-    def _columns_of(self, names: Sequence[str]) -> NDArray[np.bool_]:
-        gauged = any(self.causes[n].gauge is not None for n in names)
+    def _columns_of(self, names: Sequence[str], with_gauges: bool = False) -> NDArray[np.bool_]:
+        gauged = with_gauges and any(self.causes[n].gauge is not None for n in names)
         return np.isin(self._owner, [*names, ""] if gauged else list(names))
 
     def _gain(self, chosen: NDArray[np.bool_], heldout: bool = True) -> float:

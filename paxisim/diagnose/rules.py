@@ -22,10 +22,9 @@ class Rules:
         gap: Seconds between blocks of one episode, so that the two share no noise.
         contest: Candidates that are fitted for one place, after ranking by their linearised held-out gain.
         pairs: Pairs of candidates that are fitted for two places.
+        fresh: Of the sets with one cause or pair more, those that are fitted from the causes' own starts as well.
         promise: Share of the required gain that a candidate must promise, linearised, to be fitted.
         most: Causes at most.
-        tie: Share of a cause's gain by which a rival may be worse and still be one, where the forms of the two
-            (`misfit`) are not known worse.
         near_miss: Share of the required gain from which on a cause that is not named is mentioned.
         explains: Least share of the explainable error that the named causes must explain together where clear
             structure is left over.
@@ -40,9 +39,9 @@ class Rules:
     gap: float = 0.5
     contest: int = 4
     pairs: int = 2
+    fresh: int = 2
     promise: float = 0.3
     most: int = 5
-    tie: float = 0.03
     near_miss: float = 0.6
     explains: float = 0.2
     visible: float = 2.0

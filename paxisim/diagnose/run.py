@@ -25,7 +25,7 @@ from paxisim.diagnose.rivals import rivals_of
 from paxisim.diagnose.rules import Rules
 from paxisim.diagnose.search import Search
 from paxisim.diagnose.silent import silent_in_words
-from paxisim.diagnose.streams import Streams
+from paxisim.diagnose.report.streams import Streams
 from paxisim.diagnose.symptoms import symptoms
 from paxisim.diagnose.vocabulary import cause, known_causes
 from paxisim.errors import InvalidValueError, MissingExtraError

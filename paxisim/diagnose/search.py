@@ -69,7 +69,16 @@ class Search:
 
     def run(self) -> tuple[str, ...]:
         """The names of the causes that pass the test."""
-        chosen = tuple(c.name for c in self.causes.values() if c.nuisance)
+        nuisances = tuple(c.name for c in self.causes.values() if c.nuisance)
+        found = self._climbed(nuisances)
+        if nuisances and self.problem.counting.is_steep:
+            # a zero that shows only under load takes up what other causes do: it must be worth its price as they must
+            bare = self._climbed(())
+            found = min(found, bare, key=lambda names: self.objective(names, nuisances=True))
+        return found
+
+    def _climbed(self, chosen: tuple[str, ...]) -> tuple[str, ...]:
+        """The set that adding, exchanging and dropping lead to."""
         seen: set[frozenset[str]] = set()
         for _ in range(ROUNDS):
             self._tell(f"looking for a cause beside {', '.join(self._shown(chosen)) or 'none'}")
@@ -147,10 +156,15 @@ class Search:
         others = [n for n in ranking.causes if n not in names]
         return sorted(((ranking.gain([n]), n) for n in others), reverse=True)
 
-    def objective(self, names: Sequence[str]) -> float:
-        """What is left on held-out units, and what the causes must bring: the less, the better the set."""
+    def objective(self, names: Sequence[str], nuisances: bool = False) -> float:
+        """What is left on held-out units, and what the causes must bring: the less, the better the set.
+
+        Args:
+            names: The set.
+            nuisances: Whether they must bring something, too.
+        """
         material = self.rules.material * self.problem.samples
-        price = sum(self.causes[n].price for n in names if not self.causes[n].nuisance)
+        price = sum(self.causes[n].price for n in names if nuisances or not self.causes[n].nuisance)
         return float(self.fit(names).heldout.sum()) + material * price
 
     def near_misses(self, names: Sequence[str]) -> dict[str, float]:
@@ -177,7 +191,7 @@ class Search:
     def _candidates(self, names: Sequence[str], most: int) -> list[tuple[str, ...]]:
         """Causes that may be added: those fitted in closed form, and those that promise most."""
         least = self.rules.promise * self.rules.material * self.problem.samples
-        local = [n for n, c in self.causes.items() if n not in names and (c.local or c.course) and not c.nuisance]
+        local = [n for n, c in self.causes.items() if n not in names and (c.local or c.course)]
         promising = [n for gain, n in self.ranked(names)[:most] if gain > least]
         return [(n,) for n in (*local, *promising)]
 
@@ -198,6 +212,8 @@ class Search:
             return chosen
         sets = [(*chosen, *extra) for extra in (*self._candidates(chosen, self.rules.contest), *self._pairs(chosen))]
         self._fit_all(sets, self.fit(chosen))
+        best = sorted((names for names in sets if len(names) > 1), key=self.objective)[: self.rules.fresh]
+        each(self._begun_afresh, best, self._jobs)
         for names in sorted(sets, key=self.objective):
             if self.objective(names) >= self.objective(chosen):
                 break
@@ -225,6 +241,12 @@ class Search:
                 return chosen
             weakest = min(failed, key=lambda e: e.share).name
             chosen = tuple(n for n in chosen if n != weakest)
+
+    def _begun_afresh(self, names: tuple[str, ...]) -> None:
+        """Fit a set from its causes' own starts, the newest first, which others may have stood in for; keep the better."""
+        again = self.fitter.fit([self.causes[n] for n in reversed(names)])
+        if again.energy.sum() < self.fit(names).energy.sum():
+            self._fits[frozenset(names)] = again
 
     def _fit_all(self, sets: Sequence[tuple[str, ...]], start: Fit) -> None:
         each(lambda names: self.fit(names, start), sets, self._jobs)

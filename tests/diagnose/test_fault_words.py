@@ -5,7 +5,7 @@ import pytest
 
 from paxisim.augment import Chain, Creep, DeadTaxels, LayoutFault
 from paxisim.diagnose.diagnosis import Diagnosis, FittedParameter, FoundCause, HeldOut, Interval, Place, Symptoms
-from paxisim.diagnose.faults import fault_in_words
+from paxisim.diagnose.report.faults import fault_in_words
 
 
 def diagnosis(name, member):

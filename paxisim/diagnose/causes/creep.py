@@ -12,9 +12,9 @@ CREEP = Cause(
     "holds",
     lambda p: (
         Free("amplitude_1", "1", 0.0, -0.5, 1.5, 0.05, 0.012),
-        Free("tau_1", "s", 0.6, 0.1, 20.0, 0.4),
+        Free("tau_1", "s", 0.6, 0.15, 20.0, 0.4),
         Free("amplitude_2", "1", 0.0, -0.5, 1.5, 0.05, 0.012),
-        Free("tau_2", "s", 5.0, 0.1, 200.0, 3.0),
+        Free("tau_2", "s", 5.0, 0.15, 200.0, 3.0),
     ),
     lambda p: [(0.1, tau, 0.0, 5.0 if tau < 3 else 0.5) for tau in (0.3, 1.0, 3.0, 10.0)],
     # calibrated with quick presses (0), or with loads held until creep ended (1)

@@ -26,7 +26,9 @@ DRIFT = Cause(
     77,
     lambda v, p: augment.Drift(amplitude=np.asarray(v[0]), tau=float(v[1])),  # type: ignore[arg-type]
     "sessions",
-    course=Course("amplitude", lambda seconds, tau: -np.expm1(-seconds / tau), (150.0, 400.0, 1000.0, 4000.0)),
+    course=Course(
+        "amplitude", lambda seconds, tau: -np.expm1(-seconds / tau), (60.0, 120.0, 250.0, 500.0, 1000.0, 4000.0)
+    ),
     misfit=0.02,
     price=7.0,
     barred=_needs_time,

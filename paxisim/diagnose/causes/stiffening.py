@@ -15,11 +15,11 @@ BEND = 0.02  # materiality of the change in gain between a tenth of the peak and
 def _free(problem: Problem) -> tuple[Free, ...]:
     peak = problem.peak
     return (
-        Free("exponent", "1", 1.0, 0.3, 3.0, 0.1, 0.008),
+        Free("exponent", "1", 1.0, 0.1, 5.0, 0.1, 0.008),
         # the gauge: the sensor may have been calibrated at any force up to the peak
         Free("scale", "N", 0.5 * peak, 0.02 * peak, 1.3 * peak, 0.2 * peak, spread=0.5 * peak),
         # the forms: a power law (small knee), or a gain that grows with the square of the force (large knee)
-        Free("knee", "1", 0.3, 0.01, 4.0, 0.3, spread=1.0),
+        Free("knee", "1", 0.3, 0.01, 30.0, 0.3, spread=3.0),
         # the gel acts on all axes together (1), an electronic readout on each axis separately (0)
         Free("shared", "1", 1.0, 0.0, 1.0, 0.3, spread=1.0),
     )

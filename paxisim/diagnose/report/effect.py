@@ -13,7 +13,7 @@ from paxisim.augment.drift import Drift
 from paxisim.augment.transform import Transform
 from paxisim.diagnose.cause import Cause
 from paxisim.diagnose.diagnosis import FoundCause
-from paxisim.diagnose.streams import Streams
+from paxisim.diagnose.report.streams import Streams
 from paxisim.diagnose.vocabulary import cause, known_causes
 
 Series = NDArray[np.float64]

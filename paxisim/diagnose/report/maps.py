@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.diagnose.report.style import AXES, EXTENDED, GRID, INK, MUTED, SIMULATED, WIDTH, Picture, finish
-from paxisim.diagnose.streams import Streams
+from paxisim.diagnose.report.streams import Streams
 from paxisim.layout import TaxelLayout
 
 if TYPE_CHECKING:

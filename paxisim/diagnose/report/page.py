@@ -11,8 +11,8 @@ from paxisim._version import __version__
 from paxisim.augment.chain import Chain
 from paxisim.augment.latency import Latency
 from paxisim.diagnose.diagnosis import Diagnosis, FoundCause, Interval
-from paxisim.diagnose.faults import fault_in_words
-from paxisim.diagnose.text import is_of_one_episode, parameters_in_words, reasons_of
+from paxisim.diagnose.report.faults import fault_in_words
+from paxisim.diagnose.report.text import is_of_one_episode, parameters_in_words, reasons_of
 from paxisim.diagnose.vocabulary import cause, known_causes
 from paxisim.errors import MissingExtraError
 

@@ -21,7 +21,7 @@ from paxisim.diagnose.report.style import (
     panel,
     thin,
 )
-from paxisim.diagnose.streams import Streams
+from paxisim.diagnose.report.streams import Streams
 
 EPISODES = 3
 SECONDS = 40.0  # longest trace

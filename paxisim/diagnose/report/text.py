@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from paxisim.diagnose.advice import NOT_ASKED
-from paxisim.diagnose.faults import fault_in_words
+from paxisim.diagnose.report.faults import fault_in_words
 
 if TYPE_CHECKING:
     from paxisim.diagnose.diagnosis import Diagnosis, FittedParameter, HeldOut, Interval, Place, Symptoms, Verdict
