@@ -21,8 +21,8 @@ class Stiffening(Transform):
     calibrated at one load, it reads too much below and too little above it (exponent < 1); one that softens does the
     opposite. The length is that of all three components: the layer that a normal load has squeezed is the one that
     shears, so x, y and z share one gain and the direction of the force stays. Where it is the readout that bends, each
-    axis does so by itself: ``shared`` multiplies the squares of the other two axes in the length. The reading grows with
-    the force. A force of `scale` newtons reads as it is. Under ``knee * scale`` the gain levels off, so that it is
+    axis does so by itself: ``shared`` multiplies the squares of the other two axes in the length. The reading grows
+    with the force. A force of `scale` newtons reads as it is. Under ``knee * scale`` the gain levels off, so that it is
     finite at 0. With a knee of 1 or more it changes with the square of the force up to there.
 
     The form is that of an empirical power law, as in Hertz's contact (exponent 2/3); the range is ours.

@@ -17,7 +17,7 @@ from paxisim.diagnose.folds import Folds
 from paxisim.diagnose.model import Model, in_order
 from paxisim.diagnose.problem import FloatArray, Problem
 from paxisim.diagnose.reading import ReadOff, read_off
-from paxisim.diagnose.search import Evidence, Search, owned_constant
+from paxisim.diagnose.search import Evidence, Search
 
 
 @dataclass(frozen=True, eq=False)

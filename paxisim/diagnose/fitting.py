@@ -87,7 +87,7 @@ class Fitter:
             fold: ``(units,)``.
         """
         self.whole, self.problem = problem, problem.thinned
-        self.unit = self.problem.at_compared(problem.at_thinned(unit))
+        self.unit = self.problem.at_compared(problem.at_thinned(unit)).astype(np.intp)
         self.fold = fold
         self._shared: dict[tuple[tuple[str, float], ...], tuple[Problem, list[Problem]]] = {}
 

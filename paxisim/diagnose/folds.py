@@ -1,13 +1,14 @@
 """Folds: which samples are held out together.
 
 The unit is the episode, as samples within one share the errors of its contact. An episode that alone excites a cause is
-split into two blocks with a gap between them, so that the cause can be fitted to one and judged on the other; so are the
-episodes of a recording that has few.
+split into two blocks with a gap between them, so that the cause can be fitted to one and judged on the other. The
+episodes of a short recording are split likewise.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import itertools
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -63,7 +64,7 @@ def folds_of(problem: Problem, causes: Iterable[Cause], rules: Rules) -> Folds:
     gap = int(np.ceil(rules.gap / problem.interval))
     for number, (span, pieces) in enumerate(zip(problem.episodes, blocks, strict=True)):
         edges = np.linspace(span.start, span.stop, pieces + 1).astype(int)
-        for start, stop in zip(edges[:-1], edges[1:], strict=True):
+        for start, stop in itertools.pairwise(edges):
             short = gap if stop < span.stop and stop - start > 2 * gap else 0
             unit[start : stop - short] = len(episode)
             episode.append(number)
@@ -106,8 +107,3 @@ def energy_by_episode(problem: Problem, effect: FloatArray) -> FloatArray:
         own = effect[span] - effect[span].mean(axis=0)
         out.append(float(np.sum((own * problem.weight[span]) ** 2)))
     return np.array(out)
-
-
-def names_of(causes: Sequence[Cause]) -> tuple[str, ...]:
-    """The names of causes."""
-    return tuple(item.name for item in causes)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.stats import bootstrap
@@ -133,12 +134,13 @@ def share_of(gained: FloatArray, room: FloatArray, seed: int) -> Interval:
         total = whole.sum(axis=axis)
         return np.asarray(np.where(total > 0, own.sum(axis=axis) / np.where(total > 0, total, 1.0), value))
 
+    generator: Any = np.random.default_rng(seed)
+    options: dict[str, Any] = {"random_state": generator}  # newer versions of scipy call it rng, and take both
     drawn = bootstrap(
-        (gained, room), share, paired=True, vectorized=True, n_resamples=DRAWS, method="percentile",
-        confidence_level=LEVEL, random_state=np.random.default_rng(seed),
-    ).bootstrap_distribution  # fmt: skip
-    low, high = np.quantile(drawn, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
-    return Interval(value, float(low), float(high))
+        (gained, room), share, paired=True, vectorized=True, n_resamples=DRAWS, confidence_level=LEVEL,
+        method="percentile", **options,
+    )  # fmt: skip
+    return Interval(value, float(drawn.confidence_interval.low), float(drawn.confidence_interval.high))
 
 
 def explained_share(squares: Squares, after: FloatArray, seed: int) -> Interval | None:

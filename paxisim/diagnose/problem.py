@@ -6,6 +6,7 @@ import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -323,11 +324,11 @@ class Problem:
     def _compared(self) -> Problem:
         return self.every(self._spare)
 
-    def at_compared(self, values: FloatArray) -> FloatArray:
+    def at_compared(self, values: NDArray[Any]) -> NDArray[Any]:
         """Of ``(T, ...)`` values those at the frames of `compared`."""
         return values if self._spare == 1 else values[self._kept(self._spare)]
 
-    def at_thinned(self, values: FloatArray) -> FloatArray:
+    def at_thinned(self, values: NDArray[Any]) -> NDArray[Any]:
         """Of ``(T, ...)`` values those at the frames of `thinned`."""
         return values if self.stride == 1 else values[self._kept(self.stride)]
 

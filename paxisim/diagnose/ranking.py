@@ -1,7 +1,7 @@
 """Ranking: candidates by what they promise while they are small, as the sums that least squares needs.
 
-For each fold the products of all effects with one another and with the residual are kept. With them any set of causes is
-fitted to some folds and judged on the others by solving a small linear system, without touching the data.
+For each fold the products of all effects with one another and with the residual are kept. With them any set of causes
+is fitted to some folds and judged on the others by solving a small linear system, without touching the data.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ class Ranking:
     def gain(self, names: Sequence[str]) -> float:
         """Energy that causes gain on held-out folds beside the model's own.
 
-        A single cause is also tried at each of its starts alone, as several starts of one effect may be fitted to noise.
+        A single cause is also tried at each of its starts alone, as several starts together may be fitted to noise.
         What it gains on the folds it is fitted to counts half: one fold alone may show it.
         """
         own = self._columns_of(names, with_gauges=True) | self._columns_of(self._chosen)

@@ -1,7 +1,7 @@
 """Rivals: causes that explain the recording as well as one that was named.
 
-Each candidate is fitted in the place of the named cause. It is a rival if it leaves hardly more on held-out episodes than
-the named cause does: what tells the two apart would itself be too small to be named.
+Each candidate is fitted in the place of the named cause. It is a rival if it leaves hardly more on held-out episodes
+than the named cause does: what tells the two apart would itself be too small to be named.
 """
 
 from __future__ import annotations

@@ -22,7 +22,8 @@ class Rules:
         gap: Seconds between blocks of one episode, so that the two share no noise.
         contest: Candidates that are fitted for one place, after ranking by their linearised held-out gain.
         pairs: Pairs of candidates that are fitted for two places.
-        fresh: Of the sets with one cause or pair more, those that are fitted from the causes' own starts as well.
+        delivered: Share of its promise that a candidate must gain once it is fitted; below it the fit is repeated from
+            the causes' own starts, as it may have ended in a local minimum.
         promise: Share of the required gain that a candidate must promise, linearised, to be fitted.
         most: Causes at most.
         near_miss: Share of the required gain from which on a cause that is not named is mentioned.
@@ -39,7 +40,7 @@ class Rules:
     gap: float = 0.5
     contest: int = 4
     pairs: int = 2
-    fresh: int = 2
+    delivered: float = 0.5
     promise: float = 0.3
     most: int = 5
     near_miss: float = 0.6

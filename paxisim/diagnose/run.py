@@ -21,11 +21,11 @@ from paxisim.diagnose.prepare import prepare
 from paxisim.diagnose.problem import FloatArray, Problem, problem_of
 from paxisim.diagnose.reading import read_off
 from paxisim.diagnose.repeats import settled, with_untold
+from paxisim.diagnose.report.streams import Streams
 from paxisim.diagnose.rivals import rivals_of
 from paxisim.diagnose.rules import Rules
 from paxisim.diagnose.search import Search
 from paxisim.diagnose.silent import silent_in_words
-from paxisim.diagnose.report.streams import Streams
 from paxisim.diagnose.symptoms import symptoms
 from paxisim.diagnose.vocabulary import cause, known_causes
 from paxisim.errors import InvalidValueError, MissingExtraError

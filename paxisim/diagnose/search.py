@@ -1,8 +1,8 @@
-"""Search: sets of causes are scored by what they leave on held-out episodes; causes are added, exchanged and dropped."""
+"""Search: causes are added, exchanged and dropped, and each set is scored by what it leaves on held-out episodes."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -71,7 +71,8 @@ class Search:
         """The names of the causes that pass the test."""
         nuisances = tuple(c.name for c in self.causes.values() if c.nuisance)
         found = self._climbed(nuisances)
-        if nuisances and self.problem.counting.is_steep:
+        needed = len(found) > len(nuisances) or any(self.evidence(found, n).kept for n in nuisances)
+        if nuisances and needed and self.problem.counting.is_steep:
             # a zero that shows only under load takes up what other causes do: it must be worth its price as they must
             bare = self._climbed(())
             found = min(found, bare, key=lambda names: self.objective(names, nuisances=True))
@@ -212,11 +213,12 @@ class Search:
             return chosen
         sets = [(*chosen, *extra) for extra in (*self._candidates(chosen, self.rules.contest), *self._pairs(chosen))]
         self._fit_all(sets, self.fit(chosen))
-        best = sorted((names for names in sets if len(names) > 1), key=self.objective)[: self.rules.fresh]
-        each(self._begun_afresh, best, self._jobs)
-        for names in sorted(sets, key=self.objective):
+        promised = {name: gain for gain, name in self.ranked(chosen)}
+        doubtful = [names for names in sets if self._falls_short(chosen, names, promised)]
+        each(self._begun_afresh, doubtful, self._jobs)
+        for names in self._by_merit(sets):
             if self.objective(names) >= self.objective(chosen):
-                break
+                continue
             if all(self.evidence(names, n).kept for n in names if n not in chosen):
                 return names
         return chosen
@@ -228,7 +230,7 @@ class Search:
             self.fit(rest, self.fit(chosen))
             sets = [(*rest, *extra) for extra in self._candidates(rest, self.rules.contest - 1) if extra != (name,)]
             self._fit_all(sets, self.fit(rest))
-            best = min([chosen, *sets], key=self.objective)
+            best = self._by_merit([chosen, *sets])[0]
             if best != chosen and self.evidence(best, best[-1]).kept:
                 return self._exchanged(best) if len(best) == len(chosen) else best
         return chosen
@@ -242,8 +244,31 @@ class Search:
             weakest = min(failed, key=lambda e: e.share).name
             chosen = tuple(n for n in chosen if n != weakest)
 
+    def _by_merit(self, sets: Sequence[tuple[str, ...]]) -> list[tuple[str, ...]]:
+        """Sets by what they leave; of those that leave as little as the best but for what is material, the simplest."""
+        least = min(map(self.objective, sets), default=0.0) + self.rules.material * self.problem.samples
+
+        def merit(names: tuple[str, ...]) -> tuple[float, float]:
+            numbers = sum(len(self.causes[n].parameters(self.problem)) for n in names)
+            left = self.objective(names)
+            return (0.0, numbers) if left < least and self._is_plain(names) else (1.0, left)
+
+        return sorted(sets, key=merit)
+
+    def _is_plain(self, names: tuple[str, ...]) -> bool:
+        """Whether all causes have a few numbers each."""
+        return all(
+            self.causes[n].local is None and (self.causes[n].nuisance or not self.causes[n].course) for n in names
+        )
+
+    def _falls_short(self, chosen: tuple[str, ...], names: tuple[str, ...], promised: Mapping[str, float]) -> bool:
+        """Whether a fit gains much less than its new cause promised: another cause may hold its place."""
+        promise = promised.get(names[-1], 0.0) if len(names) == len(chosen) + 1 else 0.0
+        gain = float((self.fit(chosen).heldout - self.fit(names).heldout).sum())
+        return promise > self.rules.material * self.problem.samples and gain < self.rules.delivered * promise
+
     def _begun_afresh(self, names: tuple[str, ...]) -> None:
-        """Fit a set from its causes' own starts, the newest first, which others may have stood in for; keep the better."""
+        """Fit a set from its causes' own starts, the newest first, and keep the better fit."""
         again = self.fitter.fit([self.causes[n] for n in reversed(names)])
         if again.energy.sum() < self.fit(names).energy.sum():
             self._fits[frozenset(names)] = again

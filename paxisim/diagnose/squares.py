@@ -46,7 +46,7 @@ class Squares:
     @property
     def prior(self) -> FloatArray:
         """``(free,)`` weights of the priors, in units of the scales."""
-        return (self._held * self._scale) ** 2
+        return np.asarray((self._held * self._scale) ** 2, dtype=np.float64)
 
     def residual(self, values: Fitted, zero: FloatArray) -> FloatArray:
         """``(numbers,)`` what is left at these values, in units of the noise."""
@@ -67,7 +67,8 @@ class Squares:
 
     def _away(self, values: Fitted) -> FloatArray:
         """How far the numbers are from what is expected of them, in units of their spread."""
-        return self._held * (np.array([values[n][i] for n, i, _ in self.free]) - self._neutral)
+        now = np.array([float(values[n][i]) for n, i, _ in self.free])
+        return np.asarray(self._held * (now - self._neutral), dtype=np.float64)
 
     def descend(self, values: Fitted, zero: FloatArray) -> Fitted:
         """The values after Gauss-Newton steps, damped until each leaves less."""

@@ -19,8 +19,8 @@ from paxisim.diagnose.model import in_order
 from paxisim.diagnose.problem import problem_of
 from paxisim.diagnose.report.effect import effects, run
 from paxisim.diagnose.report.kinds import PICTURES, evidence
-from paxisim.diagnose.report.style import binned, drawing, scattered
 from paxisim.diagnose.report.streams import Streams
+from paxisim.diagnose.report.style import binned, drawing, scattered
 from paxisim.diagnose.vocabulary import cause
 from paxisim.layout import TaxelLayout
 from paxisim.recording import Recording

@@ -93,7 +93,8 @@ def _error(problem: Problem, prediction: FloatArray, fitted: FloatArray) -> Floa
         score = np.einsum("at...,t...->...a", effects[:, span], rest[span], optimize=True)
         square += (inverse @ score[..., None])[..., 0] ** 2
     count = len(problem.episodes)
-    return np.moveaxis(np.sqrt(square * count / (count - 1)), -1, 0) * student.ppf(0.95, count - 1)
+    width = float(student.ppf(0.95, count - 1)) * np.sqrt(square * count / (count - 1))
+    return np.asarray(np.moveaxis(width, -1, 0), dtype=np.float64)
 
 
 def _bend(values: Values, problem: Problem) -> float:

@@ -75,7 +75,8 @@ def force_force(effect: Effect, title: str = "", near: float = np.inf) -> Pictur
 def _bend(effect: Effect, near: float = np.inf) -> Picture:
     (pad, axis, _, _), name = effect.channel, effect.cause.name
     arrays = (effect.streams.measured, effect.without, effect.model)
-    measured, lacking, model = _shown(*(a[:, pad, axis].astype(float).ravel() for a in arrays), near)
+    measured, lacking, model = (a[:, pad, axis].astype(float).ravel() for a in arrays)
+    measured, lacking, model = _shown(measured, lacking, model, near)
     seen, adds = measured - lacking, model - lacking
     figure, axes = panel(3.0)
     marks.cloud(axes, lacking, seen, faint=True)

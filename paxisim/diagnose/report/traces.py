@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from paxisim.diagnose.diagnosis import Place, Symptoms
+from paxisim.diagnose.report.streams import Streams
 from paxisim.diagnose.report.style import (
     AXES,
     EXTENDED,
@@ -21,7 +22,6 @@ from paxisim.diagnose.report.style import (
     panel,
     thin,
 )
-from paxisim.diagnose.report.streams import Streams
 
 EPISODES = 3
 SECONDS = 40.0  # longest trace
