@@ -1,6 +1,11 @@
 """What all tests share."""
 
+import os
 import sys
+
+# before numpy is imported: the threads of several test processes would wait for one another
+for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+    os.environ.setdefault(name, "1")
 
 import pytest
 

@@ -42,7 +42,7 @@ class Rules:
     pairs: int = 2
     delivered: float = 0.5
     promise: float = 0.3
-    most: int = 5
+    most: int = 4
     near_miss: float = 0.6
     explains: float = 0.2
     visible: float = 2.0

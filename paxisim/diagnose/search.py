@@ -16,6 +16,7 @@ from paxisim.diagnose.problem import FloatArray, Problem
 from paxisim.diagnose.ranking import Ranking
 from paxisim.diagnose.rules import Rules
 
+AFRESH = 2  # causes, from which on no fit is repeated from the causes' own starts
 ROUNDS = 6  # of adding, exchanging and dropping at most
 WORSE = 1.0005  # times the energy of fewer causes, from which on a fit has ended in the wrong place
 
@@ -214,7 +215,8 @@ class Search:
         sets = [(*chosen, *extra) for extra in (*self._candidates(chosen, self.rules.contest), *self._pairs(chosen))]
         self._fit_all(sets, self.fit(chosen))
         promised = {name: gain for gain, name in self.ranked(chosen)}
-        doubtful = [names for names in sets if self._falls_short(chosen, names, promised)]
+        begun = len(self._shown(chosen)) < AFRESH
+        doubtful = [names for names in sets if begun and self._falls_short(chosen, names, promised)]
         each(self._begun_afresh, doubtful, self._jobs)
         for names in self._by_merit(sets):
             if self.objective(names) >= self.objective(chosen):

@@ -16,9 +16,9 @@ from paxisim.diagnose.model import ZERO_ORDER, Fitted, Model
 from paxisim.diagnose.problem import FloatArray
 
 PROBE = 0.05  # of a parameter's scale, to see what it does
-STEPS = 20  # of Gauss-Newton at most
+STEPS = 10  # of Gauss-Newton at most
 DAMPINGS = 5  # of one of them
-CONVERGED = 3e-5  # of the energy, below which a step is the last
+CONVERGED = 1e-4  # of the energy, below which a step is the last
 REFITS = 4  # evaluations for a fold at most
 UNSETTLED = 0.02  # energy a channel, in units of the noise, that a fold's fit may still gain by another step
 

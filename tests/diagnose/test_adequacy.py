@@ -30,7 +30,7 @@ def fitted(given, name):
     """What a cause, fitted to it, makes of a recording."""
     folds = folds_of(given, [cause(name)], Rules())
     fit = Fitter(given, folds.unit, folds.fold).fit([cause(name)])
-    return predicted(given, fit.causes, fit, fit.whole)
+    return predicted(given, fit.causes, fit.whole)
 
 
 def said(given, prediction=None):
