@@ -16,7 +16,7 @@ from paxisim.diagnose.problem import FloatArray, Problem
 
 DRAWS = 400  # of the bootstrap
 LEVEL = 0.9  # of the intervals
-CHOSEN = "Causes were chosen by the same held-out episodes; their parameters were fitted without those held out."
+CHOSEN = "The causes were selected on the same held-out episodes; their parameters were fitted without them."
 LEAST_ROOM = 0.02  # of the floor, that the error must be above it for anything to be explained
 EQUAL = 1e-5  # of the force, by which streams without noise may differ
 ALIKE = 0.02  # of the force, by which the simulations of a repeated motion may differ
@@ -34,7 +34,7 @@ class Squares:
         floor: ``(episodes,)`` what noise would leave.
         force: ``(episodes,)`` the measured force.
         source: Where the floor is read from.
-        split: Numbers of the episodes that were held out one block after the other.
+        split: Numbers of the episodes that were split into blocks, which were held out in turn.
     """
 
     before: FloatArray
@@ -176,7 +176,7 @@ def figures(squares: Squares, seed: int, ceiling: FloatArray | None, note: str) 
     if squares.split:
         numbers = " and ".join(str(number + 1) for number in squares.split)
         those = f"Episodes {numbers} were" if len(squares.split) > 1 else f"Episode {numbers} was"
-        note = f"{note} {those} held out one block after the other.".strip()
+        note = f"{note} {those} split into blocks that were held out in turn.".strip()
     if np.any(squares.after != squares.before):
         note = f"{note} {CHOSEN}".strip()
     black = None if ceiling is None else explained_share(squares, ceiling, seed)

@@ -128,7 +128,7 @@ def diagnosis_of(
         advice=advice(
             [(item.name, item.rivals) for item in judged.causes],
             {n: why for n, why in untestable.items() if n in _showable(raw, wanted)}
-            | dict.fromkeys(judged.missed, "it gains too little to be named"),
+            | dict.fromkeys(judged.missed, "its gain falls short of materiality"),
             {name: cause(name).excites for name in known_causes()},
             unexplained=bool(unsettled or structure),
             episodes=len(raw.episodes),
@@ -176,7 +176,7 @@ def _judged(found: Explanation, squares: Squares, seed: int) -> Judged:
     shares = {n: s for n, s in shares.items() if s > rules.near_miss and n not in rivalling}
     lines = tuple(
         LeftOver(
-            f"{name} may be at work as well: it gains {min(share, 1):.0%} of what is needed to name it",
+            f"{name} is a near miss: it reaches {min(share, 1):.0%} of the gain required to name it",
             share,
             rules.near_miss,
         )
@@ -240,8 +240,10 @@ def _at_bounds(found: Explanation) -> tuple[str, ...]:
 def _evidence(gain: FloatArray, share: Interval) -> str:
     shown = np.abs(gain) > 1e-2 * np.abs(gain).max()
     worse = int((gain[shown] > 0).sum())
-    text = f"Without it the model predicts {worse} of the {int(shown.sum())} held-out episodes that show it worse"
-    return f"{text}; it explains {share.value:.0%} of the explainable error."
+    return (
+        f"Without it the model predicts {worse} of the {int(shown.sum())} affected held-out episodes less accurately; "
+        f"it explains {share.value:.0%} of the explainable error."
+    )
 
 
 def _confidence(found: Explanation, judged: Judged, seed: int, structure: bool) -> dict[str, float]:
@@ -264,9 +266,7 @@ def _not_excited(found: Explanation, wanted: Sequence[Cause]) -> dict[str, str]:
         changes = effects(problem, item, problem.simulated)
         energy = max((float(np.sum((change * problem.weight) ** 2)) for change in changes), default=np.inf)
         if energy < rules.visible * rules.material * problem.samples:
-            missing[item.name] = (
-                "this motion does not excite it: at a size worth finding it would stay within the noise"
-            )
+            missing[item.name] = "this motion does not excite it: at a material size its effect stays below the noise"
     return missing
 
 

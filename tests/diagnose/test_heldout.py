@@ -84,7 +84,7 @@ def test_the_errors_that_are_reported_are_those_of_the_held_out_predictions(foun
 def test_an_episode_that_was_cut_is_said():
     recording = next(small("axis_gain", seed=3, strength=0.9).episodes())
     note = diagnosed(recording, ("axis_gain",)).heldout.note
-    assert "Episode 1 was held out one block after the other." in note
+    assert "Episode 1 was split into blocks that were held out in turn." in note
 
 
 @pytest.mark.parametrize(
