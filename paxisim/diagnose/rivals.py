@@ -35,6 +35,7 @@ def _in_place(search: Search, names: tuple[str, ...], name: str) -> tuple[str, .
     """Causes that, in the place of one, leave hardly more."""
     rules = search.rules
     fit, rest = search.fit(names), tuple(n for n in names if n != name)
+    gain = float((search.without(names, name).heldout - fit.heldout).sum())
     near = {}
     for _, other in search.ranked(rest)[: rules.contest + 1]:
         if other == name:
@@ -44,7 +45,7 @@ def _in_place(search: Search, names: tuple[str, ...], name: str) -> tuple[str, .
         told = search.causes[name].misfit * fit.effects.get(name, 0.0)
         told += search.causes[other].misfit * own.effects.get(other, 0.0)
         least = rules.material * search.problem.samples + told
-        if worse < least and search.evidence((*rest, other), other).kept:
+        if worse < least + rules.tie * max(gain, 0.0) and search.evidence((*rest, other), other).kept:
             near[other] = worse
     return tuple(sorted(near, key=lambda n: near[n]))
 

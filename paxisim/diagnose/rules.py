@@ -26,6 +26,7 @@ class Rules:
             the causes' own starts, as it may have ended in a local minimum.
         promise: Share of the required gain that a candidate must promise, linearised, to be fitted.
         most: Causes at most.
+        tie: Share of a cause's gain by which a rival may be worse and still be one: no form is known better than that.
         near_miss: Share of the required gain from which on a cause that is not named is mentioned.
         explains: Least share of the explainable error that the named causes must explain together where clear
             structure is left over.
@@ -43,6 +44,7 @@ class Rules:
     delivered: float = 0.5
     promise: float = 0.3
     most: int = 4
+    tie: float = 0.01
     near_miss: float = 0.6
     explains: float = 0.2
     visible: float = 2.0

@@ -16,6 +16,7 @@ from paxisim.diagnose.problem import FloatArray, Problem
 from paxisim.diagnose.ranking import Ranking
 from paxisim.diagnose.rules import Rules
 
+MOST_BEFORE = 10.0  # times the drift in a recording, that it may have drifted before
 AFRESH = 2  # causes, from which on no fit is repeated from the causes' own starts
 ROUNDS = 6  # of adding, exchanging and dropping at most
 WORSE = 1.0005  # times the energy of fewer causes, from which on a fit has ended in the wrong place
@@ -297,5 +298,5 @@ def owned_constant(problem: Problem, fit: Fit) -> FloatArray:
         if not item.nuisance:
             course, left = zero[item.name], constant - owned
             ratio = float(np.sum(course * left) / max(float(np.sum(course**2)), 1e-12))
-            owned = owned + np.clip(ratio, 0.0, 3.0) * course
+            owned = owned + np.clip(ratio, 0.0, MOST_BEFORE) * course
     return owned
