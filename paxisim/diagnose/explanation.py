@@ -101,15 +101,13 @@ def explanation_of(off: ReadOff, search: Search, chosen: Sequence[str], jobs: in
     for name in dropped:
         fit, owned = search.exact_without(chosen, name)
         constant = constant if owned is None else owned
-    prediction = predicted(off.problem, fit.causes, fit.whole, constant)
-    heldout = heldout_of(off.problem, search.folds, fit, constant, jobs)
+    prediction = off.with_dead(predicted(off.problem, fit.causes, fit.whole, constant))
+    heldout = off.with_dead(heldout_of(off.problem, search.folds, fit, constant, jobs))
     members, named = _members(off, fit, evidence, constant)
     for name, reading in off.readings.items():
         item = next(c for c in off.causes if c.name == name)
         named.append(Named(item, reading.transform, reading.values, None))
         members.append((item.order, name, reading.transform))
-        if not reading.rounds and reading.problem.alive.sum() < off.raw.alive.sum():
-            prediction, heldout = reading.transform(prediction), reading.transform(heldout)
     ordered = sorted(members, key=lambda member: member[0])
     model = in_order([(name, transform) for _, name, transform in ordered])
     named.sort(key=lambda item: item.cause.order)
@@ -120,13 +118,11 @@ def _members(
     off: ReadOff, fit: Fit, evidence: Mapping[str, Evidence], constant: FloatArray
 ) -> tuple[list[tuple[float, str, Transform]], list[Named]]:
     """The members of the model with their places in the chain, and the causes that were fitted."""
-    courses = [c for c in sorted(fit.causes, key=lambda c: c.order) if c.course is not None]
-    zero = dict(zip([c.name for c in courses], fit.whole.zero, strict=True))
     members, named = [], []
     for item in fit.causes:
         if item.course is not None:
             tau = fit.taus[item.name]
-            amounts = np.where(off.problem.alive, zero[item.name], 0.0)
+            amounts = np.where(off.problem.alive, fit.zeros[item.name], 0.0)
             values: dict[str, float | FloatArray] = {item.course.name: amounts}
             if len(item.course.taus) > 1:
                 values["tau"] = tau
@@ -149,7 +145,7 @@ def _members(
 def predicted(problem: Problem, causes: Sequence[Cause], part: Part, constant: FloatArray | float = 0.0) -> FloatArray:
     """``(T, pads, 3, rows, cols)`` N, what a fit makes of every sample of a recording, before rounding."""
     rows = replace(problem, curves=curves_of(problem, causes, part.taus), constant=constant)
-    return Model(rows, causes, rows).run(part.values, part.zero if len(part.zero) else None)
+    return Model(rows, causes, rows).run(part.values, part.zero)
 
 
 def heldout_of(problem: Problem, folds: Folds, fit: Fit, constant: FloatArray | float, jobs: int = 1) -> FloatArray:
@@ -179,10 +175,7 @@ def without_each(found: Explanation, jobs: int = 1) -> dict[str, tuple[Problem, 
             continue
         fit, constant = _refitted_without(found, named)
         prediction = heldout_of(found.problem, found.folds, fit, constant, jobs)
-        for reading in found.off.readings.values():
-            if not reading.rounds and reading.problem.alive.sum() < found.off.raw.alive.sum():
-                prediction = reading.transform(prediction)
-        out[named.name] = found.problem, prediction
+        out[named.name] = found.problem, found.off.with_dead(prediction)
     return out
 
 

@@ -64,6 +64,11 @@ class Fit:
         return self.whole.taus
 
     @property
+    def zeros(self) -> dict[str, FloatArray]:
+        """``(pads, 3, rows, cols)`` N, the amount of each course, by cause."""
+        return dict(zip([c.name for c in courses_of(self.causes)], self.whole.zero, strict=True))
+
+    @property
     def names(self) -> tuple[str, ...]:
         """Of the causes."""
         return tuple(item.name for item in self.causes)
@@ -197,9 +202,8 @@ class Fitter:
     def _taus(self, causes: Sequence[Cause], start: Fit | None, fold: int | None = None) -> dict[str, float]:
         """The time constant of each course."""
         taus: dict[str, float] = {}
-        for item in sorted(causes, key=lambda c: c.order):
-            if item.course is None:
-                continue
+        for item in courses_of(causes):
+            assert item.course is not None
             if start is not None and item.name in start.taus:
                 taus[item.name] = start.taus[item.name]
             elif len(item.course.taus) == 1:
@@ -236,12 +240,10 @@ class Fitter:
 
     def _rows(self, causes: Sequence[Cause], taus: Mapping[str, float]) -> tuple[Problem, list[Problem]]:
         """The compared frames with the curves of the zero, and the same for the complement of each fold."""
-        courses = [c for c in sorted(causes, key=lambda c: c.order) if c.course is not None]
-        key = tuple((c.name, taus[c.name]) for c in courses)
+        key = tuple((c.name, taus[c.name]) for c in courses_of(causes))
         if key not in self._shared:
             rows = self.problem.compared
-            curves = curves_of(rows, courses, taus)
-            rows = replace(rows, curves=curves)
+            rows = replace(rows, curves=curves_of(rows, causes, taus))
             parts = [
                 replace(rows, fitted=(self.unit >= 0) & (self.fold[self.unit] != number))
                 for number in range(int(self.fold.max()) + 1)
@@ -253,14 +255,18 @@ class Fitter:
 def _part(squares: Squares, values: Fitted, zero: FloatArray, taus: Mapping[str, float]) -> Part:
     """The values with the arrays of local causes, and the zero with what the residual still says of it."""
     rows, model = squares.rows, squares.model
-    read = rows.read(model.run(values, zero if len(zero) else None))
+    read = rows.read(model.run(values, zero))
     solved = {**values, **model.solved}
     return Part(solved, zero + rows.zero_of(rows.measured - read) if len(zero) else zero, taus)
+
+
+def courses_of(causes: Sequence[Cause]) -> list[Cause]:
+    """The causes that have a course, in the order of the chain."""
+    return sorted((c for c in causes if c.course is not None), key=lambda c: c.order)
 
 
 def curves_of(rows: Problem, causes: Sequence[Cause], taus: Mapping[str, float]) -> FloatArray | None:
     """``(curves, T)`` the courses of the causes that have one, in the order of the chain; None if none has."""
     seconds = rows.time - rows.time[0]
-    ordered = sorted(causes, key=lambda c: c.order)
-    curves = [c.course.curve(seconds, taus[c.name]) for c in ordered if c.course is not None]
+    curves = [c.course.curve(seconds, taus[c.name]) for c in courses_of(causes) if c.course is not None]
     return np.stack(curves) if curves else None

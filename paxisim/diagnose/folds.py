@@ -88,16 +88,11 @@ def effects(problem: Problem, item: Cause, x: FloatArray) -> list[FloatArray]:
     """What a cause does to `x` at each of its starts (N), numbers that act on different channels moved at once."""
     free = item.parameters(problem)
     groups = [f.together for f in free]
-    changes = []
     if free and all(groups):
-        for group in dict.fromkeys(groups):
-            values = np.array([f.neutral + f.scale * (f.together == group) for f in free])
-            changes.append(problem.run(item.transform(values, problem), x) - x)
-        return changes
-    for start in item.starts(problem):
-        values = np.append(np.asarray(start, dtype=np.float64), 0.0) if item.gauge else np.asarray(start, dtype=float)
-        changes.append(problem.run(item.transform(values, problem), x) - x)
-    return changes
+        starts = [[f.neutral + f.scale * (f.together == group) for f in free] for group in dict.fromkeys(groups)]
+    else:
+        starts = item.starts(problem)
+    return [problem.run(item.make(start, problem), x) - x for start in starts]
 
 
 def energy_by_episode(problem: Problem, effect: FloatArray) -> FloatArray:

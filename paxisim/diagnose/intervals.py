@@ -15,6 +15,7 @@ from paxisim.augment.parameter import parameters
 from paxisim.augment.transform import Transform
 from paxisim.diagnose.diagnosis import FittedParameter, Interval
 from paxisim.diagnose.explanation import Explanation, Named
+from paxisim.diagnose.fitting import courses_of, curves_of
 from paxisim.diagnose.noise import Tolerance, differences
 from paxisim.diagnose.problem import FloatArray, Problem
 
@@ -130,11 +131,10 @@ def _levels(problem: Problem) -> NDArray[np.intp]:
 def _zero_spread(found: Explanation, named: Named) -> FloatArray | None:
     """``(pads, 3, rows, cols)`` half the width of each channel's amount, told by what the episodes leave at rest."""
     problem = found.problem
-    causes = [c for c in sorted(found.fit.causes, key=lambda c: c.order) if c.course is not None]
-    seconds = problem.time - problem.time[0]
-    curves = [c.course.curve(seconds, found.fit.taus[c.name]) for c in causes if c.course is not None]
-    spans = [np.flatnonzero(problem.told[span]) + span.start for span in problem.episodes]
-    spans = [span for span in spans if len(span) >= _LEAST_REST]
+    causes = courses_of(found.fit.causes)
+    curves = curves_of(problem, causes, found.fit.taus)
+    assert curves is not None
+    spans = [span for span in problem.told_by_episode if len(span) >= _LEAST_REST]
     if len(spans) <= len(curves) + 1:
         return None
     left = problem.measured - problem.read(found.prediction)

@@ -63,14 +63,15 @@ class Model:
 
         Args:
             values: By cause.
-            zero: ``(curves, pads, 3, rows, cols)`` N, amounts of the curves of the problem's zero.
+            zero: ``(curves, pads, 3, rows, cols)`` N, amounts of the curves of the problem's zero; None or none of them
+                where it has none.
             begin: The only cause whose values have changed since all were run; empty to run all.
             skip: Whether that cause is left out.
         """
         first = self._at[begin] if begin else 0
         if not begin:
             self._into = [self._simulated] * len(self._stages)
-            self._zero = self.rows.constant if zero is None else _over_time(self.rows, zero)
+            self._zero = _over_time(self.rows, zero) if zero is not None and len(zero) else self.rows.constant
         return self._from(first, self._into[first], values, keep=not begin, skip=first if skip else -1)
 
     def _from(self, first: int, x: NDArray[np.floating], values: Fitted, keep: bool, skip: int = -1) -> FloatArray:

@@ -100,7 +100,12 @@ class Problem:
     @cached_property
     def at_told(self) -> Problem:
         """The problem of those samples alone."""
-        return self._at([span.start + np.flatnonzero(self.told[span]) for span in self.episodes])
+        return self._at(self.told_by_episode)
+
+    @cached_property
+    def told_by_episode(self) -> list[NDArray[np.intp]]:
+        """Their numbers, by episode."""
+        return [span.start + np.flatnonzero(self.told[span]) for span in self.episodes]
 
     @cached_property
     def _square(self) -> FloatArray:
@@ -140,8 +145,7 @@ class Problem:
             difference: ``(T, pads, 3, rows, cols)`` N, to be explained by the zero.
         """
         assert self.curves is not None
-        told = [span.start + np.flatnonzero(self.told[span]) for span in self.episodes]
-        told = [frames for frames in told if len(frames) >= LEAST_TOLD]
+        told = [frames for frames in self.told_by_episode if len(frames) >= LEAST_TOLD]
         basis = [self.curves[:, frames].mean(axis=1) for frames in told]
         means = [difference[frames].mean(axis=0) for frames in told]
         shape = difference.shape[1:]
@@ -326,17 +330,18 @@ class Problem:
 
     def at_compared(self, values: NDArray[Any]) -> NDArray[Any]:
         """Of ``(T, ...)`` values those at the frames of `compared`."""
-        return values if self._spare == 1 else values[self._kept(self._spare)]
+        return values if self._spare == 1 else values[self.frames(self._spare)]
 
     def at_thinned(self, values: NDArray[Any]) -> NDArray[Any]:
         """Of ``(T, ...)`` values those at the frames of `thinned`."""
-        return values if self.stride == 1 else values[self._kept(self.stride)]
+        return values if self.stride == 1 else values[self.frames(self.stride)]
 
     @property
     def _spare(self) -> int:
         return max(1, round(self.samples / ENOUGH))
 
-    def _kept(self, stride: int) -> NDArray[np.intp]:
+    def frames(self, stride: int) -> NDArray[np.intp]:
+        """The numbers of every `stride`-th frame of each episode."""
         return np.concatenate([np.arange(span.start, span.stop, stride) for span in self.episodes])
 
     def every(self, stride: int) -> Problem:

@@ -42,13 +42,13 @@ class Ranking:
         self._chosen = [name for name in fit.names if name in self.causes]
         rows = fitter.rows(fit.causes, fit.taus)
         model = Model(problem, fit.causes, rows)
-        prediction = model.run(fit.whole.values, fit.whole.zero if len(fit.whole.zero) else None)
+        prediction = model.run(fit.whole.values, fit.whole.zero)
         force = Model(problem, [c for c in fit.causes if c.course is None], problem).run(fit.whole.values, None)
         stride = max(1, int(rows.samples / MOST))
         thin = rows.every(stride)
-        kept = np.concatenate([np.arange(s.start, s.stop, stride) for s in rows.episodes])
-        self._unit = fitter.unit[kept]
-        self._fold = np.where(self._unit >= 0, fitter.fold[self._unit], -1)
+        kept = rows.frames(stride)
+        unit = fitter.unit[kept]
+        fold = np.where(unit >= 0, fitter.fold[unit], -1)
         prediction = prediction[kept]
         was_read = thin.read(prediction)
 
@@ -71,7 +71,7 @@ class Ranking:
         size = len(columns)
         self._products, self._projections = np.zeros((count, size, size)), np.zeros((count, size))
         for number in range(count):
-            mine = self._fold == number
+            mine = fold == number
             part, rest = matrix[:, mine].reshape(size, -1), residual[mine].ravel()
             self._products[number], self._projections[number] = part @ part.T, part @ rest
         times = fitter.whole.samples / thin.samples

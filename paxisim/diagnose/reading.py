@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 from paxisim.diagnose.cause import Cause, Reading
-from paxisim.diagnose.problem import Problem, with_noise
+from paxisim.diagnose.problem import FloatArray, Problem, with_noise
 from paxisim.diagnose.silent import silent_channels
 from paxisim.errors import InvalidValueError
 
@@ -27,12 +28,19 @@ class ReadOff:
     readings: Mapping[str, Reading]
     causes: tuple[Cause, ...]
 
-    @property
+    @cached_property
     def judged(self) -> Problem:
         """The recording as figures are given of it: what dead taxels should have read is an error, too."""
         dead = self.raw.alive & ~self.problem.alive
         silent = silent_channels(self.raw)
         return replace(self.problem, alive=self.problem.alive | (dead & ~silent))
+
+    def with_dead(self, prediction: FloatArray) -> FloatArray:
+        """``(T, pads, 3, rows, cols)`` N, a prediction with the taxels that were read to be dead or stuck."""
+        for reading in self.readings.values():
+            if reading.problem.alive.sum() < self.raw.alive.sum() and not reading.rounds:
+                prediction = reading.transform(prediction)
+        return prediction
 
 
 def read_off(raw: Problem, causes: Sequence[Cause]) -> ReadOff:

@@ -127,7 +127,7 @@ def diagnosis_of(
         ),
         advice=advice(
             [(item.name, item.rivals) for item in judged.causes],
-            {n: why for n, why in untestable.items() if n in _showable(raw, wanted)}
+            {n: why for n, why in untestable.items() if not cause(n).barred(raw)}
             | dict.fromkeys(judged.missed, "its gain falls short of materiality"),
             {name: cause(name).excites for name in known_causes()},
             unexplained=bool(unsettled or structure),
@@ -268,12 +268,6 @@ def _not_excited(found: Explanation, wanted: Sequence[Cause]) -> dict[str, str]:
         if energy < rules.visible * rules.material * problem.samples:
             missing[item.name] = "this motion does not excite it: at a material size its effect stays below the noise"
     return missing
-
-
-def _showable(raw: Problem, wanted: Sequence[Cause]) -> set[str]:
-    """Causes that another recording of the same sensor could show."""
-    names = {item.name for item in wanted}
-    return names | {n for n in known_causes() if not cause(n).barred(raw)}
 
 
 def _streams(recording: Recording, found: Explanation) -> Streams:

@@ -10,7 +10,7 @@ import numpy as np
 
 from paxisim.diagnose.cause import Cause
 from paxisim.diagnose.each import each
-from paxisim.diagnose.fitting import Fit, Fitter
+from paxisim.diagnose.fitting import Fit, Fitter, courses_of
 from paxisim.diagnose.folds import Folds
 from paxisim.diagnose.problem import FloatArray, Problem
 from paxisim.diagnose.ranking import Ranking
@@ -19,7 +19,6 @@ from paxisim.diagnose.rules import Rules
 MOST_BEFORE = 10.0  # times the drift in a recording, that it may have drifted before
 AFRESH = 2  # causes, from which on no fit is repeated from the causes' own starts
 ROUNDS = 6  # of adding, exchanging and dropping at most
-WORSE = 1.0005  # times the energy of fewer causes, from which on a fit has ended in the wrong place
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,13 +116,7 @@ class Search:
 
     def confirmed(self, chosen: tuple[str, ...]) -> tuple[str, ...]:
         """The causes that pass the test with folds that are fitted on their own, the weakest dropped first."""
-        while True:
-            each(partial(self.exact_without, chosen), self._shown(chosen), self._jobs)
-            failed = [e for n in self._shown(chosen) if not (e := self.evidence(chosen, n, exact=True)).kept]
-            if not failed:
-                return chosen
-            weakest = min(failed, key=lambda e: e.share).name
-            chosen = tuple(n for n in chosen if n != weakest)
+        return self._dropped(chosen, exact=True)
 
     def evidence(self, names: Sequence[str], name: str, exact: bool = False) -> Evidence:
         """What speaks for one cause of a set."""
@@ -238,10 +231,12 @@ class Search:
                 return self._exchanged(best) if len(best) == len(chosen) else best
         return chosen
 
-    def _dropped(self, chosen: tuple[str, ...]) -> tuple[str, ...]:
+    def _dropped(self, chosen: tuple[str, ...], exact: bool = False) -> tuple[str, ...]:
         """Without the causes that fail the test, the weakest first."""
         while True:
-            failed = [e for n in self._shown(chosen) if not (e := self.evidence(chosen, n)).kept]
+            if exact:  # each is many fits
+                each(partial(self.exact_without, chosen), self._shown(chosen), self._jobs)
+            failed = [e for n in self._shown(chosen) if not (e := self.evidence(chosen, n, exact)).kept]
             if not failed:
                 return chosen
             weakest = min(failed, key=lambda e: e.share).name
@@ -285,16 +280,15 @@ def owned_constant(problem: Problem, fit: Fit) -> FloatArray:
 
     A field need not be zero at the opening where the recording begins; a drift may have begun before the recording.
     """
-    ordered = [c for c in sorted(fit.causes, key=lambda c: c.order) if c.course is not None]
-    zero = dict(zip([c.name for c in ordered], fit.whole.zero, strict=True))
-    constant = next((zero[c.name] for c in ordered if c.nuisance), np.zeros(problem.alive.shape))
+    courses, zero = courses_of(fit.causes), fit.zeros
+    constant = next((zero[c.name] for c in courses if c.nuisance), np.zeros(problem.alive.shape))
     owned = np.zeros_like(constant)
     if any(c.planes for c in fit.causes):
         rows, cols = (np.arange(n) - (n - 1) / 2 for n in constant.shape[2:])
         shapes = np.stack([np.ones((len(rows), len(cols))), *np.meshgrid(rows, cols, indexing="ij")]).reshape(3, -1)
         flat = constant.reshape(-1, shapes.shape[1])
         owned = (flat @ np.linalg.pinv(shapes) @ shapes).reshape(constant.shape)
-    for item in ordered:
+    for item in courses:
         if not item.nuisance:
             course, left = zero[item.name], constant - owned
             ratio = float(np.sum(course * left) / max(float(np.sum(course**2)), 1e-12))

@@ -50,7 +50,7 @@ class Squares:
 
     def residual(self, values: Fitted, zero: FloatArray) -> FloatArray:
         """``(numbers,)`` what is left at these values, in units of the noise."""
-        self.prediction = self.model.run(values, zero if len(zero) else None)
+        self.prediction = self.model.run(values, zero)
         return self.rows.residual(self.prediction).ravel()
 
     def _used(self, residual: FloatArray) -> FloatArray:
@@ -229,7 +229,7 @@ def best_start(model: Model, item: Cause, values: Fitted, zero: FloatArray) -> F
     low, high = np.array([f.low for f in free]), np.array([f.high for f in free])
 
     def left(trial: FloatArray, begin: str = item.name) -> FloatArray:
-        residual = rows.residual(model.run({**values, item.name: trial}, zero if len(zero) else None, begin=begin))
+        residual = rows.residual(model.run({**values, item.name: trial}, zero, begin=begin))
         return (residual if rows.fitted is None else residual[rows.fitted]).ravel()
 
     base = left(neutral, "")

@@ -10,7 +10,7 @@ from paxisim.diagnose.causes import CAUSES
 
 PACKAGE = Path(package.__file__).parent
 GENERIC = sorted(PACKAGE.glob("*.py"))
-MOST = 5100  # lines: it must not grow; the aim of 3500 is not reached yet
+MOST, NOW = 3500, 5100  # lines: the aim, and what it must not outgrow meanwhile
 NAMES = {item.name for item in CAUSES}
 
 
@@ -21,9 +21,12 @@ def strings(path):
     return [(n.value, n.lineno) for n in ast.walk(tree) if isinstance(n, ast.Constant) and id(n) not in words]
 
 
-def test_the_package_without_its_report_and_its_causes_does_not_grow():
+@pytest.mark.parametrize(
+    "most", [NOW, pytest.param(MOST, marks=pytest.mark.xfail(reason="5,030 lines: the aim is open", strict=True))]
+)
+def test_the_package_without_its_report_and_its_causes_is_small(most):
     lines = {path.name: len(path.read_text(encoding="utf-8").splitlines()) for path in GENERIC}
-    assert sum(lines.values()) <= MOST, lines
+    assert sum(lines.values()) <= most, lines
 
 
 @pytest.mark.parametrize("path", GENERIC, ids=lambda path: path.name)
