@@ -89,13 +89,15 @@ class Course:
 
     Attributes:
         name: What the amounts are called, in a report and in the transform.
-        curve: ``(T,)`` the course, given seconds since the recording began and a time constant (s).
-        taus: Time constants that are tried; one entry if the course has none.
+        curve: ``(T,)`` the course, given seconds since the recording began and the numbers of its shape.
+        numbers: What those numbers are called, in a report and in the transform.
+        shapes: Values of the numbers that are tried, the simplest first.
     """
 
     name: str
-    curve: Callable[[FloatArray, float], FloatArray]
-    taus: tuple[float, ...] = (0.0,)
+    curve: Callable[[FloatArray, Values], FloatArray]
+    numbers: tuple[str, ...] = ()
+    shapes: tuple[tuple[float, ...], ...] = ((),)
 
 
 @dataclass(frozen=True, eq=False)

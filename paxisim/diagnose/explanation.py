@@ -121,12 +121,11 @@ def _members(
     members, named = [], []
     for item in fit.causes:
         if item.course is not None:
-            tau = fit.taus[item.name]
+            shape = fit.shapes[item.name]
             amounts = np.where(off.problem.alive, fit.zeros[item.name], 0.0)
             values: dict[str, float | FloatArray] = {item.course.name: amounts}
-            if len(item.course.taus) > 1:
-                values["tau"] = tau
-            transform = item.make(amounts if len(values) == 1 else (amounts, tau), off.problem)  # type: ignore[arg-type]
+            values |= dict(zip(item.course.numbers, shape, strict=True))
+            transform = item.make((amounts, *shape) if shape else amounts, off.problem)  # type: ignore[arg-type]
         elif item.local is not None:
             values = {item.local.name: fit.whole.values[item.name]}
             transform = item.transform(fit.whole.values[item.name], off.problem)
@@ -144,7 +143,7 @@ def _members(
 
 def predicted(problem: Problem, causes: Sequence[Cause], part: Part, constant: FloatArray | float = 0.0) -> FloatArray:
     """``(T, pads, 3, rows, cols)`` N, what a fit makes of every sample of a recording, before rounding."""
-    rows = replace(problem, curves=curves_of(problem, causes, part.taus), constant=constant)
+    rows = replace(problem, curves=curves_of(problem, causes, part.shapes), constant=constant)
     return Model(rows, causes, rows).run(part.values, part.zero)
 
 

@@ -19,6 +19,8 @@ from paxisim.diagnose.model import Fitted, Model
 from paxisim.diagnose.problem import FloatArray, Problem
 from paxisim.diagnose.squares import Squares, best_start
 
+Shapes = Mapping[str, tuple[float, ...]]
+
 ZEROS = 4  # times that the zero and the other numbers are fitted in turns, at most
 SETTLED = 2e-3  # of the energy, below which a turn is the last
 
@@ -30,12 +32,12 @@ class Part:
     Attributes:
         values: By cause, in the order of its `parameters`; the arrays of local causes.
         zero: ``(curves, pads, 3, rows, cols)`` N.
-        taus: Time constant of the course of each cause that has one, by name.
+        shapes: Numbers of the shape of each cause that has a course, by name.
     """
 
     values: Fitted
     zero: FloatArray
-    taus: Mapping[str, float]
+    shapes: Shapes
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +48,8 @@ class Fit:
         causes: The causes.
         whole: The fit to all episodes.
         folds: Those to all but each fold.
-        effects: By cause, the energy of what it does to the reading, in units of the noise, the others as they are.
+        effects: By cause, the energy of what it does to the reading, in units of the noise, the others as they are; of
+            a course, of what it adds.
         energy: ``(units,)`` squared residual, in units of the noise, of the whole fit.
         heldout: ``(units,)`` the same of units that took no part in the fit.
     """
@@ -59,9 +62,9 @@ class Fit:
     heldout: FloatArray
 
     @property
-    def taus(self) -> Mapping[str, float]:
+    def shapes(self) -> Shapes:
         """Of the fit to all episodes."""
-        return self.whole.taus
+        return self.whole.shapes
 
     @property
     def zeros(self) -> dict[str, FloatArray]:
@@ -94,7 +97,7 @@ class Fitter:
         self.whole, self.problem = problem, problem.thinned
         self.unit = self.problem.at_compared(problem.at_thinned(unit)).astype(np.intp)
         self.fold = fold
-        self._shared: dict[tuple[tuple[str, float], ...], tuple[Problem, list[Problem]]] = {}
+        self._shared: dict[tuple[tuple[str, tuple[float, ...]], ...], tuple[Problem, list[Problem]]] = {}
 
     @cached_property
     def samples(self) -> float:
@@ -109,32 +112,36 @@ class Fitter:
             start: A fit to begin with; a cause that is not in it begins with its best start.
             constant: ``(pads, 3, rows, cols)`` N, a reading without force that is there and not fitted.
         """
-        taus = self._taus(causes, start)
-        rows, parts = self._for_fit(causes, taus, start, constant)
+        shapes = self._shapes(causes, start)
+        rows, parts = self._for_fit(causes, shapes, start, constant)
         squares = Squares(Model(self.problem, causes, rows), causes)
         values, zero = self._descend(squares, causes, {} if start is None else start.whole.values)
         residual, slopes = squares.linearised(values, zero)
-        whole = _part(squares, values, zero, taus)
+        whole = _part(squares, values, zero, shapes)
         energies = {n: e * self.samples for n, e in squares.effects(values, zero).items()}
+        for number, item in enumerate(courses_of(causes)):
+            assert rows.curves is not None
+            added = np.multiply.outer(rows.curves[number], whole.zero[number])
+            energies[item.name] = float(np.sum((added * rows.weight) ** 2)) * self.samples
         heldout, folds = np.zeros(len(self.fold)), []
         for number, part in enumerate(parts):
             own = Squares(Model(self.problem, causes, part), causes)
             part_values, left = own.refit(values, zero, residual, slopes)
             heldout[self.fold == number] = self._by_unit(left)[self.fold == number]
-            folds.append(_part(own, part_values, zero, taus))
+            folds.append(_part(own, part_values, zero, shapes))
         return Fit(tuple(causes), whole, tuple(folds), energies, self._by_unit(residual), heldout)
 
     def exact(self, fit: Fit, constant: FloatArray | None = None) -> Fit:
         """A fit whose folds are fitted without anything of the fit to all episodes."""
         heldout, folds = np.zeros(len(self.fold)), []
         for number in range(int(self.fold.max()) + 1):
-            taus = self._taus(fit.causes, None, number)
-            part = self._for_fit(fit.causes, taus, None, constant)[1][number]
+            shapes = self._shapes(fit.causes, None, number)
+            part = self._for_fit(fit.causes, shapes, None, constant)[1][number]
             own = Squares(Model(self.problem, fit.causes, part), fit.causes)
             values, zero = self._descend(own, fit.causes, {})
             left = own.residual(values, zero)
             heldout[self.fold == number] = self._by_unit(left)[self.fold == number]
-            folds.append(_part(own, values, zero, taus))
+            folds.append(_part(own, values, zero, shapes))
         return replace(fit, folds=tuple(folds), heldout=heldout)
 
     def _descend(self, squares: Squares, causes: Sequence[Cause], start: Fitted) -> tuple[Fitted, FloatArray]:
@@ -163,10 +170,10 @@ class Fitter:
         return values, zero
 
     def _for_fit(
-        self, causes: Sequence[Cause], taus: Mapping[str, float], start: Fit | None, constant: FloatArray | None
+        self, causes: Sequence[Cause], shapes: Shapes, start: Fit | None, constant: FloatArray | None
     ) -> tuple[Problem, list[Problem]]:
         """The compared frames for a fit to all episodes, and to all but each fold."""
-        rows, parts = self._rows(causes, taus)
+        rows, parts = self._rows(causes, shapes)
         if constant is not None:
             rows, *parts = [replace(own, constant=constant) for own in (rows, *parts)]
         if rows.curves is not None and len(rows.curves) > 1:
@@ -184,51 +191,51 @@ class Fitter:
             ``(free, numbers)`` in units of the numbers' scales; ``(free,)`` weights of the priors in these units; and
             the prediction (N).
         """
-        rows = replace(self._rows(fit.causes, fit.taus)[0], constant=constant)
+        rows = replace(self._rows(fit.causes, fit.shapes)[0], constant=constant)
         squares = Squares(Model(self.problem, fit.causes, rows), fit.causes)
         values = {n: v for n, v in fit.whole.values.items() if n in {name for name, _, _ in squares.free}}
         residual, slopes = squares.linearised(values, fit.whole.zero)
         return rows, squares.free, residual, slopes, squares.prior, squares.prediction
 
-    def rows(self, causes: Sequence[Cause], taus: Mapping[str, float]) -> Problem:
+    def rows(self, causes: Sequence[Cause], shapes: Shapes) -> Problem:
         """The compared frames, with the curves that the zero follows beside these causes."""
-        return self._rows(causes, taus)[0]
+        return self._rows(causes, shapes)[0]
 
     def _by_unit(self, residual: FloatArray) -> FloatArray:
         square = np.sum(residual.reshape(len(self.unit), -1) ** 2, axis=1)
         known = self.unit >= 0
         return np.bincount(self.unit[known], square[known], len(self.fold)) * self.samples
 
-    def _taus(self, causes: Sequence[Cause], start: Fit | None, fold: int | None = None) -> dict[str, float]:
-        """The time constant of each course."""
-        taus: dict[str, float] = {}
-        for item in courses_of(causes):
+    def _shapes(self, causes: Sequence[Cause], start: Fit | None, fold: int | None = None) -> Shapes:
+        """The numbers of each course's shape; those of `start` are kept if it has the same courses."""
+        wanted = courses_of(causes)
+        if start is not None and start.shapes.keys() == {c.name for c in wanted}:
+            return dict(start.shapes)
+        shapes: dict[str, tuple[float, ...]] = {}
+        for item in wanted:
             assert item.course is not None
-            if start is not None and item.name in start.taus:
-                taus[item.name] = start.taus[item.name]
-            elif len(item.course.taus) == 1:
-                taus[item.name] = item.course.taus[0]
-            else:
-                taus[item.name] = self._best_tau(item, causes, taus, start, fold)
-        return taus
+            tried = item.course.shapes
+            shapes[item.name] = tried[0] if len(tried) == 1 else self._best_shape(item, causes, shapes, start, fold)
+        return shapes
 
-    def _best_tau(
-        self, item: Cause, causes: Sequence[Cause], taus: dict[str, float], start: Fit | None, fold: int | None
-    ) -> float:
-        """The time constant with which each episode's zero is predicted best by those of the others."""
+    def _best_shape(
+        self, item: Cause, causes: Sequence[Cause], shapes: Shapes, start: Fit | None, fold: int | None
+    ) -> tuple[float, ...]:
+        """The shape with which each episode's zero is predicted best by those of the others."""
         assert item.course is not None
         left = self._left(start, self.problem.compared)
-        known = [c for c in causes if c.course is not None and c.name in taus]
+        known = [c for c in causes if c.course is not None and c.name in shapes]
         squares = []
-        for tau in item.course.taus:
-            rows, parts = self._rows([*known, item], {**taus, item.name: tau})
+        for shape in item.course.shapes:
+            rows, parts = self._rows([*known, item], {**shapes, item.name: shape})
             basis, means = (rows if fold is None else parts[fold]).zero_by_episode(left)
             hat = basis @ np.linalg.pinv(basis)
             apart = (means - np.tensordot(hat, means, 1)) / np.maximum(1 - np.diag(hat), 1e-3)[
                 :, None, None, None, None
             ]
             squares.append(float(np.sum(apart**2, where=rows.alive)))
-        return item.course.taus[int(np.argmin(squares))]
+        as_good = np.array(squares) <= (1 + 1e-6) * min(squares)  # beside a constant many shapes are one
+        return item.course.shapes[int(np.argmax(as_good))]
 
     def _left(self, start: Fit | None, rows: Problem) -> FloatArray:
         """``(T, pads, 3, rows, cols)`` N, what a fit without its zero leaves of the compared frames."""
@@ -238,12 +245,12 @@ class Fitter:
         bare = replace(rows, curves=None, constant=0.0)
         return rows.measured - rows.read(Model(self.problem, causes, bare).run(start.whole.values, None))
 
-    def _rows(self, causes: Sequence[Cause], taus: Mapping[str, float]) -> tuple[Problem, list[Problem]]:
+    def _rows(self, causes: Sequence[Cause], shapes: Shapes) -> tuple[Problem, list[Problem]]:
         """The compared frames with the curves of the zero, and the same for the complement of each fold."""
-        key = tuple((c.name, taus[c.name]) for c in courses_of(causes))
+        key = tuple((c.name, shapes[c.name]) for c in courses_of(causes))
         if key not in self._shared:
             rows = self.problem.compared
-            rows = replace(rows, curves=curves_of(rows, causes, taus))
+            rows = replace(rows, curves=curves_of(rows, causes, shapes))
             parts = [
                 replace(rows, fitted=(self.unit >= 0) & (self.fold[self.unit] != number))
                 for number in range(int(self.fold.max()) + 1)
@@ -252,12 +259,12 @@ class Fitter:
         return self._shared[key]
 
 
-def _part(squares: Squares, values: Fitted, zero: FloatArray, taus: Mapping[str, float]) -> Part:
+def _part(squares: Squares, values: Fitted, zero: FloatArray, shapes: Shapes) -> Part:
     """The values with the arrays of local causes, and the zero with what the residual still says of it."""
     rows, model = squares.rows, squares.model
     read = rows.read(model.run(values, zero))
     solved = {**values, **model.solved}
-    return Part(solved, zero + rows.zero_of(rows.measured - read) if len(zero) else zero, taus)
+    return Part(solved, zero + rows.zero_of(rows.measured - read) if len(zero) else zero, shapes)
 
 
 def courses_of(causes: Sequence[Cause]) -> list[Cause]:
@@ -265,8 +272,8 @@ def courses_of(causes: Sequence[Cause]) -> list[Cause]:
     return sorted((c for c in causes if c.course is not None), key=lambda c: c.order)
 
 
-def curves_of(rows: Problem, causes: Sequence[Cause], taus: Mapping[str, float]) -> FloatArray | None:
+def curves_of(rows: Problem, causes: Sequence[Cause], shapes: Shapes) -> FloatArray | None:
     """``(curves, T)`` the courses of the causes that have one, in the order of the chain; None if none has."""
     seconds = rows.time - rows.time[0]
-    curves = [c.course.curve(seconds, taus[c.name]) for c in courses_of(causes) if c.course is not None]
+    curves = [c.course.curve(seconds, shapes[c.name]) for c in courses_of(causes) if c.course is not None]
     return np.stack(curves) if curves else None

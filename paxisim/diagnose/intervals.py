@@ -57,7 +57,7 @@ def _parameters(found: Explanation, named: Named, spreads: Mapping[tuple[str, st
 def _unit(named: Named, name: str) -> str:
     if named.cause.local is not None:
         return named.cause.local.unit
-    if name == "tau":
+    if named.cause.course is not None and name in named.cause.course.numbers:
         return "s"
     return "1" if named.evidence is None and name in ("dead", "stuck") else "N"
 
@@ -132,7 +132,7 @@ def _zero_spread(found: Explanation, named: Named) -> FloatArray | None:
     """``(pads, 3, rows, cols)`` half the width of each channel's amount, told by what the episodes leave at rest."""
     problem = found.problem
     causes = courses_of(found.fit.causes)
-    curves = curves_of(problem, causes, found.fit.taus)
+    curves = curves_of(problem, causes, found.fit.shapes)
     assert curves is not None
     spans = [span for span in problem.told_by_episode if len(span) >= _LEAST_REST]
     if len(spans) <= len(curves) + 1:

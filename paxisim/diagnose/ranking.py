@@ -40,7 +40,7 @@ class Ranking:
         problem = fitter.problem
         self.causes = {c.name: c for c in causes if c.local is None and c.course is None}
         self._chosen = [name for name in fit.names if name in self.causes]
-        rows = fitter.rows(fit.causes, fit.taus)
+        rows = fitter.rows(fit.causes, fit.shapes)
         model = Model(problem, fit.causes, rows)
         prediction = model.run(fit.whole.values, fit.whole.zero)
         force = Model(problem, [c for c in fit.causes if c.course is None], problem).run(fit.whole.values, None)

@@ -16,7 +16,6 @@ from paxisim.diagnose.problem import FloatArray, Problem
 from paxisim.diagnose.ranking import Ranking
 from paxisim.diagnose.rules import Rules
 
-MOST_BEFORE = 10.0  # times the drift in a recording, that it may have drifted before
 AFRESH = 2  # causes, from which on no fit is repeated from the causes' own starts
 ROUNDS = 6  # of adding, exchanging and dropping at most
 
@@ -278,19 +277,11 @@ class Search:
 def owned_constant(problem: Problem, fit: Fit) -> FloatArray:
     """``(pads, 3, rows, cols)`` N, the part of a fitted offset that other causes of the set bring by convention.
 
-    A field need not be zero at the opening where the recording begins; a drift may have begun before the recording.
+    A field need not be zero at the opening where the recording begins.
     """
-    courses, zero = courses_of(fit.causes), fit.zeros
-    constant = next((zero[c.name] for c in courses if c.nuisance), np.zeros(problem.alive.shape))
-    owned = np.zeros_like(constant)
-    if any(c.planes for c in fit.causes):
-        rows, cols = (np.arange(n) - (n - 1) / 2 for n in constant.shape[2:])
-        shapes = np.stack([np.ones((len(rows), len(cols))), *np.meshgrid(rows, cols, indexing="ij")]).reshape(3, -1)
-        flat = constant.reshape(-1, shapes.shape[1])
-        owned = (flat @ np.linalg.pinv(shapes) @ shapes).reshape(constant.shape)
-    for item in courses:
-        if not item.nuisance:
-            course, left = zero[item.name], constant - owned
-            ratio = float(np.sum(course * left) / max(float(np.sum(course**2)), 1e-12))
-            owned = owned + np.clip(ratio, 0.0, MOST_BEFORE) * course
-    return owned
+    constant = next((fit.zeros[c.name] for c in courses_of(fit.causes) if c.nuisance), np.zeros(problem.alive.shape))
+    if not any(c.planes for c in fit.causes):
+        return np.zeros_like(constant)
+    rows, cols = (np.arange(n) - (n - 1) / 2 for n in constant.shape[2:])
+    shapes = np.stack([np.ones((len(rows), len(cols))), *np.meshgrid(rows, cols, indexing="ij")]).reshape(3, -1)
+    return (constant.reshape(-1, shapes.shape[1]) @ np.linalg.pinv(shapes) @ shapes).reshape(constant.shape)

@@ -27,7 +27,7 @@ CROSSTALK = Cause(
         Free("taken", "1", 0.5, 0.0, 1.0, 0.3),
     ),
     lambda p: [(0.02, 0.0, 0.0), (0.02, 1.0, 0.0), (0.02, 1.0, 1.0)],
-    misfit=0.02,
+    misfit=0.03,
     size=_size,
     barred=no_neighbours,
     words="A taxel also reads part of the force on its neighbours.",

@@ -27,7 +27,7 @@ DEAD_BAND = Cause(
     lambda p: [(width, shrink, 0.2) for width in (0.06, 0.12, 0.2, 0.3) for shrink in (0.0, 1.0)],
     # calibrated with small changes of force (0), or so that the peak reads right (1)
     gauge=Gauge("calibrated_at_peak", lambda v, p: 1 / max(1 - v[0] * v[1] / p.peak, 0.2)),
-    misfit=0.02,
+    misfit=0.01,
     barred=bent_apart,
     words="Small forces are not read.",
     picture="small_forces",

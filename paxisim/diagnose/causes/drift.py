@@ -10,6 +10,12 @@ from paxisim.diagnose.problem import Problem
 
 LEAST_EPISODES = 4
 LEAST_SECONDS = 30.0
+SHAPES = tuple(
+    (tau, start)
+    for start in (0.0, 60.0, 120.0, 240.0, 480.0)  # the gauge: the sensor may have been zeroed before the recording
+    for tau in (60.0, 120.0, 250.0, 500.0, 1000.0, 4000.0)
+    if start <= 2 * tau  # later, what drifts is a constant
+)
 
 
 def _needs_time(problem: Problem) -> str:
@@ -24,11 +30,9 @@ def _needs_time(problem: Problem) -> str:
 DRIFT = Cause(
     "drift",
     77,
-    lambda v, p: augment.Drift(amplitude=np.asarray(v[0]), tau=float(v[1])),  # type: ignore[arg-type]
+    lambda v, p: augment.Drift(amplitude=np.asarray(v[0]), tau=float(v[1]), start=float(v[2])),
     "sessions",
-    course=Course(
-        "amplitude", lambda seconds, tau: -np.expm1(-seconds / tau), (60.0, 120.0, 250.0, 500.0, 1000.0, 4000.0)
-    ),
+    course=Course("amplitude", lambda t, shape: -np.expm1(-(t + shape[1]) / shape[0]), ("tau", "start"), SHAPES),
     misfit=0.02,
     price=7.0,
     barred=_needs_time,

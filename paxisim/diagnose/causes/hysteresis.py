@@ -17,7 +17,7 @@ HYSTERESIS = Cause(
     # calibrated with large forces (0), or with swings too small to move the play operators (1)
     gauge=Gauge("calibrated_small", lambda v, p: 1 / max(1 - sum(v), 0.04)),
     remembers=True,
-    misfit=0.04,
+    misfit=0.06,
     words="The reading at a given force differs between loading and unloading.",
     picture="loops",
 )

@@ -19,7 +19,7 @@ POISSON = Cause(
         Free("falloff", "pitch", 1.0, 0.2, 4.0, 0.6, spread=2.0),
     ),
     lambda p: [(0.1, 0.0, 1.0), (0.0, 0.1, 1.0), (0.1, 0.1, 0.4)],
-    misfit=0.01,
+    misfit=0.03,
     barred=no_neighbours,
     words="The pressed gel bulges sideways and shears the neighbouring taxels outwards.",
     picture="outward_shear",

@@ -33,7 +33,7 @@ SATURATION = Cause(
     lambda p: [(share * p.peak, 0.2) for share in (0.5, 0.7, 0.9)] + [(0.9 * p.peak, 0.8)],
     # calibrated with small forces (0), or so that the peak reads right (1)
     gauge=Gauge("calibrated_at_peak", _gain),
-    misfit=0.01,
+    misfit=0.005,
     size=lambda v, p: REACHED * p.peak / v[0],
     barred=bent_apart,
     words="Large forces are clipped.",

@@ -1,0 +1,82 @@
+"""How far the form of each cause is from what may be hidden: what the `misfit` of a cause is chosen by.
+
+    python benchmarks/misfit.py --jobs 2
+
+Each form of each effect of `tests/hidden/practice` is recorded three times, and the cause is fitted to it alone, beside
+an offset. What the fit leaves above what the effect itself would leave, put on the same simulation, is printed as a
+share of the energy of what the fitted cause does; below 0 the fit has also taken some of the noise and the tolerances.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy: one thread for each job
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+
+import numpy as np
+from hidden.practice.cases import make
+from hidden.practice.effects import EFFECTS
+from hidden_table.solve import recording
+
+from paxisim.diagnose.fitting import Fitter
+from paxisim.diagnose.folds import folds_of
+from paxisim.diagnose.prepare import prepare
+from paxisim.diagnose.problem import problem_of
+from paxisim.diagnose.rules import Rules
+from paxisim.diagnose.vocabulary import cause
+
+STRENGTH = 0.85
+SEED = 100
+
+
+@dataclass(frozen=True)
+class Hidden:
+    """An effect to be hidden and fitted."""
+
+    name: str
+    form: str
+    seed: int
+
+
+def left(hidden: Hidden) -> tuple[float, float]:
+    """The share that the form leaves, and the effect's energy as a share of the noise's."""
+    case = make(
+        (hidden.name,), seed=hidden.seed, family=("development", "final")[hidden.seed % 2], ideal=True,
+        strength=STRENGTH, rows=4, cols=3, rate=30, forms={hidden.name: hidden.form},
+    )  # fmt: skip
+    problem = problem_of(prepare(recording(case))[0])
+    causes = [cause("offset"), cause(hidden.name)]
+    folds = folds_of(problem, causes, Rules())
+    fit = Fitter(problem, folds.unit, folds.fold).fit(causes)
+    level = replace(problem, curves=np.ones((1, len(problem.time))))
+    ideal = float(np.sum(level.weigh(problem.measured - case.ideal) ** 2))
+    effect = fit.effects[hidden.name]
+    return (float(fit.energy.sum()) - ideal) / effect, effect / problem.samples
+
+
+def main() -> None:
+    """Fit all forms and print what they leave."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--jobs", type=int, default=1, help="processes")
+    parser.add_argument("--recordings", type=int, default=3, help="of each form")
+    arguments = parser.parse_args()
+    fitted = [n for n in EFFECTS if cause(n).read is None and n != "offset"]
+    forms = [(name, form) for name in fitted for form in EFFECTS[name].forms]
+    todo = [Hidden(*pair, SEED + k) for pair in forms for k in range(arguments.recordings)]
+    print(f"{'cause':<14}{'misfit':>8}  {'form':<18}{'left by each recording':>30}{'effect / noise':>18}")
+    with ProcessPoolExecutor(arguments.jobs) as pool:
+        found = dict(zip(todo, pool.map(left, todo), strict=True))
+    for name, form in forms:
+        own = [found[hidden] for hidden in todo if (hidden.name, hidden.form) == (name, form)]
+        shares = " ".join(f"{share:.3f}" for share, _ in own)
+        print(f"{name:<14}{cause(name).misfit:>8}  {form:<18}{shares:>30}{np.median([e for _, e in own]):>18.2f}")
+
+
+if __name__ == "__main__":
+    main()
