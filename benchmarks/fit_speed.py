@@ -41,8 +41,8 @@ def main() -> None:
         problem = problem_of(recording)
         causes = [cause(n) for n in (*names, "offset")]
         folds = folds_of(problem, causes, Rules())
-        fitter = Fitter(problem, folds.unit, folds.fold)
-        rows = fitter.rows(causes, {"offset": 0.0})
+        fitter = Fitter(problem, folds)
+        rows = fitter.rows(causes, {"offset": ()})
         squares = Squares(Model(fitter.problem, causes, rows), causes)
         zero = np.zeros((1, *rows.alive.shape))
         values: dict[str, np.ndarray] = {}

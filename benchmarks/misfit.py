@@ -53,7 +53,7 @@ def left(hidden: Hidden) -> tuple[float, float]:
     problem = problem_of(prepare(recording(case))[0])
     causes = [cause("offset"), cause(hidden.name)]
     folds = folds_of(problem, causes, Rules())
-    fit = Fitter(problem, folds.unit, folds.fold).fit(causes)
+    fit = Fitter(problem, folds).fit(causes)
     level = replace(problem, curves=np.ones((1, len(problem.time))))
     ideal = float(np.sum(level.weigh(problem.measured - case.ideal) ** 2))
     effect = fit.effects[hidden.name]

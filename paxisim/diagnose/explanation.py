@@ -51,7 +51,6 @@ class Explanation:
         search: The search, with its fits.
         chosen: The causes that were fitted and kept, with the nuisances that were fitted beside them.
         fit: Their fit.
-        constant: ``(pads, 3, rows, cols)`` N, the constant that they bring by convention.
         named: The causes, those that were read off included, in the order of the chain.
         model: The extended model, to be applied to the recording's simulated stream.
         prediction: ``(T, pads, 3, rows, cols)`` N, what it makes of it, before rounding.
@@ -62,7 +61,6 @@ class Explanation:
     search: Search
     chosen: tuple[str, ...]
     fit: Fit
-    constant: FloatArray
     named: tuple[Named, ...]
     model: augment.Chain
     prediction: FloatArray
@@ -97,13 +95,10 @@ def explanation_of(off: ReadOff, search: Search, chosen: Sequence[str], jobs: in
     asked = {item.name for item in off.causes}
     evidence = {name: search.evidence(chosen, name, exact=True) for name in chosen}
     dropped = [n for n in chosen if search.causes[n].nuisance and not (evidence[n].kept and n in asked)]
-    fit, constant = search.exact(chosen), np.zeros(off.problem.alive.shape)
-    for name in dropped:
-        fit, owned = search.exact_without(chosen, name)
-        constant = constant if owned is None else owned
-    prediction = off.with_dead(predicted(off.problem, fit.causes, fit.whole, constant))
-    heldout = off.with_dead(heldout_of(off.problem, search.folds, fit, constant, jobs))
-    members, named = _members(off, fit, evidence, constant)
+    fit = search.exact(search.without(chosen, dropped[0]) if dropped else search.fit(chosen))
+    prediction = off.with_dead(predicted(off.problem, fit.causes, fit.whole, fit.constant))
+    heldout = off.with_dead(heldout_of(off.problem, search.folds, fit, jobs))
+    members, named = _members(off, fit, evidence)
     for name, reading in off.readings.items():
         item = next(c for c in off.causes if c.name == name)
         named.append(Named(item, reading.transform, reading.values, None))
@@ -111,11 +106,11 @@ def explanation_of(off: ReadOff, search: Search, chosen: Sequence[str], jobs: in
     ordered = sorted(members, key=lambda member: member[0])
     model = in_order([(name, transform) for _, name, transform in ordered])
     named.sort(key=lambda item: item.cause.order)
-    return Explanation(off, search, chosen, fit, constant, tuple(named), model, prediction, heldout)
+    return Explanation(off, search, chosen, fit, tuple(named), model, prediction, heldout)
 
 
 def _members(
-    off: ReadOff, fit: Fit, evidence: Mapping[str, Evidence], constant: FloatArray
+    off: ReadOff, fit: Fit, evidence: Mapping[str, Evidence]
 ) -> tuple[list[tuple[float, str, Transform]], list[Named]]:
     """The members of the model with their places in the chain, and the causes that were fitted."""
     members, named = [], []
@@ -135,26 +130,26 @@ def _members(
             transform = item.transform(numbers, off.problem)
         members.append((item.order, item.name, transform))
         named.append(Named(item, transform, values, evidence[item.name]))
-    if np.any(constant):
+    if np.any(fit.constant):  # that the causes bring by convention
         nuisance = next(c for c in CAUSES if c.nuisance)
-        members.append((nuisance.order, nuisance.name, nuisance.make(constant, off.problem)))  # type: ignore[arg-type]
+        members.append((nuisance.order, nuisance.name, nuisance.make(fit.constant, off.problem)))  # type: ignore[arg-type]
     return members, named
 
 
-def predicted(problem: Problem, causes: Sequence[Cause], part: Part, constant: FloatArray | float = 0.0) -> FloatArray:
+def predicted(problem: Problem, causes: Sequence[Cause], part: Part, constant: FloatArray | float) -> FloatArray:
     """``(T, pads, 3, rows, cols)`` N, what a fit makes of every sample of a recording, before rounding."""
     rows = replace(problem, curves=curves_of(problem, causes, part.shapes), constant=constant)
     return Model(rows, causes, rows).run(part.values, part.zero)
 
 
-def heldout_of(problem: Problem, folds: Folds, fit: Fit, constant: FloatArray | float, jobs: int = 1) -> FloatArray:
+def heldout_of(problem: Problem, folds: Folds, fit: Fit, jobs: int = 1) -> FloatArray:
     """``(T, pads, 3, rows, cols)`` N, each sample as the fit to the other folds predicts it."""
     out = np.empty_like(problem.simulated)
     fold = folds.of_sample
 
     def fill(number: int) -> None:
         mine = fold == number
-        out[mine] = predicted(problem, fit.causes, fit.folds[number], constant)[mine]
+        out[mine] = predicted(problem, fit.causes, fit.folds[number], fit.constant)[mine]
 
     each(fill, range(len(fit.folds)), jobs)
     return out
@@ -172,20 +167,18 @@ def without_each(found: Explanation, jobs: int = 1) -> dict[str, tuple[Problem, 
         if named.evidence is None:
             out[named.name] = _unread(found, named, jobs)
             continue
-        fit, constant = _refitted_without(found, named)
-        prediction = heldout_of(found.problem, found.folds, fit, constant, jobs)
+        prediction = heldout_of(found.problem, found.folds, _refitted_without(found, named), jobs)
         out[named.name] = found.problem, found.off.with_dead(prediction)
     return out
 
 
-def _refitted_without(found: Explanation, named: Named) -> tuple[Fit, FloatArray]:
-    """The model fitted again without one of its causes, and the constant that is there by convention."""
+def _refitted_without(found: Explanation, named: Named) -> Fit:
+    """The model fitted again without one of its causes."""
     search, names = found.search, [c.name for c in found.fit.causes]
-    if named.cause.nuisance or any(search.causes[n].nuisance for n in names):
-        fit, owned = search.exact_without(names, named.name)
-        return fit, found.constant if owned is None else owned
+    if not np.any(found.fit.constant):
+        return search.exact(search.without(names, named.name))
     fewer = [c for c in found.fit.causes if c.name != named.name]
-    return search.fitter.exact(search.fitter.fit(fewer, found.fit, found.constant), found.constant), found.constant
+    return search.fitter.exact(search.fitter.fit(fewer, found.fit, found.fit.constant))
 
 
 def _unread(found: Explanation, named: Named, jobs: int) -> tuple[Problem, FloatArray]:
@@ -195,5 +188,5 @@ def _unread(found: Explanation, named: Named, jobs: int) -> tuple[Problem, Float
     if found.off.readings[named.name].rounds:
         return replace(problem, step=0.0, clips=False), found.heldout
     search = Search(problem, found.search.causes.values(), found.folds, found.search.rules)
-    fit = search.fitter.exact(search.fitter.fit(found.fit.causes, found.fit, found.constant), found.constant)
-    return problem, heldout_of(problem, found.folds, fit, found.constant, jobs)
+    fit = search.fitter.exact(search.fitter.fit(found.fit.causes, found.fit, found.fit.constant))
+    return problem, heldout_of(problem, found.folds, fit, jobs)

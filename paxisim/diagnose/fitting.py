@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from paxisim.diagnose.cause import Cause, Free
+from paxisim.diagnose.folds import Folds
 from paxisim.diagnose.model import Fitted, Model
 from paxisim.diagnose.problem import FloatArray, Problem
 from paxisim.diagnose.squares import Squares, best_start
@@ -48,6 +48,7 @@ class Fit:
         causes: The causes.
         whole: The fit to all episodes.
         folds: Those to all but each fold.
+        constant: ``(pads, 3, rows, cols)`` N or 0, a reading without force that is there and was not fitted.
         effects: By cause, the energy of what it does to the reading, in units of the noise, the others as they are; of
             a course, of what it adds.
         energy: ``(units,)`` squared residual, in units of the noise, of the whole fit.
@@ -57,6 +58,7 @@ class Fit:
     causes: tuple[Cause, ...]
     whole: Part
     folds: tuple[Part, ...]
+    constant: FloatArray | float
     effects: Mapping[str, float]
     energy: FloatArray
     heldout: FloatArray
@@ -81,22 +83,22 @@ class Fitter:
     """Fits sets of causes to one recording.
 
     Attributes:
-        problem: The recording, thinned to the frames that are needed.
+        whole: The recording.
+        problem: The same, thinned to the frames that are needed.
         unit: ``(T,)`` of the compared frames, the unit that each belongs to; -1 for the gaps between blocks.
         fold: ``(units,)`` the fold of each unit.
     """
 
-    def __init__(self, problem: Problem, unit: NDArray[np.intp], fold: NDArray[np.intp]) -> None:
+    def __init__(self, problem: Problem, folds: Folds) -> None:
         """Nothing is fitted yet.
 
         Args:
             problem: The recording.
-            unit: ``(T,)`` of all its frames.
-            fold: ``(units,)``.
+            folds: What is held out together.
         """
         self.whole, self.problem = problem, problem.thinned
-        self.unit = self.problem.at_compared(problem.at_thinned(unit)).astype(np.intp)
-        self.fold = fold
+        self.unit = self.problem.at_compared(problem.at_thinned(folds.unit)).astype(np.intp)
+        self.fold = folds.fold
         self._shared: dict[tuple[tuple[str, tuple[float, ...]], ...], tuple[Problem, list[Problem]]] = {}
 
     @cached_property
@@ -104,7 +106,7 @@ class Fitter:
         """Numbers in the recording over those that are compared: what energies are multiplied by."""
         return self.whole.samples / self.problem.compared.samples
 
-    def fit(self, causes: Sequence[Cause], start: Fit | None = None, constant: FloatArray | None = None) -> Fit:
+    def fit(self, causes: Sequence[Cause], start: Fit | None = None, constant: FloatArray | float = 0.0) -> Fit:
         """Fit causes to all episodes, and to all but each fold.
 
         Args:
@@ -129,14 +131,14 @@ class Fitter:
             part_values, left = own.refit(values, zero, residual, slopes)
             heldout[self.fold == number] = self._by_unit(left)[self.fold == number]
             folds.append(_part(own, part_values, zero, shapes))
-        return Fit(tuple(causes), whole, tuple(folds), energies, self._by_unit(residual), heldout)
+        return Fit(tuple(causes), whole, tuple(folds), constant, energies, self._by_unit(residual), heldout)
 
-    def exact(self, fit: Fit, constant: FloatArray | None = None) -> Fit:
+    def exact(self, fit: Fit) -> Fit:
         """A fit whose folds are fitted without anything of the fit to all episodes."""
         heldout, folds = np.zeros(len(self.fold)), []
         for number in range(int(self.fold.max()) + 1):
             shapes = self._shapes(fit.causes, None, number)
-            part = self._for_fit(fit.causes, shapes, None, constant)[1][number]
+            part = self._for_fit(fit.causes, shapes, None, fit.constant)[1][number]
             own = Squares(Model(self.problem, fit.causes, part), fit.causes)
             values, zero = self._descend(own, fit.causes, {})
             left = own.residual(values, zero)
@@ -170,11 +172,11 @@ class Fitter:
         return values, zero
 
     def _for_fit(
-        self, causes: Sequence[Cause], shapes: Shapes, start: Fit | None, constant: FloatArray | None
+        self, causes: Sequence[Cause], shapes: Shapes, start: Fit | None, constant: FloatArray | float
     ) -> tuple[Problem, list[Problem]]:
         """The compared frames for a fit to all episodes, and to all but each fold."""
         rows, parts = self._rows(causes, shapes)
-        if constant is not None:
+        if np.any(constant):
             rows, *parts = [replace(own, constant=constant) for own in (rows, *parts)]
         if rows.curves is not None and len(rows.curves) > 1:
             left = self._left(start, rows)
@@ -182,7 +184,7 @@ class Fitter:
         return rows, parts
 
     def linearised(
-        self, fit: Fit, constant: FloatArray
+        self, fit: Fit
     ) -> tuple[Problem, list[tuple[str, int, Free]], FloatArray, FloatArray, FloatArray, FloatArray]:
         """A fit as it is near its values.
 
@@ -191,7 +193,7 @@ class Fitter:
             ``(free, numbers)`` in units of the numbers' scales; ``(free,)`` weights of the priors in these units; and
             the prediction (N).
         """
-        rows = replace(self._rows(fit.causes, fit.shapes)[0], constant=constant)
+        rows = replace(self._rows(fit.causes, fit.shapes)[0], constant=fit.constant)
         squares = Squares(Model(self.problem, fit.causes, rows), fit.causes)
         values = {n: v for n, v in fit.whole.values.items() if n in {name for name, _, _ in squares.free}}
         residual, slopes = squares.linearised(values, fit.whole.zero)

@@ -83,7 +83,7 @@ def _spreads(found: Explanation) -> dict[tuple[str, str], float]:
     """
     if len(found.problem.episodes) < 3:
         return {}
-    rows, free, residual, slopes, prior, prediction = found.search.fitter.linearised(found.fit, found.constant)
+    rows, free, residual, slopes, prior, prediction = found.search.fitter.linearised(found.fit)
     if not free:
         return {}
     frames = len(rows.time)
@@ -145,7 +145,7 @@ def _zero_spread(found: Explanation, named: Named) -> FloatArray | None:
     variance = np.einsum("e,e...->...", share**2, means**2) * len(spans) / degrees
     typical = np.median(variance, axis=(2, 3), keepdims=True)  # a few episodes tell a variance badly, taxels are alike
     reach = np.sqrt(np.maximum(variance, typical)) * student.ppf(0.5 + LEVEL / 2, degrees)
-    zero = np.tensordot(np.array([curve.mean() for curve in curves]), found.fit.whole.zero, 1) + found.constant
+    zero = np.tensordot(np.array([curve.mean() for curve in curves]), found.fit.whole.zero, 1) + found.fit.constant
     middle, counting = problem.read(zero[None])[0], problem.counting
     ends = []
     for share in _NOISES:  # a channel's own, which tells how far its zero is from the edge of a step

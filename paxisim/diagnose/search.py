@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
@@ -60,12 +59,11 @@ class Search:
         """Nothing is fitted yet."""
         self.problem, self.folds, self.rules, self._jobs, self._tell = problem, folds, rules, jobs, tell
         self.causes = {c.name: c for c in causes}
-        self.fitter = Fitter(problem, folds.unit, folds.fold)
+        self.fitter = Fitter(problem, folds)
         self._fits: dict[frozenset[str], Fit] = {}
         self._rankings: dict[frozenset[str], Ranking] = {}
-        self._bare: dict[frozenset[str], Fit] = {}
-        self._exact: dict[frozenset[str], Fit] = {}
-        self._exact_bare: dict[frozenset[str], Fit] = {}
+        self._bare: dict[frozenset[str], Fit] = {}  # of sets, without their nuisance but for what the others own of it
+        self._exact: dict[Fit, Fit] = {}
 
     def run(self) -> tuple[str, ...]:
         """The names of the causes that pass the test."""
@@ -97,42 +95,11 @@ class Search:
             self._fits[key] = self.fitter.fit([self.causes[n] for n in names], start)
         return self._fits[key]
 
-    def exact(self, names: Sequence[str]) -> Fit:
-        """The fit of a set whose folds are fitted on their own, see `Fitter.exact`."""
-        key = frozenset(names)
-        if key not in self._exact:
-            self._exact[key] = self.fitter.exact(self.fit(names))
-        return self._exact[key]
-
-    def exact_without(self, names: Sequence[str], name: str) -> tuple[Fit, FloatArray | None]:
-        """The same without one of its causes, and the constant that the others own where that one is a nuisance."""
-        if not self.causes[name].nuisance:
-            return self.exact([n for n in names if n != name]), None
-        key, constant = frozenset(names), owned_constant(self.problem, self.fit(names))
-        if key not in self._exact_bare:
-            self._exact_bare[key] = self.fitter.exact(self.without(names, name), constant)
-        return self._exact_bare[key], constant
-
-    def confirmed(self, chosen: tuple[str, ...]) -> tuple[str, ...]:
-        """The causes that pass the test with folds that are fitted on their own, the weakest dropped first."""
-        return self._dropped(chosen, exact=True)
-
-    def evidence(self, names: Sequence[str], name: str, exact: bool = False) -> Evidence:
-        """What speaks for one cause of a set."""
-        item = self.causes[name]
-        fit = self.exact(names) if exact else self.fit(names)
-        without = self.exact_without(names, name)[0] if exact else self.without(names, name)
-        gain = without.heldout - fit.heldout
-        material = self.rules.material * self.problem.samples
-        needed = item.price * material
-        needed += sum(self.causes[n].misfit * energy for n, energy in fit.effects.items() if n != name)
-        amount = np.inf
-        if item.course is None:
-            amount = item.amount(fit.whole.values[name], self.problem)
-        total = float(gain.sum())
-        positive = float(np.maximum(gain, 0).sum()) / max(float(np.abs(gain).sum()), 1e-12)
-        kept = total > needed and positive >= self.rules.agreement and amount >= 1
-        return Evidence(name, gain, needed, amount, kept)
+    def exact(self, fit: Fit) -> Fit:
+        """A fit with folds that are fitted on their own, see `Fitter.exact`; made once."""
+        if fit not in self._exact:
+            self._exact[fit] = self.fitter.exact(fit)
+        return self._exact[fit]
 
     def without(self, names: Sequence[str], name: str) -> Fit:
         """The fit of a set without one of its causes; the constant that the others own stays without a nuisance."""
@@ -144,6 +111,28 @@ class Search:
             constant = owned_constant(self.problem, self.fit(names))
             self._bare[key] = self.fitter.fit([self.causes[n] for n in fewer], self.fit(names), constant)
         return self._bare[key]
+
+    def confirmed(self, chosen: tuple[str, ...]) -> tuple[str, ...]:
+        """The causes that pass the test with folds that are fitted on their own, the weakest dropped first."""
+        return self._dropped(chosen, exact=True)
+
+    def evidence(self, names: Sequence[str], name: str, exact: bool = False) -> Evidence:
+        """What speaks for one cause of a set."""
+        item = self.causes[name]
+        fit, without = self.fit(names), self.without(names, name)
+        if exact:
+            fit, without = self.exact(fit), self.exact(without)
+        gain = without.heldout - fit.heldout
+        material = self.rules.material * self.problem.samples
+        needed = item.price * material
+        needed += sum(self.causes[n].misfit * energy for n, energy in fit.effects.items() if n != name)
+        amount = np.inf
+        if item.course is None:
+            amount = item.amount(fit.whole.values[name], self.problem)
+        total = float(gain.sum())
+        positive = float(np.maximum(gain, 0).sum()) / max(float(np.abs(gain).sum()), 1e-12)
+        kept = total > needed and positive >= self.rules.agreement and amount >= 1
+        return Evidence(name, gain, needed, amount, kept)
 
     def ranked(self, names: Sequence[str]) -> list[tuple[float, str]]:
         """What each other cause with starts promises beside a set, largest first."""
@@ -234,7 +223,7 @@ class Search:
         """Without the causes that fail the test, the weakest first."""
         while True:
             if exact:  # each is many fits
-                each(partial(self.exact_without, chosen), self._shown(chosen), self._jobs)
+                each(self.exact, [self.without(chosen, name) for name in self._shown(chosen)], self._jobs)
             failed = [e for n in self._shown(chosen) if not (e := self.evidence(chosen, n, exact)).kept]
             if not failed:
                 return chosen

@@ -29,7 +29,7 @@ def problem(causes=(), seed=1, **options):
 def fitted(given, name):
     """What a cause, fitted to it, makes of a recording."""
     folds = folds_of(given, [cause(name)], Rules())
-    fit = Fitter(given, folds.unit, folds.fold).fit([cause(name)])
+    fit = Fitter(given, folds).fit([cause(name)])
     return predicted(given, fit.causes, fit.whole)
 
 

@@ -37,8 +37,8 @@ def heldout(problem, names):
     causes = [cause(name) for name in names]
     folds = folds_of(problem, causes, Rules(lone=2.0))  # whole episodes
     assert not folds.split
-    fitter = Fitter(problem, folds.unit, folds.fold)
-    return heldout_of(problem, folds, fitter.exact(fitter.fit(causes)), 0.0)
+    fitter = Fitter(problem, folds)
+    return heldout_of(problem, folds, fitter.exact(fitter.fit(causes)))
 
 
 @pytest.mark.parametrize(
