@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -32,6 +32,7 @@ class Free:
         spread: Standard deviation of a prior about `neutral`; None for no prior.
         together: Numbers of a cause with the same word here act on different channels, and are moved at once.
         channel: Pad and axis that such a number acts on.
+        words: What it means, where the name does not say it.
     """
 
     name: str
@@ -44,6 +45,7 @@ class Free:
     spread: float | None = None
     together: str = ""
     channel: tuple[int, int] = (0, 0)
+    words: str = ""
 
 
 @dataclass(frozen=True)
@@ -58,10 +60,12 @@ class Gauge:
     Attributes:
         name: Of the number. At 0 the cause's transform reads right as it is, at 1 it is multiplied by `gain`.
         gain: The gain at the other convention, given the cause's values and the recording.
+        words: What 0 and 1 mean.
     """
 
     name: str
     gain: Callable[[Values, Problem], float]
+    words: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,13 +94,13 @@ class Course:
     Attributes:
         name: What the amounts are called, in a report and in the transform.
         curve: ``(T,)`` the course, given seconds since the recording began and the numbers of its shape.
-        numbers: What those numbers are called, in a report and in the transform.
+        numbers: What those numbers are called, in a report and in the transform, and what they mean.
         shapes: Values of the numbers that are tried, the simplest first.
     """
 
     name: str
     curve: Callable[[FloatArray, Values], FloatArray]
-    numbers: tuple[str, ...] = ()
+    numbers: Mapping[str, str] = field(default_factory=dict)
     shapes: tuple[tuple[float, ...], ...] = ((),)
 
 
@@ -188,7 +192,9 @@ class Cause:
     def parameters(self, problem: Problem) -> tuple[Free, ...]:
         """The fitted numbers, that of the gauge last."""
         own = self.free(problem)
-        return (*own, Free(self.gauge.name, "1", 0.0, 0.0, 1.0, 0.3, spread=1.0)) if self.gauge else own
+        if self.gauge is None:
+            return own
+        return (*own, Free(self.gauge.name, "1", 0.0, 0.0, 1.0, 0.3, spread=1.0, words=self.gauge.words))
 
     def transform(self, values: FloatArray, problem: Problem) -> Transform:
         """The transform with fitted values, the gauge's included."""

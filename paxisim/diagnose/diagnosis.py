@@ -53,11 +53,13 @@ class FittedParameter:
         name: Name of the parameter.
         unit: Its unit, ``"1"`` if dimensionless.
         value: The estimate with its 90% interval.
+        words: What it means, where the name does not say it.
     """
 
     name: str
     unit: str
     value: Interval
+    words: str = ""
 
 
 @dataclass(frozen=True)
@@ -329,7 +331,7 @@ def _interval(document: Mapping[str, Any] | None) -> Interval | None:
 
 
 def _cause(document: Mapping[str, Any]) -> FoundCause:
-    parameters = tuple(FittedParameter(p["name"], p["unit"], Interval(**p["value"])) for p in document["parameters"])
+    parameters = tuple(FittedParameter(**{**p, "value": Interval(**p["value"])}) for p in document["parameters"])
     return FoundCause(
         document["name"], parameters, Interval(**document["gain"]), tuple(document["rivals"]), document["evidence"]
     )

@@ -41,7 +41,7 @@ def _parameters(found: Explanation, named: Named, spreads: Mapping[tuple[str, st
             interval = Interval(number)
             if reach is not None:
                 interval = Interval(number, max(number - reach, item.low), min(number + reach, item.high))
-            out.append(FittedParameter(name, item.unit, interval))
+            out.append(FittedParameter(name, item.unit, interval, item.words))
             continue
         array, half = np.asarray(value, dtype=float), _half_width(found, named, name)
         unit = _unit(named, name)
@@ -50,8 +50,12 @@ def _parameters(found: Explanation, named: Named, spreads: Mapping[tuple[str, st
             interval = Interval(number)
             if half is not None:
                 interval = Interval(number, number - float(half[place]), number + float(half[place]))
-            out.append(FittedParameter(label, unit, interval))
+            out.append(FittedParameter(label, unit, interval, _words(named, name)))
     return out
+
+
+def _words(named: Named, name: str) -> str:
+    return "" if named.cause.course is None else named.cause.course.numbers.get(name, "")
 
 
 def _unit(named: Named, name: str) -> str:

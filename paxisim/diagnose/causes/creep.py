@@ -5,6 +5,8 @@ from __future__ import annotations
 from paxisim import augment
 from paxisim.diagnose.cause import Cause, Free, Gauge
 
+HELD = "0 if the sensor reads right at once, 1 if it reads right after creep has ended"
+
 CREEP = Cause(
     "creep",
     20,
@@ -17,8 +19,7 @@ CREEP = Cause(
         Free("tau_2", "s", 5.0, 0.15, 200.0, 3.0),
     ),
     lambda p: [(0.1, tau, 0.0, 5.0 if tau < 3 else 0.5) for tau in (0.3, 1.0, 3.0, 10.0)],
-    # calibrated with quick presses (0), or with loads held until creep ended (1)
-    gauge=Gauge("calibrated_held", lambda v, p: 1 / max(1 + v[0] + v[2], 0.2)),
+    gauge=Gauge("calibrated_held", lambda v, p: 1 / max(1 + v[0] + v[2], 0.2), HELD),
     remembers=True,
     misfit=0.01,
     words="Under a constant load the reading keeps changing, and it recovers slowly after release.",

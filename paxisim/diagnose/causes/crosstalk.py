@@ -22,9 +22,9 @@ CROSSTALK = Cause(
     "probe",
     lambda p: (
         Free("strength", "1", 0.0, -0.3, 0.3, 0.02, 0.001),
-        Free("far", "1", 0.5, 0.0, 3.0, 0.5),
+        Free("far", "1", 0.5, 0.0, 3.0, 0.5, words="factor on taxels beyond the next neighbours"),
         # the gauge: calibrated with single taxels (0, nothing is lost), or with flat presses (1, which read right)
-        Free("taken", "1", 0.5, 0.0, 1.0, 0.3),
+        Free("taken", "1", 0.5, 0.0, 1.0, 0.3, words="share of what neighbours get that the taxel loses"),
     ),
     lambda p: [(0.02, 0.0, 0.0), (0.02, 1.0, 0.0), (0.02, 1.0, 1.0)],
     misfit=0.03,

@@ -14,6 +14,8 @@ def _least(problem: Problem) -> float:
     return max(0.02, (0.45 if told else 0.55) * problem.step)
 
 
+AT_PEAK = "0 if the sensor reads changes of force right, 1 if it reads the peak force right"
+
 DEAD_BAND = Cause(
     "dead_band",
     80,
@@ -21,12 +23,11 @@ DEAD_BAND = Cause(
     "light",
     lambda p: (
         Free("width", "N", 0.0, 0.0, 1.0, 0.05, _least(p)),
-        Free("shrink", "1", 0.0, 0.0, 1.0, 0.3),
-        Free("edge", "1", 0.2, 0.0, 1.0, 0.1, spread=0.1),
+        Free("shrink", "1", 0.0, 0.0, 1.0, 0.3, words="share of the width that larger forces lose"),
+        Free("edge", "1", 0.2, 0.0, 1.0, 0.1, spread=0.1, words="share of the width over which readings set in"),
     ),
     lambda p: [(width, shrink, 0.2) for width in (0.06, 0.12, 0.2, 0.3) for shrink in (0.0, 1.0)],
-    # calibrated with small changes of force (0), or so that the peak reads right (1)
-    gauge=Gauge("calibrated_at_peak", lambda v, p: 1 / max(1 - v[0] * v[1] / p.peak, 0.2)),
+    gauge=Gauge("calibrated_at_peak", lambda v, p: 1 / max(1 - v[0] * v[1] / p.peak, 0.2), AT_PEAK),
     misfit=0.01,
     barred=bent_apart,
     words="Small forces are not read.",

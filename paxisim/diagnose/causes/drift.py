@@ -17,6 +17,8 @@ SHAPES = tuple(
     if start <= 2 * tau  # later, what drifts is a constant
 )
 
+NUMBERS = {"tau": "", "start": "seconds from zeroing to the start of the recording"}
+
 
 def _needs_time(problem: Problem) -> str:
     long = problem.runs_through and problem.time[-1] - problem.time[0] > LEAST_SECONDS
@@ -32,7 +34,7 @@ DRIFT = Cause(
     77,
     lambda v, p: augment.Drift(amplitude=np.asarray(v[0]), tau=float(v[1]), start=float(v[2])),
     "sessions",
-    course=Course("amplitude", lambda t, shape: -np.expm1(-(t + shape[1]) / shape[0]), ("tau", "start"), SHAPES),
+    course=Course("amplitude", lambda t, shape: -np.expm1(-(t + shape[1]) / shape[0]), NUMBERS, SHAPES),
     misfit=0.02,
     price=7.0,
     barred=_needs_time,

@@ -7,6 +7,8 @@ from paxisim.diagnose.cause import Cause, Free, Gauge, one_away
 
 RADII = (0.02, 0.06, 0.15, 0.4)  # of the peak; radii of the play operators
 
+SMALL = "0 if the sensor reads large forces right, 1 if it reads swings right that are too small for a loop"
+
 HYSTERESIS = Cause(
     "hysteresis",
     30,
@@ -14,8 +16,7 @@ HYSTERESIS = Cause(
     "triangles",
     lambda p: tuple(Free(f"weight_{radius:g}_peak", "1", 0.0, 0.0, 0.24, 0.05, 0.012) for radius in RADII),
     lambda p: [one_away(len(RADII), i, 0.0, 0.1) for i in range(len(RADII))],
-    # calibrated with large forces (0), or with swings too small to move the play operators (1)
-    gauge=Gauge("calibrated_small", lambda v, p: 1 / max(1 - sum(v), 0.04)),
+    gauge=Gauge("calibrated_small", lambda v, p: 1 / max(1 - sum(v), 0.04), SMALL),
     remembers=True,
     misfit=0.06,
     words="The reading at a given force differs between loading and unloading.",

@@ -31,7 +31,9 @@ LOW_PASS = Cause(
         Free("tau_1", "s", 0.0, 0.0, 2.0, 0.02, 0.003),
         Free("tau_2", "s", 0.0, 0.0, 2.0, 0.02, 0.003),
         # the gauge: a filter with many poles, or with linear phase, delays more than two poles do
-        Free("delay", "1", 0.0, 0.0, 1.0, 0.3, spread=1.0),
+        Free(
+            "delay", "1", 0.0, 0.0, 1.0, 0.3, spread=1.0, words="delay beyond the filter, as a share of tau_1 + tau_2"
+        ),
     ),
     lambda p: [(0.01, 0.005, 0.0), (0.03, 0.02, 0.0), (0.1, 0.05, 0.0), (0.03, 0.03, 0.8)],
     misfit=0.003,

@@ -16,7 +16,7 @@ POISSON = Cause(
         Free("cx", "1", 0.0, 0.0, 1.0, 0.05, 0.008),
         Free("cy", "1", 0.0, 0.0, 1.0, 0.05, 0.008),
         # the forms: nearly the gradient of the load (a short falloff), or a push that reaches far
-        Free("falloff", "pitch", 1.0, 0.2, 4.0, 0.6, spread=2.0),
+        Free("falloff", "pitch", 1.0, 0.2, 4.0, 0.6, spread=2.0, words="distance over which it decays"),
     ),
     lambda p: [(0.1, 0.0, 1.0), (0.0, 0.1, 1.0), (0.1, 0.1, 0.4)],
     misfit=0.03,

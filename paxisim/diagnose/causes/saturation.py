@@ -21,6 +21,8 @@ def _gain(values: Values, problem: Problem) -> float:
     return float(problem.peak / max(float(_make(values, problem)(force)[0, 0, 2, 0, 0]), 0.1 * problem.peak))
 
 
+AT_PEAK = "0 if the sensor reads small forces right, 1 if it reads the peak force right"
+
 SATURATION = Cause(
     "saturation",
     81,
@@ -28,11 +30,10 @@ SATURATION = Cause(
     "staircase",
     lambda p: (
         Free("limit", "N", 2.0 * p.peak, 0.15 * p.peak, 3 * p.peak, 0.1 * p.peak, 0.2 * p.peak),
-        Free("softness", "1", 0.3, 0.0, 1.0, 0.2),
+        Free("softness", "1", 0.3, 0.0, 1.0, 0.2, words="share of the limit over which it sets in"),
     ),
     lambda p: [(share * p.peak, 0.2) for share in (0.5, 0.7, 0.9)] + [(0.9 * p.peak, 0.8)],
-    # calibrated with small forces (0), or so that the peak reads right (1)
-    gauge=Gauge("calibrated_at_peak", _gain),
+    gauge=Gauge("calibrated_at_peak", _gain, AT_PEAK),
     misfit=0.005,
     size=lambda v, p: REACHED * p.peak / v[0],
     barred=bent_apart,

@@ -17,11 +17,31 @@ def _free(problem: Problem) -> tuple[Free, ...]:
     return (
         Free("exponent", "1", 1.0, 0.1, 5.0, 0.1, 0.008),
         # the gauge: the sensor may have been calibrated at any force up to the peak
-        Free("scale", "N", 0.5 * peak, 0.02 * peak, 1.3 * peak, 0.2 * peak, spread=0.5 * peak),
+        Free(
+            "scale",
+            "N",
+            0.5 * peak,
+            0.02 * peak,
+            1.3 * peak,
+            0.2 * peak,
+            spread=0.5 * peak,
+            words="force that reads right",
+        ),
         # the forms: a power law (small knee), or a gain that grows with the square of the force (large knee)
-        Free("knee", "1", 0.3, 0.01, 30.0, 0.3, spread=3.0),
+        Free(
+            "knee",
+            "1",
+            0.3,
+            0.01,
+            30.0,
+            0.3,
+            spread=3.0,
+            words="a power law if small, a gain quadratic in force if large",
+        ),
         # the gel acts on all axes together (1), an electronic readout on each axis separately (0)
-        Free("shared", "1", 1.0, 0.0, 1.0, 0.3, spread=1.0),
+        Free(
+            "shared", "1", 1.0, 0.0, 1.0, 0.3, spread=1.0, words="0 if each axis stiffens by itself, 1 if all together"
+        ),
     )
 
 

@@ -12,7 +12,7 @@ from paxisim.augment.chain import Chain
 from paxisim.augment.latency import Latency
 from paxisim.diagnose.diagnosis import Diagnosis, FoundCause, Interval
 from paxisim.diagnose.report.faults import fault_in_words
-from paxisim.diagnose.report.text import is_of_one_episode, parameters_in_words, reasons_of
+from paxisim.diagnose.report.text import is_of_one_episode, meanings, parameters_in_words, reasons_of
 from paxisim.diagnose.vocabulary import cause, known_causes
 from paxisim.errors import MissingExtraError
 
@@ -79,6 +79,7 @@ def _context(diagnosis: Diagnosis) -> dict[str, Any]:
             "words": _words(cause.name),
             "pictures": pictures.get(cause.name, []),
             "parameters": _parameters(diagnosis, cause),
+            "meanings": meanings(cause.parameters),
             "confidence": diagnosis.confidence.get(cause.name),
         }
         for cause in diagnosis.causes

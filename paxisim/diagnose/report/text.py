@@ -81,7 +81,10 @@ def _table(diagnosis: Diagnosis) -> list[str]:
         lines += [head + first, *[" " * len(head) + line for line in rest]]
         numbers = ", ".join(f"{name} {value}" for name, value in parameters_in_words(cause.parameters))
         numbers = fault_in_words(diagnosis, cause.name) or numbers
-        lines += _wrap(numbers, "  ") + _wrap(cause.evidence, "  ")
+        lines += _wrap(numbers, "  ")
+        for name, words in meanings(cause.parameters):
+            lines += _wrap(f"({name}: {words})", "  ")
+        lines += _wrap(cause.evidence, "  ")
     return lines
 
 
@@ -104,6 +107,13 @@ def parameters_in_words(parameters: Sequence[FittedParameter]) -> list[tuple[str
         else:
             lines += [(p.name, f"{p.value}{_unit(p)}") for p in own]
     return lines
+
+
+def meanings(parameters: Sequence[FittedParameter]) -> list[tuple[str, str]]:
+    """Names that do not speak for themselves, of the parameters that are listed, with what they mean."""
+    units = [p.unit for p in parameters]
+    listed = [p for p in parameters if len(parameters) <= MANY or units.count(p.unit) <= FEW]
+    return [(p.name, p.words) for p in listed if p.words]
 
 
 def _unit(parameter: FittedParameter) -> str:
