@@ -29,7 +29,8 @@ def diagnose(
     """Diagnose what the simulation gets wrong and why.
 
     The recording contains the measured tensors and the simulated tensors of the same motion. The command writes
-    report.html, the report with pictures; diagnosis.json, all figures; and model.json, the extended sensor model.
+    report.html, the report with pictures; diagnosis.json, all figures; and model.json, the extended sensor model. The
+    exit status is 1, and there is no model, if the two streams are not of the same motion.
 
     For example:
 
@@ -60,6 +61,8 @@ def diagnose(
     for name, what in FILES.items():
         if (output / name).exists():  # without the extra for the report there was a warning
             print(f"{output / name}: {what}")
+    if found.verdict == "unrelated":
+        raise SystemExit(1)
 
 
 def _check_folder(folder: Path, force: bool) -> None:

@@ -19,9 +19,9 @@ from paxisim.errors import InvalidValueError, MissingExtraError, PaxisimError
 from paxisim.logs.atomic import parse_file, whole_file
 
 FORMAT = "paxisim-diagnosis/1"
-REPORT = "report.html"
+REPORT, MODEL = "report.html", "model.json"
 
-Verdict = Literal["no_discrepancy", "explained", "ambiguous", "partly_explained", "unexplained"]
+Verdict = Literal["no_discrepancy", "explained", "ambiguous", "partly_explained", "unexplained", "unrelated"]
 
 
 @dataclass(frozen=True)
@@ -175,7 +175,8 @@ class Diagnosis:
 
     Attributes:
         verdict: "no_discrepancy", "explained", "ambiguous" (rivals that the data cannot separate), "partly_explained"
-            (named causes, plus structure in the residual or near misses) or "unexplained".
+            (named causes, plus structure in the residual or near misses), "unexplained" or "unrelated" (the streams are
+            not of the same motion, so that nothing was fitted).
         causes: The named causes, largest gain first.
         heldout: Errors on held-out episodes.
         confidence: For each cause, a value from 0 to 1: how often its gain remains material when held-out episodes are
@@ -267,15 +268,19 @@ class Diagnosis:
         """Write ``diagnosis.json``, ``model.json`` and ``report.html`` to `folder`, which is created if needed.
 
         Each file is written atomically; `Chain.load` reads ``model.json``. If matplotlib or jinja2 is missing, a
-        warning replaces the report, and an older report in the folder is removed.
+        warning replaces the report. Streams that are unrelated give no model. An older file in the folder that is not
+        written again is removed.
 
         Raises:
             OSError: The folder or a file in it cannot be written.
         """
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
-        for name, text in self.files().items():
+        files = self.files()
+        for name, text in files.items():
             _write(folder / name, text)
+        if MODEL not in files:
+            (folder / MODEL).unlink(missing_ok=True)
         try:
             page = self.report()
         except MissingExtraError as error:
@@ -286,7 +291,10 @@ class Diagnosis:
 
     def files(self) -> dict[str, str]:
         """Contents of the JSON files that `save` writes, by file name."""
-        return {"model.json": self.model.to_json() + "\n", "diagnosis.json": self.to_json() + "\n"}
+        files = {MODEL: self.model.to_json() + "\n", "diagnosis.json": self.to_json() + "\n"}
+        if self.verdict == "unrelated":
+            del files[MODEL]
+        return files
 
     @classmethod
     def load(cls, folder: str | Path) -> Diagnosis:

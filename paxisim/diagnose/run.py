@@ -12,7 +12,17 @@ from paxisim.diagnose.advice import NOT_ASKED, advice
 from paxisim.diagnose.cause import Cause
 from paxisim.diagnose.causes import CAUSES
 from paxisim.diagnose.ceiling import ceiling
-from paxisim.diagnose.diagnosis import Diagnosis, FittedParameter, FoundCause, Interval, LeftOver, Verdict
+from paxisim.diagnose.correspondence import ALIKE, Correspondence, aligned, correspondence_of
+from paxisim.diagnose.diagnosis import (
+    Diagnosis,
+    FittedParameter,
+    FoundCause,
+    HeldOut,
+    Interval,
+    LeftOver,
+    Symptoms,
+    Verdict,
+)
 from paxisim.diagnose.explanation import Explanation, explanation_of
 from paxisim.diagnose.folds import effects, folds_of
 from paxisim.diagnose.heldout import Squares, explained_share, figures, gains_of, squares_of, survives
@@ -31,6 +41,14 @@ from paxisim.diagnose.vocabulary import cause, known_causes
 from paxisim.errors import InvalidValueError, MissingExtraError
 from paxisim.recording import Recording
 
+CLOCKS = (
+    "the clocks of the two streams are apart: measured lags simulated by {:.2f} s. The streams were aligned first, so "
+    "that a delay of the sensor itself cannot be told; check the clocks"
+)
+CHECKS = (
+    "check that both streams were recorded in the same motion, that their clocks agree, that both are in newtons, and "
+    "that pads and episodes are in the same order"
+)
 CLEAR = 2.0  # times its limit, that left-over structure must reach to be clear
 
 
@@ -83,6 +101,11 @@ def diagnosis_of(
     """As `diagnose`, with other rules."""
     tell("checking the recording")
     recording, warnings = prepare(recording)
+    match = correspondence_of(recording)
+    if match.why:
+        return _unrelated(recording, warnings, match)
+    if match.clocks_apart:
+        recording, warnings = aligned(recording, match.shift), (*warnings, CLOCKS.format(match.shift))
     recording, unsettled, note = settled(recording)
 
     tell("reading layout, rounding and dead taxels")
@@ -135,6 +158,23 @@ def diagnosis_of(
         ),
         model=found.model,
         intervals=model_intervals(found, judged.parameters),
+    )
+
+
+def _unrelated(recording: Recording, warnings: Sequence[str], match: Correspondence) -> Diagnosis:
+    """That the streams are not of one motion: nothing is fitted then."""
+    assert recording.measured is not None
+    assert recording.simulated is not None
+    measured = recording.measured.astype(np.float64)
+    error = float(np.sqrt(np.sum((measured - recording.simulated) ** 2) / max(float(np.sum(measured**2)), 1e-300)))
+    return Diagnosis(
+        verdict="unrelated",
+        causes=(),
+        heldout=HeldOut(error, error, 0.0, "", None, ()),
+        confidence={},
+        not_testable={},
+        symptoms=Symptoms(tuple(warnings), (LeftOver(match.why, match.alike, ALIKE),)),
+        advice=(CHECKS,),
     )
 
 

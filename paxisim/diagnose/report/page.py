@@ -22,6 +22,7 @@ HEADS = {
     "ambiguous": "{causes} may explain the difference, but other causes fit equally well",
     "partly_explained": "{causes} explain{s} part of the difference",
     "unexplained": "The simulation differs from the measurement, and no known cause explains it",
+    "unrelated": "The two streams are not of the same motion",
 }
 TAILS = {
     "no_discrepancy": "The residual is within noise and tolerances.",
@@ -29,6 +30,7 @@ TAILS = {
     "ambiguous": "This recording cannot separate the rival causes. See What to record next.",
     "partly_explained": "The residual still has structure, or a further cause is a near miss. See What remains.",
     "unexplained": "The residual has structure, so it is not noise. See What remains.",
+    "unrelated": "Nothing was fitted. See What remains and What to record next.",
 }
 ONE_EPISODE_HEAD = "{causes} may explain the difference"
 ONE_EPISODE_TAIL = "A single episode cannot confirm a cause. Record several episodes."

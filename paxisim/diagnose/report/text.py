@@ -22,6 +22,7 @@ SENTENCES: Mapping[Verdict, str] = {
     "ambiguous": "The causes below explain the difference, but so do their rivals. See Record next.",
     "partly_explained": "The causes below explain part of the difference. See What remains.",
     "unexplained": "The simulation differs from the measurement, and no known cause explains it.",
+    "unrelated": "The two streams are not of the same motion, so nothing was fitted. See What remains.",
 }
 
 ONE_EPISODE = (

@@ -1,0 +1,95 @@
+"""Streams that are not of one motion are told from those that are, and clocks that are apart from a late sensor."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hidden.practice.effects import EFFECTS
+from hidden.practice.outsiders import OUTSIDERS
+from recorded import diagnosed, names, small
+
+from paxisim.cli import main
+from paxisim.diagnose.correspondence import correspondence_of
+from paxisim.recording import Recording
+
+STRONG = 0.95
+
+
+def frames_of(recording):
+    return [np.flatnonzero(recording.episode == number) for number in np.unique(recording.episode)]
+
+
+def unrelated(seed=0):
+    """Noise in place of both streams."""
+    recording, rng = small(seed=seed), np.random.default_rng(seed)
+    streams = {name: rng.standard_normal(recording.measured.shape) for name in ("measured", "simulated")}
+    return replace(recording, **{name: values.astype(np.float32) for name, values in streams.items()})
+
+
+def shuffled(seed=0):
+    """Each episode measured in another one's place."""
+    recording = small(seed=seed)
+    frames = frames_of(recording)
+    least = min(map(len, frames))
+    order = np.roll(np.arange(len(frames)), 1 + seed)
+    kept = np.concatenate([own[:least] for own in frames])
+    measured = np.concatenate([recording.measured[frames[number][:least]] for number in order])
+    return replace(recording[kept], measured=measured)
+
+
+def late(seconds, *causes, seed=1, **options):
+    """Measured by a clock that is behind."""
+    recording = small(*causes, seed=seed, duration=max(6.0, 3.5 * seconds), **options)
+    frames, by = frames_of(recording), round(seconds * 20)
+    kept = np.concatenate([own[by:] for own in frames])
+    then = np.concatenate([own[:-by] for own in frames])
+    return replace(recording[kept], measured=recording.measured[then])
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("make", [unrelated, shuffled])
+def test_streams_of_different_motions_are_unrelated(make, seed):
+    found = diagnosed(make(seed))
+    assert found.verdict == "unrelated"
+    assert not found.causes
+    assert not len(found.model)
+    assert "clocks" in found.advice[0]
+    assert "not of the same motion" in str(found)
+    assert type(found).from_json(found.to_json()).verdict == "unrelated"
+
+
+@pytest.mark.parametrize("family", ["development", "final"])
+@pytest.mark.parametrize("name", [*EFFECTS, *OUTSIDERS])
+def test_no_effect_of_a_sensor_is_taken_for_another_motion_or_another_clock(name, family):
+    found = correspondence_of(small(name, seed=1, strength=STRONG, family=family))
+    assert not found.why
+    assert not found.clocks_apart
+
+
+@pytest.mark.parametrize("seconds", [0.8, 1.2, 5.0])
+def test_clocks_that_are_apart_are_aligned_before_anything_is_named(seconds):
+    found = diagnosed(late(seconds, "taxel_gain", strength=0.8))
+    assert names(found) == ["taxel_gain"]
+    (warning,) = [w for w in found.symptoms.warnings if "clocks" in w]
+    assert f"{seconds:.1f}" in warning
+
+
+@pytest.mark.parametrize("seconds", [0.1, 0.3])
+def test_a_sensor_that_is_late_has_no_other_clock(seconds):
+    found = correspondence_of(late(seconds))
+    assert not found.clocks_apart
+    assert found.shift == pytest.approx(seconds, abs=0.02)
+
+
+def test_the_shell_says_so_with_status_1_and_writes_no_model(tmp_path, capsys):
+    recording = unrelated()
+    recording.save(tmp_path / "noise.npz")
+    assert isinstance(Recording.load(tmp_path / "noise.npz"), Recording)
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "model.json").write_text("of an earlier run")
+    status = main(["diagnose", str(tmp_path / "noise.npz"), "-o", str(tmp_path / "out"), "--force"])
+    assert status == 1
+    assert "Verdict: unrelated" in capsys.readouterr().out
+    assert not (tmp_path / "out" / "model.json").exists()
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "not of the same motion" in page
