@@ -68,8 +68,8 @@ def correspondence_of(recording: Recording) -> Correspondence:
         if len(grid) > LEAST:
             both = (_activity(s[span].astype(np.float64), step) for s in (recording.measured, recording.simulated))
             pairs.append(tuple(np.interp(grid, time, activity) for activity in both))
-    if not pairs:
-        return Correspondence(0.0, 1.0, 1.0, "")  # too short to tell
+    if not pairs or not recording.simulated.any():
+        return Correspondence(0.0, 1.0, 1.0, "")  # too short to tell, or without contact
     shifts, alike = _correlation(pairs, int(LONGEST / interval))
     best = int(np.argmax(alike))
     near = np.abs(shifts) * interval <= SENSOR

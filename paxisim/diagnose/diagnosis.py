@@ -169,7 +169,7 @@ class Symptoms:
     covariates: tuple[Place, ...] = ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Diagnosis:
     """What the simulation gets wrong, why, and how much a correction gains. Print it to read it.
 
@@ -300,6 +300,18 @@ class Diagnosis:
     def load(cls, folder: str | Path) -> Diagnosis:
         """Read what `save` wrote; raises like `from_json`, and FileNotFoundError if there is no file."""
         return parse_file(Path(folder) / "diagnosis.json", cls.from_json)
+
+    def __repr__(self) -> str:
+        """One line."""
+        causes = ", ".join(cause.name for cause in self.causes) or "none"
+        change = f"held-out error {self.heldout.nrmse_before:.1%} -> {self.heldout.nrmse_after:.1%}"
+        return f"<Diagnosis: {self.verdict}; causes: {causes}; {change}>"
+
+    def _repr_html_(self) -> str:
+        """The head of the report, for a notebook."""
+        from paxisim.diagnose.report.page import head
+
+        return head(self)
 
     def __str__(self) -> str:
         """The diagnosis as text, 80 columns wide."""

@@ -24,6 +24,7 @@ from paxisim.errors import InvalidValueError
 from paxisim.logs.aligned import episode_spans
 from paxisim.recording import Recording
 
+NOMINAL = 1.0  # N, taken for the peak force of a recording without contact
 PRESSED = 0.01  # of the peak force, from which on a taxel is pressed
 ENOUGH = 100_000  # numbers, for a fit
 LONGEST = 0.05  # s between the frames that are fitted
@@ -180,7 +181,7 @@ class Problem:
     def one_load(self) -> bool:
         """Whether the simulation says one and the same for all channels, as a load cell's force does."""
         loads = self.simulated[:, self.alive]
-        return loads.shape[1] > 1 and bool(np.all(loads == loads[:, :1]))
+        return loads.shape[1] > 1 and bool(loads.any() and np.all(loads == loads[:, :1]))
 
     @cached_property
     def _alike(self) -> bool:
@@ -397,7 +398,7 @@ def problem_of(recording: Recording, tolerance: Tolerance = TOLERANCE) -> Proble
     """A recording made ready.
 
     Raises:
-        InvalidValueError: A stream is missing, or holds NaN, or nothing was pressed in the simulation.
+        InvalidValueError: A stream is missing or holds NaN.
     """
     if recording.measured is None or recording.simulated is None:
         missing = "measured" if recording.measured is None else "simulated"
@@ -409,9 +410,7 @@ def problem_of(recording: Recording, tolerance: Tolerance = TOLERANCE) -> Proble
     episodes = episode_spans(recording.episode)
     if min(span.stop - span.start for span in episodes) < 2:
         raise InvalidValueError("each episode needs two samples at least")
-    peak = peak_of(simulated)
-    if not peak > 0:
-        raise InvalidValueError("the simulated tensor is 0 throughout: there is nothing to compare")
+    peak = peak_of(simulated) or NOMINAL
     step, phase = step_of(measured)
     covariates = {n: c for n, c in recording.covariates.items() if c.ndim == 1 and np.isfinite(c).all()}
     alive = np.ones(measured.shape[1:], dtype=bool)

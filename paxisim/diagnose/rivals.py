@@ -54,4 +54,4 @@ def _on_unpressed(problem: Problem, offset: FloatArray) -> bool:
     """Whether nearly all of an offset is on taxels that nothing presses, which may as well be stuck."""
     pressed = np.abs(problem.simulated).max(axis=(0, 2)) >= PRESSED * problem.peak
     square = np.sum(offset**2, axis=1)
-    return bool(square[~pressed].sum() > NEARLY_ALL * square.sum())
+    return bool(pressed.any() and square[~pressed].sum() > NEARLY_ALL * square.sum())

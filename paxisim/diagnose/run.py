@@ -234,11 +234,19 @@ def _wanted(raw: Problem, causes: Sequence[str] | None) -> tuple[list[Cause], di
             not_searched[name] = NOT_ASKED
         elif item.covariate and item.covariate not in raw.covariates:
             not_searched[name] = f"the recording has no covariate {item.covariate!r}"
-        elif why := item.barred(raw):
+        elif why := item.barred(raw) or _needs_contact(raw, item):
             not_searched[name] = why
         else:
             wanted.append(item)
     return wanted, not_searched
+
+
+def _needs_contact(raw: Problem, item: Cause) -> str:
+    """Why a cause shows nothing in a recording without contact; empty if it does, or if there is contact."""
+    if raw.simulated.any() or item.course is not None or item.read is not None:
+        return ""
+    acts = item.local is None and any(change.any() for change in effects(raw.thinned, item, raw.thinned.simulated))
+    return "" if acts else "it does nothing without contact"
 
 
 def _explains_too_little(squares: Squares, structure: Sequence[LeftOver], rules: Rules, seed: int) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from html import escape
 from importlib.resources import files
 from typing import Any
 
@@ -55,6 +56,26 @@ def page(diagnosis: Diagnosis) -> str:
     return environment.from_string(template).render(_context(diagnosis))
 
 
+def head(diagnosis: Diagnosis) -> str:
+    """The head of the report as HTML: the verdict, and the causes with their gains."""
+    sentence, figures = _sentence(diagnosis), diagnosis.heldout
+    lines = [f"<h4>{escape(_head(diagnosis))}</h4>", f"<p>{escape(sentence)}</p>"]
+    if diagnosis.causes:
+        error = f"{figures.nrmse_before:.1%} &rarr; {figures.nrmse_after:.1%}"
+        lines.append(f"<p>Error (normalised RMSE): {error}; noise floor {figures.noise_floor:.1%}</p>")
+        cells = [("cause", "held-out gain", "confidence", "rivals")]
+        for item in diagnosis.causes:
+            sure = f"{diagnosis.confidence.get(item.name, 0):.0%}"
+            cells.append((item.name, _percent(item.gain), sure, ", ".join(item.rivals) or "none"))
+        rows = ("".join(f"<td>{escape(cell)}</td>" for cell in row) for row in cells)
+        lines.append("<table>" + "".join(f"<tr>{row}</tr>" for row in rows) + "</table>")
+    return "\n".join(lines)
+
+
+def _sentence(diagnosis: Diagnosis) -> str:
+    return ONE_EPISODE_TAIL if is_of_one_episode(diagnosis) else TAILS[diagnosis.verdict]
+
+
 def _context(diagnosis: Diagnosis) -> dict[str, Any]:
     from paxisim.diagnose.report.effect import effects
     from paxisim.diagnose.report.gain import gain_pictures
@@ -90,7 +111,7 @@ def _context(diagnosis: Diagnosis) -> dict[str, Any]:
         **context,
         "diagnosis": diagnosis,
         "head": _head(diagnosis),
-        "sentence": ONE_EPISODE_TAIL if is_of_one_episode(diagnosis) else TAILS[diagnosis.verdict],
+        "sentence": _sentence(diagnosis),
         "causes": causes,
         "held_out": len(diagnosis.heldout.gain_per_episode) > 1,
         "reasons": reasons_of(diagnosis),

@@ -41,7 +41,7 @@ def text_of(diagnosis: Diagnosis) -> str:
     lines = [f"Verdict: {diagnosis.verdict}", *_wrap(sentence, "  ")]
     lines += [line for warning in diagnosis.symptoms.warnings for line in _wrap(f"Warning: {warning}", "")]
     lines += ["", *_table(diagnosis)] if diagnosis.causes else []
-    lines += ["", *_figures(diagnosis.heldout, bool(diagnosis.causes))]
+    lines += ["", *_figures(diagnosis.heldout, bool(diagnosis.causes))] if diagnosis.verdict != "unrelated" else []
     if diagnosis.symptoms.left_over:
         lines += ["", "What remains"]
         lines += [line for item in diagnosis.symptoms.left_over for line in _wrap(f"- {item.what}", "  ")]

@@ -1,0 +1,40 @@
+"""Motions without contact show what a sensor reads without force, and nothing else."""
+
+import numpy as np
+import pytest
+from recorded import diagnosed, names, small
+
+
+def without_contact(*causes, seed=1):
+    """Episodes in which the gripper opens and closes and touches nothing."""
+    recording = small(*causes, seed=seed, strength=0.8, more=("gripper",) * 5)
+    free = [n for n in np.unique(recording.episode) if not recording.simulated[recording.episode == n].any()]
+    assert len(free) >= 5
+    return recording[np.isin(recording.episode, free)]
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("cause", ["interference", "offset", "drift"])
+def test_what_a_sensor_reads_without_force_is_named(cause, seed):
+    found = diagnosed(without_contact(cause, seed=seed))
+    assert names(found) == [cause]
+    assert found.verdict == "explained"
+    assert not found.symptoms.left_over
+    assert "no contact" in found.symptoms.warnings[-1]
+
+
+@pytest.mark.parametrize("hidden", [(), ("creep",), ("axis_gain",)])
+def test_nothing_else_is_named_and_it_is_said_what_cannot_be_tested(hidden):
+    found = diagnosed(without_contact(*hidden))
+    assert not found.causes
+    assert found.verdict == "no_discrepancy"
+    assert {"creep", "axis_gain", "taxel_gain", "crosstalk"} <= found.not_testable.keys()
+
+
+def test_a_line_and_a_notebook_show_the_diagnosis():
+    found = diagnosed(without_contact("offset"))
+    assert repr(found).startswith("<Diagnosis: explained; causes: offset; held-out error ")
+    assert "\n" not in repr(found)
+    page = found._repr_html_()
+    assert "Offset explains the difference" in page
+    assert "<td>offset</td>" in page
