@@ -76,7 +76,7 @@ def _pairs(count):
     return [tuple(map(str, rng.choice(sorted(EFFECTS), 2, replace=False))) for _ in range(count)]
 
 
-SINGLES = [Hidden(i, (name,)) for i, name in enumerate(sorted(EFFECTS) * 2)]
+SINGLES = [Hidden(i, (name,)) for i, name in enumerate(sorted(EFFECTS))]
 PAIRS = [Hidden(100 + i, names) for i, names in enumerate(_pairs(12))]
 NULLS = [Hidden(200 + i, (), tuple({"family": "development", **QUIET[i % len(QUIET)]}.items())) for i in range(10)]
 FOREIGN = [Hidden(300 + i, (name,)) for i, name in enumerate(sorted(OUTSIDERS) * 2)]
