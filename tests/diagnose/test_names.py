@@ -1,5 +1,7 @@
 """What is named in recordings that tell it, and with which values. How often: test_hidden_singles.py."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from recorded import diagnosed, names, plain, small
@@ -137,3 +139,10 @@ def test_what_a_motion_does_not_excite_cannot_be_tested():
     press = Recording(given.time, given.measured, given.simulated * shear, {}, given.episode)
     press.measured[:] += press.simulated - given.simulated
     assert "axis_gain" not in diagnosed(press, ("rotation", "axis_gain")).not_testable
+
+
+def test_two_swapped_taxels_are_no_reversed_rows():
+    recording = small(seed=5, rows=3, cols=2)
+    measured = recording.measured.copy()
+    measured[..., 0, 1], measured[..., 2, 1] = recording.measured[..., 2, 1], recording.measured[..., 0, 1]
+    assert names(diagnosed(replace(recording, measured=measured), ("layout",))) == []

@@ -13,6 +13,9 @@ from paxisim.diagnose.causes.channel_curve import mixes_alike
 from paxisim.diagnose.causes.read_only import not_made
 from paxisim.diagnose.problem import FloatArray, Problem, with_noise
 
+MOST_MOVED = 0.7  # share of the taxels that are moved, which must correlate as well there
+EQUALLY = 0.02  # difference of two correlations that are equally good
+LOADED = 0.05  # of the largest load on a taxel
 CLEARLY = 0.05  # least gain in correlation for a layout fault to be named
 
 
@@ -42,6 +45,8 @@ def _read(problem: Problem) -> Reading | None:
             best, most = fault, alike
     if best and (most > base)[most != base].mean() < 0.8:
         best = {}
+    if best and not _fits_all(normal, wanted, augment.LayoutFault(**best)(problem.simulated)[:, :, 2]):
+        best = {}
     if best.get("pad_order") == tuple(range(pads)):
         best["pad_order"] = None
     moved = augment.LayoutFault(**best)(problem.simulated)
@@ -51,6 +56,18 @@ def _read(problem: Problem) -> Reading | None:
     fault = augment.LayoutFault(**best, axis_signs=signs, axis_order=order)
     moved = fault(problem.simulated)
     return Reading(fault, {}, with_noise(replace(problem, simulated=moved)))
+
+
+def _fits_all(measured: FloatArray, given: FloatArray, moved: FloatArray) -> bool:
+    """Whether most taxels that are moved correlate as well there, not only the few that carry most of the load."""
+
+    def each(simulated: FloatArray) -> FloatArray:
+        a, b = measured - measured.mean(axis=0), simulated - simulated.mean(axis=0)
+        return np.abs(np.sum(a * b, axis=0)) / np.sqrt(np.sum(a * a, axis=0) * np.sum(b * b, axis=0) + 1e-12)
+
+    load = np.maximum(np.ptp(given, axis=0), np.ptp(moved, axis=0))
+    loaded = (load > LOADED * load.max()) & np.any(given != moved, axis=0)
+    return float(np.mean((each(moved) > each(given) - EQUALLY)[loaded])) > MOST_MOVED
 
 
 def _alike(measured: FloatArray, simulated: FloatArray, problem: Problem) -> FloatArray:
