@@ -142,7 +142,7 @@ class Model:
 
         square = rows.weight**2
         zero = _from_grid(rows, read, start, square) if rows.counting.is_steep else start
-        step = rows.step or 4 * rows.dither
+        step = rows.step or 4 * rows.dither or float(np.median(rows.sigma[:, rows.alive]))
         chord = np.clip(NOISE_CHORD * rows.dither, LEAST_CHORD * step, MOST_CHORD * step)
         first = np.zeros_like(zero)
         first[0] = chord

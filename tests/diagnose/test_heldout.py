@@ -131,3 +131,11 @@ def test_rounding_that_is_a_cause_is_no_noise(noise):
     assert told.noise_floor <= 1.02 * told.nrmse_after
     assert told.noise_floor > 0.8 * told.nrmse_after
     assert told.nrmse_after < told.nrmse_before
+
+
+def test_a_zero_before_a_dead_band_is_found_without_counts_and_without_noise_before_them(problem):
+    bare = replace(problem, step=0.0, dither=0.0, clips=False)
+    bare = replace(bare, measured=bare.simulated + 0.2)
+    causes = [cause(name) for name in ("offset", "dead_band")]
+    fit = Fitter(bare, folds_of(bare, causes, Rules())).fit(causes)
+    assert np.median(fit.zeros["offset"][bare.alive]) == pytest.approx(0.2, abs=0.01)
