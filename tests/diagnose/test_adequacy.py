@@ -30,7 +30,7 @@ def fitted(given, name):
     """What a cause, fitted to it, makes of a recording."""
     folds = folds_of(given, [cause(name)], Rules())
     fit = Fitter(given, folds).fit([cause(name)])
-    return predicted(given, fit.causes, fit.whole)
+    return predicted(given, fit.causes, fit.whole, fit.constant)
 
 
 def said(given, prediction=None):
