@@ -46,7 +46,7 @@ def left_over(problem: Problem, prediction: FloatArray) -> tuple[LeftOver, ...]:
             if kind in tests:
                 tests[kind] = replace(tests[kind], limit=max(tests[kind].limit, FORM * before.statistic))
     found = [*tests.values()]
-    if problem.simulated.any():  # shapes of the force; without contact there is none
+    if problem.has_contact:  # shapes of the force; without contact there is none
         found += _shapes(shapes_of(problem, prediction))
     return tuple(sorted((f for f in found if f.statistic > f.limit), key=lambda f: -f.statistic / f.limit))
 

@@ -226,6 +226,11 @@ class Cause:
         return max((abs(float(v) - f.neutral) / f.material for v, f in pairs if f.material), default=np.inf)
 
 
+def courses_of(causes: Sequence[Cause]) -> list[Cause]:
+    """The causes that have a course, in the order of the chain."""
+    return sorted((c for c in causes if c.course is not None), key=lambda c: c.order)
+
+
 def one_away(count: int, index: int, neutral: float, step: float) -> list[float]:
     """Neutral values, but for one that is a step away: a start of a cause with several parameters."""
     values = [neutral] * count

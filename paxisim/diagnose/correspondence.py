@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from paxisim.diagnose.problem import FloatArray
+from paxisim.diagnose.problem import FloatArray, in_one_piece
 from paxisim.logs.aligned import episode_spans
 from paxisim.recording import Recording
 
@@ -49,6 +49,10 @@ class Correspondence:
         return not self.why and abs(self.shift) > SENSOR and 1 - self.alike < HALVED * (1 - self.at_once)
 
 
+UNKNOWN = Correspondence(0.0, 1.0, 1.0, "")
+"""Of recordings without contact, and of those too short to tell."""
+
+
 def correspondence_of(recording: Recording) -> Correspondence:
     """How the measured stream goes with the simulated one.
 
@@ -57,7 +61,9 @@ def correspondence_of(recording: Recording) -> Correspondence:
     """
     assert recording.measured is not None
     assert recording.simulated is not None
-    spans = _stretches(recording)
+    if not recording.simulated.any():
+        return UNKNOWN
+    spans = in_one_piece(recording.time, episode_spans(recording.episode))
     interval = max(float(np.median(np.diff(recording.time[spans[0]]))), FINEST)
     pairs = []
     for span in spans:
@@ -68,13 +74,13 @@ def correspondence_of(recording: Recording) -> Correspondence:
         if len(grid) > LEAST:
             both = (_activity(s[span].astype(np.float64), step) for s in (recording.measured, recording.simulated))
             pairs.append(tuple(np.interp(grid, time, activity) for activity in both))
-    if not pairs or not recording.simulated.any():
-        return Correspondence(0.0, 1.0, 1.0, "")  # too short to tell, or without contact
+    if not pairs:
+        return UNKNOWN
     shifts, alike = _correlation(pairs, int(LONGEST / interval))
     best = int(np.argmax(alike))
     near = np.abs(shifts) * interval <= SENSOR
-    found = Correspondence(_peak(shifts, alike, best) * interval, float(alike[best]), float(alike[near].max()), "")
-    return replace(found, why=_why_not(found, pairs, int(shifts[best])))
+    why = _why_not(float(alike[best]), pairs, int(shifts[best]))
+    return Correspondence(_peak(shifts, alike, best) * interval, float(alike[best]), float(alike[near].max()), why)
 
 
 def aligned(recording: Recording, shift: float) -> Recording:
@@ -82,7 +88,7 @@ def aligned(recording: Recording, shift: float) -> Recording:
     assert recording.simulated is not None
     kept, simulated = np.zeros(len(recording), dtype=bool), recording.simulated.copy()
     covariates = {name: values.copy() for name, values in recording.covariates.items()}
-    for span in _stretches(recording):
+    for span in in_one_piece(recording.time, episode_spans(recording.episode)):
         time = recording.time[span]
         then = time - shift
         kept[span] = (then >= time[0]) & (then <= time[-1])
@@ -91,19 +97,6 @@ def aligned(recording: Recording, shift: float) -> Recording:
             moved = np.stack([np.interp(then, time, column) for column in flat.T], axis=1)
             values[span] = moved.reshape(values[span].shape)
     return replace(recording, simulated=simulated, covariates=covariates)[kept]
-
-
-def _stretches(recording: Recording) -> list[slice]:
-    """Episodes, those that follow one another without a break being one."""
-    spans = episode_spans(recording.episode)
-    usual = 1.5 * float(np.median(np.diff(recording.time[spans[0]])))
-    joined = [spans[0]]
-    for span in spans[1:]:
-        if 0 < recording.time[span.start] - recording.time[span.start - 1] <= usual:
-            joined[-1] = slice(joined[-1].start, span.stop)
-        else:
-            joined.append(span)
-    return joined
 
 
 def _activity(values: FloatArray, step: int) -> FloatArray:
@@ -141,11 +134,11 @@ def _peak(shifts: NDArray[np.intp], alike: FloatArray, best: int) -> float:
     return float(shifts[best] + (0.5 * (before - after) / bend if bend < 0 else 0.0))
 
 
-def _why_not(found: Correspondence, pairs: list[tuple[FloatArray, ...]], shift: int) -> str:
-    if found.alike < ALIKE:
+def _why_not(alike: float, pairs: list[tuple[FloatArray, ...]], shift: int) -> str:
+    if alike < ALIKE:
         return (
             f"measured does not follow simulated at any shift of the clocks up to {LONGEST:g} s (the correlation of "
-            f"their activities is at most {found.alike:.2f})"
+            f"their activities is at most {alike:.2f})"
         )
     other = _other_order(pairs, shift)
     if other is not None:

@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from paxisim.diagnose.cause import Cause, Free
+from paxisim.diagnose.cause import Cause, Free, courses_of
 from paxisim.diagnose.folds import Folds
 from paxisim.diagnose.model import Fitted, Model
 from paxisim.diagnose.problem import FloatArray, Problem
@@ -120,11 +120,7 @@ class Fitter:
         values, zero = self._descend(squares, causes, {} if start is None else start.whole.values)
         residual, slopes = squares.linearised(values, zero)
         whole = _part(squares, values, zero, shapes)
-        energies = {n: e * self.samples for n, e in squares.effects(values, zero).items()}
-        for number, item in enumerate(courses_of(causes)):
-            assert rows.curves is not None
-            added = np.multiply.outer(rows.curves[number], whole.zero[number])
-            energies[item.name] = float(np.sum((added * rows.weight) ** 2)) * self.samples
+        energies = {n: e * self.samples for n, e in squares.effects(values, whole.zero).items()}
         heldout, folds = np.zeros(len(self.fold)), []
         for number, part in enumerate(parts):
             own = Squares(Model(self.problem, causes, part), causes)
@@ -227,10 +223,13 @@ class Fitter:
         assert item.course is not None
         left = self._left(start, self.problem.compared)
         known = [c for c in causes if c.course is not None and c.name in shapes]
-        squares = []
+        rows, parts = self._rows(known, shapes)
+        own = rows if fold is None else parts[fold]
+        means, squares = own.means_where_told(left), []
         for shape in item.course.shapes:
-            rows, parts = self._rows([*known, item], {**shapes, item.name: shape})
-            basis, means = (rows if fold is None else parts[fold]).zero_by_episode(left)
+            curves = curves_of(own, [*known, item], {**shapes, item.name: shape})
+            assert curves is not None
+            basis = own.means_where_told(curves.T)
             hat = basis @ np.linalg.pinv(basis)
             apart = (means - np.tensordot(hat, means, 1)) / np.maximum(1 - np.diag(hat), 1e-3)[
                 :, None, None, None, None
@@ -267,11 +266,6 @@ def _part(squares: Squares, values: Fitted, zero: FloatArray, shapes: Shapes) ->
     read = rows.read(model.run(values, zero))
     solved = {**values, **model.solved}
     return Part(solved, zero + rows.zero_of(rows.measured - read) if len(zero) else zero, shapes)
-
-
-def courses_of(causes: Sequence[Cause]) -> list[Cause]:
-    """The causes that have a course, in the order of the chain."""
-    return sorted((c for c in causes if c.course is not None), key=lambda c: c.order)
 
 
 def curves_of(rows: Problem, causes: Sequence[Cause], shapes: Shapes) -> FloatArray | None:

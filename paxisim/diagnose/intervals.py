@@ -13,9 +13,10 @@ from scipy.stats import t as student
 from paxisim.augment.chain import Chain
 from paxisim.augment.parameter import parameters
 from paxisim.augment.transform import Transform
+from paxisim.diagnose.cause import courses_of
 from paxisim.diagnose.diagnosis import FittedParameter, Interval
 from paxisim.diagnose.explanation import Explanation, Named
-from paxisim.diagnose.fitting import courses_of, curves_of
+from paxisim.diagnose.fitting import curves_of
 from paxisim.diagnose.noise import Tolerance, differences
 from paxisim.diagnose.problem import FloatArray, Problem
 

@@ -139,18 +139,10 @@ class Problem:
         count = np.maximum(self.alive.sum(axis=(2, 3), keepdims=True), 1)
         return np.sum(values * self.alive, axis=(2, 3), keepdims=True) / count
 
-    def zero_by_episode(self, difference: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """``(episodes, curves)`` and ``(episodes, pads, 3, rows, cols)`` means where the zero is told.
-
-        Args:
-            difference: ``(T, pads, 3, rows, cols)`` N, to be explained by the zero.
-        """
-        assert self.curves is not None
+    def means_where_told(self, values: FloatArray) -> FloatArray:
+        """``(episodes, ...)`` means of ``(T, ...)`` values where the zero is told, of the episodes that tell it."""
         told = [frames for frames in self.told_by_episode if len(frames) >= LEAST_TOLD]
-        basis = [self.curves[:, frames].mean(axis=1) for frames in told]
-        means = [difference[frames].mean(axis=0) for frames in told]
-        shape = difference.shape[1:]
-        return np.reshape(basis, (len(told), len(self.curves))), np.reshape(means, (len(told), *shape))
+        return np.reshape([values[frames].mean(axis=0) for frames in told], (len(told), *values.shape[1:]))
 
     def shrunk(self, difference: FloatArray) -> Problem:
         """The problem in which amounts of the second curve are drawn to what the taxels of a pad's axis share.
@@ -161,7 +153,8 @@ class Problem:
         Args:
             difference: ``(T, pads, 3, rows, cols)`` N, to be explained by the zero.
         """
-        basis, means = self.zero_by_episode(difference)
+        assert self.curves is not None
+        basis, means = self.means_where_told(self.curves.T), self.means_where_told(difference)
         if basis.shape[1] < 2 or len(basis) < basis.shape[1] + 2:
             return self
         solve = np.linalg.pinv(basis)
@@ -178,10 +171,15 @@ class Problem:
         return int(len(self.time) * self.alive.sum())
 
     @cached_property
+    def has_contact(self) -> bool:
+        """Whether the simulation shows a force at all."""
+        return bool(self.simulated.any())
+
+    @cached_property
     def one_load(self) -> bool:
         """Whether the simulation says one and the same for all channels, as a load cell's force does."""
         loads = self.simulated[:, self.alive]
-        return loads.shape[1] > 1 and bool(loads.any() and np.all(loads == loads[:, :1]))
+        return loads.shape[1] > 1 and self.has_contact and bool(np.all(loads == loads[:, :1]))
 
     @cached_property
     def _alike(self) -> bool:
@@ -192,10 +190,7 @@ class Problem:
     @cached_property
     def _in_one_piece(self) -> tuple[slice, ...]:
         """Episodes; those that follow one another without a break are one, as the sensor then remembers."""
-        breaks = np.diff(self.time, prepend=-np.inf)
-        usual = 1.5 * float(np.median(breaks[1:]))
-        starts = [span.start for span in self.episodes if not 0 < breaks[span.start] <= usual]
-        return tuple(slice(a, b) for a, b in itertools.pairwise([*starts, len(self.time)]))
+        return in_one_piece(self.time, self.episodes)
 
     @cached_property
     def _curves(self) -> tuple[Curve | None, ...]:
@@ -382,6 +377,14 @@ class Problem:
         weighed = difference - (self.curves.T @ zero).reshape(difference.shape)
         weighed *= self.weight
         return weighed
+
+
+def in_one_piece(time: FloatArray, episodes: Sequence[slice]) -> tuple[slice, ...]:
+    """Episodes, those that follow one another without a break being one."""
+    breaks = np.diff(time, prepend=-np.inf)
+    usual = 1.5 * float(np.median(breaks[1:]))
+    starts = [span.start for span in episodes if not 0 < breaks[span.start] <= usual]
+    return tuple(slice(a, b) for a, b in itertools.pairwise([*starts, len(time)]))
 
 
 def peak_of(simulated: NDArray[np.floating]) -> float:

@@ -28,7 +28,7 @@ from paxisim.diagnose.folds import effects, folds_of
 from paxisim.diagnose.heldout import Squares, explained_share, figures, gains_of, squares_of, survives
 from paxisim.diagnose.intervals import model_intervals, parameters_of
 from paxisim.diagnose.prepare import prepare
-from paxisim.diagnose.problem import FloatArray, Problem, problem_of
+from paxisim.diagnose.problem import FloatArray, Problem, problem_of, showing
 from paxisim.diagnose.reading import read_off
 from paxisim.diagnose.repeats import settled, with_untold
 from paxisim.diagnose.report.streams import Streams
@@ -243,7 +243,7 @@ def _wanted(raw: Problem, causes: Sequence[str] | None) -> tuple[list[Cause], di
 
 def _needs_contact(raw: Problem, item: Cause) -> str:
     """Why a cause shows nothing in a recording without contact; empty if it does, or if there is contact."""
-    if raw.simulated.any() or item.course is not None or item.read is not None:
+    if raw.has_contact or item.course is not None or item.read is not None:
         return ""
     acts = item.local is None and any(change.any() for change in effects(raw.thinned, item, raw.thinned.simulated))
     return "" if acts else "it does nothing without contact"
@@ -286,7 +286,7 @@ def _at_bounds(found: Explanation) -> tuple[str, ...]:
 
 
 def _evidence(gain: FloatArray, share: Interval) -> str:
-    shown = np.abs(gain) > 1e-2 * np.abs(gain).max()
+    shown = showing(gain)
     worse = int((gain[shown] > 0).sum())
     return (
         f"Without it the model predicts {worse} of the {int(shown.sum())} affected held-out episodes less accurately; "

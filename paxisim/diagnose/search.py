@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from paxisim.diagnose.cause import Cause
+from paxisim.diagnose.cause import Cause, courses_of
 from paxisim.diagnose.each import each
-from paxisim.diagnose.fitting import Fit, Fitter, courses_of
+from paxisim.diagnose.fitting import Fit, Fitter
 from paxisim.diagnose.folds import Folds
 from paxisim.diagnose.problem import FloatArray, Problem
 from paxisim.diagnose.ranking import Ranking

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from paxisim.diagnose.cause import Cause
+from paxisim.diagnose.cause import Cause, courses_of
 from paxisim.diagnose.model import ZERO_ORDER, Fitted, Model
 from paxisim.diagnose.problem import FloatArray
 
@@ -105,7 +105,12 @@ class Squares:
         return residual, self._slopes(values)
 
     def effects(self, values: Fitted, zero: FloatArray) -> dict[str, float]:
-        """By cause that has numbers or an array, the energy of what it does to the residual, after `linearised`."""
+        """By cause, the energy of what it does to the residual, of a course of what it adds; after `linearised`.
+
+        Args:
+            values: By cause.
+            zero: ``(curves, pads, 3, rows, cols)`` N, amounts of the courses.
+        """
         solved, out = self.model.solved, {}
         base = self.rows.read(self.prediction)
         for item in self.causes:
@@ -113,6 +118,10 @@ class Squares:
                 without = self.rows.read(self.model.run({**values, **solved}, None, begin=item.name, skip=True))
                 self.model.solved = solved
                 out[item.name] = float(np.sum(self.rows.weigh(base - without) ** 2))
+        for number, item in enumerate(courses_of(self.causes)):
+            assert self.rows.curves is not None
+            added = np.multiply.outer(self.rows.curves[number], zero[number])
+            out[item.name] = float(np.sum((added * self.rows.weight) ** 2))
         return out
 
     def refit(
