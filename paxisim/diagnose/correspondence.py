@@ -79,7 +79,13 @@ def correspondence_of(recording: Recording) -> Correspondence:
     shifts, alike = _correlation(pairs, int(LONGEST / interval))
     best = int(np.argmax(alike))
     near = np.abs(shifts) * interval <= SENSOR
-    why = _why_not(float(alike[best]), pairs, int(shifts[best]))
+    if alike[best] < ALIKE:
+        why = (
+            f"measured does not follow simulated at any shift of the clocks up to {shifts[-1] * interval:.2g} s (the "
+            f"correlation of their activities is at most {alike[best]:.2f})"
+        )
+    else:
+        why = _other_order(pairs, int(shifts[best]))
     return Correspondence(_peak(shifts, alike, best) * interval, float(alike[best]), float(alike[near].max()), why)
 
 
@@ -134,28 +140,12 @@ def _peak(shifts: NDArray[np.intp], alike: FloatArray, best: int) -> float:
     return float(shifts[best] + (0.5 * (before - after) / bend if bend < 0 else 0.0))
 
 
-def _why_not(alike: float, pairs: list[tuple[FloatArray, ...]], shift: int) -> str:
-    if alike < ALIKE:
-        return (
-            f"measured does not follow simulated at any shift of the clocks up to {LONGEST:g} s (the correlation of "
-            f"their activities is at most {alike:.2f})"
-        )
-    other = _other_order(pairs, shift)
-    if other is not None:
-        number, fits = other
-        return (
-            f"measured and simulated episodes are not in the same order: measured episode {number + 1} fits simulated "
-            f"episode {fits + 1} best"
-        )
-    return ""
-
-
-def _other_order(pairs: list[tuple[FloatArray, ...]], shift: int) -> tuple[int, int] | None:
-    """A measured episode and the simulated one that it fits, if most fit another better than their own."""
+def _other_order(pairs: list[tuple[FloatArray, ...]], shift: int) -> str:
+    """Which simulated episode a measured one fits, if most fit another better than their own; else empty."""
     pairs = [(m[max(shift, 0) :], s[max(-shift, 0) :]) for m, s in pairs]
     count = len(pairs)
     if count < 3:
-        return None
+        return ""
     distance = np.empty((count, count))
     scale = np.sqrt(sum(float(m @ m) for m, _ in pairs) / max(sum(float(s @ s) for _, s in pairs), 1e-300))
     for i, (measured, _) in enumerate(pairs):
@@ -166,6 +156,9 @@ def _other_order(pairs: list[tuple[FloatArray, ...]], shift: int) -> tuple[int, 
     fits = np.argmin(distance, axis=1)
     misplaced = distance.min(axis=1) < MISPLACED * own
     if misplaced.mean() <= 0.5 or len(np.unique(fits[misplaced])) < 2:
-        return None
+        return ""
     number = int(np.argmax(misplaced * (own - distance.min(axis=1))))
-    return number, int(fits[number])
+    return (
+        f"measured and simulated episodes are not in the same order: measured episode {number + 1} fits simulated "
+        f"episode {fits[number] + 1} best"
+    )

@@ -93,3 +93,4 @@ def test_the_shell_says_so_with_status_1_and_writes_no_model(tmp_path, capsys):
     assert not (tmp_path / "out" / "model.json").exists()
     page = (tmp_path / "out" / "report.html").read_text()
     assert "not of the same motion" in page
+    assert "model.json" not in page
