@@ -9,6 +9,7 @@ from pathlib import Path
 
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
+from paxisim.logs.align import check_max_gap
 from paxisim.logs.aligned import Aligned, CountsToForce, Method
 
 
@@ -23,8 +24,7 @@ def load_aligned(
 ) -> Aligned:
     """See `paxisim.Recording.load`; nothing is checked yet, and only a CSV file is read for some of its pads."""
     suffix = path.suffix.lower()
-    if max_gap is not None and not max_gap > 0:
-        raise InvalidValueError(f"max_gap must be a positive time in s, got {max_gap!r}")
+    check_max_gap(max_gap)
     is_eflesh = path.name.endswith(".sensor.csv")
     if suffix == ".csv" and not is_eflesh:
         from paxisim.logs.csv import read_csv
