@@ -64,6 +64,9 @@ if TYPE_CHECKING:
     from paxisim.models.surface import measured as measured
     from paxisim.models.touch_grid import TouchGridReadout as TouchGridReadout
     from paxisim.recording import Recording as Recording
+    from paxisim.scene.drive import Drive as Drive
+    from paxisim.scene.drive import ObjectStart as ObjectStart
+    from paxisim.scene.scene import Scene as Scene
     from paxisim.sensors import Sensor as Sensor
     from paxisim.sensors import known_sensors as known_sensors
     from paxisim.sensors import sensor as sensor
@@ -111,6 +114,8 @@ _HOMES = {
     "paxisim.models.surface": ("conform", "flat", "measured"),
     "paxisim.models.touch_grid": ("TouchGridReadout",),
     "paxisim.recording": ("Recording",),
+    "paxisim.scene.drive": ("Drive", "ObjectStart"),
+    "paxisim.scene.scene": ("Scene",),
     "paxisim.sensors": ("Sensor", "known_sensors", "sensor"),
     "paxisim.viz.mounts": ("plot_mounts",),
     "paxisim.viz.plot": ("plot_pads", "plot_tactile"),

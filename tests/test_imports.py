@@ -29,6 +29,7 @@ LEVELS = {
     "reference": 2,
     "hw": 2,
     "calibrate": 2,
+    "scene": 2.5,
     "diagnose": 3,
     "viz": 3,
     "cli": 4,

@@ -1,0 +1,1 @@
+"""Replay: a simulated scene that the streams of a recording move."""

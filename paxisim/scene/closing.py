@@ -1,0 +1,103 @@
+"""The closing of an episode, fitted to the measured total force.
+
+A tenth of a millimetre is newtons on a gel, and few grippers know their opening that well. So a constant is added to
+the closing stream, such that the mean of the total normal force over the episode is the measured one. The mean does not
+change with a delay, and hardly with a filter, so these can still be told afterwards. A gain cannot.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from paxisim.errors import InvalidValueError
+
+_REACH = 3.0  # steps of 1 mm to either side in which the closing is searched
+_TOLERANCE = 0.003  # of the measured mean
+_MOST_RUNS = 20
+_QUIET = 0.02  # N; a mean below is no contact
+
+
+@dataclass(frozen=True, eq=False)
+class FittedClosing:
+    """The result of `fit_closing`.
+
+    Attributes:
+        closing: What is added to the closing stream, in its unit.
+        force: The simulated forces with it.
+        notes: Why it was not fitted, where it was not.
+    """
+
+    closing: float
+    force: NDArray[np.float32]
+    notes: tuple[str, ...] = ()
+
+
+def fit_closing(
+    simulated: Callable[[float], NDArray[np.float32]], measured: NDArray[np.float32], step: float, episode: int
+) -> FittedClosing:
+    """Fit the constant.
+
+    Args:
+        simulated: The ``(T, pads, 3, rows, cols)`` forces for a constant.
+        measured: The measured ones.
+        step: The constant that moves the closing joint by 1 mm.
+        episode: Its number, for messages.
+
+    Raises:
+        InvalidValueError: No constant of up to 3 mm gives the measured mean force.
+    """
+    wanted = _mean_normal(measured)
+    force = simulated(0.0)
+    if wanted < _QUIET:
+        note = f"episode {episode}: the mean force is only {wanted:.3f} N, so the closing was left as recorded"
+        return FittedClosing(0.0, force, (note,))
+    runs: dict[float, float] = {}
+    kept: dict[float, NDArray[np.float32]] = {}
+
+    def error(closing: float) -> float:
+        if closing not in runs:
+            kept[closing] = simulated(closing)
+            runs[closing] = _mean_normal(kept[closing]) - wanted
+        return runs[closing]
+
+    kept[0.0], runs[0.0] = force, _mean_normal(force) - wanted
+    low, high = _bracket(error, step, wanted, episode)
+    while abs(error(best := min(runs, key=lambda one: abs(runs[one])))) > _TOLERANCE * wanted:
+        if len(runs) >= _MOST_RUNS or abs(high - low) < 1e-5 * step:
+            break
+        # regula falsi on the square root of force, which grows about linearly with depth, kept inside the bracket
+        a, b = (np.sqrt(max(error(x) + wanted, 0.0)) - np.sqrt(wanted) for x in (low, high))
+        share = np.clip(a / (a - b), 0.05, 0.95)
+        middle = float(low + share * (high - low))
+        if error(middle) < 0:
+            low = middle
+        else:
+            high = middle
+    return FittedClosing(best, kept[best])
+
+
+def _bracket(error: Callable[[float], float], step: float, wanted: float, episode: int) -> tuple[float, float]:
+    """Two constants, of which the first gives too little force and the second too much."""
+    start = error(0.0)
+    for sign in (1, -1):
+        inner = 0.0
+        for reach in (0.1, 0.3, 1.0, _REACH):
+            outer = sign * reach * step
+            if (error(outer) < 0) != (start < 0):
+                return (inner, outer) if start < 0 else (outer, inner)
+            if abs(error(outer)) > abs(error(inner)):
+                break  # the other direction
+            inner = outer
+    raise InvalidValueError(
+        f"episode {episode}: no closing of up to {_REACH:g} mm more or less gives the measured mean force of "
+        f"{wanted:.3g} N (as recorded the scene gives {start + wanted:.3g} N): check the drives' offsets and where the object starts"
+    )
+
+
+def _mean_normal(force: NDArray[np.float32]) -> float:
+    """Mean over time of the sum of all taxels' normal forces (N)."""
+    return float(np.nanmean(force[:, :, 2].astype(np.float64).sum(axis=(1, 2, 3)))) if len(force) else 0.0

@@ -1,0 +1,195 @@
+"""Episode: one episode of a recording, simulated."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from paxisim.errors import InvalidValueError, UnsupportedError
+from paxisim.models.readout import TactileReadout
+from paxisim.scene.drive import Drive
+from paxisim.scene.motion import Curve, PoseCurve
+from paxisim.scene.rig import ARMATURE, Rig
+
+_LONGEST = 3600.0  # s of one episode; times in ms would be more
+_BAD = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """What moves in one episode.
+
+    Attributes:
+        number: The episode's number, for messages.
+        time: ``(T,)`` times (s) of the samples to simulate.
+        curves: For each prescribed and followed drive its joint's or body's motion.
+        commands: For each command its ``(T,)`` values at `time`.
+        objects: Index in ``qpos`` and pose of each object at the start.
+    """
+
+    number: int
+    time: NDArray[np.float64]
+    curves: Mapping[Drive, Curve | PoseCurve]
+    commands: Mapping[Drive, NDArray[np.float64]]
+    objects: tuple[tuple[int, NDArray[np.float64]], ...] = ()
+
+
+class EpisodeRunner:
+    """Simulates episodes of one rig, one after another."""
+
+    def __init__(self, rig: Rig) -> None:
+        """Prepare the state and the readout."""
+        self._rig, self._model = rig, rig.model
+        self._data = mujoco.MjData(rig.model)
+        self._readout = TactileReadout(rig.model, rig.pads)
+
+    def run(self, motion: Motion, settle: float, mean: bool) -> NDArray[np.float32]:
+        """``(T, pads, 3, rows, cols)`` newtons at the motion's times.
+
+        Args:
+            motion: The motion.
+            settle: Seconds of rest at the first pose before it.
+            mean: The mean since the sample before, instead of the force at each time.
+
+        Raises:
+            InvalidValueError: The episode is too long to be in seconds.
+            UnsupportedError: The simulation becomes unstable.
+        """
+        timestep = float(self._model.opt.timestep)
+        length = float(motion.time[-1] - motion.time[0])
+        if length > _LONGEST:
+            raise InvalidValueError(
+                f"episode {motion.number} lasts {length:.4g} s, more than an hour: are its times in seconds?"
+            )
+        where = (motion.time - motion.time[0]) / timestep
+        where = np.where(np.abs(where - np.round(where)) < 1e-5, np.round(where), where)
+        steps = int(np.ceil(where[-1])) + 1
+        at = motion.time[0] + timestep * np.arange(steps)
+        inputs = _Inputs(self._rig, self._data, motion, at)
+        self._start(motion, inputs, int(np.ceil(settle / timestep)))
+        return self._read(motion, inputs, where, steps, mean)
+
+    def _start(self, motion: Motion, inputs: _Inputs, settling: int) -> None:
+        data = self._data
+        mujoco.mj_resetData(self._model, data)
+        data.qpos[:], data.ctrl[:] = self._rig.qpos, self._rig.ctrl
+        for address, pose in motion.objects:
+            data.qpos[address : address + 7] = pose
+        inputs.place(data)
+        for _ in range(settling):
+            inputs.rest(data)
+            mujoco.mj_step(self._model, data)
+        self._check(motion, "while it settles at its first pose")
+
+    def _read(
+        self, motion: Motion, inputs: _Inputs, where: NDArray[np.float64], steps: int, mean: bool
+    ) -> NDArray[np.float32]:
+        """Step through the motion; `where` are the samples' times in steps."""
+        data, before = self._data, np.floor(where).astype(int)
+        weight = (where - before).reshape(-1, 1, 1, 1, 1)
+        needed = np.zeros(steps, dtype=bool)
+        needed[before] = True
+        needed[np.minimum(before + 1, steps - 1)[weight.ravel() > 0]] = True
+        first_of = np.searchsorted(before, np.arange(steps + 1))
+        out = np.zeros((len(where), *self._rig.pads.shape))
+        total = np.zeros(self._rig.pads.shape)
+        sums = np.zeros_like(out)  # of the forces at all steps before a sample's time, by the trapezoidal rule
+        last = None
+        for k in range(steps):
+            inputs.set(data, k)
+            mujoco.mj_step(self._model, data)
+            if not (needed[k] or mean):
+                continue
+            force = self._readout.read_exact(data)
+            mine = slice(first_of[k], first_of[k + 1])
+            out[mine] += (1 - weight[mine]) * force
+            if k:
+                previous = slice(first_of[k - 1], first_of[k])
+                out[previous] += weight[previous] * force
+                if mean and last is not None:
+                    # a sample between two steps has its share of the trapezium
+                    part = weight[previous]
+                    sums[previous] = total + part * (last + 0.5 * part * (force - last))
+                    total = total + 0.5 * (last + force)
+            sums[mine] = total
+            last = force
+            if k % 500 == 0:
+                self._check(motion, f"at {motion.time[0] + k * self._model.opt.timestep:.3f} s")
+        self._check(motion, "at its end")
+        if mean:
+            width = np.diff(where).reshape(-1, 1, 1, 1, 1)
+            out[1:] = np.where(width > 0, np.diff(sums, axis=0) / np.maximum(width, 1e-12), out[1:])
+        return out.astype(np.float32)
+
+    def _check(self, motion: Motion, when: str) -> None:
+        if any(self._data.warning[int(kind)].number for kind in _BAD):
+            raise UnsupportedError(
+                f"the simulation of episode {motion.number} becomes unstable {when}: use a smaller timestep in the "
+                "MJCF, or check where the objects start"
+            )
+
+
+class _Inputs:
+    """What is written into the state before each step."""
+
+    def __init__(self, rig: Rig, data: mujoco.MjData, motion: Motion, at: NDArray[np.float64]) -> None:
+        model, steps = rig.model, len(at)
+        positions, dofs = [], []
+        q, v, a = [np.zeros((steps, 0))], [np.zeros((steps, 0))], [np.zeros((steps, 0))]
+        for drive in rig.prescribed:
+            joint = rig.joint(drive)
+            parts = [part.reshape(steps, -1) for part in motion.curves[drive](at)]
+            for values, found in zip((q, v, a), parts, strict=True):
+                values.append(found)
+            positions += range(model.jnt_qposadr[joint], model.jnt_qposadr[joint] + parts[0].shape[1])
+            dofs += range(model.jnt_dofadr[joint], model.jnt_dofadr[joint] + parts[1].shape[1])
+        self._positions, self._dofs = np.array(positions, dtype=int), np.array(dofs, dtype=int)
+        self._q, self._v, self._push = np.hstack(q), np.hstack(v), ARMATURE * np.hstack(a)
+        self._ctrl = np.tile(rig.ctrl, (steps, 1))
+        self._followed: dict[int, float] = {}
+        self._follow(rig, data, motion, at)
+        for drive, values in motion.commands.items():
+            self._ctrl[:, model.actuator(drive.actuator).id] = np.interp(at, motion.time, values)
+
+    def _follow(self, rig: Rig, data: mujoco.MjData, motion: Motion, at: NDArray[np.float64]) -> None:
+        """Controls with which position actuators rest at the recorded positions of their joints."""
+        if not rig.followed:
+            return
+        model = rig.model
+        address = [int(model.jnt_qposadr[rig.joint(drive)]) for drive in rig.followed]
+        q = np.column_stack([motion.curves[drive](at)[0] for drive in rig.followed])
+        self._followed = dict(zip(address, q[0].tolist(), strict=True))
+        gain, slope = model.actuator_gainprm[rig.servos, 0], model.actuator_biasprm[rig.servos, 1]
+        data.qpos[:] = rig.qpos
+        for k in range(len(at)):
+            data.qpos[address] = q[k]
+            data.qpos[self._positions] = self._q[k]
+            mujoco.mj_kinematics(model, data)
+            mujoco.mj_comPos(model, data)
+            mujoco.mj_tendon(model, data)
+            mujoco.mj_transmission(model, data)
+            self._ctrl[k, rig.servos] = -slope / gain * data.actuator_length[rig.servos]
+
+    def place(self, data: mujoco.MjData) -> None:
+        """Put everything where the motion begins."""
+        for address, value in self._followed.items():
+            data.qpos[address] = value
+        data.qpos[self._positions] = self._q[0]
+
+    def rest(self, data: mujoco.MjData) -> None:
+        """Hold the first pose."""
+        data.qpos[self._positions] = self._q[0]
+        data.qvel[self._dofs] = 0.0
+        data.qfrc_applied[self._dofs] = 0.0
+        data.ctrl[:] = self._ctrl[0]
+
+    def set(self, data: mujoco.MjData, k: int) -> None:
+        """What holds at step `k`."""
+        data.qpos[self._positions] = self._q[k]
+        data.qvel[self._dofs] = self._v[k]
+        data.qfrc_applied[self._dofs] = self._push[k]
+        data.ctrl[:] = self._ctrl[k]

@@ -1,0 +1,93 @@
+"""Ready-made scenes: an indenter on one pad, and a gripper that opens and closes."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+
+import mujoco
+
+from paxisim.layout import TaxelLayout
+from paxisim.models.attach import TactileGripper, attach
+from paxisim.models.gel import Gel
+from paxisim.models.mount import Mount
+from paxisim.models.pad import Pad
+from paxisim.scene.drive import Drive, ObjectStart
+from paxisim.scene.scene import Scene
+
+BALL = 0.02
+"""Radius (m) of the indenter's ball. A ball needs no alignment, and has no edge that a taxel could catch on."""
+
+_INDENTER = f"""
+<mujoco model="indenter">
+  <compiler autolimits="true"/>
+  <option timestep="0.002" cone="elliptic" impratio="10"/>
+  <worldbody>
+    <light pos="0.2 -0.2 0.4" dir="-1 1 -2"/>
+    <body name="bench"/>
+    <body name="ball" pos="0 0 {BALL}">
+      <joint name="x" type="slide" axis="1 0 0" range="-0.05 0.05"/>
+      <joint name="y" type="slide" axis="0 -1 0" range="-0.05 0.05"/>
+      <joint name="depth" type="slide" axis="0 0 -1" range="-0.1 0.004"/>
+      <geom name="ball" type="sphere" size="{BALL}" mass="0.1" rgba="0.7 0.7 0.75 1"/>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+_PEG = """
+<mujoco model="peg">
+  <option timestep="0.002" cone="elliptic" impratio="10"/>
+  <worldbody>
+    <light pos="0.3 -0.3 0.5" dir="-1 1 -1.5"/>
+    <site name="hand" pos="0 0 0.2"/>
+    <geom name="table" type="box" size="0.1 0.1 0.01" pos="0 0 0.085"/>
+    <body name="peg" pos="0 0 0.125">
+      <freejoint/>
+      <geom name="peg" type="box" size="0.012 0.009 0.03" mass="0.06" rgba="0.8 0.65 0.4 1"/>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
+
+def indenter(layout: TaxelLayout) -> Scene:
+    """A ball that a stage presses on one pad, which lies face up.
+
+    The streams are ``x`` and ``y``, along the pad's own axes from its middle, and ``depth``, 0 where the ball touches
+    the flat pad and positive where it is pressed in; all in m.
+
+    Args:
+        layout: The pad's taxels.
+    """
+    bench = attach(_INDENTER, Pad(layout), [Mount("bench", quat=(0.0, 1.0, 0.0, 0.0), name="pad")])
+    drives = tuple(Drive(name, joint=name, unit="m") for name in ("x", "y", "depth"))
+    return Scene(bench.to_xml(), drives, closing="depth")
+
+
+def gripper(layout: TaxelLayout, *, peg: bool = False) -> Scene:
+    """The two-finger gripper of `paxisim demo` with a pad on each finger.
+
+    The stream is ``opening``, the distance (m) between the pads.
+
+    Args:
+        layout: The taxels of each pad.
+        peg: Put a box of 24 x 18 x 60 mm between the fingers, on a table; else they move in the air.
+    """
+    text = files("paxisim").joinpath("data/two_finger_gripper.xml").read_text(encoding="utf-8")
+    # the pad frame on a fingertip: x along the hand's depth, y down to the tip, z into the finger
+    mounts = [
+        Mount(f"{side}_finger", (0, 0, -0.019), (0.5, -0.5, -0.5, 0.5), (f"{side}_fingertip",), side)
+        for side in ("left", "right")
+    ]
+    tactile = attach(text, Pad(layout), mounts)
+    world = mujoco.MjSpec.from_string(_PEG)
+    if not peg:
+        world.delete(world.body("peg"))
+        world.delete(world.geom("table"))
+    world.attach(tactile.spec, site=world.site("hand"), prefix="gripper_")
+    mjcf = TactileGripper(world, tactile.mounts, tactile.pad_names, Gel(), layout).to_xml()
+    # the pads are 100 mm apart where the joints are 0
+    drives = tuple(
+        Drive("opening", joint=f"gripper_{side}_slide", unit="m", scale=-0.5, offset=0.05) for side in ("left", "right")
+    )
+    start = (ObjectStart("peg", (0.0, 0.0, 0.125)),) if peg else ()
+    return Scene(mjcf, drives, closing="opening", start=start)

@@ -1,0 +1,196 @@
+"""Replay: a scene and a recording brought together; simulates single episodes, and pairs the streams."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from paxisim._version import __version__
+from paxisim.errors import InvalidValueError
+from paxisim.recording import Recording
+from paxisim.scene import streams
+from paxisim.scene.closing import fit_closing
+from paxisim.scene.drive import Drive
+from paxisim.scene.episode import EpisodeRunner, Motion
+from paxisim.scene.modes import MODES
+from paxisim.scene.motion import Curve, PoseCurve, resolution, smooth_within
+from paxisim.scene.rig import Rig, build_rig
+from paxisim.scene.scene import Scene
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedEpisode:
+    """What `Replay.run` gives.
+
+    Attributes:
+        number: The episode.
+        force: ``(T, pads, 3, rows, cols)`` newtons at the recording's samples of the episode; NaN where the driving
+            streams are not known.
+        closing: The constant that mode ``"fitted"`` added to the closing stream, in its unit; 0 in other modes.
+        notes: What else is to be said of it.
+    """
+
+    number: int
+    force: NDArray[np.float32]
+    closing: float = 0.0
+    notes: tuple[str, ...] = field(default=())
+
+
+class Replay:
+    """A compiled scene that has checked the recording it is to follow."""
+
+    def __init__(self, scene: Scene, recording: Recording, mean: bool = False) -> None:
+        """Compile and check; see `paxisim.Scene.prepare`.
+
+        Raises:
+            InvalidValueError: See `paxisim.Scene.simulate`.
+            UnknownNameError: See `paxisim.Scene.simulate`.
+        """
+        if scene.mode == "fitted" and recording.measured is None:
+            raise InvalidValueError("mode fitted needs the measured forces, the recording has none")
+        self._scene, self._recording, self._mean = scene, recording, mean
+        self._rig: Rig = build_rig(scene)
+        _check_pads(self._rig, recording)
+        streams.check_streams(recording, self._rig)
+        self._resolution = {drive: self._step_of(drive) for drive in (*self._rig.prescribed, *self._rig.followed)}
+        self._objects = [
+            (self._rig.object_address(start.body), streams.object_poses(recording, start)) for start in scene.start
+        ]
+        self._runner = EpisodeRunner(self._rig)
+
+    @property
+    def rig(self) -> Rig:
+        """The compiled scene."""
+        return self._rig
+
+    @property
+    def episodes(self) -> tuple[int, ...]:
+        """Numbers of the recording's episodes."""
+        return tuple(int(part.episode[0]) for part in self._recording.episodes())
+
+    def _step_of(self, drive: Drive) -> float:
+        """Resolution of the drive's stream, in what the drive moves; 0 for a pose."""
+        if drive.body:
+            return 0.0
+        values = streams.raw_values(self._recording, drive)
+        return abs(drive.gain) * (resolution(values) if drive.resolution is None else drive.resolution)
+
+    def run(self, number: int) -> SimulatedEpisode:
+        """Simulate one episode.
+
+        Raises:
+            UnsupportedError: The simulation becomes unstable.
+            InvalidValueError: Mode ``"fitted"``: no closing gives the measured force.
+        """
+        part = self._recording.select([number])
+        known = self._known(part)
+        if self._scene.mode != "fitted":
+            return SimulatedEpisode(number, _within(part, known, self._simulated(part, known, 0.0)))
+        assert part.measured is not None
+        fitted = fit_closing(
+            lambda closing: self._simulated(part, known, closing), part.measured[known], self._closing_step(), number
+        )
+        return SimulatedEpisode(number, _within(part, known, fitted.force), fitted.closing, fitted.notes)
+
+    def _known(self, part: Recording) -> NDArray[np.bool_]:
+        """``(T,)`` from the first to the last sample at which all driving streams are known."""
+        known = np.ones(len(part), dtype=bool)
+        for drive in (*self._rig.prescribed, *self._rig.followed, *self._rig.commands):
+            values = streams.raw_values(part, drive)
+            known &= np.isfinite(values.reshape(len(values), -1)).all(axis=1)
+        if not known.any():
+            raise InvalidValueError(
+                f"episode {int(part.episode[0])} has no start pose: its driving streams are not known at one time"
+            )
+        return known
+
+    def _simulated(self, part: Recording, known: NDArray[np.bool_], closing: float) -> NDArray[np.float32]:
+        return self._runner.run(self._motion(part[known], closing), self._scene.settle, self._mean)
+
+    def _motion(self, part: Recording, closing: float) -> Motion:
+        """What moves in an episode of which all is known; `closing` is added to the closing stream, in its unit."""
+        number = int(part.episode[0])
+        new = np.append(True, np.diff(part.time) > 0)  # two samples at one time have one position
+        curves: dict[Drive, Curve | PoseCurve] = {}
+        for drive in (*self._rig.prescribed, *self._rig.followed):
+            values, time = streams.driving_values(part, drive)[new], part.time[new]
+            if drive.stream == self._scene.closing:
+                values = values + drive.gain * closing
+            if drive.body:
+                curves[drive] = PoseCurve(time, values)
+            else:
+                curves[drive] = Curve(time, smooth_within(time, values, self._resolution[drive]))
+        commands = {drive: streams.driving_values(part, drive) for drive in self._rig.commands}
+        objects = tuple((address, poses[number]) for address, poses in self._objects)
+        return Motion(number, part.time, curves, commands, objects)
+
+    def _closing_step(self) -> float:
+        """What one millimetre or 0.1 rad of the first closing drive is in its stream's unit."""
+        drive = next(d for d in self._scene.drives if d.stream == self._scene.closing)
+        return 1e-3 / abs(drive.gain)
+
+    def paired(self, episodes: Sequence[SimulatedEpisode]) -> Recording:
+        """The recording with the simulated stream of all its episodes, and how it was made.
+
+        Args:
+            episodes: All of them, in any order.
+
+        Raises:
+            InvalidValueError: One is missing.
+        """
+        by_number = {episode.number: episode for episode in episodes}
+        missing = [number for number in self.episodes if number not in by_number]
+        if missing:
+            raise InvalidValueError(f"episode {missing[0]} was not simulated")
+        ordered = [by_number[number] for number in self.episodes]
+        return self._recording.with_simulated(
+            np.concatenate([episode.force for episode in ordered]),
+            scene=self._rig.mjcf,
+            replay=self._described(ordered),
+        )
+
+    def _described(self, episodes: Sequence[SimulatedEpisode]) -> Mapping[str, object]:
+        """The ``replay`` entry of the metadata, as JSON can hold it."""
+        from paxisim.scene.toml import format_scene
+
+        scene = replace(self._scene, sensor="", pool=1, mounts=(), pads=self._rig.pads.names)
+        mode = MODES[scene.mode]
+        described: dict[str, object] = {
+            "version": __version__,
+            "mode": scene.mode,
+            "mean": self._mean,
+            "not_testable": dict(mode.not_testable),
+            "encoder_steps": {d.source: step / abs(d.gain) for d, step in self._resolution.items() if step},
+            "toml": format_scene(scene, "scene.xml"),
+            "notes": [note for episode in episodes for note in episode.notes],
+        }
+        if scene.mode == "fitted":
+            described["closing"] = {str(episode.number): episode.closing for episode in episodes}
+        return described
+
+
+def _within(part: Recording, known: NDArray[np.bool_], force: NDArray[np.float32]) -> NDArray[np.float32]:
+    whole = np.full((len(part), *force.shape[1:]), np.nan, dtype=np.float32)
+    whole[known] = force
+    return whole
+
+
+def _check_pads(rig: Rig, recording: Recording) -> None:
+    """Check that the recording's pads are the scene's."""
+    scene, recorded = rig.pads.shape, recording.tensor.shape[1:]
+    if scene == recorded:
+        return
+    pools = recorded[2] % scene[2] == 0 and recorded[3] % scene[3] == 0 and recorded[2:] != scene[2:]
+    hint = ""
+    if scene[0] == recorded[0] and pools:
+        by = recorded[2] // scene[2], recorded[3] // scene[3]
+        hint = f": pool the recording with Recording.pool{by}, or build the scene with the sensor's own taxels"
+    elif scene[0] != recorded[0]:
+        hint = f": name the scene's in pads = [...] (it has {', '.join(rig.pads.names)}), or select the recording's"
+    raise InvalidValueError(
+        f"the recording has {recorded[0]} pads of {recorded[2]}x{recorded[3]} taxels, "
+        f"the scene {scene[0]} of {scene[2]}x{scene[3]}{hint}"
+    )

@@ -1,0 +1,193 @@
+"""The driving streams of a recording: found, in range, without gaps; and what each episode starts from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from paxisim.errors import InvalidValueError, UnknownNameError
+from paxisim.recording import Recording
+from paxisim.scene import units
+from paxisim.scene.drive import Drive, ObjectStart
+from paxisim.scene.rig import Rig
+
+_SLIDE = int(mujoco.mjtJoint.mjJNT_SLIDE)
+_FARTHEST = 10.0  # m; a position beyond is a mistaken unit
+_MOST_TURN = 20 * np.pi  # rad, of a hinge without limits
+_LISTED = 4  # episodes that a message names
+
+
+def driving_values(recording: Recording, drive: Drive) -> NDArray[np.float64]:
+    """``(T,)``, or ``(T, 3)`` or ``(T, 7)`` for a body: what the drive's target does, in SI units.
+
+    Raises:
+        UnknownNameError: The recording has no such stream.
+        InvalidValueError: The stream has another shape, or nothing in it is known.
+    """
+    return drive.to_scene(raw_values(recording, drive))
+
+
+def raw_values(recording: Recording, drive: Drive) -> NDArray[np.float64]:
+    """The stream's own values, in its unit; see `driving_values`."""
+    values = _covariate(recording, drive.stream)
+    if drive.column is not None:
+        if values.ndim != 2 or drive.column >= values.shape[1]:
+            raise InvalidValueError(f"stream {drive.stream!r} of shape {values.shape} has no column {drive.column}")
+        values = values[:, drive.column]
+    expected = "(T, 3) or (T, 7)" if drive.body else "(T,)"
+    fits = values.ndim == 2 and values.shape[1] in (3, 7) if drive.body else values.ndim == 1
+    if not fits:
+        hint = "; say which with column = ..." if values.ndim == 2 and not drive.body else ""
+        raise InvalidValueError(
+            f"stream {drive.stream!r} must be {expected} to drive {drive.kind} {drive.target!r}, "
+            f"got shape {values.shape}{hint}"
+        )
+    if not np.isfinite(values).any():
+        raise InvalidValueError(f"stream {drive.source!r} holds no number, so that it drives nothing")
+    return values
+
+
+def _covariate(recording: Recording, stream: str) -> NDArray[np.float64]:
+    if stream not in recording.covariates:
+        raise UnknownNameError("stream", stream, recording.covariates, "expected among the recording's covariates")
+    return recording.covariates[stream]
+
+
+def check_streams(recording: Recording, rig: Rig) -> None:
+    """Check all that the scene is to follow, before anything is simulated.
+
+    Raises:
+        UnknownNameError: A stream that is not there.
+        InvalidValueError: A motion outside limits, with the unit that fits, if one does; a gap; an episode in which a
+            stream is not known at all; quaternions that are none.
+    """
+    moving = False
+    for drive in (*rig.prescribed, *rig.followed, *rig.commands):
+        values = raw_values(recording, drive)
+        _check_known(recording, drive, values)
+        if drive.body:
+            _check_pose(drive, values)
+        else:
+            _check_limits(drive, values, limits_of(rig.model, drive))
+        known = values[np.isfinite(values.reshape(len(values), -1)).all(axis=1)]
+        moving |= bool(np.ptp(known, axis=0).max() > 0)
+    if not moving:
+        streams = ", ".join(drive.source for drive in (*rig.prescribed, *rig.followed, *rig.commands))
+        raise InvalidValueError(f"nothing would move: the driving streams ({streams}) are constant or drive nothing")
+
+
+def limits_of(model: mujoco.MjModel, drive: Drive) -> tuple[float, float]:
+    """What a joint or control may be, in SI units; as wide as is plausible where the model sets no limits."""
+    if drive.actuator:
+        actuator = model.actuator(drive.actuator).id
+        low, high = model.actuator_ctrlrange[actuator]
+        return (float(low), float(high)) if model.actuator_ctrllimited[actuator] else (-np.inf, np.inf)
+    joint = model.joint(drive.joint).id
+    if model.jnt_limited[joint]:
+        low, high = model.jnt_range[joint]
+        return float(low), float(high)
+    farthest = _FARTHEST if int(model.jnt_type[joint]) == _SLIDE else _MOST_TURN
+    return -farthest, farthest
+
+
+def _check_limits(drive: Drive, values: NDArray[np.float64], limits: tuple[float, float]) -> None:
+    low, high = float(np.nanmin(values)), float(np.nanmax(values))
+    moved = sorted(drive.to_scene(np.array([low, high])).tolist())
+    slack = abs(drive.gain) * (drive.resolution or 0.0)
+    outside = not units.is_within(moved[0], moved[1], limits, slack)
+    better = ""
+    if np.isfinite(limits).all():
+        better = units.better_unit(drive.unit, low, high, limits, drive.scale, float(np.asarray(drive.offset)))
+    what = f"stream {drive.source!r} moves {drive.kind} {drive.target!r} from {moved[0]:.4g} to {moved[1]:.4g}"
+    if outside:
+        advice = (
+            f'its values are {better}, not {drive.unit}: set unit = "{better}"'
+            if better
+            else ("check unit, scale and offset of the drive")
+        )
+        raise InvalidValueError(f"{what}, beyond its limits {limits[0]:.4g} to {limits[1]:.4g}; {advice}")
+    if better:
+        raise InvalidValueError(
+            f"{what}, a small part of its limits {limits[0]:.4g} to {limits[1]:.4g}; its values look like {better}, "
+            f'not {drive.unit}: set unit = "{better}"'
+        )
+
+
+def _check_pose(drive: Drive, values: NDArray[np.float64]) -> None:
+    reach = float(np.nanmax(np.abs(drive.to_scene(values)[:, :3])))
+    if reach > _FARTHEST:
+        advice = 'its values look like mm: set unit = "mm"' if reach * 1e-3 <= _FARTHEST else "check its unit"
+        raise InvalidValueError(
+            f"stream {drive.source!r} moves body {drive.body!r} {reach:.4g} m away from the origin; {advice}"
+        )
+    if values.shape[1] == 7:
+        norm = np.linalg.norm(values[:, 3:], axis=1)
+        off = np.nanmax(np.abs(norm - 1))
+        if off > 0.01:
+            raise InvalidValueError(
+                f"stream {drive.source!r} must have quaternions w x y z of length 1 in its columns 3 to 6, "
+                f"one is off by {off:.2g}"
+            )
+
+
+def _check_known(recording: Recording, drive: Drive, values: NDArray[np.float64]) -> None:
+    known = np.isfinite(values.reshape(len(values), -1)).all(axis=1)
+    without = []
+    for part in recording.episodes():
+        number = int(part.episode[0])
+        inside = known[recording.episode == number]
+        if not inside.any():
+            without.append(number)
+            continue
+        first, last = np.flatnonzero(inside)[[0, -1]]
+        gap = np.flatnonzero(~inside[first:last])
+        if len(gap):
+            begin = first + gap[0]
+            end = begin + int(np.argmax(inside[begin:]))
+            time = part.time
+            raise InvalidValueError(
+                f"stream {drive.source!r} has a gap in episode {number}, from {time[begin - 1]:.3f} s to {time[end]:.3f} s "
+                f"({time[end] - time[begin - 1]:.3f} s): leave the episode out with Recording.select, or allow "
+                "longer gaps with Recording.load(max_gap=...)"
+            )
+    if without:
+        raise InvalidValueError(
+            f"{_listed(without)} without a start pose: stream {drive.source!r}, which drives {drive.kind} "
+            f"{drive.target!r}, is not known in {'it' if len(without) == 1 else 'them'}"
+        )
+
+
+def object_poses(recording: Recording, start: ObjectStart) -> Mapping[int, NDArray[np.float64]]:
+    """``(7,)`` position (m) and quaternion of an object at the start of each episode.
+
+    Raises:
+        UnknownNameError: There is no such stream.
+        InvalidValueError: The stream is no pose, or not known in an episode.
+    """
+    numbers = [int(part.episode[0]) for part in recording.episodes()]
+    if not start.stream:
+        pose = np.array([*(start.pos or ()), *start.quat], dtype=np.float64)
+        return dict.fromkeys(numbers, pose)
+    values = _covariate(recording, start.stream)
+    if values.shape[1:] != (7,):
+        raise InvalidValueError(
+            f"stream {start.stream!r} must be (T, 7), position and quaternion, to start {start.body!r}, "
+            f"got shape {values.shape}"
+        )
+    known = np.isfinite(values).all(axis=1)
+    without = [number for number in numbers if not known[recording.episode == number].any()]
+    if without:
+        raise InvalidValueError(
+            f"{_listed(without)} without a start pose of {start.body!r}: stream {start.stream!r} is not known there"
+        )
+    return {number: values[(recording.episode == number) & known][0] for number in numbers}
+
+
+def _listed(numbers: list[int]) -> str:
+    names = ", ".join(str(number) for number in numbers[:_LISTED])
+    if len(numbers) == 1:
+        return f"episode {names} is"
+    return f"episodes {names}{', ...' if len(numbers) > _LISTED else ''} ({len(numbers)}) are"

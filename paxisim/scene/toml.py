@@ -1,0 +1,174 @@
+"""Scenes as TOML."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Mapping
+from dataclasses import MISSING, fields, replace
+from pathlib import Path
+from typing import Any
+
+from paxisim.errors import InvalidValueError, UnknownNameError
+from paxisim.logs.atomic import parse_file, whole_file
+from paxisim.models.gel import Gel
+from paxisim.models.mount import Mount
+from paxisim.scene.drive import Drive, ObjectStart
+from paxisim.scene.scene import Scene
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib  # pyright: ignore[reportMissingImports]
+
+_NUMBER, _TEXT, _WHOLE, _LIST = "a number", "a text", "a whole number", "a list"
+_POSITION, _QUATERNION = "a list of 3 numbers", "a list of 4 numbers"
+# table -> key -> what its value must be
+_SCENE = {
+    "mjcf": _TEXT,
+    "mode": _TEXT,
+    "closing": _TEXT,
+    "settle": _NUMBER,
+    "pads": _LIST,
+    "sensor": _TEXT,
+    "pool": _WHOLE,
+    "drive": "a list of tables",
+    "start": "a list of tables",
+    "mount": "a list of tables",
+    "gel": "a table",
+}
+_DRIVE = {
+    "stream": _TEXT,
+    "joint": _TEXT,
+    "body": _TEXT,
+    "actuator": _TEXT,
+    "unit": _TEXT,
+    "scale": _NUMBER,
+    "offset": "a number or a list of 3 numbers",
+    "column": _WHOLE,
+    "resolution": _NUMBER,
+}
+_START = {"body": _TEXT, "pos": _POSITION, "quat": _QUATERNION, "stream": _TEXT}
+_MOUNT = {"body": _TEXT, "pos": _POSITION, "quat": _QUATERNION, "replaces": _LIST, "name": _TEXT}
+_GEL = {item.name: _NUMBER for item in fields(Gel)}
+
+
+def read_scene(path: Path) -> Scene:
+    """See `paxisim.Scene.load`."""
+    scene = parse_file(path, parse_scene)
+    return replace(scene, mjcf=path.parent / scene.mjcf)
+
+
+def parse_scene(text: str) -> Scene:
+    """The scene of a TOML text; its `mjcf` is the path as it stands there.
+
+    Raises:
+        InvalidValueError: No TOML, or a value that cannot be used.
+        UnknownNameError: A key that a scene does not have.
+    """
+    try:
+        document = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InvalidValueError(f"not TOML: {error}") from error
+    _check("the scene", document, _SCENE)
+    if "mjcf" not in document:
+        raise InvalidValueError("the scene needs mjcf, the path of its MJCF file")
+    plain = {key: document[key] for key in ("mode", "closing", "settle", "sensor", "pool") if key in document}
+    gel = document.get("gel", {})
+    _check("[gel]", gel, _GEL)
+    return Scene(
+        document["mjcf"],
+        tuple(Drive(**table) for table in _tables(document, "drive", _DRIVE, ("stream",))),
+        start=tuple(ObjectStart(**table) for table in _tables(document, "start", _START, ("body",))),
+        mounts=tuple(Mount(**table) for table in _tables(document, "mount", _MOUNT, ("body",))),
+        pads=tuple(str(name) for name in document.get("pads", ())),
+        gel=Gel(**gel),
+        **plain,
+    )
+
+
+def _tables(document: Mapping[str, Any], name: str, keys: Mapping[str, str], needed: tuple[str, ...]) -> list[Any]:
+    tables = document.get(name, [])
+    for number, table in enumerate(tables, start=1):
+        what = f"[[{name}]] number {number}"
+        if not isinstance(table, dict):
+            raise InvalidValueError(f"{what} must be a table")
+        _check(what, table, keys)
+        for key in needed:
+            if key not in table:
+                raise InvalidValueError(f"{what} needs {key}")
+    return [{k: tuple(v) if isinstance(v, list) else v for k, v in table.items()} for table in tables]
+
+
+def _check(what: str, table: Mapping[str, Any], keys: Mapping[str, str]) -> None:
+    for key, value in table.items():
+        if key not in keys:
+            raise UnknownNameError(f"key of {what}", key, keys)
+        if not _fits(value, keys[key]):
+            raise InvalidValueError(f"{key} of {what} must be {keys[key]}, got {value!r}")
+
+
+def _fits(value: Any, wanted: str) -> bool:
+    def number(one: Any) -> bool:
+        return isinstance(one, (int, float)) and not isinstance(one, bool)
+
+    def numbers(count: int) -> bool:
+        return isinstance(value, list) and len(value) == count and all(map(number, value))
+
+    kinds = {
+        _TEXT: isinstance(value, str),
+        _NUMBER: number(value),
+        _WHOLE: isinstance(value, int) and not isinstance(value, bool),
+        _LIST: isinstance(value, list) and all(isinstance(one, (str, int)) for one in value),
+        _POSITION: numbers(3),
+        _QUATERNION: numbers(4),
+        "a number or a list of 3 numbers": number(value) or numbers(3),
+        "a list of tables": isinstance(value, list),
+        "a table": isinstance(value, dict),
+    }
+    return kinds[wanted]
+
+
+def write_scene(scene: Scene, path: Path) -> None:
+    """See `paxisim.Scene.save`."""
+    mjcf = scene.mjcf
+    if isinstance(mjcf, str) and mjcf.lstrip().startswith("<"):
+        beside = path.with_suffix(".xml")
+        with whole_file(beside) as temporary:
+            temporary.write_text(mjcf, encoding="utf-8")
+        mjcf = beside
+    relative = os.path.relpath(Path(mjcf).absolute(), path.absolute().parent)
+    with whole_file(path) as temporary:
+        temporary.write_text(format_scene(scene, Path(relative).as_posix()), encoding="utf-8")
+
+
+def format_scene(scene: Scene, mjcf: str) -> str:
+    """The scene as TOML, with what differs from the defaults; `mjcf` is the path to write."""
+    lines = [f"mjcf = {_value(mjcf)}"]
+    plain = ("mode", "closing", "settle", "pads", "sensor", "pool")
+    lines += _entries(scene, plain, always=("mode", "settle"))
+    lines += ["", "[gel]", *_entries(scene.gel, tuple(_GEL), always=tuple(_GEL))]
+    groups = (("drive", scene.drives, _DRIVE), ("start", scene.start, _START), ("mount", scene.mounts, _MOUNT))
+    for name, things, keys in groups:
+        for thing in things:
+            lines += ["", f"[[{name}]]", *_entries(thing, tuple(keys), always=())]
+    return "\n".join(lines) + "\n"
+
+
+def _entries(thing: Any, names: tuple[str, ...], always: tuple[str, ...]) -> list[str]:
+    defaults = {item.name: item.default for item in fields(thing)}
+    return [
+        f"{name} = {_value(getattr(thing, name))}"
+        for name in names
+        if name in always or defaults[name] is MISSING or getattr(thing, name) != defaults[name]
+    ]
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, str):
+        # a JSON string is one of TOML, but for characters beyond 16 bits, which JSON escapes in two halves
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, tuple):
+        return "[" + ", ".join(_value(one) for one in value) + "]"
+    return repr(value if isinstance(value, int) else float(value))

@@ -1,0 +1,91 @@
+"""Scenes and their TOML."""
+
+import json
+
+import pytest
+from scene.rigs import LAYOUT
+
+import paxisim
+from paxisim import Drive, Gel, InvalidValueError, Mount, ObjectStart, Scene, UnknownNameError
+from paxisim.scene import ready
+
+DRIVES = (
+    Drive("tip.z", joint="depth", unit="mm", scale=-1.0, offset=0.012, resolution=0.05),
+    Drive("arm", body="hand", unit="mm", offset=(0.0, 0.1, 0.0)),
+    Drive('a "quoted" \\ name\x7f', actuator="close", unit="mA", scale=2.5, column=3),
+)
+
+
+def test_what_is_saved_loads_as_it_was(tmp_path):
+    scene = Scene(
+        tmp_path / "gripper.xml",
+        DRIVES,
+        mode="servo",
+        closing="tip.z",
+        start=(ObjectStart("peg", (0.0, 0.0, 0.1)), ObjectStart("nut", stream="nut_pose")),
+        settle=1.5,
+        gel=Gel(modulus=8e4),
+        pads=("left", "right"),
+        sensor="paxini-gen1-l4629",
+        pool=2,
+        mounts=(Mount("finger", (0.0, 0.0, -0.019), replaces=("tip", 1)),),
+    )
+    (tmp_path / "sub").mkdir()
+    scene.save(tmp_path / "sub" / "scene.toml")
+    loaded = Scene.load(tmp_path / "sub" / "scene.toml")
+    assert loaded.mjcf.resolve() == (tmp_path / "gripper.xml").resolve()
+    for name in ("drives", "mode", "closing", "start", "settle", "gel", "pads", "sensor", "pool", "mounts"):
+        assert getattr(loaded, name) == getattr(scene, name), name
+
+
+def test_the_text_of_an_mjcf_is_written_beside_the_scene(tmp_path):
+    ready.indenter(LAYOUT).save(tmp_path / "press.toml")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["press.toml", "press.xml"]
+    assert Scene.load(tmp_path / "press.toml").drives == ready.indenter(LAYOUT).drives
+
+
+GOOD = 'mjcf = "a.xml"\n[[drive]]\nstream = "z"\njoint = "z"\n'
+BAD = {
+    "": "the scene needs mjcf",
+    "mjcf =": "not TOML",
+    'mjcf = "a.xml"': "at least one drive",
+    GOOD.replace("joint", "jiont"): r"unknown key of \[\[drive\]\] number 1 'jiont'; did you mean 'joint'",
+    GOOD.replace('"z"\njoint', "3\njoint"): r"stream of \[\[drive\]\] number 1 must be a text, got 3",
+    GOOD + 'body = "b"\n': "must name one joint, body or actuator, got joint and body",
+    GOOD + 'unit = "cm"\n': "unknown unit 'cm'",
+    GOOD + "scale = 0\n": "scale of the drive of 'z' must be finite and not 0",
+    GOOD + "offset = [1, 2, 3]\n": "offset of the drive of 'z' must be a finite number",
+    GOOD + "scale = true\n": "must be a number, got True",
+    "mode = 'fast'\n" + GOOD: "mode must be one of kinematic, fitted, servo, force, got 'fast'",
+    "mode = 'fitted'\n" + GOOD: "mode fitted needs closing",
+    "closing = 'y'\n" + GOOD: r"closing must be one of the driving streams \(z\)",
+    "settle = -1\n" + GOOD: "settle must lie between 0 and 60 s",
+    GOOD + GOOD.partition("\n")[2].replace('stream = "z"', 'stream = "y"'): "two drives move the same joint 'z'",
+    GOOD + "[gel]\nmodulos = 3\n": "unknown key of .gel. 'modulos'; did you mean 'modulus'",
+    GOOD + "[gel]\nmodulus = -3\n": "modulus must be positive",
+    GOOD + "[[start]]\nbody = 'peg'\n": "a start needs a body, and either pos or stream",
+    "drive = [1]\nmjcf = 'a'": r"\[\[drive\]\] number 1 must be a table",
+}
+
+
+@pytest.mark.parametrize("text", BAD)
+def test_a_file_that_is_no_scene_is_refused_in_one_line_that_names_it(tmp_path, text):
+    (tmp_path / "bad.toml").write_text(text)
+    with pytest.raises((InvalidValueError, UnknownNameError), match=BAD[text]) as caught:
+        Scene.load(tmp_path / "bad.toml")
+    assert "bad.toml" in str(caught.value)
+    assert "\n" not in str(caught.value).strip()
+
+
+def test_a_scene_that_is_not_there(tmp_path):
+    with pytest.raises(FileNotFoundError):
+        Scene.load(tmp_path / "none.toml")
+
+
+def test_a_recording_that_was_not_replayed_holds_no_scene():
+    import numpy as np
+
+    recording = paxisim.Recording(np.arange(3.0), np.zeros((3, 1, 3, 2, 2)), metadata={"scene": "<mujoco/>"})
+    with pytest.raises(InvalidValueError, match="holds no scene"):
+        Scene.from_recording(recording)
+    json.dumps(recording.metadata)
