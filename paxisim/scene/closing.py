@@ -94,7 +94,8 @@ def _bracket(error: Callable[[float], float], step: float, wanted: float, episod
             inner = outer
     raise InvalidValueError(
         f"episode {episode}: no closing of up to {_REACH:g} mm more or less gives the measured mean force of "
-        f"{wanted:.3g} N (as recorded the scene gives {start + wanted:.3g} N): check the drives' offsets and where the object starts"
+        f"{wanted:.3g} N (as recorded the scene gives {start + wanted:.3g} N): check the drives' offsets and where the "
+        "object starts"
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -99,8 +99,7 @@ class Replay:
         """``(T,)`` from the first to the last sample at which all driving streams are known."""
         known = np.ones(len(part), dtype=bool)
         for drive in (*self._rig.prescribed, *self._rig.followed, *self._rig.commands):
-            values = streams.raw_values(part, drive)
-            known &= np.isfinite(values.reshape(len(values), -1)).all(axis=1)
+            known &= streams.known_samples(streams.raw_values(part, drive))
         if not known.any():
             raise InvalidValueError(
                 f"episode {int(part.episode[0])} has no start pose: its driving streams are not known at one time"

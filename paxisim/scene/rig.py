@@ -1,12 +1,12 @@
 """Rig: the compiled model of a scene, and where in its state each drive acts.
 
-A joint that a stream prescribes must move as the stream says, whatever it touches. MuJoCo's contacts are soft: the force
-of a contact follows from its depth, its speed and its acceleration, and the acceleration from the mass behind it. Writing
-``qpos`` alone leaves the speed at zero and lets the light finger of the model give way within the very step, so that
-``mj_forward`` finds a fraction of the force. Here such a joint gets an armature that no contact can move,
-and its position, speed and acceleration are written before each step: the forces are then those of a finger that moves
-exactly so. MuJoCo gives a mocap body no velocity, so that contacts feel neither damping nor friction; it becomes
-a free body that is moved in the same way.
+A joint that a stream prescribes must move as the stream says, whatever it touches. MuJoCo's contacts are soft: the
+force of a contact follows from its depth, its speed and its acceleration, and the acceleration from the mass behind it.
+Writing ``qpos`` alone lets the light finger of the model give way within the very step, so that ``mj_forward`` finds a
+fraction of the force. Here such a joint gets an armature that no contact can move, and its position, speed and
+acceleration are written before each step: the forces are then those of a finger that moves exactly so. MuJoCo gives a
+mocap body no velocity, so that contacts feel neither damping nor friction; it becomes a free body that is moved in the
+same way.
 """
 
 from __future__ import annotations
@@ -215,8 +215,8 @@ def _roles(scene: Scene, model: mujoco.MjModel, qpos: NDArray[np.float64]) -> _R
         if not any(dof[drive] in moves[a] for a in holding):
             known = ", ".join(model.actuator(a).name or f"number {a}" for a in holding) or "none"
             raise InvalidValueError(
-                f"mode servo: no position actuator moves joint {drive.joint!r} (the MJCF's position actuators: {known}); "
-                "use mode kinematic, or drive an actuator"
+                f"mode servo: no position actuator moves joint {drive.joint!r} (the MJCF's position actuators: "
+                f"{known}); use mode kinematic, or drive an actuator"
             )
     wanted = {dof[drive] for drive in left}
     servos = np.array([a for a in holding if moves[a] & wanted], dtype=np.intp)

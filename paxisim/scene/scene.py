@@ -38,7 +38,7 @@ class Scene:
         start: Where objects are when an episode begins.
         settle: Seconds for which the scene rests at the first pose before each episode.
         gel: The gel that the taxels get.
-        pads: Names of the pads in the MJCF, in the order of the recording's. Default: all, in the order of their bodies.
+        pads: Names of the MJCF's pads in the order of the recording's. Default: all, in the order of their bodies.
         sensor: Name of a sensor in the catalogue to put on the model; empty where the MJCF has its pads.
         pool: Make one taxel of each `pool` x `pool` of that sensor.
         mounts: Where that sensor's pads go. Default: as `paxisim.attach` finds.

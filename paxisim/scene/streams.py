@@ -50,6 +50,11 @@ def raw_values(recording: Recording, drive: Drive) -> NDArray[np.float64]:
     return values
 
 
+def known_samples(values: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """``(T,)`` True where nothing of a ``(T, ...)`` stream is NaN."""
+    return np.asarray(np.isfinite(values.reshape(len(values), -1)).all(axis=1))
+
+
 def _covariate(recording: Recording, stream: str) -> NDArray[np.float64]:
     if stream not in recording.covariates:
         raise UnknownNameError("stream", stream, recording.covariates, "expected among the recording's covariates")
@@ -72,7 +77,7 @@ def check_streams(recording: Recording, rig: Rig) -> None:
             _check_pose(drive, values)
         else:
             _check_limits(drive, values, limits_of(rig.model, drive))
-        known = values[np.isfinite(values.reshape(len(values), -1)).all(axis=1)]
+        known = values[known_samples(values)]
         moving |= bool(np.ptp(known, axis=0).max() > 0)
     if not moving:
         streams = ", ".join(drive.source for drive in (*rig.prescribed, *rig.followed, *rig.commands))
@@ -134,7 +139,7 @@ def _check_pose(drive: Drive, values: NDArray[np.float64]) -> None:
 
 
 def _check_known(recording: Recording, drive: Drive, values: NDArray[np.float64]) -> None:
-    known = np.isfinite(values.reshape(len(values), -1)).all(axis=1)
+    known = known_samples(values)
     without = []
     for part in recording.episodes():
         number = int(part.episode[0])
@@ -149,9 +154,9 @@ def _check_known(recording: Recording, drive: Drive, values: NDArray[np.float64]
             end = begin + int(np.argmax(inside[begin:]))
             time = part.time
             raise InvalidValueError(
-                f"stream {drive.source!r} has a gap in episode {number}, from {time[begin - 1]:.3f} s to {time[end]:.3f} s "
-                f"({time[end] - time[begin - 1]:.3f} s): leave the episode out with Recording.select, or allow "
-                "longer gaps with Recording.load(max_gap=...)"
+                f"stream {drive.source!r} has a gap in episode {number}, from {time[begin - 1]:.3f} s to "
+                f"{time[end]:.3f} s: leave the episode out with Recording.select, or allow longer gaps with "
+                "Recording.load(max_gap=...)"
             )
     if without:
         raise InvalidValueError(
@@ -177,7 +182,7 @@ def object_poses(recording: Recording, start: ObjectStart) -> Mapping[int, NDArr
             f"stream {start.stream!r} must be (T, 7), position and quaternion, to start {start.body!r}, "
             f"got shape {values.shape}"
         )
-    known = np.isfinite(values).all(axis=1)
+    known = known_samples(values)
     without = [number for number in numbers if not known[recording.episode == number].any()]
     if without:
         raise InvalidValueError(

@@ -36,8 +36,8 @@ def is_within(low: float, high: float, limits: tuple[float, float], slack: float
 def better_unit(unit: str, low: float, high: float, limits: tuple[float, float], scale: float, offset: float) -> str:
     """The unit with which a stream fits the limits of what it moves, where `unit` is far off; else empty.
 
-    A stream is far off if it leaves the limits, or if it moves less than a hundredth of a unit's step would allow: 40 um
-    of a joint's 40 mm, where the values read as mm would be 40 mm.
+    A stream is far off if it leaves the limits, or if it moves a small part of them and a unit a hundred times as large
+    or more fits as well: 0.04 mm of a joint's 40 mm, where the values read as m are 40 mm.
 
     Args:
         unit: The unit that was said.

@@ -1,7 +1,9 @@
 """Motions of the ready-made scenes, and recordings of them."""
 
+import mujoco
 import numpy as np
 
+import paxisim
 from paxisim.layout import TaxelLayout
 from paxisim.recording import Recording
 
@@ -45,3 +47,61 @@ def press(rate=100.0, seconds=8.0, depth=1.7e-3):
 def total(tensor):
     """``(T,)`` the sum of all normal forces."""
     return tensor[:, :, 2].astype(float).sum(axis=(1, 2, 3))
+
+
+def simulated_press(mjcf, time, streams, rate=100.0):
+    """The indenter as servos of its own move it, in MuJoCo alone: forces and where its joints really were.
+
+    Returns:
+        ``(T, 1, 3, rows, cols)`` newtons and ``(T, 3)`` x, y and depth.
+    """
+    model = mujoco.MjModel.from_xml_string(mjcf)
+    pads = paxisim.find_pads(model)
+    paxisim.Gel().apply(model, pads)
+    readout, data = paxisim.TactileReadout(model, pads), mujoco.MjData(model)
+    every = round(1 / rate / model.opt.timestep)
+    fine = np.arange(len(time) * every) * model.opt.timestep
+    commands = np.column_stack([np.interp(fine, time, values) for values in streams.values()])
+    data.qpos[:] = data.ctrl[:] = commands[0]
+    mujoco.mj_step(model, data, 500)
+    forces, joints = [], []
+    for step, command in enumerate(commands):
+        data.ctrl[:] = command
+        before = data.qpos.copy()
+        mujoco.mj_step(model, data)
+        if step % every == 0:
+            forces.append(readout.read(data))
+            joints.append(before)
+    return np.array(forces), np.array(joints)
+
+
+def with_servos(scene):
+    """The indenter's MJCF with a heavier ball, and a position servo on each of its joints."""
+    servos = "".join(f'<position name="{joint}" joint="{joint}" kp="20000" kv="400"/>' for joint in ("x", "y", "depth"))
+    mjcf = str(scene.mjcf).replace("</mujoco>", f"<actuator>{servos}</actuator></mujoco>")
+    return mjcf.replace('mass="0.1"', 'mass="2"')
+
+
+def squeezed(mjcf, seconds=6.0, rate=100.0):
+    """The gripper closes on the peg by its motor, in MuJoCo alone.
+
+    Returns:
+        ``(T,)`` times, ``(T, 2, 3, rows, cols)`` newtons, ``(T, nq)`` positions and ``(T,)`` the motor's force.
+    """
+    model = mujoco.MjModel.from_xml_string(mjcf)
+    pads = paxisim.find_pads(model)
+    paxisim.Gel().apply(model, pads)
+    readout, data = paxisim.TactileReadout(model, pads), mujoco.MjData(model)
+    for side in ("left", "right"):
+        data.joint(f"gripper_{side}_slide").qpos = 0.034
+    mujoco.mj_step(model, data, 100)
+    every = round(1 / rate / model.opt.timestep)
+    rows = []
+    for step in range(round(seconds / model.opt.timestep)):
+        now = step * model.opt.timestep
+        data.ctrl[0] = np.interp(now, [0, 0.2, 1.2, 1.6, 2.4, 2.7, 4, 4.4, 5], [0.2, 0.4, 0.8, 6, 6, 10, 10, 0.5, -1])
+        before = data.qpos.copy()
+        mujoco.mj_step(model, data)
+        if step % every == 0:
+            rows.append((now, readout.read(data), before, data.ctrl[0]))
+    return tuple(np.array(column) for column in zip(*rows, strict=True))

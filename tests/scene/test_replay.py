@@ -1,0 +1,207 @@
+"""Replayed forces against those of MuJoCo itself, in every mode."""
+
+import re
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+from scene.rigs import LAYOUT, press, recording, simulated_press, squeezed, steps_of, total, with_servos
+
+import paxisim
+from paxisim import Drive, InvalidValueError, ObjectStart, Scene
+from paxisim.scene import ready
+from paxisim.scene.modes import MODES
+
+NAMES = ("x", "y", "depth")
+INDENTER = ready.indenter(LAYOUT)
+GRIPPER = ready.gripper(LAYOUT, peg=True)
+FINGERS = tuple(Drive(side, joint=f"gripper_{side}_slide", unit="m") for side in ("left", "right"))
+
+
+@pytest.fixture(scope="module")
+def pressed():
+    """A press of the indenter as MuJoCo simulates it with servos; commands beside the true positions."""
+    time, streams = press()
+    force, joints = simulated_press(with_servos(INDENTER), time, streams)
+    covariates = dict(zip(NAMES, joints.T, strict=True)) | {f"{name} command": streams[name] for name in NAMES}
+    return recording(time, covariates, measured=force)
+
+
+@pytest.fixture(scope="module")
+def gripped():
+    """The gripper squeezes the peg with its motor."""
+    time, force, joints, motor = squeezed(str(GRIPPER.mjcf))
+    free, left, right = joints[:, :7], joints[:, 7], joints[:, 8]
+    covariates = {"left": left, "right": right, "motor": motor, "peg": free}
+    return recording(time, covariates, measured=force)
+
+
+def worst(replayed):
+    """The largest error of a taxel, as a share of the largest reading of a taxel."""
+    return np.abs(replayed.simulated - replayed.measured).max() / np.abs(replayed.measured).max()
+
+
+def test_exact_poses_give_the_forces_of_the_simulation_that_they_are_from(pressed):
+    replayed = INDENTER.simulate(pressed)
+    assert worst(replayed) < 0.01
+    assert np.abs(replayed.measured).max() > 3
+
+
+def test_writing_positions_alone_gives_a_fraction_of_the_force(pressed):
+    """Why replay is more than mj_forward: what was tried first, 2 N instead of 16 N."""
+    model = mujoco.MjModel.from_xml_string(str(INDENTER.mjcf))
+    pads = paxisim.find_pads(model)
+    paxisim.Gel().apply(model, pads)
+    data, readout, forces = mujoco.MjData(model), paxisim.TactileReadout(model, pads), []
+    for row in zip(*(pressed.covariates[name] for name in NAMES), strict=True):
+        data.qpos[:] = row
+        mujoco.mj_forward(model, data)
+        forces.append(readout.read(data))
+    assert total(np.array(forces)).max() < 0.2 * total(pressed.measured).max()
+
+
+@pytest.mark.parametrize("cone", ["elliptic", "pyramidal"])
+@pytest.mark.parametrize("timestep", [0.001, 0.004])
+def test_another_timestep_and_cone_give_these_forces_to_5_percent(pressed, timestep, cone):
+    option = f'<option timestep="{timestep}" cone="{cone}" impratio="10"/>'
+    other = re.sub("<option [^>]*>", option, str(INDENTER.mjcf))
+    assert option in other
+    assert worst(replace(INDENTER, mjcf=other).simulate(pressed)) < 0.05
+
+
+def test_a_free_object_between_prescribed_fingers(gripped):
+    scene = Scene(GRIPPER.mjcf, FINGERS, start=[ObjectStart("peg", stream="peg")])
+    replayed = scene.simulate(gripped)
+    off = np.abs(total(replayed.simulated) - total(replayed.measured))
+    assert np.percentile(off, 99) < 0.01 * total(gripped.measured).max()
+    # the first touch is faster than samples 10 ms apart tell
+    assert off.max() < 0.1 * total(gripped.measured).max()
+
+
+def test_a_recorded_pose_of_the_object_is_followed(gripped):
+    scene = Scene(GRIPPER.mjcf, (*FINGERS, Drive("peg", body="peg", unit="m")))
+    replayed = scene.simulate(gripped)
+    off = np.abs(total(replayed.simulated) - total(replayed.measured))
+    assert np.percentile(off, 99) < 0.01 * total(gripped.measured).max()
+
+
+def test_the_force_of_a_motor(gripped):
+    drives = (*FINGERS, Drive("motor", actuator="gripper_close", unit="N"))
+    scene = Scene(GRIPPER.mjcf, drives, mode="force", start=[ObjectStart("peg", stream="peg")])
+    replayed = scene.simulate(gripped)
+    assert [drive.stream for drive in scene.prepare(gripped).rig.unused] == ["left", "right"]
+    late = gripped.time > 2.0  # the fingers start at rest, though they moved
+    assert np.abs(replayed.simulated - replayed.measured)[late].max() < 0.01 * np.abs(gripped.measured).max()
+
+
+def test_servos_follow_commands_as_they_did(pressed):
+    drives = tuple(Drive(f"{name} command", actuator=name, unit="m") for name in NAMES)
+    assert worst(Scene(with_servos(INDENTER), drives, mode="servo").simulate(pressed)) < 0.01
+
+
+def test_servos_that_follow_recorded_positions_lag_and_yield(pressed):
+    followed = replace(INDENTER, mjcf=with_servos(INDENTER), mode="servo").simulate(pressed)
+    assert worst(followed) > 0.1
+    assert followed.metadata["replay"]["not_testable"] == dict(MODES["servo"].not_testable)
+    assert {"axis_gain", "latency", "low_pass"} <= set(MODES["servo"].not_testable)
+    with pytest.raises(InvalidValueError, match="no position actuator moves joint 'x'"):
+        replace(INDENTER, mode="servo").simulate(pressed)
+
+
+def test_a_fitted_closing_finds_an_offset_and_says_what_it_hides(pressed):
+    off = pressed.with_covariate("depth", pressed.covariates["depth"] - 1e-4)
+    assert worst(INDENTER.simulate(off)) > 0.3
+    fitted = replace(INDENTER, mode="fitted").simulate(off)
+    assert worst(fitted) < 0.01
+    assert fitted.metadata["replay"]["closing"]["0"] == pytest.approx(1e-4, abs=2e-6)
+    assert "axis_gain" in fitted.metadata["replay"]["not_testable"]
+
+
+def test_a_fitted_closing_that_is_not_there(pressed):
+    far = pressed.with_covariate("depth", pressed.covariates["depth"] - 0.02)
+    with pytest.raises(InvalidValueError, match="episode 0: no closing of up to 3 mm"):
+        replace(INDENTER, mode="fitted").simulate(far)
+    free = recording(pressed.time, {name: pressed.covariates[name] for name in NAMES})
+    notes = replace(INDENTER, mode="fitted").simulate(free).metadata["replay"]["notes"]
+    assert notes == ["episode 0: the mean force is only 0.000 N, so the closing was left as recorded"]
+
+
+def test_a_mocap_body_is_felt_as_a_joint_is(pressed):
+    """MuJoCo itself gives a mocap body no velocity, and so no damping and no friction."""
+    body = re.search('<body name="ball".*?</body>', str(INDENTER.mjcf), re.DOTALL).group()
+    mocap = re.sub("<joint [^>]*>", "", body).replace('name="ball"', 'name="ball" mocap="true"', 1)
+    place = np.column_stack([pressed.covariates[name] for name in NAMES]) * [1, -1, -1] + [0, 0, ready.BALL]
+    moved = pressed.with_covariate("stage", 1e3 * place)
+    scene = Scene(str(INDENTER.mjcf).replace(body, mocap), [Drive("stage", body="ball", unit="mm")])
+    assert worst(scene.simulate(moved)) < 0.01
+
+
+def test_encoder_steps_are_smoothed(pressed):
+    read = recording(
+        pressed.time, {name: steps_of(pressed.covariates[name]) for name in NAMES}, measured=pressed.measured
+    )
+    smoothed = INDENTER.simulate(read)
+    assert smoothed.metadata["replay"]["encoder_steps"] == pytest.approx(dict.fromkeys(NAMES, 5e-5))
+    rough = replace(INDENTER, drives=tuple(replace(drive, resolution=0.0) for drive in INDENTER.drives)).simulate(read)
+    moving = np.abs(np.gradient(pressed.covariates["depth"], pressed.time)) > 1e-3
+    errors = [
+        np.std((total(one.simulated) - total(one.measured))[moving & (total(one.measured) < 5)])
+        for one in (smoothed, rough)
+    ]
+    assert errors[0] < 0.5 * errors[1]
+
+
+def test_the_mean_over_the_interval_is_that_of_the_forces_in_it(pressed):
+    tap = pressed[300:380]
+    mean = INDENTER.simulate(tap, mean=True)
+    fine = tap.resample(500.0, align="linear")
+    depth = INDENTER.prepare(tap)  # the motion between samples is the spline's, not the line's
+    motion = depth._motion(tap, 0.0)
+    at = fine.time
+    streams = {name: curve(at)[0] for name, curve in zip(NAMES, motion.curves.values(), strict=True)}
+    forces = INDENTER.simulate(recording(at, streams)).simulated
+    expected = [(forces[i - 5 : i + 1].sum(axis=0) - (forces[i - 5] + forces[i]) / 2) / 5 for i in range(5, len(at), 5)]
+    np.testing.assert_allclose(mean.simulated[1:], expected, atol=2e-3 * np.abs(forces).max())
+
+
+def test_episodes_do_not_depend_on_one_another(pressed):
+    half = len(pressed) // 2
+    episode = np.where(np.arange(len(pressed)) < half, 3, 8)
+    parts = replace(pressed, episode=episode)
+    both = INDENTER.simulate(parts)
+    second = INDENTER.simulate(parts.select([8]))
+    np.testing.assert_array_equal(both.select([8]).simulated, second.simulated)
+
+
+def test_a_replayed_recording_replays_again_from_its_file(pressed, tmp_path):
+    softer = INDENTER.simulate(pressed, modulus=7e4)
+    assert total(softer.simulated).max() < 0.8 * total(pressed.measured).max()
+    softer.save(tmp_path / "paired.mcap")
+    loaded = paxisim.Recording.load(tmp_path / "paired.mcap")
+    again = Scene.from_recording(loaded)
+    assert again.gel.modulus == 7e4
+    np.testing.assert_allclose(again.simulate(loaded).simulated, softer.simulated, atol=1e-5)
+
+
+def test_a_sensor_is_put_where_the_scene_says():
+    world = """<mujoco><option cone="elliptic" impratio="10"/><worldbody><body name="bench"/>
+      <body name="tip" pos="0 0 -0.02"><joint name="z" type="slide" axis="0 0 1" range="-0.1 0.1"/>
+      <geom type="sphere" size="0.02" mass="0.1"/></body></worldbody></mujoco>"""
+    scene = Scene(world, [Drive("z", joint="z", unit="m")], sensor="paxini-gen1-l4629", pool=2,
+                  mounts=[paxisim.Mount("bench")])  # fmt: skip
+    time, streams = press(seconds=2.0)
+    replayed = scene.simulate(recording(time, {"z": streams["depth"]}))
+    assert total(replayed.simulated).max() > 1
+    again = Scene.from_recording(replayed)
+    assert not again.sensor
+    np.testing.assert_allclose(again.simulate(replayed).simulated, replayed.simulated, atol=1e-4)
+
+
+def test_a_minute_of_the_indenter_takes_less_than_a_minute():
+    from time import perf_counter
+
+    time, streams = press(seconds=60.0)
+    began = perf_counter()
+    INDENTER.simulate(recording(time, streams))
+    assert perf_counter() - began < 60
