@@ -64,6 +64,8 @@ if TYPE_CHECKING:
     from paxisim.models.surface import measured as measured
     from paxisim.models.touch_grid import TouchGridReadout as TouchGridReadout
     from paxisim.recording import Recording as Recording
+    from paxisim.scene.agreement import Agreement as Agreement
+    from paxisim.scene.agreement import compare_streams as compare_streams
     from paxisim.scene.drive import Drive as Drive
     from paxisim.scene.drive import ObjectStart as ObjectStart
     from paxisim.scene.scene import Scene as Scene
@@ -114,6 +116,7 @@ _HOMES = {
     "paxisim.models.surface": ("conform", "flat", "measured"),
     "paxisim.models.touch_grid": ("TouchGridReadout",),
     "paxisim.recording": ("Recording",),
+    "paxisim.scene.agreement": ("Agreement", "compare_streams"),
     "paxisim.scene.drive": ("Drive", "ObjectStart"),
     "paxisim.scene.scene": ("Scene",),
     "paxisim.sensors": ("Sensor", "known_sensors", "sensor"),

@@ -10,6 +10,7 @@ import pytest
 import paxisim
 
 PUBLIC = [
+    "Agreement",
     "Chain",
     "DeviceError",
     "DeviceTimeoutError",
@@ -51,6 +52,7 @@ PUBLIC = [
     "attach",
     "augment",
     "calibrate_readout",
+    "compare_streams",
     "conform",
     "diagnose",
     "encoding",

@@ -25,6 +25,8 @@ from paxisim.cli.info import info
 from paxisim.cli.live import live
 from paxisim.cli.pad import pad
 from paxisim.cli.record import record
+from paxisim.cli.replay import replay
+from paxisim.cli.scene import scene_init, scene_make
 from paxisim.cli.sensor import sensor_check, sensor_profiles, sensor_quality
 from paxisim.cli.sensors import sensors
 from paxisim.cli.view import view
@@ -41,8 +43,10 @@ VERBS = {
     "info": info,
     "convert": convert,
     "live": live,
+    "replay": replay,
     "diagnose": diagnose,
 }
+SCENE_VERBS = {"init": scene_init, "make": scene_make}
 SENSOR_VERBS = {"check": sensor_check, "quality": sensor_quality, "profiles": sensor_profiles}
 
 
@@ -87,7 +91,10 @@ def _parse(arguments: list[str] | None) -> Callable[[], None]:
         with contextlib.redirect_stderr(said), contextlib.redirect_stdout(helped):
             return tyro.extras.subcommand_cli_from_dict(
                 {name: _deferred(verb) for name, verb in VERBS.items()}
-                | {"sensor": _group(SENSOR_VERBS, "Check a real sensor, measure how good it is, list profiles.")},
+                | {
+                    "scene": _group(SCENE_VERBS, "Begin the scene of a recording, or write a ready-made one."),
+                    "sensor": _group(SENSOR_VERBS, "Check a real sensor, measure how good it is, list profiles."),
+                },
                 prog="paxisim",
                 description="Magnet-based tactile sensors in MuJoCo. `paxisim VERB --help` explains a verb, "
                 "`paxisim --version` says which version this is.",

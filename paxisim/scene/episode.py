@@ -16,6 +16,7 @@ from paxisim.scene.motion import Curve, PoseCurve
 from paxisim.scene.rig import ARMATURE, Rig
 
 _LONGEST = 3600.0  # s of one episode; times in ms would be more
+_FAR = 0.1  # m
 _BAD = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
 
 
@@ -72,6 +73,30 @@ class EpisodeRunner:
         inputs = _Inputs(self._rig, self._data, motion, at)
         self._start(motion, inputs, int(np.ceil(settle / timestep)))
         return self._read(motion, inputs, where, steps, mean)
+
+    def clearance(self, motion: Motion, time: float) -> float:
+        """How far (m) the pads are from the nearest thing they could touch, at a time of the motion.
+
+        What no stream moves is where the episode begins. Infinite where there is nothing within 0.1 m.
+        """
+        data, model = self._data, self._model
+        mujoco.mj_resetData(model, data)
+        data.qpos[:] = self._rig.qpos
+        for address, pose in motion.objects:
+            data.qpos[address : address + 7] = pose
+        _Inputs(self._rig, data, motion, np.array([time])).place(data)
+        mujoco.mj_kinematics(model, data)
+        taxels = self._rig.pads.geoms.ravel()
+        others = np.setdiff1d(np.arange(model.ngeom), taxels)
+        nearest = _FAR
+        for taxel in taxels:
+            bits = (model.geom_contype[taxel] & model.geom_conaffinity[others]) | (
+                model.geom_conaffinity[taxel] & model.geom_contype[others]
+            )
+            weld = model.body_weldid[model.geom_bodyid[others]] != model.body_weldid[model.geom_bodyid[taxel]]
+            for other in others[(bits != 0) & weld]:
+                nearest = min(nearest, mujoco.mj_geomDistance(model, data, int(taxel), int(other), nearest, None))
+        return float(nearest) if nearest < _FAR else float("inf")
 
     def _start(self, motion: Motion, inputs: _Inputs, settling: int) -> None:
         data = self._data

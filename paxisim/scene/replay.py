@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,28 @@ from paxisim.scene.modes import MODES
 from paxisim.scene.motion import Curve, PoseCurve, resolution, smooth_within
 from paxisim.scene.rig import Rig, build_rig
 from paxisim.scene.scene import Scene
+
+COARSE = 0.1
+"""Share of the peak force from which an encoder is called too coarse for the total force."""
+
+
+MISSED = 0.2
+"""Total normal force (N) that is contact for certain."""
+
+
+@dataclass(frozen=True)
+class EncoderError:
+    """What half an encoder step changes.
+
+    Attributes:
+        episode: The episode with the highest total normal force.
+        newtons: The change of its peak (N).
+        peak: The peak (N).
+    """
+
+    episode: int
+    newtons: float
+    peak: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,12 +111,32 @@ class Replay:
         part = self._recording.select([number])
         known = self._known(part)
         if self._scene.mode != "fitted":
-            return SimulatedEpisode(number, _within(part, known, self._simulated(part, known, 0.0)))
+            force = self._simulated(part, known)
+            return SimulatedEpisode(number, _within(part, known, force), notes=self._missed(part[known], force))
         assert part.measured is not None
         fitted = fit_closing(
-            lambda closing: self._simulated(part, known, closing), part.measured[known], self._closing_step(), number
+            lambda closing: self._simulated(part, known, self._closed(closing)),
+            part.measured[known],
+            self._closing_step(),
+            number,
         )
         return SimulatedEpisode(number, _within(part, known, fitted.force), fitted.closing, fitted.notes)
+
+    def _missed(self, part: Recording, force: NDArray[np.float32]) -> tuple[str, ...]:
+        """What to say of an episode in which contact was measured and none is simulated."""
+        if part.measured is None or force.any():
+            return ()
+        measured = total_normal(part.measured)
+        if not np.nanmax(measured, initial=0.0) > MISSED:
+            return ()
+        at = float(part.time[int(np.nanargmax(measured))])
+        gap = self._runner.clearance(self._motion(part), at)
+        where = f"{1e3 * gap:.2f} mm from the nearest object" if np.isfinite(gap) else "far from any object"
+        number = int(part.episode[0])
+        return (
+            f"episode {number}: {np.nanmax(measured):.3g} N were measured at {at:.2f} s, where the pads of the scene are "
+            f"{where}: check where the object starts, and offsets, signs and units of the drives",
+        )
 
     def _known(self, part: Recording) -> NDArray[np.bool_]:
         """``(T,)`` from the first to the last sample at which all driving streams are known."""
@@ -106,25 +149,54 @@ class Replay:
             )
         return known
 
-    def _simulated(self, part: Recording, known: NDArray[np.bool_], closing: float) -> NDArray[np.float32]:
-        return self._runner.run(self._motion(part[known], closing), self._scene.settle, self._mean)
+    def _simulated(
+        self, part: Recording, known: NDArray[np.bool_], shifts: Mapping[Drive, float] = MappingProxyType({})
+    ) -> NDArray[np.float32]:
+        return self._runner.run(self._motion(part[known], shifts), self._scene.settle, self._mean)
 
-    def _motion(self, part: Recording, closing: float) -> Motion:
-        """What moves in an episode of which all is known; `closing` is added to the closing stream, in its unit."""
+    def _motion(self, part: Recording, shifts: Mapping[Drive, float] = MappingProxyType({})) -> Motion:
+        """What moves in an episode of which all is known; `shifts` are added to what single drives do."""
         number = int(part.episode[0])
         new = np.append(True, np.diff(part.time) > 0)  # two samples at one time have one position
         curves: dict[Drive, Curve | PoseCurve] = {}
         for drive in (*self._rig.prescribed, *self._rig.followed):
             values, time = streams.driving_values(part, drive)[new], part.time[new]
-            if drive.stream == self._scene.closing:
-                values = values + drive.gain * closing
             if drive.body:
+                values[:, :3] += shifts.get(drive, 0.0)
                 curves[drive] = PoseCurve(time, values)
             else:
-                curves[drive] = Curve(time, smooth_within(time, values, self._resolution[drive]))
+                smooth = smooth_within(time, values, self._resolution[drive])
+                curves[drive] = Curve(time, smooth + shifts.get(drive, 0.0))
         commands = {drive: streams.driving_values(part, drive) for drive in self._rig.commands}
         objects = tuple((address, poses[number]) for address, poses in self._objects)
         return Motion(number, part.time, curves, commands, objects)
+
+    def _closed(self, closing: float) -> Mapping[Drive, float]:
+        """How far each drive moves where `closing` is added to the closing stream, in the stream's unit."""
+        return {drive: drive.gain * closing for drive in self._scene.drives if drive.stream == self._scene.closing}
+
+    def encoder_error(self, episodes: Sequence[SimulatedEpisode]) -> EncoderError | None:
+        """What half a step of the encoders is worth in newtons, at the highest force of all episodes.
+
+        The strongest episode is simulated once more for each encoder that shows steps. The errors of several encoders
+        add as independent ones.
+
+        Returns:
+            The error, or None where no encoder shows steps or nothing is touched.
+        """
+        coarse = [drive for drive in self._rig.prescribed if self._resolution[drive]]
+        peaks = [float(np.nanmax(total_normal(episode.force), initial=0.0)) for episode in episodes]
+        if not coarse or not max(peaks, default=0.0) > 0:
+            return None
+        strongest = episodes[int(np.argmax(peaks))]
+        part = self._recording.select([strongest.number])
+        known, shifts = self._known(part), self._closed(strongest.closing)
+        squares = 0.0
+        for drive in coarse:
+            moved = {**shifts, drive: shifts.get(drive, 0.0) + 0.5 * self._resolution[drive]}
+            changed = float(total_normal(self._simulated(part, known, moved)).max())
+            squares += (changed - max(peaks)) ** 2
+        return EncoderError(strongest.number, float(np.sqrt(squares)), max(peaks))
 
     def _closing_step(self) -> float:
         """What one millimetre or 0.1 rad of the first closing drive is in its stream's unit."""
@@ -156,7 +228,13 @@ class Replay:
         from paxisim.scene.toml import format_scene
 
         scene = replace(self._scene, sensor="", pool=1, mounts=(), pads=self._rig.pads.names)
-        mode = MODES[scene.mode]
+        mode, error = MODES[scene.mode], self.encoder_error(episodes)
+        notes = [note for episode in episodes for note in episode.notes]
+        if error is not None and error.newtons > COARSE * error.peak:
+            notes.append(
+                f"half an encoder step is worth {error.newtons:.2g} N of the {error.peak:.3g} N at the peak of episode "
+                f"{error.episode}: positions alone do not tell the total force to {COARSE:.0%}"
+            )
         described: dict[str, object] = {
             "version": __version__,
             "mode": scene.mode,
@@ -164,11 +242,17 @@ class Replay:
             "not_testable": dict(mode.not_testable),
             "encoder_steps": {d.source: step / abs(d.gain) for d, step in self._resolution.items() if step},
             "toml": format_scene(scene, "scene.xml"),
-            "notes": [note for episode in episodes for note in episode.notes],
+            "encoder_error": None if error is None else vars(error),
+            "notes": notes,
         }
         if scene.mode == "fitted":
             described["closing"] = {str(episode.number): episode.closing for episode in episodes}
         return described
+
+
+def total_normal(force: NDArray[np.float32]) -> NDArray[np.float64]:
+    """``(T,)`` the sum of all taxels' normal forces (N)."""
+    return force[:, :, 2].astype(np.float64).sum(axis=(1, 2, 3))
 
 
 def _within(part: Recording, known: NDArray[np.bool_], force: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -152,12 +152,24 @@ def test_encoder_steps_are_smoothed(pressed):
     assert errors[0] < 0.5 * errors[1]
 
 
+def test_what_an_encoder_step_is_worth_is_said(pressed):
+    read = {name: steps_of(pressed.covariates[name]) for name in NAMES}
+    said = INDENTER.simulate(recording(pressed.time, read, measured=pressed.measured)).metadata["replay"]
+    # at 1.7 mm the gel stiffens: 0.1 mm are 9 N, by the test of a fitted closing
+    assert 0.1 < said["encoder_error"]["newtons"] / said["encoder_error"]["peak"] < 0.3
+    assert "positions alone do not tell the total force to 10%" in said["notes"][0]
+    fine = {name: steps_of(pressed.covariates[name], 2e-6) for name in NAMES}
+    said = INDENTER.simulate(recording(pressed.time, fine, measured=pressed.measured)).metadata["replay"]
+    assert said["encoder_error"]["newtons"] < 0.02 * said["encoder_error"]["peak"]
+    assert not said["notes"]
+
+
 def test_the_mean_over_the_interval_is_that_of_the_forces_in_it(pressed):
     tap = pressed[300:380]
     mean = INDENTER.simulate(tap, mean=True)
     fine = tap.resample(500.0, align="linear")
     depth = INDENTER.prepare(tap)  # the motion between samples is the spline's, not the line's
-    motion = depth._motion(tap, 0.0)
+    motion = depth._motion(tap)
     at = fine.time
     streams = {name: curve(at)[0] for name, curve in zip(NAMES, motion.curves.values(), strict=True)}
     forces = INDENTER.simulate(recording(at, streams)).simulated

@@ -1,0 +1,102 @@
+"""``paxisim replay``."""
+
+from __future__ import annotations
+
+import contextlib
+import shutil
+import sys
+import textwrap
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+from paxisim.cli.output import WIDTH, check_output, progress
+from paxisim.errors import InvalidValueError
+
+
+def replay(
+    recording: Annotated[Path, tyro.conf.Positional],
+    *,
+    scene: Path,
+    output: Annotated[Path, tyro.conf.arg(aliases=["-o"])],
+    mode: Literal["kinematic", "fitted", "servo", "force"] | None = None,
+    mean: bool = False,
+    jobs: int = 1,
+    force: bool = False,
+) -> None:
+    """Replay a recorded motion in MuJoCo and write measured and simulated forces side by side.
+
+    The scene says which recorded streams move what; `paxisim scene init` begins one. Finished episodes are kept beside
+    the output until it is written: after a kill, the same command goes on where it stopped. The output contains scene
+    and MJCF as well.
+
+    For example:
+
+    paxisim replay press.mcap --scene press.toml -o paired.mcap
+
+    Args:
+        recording: An .mcap, .npz or .csv file with the streams that drive the scene.
+        scene: The scene's TOML file.
+        output: The file to write, .mcap or .npz.
+        mode: How the motion is followed, instead of what the scene says: exact poses, exact poses with a closing fitted
+            to the measured force, the model's servos, or recorded forces.
+        mean: Simulate the mean force since the sample before, as a sensor that averages.
+        jobs: Episodes to simulate at the same time.
+        force: Overwrite the output if it exists.
+    """
+    from dataclasses import replace
+
+    from paxisim.recording import Recording
+    from paxisim.scene.agreement import compare_streams
+    from paxisim.scene.resume import simulate_resumable
+    from paxisim.scene.scene import Scene
+
+    if output.suffix.lower() not in (".mcap", ".npz"):
+        raise InvalidValueError(f"the output must end in .mcap or .npz, got {output}")
+    check_output(output, force)
+    loaded_scene = Scene.load(scene)
+    if mode is not None:
+        loaded_scene = replace(loaded_scene, mode=mode)
+    progress(f"reading {recording}")
+    loaded = Recording.load(recording)
+    kept = output.with_name(f".{output.name}.episodes")
+    try:
+        paired = simulate_resumable(loaded_scene, loaded, kept, mean=mean, jobs=jobs, progress=_say)
+    except BaseException:
+        _forget_if_empty(kept)
+        raise
+    progress(f"writing {output}")
+    paired.save(output)
+    shutil.rmtree(kept)
+    print(textwrap.fill(f"{output}: {paired!r}", WIDTH, subsequent_indent="  ", break_on_hyphens=False))
+    _print_how(paired)
+    if paired.measured is not None:
+        print()
+        print(compare_streams(paired))
+
+
+def _say(done: int, count: int, before: int) -> None:
+    kept = f", {before} from before" if before else ""
+    progress(f"simulated {done} of {count} episode{'s' * (count != 1)}{kept}")
+
+
+def _forget_if_empty(folder: Path) -> None:
+    """Leave nothing behind where nothing was done."""
+    with contextlib.suppress(OSError):
+        if not any(folder.glob("episode_*.npz")) and (folder / "replay").is_file():
+            shutil.rmtree(folder)
+
+
+def _print_how(paired) -> None:
+    how = paired.metadata["replay"]
+    print(f"mode {how['mode']}")
+    if how["not_testable"]:
+        print(f"  makes unobservable: {', '.join(how['not_testable'])}")
+    if closing := how.get("closing"):
+        values = ", ".join(f"{number}: {value:+.4g}" for number, value in closing.items())
+        print(textwrap.fill(f"  closing added, by episode: {values}", WIDTH, subsequent_indent="    "))
+    for stream, step in how["encoder_steps"].items():
+        print(f"  {stream} was smoothed within its steps of {step:.4g}")
+    for note in how["notes"]:
+        print(f"paxisim: warning: {note}", file=sys.stderr)

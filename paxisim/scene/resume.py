@@ -1,0 +1,168 @@
+"""Resume: episodes simulated one by one or in parallel, each kept on disk, so that a second call goes on."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import multiprocessing
+import os
+import shutil
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from pathlib import Path
+
+import numpy as np
+
+from paxisim._version import __version__
+from paxisim.errors import InvalidValueError, UnsupportedError
+from paxisim.logs.atomic import whole_file
+from paxisim.recording import Recording
+from paxisim.scene.replay import Replay, SimulatedEpisode
+from paxisim.scene.scene import Scene
+
+
+def simulate_resumable(
+    scene: Scene,
+    recording: Recording,
+    folder: Path,
+    *,
+    mean: bool = False,
+    jobs: int = 1,
+    progress: Callable[[int, int, int], None] | None = None,
+) -> Recording:
+    """As `paxisim.Scene.simulate`, but a program that is killed loses no finished episode.
+
+    Args:
+        scene: The scene.
+        recording: The recording.
+        folder: Where finished episodes are kept; made here, and removed by the caller once the result is saved. Those
+            of another scene or recording are thrown away.
+        mean: See `paxisim.Scene.simulate`.
+        jobs: Episodes that are simulated at the same time, each in a process of its own.
+        progress: Called with the number of episodes that are done, of how many, and of how many were kept from before.
+
+    Raises:
+        InvalidValueError: See `paxisim.Scene.simulate`; fewer than one job.
+    """
+    if jobs < 1:
+        raise InvalidValueError(f"jobs must be 1 or more, got {jobs}")
+    replay = scene.prepare(recording, mean=mean)
+    kept = _open_folder(folder, _fingerprint(replay, scene, recording, mean))
+    done = {number: episode for number in replay.episodes if (episode := _read(kept, number)) is not None}
+    before = len(done)
+    missing = [number for number in replay.episodes if number not in done]
+    if progress is not None:
+        progress(len(done), len(replay.episodes), before)
+    for episode in _simulated(replay, scene, recording, mean, missing, jobs):
+        _write(kept, episode)
+        done[episode.number] = episode
+        if progress is not None:
+            progress(len(done), len(replay.episodes), before)
+    return replay.paired([done[number] for number in replay.episodes])
+
+
+def _simulated(
+    replay: Replay, scene: Scene, recording: Recording, mean: bool, numbers: list[int], jobs: int
+) -> Iterator[SimulatedEpisode]:
+    """The episodes, as they get done."""
+    if jobs == 1 or len(numbers) < 2:
+        for number in numbers:
+            yield replay.run(number)
+        return
+    # processes that are not forked share no locks with this one
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(min(jobs, len(numbers)), context, _begin, (scene, recording, mean))
+    try:
+        for future in as_completed([pool.submit(_run, number) for number in numbers]):
+            yield future.result()
+    except BrokenProcessPool as error:
+        raise UnsupportedError(
+            "a process that simulated an episode was ended from outside, perhaps for want of memory: call again with "
+            "fewer jobs, finished episodes are kept"
+        ) from error
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+_replay: Replay | None = None  # of a process of the pool
+
+
+def _begin(scene: Scene, recording: Recording, mean: bool) -> None:
+    global _replay
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that started this one
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    _replay = scene.prepare(recording, mean=mean)
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
+
+
+def _run(number: int) -> SimulatedEpisode:
+    assert _replay is not None
+    return _replay.run(number)
+
+
+def _fingerprint(replay: Replay, scene: Scene, recording: Recording, mean: bool) -> str:
+    """Changes with anything that the simulated forces depend on."""
+    import mujoco
+
+    from paxisim.scene.toml import format_scene
+
+    digest = hashlib.sha256()
+    for text in (__version__, mujoco.__version__, replay.rig.mjcf, format_scene(scene, ""), str(mean)):
+        digest.update(text.encode() + b"\0")
+    arrays = {"time": recording.time, "episode": recording.episode, **recording.covariates}
+    if scene.mode == "fitted" and recording.measured is not None:
+        arrays["measured"] = recording.measured
+    for name, array in arrays.items():
+        digest.update(f"{name} {array.dtype} {array.shape}\0".encode() + np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()
+
+
+def _open_folder(folder: Path, fingerprint: str) -> Path:
+    """The folder, empty unless what is in it belongs to this very replay.
+
+    Raises:
+        InvalidValueError: There is something else under that name.
+    """
+    mark = folder / "replay"
+    if folder.exists():
+        if not mark.is_file():
+            raise InvalidValueError(f"{folder} is not a folder of kept episodes: move it away")
+        with contextlib.suppress(OSError, UnicodeDecodeError):
+            if mark.read_text(encoding="utf-8") == fingerprint:
+                return folder
+        shutil.rmtree(folder)
+    folder.mkdir()
+    mark.write_text(fingerprint, encoding="utf-8")
+    return folder
+
+
+def _path(folder: Path, number: int) -> Path:
+    return folder / f"episode_{number}.npz"
+
+
+def _write(folder: Path, episode: SimulatedEpisode) -> None:
+    with whole_file(_path(folder, episode.number)) as temporary, temporary.open("wb") as file:
+        said = json.dumps({"closing": episode.closing, "notes": episode.notes})
+        np.savez_compressed(file, force=episode.force, said=np.array(said))
+
+
+def _read(folder: Path, number: int) -> SimulatedEpisode | None:
+    """A kept episode; None where there is none, or a damaged one."""
+    try:
+        with np.load(_path(folder, number), allow_pickle=False) as kept:
+            said = json.loads(str(kept["said"]))
+            return SimulatedEpisode(number, kept["force"], float(said["closing"]), tuple(said["notes"]))
+    except FileNotFoundError:
+        return None
+    except Exception:  # zip and numpy raise errors of many kinds for a damaged file
+        return None
