@@ -46,6 +46,11 @@ class Folds:
         unit = np.maximum.accumulate(np.where(self.unit >= 0, self.unit, 0))
         return self.fold[unit]
 
+    def independent(self, gain: FloatArray) -> FloatArray:
+        """A gain of each unit, summed over episodes; of a recording of few episodes, which are all split, as it is."""
+        count = int(self.episode.max()) + 1
+        return gain if len(self.split) == count else np.bincount(self.episode, gain, count)
+
 
 def folds_of(problem: Problem, causes: Iterable[Cause], rules: Rules) -> Folds:
     """The folds of a recording.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -25,6 +25,7 @@ from paxisim.logs.aligned import episode_spans
 from paxisim.recording import Recording
 
 NOMINAL = 1.0  # N, taken for the peak force of a recording without contact
+LEAST_PEAK = 0.05  # of the peak force, that an axis is taken to reach
 PRESSED = 0.01  # of the peak force, from which on a taxel is pressed
 ENOUGH = 100_000  # numbers, for a fit
 LONGEST = 0.05  # s between the frames that are fitted
@@ -58,6 +59,7 @@ class Problem:
         constant: ``(pads, 3, rows, cols)`` N or 0, what is read without force and is not fitted.
         shrink: ``(pads, 3, 1, 1)`` how much of what taxels do not share remains of the amounts of the second curve.
         phase: The reading nearest to 0 (N); 0 where readings are whole steps.
+        peaks: ``(3,)`` as `peak`, of shear for x and y and of normal force; at least a small share of it.
     """
 
     measured: FloatArray
@@ -77,6 +79,7 @@ class Problem:
     constant: FloatArray | float = 0.0
     shrink: FloatArray | None = None
     phase: float = 0.0
+    peaks: FloatArray = field(default_factory=lambda: np.full(3, NOMINAL))
 
     @cached_property
     def weight(self) -> FloatArray:
@@ -392,6 +395,13 @@ def peak_of(simulated: NDArray[np.floating]) -> float:
     return float(np.quantile(np.abs(simulated).max(axis=(1, 2, 3, 4)), 0.995))
 
 
+def _peaks_of(simulated: NDArray[np.floating], peak: float) -> FloatArray:
+    """``(3,)`` N, the same of x, y and z, both shears alike, at least `LEAST_PEAK` of `peak`."""
+    by_axis = np.quantile(np.abs(simulated).max(axis=(1, 3, 4)), 0.995, axis=0)
+    by_axis[:2] = by_axis[:2].max()
+    return np.maximum(by_axis, LEAST_PEAK * peak)
+
+
 def showing(gain: FloatArray) -> NDArray[np.bool_]:
     """``(episodes,)`` those that say something of a cause, by what it gains or loses in each: not those at rest."""
     return np.abs(gain) > 1e-2 * np.abs(gain).max()
@@ -422,7 +432,7 @@ def problem_of(recording: Recording, tolerance: Tolerance = TOLERANCE) -> Proble
     problem = Problem(
         measured, simulated, recording.time, covariates, episodes, np.ones(1), peak,
         alive, step, 0.0, clips=bool(measured[:, :, 2].min() >= 0),
-        least=min(float(simulated.min()), 0.0), phase=phase,
+        least=min(float(simulated.min()), 0.0), phase=phase, peaks=_peaks_of(simulated, peak),
     )  # fmt: skip
     return with_noise(problem, tolerance)
 

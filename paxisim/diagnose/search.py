@@ -130,8 +130,9 @@ class Search:
         if item.course is None:
             amount = item.amount(fit.whole.values[name], self.problem)
         total = float(gain.sum())
-        positive = float(np.maximum(gain, 0).sum()) / max(float(np.abs(gain).sum()), 1e-12)
-        kept = total > needed and positive >= self.rules.agreement and amount >= 1
+        apart = self.folds.independent(gain)
+        z_score = total / max(float(np.linalg.norm(apart)), 1e-12)
+        kept = total > needed and z_score >= self.rules.consistency and amount >= 1
         return Evidence(name, gain, needed, amount, kept)
 
     def ranked(self, names: Sequence[str]) -> list[tuple[float, str]]:

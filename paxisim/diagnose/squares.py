@@ -243,7 +243,7 @@ def best_start(model: Model, item: Cause, values: Fitted, zero: FloatArray) -> F
 
     base = left(neutral, "")
     best, least = neutral, float(base @ base)
-    counted = np.array([f.material is not None for f in item.free(problem)] + [False] * (item.gauge is not None))
+    counted = np.array([f.material is not None for f in free])
     for start in item.places(problem):
         new = left(start)
         effect = new - base
