@@ -30,8 +30,6 @@ class Free:
         material: The cause is named only if one of its numbers is at least this far from neutral. None for numbers
             that do not count, such as time constants.
         spread: Standard deviation of a prior about `neutral`; None for no prior.
-        together: Numbers of a cause with the same word here act on different channels, and are moved at once.
-        channel: Pad and axis that such a number acts on.
         words: What it means, where the name does not say it.
     """
 
@@ -43,8 +41,6 @@ class Free:
     scale: float
     material: float | None = None
     spread: float | None = None
-    together: str = ""
-    channel: tuple[int, int] = (0, 0)
     words: str = ""
 
 
@@ -99,17 +95,17 @@ class Local:
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """A reading without force that follows a course in time which all channels share, each by an amount of its own.
+    """A reading without force that follows curves in time which all channels share, each by amounts of its own.
 
     Attributes:
         name: What the amounts are called, in a report and in the transform.
-        curve: ``(T,)`` the course, given seconds since the recording began and the numbers of its shape.
+        curves: ``(curves, T)``, given the recording and the numbers of their shape.
         numbers: What those numbers are called, in a report and in the transform, and what they mean.
         shapes: Values of the numbers that are tried, the simplest first.
     """
 
     name: str
-    curve: Callable[[FloatArray, Values], FloatArray]
+    curves: Callable[[Problem, Values], FloatArray]
     numbers: Mapping[str, str] = field(default_factory=dict)
     shapes: tuple[tuple[float, ...], ...] = ((),)
 
@@ -165,8 +161,8 @@ class Cause:
         nuisance: Whether it is fitted beside all others from the beginning, and named only if it counts in the end.
         remembers: Whether only motions of several speeds tell it from the other causes that remember.
         unpressed_rival: Name of a cause that does the same on taxels that nothing presses.
-        planes: Whether the cause comes with a constant that is a plane over each pad's axis, so that `offset` is
-            named only for what is left of the zero beside such planes.
+        planes: Whether the cause comes with a constant, a plane over each pad's axis and a multiple of its amounts, so
+            that `offset` is named only for what is left of the zero beside it.
         covariate: Name of the covariate that it needs.
         misfit: Share of its gain that is left for others to explain, as no form is exactly the sensor's.
         price: How many times the usual gain it must bring: more than 1 for a cause with many numbers, in which

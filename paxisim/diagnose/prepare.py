@@ -90,12 +90,13 @@ def _known(recording: Recording, warnings: list[str]) -> Recording:
     covariates = {}
     for name, values in recording.covariates.items():
         finite = np.isfinite(values.reshape(len(values), -1)).all(axis=1)
-        if values.ndim > 1:
-            warnings.append(f"covariate {name!r} has several values per sample and is ignored")
-        elif not finite[known].all():
+        if not finite[known].all():
             warnings.append(
                 f"covariate {name!r} is missing at {np.mean(~finite[known]):.0%} of the samples and is ignored"
             )
+        elif values.ndim > 1:  # as a transform asks for one of several values
+            columns = values.reshape(len(values), -1).T
+            covariates |= {f"{name}[{number}]": column for number, column in enumerate(columns)}
         else:
             covariates[name] = values
     if known.mean() < 1:

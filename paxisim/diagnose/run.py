@@ -23,8 +23,9 @@ from paxisim.diagnose.diagnosis import (
     Symptoms,
     Verdict,
 )
-from paxisim.diagnose.explanation import Explanation, explanation_of
+from paxisim.diagnose.explanation import Explanation, Named, explanation_of
 from paxisim.diagnose.folds import effects, folds_of
+from paxisim.diagnose.followed import followed
 from paxisim.diagnose.heldout import Squares, explained_share, figures, gains_of, squares_of, survives
 from paxisim.diagnose.intervals import model_intervals, parameters_of
 from paxisim.diagnose.prepare import prepare
@@ -64,7 +65,7 @@ def diagnose(
 
     Args:
         recording: With measured and simulated tensors in newtons, the simulation replaying the same motion; covariates
-            by name (`gripper_opening` in m), and several episodes.
+            by name, such as `gripper_opening` (m) or the angles of joints (rad), and several episodes.
         causes: Names of the causes to look for, of `known_causes`; default: all.
         seed: Random seed of the bootstrap over episodes and of the black box; at least 0.
         jobs: Processors to use, at least 1; the answer is the same for any number.
@@ -207,7 +208,8 @@ def _judged(found: Explanation, squares: Squares, seed: int) -> Judged:
             parameters[named.name],
             gains[named.name],
             rivals[named.name],
-            _evidence(squares.without[named.name] - squares.after, gains[named.name]),
+            _evidence(squares.without[named.name] - squares.after, gains[named.name])
+            + _covariate(found.problem, named),
         )
         for named in found.named
     ]
@@ -292,6 +294,17 @@ def _evidence(gain: FloatArray, share: Interval) -> str:
         f"Without it the model predicts {worse} of the {int(shown.sum())} affected held-out episodes less accurately; "
         f"it explains {share.value:.0%} of the explainable error."
     )
+
+
+def _covariate(problem: Problem, named: Named) -> str:
+    """The covariate that goes with what the cause reads without force; empty if it knows of none."""
+    if not named.transform.covariate_names or named.cause.course is None:
+        return ""
+    rows, rest = problem.thinned, problem.thinned.at_rest
+    rest = rest if rest.any() else np.ones_like(rest)
+    added = rows.run(named.transform, np.zeros_like(rows.simulated))[rest]
+    name, share = followed(named.transform, rows.covariates, added.reshape(len(added), -1), rest)
+    return f" A straight line in {name} explains {share:.0%} of what it adds without contact."
 
 
 def _confidence(found: Explanation, judged: Judged, seed: int, structure: bool) -> dict[str, float]:

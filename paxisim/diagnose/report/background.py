@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from paxisim.diagnose.followed import followed
 from paxisim.diagnose.report import marks
 from paxisim.diagnose.report.effect import Effect, Series
 from paxisim.diagnose.report.maps import MOST_PADS, grid_of_maps
@@ -21,13 +22,14 @@ _LABELS = {"gripper_opening": ("gripper opening, mm", 1e3), "temperature": ("tem
 
 
 def covariate(effect: Effect) -> list[Picture]:
-    """The mean reading of a pad at rest against the cause's covariate, on the two most affected axes."""
-    assert effect.about is not None
-    name = effect.about.covariate
-    label, scale = _LABELS.get(name, (name, 1.0))
-    x = scale * effect.streams.covariates[name]
-    frames = _at_rest(effect)
-    return [_against(effect, pad, axis, x, frames, label) for pad, axis in effect.axes[:2]]
+    """The mean reading of a pad at rest against the covariate that it follows, on the two most affected axes."""
+    frames, pictures = _at_rest(effect), []
+    for pad, axis in effect.axes[:2]:
+        _, without, model = effect.sums(pad, axis)
+        name = followed(effect.member, effect.streams.covariates, (model - without)[frames, None], frames)[0]
+        label, scale = _LABELS.get(name, (name, 1.0))
+        pictures.append(_against(effect, pad, axis, scale * effect.streams.covariates[name], frames, label))
+    return pictures
 
 
 def _at_rest(effect: Effect) -> NDArray[np.bool_]:
