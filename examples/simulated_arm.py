@@ -88,11 +88,11 @@ class Arm:
     """The arm in MuJoCo.
 
     Attributes:
-        force: ``(1, 3, 12, 10)`` newtons that the pad feels.
+        force: ``(1, 3, 12, 10)`` newtons that the sensor reads.
     """
 
-    def __init__(self) -> None:
-        """Compile the arm with its pad, and put it to the beginning of its motion."""
+    def __init__(self, sensor: paxisim.Chain) -> None:
+        """Compile the arm with its pad, whose forces `sensor` turns into readings, and put it to its beginning."""
         layout = paxisim.load_profile(PROFILE).layout
         pad = paxisim.Pad(layout, gel=paxisim.Gel(modulus=600e3))
         tactile = paxisim.attach(ARM, pad, [paxisim.Mount("hand", name="tip")])
@@ -102,21 +102,27 @@ class Arm:
         self.data = mujoco.MjData(self.model)
         self.data.qpos[:] = self.data.ctrl[:] = joint_angles(*tip(0.0))
         mujoco.mj_forward(self.model, self.data)
-        self.force = self._readout.read(self.data)
+        felt = self._readout.read(self.data)
+        self._sensor, self._state = sensor, sensor.initial_state(felt)
+        self.force, self._state = sensor.step(felt, self._state, 0.0)
 
     def run_until(self, seconds: float) -> None:
-        """Step the physics up to that time."""
+        """Step the physics up to that time, and read the sensor once."""
+        before = self.data.time
         while self.data.time < seconds:
             self.data.ctrl[:] = joint_angles(*tip(self.data.time))
             mujoco.mj_step(self.model, self.data)
-        self.force = self._readout.read(self.data)
+        felt = self._readout.read(self.data)
+        self.force, self._state = self._sensor.step(felt, self._state, self.data.time - before)
 
     def measured_joints(self) -> dict[str, float]:
         """Angle (rad) of each joint by name, in steps of its encoder."""
         return {name: float(np.round(self.data.joint(name).qpos[0] / ENCODER) * ENCODER) for name in JOINTS}
 
 
-def main(link: Path, udp: int, seconds: float = float("inf"), scene: Path | None = None) -> None:
+def main(
+    link: Path, udp: int, seconds: float = float("inf"), scene: Path | None = None, sensor: Path | None = None
+) -> None:
     """Run the arm in real time; the first line printed is the sensor's port.
 
     Args:
@@ -124,16 +130,18 @@ def main(link: Path, udp: int, seconds: float = float("inf"), scene: Path | None
         udp: The port of 127.0.0.1 to which the joints' angles are sent.
         seconds: How long to run; default: until Ctrl-C.
         scene: Write the arm's MJCF with its pad to this file, for a replay.
+        sensor: A chain that paxisim saved: what the sensor makes of the forces on its pad, such as a gain and a creep
+            that a diagnosis is to find. Default: it reads them as they are.
     """
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    arm = Arm()
+    arm = Arm(paxisim.Chain() if sensor is None else paxisim.Chain.load(sensor))
     if scene is not None:
         scene.write_text(arm.spec.to_xml(), encoding="utf-8")
     with (
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender,
-        paxisim.Emulator(PROFILE, lambda now: arm.force, link=link) as sensor,
+        paxisim.Emulator(PROFILE, lambda now: arm.force, link=link) as emulator,
     ):
-        print(sensor.port, flush=True)
+        print(emulator.port, flush=True)
         began = time.monotonic()
         for tick in range(sys.maxsize):
             due = tick / RATE

@@ -84,7 +84,7 @@ class Run:
     @property
     def name(self) -> str:
         """The method's name, and whether a fitted model takes the place of what it draws."""
-        return self.method if self.diagnosis is None else f"{self.method}, fitted"
+        return self.method if self.diagnosis is None else f"{self.method} fitted"
 
     @property
     def model_path(self) -> Path:

@@ -97,7 +97,7 @@ def test_a_policy_is_trained_on_a_diagnosis(diagnosed, tmp_path, capsys):
     folder = tmp_path / "run"
     words = ["--model", str(diagnosed), "--envs", "1", "--buffer", "300", "--device", "cpu", "--out", str(folder)]
     assert command(train, [*words, "--steps", "105"]) == 0
-    assert "SX-2mm GCS, fitted seed 0" in capsys.readouterr().out
+    assert "SX-2mm GCS fitted seed 0" in capsys.readouterr().out
     run = Run.open(folder)
     found = paxisim.diagnose.Diagnosis.load(diagnosed)
     assert run.diagnosis.model.to_json() == found.model.to_json()
@@ -118,7 +118,7 @@ def test_a_policy_is_trained_on_a_diagnosis(diagnosed, tmp_path, capsys):
     evaluate(folder, trials=1, out=tmp_path / "results")
     (path,) = (tmp_path / "results").iterdir()
     result = Result.load(path)
-    assert (result.method, result.training["model"], result.training["steps"]) == ("GCS, fitted", ["axis_gain"], 110)
+    assert (result.method, result.training["model"], result.training["steps"]) == ("GCS fitted", ["axis_gain"], 110)
 
 
 def test_a_model_with_memory_is_not_drawn_anew_for_each_sample(diagnosed, tmp_path, capsys):

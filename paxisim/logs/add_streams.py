@@ -60,7 +60,7 @@ def read_streams(path: Path) -> Streams:
 def add_streams(
     recording: Aligned, path: Path, streams: Streams, methods: Mapping[str, Method], max_gap: float | None
 ) -> Aligned:
-    """The recording with the streams of `path` as covariates; NaN where they are not known.
+    """The recording, whose fields were checked, with the streams of `path` as covariates; NaN where not known.
 
     Raises:
         InvalidValueError: A name is taken, or the file has nothing of the time or the episodes of the recording.
@@ -68,13 +68,14 @@ def add_streams(
     taken = [name for name in streams if name in recording.covariates]
     if taken:
         raise InvalidValueError(f"{path}: the recording has a covariate {taken[0]!r} already")
-    episode = np.zeros(len(recording.time), np.int64) if recording.episode is None else np.asarray(recording.episode)
+    episode = recording.episode
+    assert episode is not None
     counts_episodes = None not in next(iter(streams.values()))
     if counts_episodes:
         _check_episodes(path, streams, episode)
         spans = [(int(episode[span.start]), span) for span in episode_spans(episode)]
         first = np.repeat(recording.time[episode_starts(episode)], [span.stop - span.start for _, span in spans])
-        at = np.round((np.asarray(recording.time) - first) * 1e9).astype(np.int64)
+        at = np.round((recording.time - first) * 1e9).astype(np.int64)
     else:
         spans = [(None, slice(None))]
         at = log_times(recording)[0]
@@ -96,8 +97,14 @@ def _read_mcap(path: Path) -> dict[str, Stream]:
 
     if not is_recording(path):
         return read_joints(path)
-    found = read_log(path).streams.items()
-    return {n.removeprefix(schemas.COVARIATE): stream for n, stream in found if n.startswith(schemas.COVARIATE)}
+    log = read_log(path)
+    if not log.complete:
+        warnings.warn(f"{path} is cut off or damaged; what is whole was read", stacklevel=5)
+    prefix = schemas.COVARIATE
+    found = {name.removeprefix(prefix): stream for name, stream in log.streams.items() if name.startswith(prefix)}
+    if not found:
+        raise InvalidValueError(f"{path} is a recording without covariates: there is no stream to add")
+    return found
 
 
 def _from_columns(path: Path, columns: dict[str, NDArray[Any]]) -> Aligned:
@@ -141,7 +148,7 @@ def _check_episodes(path: Path, streams: Streams, episode: NDArray[np.int64]) ->
             f"{_listed(wanted)}"
         )
     if missing:
-        warnings.warn(f"{path} has no episode {_listed(missing)}: its streams are not known there", stacklevel=4)
+        warnings.warn(f"{path} has no episode {_listed(missing)}: its streams are not known there", stacklevel=5)
 
 
 def _check_overlap(path: Path, streams: Streams, at: NDArray[np.int64]) -> None:

@@ -48,7 +48,10 @@ def read_hdf5(path: Path) -> Aligned:
     try:
         with h5py.File(path, "r") as file:
             return _read(path, file)
-    except (OSError, KeyError, RuntimeError, TypeError) as error:  # of h5py, for what is damaged
+    except InvalidValueError:
+        raise
+    # of h5py, for what is damaged, or a group where a dataset should be
+    except (OSError, KeyError, RuntimeError, TypeError, ValueError, AttributeError) as error:
         raise InvalidValueError(f"{path} is no whole HDF5 file of robosuite or robomimic: {error}") from error
 
 

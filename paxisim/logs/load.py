@@ -9,9 +9,10 @@ from pathlib import Path
 
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
-from paxisim.logs.add_streams import add_streams, read_streams
+from paxisim.logs.add_streams import Streams, add_streams, read_streams
 from paxisim.logs.align import check_max_gap, methods_by_name
 from paxisim.logs.aligned import Aligned, CountsToForce, Method
+from paxisim.logs.checks import check_fields
 
 
 def load_aligned(
@@ -26,13 +27,24 @@ def load_aligned(
 ) -> Aligned:
     """See `paxisim.Recording.load`; nothing is checked yet, and only a CSV file is read for some of its pads."""
     check_max_gap(max_gap)
-    added = {other: read_streams(other) for other in streams}
+    added: dict[Path, Streams] = {}
+    for other in streams:
+        added[other] = read_streams(other)
     elsewhere = {name for its in added.values() for name in its}
     found = _load(path, _part(align, lambda name: name not in elsewhere), max_gap, layout, pads, profile)
+    if added:
+        found = _checked(path, found)
     for other, its in added.items():
         methods = methods_by_name(_part(align, its.__contains__), list(its))
         found = add_streams(found, other, its, methods, max_gap)
     return found
+
+
+def _checked(path: Path, found: Aligned) -> Aligned:
+    try:
+        return check_fields(found)
+    except InvalidValueError as error:
+        raise InvalidValueError(f"{path}: {error}") from error
 
 
 def _part(align: Method | Mapping[str, Method], wanted: Callable[[str], bool]) -> Method | Mapping[str, Method]:

@@ -10,6 +10,7 @@ import pytest
 from log_files import START, counts, write_log
 from mcap.writer import Writer
 
+from paxisim.cli import main
 from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.recording import Recording
 
@@ -119,8 +120,9 @@ def test_a_ros_2_file_that_is_cut_off_gives_what_is_whole(press, tmp_path):
     ]
     write_ros2(path, messages)
     path.write_bytes(path.read_bytes()[: int(0.9 * path.stat().st_size)])
-    with pytest.warns(UserWarning, match=r"arm.mcap: is cut off or damaged; what is whole was read"):
+    with pytest.warns(UserWarning, match=r"arm.mcap: is cut off or damaged; what is whole was read") as warned:
         recording = Recording.load(press, streams=path)
+    assert warned[0].filename == __file__
     np.testing.assert_allclose(recording.covariates["joint3"], np.sin(3 * recording.time), atol=1e-4)
 
 
@@ -182,6 +184,25 @@ def test_covariates_of_another_recording(press, tmp_path):
     other.with_simulated(other.measured, start=START * 1e-9).save(tmp_path / "other.mcap")
     covariates = Recording.load(press, streams=tmp_path / "other.mcap").covariates
     np.testing.assert_allclose(covariates["force"], np.arange(50), atol=1e-4)
+
+
+def test_convert_adds_streams(press, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_json(tmp_path / "arm.mcap", [("/arm", at, {"joint": x}) for at, x in map(ramp, range(0, 110))])
+    other = Recording(np.arange(60) * 0.01, np.zeros((60, 1, 3, 1, 1)), metadata={"start": START * 1e-9})
+    other.with_covariate("force", np.arange(60)).save("other.mcap")
+    assert main(["convert", "press.mcap", "both.npz", "--streams", "arm.mcap", "other.mcap"]) == 0
+    assert list(Recording.load("both.npz").covariates) == ["arm/joint", "force"]
+    other.save("other.mcap")
+    with pytest.raises(InvalidValueError, match=r"other.mcap is a recording without covariates"):
+        Recording.load("press.mcap", streams="other.mcap")
+
+
+def test_a_recording_that_is_wrong_is_named_first(tmp_path):
+    np.savez(tmp_path / "a.npz", time=np.zeros((2, 2)), measured=np.zeros((2, 1, 3, 1, 1)))
+    (tmp_path / "joints.csv").write_text("time,joint\n0,1\n1,2\n")
+    with pytest.raises(InvalidValueError, match=r"a.npz: time must be \(T,\)"):
+        Recording.load(tmp_path / "a.npz", streams=tmp_path / "joints.csv")
 
 
 def test_csv_on_the_recordings_clock(press, tmp_path):

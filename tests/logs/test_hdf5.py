@@ -154,6 +154,10 @@ def test_files_that_are_none_are_named(tmp_path):
     write(path, [(0, states, actions)], left=tactile, right=tactile)
     with pytest.raises(InvalidValueError, match="two tensors, obs/left and obs/right"):
         Recording.load(path)
+    with h5py.File(path, "w") as file:
+        file["data/demo_0/states/what"] = states
+    with pytest.raises(InvalidValueError, match=r"a.hdf5 is no whole HDF5 file of robosuite or robomimic"):
+        Recording.load(path)
     with h5py.File(path, "w") as file:  # a size that is claimed, but not stored
         file.create_dataset("data/demo_0/states", shape=(10**9, 50), dtype=float)
     with pytest.raises(InvalidValueError, match=r"states has shape \(1000000000, 50\), but its values are not stored"):
