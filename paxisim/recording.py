@@ -132,7 +132,7 @@ class Recording:
         episodes: Iterable[int] | None = None,
         *,
         pads: str | Iterable[str] | None = None,
-        covariates: Iterable[str] | None = None,
+        covariates: str | Iterable[str] | None = None,
         known: bool = False,
     ) -> Recording:
         """A part of the recording: some of its episodes, pads or covariates.
@@ -141,7 +141,7 @@ class Recording:
             episodes: Numbers of the episodes to keep; their order stays that of the recording. Default: all.
             pads: Names of the pads to keep, in this order. The covariate ``resultant`` follows them, where it has a
                 row a pad. Default: all.
-            covariates: Names of the covariates to keep. Default: all.
+            covariates: Names of the covariates to keep; none, if it is empty. Default: all.
             known: Keep only the samples at which no tensor and no covariate that is kept has a NaN.
 
         Raises:
