@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
 from paxisim.logs.aligned import Aligned, CountsToForce, Method, episode_starts
-
-# kept in fields of their own, so that a file holds each of them once
-_FIELDS_NOT_METADATA = ("format", "layout", "pads", "time_zero_ns")
+from paxisim.logs.checks import check_fields
+from paxisim.logs.concatenate import concatenate
+from paxisim.logs.retime import at_rate, at_times_of
+from paxisim.logs.select import select, take
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -53,93 +54,8 @@ class Recording:
 
     def __post_init__(self) -> None:
         """Convert the arrays, check that they fit each other and fill in the defaults."""
-        put = object.__setattr__
-        put(self, "time", _numbers("time", self.time, np.float64))
-        if self.time.ndim != 1 or not len(self.time):
-            raise InvalidValueError(f"time must be (T,) with at least one sample, got shape {self.time.shape}")
-        for name in ("measured", "simulated"):
-            if getattr(self, name) is not None:
-                put(self, name, self._tensor(name, getattr(self, name)))
-        shape = self.tensor.shape
-        if self.measured is not None and self.simulated is not None and self.simulated.shape != shape:
-            raise InvalidValueError(
-                f"measured and simulated must have one shape, got {shape} and {self.simulated.shape}"
-            )
-        put(self, "layout", self._checked_layout(shape))
-        put(self, "pads", self._checked_pads(shape[1]))
-        put(self, "covariates", {name: self._covariate(name, value) for name, value in self.covariates.items()})
-        put(self, "episode", self._checked_episode())
-        self._check_order()
-        taken = [name for name in _FIELDS_NOT_METADATA if name in self.metadata]
-        if taken:
-            raise InvalidValueError(f"metadata must not hold {taken[0]!r}, files keep that name for themselves")
-        put(self, "metadata", dict(self.metadata))
-
-    def _tensor(self, name: str, value: Any) -> NDArray[np.float32]:
-        tensor = _numbers(name, value, np.float32)
-        if tensor.ndim != 5 or tensor.shape[2] != 3 or 0 in tensor.shape:
-            raise InvalidValueError(f"{name} must have shape (T, pads, 3, rows, cols), got {tensor.shape}")
-        if len(tensor) != len(self.time):
-            raise InvalidValueError(f"{name} has {len(tensor)} samples, time has {len(self.time)}")
-        return tensor
-
-    def _checked_layout(self, shape: tuple[int, ...]) -> TaxelLayout:
-        rows, cols = shape[-2:]
-        if self.layout is None:
-            return TaxelLayout(rows, cols, (1e-3, 1e-3))
-        if not isinstance(self.layout, TaxelLayout):
-            raise InvalidValueError(f"layout must be a TaxelLayout, got {type(self.layout).__name__}")
-        if (rows, cols) != (self.layout.rows, self.layout.cols):
-            raise InvalidValueError(
-                f"layout has {self.layout.rows}x{self.layout.cols} taxels, the tensors have {rows}x{cols}"
-            )
-        return self.layout
-
-    def _checked_pads(self, count: int) -> tuple[str, ...]:
-        if isinstance(self.pads, str):
-            raise InvalidValueError(f"pads must be a sequence of names, got the string {self.pads!r}")
-        pads = tuple(str(name) for name in self.pads) or tuple(f"pad{i}" for i in range(count))
-        if len(pads) != count or len(set(pads)) != count:
-            raise InvalidValueError(f"pads must be {count} different names, one for each pad, got {list(pads)}")
-        return pads
-
-    def _covariate(self, name: str, value: Any) -> NDArray[np.float64]:
-        if not isinstance(name, str) or not name:
-            raise InvalidValueError(f"covariates must have names, got {name!r}")
-        covariate = _numbers(f"covariates[{name!r}]", value, np.float64)
-        if covariate.ndim == 0 or len(covariate) != len(self.time) or not covariate.size:
-            raise InvalidValueError(
-                f"covariates[{name!r}] must be ({len(self.time)}, ...) as time has so many, got shape {covariate.shape}"
-            )
-        return covariate
-
-    def _checked_episode(self) -> NDArray[np.int64]:
-        if self.episode is None:
-            return np.zeros(len(self.time), dtype=np.int64)
-        episode = np.asarray(self.episode)
-        if episode.shape != self.time.shape:
-            raise InvalidValueError(f"episode must have shape {self.time.shape} as time has, got {episode.shape}")
-        whole = _numbers("episode", episode, np.float64)
-        if not np.all(np.isfinite(whole)) or np.any(whole != np.round(whole)):
-            raise InvalidValueError("episode must hold whole numbers")
-        return episode.astype(np.int64)
-
-    def _check_order(self) -> None:
-        if not np.all(np.isfinite(self.time)):
-            raise InvalidValueError(f"time must be finite, sample {int(np.argmin(np.isfinite(self.time)))} is not")
-        starts = self._starts()
-        numbers, counts = np.unique(self.episode[starts], return_counts=True)
-        if counts.max() > 1:
-            number = numbers[counts.argmax()]
-            raise InvalidValueError(f"the samples of an episode must be adjacent, those of episode {number} are not")
-        back = np.diff(self.time) < 0
-        back[starts[1:] - 1] = False
-        if back.any():
-            at = int(back.argmax())
-            raise InvalidValueError(
-                f"time must not run back within an episode: sample {at + 1} is at {self.time[at + 1]:.9g} s, "
-                f"the one before at {self.time[at]:.9g} s"
-            )
+        for name, value in vars(check_fields(self.to_aligned())).items():
+            object.__setattr__(self, name, value)
 
     def _starts(self) -> NDArray[np.intp]:
         """Index of the first sample of each episode."""
@@ -148,10 +64,7 @@ class Recording:
     @property
     def tensor(self) -> NDArray[np.float32]:
         """``(T, pads, 3, rows, cols)``: `measured`, or `simulated` where nothing was measured."""
-        tensor = self.measured if self.measured is not None else self.simulated
-        if tensor is None:
-            raise InvalidValueError("a recording needs a tensor: give measured, simulated or both")
-        return tensor
+        return self.measured if self.measured is not None else self.simulated  # type: ignore[return-value]
 
     @property
     def rate(self) -> float:
@@ -201,21 +114,12 @@ class Recording:
                 )
             samples = array
         try:
-            time = self.time[samples]
+            taken = take(self.to_aligned(), samples)
         except IndexError as error:
             raise InvalidValueError(f"no such samples in a recording of {len(self)}: {error}") from error
-        if not len(time):
+        if not len(taken.time):
             raise InvalidValueError("no sample is left, a recording needs at least one")
-        return Recording(
-            time,
-            None if self.measured is None else self.measured[samples],
-            None if self.simulated is None else self.simulated[samples],
-            {name: value[samples] for name, value in self.covariates.items()},
-            self.episode[samples],
-            self.layout,
-            self.pads,
-            self.metadata,
-        )
+        return Recording(**vars(taken))
 
     def episodes(self) -> Iterator[Recording]:
         """One recording for each episode, in order; nothing is copied."""
@@ -223,18 +127,117 @@ class Recording:
         for start, end in zip(starts, [*starts[1:], len(self)], strict=True):
             yield self[start:end]
 
-    def select(self, episodes: Sequence[int]) -> Recording:
-        """The samples of those episodes, in the order of the recording.
+    def select(
+        self,
+        episodes: Iterable[int] | None = None,
+        *,
+        pads: str | Iterable[str] | None = None,
+        covariates: str | Iterable[str] | None = None,
+        known: bool = False,
+    ) -> Recording:
+        """A part of the recording: some of its episodes, pads or covariates.
+
+        Args:
+            episodes: Numbers of the episodes to keep; their order stays that of the recording. Default: all.
+            pads: Names of the pads to keep, in this order. The covariate ``resultant`` follows them, where it has a
+                row a pad. Default: all.
+            covariates: Names of the covariates to keep; none, if it is empty. Default: all.
+            known: Keep only the samples at which no tensor and no covariate that is kept has a NaN.
 
         Raises:
-            InvalidValueError: There is no such episode.
+            InvalidValueError: There is no such episode, no pad is named, a pad is named twice, or no sample is left.
+            UnknownNameError: There is no such pad or covariate.
         """
-        numbers = self.episode[self._starts()]
-        missing = [number for number in episodes if number not in numbers]
-        if missing:
-            known = ", ".join(str(number) for number in numbers)
-            raise InvalidValueError(f"there is no episode {missing[0]} in the recording; its episodes are {known}")
-        return self[np.isin(self.episode, np.asarray(episodes, dtype=np.int64))]
+        return Recording(**vars(select(self.to_aligned(), episodes, pads, covariates, known)))
+
+    def with_simulated(self, simulated: NDArray[np.floating], **metadata: Any) -> Recording:
+        """The recording with another simulated tensor; nothing else is copied.
+
+        Args:
+            simulated: ``(T, pads, 3, rows, cols)`` newtons at the recording's times; NaN where it is not known.
+            metadata: Entries added to the recording's metadata, as ``scene`` (the text of the MJCF that was simulated).
+
+        Raises:
+            InvalidValueError: It has another shape than `tensor`.
+        """
+        return replace(self, simulated=simulated, metadata={**self.metadata, **metadata})
+
+    def with_covariate(
+        self,
+        name: str,
+        values: ArrayLike,
+        time: ArrayLike | None = None,
+        *,
+        align: Method = "linear",
+        max_gap: float | None = None,
+    ) -> Recording:
+        """The recording with one more covariate, or with another in the place of the one of that name.
+
+        Args:
+            name: Its name.
+            values: ``(T, ...)`` at the recording's times, or ``(S, ...)`` at `time`.
+            time: ``(S,)`` seconds on the recording's clock, not decreasing. Unix times minus ``metadata["start"]`` are
+                on that of a recording that was loaded from a live one.
+            align: How values at other times are interpolated, as in `load`.
+            max_gap: As in `load`. The covariate is NaN in longer gaps, before its first sample and after its last.
+
+        Raises:
+            InvalidValueError: Shapes that do not fit; a time that runs back or does not overlap with the recording's;
+                `time` for a recording of several episodes whose clocks each start anew.
+        """
+        if time is not None:
+            values = at_times_of(self.to_aligned(), name, values, time, align, max_gap)
+        return replace(self, covariates={**self.covariates, name: values})
+
+    def pool(self, rows: int, cols: int) -> Recording:
+        """The recording of a coarser sensor, of which each taxel is a block of `rows` x `cols` taxels; forces add up.
+
+        Raises:
+            InvalidValueError: The block does not divide the grid.
+        """
+        pooled = {
+            name: self.layout.pool_force(value, rows, cols)
+            for name, value in (("measured", self.measured), ("simulated", self.simulated))
+            if value is not None
+        }
+        return replace(self, **pooled, layout=self.layout.pool(rows, cols))
+
+    def resample(
+        self, rate: float, *, align: Method | Mapping[str, Method] = "linear", max_gap: float | None = None
+    ) -> Recording:
+        """The recording at a steady rate; each episode begins at the time of its first sample.
+
+        Values are taken between the neighbouring samples, not averaged: low-pass what holds faster changes first.
+
+        Args:
+            rate: Samples a second.
+            align: How streams are interpolated: one method for all, or by name, as in `load`; here also
+                ``"measured"``.
+            max_gap: As in `load`.
+
+        Raises:
+            InvalidValueError: A rate that is not above 0, or no such method.
+            UnknownNameError: `align` names a stream that is not there.
+        """
+        return Recording(**vars(at_rate(self.to_aligned(), rate, align, max_gap)))
+
+    @classmethod
+    def concatenate(cls, recordings: Iterable[Recording]) -> Recording:
+        """One recording of all episodes, in order; each keeps its own clock.
+
+        Episodes keep their numbers where those differ, and are counted from 0 otherwise. The metadata is what all
+        recordings share, with the ``start`` of the first.
+
+        Args:
+            recordings: At least one; with the same layout, pads, tensors and covariates.
+
+        Raises:
+            InvalidValueError: There is none, or they differ; the message says in what.
+        """
+        parts = [part.to_aligned() for part in recordings]
+        if not parts:
+            raise InvalidValueError("there is nothing to concatenate: expected at least one recording")
+        return cls(**vars(concatenate(parts)))
 
     @classmethod
     def load(
@@ -247,15 +250,17 @@ class Recording:
         layout: TaxelLayout | None = None,
         pads: Iterable[str] | None = None,
         profile: CountsToForce | None = None,
+        streams: str | Path | Iterable[str | Path] = (),
     ) -> Recording:
-        """Read an MCAP, npz or CSV file and bring its streams onto one time axis, that of the measured tensors.
+        """Read a file and bring its streams onto one time axis, that of the measured tensors.
 
         An MCAP file is read as far as it is whole, so one that ends in a crash loads as well. Where it has no measured
         tensors, the simulated ones give the time axis. A stream that has these very times is taken as it is; any
         other is interpolated between its own neighbouring samples, never beyond its first and last.
 
         Args:
-            path: The file: ``.mcap``, ``.npz``, or ``.csv`` as `paxisim.logs.csv` describes.
+            path: The file: ``.mcap``, ``.npz``, ``.csv`` (`paxisim.logs.csv`), ``.parquet`` (`paxisim.logs.parquet`) or
+                ``.hdf5`` of robosuite or robomimic (`paxisim.logs.hdf5`).
             align: How streams at other times are interpolated: ``"linear"``, ``"nearest"`` or ``"previous"`` (the last
                 value holds, as a command does); for all of them, or by name (``"simulated"`` or a covariate's name).
             max_gap: Where the neighbouring samples of a stream are further apart than this (s), it is not known.
@@ -268,25 +273,36 @@ class Recording:
             pads: Only these pads, in this order, by their names in the file.
             profile: How counts in a board's CSV become newtons, as `paxisim.hw.profile.load_profile` gives it; the
                 default is 0.1 N a count with no axis turned. Says the layout as well.
+            streams: Files whose streams of numbers, such as joint positions, are added as covariates: MCAP of ROS 2 or
+                with JSON (`paxisim.logs.mcap_joints`), CSV, Parquet, HDF5. `paxisim.logs.add_streams` says how their
+                time and the recording's belong together.
 
         Raises:
-            InvalidValueError: Not such a file; no tensors in it; measured and simulated do not overlap in time.
+            InvalidValueError: Not such a file; no tensors in it; measured and simulated, or the recording and a file of
+                `streams`, do not overlap in time.
+            MissingExtraError: What reads such a file is not installed.
             FileNotFoundError: There is no such file.
         """
         from paxisim.logs.load import load_aligned
 
         if missing not in ("nan", "drop"):
             raise InvalidValueError(f"missing must be 'nan' or 'drop', got {missing!r}")
-        wanted = None if pads is None else _names(pads)
-        found = load_aligned(Path(path), align=align, max_gap=max_gap, layout=layout, pads=wanted, profile=profile)
+        wanted = None if pads is None else (pads,) if isinstance(pads, str) else tuple(pads)
+        others = [streams] if isinstance(streams, (str, Path)) else streams
+        found = load_aligned(
+            Path(path),
+            align=align,
+            max_gap=max_gap,
+            layout=layout,
+            pads=wanted,
+            profile=profile,
+            streams=[Path(other) for other in others],
+        )
         try:
             whole = cls(**vars(found))
         except InvalidValueError as error:
             raise InvalidValueError(f"{path}: {error}") from error
-        if wanted is None and missing == "nan":
-            return whole
-        chosen = whole.to_aligned() if wanted is None else whole.to_aligned().choose(wanted)
-        return cls(**vars(chosen.known() if missing == "drop" else chosen))
+        return whole.select(pads=wanted, known=missing == "drop")
 
     def save(self, path: str | Path) -> None:
         """Write an MCAP or npz file, by the suffix; an existing file is replaced, whole or not at all.
@@ -303,30 +319,4 @@ class Recording:
 
     def to_aligned(self) -> Aligned:
         """The bare arrays, as `paxisim.logs` takes them; nothing is copied."""
-        return Aligned(
-            self.time,
-            self.measured,
-            self.simulated,
-            self.covariates,
-            self.episode,
-            self.layout,
-            self.pads,
-            self.metadata,
-        )
-
-
-def _names(pads: Iterable[str]) -> tuple[str, ...]:
-    names = (pads,) if isinstance(pads, str) else tuple(pads)
-    if not names or len(set(names)) < len(names):
-        raise InvalidValueError(f"pads must name different pads, at least one, got {list(names)}")
-    return names
-
-
-def _numbers(name: str, value: Any, dtype: type) -> NDArray[Any]:
-    try:
-        array = np.asarray(value)
-        if array.dtype.kind not in "biuf":
-            raise TypeError(f"dtype {array.dtype}")
-        return np.ascontiguousarray(array, dtype=dtype) if array.ndim else array.astype(dtype)
-    except (TypeError, ValueError) as error:
-        raise InvalidValueError(f"{name} must be an array of numbers: {error}") from error
+        return Aligned(**vars(self))

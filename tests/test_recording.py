@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import paxisim.recording
-from paxisim.errors import InvalidValueError
+from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.layout import TaxelLayout
 
 Recording = paxisim.recording.Recording
@@ -104,3 +104,175 @@ def test_description():
         "covariates opening)"
     )
     assert "1 sample, 0.0 s, 1 episode, simulated" in repr(Recording(time=[1], simulated=FORCE[:1]))
+
+
+def two_episodes(**changes) -> Recording:
+    fields = {
+        "time": [0.0, 0.1, 0.2, 0.0, 0.1],
+        "measured": FORCE,
+        "simulated": -FORCE,
+        "covariates": {"opening": TIME, "resultant": FORCE.sum((3, 4))},
+        "episode": [4, 4, 4, 2, 2],
+        "pads": ("left", "right"),
+        "metadata": {"sensor": "a", "start": 5.0},
+    }
+    return Recording(**{**fields, **changes})
+
+
+def assert_same(a: Recording, b: Recording) -> None:
+    np.testing.assert_array_equal(a.time, b.time)
+    np.testing.assert_array_equal(a.measured, b.measured)
+    np.testing.assert_array_equal(a.episode, b.episode)
+    assert a.covariates.keys() == b.covariates.keys()
+    for name, values in a.covariates.items():
+        np.testing.assert_array_equal(values, b.covariates[name])
+    assert (a.layout, a.pads, a.metadata) == (b.layout, b.pads, b.metadata)
+
+
+def test_select_takes_episodes_pads_covariates_and_what_is_known():
+    recording = two_episodes()
+    part = recording.select([2], pads=["right"], covariates=["resultant"])
+    np.testing.assert_array_equal(part.measured, FORCE[3:, 1:])
+    np.testing.assert_array_equal(part.simulated, -FORCE[3:, 1:])
+    np.testing.assert_array_equal(part.covariates["resultant"], FORCE.sum((3, 4))[3:, 1:])
+    assert (part.pads, list(part.covariates)) == (("right",), ["resultant"])
+    assert recording.select(pads="left").pads == ("left",)
+    assert list(recording.select(covariates="opening").covariates) == ["opening"]
+    assert_same(recording.select(), recording)
+    holed = recording.with_covariate("opening", [0, np.nan, 2, 3, 4])
+    assert holed.select(known=True).time.tolist() == [0.0, 0.2, 0.0, 0.1]
+    assert_same(holed.select(covariates=[], known=True), holed.select(covariates=[]))
+
+
+@pytest.mark.parametrize(
+    ("chosen", "error", "words"),
+    [
+        ({"episodes": [2, 7]}, InvalidValueError, "no episode 7 in the recording; its episodes are 4, 2"),
+        ({"episodes": []}, InvalidValueError, "episodes must name at least one; its episodes are 4, 2"),
+        ({"pads": ["rigth"]}, UnknownNameError, "unknown pad 'rigth'; did you mean 'right'"),
+        ({"pads": ["left", "left"]}, InvalidValueError, "pads must name different pads"),
+        ({"pads": []}, InvalidValueError, "pads must name different pads, at least one"),
+        ({"covariates": ["openin"]}, UnknownNameError, "unknown covariate 'openin'; did you mean 'opening'"),
+    ],
+)
+def test_select_names_what_is_not_there(chosen, error, words):
+    with pytest.raises(error, match=words):
+        two_episodes().select(**chosen)
+    with pytest.raises(InvalidValueError, match="none at which all streams are known"):
+        two_episodes().with_covariate("a", np.full(5, np.nan)).select(known=True)
+
+
+def test_with_simulated_leaves_the_recording_as_it_was():
+    recording = two_episodes()
+    other = recording.with_simulated(2 * FORCE, scene="<mujoco/>")
+    np.testing.assert_array_equal(other.simulated, 2 * FORCE)
+    assert other.metadata == {"sensor": "a", "start": 5.0, "scene": "<mujoco/>"}
+    assert np.shares_memory(other.measured, FORCE)
+    np.testing.assert_array_equal(recording.simulated, -FORCE)
+    assert "scene" not in recording.metadata
+    with pytest.raises(InvalidValueError, match="must have one shape"):
+        recording.with_simulated(FORCE[:, :1])
+
+
+def test_with_covariate_of_another_clock():
+    recording = Recording(time=TIME, measured=FORCE, metadata={"start": 100.0})
+    later = np.arange(0.05, 0.4, 0.01)
+    joints = np.stack([later, -later], axis=1)
+    found = recording.with_covariate("joints", joints, later).covariates["joints"]
+    assert np.isnan(found[[0, 4]]).all()  # before its first sample and after its last
+    np.testing.assert_allclose(found[1:4, 0], TIME[1:4], atol=1e-12)
+    np.testing.assert_allclose(found[1:4, 1], -TIME[1:4], atol=1e-12)
+    held = recording.with_covariate("command", [1, 2], [0.0, 0.25], align="previous", max_gap=1.0)
+    np.testing.assert_array_equal(held.covariates["command"], [1, 1, 1, np.nan, np.nan])
+    assert recording.covariates == {}
+    replaced = held.with_covariate("command", np.arange(5))
+    assert replaced.covariates["command"].tolist() == [0, 1, 2, 3, 4]
+    with pytest.raises(
+        InvalidValueError, match=r"from 100 s to 101 s.* from 0 s to 0.4 s; subtract metadata\['start'\]"
+    ):
+        recording.with_covariate("joints", [1, 2], [100, 101])
+    with pytest.raises(InvalidValueError, match=r"must be \(S, ...\) and their time \(S,\).*\(2,\) and \(3,\)"):
+        recording.with_covariate("joints", [1, 2], [0, 1, 2])
+    with pytest.raises(InvalidValueError, match="must be finite and not run back"):
+        recording.with_covariate("joints", [1, 2], [0.2, 0.1])
+    with pytest.raises(InvalidValueError, match="max_gap must be a positive time"):
+        recording.with_covariate("joints", [1, 2], [0, 0.1], max_gap=0)
+    with pytest.raises(InvalidValueError, match="align must be one of"):
+        recording.with_covariate("joints", [1, 2], [0, 0.1], align="cubic")
+    with pytest.raises(InvalidValueError, match=r"starts anew in an episode.*concatenate"):
+        two_episodes().with_covariate("joints", [1, 2], [0, 0.1])
+
+
+def test_pooling_keeps_the_force():
+    recording = two_episodes().pool(2, 3)
+    assert recording.layout == TaxelLayout(1, 1, (2e-3, 3e-3))
+    np.testing.assert_array_equal(recording.measured[..., 0, 0], FORCE.sum((3, 4)))
+    np.testing.assert_array_equal(recording.simulated, -recording.measured)
+    only_one = Recording(TIME, None, FORCE).pool(1, 3)
+    assert only_one.measured is None
+    assert only_one.simulated.shape == (5, 2, 3, 2, 1)
+    with pytest.raises(InvalidValueError, match="cannot pool 2x3 taxels in blocks of 2x2"):
+        recording = two_episodes().pool(2, 2)
+
+
+def test_resampling_interpolates_within_each_episode():
+    time = np.concatenate([3 + np.arange(11) / 10, np.arange(6) / 10])
+    force = np.broadcast_to(time[:, None, None, None, None], (17, 1, 3, 1, 2))
+    recording = Recording(time, force, covariates={"command": np.arange(17)}, episode=[1] * 11 + [0] * 6)
+    found = recording.resample(40, align={"command": "previous"})
+    np.testing.assert_allclose(found.time, np.concatenate([3 + np.arange(41) / 40, np.arange(21) / 40]))
+    assert found.episode.tolist() == [1] * 41 + [0] * 21
+    np.testing.assert_allclose(found.measured[:, 0, 1, 0, 1], found.time, rtol=1e-6)
+    assert found.covariates["command"][:9].tolist() == [0, 0, 0, 0, 1, 1, 1, 1, 2]
+    assert found.covariates["command"][-1] == 16
+    assert_same(recording.resample(10), recording)
+    assert recording.resample(3).time.tolist() == pytest.approx([3, 3 + 1 / 3, 3 + 2 / 3, 4, 0, 1 / 3])
+    for rate in (0, -1, float("nan"), float("inf")):
+        with pytest.raises(InvalidValueError, match="rate must be a number of samples a second, above 0"):
+            recording.resample(rate)
+    with pytest.raises(UnknownNameError, match="unknown stream to align 'comand'"):
+        recording.resample(10, align={"comand": "previous"})
+
+
+def test_resampling_leaves_gaps_open():
+    time = np.concatenate([np.arange(10), 30 + np.arange(10)]) / 10
+    force = np.zeros((20, 1, 3, 1, 1), np.float32)
+    force[3] = np.nan
+    found = Recording(time, force).resample(20)
+    unknown = found.time[np.isnan(found.measured).any((1, 2, 3, 4))]
+    np.testing.assert_allclose(unknown, [0.25, 0.3, 0.35, *np.arange(0.95, 2.99, 0.05)], atol=1e-9)
+    closed = Recording(time, force).resample(20, max_gap=3)
+    assert not np.isnan(closed.measured[20:]).any()
+
+
+def test_concatenating_the_episodes_gives_the_recording():
+    recording = two_episodes()
+    assert_same(Recording.concatenate(recording.episodes()), recording)
+    twice = Recording.concatenate([recording, two_episodes(metadata={"sensor": "a", "start": 9.0, "operator": "b"})])
+    assert twice.episode.tolist() == [0, 0, 0, 1, 1, 2, 2, 2, 3, 3]
+    assert twice.metadata == {"sensor": "a", "start": 5.0}
+    np.testing.assert_array_equal(twice.simulated, np.concatenate([-FORCE, -FORCE]))
+    np.testing.assert_array_equal(twice.time, [*recording.time] * 2)
+
+
+@pytest.mark.parametrize(
+    ("other", "words"),
+    [
+        ({"simulated": None}, "must have a simulated tensor, or none: number 1 .from 0. has none"),
+        ({"pads": ("l", "r")}, r"different pads cannot be concatenated: the first has \('left', 'right'\)"),
+        ({"layout": TaxelLayout(2, 3, (2e-3, 1e-3))}, "different layout"),
+        ({"covariates": {"opening": TIME}}, r"do not share resultant; keep .* select\(covariates=\['opening'\]\)"),
+        (
+            {"covariates": {"opening": FORCE[:, 0, :, 0, 0], "resultant": FORCE.sum((3, 4))}},
+            r"'opening' has samples of shape \(\) in the first recording and of \(3,\) in number 1",
+        ),
+    ],
+)
+def test_what_cannot_be_concatenated_is_named(other, words):
+    with pytest.raises(InvalidValueError, match=words):
+        Recording.concatenate([two_episodes(), two_episodes(**other)])
+
+
+def test_nothing_to_concatenate():
+    with pytest.raises(InvalidValueError, match="at least one recording"):
+        Recording.concatenate([])

@@ -22,7 +22,7 @@ def info(recording: Annotated[Path, tyro.conf.Positional]) -> None:
     """Describe a recording: its streams, rates, gaps, episodes, ranges and pads.
 
     Args:
-        recording: An .mcap or .npz file, or a board's or a plain .csv.
+        recording: An .mcap, .npz, .parquet or .hdf5 file (robosuite, robomimic), or a board's or a plain .csv.
     """
     from paxisim.logs.align import describe_bursts
     from paxisim.logs.describe import HEADER, describe_episodes, describe_stream

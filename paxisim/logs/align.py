@@ -45,7 +45,7 @@ def align(log: Log, method: Method | Mapping[str, Method] = "linear", max_gap: f
         raise InvalidValueError(f"the file holds no tactile sample, neither measured nor simulated, but {found}")
     at = streams[reference].nanoseconds
     marks = streams.pop("episode", None)
-    methods = _methods(method, [name for name in streams if name != reference])
+    methods = methods_by_name(method, [name for name in streams if name != reference])
     arrays: dict[str, NDArray[Any]] = {reference: streams.pop(reference).values}
     for name, stream in streams.items():
         arrays[name] = resample(stream, at, methods[name], max_gap)
@@ -130,6 +130,40 @@ def usual_interval(stream: Stream) -> float:
     return tenth if median < _AT_ONCE and tenth > GAP_INTERVALS * median else median
 
 
+def methods_by_name(method: Method | Mapping[str, Method], streams: list[str]) -> dict[str, Method]:
+    """The method of each stream: `method` for all, or those it names and linear for the others.
+
+    Args:
+        method: By name where it is a mapping; a covariate's name has no prefix there.
+        streams: Names as in `Log.streams`.
+
+    Raises:
+        InvalidValueError: There is no such method.
+        UnknownNameError: There is no such stream.
+    """
+    names = {name.removeprefix(schemas.COVARIATE): name for name in streams}
+    given: dict[str, Method] = dict.fromkeys(names, method) if isinstance(method, str) else dict(method)
+    chosen: dict[str, Method] = dict.fromkeys(streams, "linear")
+    for name, one in given.items():
+        if name not in names:
+            raise UnknownNameError("stream to align", name, names)
+        chosen[names[name]] = one
+    for one in (*given.values(), *([method] if isinstance(method, str) else [])):
+        if one not in get_args(Method):
+            raise InvalidValueError(f"align must be one of {', '.join(get_args(Method))}, got {one!r}")
+    return chosen
+
+
+def check_max_gap(max_gap: float | None) -> None:
+    """Raise unless it is None or more than 0 s.
+
+    Raises:
+        InvalidValueError: It is not.
+    """
+    if max_gap is not None and not max_gap > 0:
+        raise InvalidValueError(f"max_gap must be a positive time in s, got {max_gap!r}")
+
+
 def describe_bursts(name: str, stream: Stream) -> str:
     """What is wrong with the times of samples that came many at once; empty where they did not."""
     usual = usual_interval(stream)
@@ -144,20 +178,6 @@ def describe_bursts(name: str, stream: Stream) -> str:
 def _greatest_gap(stream: Stream, max_gap: float | None) -> float:
     """Nanoseconds; see `resample`."""
     return GAP_INTERVALS * usual_interval(stream) if max_gap is None else max_gap * 1e9
-
-
-def _methods(method: Method | Mapping[str, Method], streams: list[str]) -> dict[str, Method]:
-    names = {name.removeprefix(schemas.COVARIATE): name for name in streams}
-    given: dict[str, Method] = dict.fromkeys(names, method) if isinstance(method, str) else dict(method)
-    chosen: dict[str, Method] = dict.fromkeys(streams, "linear")
-    for name, one in given.items():
-        if name not in names:
-            raise UnknownNameError("stream to align", name, names)
-        chosen[names[name]] = one
-    for one in (*given.values(), *([method] if isinstance(method, str) else [])):
-        if one not in get_args(Method):
-            raise InvalidValueError(f"align must be one of {', '.join(get_args(Method))}, got {one!r}")
-    return chosen
 
 
 def _episodes(at: NDArray[np.int64], marks: Stream | None) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

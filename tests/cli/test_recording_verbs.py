@@ -184,7 +184,7 @@ def test_nothing_is_overwritten_unasked(folder):
 def test_what_cannot_be_converted(folder):
     write("a.mcap")
     (folder / "b.mcap").write_text("something else")
-    for source, output in (("a.mcap", "a.h5"), ("b.mcap", "b.npz"), ("a.h5", "b.npz"), ("a.mcap", "no/b.npz")):
+    for source, output in (("a.mcap", "a.h5"), ("b.mcap", "b.npz"), ("a.txt", "b.npz"), ("a.mcap", "no/b.npz")):
         with pytest.raises(InvalidValueError):
             convert(Path(source), Path(output))
     with pytest.raises(InvalidValueError):

@@ -1,0 +1,129 @@
+"""check_fields: the fields of a recording, converted, checked against each other, with the defaults filled in."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from paxisim.errors import InvalidValueError
+from paxisim.layout import TaxelLayout
+from paxisim.logs.aligned import Aligned, episode_starts
+
+# kept in fields of their own, so that a file holds each of them once
+_FIELDS_NOT_METADATA = ("format", "layout", "pads", "time_zero_ns")
+
+
+def check_fields(given: Aligned) -> Aligned:
+    """The same fields with the dtypes and defaults of `paxisim.Recording`; arrays that fit are not copied.
+
+    Raises:
+        InvalidValueError: Shapes that do not fit, no tensor or sample at all, a time that is not finite or runs back.
+    """
+    time = numbers("time", given.time, np.float64)
+    if time.ndim != 1 or not len(time):
+        raise InvalidValueError(f"time must be (T,) with at least one sample, got shape {time.shape}")
+    measured, simulated = (
+        None if value is None else _tensor(name, value, len(time))
+        for name, value in (("measured", given.measured), ("simulated", given.simulated))
+    )
+    tensor = measured if measured is not None else simulated
+    if tensor is None:
+        raise InvalidValueError("a recording needs a tensor: give measured, simulated or both")
+    if simulated is not None and simulated.shape != tensor.shape:
+        raise InvalidValueError(f"measured and simulated must have one shape, got {tensor.shape} and {simulated.shape}")
+    layout = _layout(given.layout, tensor.shape)
+    pads = _pads(given.pads, tensor.shape[1])
+    covariates = {name: _covariate(name, value, len(time)) for name, value in given.covariates.items()}
+    episode = _episode(given.episode, len(time))
+    _check_order(time, episode)
+    taken = [name for name in _FIELDS_NOT_METADATA if name in given.metadata]
+    if taken:
+        raise InvalidValueError(f"metadata must not hold {taken[0]!r}, files keep that name for themselves")
+    return Aligned(time, measured, simulated, covariates, episode, layout, pads, dict(given.metadata))
+
+
+def numbers(name: str, value: Any, dtype: type) -> NDArray[Any]:
+    """The array of that dtype; `name` is for the message.
+
+    Raises:
+        InvalidValueError: It holds no numbers, or has rows of different lengths.
+    """
+    try:
+        array = np.asarray(value)
+        if array.dtype.kind not in "biuf":
+            raise TypeError(f"dtype {array.dtype}")
+        return np.ascontiguousarray(array, dtype=dtype) if array.ndim else array.astype(dtype)
+    except (TypeError, ValueError) as error:
+        raise InvalidValueError(f"{name} must be an array of numbers: {error}") from error
+
+
+def _tensor(name: str, value: Any, samples: int) -> NDArray[np.float32]:
+    tensor = numbers(name, value, np.float32)
+    if tensor.ndim != 5 or tensor.shape[2] != 3 or 0 in tensor.shape:
+        raise InvalidValueError(f"{name} must have shape (T, pads, 3, rows, cols), got {tensor.shape}")
+    if len(tensor) != samples:
+        raise InvalidValueError(f"{name} has {len(tensor)} samples, time has {samples}")
+    return tensor
+
+
+def _layout(layout: Any, shape: tuple[int, ...]) -> TaxelLayout:
+    rows, cols = shape[-2:]
+    if layout is None:
+        return TaxelLayout(rows, cols, (1e-3, 1e-3))
+    if not isinstance(layout, TaxelLayout):
+        raise InvalidValueError(f"layout must be a TaxelLayout, got {type(layout).__name__}")
+    if (rows, cols) != (layout.rows, layout.cols):
+        raise InvalidValueError(f"layout has {layout.rows}x{layout.cols} taxels, the tensors have {rows}x{cols}")
+    return layout
+
+
+def _pads(given: Any, count: int) -> tuple[str, ...]:
+    if isinstance(given, str):
+        raise InvalidValueError(f"pads must be a sequence of names, got the string {given!r}")
+    pads = tuple(str(name) for name in given) or tuple(f"pad{i}" for i in range(count))
+    if len(pads) != count or len(set(pads)) != count:
+        raise InvalidValueError(f"pads must be {count} different names, one for each pad, got {list(pads)}")
+    return pads
+
+
+def _covariate(name: Any, value: Any, samples: int) -> NDArray[np.float64]:
+    if not isinstance(name, str) or not name:
+        raise InvalidValueError(f"covariates must have names, got {name!r}")
+    covariate = numbers(f"covariates[{name!r}]", value, np.float64)
+    if covariate.ndim == 0 or len(covariate) != samples or not covariate.size:
+        raise InvalidValueError(
+            f"covariates[{name!r}] must be ({samples}, ...) as time has so many, got shape {covariate.shape}"
+        )
+    return covariate
+
+
+def _episode(given: Any, samples: int) -> NDArray[np.int64]:
+    if given is None:
+        return np.zeros(samples, dtype=np.int64)
+    episode = np.asarray(given)
+    if episode.shape != (samples,):
+        raise InvalidValueError(f"episode must have shape {(samples,)} as time has, got {episode.shape}")
+    whole = numbers("episode", episode, np.float64)
+    if not np.all(np.isfinite(whole)) or np.any(whole != np.round(whole)):
+        raise InvalidValueError("episode must hold whole numbers")
+    return episode.astype(np.int64)
+
+
+def _check_order(time: NDArray[np.float64], episode: NDArray[np.int64]) -> None:
+    if not np.all(np.isfinite(time)):
+        raise InvalidValueError(f"time must be finite, sample {int(np.argmin(np.isfinite(time)))} is not")
+    starts = episode_starts(episode)
+    found, counts = np.unique(episode[starts], return_counts=True)
+    if counts.max() > 1:
+        number = found[counts.argmax()]
+        raise InvalidValueError(f"the samples of an episode must be adjacent, those of episode {number} are not")
+    back = np.diff(time) < 0
+    back[starts[1:] - 1] = False
+    if back.any():
+        at = int(back.argmax())
+        raise InvalidValueError(
+            f"time must not run back within an episode: sample {at + 1} is at {time[at + 1]:.9g} s, "
+            f"the one before at {time[at]:.9g} s"
+        )
