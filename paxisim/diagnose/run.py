@@ -25,19 +25,19 @@ from paxisim.diagnose.diagnosis import (
 )
 from paxisim.diagnose.explanation import Explanation, Named, explanation_of
 from paxisim.diagnose.folds import effects, folds_of
-from paxisim.diagnose.followed import followed
-from paxisim.diagnose.heldout import Squares, explained_share, figures, gains_of, squares_of, survives
+from paxisim.diagnose.heldout import SquaredErrors, explained_share, figures, gains_of, squares_of, survives
 from paxisim.diagnose.intervals import model_intervals, parameters_of
 from paxisim.diagnose.prepare import prepare
 from paxisim.diagnose.problem import FloatArray, Problem, problem_of, showing
 from paxisim.diagnose.reading import read_off
 from paxisim.diagnose.repeats import settled, with_untold
+from paxisim.diagnose.report.followed import followed
 from paxisim.diagnose.report.streams import Streams
+from paxisim.diagnose.report.symptoms import symptoms
 from paxisim.diagnose.rivals import rivals_of
 from paxisim.diagnose.rules import Rules
 from paxisim.diagnose.search import Search
 from paxisim.diagnose.silent import silent_in_words
-from paxisim.diagnose.symptoms import symptoms
 from paxisim.diagnose.vocabulary import cause, known_causes
 from paxisim.errors import InvalidValueError, MissingExtraError
 from paxisim.recording import Recording
@@ -196,7 +196,7 @@ class Judged:
     near_misses: tuple[LeftOver, ...]
 
 
-def _judged(found: Explanation, squares: Squares, seed: int) -> Judged:
+def _judged(found: Explanation, squares: SquaredErrors, seed: int) -> Judged:
     gains = gains_of(squares, seed)
     rules, search = found.search.rules, found.search
     remembering = [name for name, item in search.causes.items() if item.remembers]
@@ -251,7 +251,7 @@ def _needs_contact(raw: Problem, item: Cause) -> str:
     return "" if acts else "it does nothing without contact"
 
 
-def _explains_too_little(squares: Squares, structure: Sequence[LeftOver], rules: Rules, seed: int) -> bool:
+def _explains_too_little(squares: SquaredErrors, structure: Sequence[LeftOver], rules: Rules, seed: int) -> bool:
     """Whether clear structure is left over and the causes explain little: then they are not the cause."""
     share = explained_share(squares, squares.after, seed)
     clear = any(item.statistic > CLEAR * item.limit for item in structure)
