@@ -174,7 +174,7 @@ def figures(squares: SquaredErrors, seed: int, ceiling: FloatArray | None, note:
         return float(np.sqrt(values.sum() / max(squares.force.sum(), 1e-12)))
 
     if squares.split:
-        numbers = " and ".join(str(number + 1) for number in squares.split)
+        numbers = ", ".join(str(number + 1) for number in squares.split)
         those = f"Episodes {numbers} were" if len(squares.split) > 1 else f"Episode {numbers} was"
         note = f"{note} {those} split into blocks that were held out in turn.".strip()
     if np.any(squares.after != squares.before):

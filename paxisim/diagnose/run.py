@@ -143,7 +143,7 @@ def diagnosis_of(
         verdict=verdict,
         causes=judged.causes,
         heldout=figures(squares, seed, black, missing),
-        confidence=_confidence(found, judged, seed, bool(unsettled or structure)),
+        confidence=_confidence(found, judged, seed),
         not_testable=untestable,
         streams=_streams(recording, found),
         symptoms=symptoms(
@@ -270,7 +270,7 @@ def _ceiling(problem: Problem, simulated: FloatArray, seed: int, jobs: int) -> t
     try:
         return ceiling(problem, simulated, seed, jobs), ""
     except MissingExtraError as error:
-        return None, str(error)
+        return None, f"{error}."
 
 
 def _at_bounds(found: Explanation) -> tuple[str, ...]:
@@ -307,14 +307,14 @@ def _covariate(problem: Problem, named: Named) -> str:
     return f" A straight line in {name} explains {share:.0%} of what it adds without contact."
 
 
-def _confidence(found: Explanation, judged: Judged, seed: int, structure: bool) -> dict[str, float]:
-    """How often a cause is kept when held-out units are resampled, shared with its rivals, halved with structure."""
+def _confidence(found: Explanation, judged: Judged, seed: int) -> dict[str, float]:
+    """How often a cause is kept when held-out episodes are resampled, divided among the cause and its rivals."""
     evidence = {named.name: named.evidence for named in found.named}
     out = {}
     for item in judged.causes:
         own = evidence[item.name]
-        kept = 1.0 if own is None else survives(own.gain, own.needed, seed)
-        out[item.name] = kept / (1 + len(item.rivals)) * (0.5 if structure else 1.0)
+        kept = 1.0 if own is None else survives(found.folds.independent(own.gain), own.needed, seed)
+        out[item.name] = kept / (1 + len(item.rivals))
     return out
 
 

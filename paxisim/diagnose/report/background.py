@@ -50,7 +50,7 @@ def _against(effect: Effect, pad: int, axis: int, x: Series, frames: NDArray[np.
     axes.set_xlabel(f"{label} (pads unloaded)")
     axes.set_ylabel(f"{AXES[axis]} reading, N per taxel")
     swing = float(adds.max() - adds.min())
-    place = f"pad {effect.streams.pads[pad]}, {AXES[axis]}"
+    place = f"{effect.streams.pad(pad)}, {AXES[axis]}"
     return finish(
         figure,
         f"With no contact, {place} changes by {swing:.2g} N with the {label.split(',')[0]}",
@@ -119,7 +119,7 @@ def _in_time(effect: Effect, shift: Series, title: str) -> Picture:
     )
     axes.set_xlabel("time, min (pads unloaded)")
     axes.set_ylabel(f"{AXES[axis]} reading, N per taxel")
-    place = f"pad {effect.streams.pads[pad]}, {AXES[axis]}, mean of {int(taxels.sum())} taxels"
+    place = f"{effect.streams.pad(pad)}, {AXES[axis]}, mean of {int(taxels.sum())} taxels"
     return finish(
         figure,
         f"{title} ({place})",
