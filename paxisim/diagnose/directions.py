@@ -37,12 +37,7 @@ class Directions:
 
 
 def directions_of(covariates: Mapping[str, FloatArray], rest: NDArray[np.bool_]) -> Directions | None:
-    """The directions of those covariates that vary without contact; None if none does.
-
-    Args:
-        covariates: ``(T,)`` each, by name.
-        rest: ``(T,)`` the samples without contact.
-    """
+    """The directions of the ``(T,)`` covariates that vary without contact, in samples `rest`; None if none does."""
     poses = {name: c for name, c in covariates.items() if name not in NO_POSE}
     spreads = {name: (float(np.std(c[rest])), float(np.std(c))) for name, c in poses.items()}
     least = {name: max(SEEN * whole, STILL * float(np.abs(poses[name]).max())) for name, (_, whole) in spreads.items()}

@@ -111,7 +111,7 @@ def diagnosis_of(
 
     tell("reading layout, rounding and dead taxels")
     raw = problem_of(recording)
-    wanted, not_searched = _wanted(raw, causes)
+    wanted, not_searched = _wanted(raw, causes, _hidden_by_replay(recording))
     off = read_off(raw, wanted)
 
     nuisances = [item for item in CAUSES if item.nuisance and item not in wanted and not item.barred(raw)]
@@ -227,13 +227,24 @@ def _judged(found: Explanation, squares: SquaredErrors, seed: int) -> Judged:
     return Judged(tuple(sorted(causes, key=lambda c: -c.gain.value)), parameters, tuple(shares), lines)
 
 
-def _wanted(raw: Problem, causes: Sequence[str] | None) -> tuple[list[Cause], dict[str, str]]:
+def _hidden_by_replay(recording: Recording) -> dict[str, str]:
+    """By name why causes cannot be told after the way in which the motion was replayed, see `paxisim.Scene`."""
+    replay = recording.metadata.get("replay")
+    hidden = replay.get("not_testable") if isinstance(replay, Mapping) else None
+    return {str(name): f"{why}" for name, why in hidden.items()} if isinstance(hidden, Mapping) else {}
+
+
+def _wanted(
+    raw: Problem, causes: Sequence[str] | None, hidden: Mapping[str, str]
+) -> tuple[list[Cause], dict[str, str]]:
     """The causes that can be looked for, and by name why the others cannot."""
     wanted, not_searched = [], {}
     for name in known_causes():
         item = cause(name)
         if causes is not None and name not in causes:
             not_searched[name] = NOT_ASKED
+        elif name in hidden:
+            not_searched[name] = hidden[name]
         elif item.covariate and item.covariate not in raw.covariates:
             not_searched[name] = f"the recording has no covariate {item.covariate!r}"
         elif why := item.barred(raw) or _needs_contact(raw, item):
@@ -309,13 +320,12 @@ def _covariate(problem: Problem, named: Named) -> str:
 
 def _confidence(found: Explanation, judged: Judged, seed: int) -> dict[str, float]:
     """How often a cause is kept when held-out episodes are resampled, divided among the cause and its rivals."""
-    evidence = {named.name: named.evidence for named in found.named}
-    out = {}
-    for item in judged.causes:
-        own = evidence[item.name]
-        kept = 1.0 if own is None else survives(found.folds.independent(own.gain), own.needed, seed)
-        out[item.name] = kept / (1 + len(item.rivals))
-    return out
+    kept = dict.fromkeys((named.name for named in found.named), 1.0)
+    for named in found.named:
+        if named.evidence is not None:
+            gain = found.folds.independent(named.evidence.gain)
+            kept[named.name] = survives(gain, named.evidence.needed, seed)
+    return {item.name: kept[item.name] / (1 + len(item.rivals)) for item in judged.causes}
 
 
 def _not_excited(found: Explanation, wanted: Sequence[Cause]) -> dict[str, str]:
