@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from paxisim.augment.gcs import GCS as GCS
     from paxisim.augment.history import History as History
     from paxisim.bump import GaussianBump as GaussianBump
-    from paxisim.calibrate import Readout as Readout
-    from paxisim.calibrate import calibrate_readout as calibrate_readout
+    from paxisim.calibrate.fit import calibrate_readout as calibrate_readout
+    from paxisim.calibrate.readout import Readout as Readout
     from paxisim.errors import DeviceError as DeviceError
     from paxisim.errors import DeviceTimeoutError as DeviceTimeoutError
     from paxisim.errors import InvalidValueError as InvalidValueError
@@ -63,6 +63,8 @@ if TYPE_CHECKING:
     from paxisim.models.surface import flat as flat
     from paxisim.models.surface import measured as measured
     from paxisim.models.touch_grid import TouchGridReadout as TouchGridReadout
+    from paxisim.presses import Presses as Presses
+    from paxisim.presses import find_presses as find_presses
     from paxisim.recording import Recording as Recording
     from paxisim.sensors import Sensor as Sensor
     from paxisim.sensors import known_sensors as known_sensors
@@ -79,7 +81,8 @@ _HOMES = {
     "paxisim.augment.gcs": ("GCS",),
     "paxisim.augment.history": ("History",),
     "paxisim.bump": ("GaussianBump",),
-    "paxisim.calibrate": ("Readout", "calibrate_readout"),
+    "paxisim.calibrate.fit": ("calibrate_readout",),
+    "paxisim.calibrate.readout": ("Readout",),
     "paxisim.errors": (
         "DeviceError",
         "DeviceTimeoutError",
@@ -110,6 +113,7 @@ _HOMES = {
     "paxisim.models.readout": ("TactileReadout",),
     "paxisim.models.surface": ("conform", "flat", "measured"),
     "paxisim.models.touch_grid": ("TouchGridReadout",),
+    "paxisim.presses": ("Presses", "find_presses"),
     "paxisim.recording": ("Recording",),
     "paxisim.sensors": ("Sensor", "known_sensors", "sensor"),
     "paxisim.viz.mounts": ("plot_mounts",),

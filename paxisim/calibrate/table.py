@@ -1,0 +1,70 @@
+"""The table of a readout."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from paxisim.calibrate.readout import Readout
+
+MOST = 30
+"""Most channels that are listed; of more, those with the largest share of unexplained variance."""
+
+
+def table_of(readout: Readout) -> str:
+    """The delay, the loads and the channels of a readout, as lines of text."""
+    return "\n".join([*_delay(readout), "", *_loads(readout), "", *_channels(readout)])
+
+
+def _delay(readout: Readout) -> list[str]:
+    low, high = (1e3 * end for end in readout.delay_interval)
+    if low <= 0 <= high:
+        lines = [f"delay: none, 95% interval {low:.1f} to {high:.1f} ms"]
+    else:
+        what = "the channels follow the loads" if readout.delay > 0 else "the loads follow the channels"
+        lines = [f"delay: {what} by {abs(1e3 * readout.delay):.1f} ms, 95% interval {low:.1f} to {high:.1f} ms"]
+    return [*lines, f"held out in turn: {readout.blocks} blocks; regularisation (ridge): {readout.ridge:g}"]
+
+
+def _loads(readout: Readout) -> list[str]:
+    width = max(4, *(len(load.name) for load in readout.loads))
+    lines = [f"{'load':{width}}  {'changes by':>14}  {'by itself':>9}"]
+    found = readout.excitation
+    for k, load in enumerate(readout.loads):
+        said = "" if found.separable[k] else "not excited" if not found.excited[k] else "not excited by itself"
+        size = f"{found.spread[k]:.3g} {load.unit}"
+        lines.append(f"{load.name:{width}}  {size:>14}  {found.alone[k]:>9.0%}  {said}".rstrip())
+    return lines
+
+
+def _channels(readout: Readout) -> list[str]:
+    unit = readout.unit or "units"
+    lines = [
+        f"gains in {unit} per N or N m, with half widths of 95% intervals; held-out error in {unit}",
+        f"{'pad':>3} {'taxel':>7}   "
+        + "".join(f"{load.name:>18}" for load in readout.loads)
+        + f"{'error':>10} {'explained':>10}",
+    ]
+    order = np.argsort(np.where(readout.used, readout.explained, np.inf), axis=None, kind="stable")
+    shown = np.sort(order[:MOST]) if int(readout.used.sum()) > MOST else np.flatnonzero(readout.used)
+    for flat in shown:
+        at = np.unravel_index(flat, readout.used.shape)
+        pad, axis, row, col = (int(i) for i in at)
+        gains = [
+            f"{g:.4g} ± {e:.2g}" for g, e in zip(readout.gain[(..., *at)], readout.gain_error[(..., *at)], strict=True)
+        ]
+        lines.append(
+            f"{pad:>3} {f'{row},{col}':>7} {'xyz'[axis]} "
+            + "".join(f"{gain:>18}" for gain in gains)
+            + f"{readout.error[at]:>10.3g} {readout.explained[at]:>10.2%}"
+        )
+    count = int(readout.used.sum())
+    if count > MOST:
+        lines.append(f"... the {MOST} least explained of {count} channels")
+    if count < readout.used.size:
+        lines.append(
+            f"not related to any load, set to zero: {readout.used.size - count} of {readout.used.size} channels"
+        )
+    return lines
