@@ -69,6 +69,8 @@ if TYPE_CHECKING:
     from paxisim.sensors import Sensor as Sensor
     from paxisim.sensors import known_sensors as known_sensors
     from paxisim.sensors import sensor as sensor
+    from paxisim.viz.calibration import plot_calibration as plot_calibration
+    from paxisim.viz.calibration import plot_presses as plot_presses
     from paxisim.viz.mounts import plot_mounts as plot_mounts
     from paxisim.viz.plot import plot_pads as plot_pads
     from paxisim.viz.plot import plot_tactile as plot_tactile
@@ -116,6 +118,7 @@ _HOMES = {
     "paxisim.presses": ("Presses", "find_presses"),
     "paxisim.recording": ("Recording",),
     "paxisim.sensors": ("Sensor", "known_sensors", "sensor"),
+    "paxisim.viz.calibration": ("plot_calibration", "plot_presses"),
     "paxisim.viz.mounts": ("plot_mounts",),
     "paxisim.viz.plot": ("plot_pads", "plot_tactile"),
     "paxisim.viz.quality": ("plot_quality",),

@@ -11,6 +11,8 @@ if TYPE_CHECKING:
 
 MOST = 30
 """Most channels that are listed; of more, those with the largest share of unexplained variance."""
+MOST_WITH_ERRORS = 3
+"""Most loads whose gains are listed with their intervals."""
 
 
 def table_of(readout: Readout) -> str:
@@ -41,26 +43,28 @@ def _loads(readout: Readout) -> list[str]:
 
 def _channels(readout: Readout) -> list[str]:
     unit = readout.unit or "units"
+    count, few = int(readout.used.sum()), len(readout.loads) <= MOST_WITH_ERRORS
+    width = 17 if few else 9
     lines = [
-        f"gains in {unit} per N or N m, with half widths of 95% intervals; held-out error in {unit}",
-        f"{'pad':>3} {'taxel':>7}   "
-        + "".join(f"{load.name:>18}" for load in readout.loads)
-        + f"{'error':>10} {'explained':>10}",
+        f"gains in {unit} per N or N m" + (", ± half widths of 95% intervals" if few else ""),
+        f"error: root mean square on held-out data, in {unit}",
+        f"{'channel':13}" + "".join(f"{load.name:>{width}}" for load in readout.loads) + f"{'error':>8} {'explained':>9}",
     ]
-    order = np.argsort(np.where(readout.used, readout.explained, np.inf), axis=None, kind="stable")
-    shown = np.sort(order[:MOST]) if int(readout.used.sum()) > MOST else np.flatnonzero(readout.used)
-    for flat in shown:
-        at = np.unravel_index(flat, readout.used.shape)
-        pad, axis, row, col = (int(i) for i in at)
+    used = np.flatnonzero(readout.used)
+    order = used[np.argsort(readout.explained.ravel()[used], kind="stable")]
+    for flat in np.sort(order[:MOST]):
+        at = tuple(int(i) for i in np.unravel_index(flat, readout.used.shape))
+        pad, axis, row, col = at
         gains = [
-            f"{g:.4g} ± {e:.2g}" for g, e in zip(readout.gain[(..., *at)], readout.gain_error[(..., *at)], strict=True)
+            f"{gain:.4g} ± {error:.1g}" if few else f"{gain:.3g}"
+            for gain, error in zip(readout.gain[(..., *at)], readout.gain_error[(..., *at)], strict=True)
         ]
+        name = f"{pad}: {row},{col} {'xyz'[axis]}"
         lines.append(
-            f"{pad:>3} {f'{row},{col}':>7} {'xyz'[axis]} "
-            + "".join(f"{gain:>18}" for gain in gains)
-            + f"{readout.error[at]:>10.3g} {readout.explained[at]:>10.2%}"
+            f"{name:13}"
+            + "".join(f"{gain:>{width}}" for gain in gains)
+            + f"{readout.error[at]:>8.3g} {readout.explained[at]:>9.2%}"
         )
-    count = int(readout.used.sum())
     if count > MOST:
         lines.append(f"... the {MOST} least explained of {count} channels")
     if count < readout.used.size:
