@@ -48,7 +48,9 @@ def _channels(readout: Readout) -> list[str]:
     lines = [
         f"gains in {unit} per N or N m" + (", ± half widths of 95% intervals" if few else ""),
         f"error: root mean square on held-out data, in {unit}",
-        f"{'channel':13}" + "".join(f"{load.name:>{width}}" for load in readout.loads) + f"{'error':>8} {'explained':>9}",
+        f"{'channel':13}"
+        + "".join(f"{load.name:>{width}}" for load in readout.loads)
+        + f"{'error':>8} {'explained':>9}",
     ]
     used = np.flatnonzero(readout.used)
     order = used[np.argsort(readout.explained.ravel()[used], kind="stable")]

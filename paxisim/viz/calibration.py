@@ -60,7 +60,11 @@ def plot_calibration(readout: Readout, recording: Recording) -> Figure:
     values = values_of(recording, readout.loads)
     known = np.isfinite(values).all(axis=1)
     if recording.measured is None or known.sum() < 8:
-        raise InvalidValueError("the picture of a calibration needs the measured tensor and 8 samples with a known load")
+        raise InvalidValueError(
+            "the picture of a calibration needs the measured tensor and 8 samples with a known load"
+        )
+    names = ", ".join(load.name for load in readout.loads)
+    figure.suptitle(f"{readout.used.sum()} channels from {names}, delay {1e3 * readout.delay:.1f} ms", fontsize="large")
     upper, middle, lower = figure.subfigures(3, 1, height_ratios=[4.6, 2.4, 4.4])
     elapsed = _elapsed(recording[known])
     _draw_presses(upper.subplots(2, 1, sharex=True), find_presses(elapsed, values[known]))
@@ -68,7 +72,9 @@ def plot_calibration(readout: Readout, recording: Recording) -> Figure:
     applied = readout.apply(recording)
     used = np.argwhere(readout.used)
     order = np.argsort(readout.explained[readout.used], kind="stable")
-    for ax, which, what in zip(lower.subplots(2, 1, sharex=True), (order[0], order[-1]), ("least", "best"), strict=True):
+    for ax, which, what in zip(
+        lower.subplots(2, 1, sharex=True), (order[0], order[-1]), ("least", "best"), strict=True
+    ):
         _draw_channel(ax, elapsed, readout, applied, tuple(int(i) for i in used[which]), what)
     lower.axes[-1].set_xlabel("time (s)")
     return figure
@@ -97,6 +103,7 @@ def _draw_presses(axes: NDArray[np.object_], presses: Presses) -> None:
             ax.axvline(presses.time[cut], color=_CUT, linewidth=1)
         for level in (presses.low, presses.high):
             ax.axhline(level, color=_INK, linewidth=0.8, linestyle="--")
+        ax.set_xlim(presses.time[0], presses.time[-1])
         _plain(ax)
     axes[0].plot(presses.time[::stride], presses.load[::stride], color=_LOAD, linewidth=0.9)
     axes[1].plot(presses.time, presses.load, color=_LOAD, linewidth=0.7)
@@ -133,7 +140,7 @@ def _draw_errors(ax: Axes, readout: Readout) -> None:
     unused = int((~readout.used).sum())
     ax.set_title(
         "share of the variance that the loads do not explain on held-out data"
-        + (f"; x: {unused} channels related to no load, set to zero" if unused else ""),
+        + (f"; crosses: related to no load, set to zero ({unused})" if unused else ""),
         loc="left",
         fontsize="medium",
     )
@@ -150,6 +157,7 @@ def _draw_channel(
     pad, axis, row, col = at
     for values, color, label in ((applied.measured, _MEASURED, "channel"), (applied.simulated, _EXPECTED, "loads")):
         ax.plot(elapsed[::stride], values[(slice(None), *at)][::stride], color=color, linewidth=1.0, label=label)
+    ax.set_xlim(elapsed[0], elapsed[-1])
     ax.set_title(
         f"the {what} explained channel: pad {pad}, taxel {row},{col}, {AXES[axis]} ({readout.explained[at]:.2%})",
         loc="left",
