@@ -1,5 +1,6 @@
 """Presses in noisy load signals, and the cuts between them."""
 
+import itertools
 import os
 from pathlib import Path
 
@@ -50,7 +51,7 @@ def test_each_press_is_found_and_the_cuts_lie_between(how):
         for own, (start, stop) in zip(found.spans, spans, strict=True):
             assert start - 3 <= own.start < own.stop <= stop + 3  # noise does not begin a press
             assert own.stop - own.start > 0.5 * (stop - start)
-        for cut, (before, after) in zip(found.cuts, zip(spans, spans[1:], strict=False), strict=True):
+        for cut, (before, after) in zip(found.cuts, itertools.pairwise(spans), strict=True):
             assert before[1] - 3 <= cut <= after[0] + 3
 
 

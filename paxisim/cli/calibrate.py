@@ -82,4 +82,4 @@ def _loads(words: tuple[str, ...]) -> tuple[str, ...] | Mapping[str, str]:
         raise InvalidValueError(
             f"--loads takes names, or COMPONENT=NAME for different components, got {' '.join(words)}"
         )
-    return {component: name for component, name in named}
+    return dict(named)
