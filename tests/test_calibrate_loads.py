@@ -120,6 +120,18 @@ def test_channels_unrelated_to_any_load_are_marked():
     assert "not related to any load, set to zero: 2 of 15 channels" in str(readout)
 
 
+def test_a_channel_that_is_never_known_is_unused_and_samples_without_all_others_are_left_out():
+    recording, true = rig()
+    recording.measured[:, 0, 0, 0, 1] = np.nan
+    recording.measured[100:200, 0, 2, 0, 2] = np.nan
+    readout = paxisim.calibrate_readout(recording, NAMES)
+    assert np.argwhere(~readout.used).tolist() == [[0, 0, 0, 1]]
+    np.testing.assert_allclose(readout.gain, true * readout.used, atol=0.01 * np.abs(true).max())
+    recording.measured[5:, 0, 2, 0, 2] = np.nan
+    with pytest.raises(InvalidValueError, match="known together at 5 samples"):
+        paxisim.calibrate_readout(recording, NAMES)
+
+
 def test_the_held_out_error_is_that_of_another_recording():
     recording, true = rig(noise=0.1)
     readout = paxisim.calibrate_readout(recording, NAMES)

@@ -75,18 +75,21 @@ def calibrate_readout(
         raise InvalidValueError("a readout is fitted to the measured tensor, but the recording has none")
     found = find_loads(recording, loads)
     values = values_of(recording, found)
-    known = np.isfinite(values).all(axis=1) & np.isfinite(recording.measured).all(axis=(1, 2, 3, 4))
-    names = ", ".join(repr(load.covariate) for load in found)
+    names = ", ".join(repr(name) for name in dict.fromkeys(load.covariate for load in found))
+    known = np.isfinite(values).all(axis=1)
     if known.sum() < FEW:
         raise InvalidValueError(f"a readout needs a varying load: {names} is known at {int(known.sum())} samples")
-    recording, values = recording[known], values[known]
-    assert recording.measured is not None
+    channels = recording.measured.reshape(len(values), -1).astype(np.float64)
+    channels[:, np.isnan(channels).all(axis=0)] = 0.0  # never known, so no load explains them
+    known &= np.isfinite(channels).all(axis=1)
+    if known.sum() < FEW:
+        raise InvalidValueError(f"load and channels are known together at {int(known.sum())} samples, not {FEW}")
+    recording, values, channels = recording[known], values[known], channels[known]
     excitation = excitation_of(found, values)
     if not excitation.excited.any():
         raise InvalidValueError(
             f"a readout needs a varying load: {names} is known at {len(values)} samples and constant"
         )
-    channels = recording.measured.reshape(len(values), -1).astype(np.float64)
     lagged = Lagged(recording.time, values[:, excitation.excited], channels, recording.episode, degree)
     block = _blocks(recording, values)
     delay = fit_delay(lagged, block, max_delay)

@@ -144,7 +144,11 @@ class Lagged:
         return np.einsum("pk,pkc->kc", np.stack(powers), slopes)
 
     def averaged(self, most: float, block: NDArray[np.intp]) -> Averaged:
-        """The same with both streams averaged over some intervals, at samples that all delays up to `most` leave."""
+        """The same with both streams averaged over some intervals, at samples that all delays up to `most` leave.
+
+        Raises:
+            InvalidValueError: There is no such sample.
+        """
         half = min(max(_AROUND, self._stride / 2) * self.interval, self.usual / 8)
         at, pieces = [], []
         for piece in self.pieces:
@@ -154,6 +158,10 @@ class Lagged:
             if len(own):
                 at.append(own)
                 pieces.append(piece)
+        if not at:
+            raise InvalidValueError(
+                f"the recording is known in stretches of {self.usual:.2g} s only, too few samples to fit a readout to"
+            )
         return Averaged(self, half, pieces, at, block)
 
     def _sums(self, loads: Array, channels: Array, block: NDArray[np.intp], count: int) -> Sums:
@@ -184,7 +192,7 @@ class Averaged:
     ) -> None:
         """Average the channels once for all delays."""
         self._lagged, self._half, self._pieces, self._at = lagged, half, pieces, at
-        self._block = block[np.concatenate(at)] if at else np.zeros(0, dtype=np.intp)
+        self._block = block[np.concatenate(at)]
         self._blocks = int(block.max()) + 1
         self.channels = np.concatenate([self._channels(piece, own) for piece, own in zip(pieces, at, strict=True)])
 

@@ -103,7 +103,6 @@ def _ranges(name: str, values: Any, tensor_unit: str) -> list[str]:
         unit = " (N)" if name == RESULTANT else ""
         return [f"{name.removeprefix('covariate/')}{unit}: {span(values)}{without}"]
     axes = [f"{axis} {span(values[:, :, i])}" for i, axis in enumerate("xyz")]
-    line = f"{name} ({tensor_unit} a taxel): " + ", ".join(axes) + without
-    return (
-        [line] if len(line) <= WIDTH else [f"{name} ({tensor_unit} a taxel){without}:", *(f"  {axis}" for axis in axes)]
-    )
+    head = f"{name} ({tensor_unit} a taxel)"
+    line = f"{head}: " + ", ".join(axes) + without
+    return [line] if len(line) <= WIDTH else [f"{head}{without}:", *(f"  {axis}" for axis in axes)]
