@@ -19,8 +19,9 @@ REST = 0.3
 """Shortest rest (s) at which a recording is cut; a shorter one belongs to the press around it."""
 LEAST = 2.0
 """Shortest episode (s)."""
+FEW = 8
+"""Fewest samples in which presses are looked for."""
 _SHARE_AT_REST = 0.25  # of the peak: levels above are not considered as the rest level
-_FEW = 8  # fewest samples
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,8 +88,8 @@ def find_presses(time: ArrayLike, load: ArrayLike) -> Presses:
         raise InvalidValueError("time must not run back; cut each episode of a recording by itself")
     values = values.reshape(len(at), -1)
     known = np.isfinite(values).all(axis=1)
-    if known.sum() < _FEW:
-        raise InvalidValueError(f"presses are found in at least {_FEW} known samples, got {int(known.sum())}")
+    if known.sum() < FEW:
+        raise InvalidValueError(f"presses are found in at least {FEW} known samples, got {int(known.sum())}")
     size = np.full(len(at), np.nan)
     size[known] = values[known, 0] if values.shape[1] == 1 else _distance(values[known])
     if values.shape[1] == 1 and abs(size[known].min()) > size[known].max():

@@ -147,6 +147,7 @@ def test_a_load_that_does_not_change_is_named_and_left_out():
         readout = paxisim.calibrate_readout(steady, (*NAMES, "Tz"))
     assert readout.excitation.excited.tolist() == [True, True, True, False]
     assert not readout.gain[3].any()
+    assert np.isinf(readout.gain_error[3]).all()
     np.testing.assert_allclose(readout.gain[:3], true, atol=0.01 * np.abs(true).max())
     assert "not excited" in str(readout)
 

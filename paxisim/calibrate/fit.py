@@ -144,7 +144,7 @@ def _readout(
     used = (explained > LEAST) & (variance > 1e-12)
     shape = recording.measured.shape[1:] if recording.measured is not None else ()
     size = len(loads), *shape
-    gain, gain_error = np.zeros((len(loads), used.size)), np.zeros((len(loads), used.size))
+    gain, gain_error = np.zeros((len(loads), used.size)), np.full((len(loads), used.size), np.inf)
     gain[excitation.excited] = lagged.gains(fitted)
     gain_error[excitation.excited] = half_width(np.stack(replicates))
     coefficients = np.zeros((lagged.degree, len(loads), used.size))

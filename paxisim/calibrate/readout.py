@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from paxisim.calibrate.loads import Excitation, Load, values_of
 from paxisim.errors import InvalidValueError
 from paxisim.logs.aligned import episode_spans
-from paxisim.presses import find_presses
+from paxisim.presses import FEW, find_presses
 from paxisim.recording import Recording
 
 LEVER = 0.01
@@ -33,7 +33,7 @@ class Readout:
         offset: ``(pads, 3, rows, cols)`` reading without load, in channel units.
         gain: ``(loads, pads, 3, rows, cols)`` mean slope over the calibration, in channel units per newton (or N m);
             for degree 1 the coefficient itself.
-        gain_error: The same, half widths of 95 % intervals.
+        gain_error: The same, half widths of 95 % intervals; infinite for loads that the data do not excite.
         used: ``(pads, 3, rows, cols)`` whether the loads explain the channel; the others are set to zero.
         delay: Seconds by which the channels follow the loads, one for all; 0 where `delay_interval` holds 0.
         delay_interval: Ends of its 95 % interval (s).
@@ -129,7 +129,7 @@ class Readout:
         assert recording.measured is not None
         values = self._earlier(recording, values)
         episode = recording.episode
-        if len(np.unique(episode)) == 1 and len(recording) >= 8:
+        if len(np.unique(episode)) == 1 and len(recording) >= FEW:
             episode = find_presses(recording.time, values).episode
         taken = {load.covariate for load in self.loads}
         return replace(

@@ -44,11 +44,11 @@ def _loads(readout: Readout) -> list[str]:
 def _channels(readout: Readout) -> list[str]:
     unit = readout.unit or "units"
     count, few = int(readout.used.sum()), len(readout.loads) <= MOST_WITH_ERRORS
-    width = 17 if few else 9
+    width = 17 if few else 10
     lines = [
         f"gains in {unit} per N or N m" + (", ± half widths of 95% intervals" if few else ""),
         f"error: root mean square on held-out data, in {unit}",
-        f"{'channel':13}"
+        f"{'channel':11}"
         + "".join(f"{load.name:>{width}}" for load in readout.loads)
         + f"{'error':>8} {'explained':>9}",
     ]
@@ -58,12 +58,12 @@ def _channels(readout: Readout) -> list[str]:
         at = tuple(int(i) for i in np.unravel_index(flat, readout.used.shape))
         pad, axis, row, col = at
         gains = [
-            f"{gain:.4g} ± {error:.1g}" if few else f"{gain:.3g}"
+            f"{gain:.3g} ±{error:.1g}" if few else f"{gain:.3g}"
             for gain, error in zip(readout.gain[(..., *at)], readout.gain_error[(..., *at)], strict=True)
         ]
         name = f"{pad}: {row},{col} {'xyz'[axis]}"
         lines.append(
-            f"{name:13}"
+            f"{name:11}"
             + "".join(f"{gain:>{width}}" for gain in gains)
             + f"{readout.error[at]:>8.3g} {readout.explained[at]:>9.2%}"
         )

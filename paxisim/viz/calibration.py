@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from paxisim.calibrate.loads import values_of
 from paxisim.calibrate.readout import AXES, Readout
 from paxisim.errors import InvalidValueError, MissingExtraError
-from paxisim.presses import Presses, find_presses
+from paxisim.presses import FEW, Presses, find_presses
 from paxisim.recording import Recording
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ def plot_calibration(readout: Readout, recording: Recording) -> Figure:
     figure = _figure("plot_calibration", (10, 11))
     values = values_of(recording, readout.loads)
     known = np.isfinite(values).all(axis=1)
-    if recording.measured is None or known.sum() < 8:
+    if recording.measured is None or known.sum() < FEW:
         raise InvalidValueError(
             "the picture of a calibration needs the measured tensor and 8 samples with a known load"
         )

@@ -32,7 +32,7 @@ def test_one_command_from_raw_channels_to_a_calibrated_recording(capsys):
     assert [float(word) for word in delay.groups()] == pytest.approx([30, 30, 30], abs=0.5)
     assert "gains in uT per N" in out
     assert sum(line.startswith("0: 0,") for line in out.splitlines()) == 15
-    assert max(map(len, out.splitlines())) <= 82
+    assert max(map(len, out.splitlines())) <= 80
     ready = Recording.load("calibrated.mcap")
     assert (ready.measured - ready.simulated).std() < 0.03 * ready.simulated.std()
     assert len(np.unique(ready.episode)) > 3
