@@ -36,6 +36,7 @@ LEVELS = {
     "sensors": 1,
     "logs": 1,
     "recording": 1.5,
+    "presses": 1.7,
     "models": 2,
     "augment": 2,
     "reference": 2,
