@@ -65,6 +65,7 @@ class Problem:
         phase: The reading nearest to 0 (N); 0 where readings are whole steps.
         directions: What the recorded covariates do without contact.
         peaks: ``(3,)`` as `peak`, of shear for x and y and of normal force; at least a small share of it.
+        calibrated: Whether the channels were calibrated to a load, by `paxisim.calibrate_readout`.
     """
 
     measured: FloatArray
@@ -87,6 +88,7 @@ class Problem:
     owners: tuple[str, ...] = ()
     directions: Directions | None = None
     peaks: FloatArray = field(default_factory=lambda: np.full(3, NOMINAL))
+    calibrated: bool = False
 
     @cached_property
     def weight(self) -> FloatArray:
@@ -213,7 +215,12 @@ class Problem:
 
     @cached_property
     def one_load(self) -> bool:
-        """Whether the simulation says one and the same for all channels, as a load cell's force does."""
+        """Whether the simulation says one and the same for all channels, as a load cell's force does.
+
+        Also if the channels were calibrated to several loads: their gains include all mixing between axes.
+        """
+        if self.calibrated:
+            return True
         loads = self.simulated[:, self.alive]
         return loads.shape[1] > 1 and self.has_contact and bool(np.all(loads == loads[:, :1]))
 
@@ -482,6 +489,7 @@ def problem_of(recording: Recording, tolerance: Tolerance = TOLERANCE) -> Proble
         measured, simulated, recording.time, covariates, episodes, np.ones(1), peak,
         alive, step, 0.0, clips=bool(measured[:, :, 2].min() >= 0),
         least=min(float(simulated.min()), 0.0), phase=phase, peaks=_peaks_of(simulated, peak), directions=directions,
+        calibrated="readout" in recording.metadata,
     )  # fmt: skip
     return with_noise(problem, tolerance)
 

@@ -138,7 +138,8 @@ def diagnosis_of(
     verdict = _verdict(judged.causes, doubts, len(raw.episodes) == 1)
     untestable = {**not_searched, **_not_excited(found, wanted)}
     untestable = {n: why for n, why in untestable.items() if n not in {item.name for item in judged.causes}}
-    warnings = (*warnings, *note, *silent_in_words(~off.judged.alive, recording.pads), *_at_bounds(found))
+    silent = off.raw.alive & ~off.judged.alive
+    warnings = (*warnings, *note, *silent_in_words(silent, recording.pads), *_at_bounds(found))
     return Diagnosis(
         verdict=verdict,
         causes=judged.causes,
