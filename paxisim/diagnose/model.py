@@ -145,11 +145,16 @@ class Model:
         zero = _from_grid(rows, read, start, square) if searched else start
         step = rows.step or 4 * rows.dither or float(np.median(rows.sigma[:, rows.alive]))
         chord = np.clip(NOISE_CHORD * rows.dither, LEAST_CHORD * step, MOST_CHORD * step)
-        for _ in range(TURNS):
-            slope = (read(zero, chord) - read(zero, -chord)) / (2 * chord)
+        most = step / np.maximum(np.abs(rows.curves).max(axis=1), 1.0)[:, None, None, None, None]
+        best, least = zero, np.full(zero.shape[1:], np.inf)
+        for turn in range(TURNS + 1):
             miss = rows.measured - read(zero)
-            zero = zero + np.clip(_amounts(rows.curves, square, slope, miss), -step, step)
-        return zero
+            left = np.einsum("t...,t...->...", square, miss**2)
+            best, least = np.where(left < least, zero, best), np.minimum(left, least)
+            if turn < TURNS:
+                slope = (read(zero, chord) - read(zero, -chord)) / (2 * chord)
+                zero = rows.drawn(zero + np.clip(_amounts(rows.curves, square, slope, miss), -most, most))
+        return best
 
 
 def _over_time(rows: Problem, zero: FloatArray) -> FloatArray:

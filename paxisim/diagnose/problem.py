@@ -140,8 +140,7 @@ class Problem:
         right = self.curves @ (self._square * flat)
         zero = np.einsum("cij,jc->ic", self._inverse, right).reshape(len(self.curves), *self.alive.shape)
         if self.shrink is not None:
-            plane = self.planes(zero)
-            zero = plane + self.shrink * (zero - plane)
+            zero = self.drawn(zero)
             for steady in np.flatnonzero(np.ptp(self.curves, axis=1) == 0):  # the constant, given the others
                 normal = np.einsum("it,tc->ic", self.curves[steady] * self.curves, self._square)
                 others = np.sum(normal * zero.reshape(len(zero), -1), axis=0) - normal[steady] * zero[steady].ravel()
@@ -158,6 +157,13 @@ class Problem:
         """``(..., pads, 3, rows, cols)`` the planes through values of each pad's axis."""
         flat = values.reshape(*values.shape[:-2], -1)
         return np.einsum("pkij,...pkj->...pki", self._onto_planes, flat, optimize=True).reshape(values.shape)
+
+    def drawn(self, amounts: FloatArray) -> FloatArray:
+        """Amounts of the curves, drawn to planes by `shrink`."""
+        if self.shrink is None:
+            return amounts
+        plane = self.planes(amounts)
+        return plane + self.shrink * (amounts - plane)
 
     def curves_owned_by(self, name: str) -> list[int]:
         """The numbers of a cause's curves."""
