@@ -151,7 +151,11 @@ class Problem:
     @cached_property
     def _onto_planes(self) -> FloatArray:
         """``(pads, 3, taxels, taxels)`` from values of a pad's axis to the plane through those that take part."""
-        return onto_planes(self.alive)
+        pads, axes, rows, cols = self.alive.shape
+        row, col = np.meshgrid(np.arange(rows) - (rows - 1) / 2, np.arange(cols) - (cols - 1) / 2, indexing="ij")
+        plane = np.stack([np.ones(rows * cols), row.ravel(), col.ravel()], axis=1)
+        alive = self.alive.reshape(pads, axes, -1)
+        return plane @ np.linalg.pinv(plane * alive[..., None]) * alive[..., None, :]
 
     def planes(self, values: FloatArray) -> FloatArray:
         """``(..., pads, 3, rows, cols)`` the planes through values of each pad's axis."""
@@ -170,12 +174,7 @@ class Problem:
         return [number for number, owner in enumerate(self.owners) if owner == name]
 
     def means_where_told(self, values: FloatArray, piece: float = np.inf) -> FloatArray:
-        """Means of ``(T, ...)`` values where the zero is told, of the episodes that tell it.
-
-        Args:
-            values: What to take the mean of.
-            piece: Seconds after which an episode is cut into pieces that each have a mean.
-        """
+        """Means of ``(T, ...)`` values where the zero is told, of each episode or piece of so many seconds of one."""
         most = max(LEAST_TOLD, int(min(piece / self.interval, len(self.time))))
         pieces = [
             part
@@ -451,15 +450,6 @@ def _peaks_of(simulated: NDArray[np.floating], peak: float) -> FloatArray:
     by_axis = np.quantile(np.abs(simulated).max(axis=(1, 3, 4)), 0.995, axis=0)
     by_axis[:2] = by_axis[:2].max()
     return np.maximum(by_axis, LEAST_PEAK * peak)
-
-
-def onto_planes(alive: NDArray[np.bool_]) -> FloatArray:
-    """``(pads, 3, taxels, taxels)`` from values of a pad's axis to the plane through those that are `alive`."""
-    rows, cols = alive.shape[2:]
-    row, col = np.meshgrid(np.arange(rows) - (rows - 1) / 2, np.arange(cols) - (cols - 1) / 2, indexing="ij")
-    plane = np.stack([np.ones(rows * cols), row.ravel(), col.ravel()], axis=1)
-    seen = plane * alive.reshape(*alive.shape[:2], -1, 1)
-    return plane @ np.linalg.pinv(seen) * alive.reshape(*alive.shape[:2], 1, -1)
 
 
 def showing(gain: FloatArray) -> NDArray[np.bool_]:
