@@ -19,6 +19,7 @@ from paxisim.diagnose.report.style import (
 )
 
 _LABELS = {"gripper_opening": ("gripper opening, mm", 1e3), "temperature": ("temperature, °C", 1.0)}
+_KNOWN = {label for label, _ in _LABELS.values()}
 
 
 def covariate(effect: Effect) -> list[Picture]:
@@ -50,10 +51,11 @@ def _against(effect: Effect, pad: int, axis: int, x: Series, frames: NDArray[np.
     axes.set_xlabel(f"{label} (pads unloaded)")
     axes.set_ylabel(f"{AXES[axis]} reading, N per taxel")
     swing = float(adds.max() - adds.min())
+    what = f"the {label.split(',')[0]}" if label in _KNOWN else label
     place = f"{effect.streams.pad(pad)}, {AXES[axis]}"
     return finish(
         figure,
-        f"With no contact, {place} changes by {swing:.2g} N with the {label.split(',')[0]}",
+        f"With no contact, {place} changes by {swing:.2g} N with {what}",
         f"Mean reading of {place} at rest against {label}. The points follow the curve of the model with "
         f"{effect.cause.name}, which spans {swing:.3g} N.",
     )
