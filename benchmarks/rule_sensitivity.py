@@ -8,7 +8,7 @@ many singles and pairs are named exactly and how many nulls have a false name, w
 rate, and which rate has left the interval that it has with the constants as they are.
 
 The black box, which names nothing, is left out. All rows with 74 cases take some ten hours of processor time; ``--only
-material agreement`` makes a few of them, ``--list`` names them.
+material consistency`` makes a few of them, ``--list`` names them.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from paxisim.diagnose.run import diagnosis_of
 KINDS = {"single": "exact singles", "pair": "exact pairs", "null": "false names in nulls"}
 BASELINE = "as they are"
 OF_CAUSES = ("misfit", "price")
-SHARES = frozenset({"agreement", "explains", "lone", "near_miss", "promise", "tie"})
+SHARES = frozenset({"consistency", "explains", "lone", "near_miss", "promise", "tie"})
 """Rules that are shares: at 1 they would ask for all there is, or for more."""
 MOST_SHARE = 0.99
 LEAST = {"folds": 2, "few_episodes": 2, "contest": 1, "pairs": 0, "most": 1}

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from paxisim.augment.gcs import GCS as GCS
     from paxisim.augment.history import History as History
     from paxisim.bump import GaussianBump as GaussianBump
-    from paxisim.calibrate import Readout as Readout
-    from paxisim.calibrate import calibrate_readout as calibrate_readout
+    from paxisim.calibrate.fit import calibrate_readout as calibrate_readout
+    from paxisim.calibrate.readout import Readout as Readout
     from paxisim.errors import DeviceError as DeviceError
     from paxisim.errors import DeviceTimeoutError as DeviceTimeoutError
     from paxisim.errors import InvalidValueError as InvalidValueError
@@ -63,6 +63,8 @@ if TYPE_CHECKING:
     from paxisim.models.surface import flat as flat
     from paxisim.models.surface import measured as measured
     from paxisim.models.touch_grid import TouchGridReadout as TouchGridReadout
+    from paxisim.presses import Presses as Presses
+    from paxisim.presses import find_presses as find_presses
     from paxisim.recording import Recording as Recording
     from paxisim.scene.agreement import Agreement as Agreement
     from paxisim.scene.agreement import compare_streams as compare_streams
@@ -72,6 +74,8 @@ if TYPE_CHECKING:
     from paxisim.sensors import Sensor as Sensor
     from paxisim.sensors import known_sensors as known_sensors
     from paxisim.sensors import sensor as sensor
+    from paxisim.viz.calibration import plot_calibration as plot_calibration
+    from paxisim.viz.calibration import plot_presses as plot_presses
     from paxisim.viz.mounts import plot_mounts as plot_mounts
     from paxisim.viz.plot import plot_pads as plot_pads
     from paxisim.viz.plot import plot_tactile as plot_tactile
@@ -84,7 +88,8 @@ _HOMES = {
     "paxisim.augment.gcs": ("GCS",),
     "paxisim.augment.history": ("History",),
     "paxisim.bump": ("GaussianBump",),
-    "paxisim.calibrate": ("Readout", "calibrate_readout"),
+    "paxisim.calibrate.fit": ("calibrate_readout",),
+    "paxisim.calibrate.readout": ("Readout",),
     "paxisim.errors": (
         "DeviceError",
         "DeviceTimeoutError",
@@ -115,11 +120,13 @@ _HOMES = {
     "paxisim.models.readout": ("TactileReadout",),
     "paxisim.models.surface": ("conform", "flat", "measured"),
     "paxisim.models.touch_grid": ("TouchGridReadout",),
+    "paxisim.presses": ("Presses", "find_presses"),
     "paxisim.recording": ("Recording",),
     "paxisim.scene.agreement": ("Agreement", "compare_streams"),
     "paxisim.scene.drive": ("Drive", "ObjectStart"),
     "paxisim.scene.scene": ("Scene",),
     "paxisim.sensors": ("Sensor", "known_sensors", "sensor"),
+    "paxisim.viz.calibration": ("plot_calibration", "plot_presses"),
     "paxisim.viz.mounts": ("plot_mounts",),
     "paxisim.viz.plot": ("plot_pads", "plot_tactile"),
     "paxisim.viz.quality": ("plot_quality",),

@@ -132,7 +132,7 @@ class Recording:
         episodes: Iterable[int] | None = None,
         *,
         pads: str | Iterable[str] | None = None,
-        covariates: Iterable[str] | None = None,
+        covariates: str | Iterable[str] | None = None,
         known: bool = False,
     ) -> Recording:
         """A part of the recording: some of its episodes, pads or covariates.
@@ -141,7 +141,7 @@ class Recording:
             episodes: Numbers of the episodes to keep; their order stays that of the recording. Default: all.
             pads: Names of the pads to keep, in this order. The covariate ``resultant`` follows them, where it has a
                 row a pad. Default: all.
-            covariates: Names of the covariates to keep. Default: all.
+            covariates: Names of the covariates to keep; none, if it is empty. Default: all.
             known: Keep only the samples at which no tensor and no covariate that is kept has a NaN.
 
         Raises:
@@ -250,15 +250,17 @@ class Recording:
         layout: TaxelLayout | None = None,
         pads: Iterable[str] | None = None,
         profile: CountsToForce | None = None,
+        streams: str | Path | Iterable[str | Path] = (),
     ) -> Recording:
-        """Read an MCAP, npz or CSV file and bring its streams onto one time axis, that of the measured tensors.
+        """Read a file and bring its streams onto one time axis, that of the measured tensors.
 
         An MCAP file is read as far as it is whole, so one that ends in a crash loads as well. Where it has no measured
         tensors, the simulated ones give the time axis. A stream that has these very times is taken as it is; any
         other is interpolated between its own neighbouring samples, never beyond its first and last.
 
         Args:
-            path: The file: ``.mcap``, ``.npz``, or ``.csv`` as `paxisim.logs.csv` describes.
+            path: The file: ``.mcap``, ``.npz``, ``.csv`` (`paxisim.logs.csv`), ``.parquet`` (`paxisim.logs.parquet`) or
+                ``.hdf5`` of robosuite or robomimic (`paxisim.logs.hdf5`).
             align: How streams at other times are interpolated: ``"linear"``, ``"nearest"`` or ``"previous"`` (the last
                 value holds, as a command does); for all of them, or by name (``"simulated"`` or a covariate's name).
             max_gap: Where the neighbouring samples of a stream are further apart than this (s), it is not known.
@@ -271,9 +273,14 @@ class Recording:
             pads: Only these pads, in this order, by their names in the file.
             profile: How counts in a board's CSV become newtons, as `paxisim.hw.profile.load_profile` gives it; the
                 default is 0.1 N a count with no axis turned. Says the layout as well.
+            streams: Files whose streams of numbers, such as joint positions, are added as covariates: MCAP of ROS 2 or
+                with JSON (`paxisim.logs.mcap_joints`), CSV, Parquet, HDF5. `paxisim.logs.add_streams` says how their
+                time and the recording's belong together.
 
         Raises:
-            InvalidValueError: Not such a file; no tensors in it; measured and simulated do not overlap in time.
+            InvalidValueError: Not such a file; no tensors in it; measured and simulated, or the recording and a file of
+                `streams`, do not overlap in time.
+            MissingExtraError: What reads such a file is not installed.
             FileNotFoundError: There is no such file.
         """
         from paxisim.logs.load import load_aligned
@@ -281,7 +288,16 @@ class Recording:
         if missing not in ("nan", "drop"):
             raise InvalidValueError(f"missing must be 'nan' or 'drop', got {missing!r}")
         wanted = None if pads is None else (pads,) if isinstance(pads, str) else tuple(pads)
-        found = load_aligned(Path(path), align=align, max_gap=max_gap, layout=layout, pads=wanted, profile=profile)
+        others = [streams] if isinstance(streams, (str, Path)) else streams
+        found = load_aligned(
+            Path(path),
+            align=align,
+            max_gap=max_gap,
+            layout=layout,
+            pads=wanted,
+            profile=profile,
+            streams=[Path(other) for other in others],
+        )
         try:
             whole = cls(**vars(found))
         except InvalidValueError as error:

@@ -12,7 +12,19 @@ import paxisim
 
 PACKAGE = Path(paxisim.__file__).parent
 # what is heavy or optional; what a name needs is imported when that name is first used
-OPTIONAL = {"torch", "serial", "matplotlib", "trimesh", "robosuite", "pyarrow", "rerun", "paxini_sdk", "jinja2"}
+OPTIONAL = {
+    "torch",
+    "serial",
+    "matplotlib",
+    "trimesh",
+    "robosuite",
+    "pyarrow",
+    "rerun",
+    "paxini_sdk",
+    "jinja2",
+    "h5py",
+    "mcap_ros2",
+}
 HEAVY = OPTIONAL | {"mujoco", "numpy", "scipy", "lxml", "tyro", "mcap", "orjson"}
 
 # imports run one way, towards the lower number; parts with the same number do not import one another
@@ -24,6 +36,7 @@ LEVELS = {
     "sensors": 1,
     "logs": 1,
     "recording": 1.5,
+    "presses": 1.7,
     "models": 2,
     "augment": 2,
     "reference": 2,

@@ -137,6 +137,7 @@ def test_select_takes_episodes_pads_covariates_and_what_is_known():
     np.testing.assert_array_equal(part.covariates["resultant"], FORCE.sum((3, 4))[3:, 1:])
     assert (part.pads, list(part.covariates)) == (("right",), ["resultant"])
     assert recording.select(pads="left").pads == ("left",)
+    assert list(recording.select(covariates="opening").covariates) == ["opening"]
     assert_same(recording.select(), recording)
     holed = recording.with_covariate("opening", [0, np.nan, 2, 3, 4])
     assert holed.select(known=True).time.tolist() == [0.0, 0.2, 0.0, 0.1]

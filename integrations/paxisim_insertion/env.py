@@ -62,6 +62,7 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         task: str = "SX-2mm",
         method: str = "GCS",
         *,
+        gcs: paxisim.GCS | None = None,
         sensor: paxisim.Chain | None = None,
         parameters: Parameters | None = None,
         terminate_on_success: bool = False,
@@ -72,17 +73,21 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         Args:
             task: Name of a task.
             method: Name of a method.
-            sensor: A surrogate of a real sensor: the simulator's readings pass through it, in place of what the
-                method draws for its episodes; the surface stays flat.
+            gcs: What is drawn for each episode, such as ``paxisim.GCS.around(diagnosis.model, diagnosis.intervals)``.
+                Default: what the method draws.
+            sensor: A surrogate of a real sensor: the simulator's readings pass through it, in place of what is drawn
+                for each episode; the surface stays flat.
             parameters: What the paper leaves open.
             terminate_on_success: End the episode with the first success, as an evaluation may.
             render_mode: ``"rgb_array"`` or None.
 
         Raises:
             UnknownNameError: There is no such task or method.
-            InvalidValueError: Another render mode.
+            InvalidValueError: Another render mode, or chains that do not fit the pads or need another covariate than
+                ``gripper_opening`` (m).
         """
         self.task, self.method = find_task(task), find_method(method)
+        self.gcs = self.method.gcs if gcs is None else gcs
         if render_mode not in (None, "rgb_array"):
             raise paxisim.InvalidValueError(f"render_mode must be None or 'rgb_array', got {render_mode!r}")
         self.parameters = parameters or Parameters()
@@ -97,7 +102,7 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         if shape[0]:
             entries["tactile"] = spaces.Box(-LARGEST_FORCE, LARGEST_FORCE, shape, np.float32)
         frame = (self._pads, 3, self._layout.rows, self._layout.cols)
-        if self.method.gcs is not None:
+        if self.gcs is not None:
             entries[RAW] = spaces.Box(-LARGEST_FORCE, LARGEST_FORCE, frame, np.float32)
         self.observation_space: Any = spaces.Dict(entries)
         self.action_space = spaces.Box(-1.0, 1.0, (len(self.task.axes),), np.float32)
@@ -108,6 +113,18 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         self._steps, self._succeeded = 0, False
         self._raw = self._force = np.zeros(frame, dtype=np.float32)
         self._renderer: mujoco.Renderer | None = None
+        self._check_chains()
+
+    @property
+    def _draw(self) -> paxisim.GCS:
+        """What surfaces, and chains where there is no sensor, are drawn from."""
+        gcs = self.gcs if self.sensor is None else None
+        return gcs or paxisim.GCS(geometry=False, convolution=False, scaling=False)
+
+    def _check_chains(self) -> None:
+        chain = self.sensor or self._draw.sample(np.random.default_rng(0), layout=self._layout, pads=self._pads)
+        force = np.zeros_like(self._raw)
+        chain.step(force, chain.initial_state(force, self._covariates()), CONTROL_DT, self._covariates())
 
     @property
     def history(self) -> paxisim.History:
@@ -133,8 +150,7 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         low, high = self.parameters.start
         bottom = rng.uniform(low, high)
         grasp = rng.uniform(-1, 1, 2) * self.parameters.grasp_offset
-        gcs = self.method.gcs if self.sensor is None else None
-        draw = gcs or paxisim.GCS(geometry=False, convolution=False, scaling=False)
+        draw = self._draw
         surface = draw.sample_surface(rng, layout=self._layout, pads=self._pads)
         self._chain = self.sensor or draw.sample(rng, layout=self._layout, pads=self._pads)
         self.scene.place(bottom, grasp, surface)

@@ -41,7 +41,7 @@ def evaluate(
         raise paxisim.InvalidValueError(f"expected at least one trial, got {trials}")
     this = Run.open(run, other_versions=other_versions)
     chain = None if sensor is None else paxisim.Chain.load(sensor)
-    env = InsertionEnv(this.task, this.method, sensor=chain, parameters=this.parameters, terminate_on_success=True)
+    env = this.insertion_env(sensor=chain, terminate_on_success=True)
     try:
         trained = this.policy(env)
         successes = sum(succeeds(env, trained, FIRST_SEED + trial) for trial in range(trials))
@@ -55,10 +55,11 @@ def evaluate(
         "envs": this.envs,
         "redraw": this.redraw,
         "parameters": asdict(this.parameters),
+        "model": [] if this.diagnosis is None else list(this.diagnosis.model.names),
     }
-    result = Result(this.task, this.method, name, this.seed, trials, successes / trials, interval, versions(), training)
+    result = Result(this.task, this.name, name, this.seed, trials, successes / trials, interval, versions(), training)
     path = result.save(out)
-    print(f"{this.task} {this.method} {name}: {successes} of {trials}, {interval[0]:.2f} to {interval[1]:.2f}; {path}")
+    print(f"{this.task} {this.name} {name}: {successes} of {trials}, {interval[0]:.2f} to {interval[1]:.2f}; {path}")
 
 
 def succeeds(env: InsertionEnv, trained: Trained, seed: int) -> bool:

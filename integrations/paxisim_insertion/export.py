@@ -8,7 +8,6 @@ from pathlib import Path
 
 import paxisim
 
-from .env import InsertionEnv
 from .run import Run
 from .shell import command
 
@@ -24,7 +23,7 @@ def export(run: Path, *, out: Path, other_versions: bool = False) -> None:
     this = Run.open(run, other_versions=other_versions)
     if out.exists():
         raise paxisim.OutputExistsError(f"{out} exists already: name another")
-    env = InsertionEnv(this.task, this.method, parameters=this.parameters)
+    env = this.insertion_env()
     try:
         trained = this.policy(env)
     finally:

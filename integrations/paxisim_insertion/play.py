@@ -50,7 +50,7 @@ def play(
         env = InsertionEnv(task, "GCS", **shown)
     else:
         this = Run.open(run, other_versions=other_versions)
-        env = InsertionEnv(this.task, this.method, parameters=this.parameters, **shown)
+        env = this.insertion_env(**shown)
         trained = this.policy(env)
     observation, info = env.reset(seed=seed)
     film = None

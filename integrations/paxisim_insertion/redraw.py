@@ -10,6 +10,17 @@ from numpy.typing import NDArray
 import paxisim
 
 
+def can_redraw(gcs: paxisim.GCS | None) -> bool:
+    """Whether its chains can be drawn anew for a few frames.
+
+    Not so if they remember what was before those, as with creep, or need covariates, which the buffer does not keep.
+    """
+    if gcs is None:
+        return False
+    chain = gcs.sample(np.random.default_rng(0))
+    return not chain.has_memory and not chain.covariate_names
+
+
 class Redraw:
     """Convolution and scaling drawn anew for each sample, one draw for all of its frames.
 

@@ -59,6 +59,8 @@ class Run:
         reward_scale: What the reward is multiplied by, see `REWARD_SCALE`.
         redraw: Draw GCS anew for each sample of the replay buffer too, see `Redraw`; the paper draws once an episode.
         parameters: What the paper leaves open.
+        diagnosis: What was found of a sensor, whose model is drawn within its intervals for each episode, in place of
+            what the method draws.
     """
 
     folder: Path
@@ -70,6 +72,19 @@ class Run:
     reward_scale: float = REWARD_SCALE
     redraw: bool = True
     parameters: Parameters = Parameters()  # noqa: RUF009 - frozen
+    diagnosis: paxisim.diagnose.Diagnosis | None = None
+
+    @property
+    def gcs(self) -> paxisim.GCS | None:
+        """What is drawn for each episode."""
+        if self.diagnosis is None:
+            return find_method(self.method).gcs
+        return paxisim.GCS.around(self.diagnosis.model, self.diagnosis.intervals)
+
+    @property
+    def name(self) -> str:
+        """The method's name, and whether a fitted model takes the place of what it draws."""
+        return self.method if self.diagnosis is None else f"{self.method} fitted"
 
     @property
     def model_path(self) -> Path:
@@ -109,7 +124,9 @@ class Run:
             made_with = found.pop("versions")
             values = found.pop("parameters")
             values = {key: _tuples(value) for key, value in values.items()}
-            run = cls(folder, parameters=Parameters(**values), **found)
+            told = found.pop("diagnosis", None)
+            diagnosis = None if told is None else paxisim.diagnose.Diagnosis.from_json(json.dumps(told))
+            run = cls(folder, parameters=Parameters(**values), diagnosis=diagnosis, **found)
         except (ValueError, TypeError, KeyError) as error:
             raise paxisim.InvalidValueError(f"{path} is not a run of this version: {error}") from error
         here = versions()
@@ -127,9 +144,13 @@ class Run:
         """
         return int(np.random.SeedSequence([self.seed, steps]).generate_state(1)[0])
 
+    def insertion_env(self, **options: Any) -> InsertionEnv:
+        """The run's environment as it is, with more options of `InsertionEnv`."""
+        return InsertionEnv(self.task, self.method, gcs=self.gcs, parameters=self.parameters, **options)
+
     def make_env(self, index: int = 0) -> Env:
         """One of the run's environments, seeded; what it logs is not scaled."""
-        env = InsertionEnv(self.task, self.method, parameters=self.parameters)
+        env = self.insertion_env()
         env.reset(seed=self.seed * 1000 + index)
         return TransformReward(
             Monitor(env, info_keywords=("is_success",)), lambda reward: self.reward_scale * float(reward)
@@ -191,14 +212,15 @@ class Run:
         os.replace(new, self.model_path)
 
     def _redraw(self, env: VecEnv) -> Redraw | None:
-        gcs = find_method(self.method).gcs
+        gcs = self.gcs
         if not self.redraw or gcs is None:
             return None
         return Redraw(gcs, env.get_attr("history")[0].encoding, env.get_attr("layout")[0], self.seed)
 
     def _identity(self) -> dict[str, Any]:
         own = {name: getattr(self, name) for name in _FIELDS}
-        return {**own, "parameters": asdict(self.parameters)}
+        found = None if self.diagnosis is None else json.loads(self.diagnosis.to_json())
+        return {**own, "parameters": asdict(self.parameters), "diagnosis": found}
 
 
 def _tuples(value: Any) -> Any:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,9 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import configure
 from stable_baselines3.common.utils import set_random_seed
 
-from .methods import find_method
+import paxisim
+
+from .redraw import can_redraw
 from .run import BUFFER, Run
 from .shell import command
 from .tasks import Parameters
@@ -32,6 +35,7 @@ def train(
     other_versions: bool = False,
     save_every: float = 30.0,
     buffer: int = BUFFER,
+    model: Path | None = None,
     redraw: bool = True,
     parameters: Parameters = PARAMETERS,
     threads: int = 1,
@@ -51,36 +55,61 @@ def train(
         other_versions: Go on although the software's versions are not the run's.
         save_every: Seconds between two saved models; of what was experienced nothing is lost.
         buffer: Transitions in the replay buffer.
-        redraw: Draw GCS anew for each sample of the replay buffer too; the paper draws once an episode.
+        model: Folder of a diagnosis of a sensor, as paxisim diagnose writes it. Its model, drawn within its intervals,
+            takes the place of what the method draws for each episode.
+        redraw: Draw GCS anew for each sample of the replay buffer too; the paper draws once an episode. A model with
+            memory, such as creep, or that needs the gripper's opening is drawn once an episode in any case.
         parameters: What the paper leaves open.
         threads: Threads of torch.
         device: Torch's device.
     """
-    folder = out or Path("runs") / f"{task}_{method}_{seed}".replace(" ", "-").replace("/", "")
+    name = f"{task}_{method}_{seed}" + ("" if model is None else "_fitted")
+    folder = out or Path("runs") / name.replace(" ", "-").replace("/", "")
     if resume:
         run = Run.open(folder, other_versions=other_versions)
     else:
-        draws = redraw and find_method(method).gcs is not None
-        run = Run(folder, task, method, seed, envs, buffer, redraw=draws, parameters=parameters)
+        found = None if model is None else load_diagnosis(model)
+        run = Run(folder, task, method, seed, envs, buffer, parameters=parameters, diagnosis=found)
+        run = replace(run, redraw=redraw and can_redraw(run.gcs))
+        if found is not None:
+            run.insertion_env().close()  # says what does not fit before there is a folder
         run.create()
     torch.set_num_threads(threads)
     env = run.make_envs()
     try:
-        model = run.model(env, device)
-        done = model.num_timesteps
+        sac = run.model(env, device)
+        done = sac.num_timesteps
         # other episodes than those before the end that it is resumed from
         start = run.seed_after(done)
         set_random_seed(start)
         env.seed(start)
-        model.set_logger(configure(str(folder / f"log_{done}"), ["csv", "tensorboard"]))
-        print(f"{run.task} {run.method} seed {run.seed}: {done} of {steps} steps done, in {folder}", flush=True)
+        sac.set_logger(configure(str(folder / f"log_{done}"), ["csv", "tensorboard"]))
+        print(f"{run.task} {run.name} seed {run.seed}: {done} of {steps} steps done, in {folder}", flush=True)
         if done < steps:
             progress = Progress(run, steps, save_every)
-            model.learn(steps - done, callback=progress, reset_num_timesteps=False, log_interval=10)
-        run.save(model)
-        model.logger.close()
+            sac.learn(steps - done, callback=progress, reset_num_timesteps=False, log_interval=10)
+        run.save(sac)
+        sac.logger.close()
     finally:
         env.close()
+
+
+def load_diagnosis(folder: Path) -> paxisim.diagnose.Diagnosis:
+    """The diagnosis in a folder, which must have a model.
+
+    Raises:
+        InvalidValueError: It is no folder, or the diagnosis names no cause.
+        FileNotFoundError: There is no diagnosis in it.
+    """
+    if folder.is_file():
+        raise paxisim.InvalidValueError(f"expected the folder of a diagnosis, got the file {folder}")
+    found = paxisim.diagnose.Diagnosis.load(folder)
+    if not len(found.model):
+        raise paxisim.InvalidValueError(
+            f"the diagnosis in {folder} names no cause (its verdict is {found.verdict}), so there is no model to train "
+            "on: leave out --model"
+        )
+    return found
 
 
 class Progress(BaseCallback):

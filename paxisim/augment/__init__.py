@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from paxisim.augment.axis_coupling import AxisCoupling as AxisCoupling
     from paxisim.augment.chain import Chain as Chain
     from paxisim.augment.channel_curve import ChannelCurve as ChannelCurve
+    from paxisim.augment.covariate_field import CovariateField as CovariateField
     from paxisim.augment.creep import Creep as Creep
     from paxisim.augment.crosstalk import Crosstalk as Crosstalk
     from paxisim.augment.dead_band import DeadBand as DeadBand
@@ -63,6 +64,7 @@ _HOMES = {
     "paxisim.augment.axis_coupling": ("AxisCoupling",),
     "paxisim.augment.chain": ("Chain",),
     "paxisim.augment.channel_curve": ("ChannelCurve",),
+    "paxisim.augment.covariate_field": ("CovariateField",),
     "paxisim.augment.creep": ("Creep",),
     "paxisim.augment.crosstalk": ("Crosstalk",),
     "paxisim.augment.dead_band": ("DeadBand",),

@@ -128,7 +128,7 @@ class Transform:
         Args:
             x: ``(time, *batch, pads, 3, rows, cols)`` newtons.
             time: ``(time,)`` seconds, not decreasing.
-            covariates: Sequences by name, ``(time, ...)`` each.
+            covariates: Sequences by name, ``(time, ...)`` each; those that it does not need do not matter.
 
         Returns:
             The same shape, kind and dtype, with the parameters' batch after time where `x` has none; to float
@@ -140,7 +140,9 @@ class Transform:
         xp = namespace(x)
         steps = self._time_steps(x, time)
         self._check_frame(x[0])
-        series = {name: as_like(values, x) for name, values in (covariates or {}).items()}
+        given = covariates or {}
+        found = {name: self._covariate(name, given) for name in self.covariate_names}
+        series = {name: as_like(values, x) for name, values in found.items() if values is not None}
         for name, values in series.items():
             if values.ndim < 1 or values.shape[0] != x.shape[0]:
                 raise InvalidValueError(
@@ -214,19 +216,33 @@ class Transform:
     def fit_covariate(self, name: str, covariates: Covariates, x: Any) -> Any:
         """Covariate `name` as an array that broadcasts against frame `x`.
 
+        Args:
+            name: Its name, or ``"joints[3]"`` for number 3 of the last dimension of the covariate ``"joints"``.
+            covariates: Values by name.
+            x: The frame.
+
         Raises:
             InvalidValueError: It is missing, or its shape and that of `x` do not broadcast.
         """
-        if name not in covariates:
+        values = self._covariate(name, covariates)
+        if values is None:
             have = ", ".join(covariates) or "none"
             raise InvalidValueError(f"{self.name} needs the covariate {name!r}; there is {have}")
-        lifted = lift(covariates[name], "", x)
+        lifted = lift(values, "", x)
         if not _fits(lifted.shape, x.shape):
             raise InvalidValueError(
-                f"{self.name}: the covariate {name!r} of shape {tuple(np.shape(covariates[name]))} does not fit a "
+                f"{self.name}: the covariate {name!r} of shape {tuple(np.shape(values))} does not fit a "
                 f"tensor of shape {tuple(x.shape)}"
             )
         return lifted
+
+    def _covariate(self, name: str, covariates: Covariates) -> Any:
+        """The values of a covariate, or of one number of it; None if there is none."""
+        whole, bracket, number = name.removesuffix("]").rpartition("[")
+        if name in covariates or not (bracket and number.isdigit() and whole in covariates):
+            return covariates.get(name)
+        values = covariates[whole]
+        return values[..., int(number)] if int(number) < (np.shape(values) or (0,))[-1] else None
 
     def _check_frame(self, x: Any) -> None:
         shape = tuple(getattr(x, "shape", ()))

@@ -17,6 +17,7 @@ import tyro
 
 from paxisim._version import __version__
 from paxisim.cli.attach import attach
+from paxisim.cli.calibrate import calibrate
 from paxisim.cli.convert import convert
 from paxisim.cli.demo import demo
 from paxisim.cli.diagnose import diagnose
@@ -43,6 +44,7 @@ VERBS = {
     "info": info,
     "convert": convert,
     "live": live,
+    "calibrate": calibrate,
     "replay": replay,
     "diagnose": diagnose,
 }

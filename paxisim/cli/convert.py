@@ -19,6 +19,7 @@ def convert(
     missing: Literal["nan", "drop"] = "nan",
     profile: str | None = None,
     pads: tuple[str, ...] = (),
+    streams: tuple[Path, ...] = (),
     force: bool = False,
 ) -> None:
     """Write a recording as Parquet, npz or MCAP, by the suffix of the output.
@@ -30,13 +31,17 @@ def convert(
 
     paxisim convert press.mcap press.parquet
 
+    paxisim convert press.mcap paired.mcap --streams joints.mcap
+
     Args:
-        recording: An .mcap or .npz file, or a board's or a plain .csv.
+        recording: An .mcap, .npz, .parquet or .hdf5 file (robosuite, robomimic), or a board's or a plain .csv.
         output: The file to write: .parquet, .npz or .mcap.
         align: How streams at other times are interpolated.
         missing: Where a stream is not known: write NaN, or leave the sample out.
         profile: For a board's CSV: the sensor's profile, by its name or file; it says the taxels' order and signs.
         pads: Only these pads, by their names in the file.
+        streams: Files with more streams of the same motion, such as joint positions: an .mcap of ROS 2 or with JSON,
+            a .csv, LeRobot's .parquet, an .hdf5.
         force: Overwrite the output if it exists.
     """
     from paxisim.errors import InvalidValueError
@@ -55,7 +60,7 @@ def convert(
 
         known = load_profile(profile)
     progress(f"reading {recording}")
-    loaded = Recording.load(recording, align=align, missing=missing, profile=known, pads=pads or None)
+    loaded = Recording.load(recording, align=align, missing=missing, profile=known, pads=pads or None, streams=streams)
     progress(f"writing {output}")
     if output.suffix.lower() == ".parquet":
         from paxisim.logs.parquet import write_parquet

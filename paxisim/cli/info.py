@@ -22,7 +22,7 @@ def info(recording: Annotated[Path, tyro.conf.Positional]) -> None:
     """Describe a recording: its streams, rates, gaps, episodes, ranges and pads.
 
     Args:
-        recording: An .mcap or .npz file, or a board's or a plain .csv.
+        recording: An .mcap, .npz, .parquet or .hdf5 file (robosuite, robomimic), or a board's or a plain .csv.
     """
     from paxisim.logs.align import describe_bursts
     from paxisim.logs.describe import HEADER, describe_episodes, describe_stream
@@ -47,7 +47,7 @@ def info(recording: Annotated[Path, tyro.conf.Positional]) -> None:
             print(textwrap.fill(said, WIDTH, subsequent_indent="  "))
     print()
     for name, stream in streams.items():
-        for line in _ranges(name, stream.values):
+        for line in _ranges(name, stream.values, str(log.metadata.get("unit") or "N")):
             print(textwrap.fill(line, WIDTH, subsequent_indent="  "))
     if "episode" in log.streams:
         print()
@@ -87,7 +87,7 @@ def _about(log: Log) -> list[str]:
     return lines + [f"{name}: {value}" for name, value in metadata.items() if value not in (None, "", [], {})]
 
 
-def _ranges(name: str, values: Any) -> list[str]:
+def _ranges(name: str, values: Any, tensor_unit: str) -> list[str]:
     """The least and greatest value, of a tactile stream for each pad and axis."""
     import numpy as np
 
@@ -103,5 +103,6 @@ def _ranges(name: str, values: Any) -> list[str]:
         unit = " (N)" if name == RESULTANT else ""
         return [f"{name.removeprefix('covariate/')}{unit}: {span(values)}{without}"]
     axes = [f"{axis} {span(values[:, :, i])}" for i, axis in enumerate("xyz")]
-    line = f"{name} (N a taxel): " + ", ".join(axes) + without
-    return [line] if len(line) <= WIDTH else [f"{name} (N a taxel){without}:", *(f"  {axis}" for axis in axes)]
+    head = f"{name} ({tensor_unit} a taxel)"
+    line = f"{head}: " + ", ".join(axes) + without
+    return [line] if len(line) <= WIDTH else [f"{head}{without}:", *(f"  {axis}" for axis in axes)]

@@ -17,7 +17,7 @@ MOTIONS: Mapping[str, str] = {
         "tap quickly, then swing the force with a rising frequency; a delay keeps the amplitude of the swings, a "
         "filter reduces it"
     ),
-    "gripper": "open and close the gripper without contact, and record its opening as gripper_opening",
+    "gripper": "open and close the gripper, or move the hand, without contact, and record its opening or its joints",
     "staircase": "press in a staircase of at least six force levels, up to over-range, at several places on the pad",
     "free": "leave the pads unloaded for 60 s before and after the presses",
     "slides": "slide along one axis and then along the other, in both directions",

@@ -30,8 +30,6 @@ class Free:
         material: The cause is named only if one of its numbers is at least this far from neutral. None for numbers
             that do not count, such as time constants.
         spread: Standard deviation of a prior about `neutral`; None for no prior.
-        together: Numbers of a cause with the same word here act on different channels, and are moved at once.
-        channel: Pad and axis that such a number acts on.
         words: What it means, where the name does not say it.
     """
 
@@ -43,8 +41,6 @@ class Free:
     scale: float
     material: float | None = None
     spread: float | None = None
-    together: str = ""
-    channel: tuple[int, int] = (0, 0)
     words: str = ""
 
 
@@ -55,17 +51,27 @@ class Gauge:
     A sensor that creeps reads right at once if it was calibrated with quick presses, and after a while if it was
     calibrated with held loads. The second sensor has a gain below 1 besides the creep; that gain is not a cause of its
     own. One number from 0 to 1 says where between the two conventions the sensor was calibrated; it is fitted with the
-    cause and reported as one of its parameters.
+    cause and reported as one of its parameters. Where the gain depends on how large the forces are, shear has a number
+    of its own.
 
     Attributes:
         name: Of the number. At 0 the cause's transform reads right as it is, at 1 it is multiplied by `gain`.
-        gain: The gain at the other convention, given the cause's values and the recording.
+        gain: The gain at the other convention, given the cause's values and the recording; one for all axes, or
+            ``(3,)``.
         words: What 0 and 1 mean.
+        by_axis: Whether the gain is one for each axis.
     """
 
     name: str
-    gain: Callable[[Values, Problem], float]
+    gain: Callable[[Values, Problem], float | FloatArray]
     words: str
+    by_axis: bool = False
+
+    @property
+    def free(self) -> tuple[Free, ...]:
+        """Its numbers: for all axes, or for normal force and for shear."""
+        names = (self.name, f"{self.name}_shear") if self.by_axis else (self.name,)
+        return tuple(Free(name, "1", 0.0, 0.0, 1.0, 0.3, spread=1.0, words=self.words) for name in names)
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,17 +95,17 @@ class Local:
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """A reading without force that follows a course in time which all channels share, each by an amount of its own.
+    """A reading without force that follows curves in time which all channels share, each by amounts of its own.
 
     Attributes:
         name: What the amounts are called, in a report and in the transform.
-        curve: ``(T,)`` the course, given seconds since the recording began and the numbers of its shape.
+        curves: ``(curves, T)``, given the recording and the numbers of their shape.
         numbers: What those numbers are called, in a report and in the transform, and what they mean.
         shapes: Values of the numbers that are tried, the simplest first.
     """
 
     name: str
-    curve: Callable[[FloatArray, Values], FloatArray]
+    curves: Callable[[Problem, Values], FloatArray]
     numbers: Mapping[str, str] = field(default_factory=dict)
     shapes: tuple[tuple[float, ...], ...] = ((),)
 
@@ -155,8 +161,8 @@ class Cause:
         nuisance: Whether it is fitted beside all others from the beginning, and named only if it counts in the end.
         remembers: Whether only motions of several speeds tell it from the other causes that remember.
         unpressed_rival: Name of a cause that does the same on taxels that nothing presses.
-        planes: Whether the cause comes with a constant that is a plane over each pad's axis, so that `offset` is
-            named only for what is left of the zero beside such planes.
+        planes: Whether the cause comes with a constant, a plane over each pad's axis and a multiple of its amounts, so
+            that `offset` is named only for what is left of the zero beside it.
         covariate: Name of the covariate that it needs.
         misfit: Share of its gain that is left for others to explain, as no form is exactly the sensor's.
         price: How many times the usual gain it must bring: more than 1 for a cause with many numbers, in which
@@ -190,11 +196,8 @@ class Cause:
     picture: str = "plain"
 
     def parameters(self, problem: Problem) -> tuple[Free, ...]:
-        """The fitted numbers, that of the gauge last."""
-        own = self.free(problem)
-        if self.gauge is None:
-            return own
-        return (*own, Free(self.gauge.name, "1", 0.0, 0.0, 1.0, 0.3, spread=1.0, words=self.gauge.words))
+        """The fitted numbers, those of the gauge last."""
+        return (*self.free(problem), *(self.gauge.free if self.gauge else ()))
 
     def transform(self, values: FloatArray, problem: Problem) -> Transform:
         """The transform with fitted values, the gauge's included."""
@@ -203,12 +206,13 @@ class Cause:
         numbers = [float(v) for v in values]
         if self.gauge is None:
             return self.make(numbers, problem)
-        own, share = numbers[:-1], numbers[-1]
+        count = len(self.gauge.free)
+        own, shares = numbers[:-count], numbers[-count:]
         made = self.make(own, problem)
-        gain = 1 + share * (self.gauge.gain(own, problem) - 1)
-        if gain == 1:
+        gain = 1 + np.array([shares[-1], shares[-1], shares[0]]) * (self.gauge.gain(own, problem) - 1)
+        if np.all(gain == 1):
             return made
-        after: Transform = augment.AxisGain((gain,) * 3)
+        after: Transform = augment.AxisGain(tuple(gain))
         if STAGES.index(made.stage) > STAGES.index(after.stage):  # it stands for a calibration, not for the magnets
             after = augment.Chain([after])
         return augment.Chain([made, after], [self.name, self.gauge.name])
@@ -216,7 +220,9 @@ class Cause:
     def places(self, problem: Problem) -> list[FloatArray]:
         """The starts, those of a gauge at both of its ends."""
         starts = [np.asarray(values, dtype=np.float64) for values in self.starts(problem)]
-        return [np.append(s, end) for s in starts for end in (0.0, 1.0)] if self.gauge else starts
+        if self.gauge is None:
+            return starts
+        return [np.append(s, [end] * len(self.gauge.free)) for s in starts for end in (0.0, 1.0)]
 
     def amount(self, values: FloatArray, problem: Problem) -> float:
         """How large the values are, in units of the smallest size of interest."""

@@ -57,7 +57,7 @@ class Counting:
         return force if self.reads_all else in_blocks(force, lambda part: self._read(force[part]))
 
     def unread(self, reading: FloatArray) -> FloatArray:
-        """The constant force whose mean reading is `reading` ``(pads, 3, rows, cols)``."""
+        """The constant force whose mean reading is `reading` ``(..., pads, 3, rows, cols)``."""
         if self.reads_all:
             return reading
         size = float(np.abs(reading).max()) + 2 * self.step + 2 * self.dither
@@ -67,7 +67,7 @@ class Counting:
         found = np.empty_like(reading)
         for axis in range(3):
             rising = np.flatnonzero(np.diff(read[:, axis], prepend=-np.inf) > 1e-9)
-            found[:, axis] = np.interp(reading[:, axis], read[rising, axis], force[rising])
+            found[..., axis, :, :] = np.interp(reading[..., axis, :, :], read[rising, axis], force[rising])
         return found
 
     @property

@@ -179,8 +179,8 @@ class Diagnosis:
             not of the same motion, so that nothing was fitted).
         causes: The named causes, largest gain first.
         heldout: Errors on held-out episodes.
-        confidence: For each cause, a value from 0 to 1: how often its gain remains material when held-out episodes are
-            resampled, divided among the cause and its rivals, and halved if the residual has structure.
+        confidence: For each cause, a value from 0 to 1: how often it passes its test when held-out episodes are
+            resampled, divided among the cause and its rivals.
         not_testable: The reason why, for each cause that this recording cannot test.
         symptoms: Where the error is.
         advice: What to record next.

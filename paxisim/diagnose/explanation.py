@@ -12,7 +12,7 @@ from paxisim.augment.transform import Transform
 from paxisim.diagnose.cause import Cause
 from paxisim.diagnose.causes import CAUSES
 from paxisim.diagnose.each import each
-from paxisim.diagnose.fitting import Fit, Part, curves_of
+from paxisim.diagnose.fitting import Fit, Part, with_curves
 from paxisim.diagnose.folds import Folds
 from paxisim.diagnose.model import Model, in_order
 from paxisim.diagnose.problem import FloatArray, Problem
@@ -118,6 +118,7 @@ def _members(
         if item.course is not None:
             shape = fit.shapes[item.name]
             amounts = np.where(off.problem.alive, fit.zeros[item.name], 0.0)
+            amounts = amounts[0] if len(amounts) == 1 else amounts
             values: dict[str, float | FloatArray] = {item.course.name: amounts}
             values |= dict(zip(item.course.numbers, shape, strict=True))
             transform = item.make((amounts, *shape) if shape else amounts, off.problem)  # type: ignore[arg-type]
@@ -138,7 +139,7 @@ def _members(
 
 def predicted(problem: Problem, causes: Sequence[Cause], part: Part, constant: FloatArray | float) -> FloatArray:
     """``(T, pads, 3, rows, cols)`` N, what a fit makes of every sample of a recording, before rounding."""
-    rows = replace(problem, curves=curves_of(problem, causes, part.shapes), constant=constant)
+    rows = replace(with_curves(problem, causes, part.shapes), constant=constant)
     return Model(rows, causes, rows).run(part.values, part.zero)
 
 

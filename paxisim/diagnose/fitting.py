@@ -33,11 +33,13 @@ class Part:
         values: By cause, in the order of its `parameters`; the arrays of local causes.
         zero: ``(curves, pads, 3, rows, cols)`` N.
         shapes: Numbers of the shape of each cause that has a course, by name.
+        owners: Names of the causes that the curves belong to.
     """
 
     values: Fitted
     zero: FloatArray
     shapes: Shapes
+    owners: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,8 +72,8 @@ class Fit:
 
     @property
     def zeros(self) -> dict[str, FloatArray]:
-        """``(pads, 3, rows, cols)`` N, the amount of each course, by cause."""
-        return dict(zip([c.name for c in courses_of(self.causes)], self.whole.zero, strict=True))
+        """``(curves, pads, 3, rows, cols)`` N, the amounts of each course, by cause."""
+        return {name: self.whole.zero[np.array(self.whole.owners) == name] for name in self.shapes}
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -227,13 +229,12 @@ class Fitter:
         own = rows if fold is None else parts[fold]
         means, squares = own.means_where_told(left), []
         for shape in item.course.shapes:
-            curves = curves_of(own, [*known, item], {**shapes, item.name: shape})
-            assert curves is not None
-            basis = own.means_where_told(curves.T)
+            tried = with_curves(own, [*known, item], {**shapes, item.name: shape}).curves
+            assert tried is not None
+            basis = own.means_where_told(tried.T)
             hat = basis @ np.linalg.pinv(basis)
-            apart = (means - np.tensordot(hat, means, 1)) / np.maximum(1 - np.diag(hat), 1e-3)[
-                :, None, None, None, None
-            ]
+            leverage = np.minimum(np.diag(hat), 1 - 1e-3)[:, None, None, None, None]
+            apart = (means - np.tensordot(hat, means, 1)) / (1 - leverage)
             squares.append(float(np.sum(apart**2, where=rows.alive)))
         as_good = np.array(squares) <= (1 + 1e-6) * min(squares)  # beside a constant many shapes are one
         return item.course.shapes[int(np.argmax(as_good))]
@@ -251,7 +252,7 @@ class Fitter:
         key = tuple((c.name, shapes[c.name]) for c in courses_of(causes))
         if key not in self._shared:
             rows = self.problem.compared
-            rows = replace(rows, curves=curves_of(rows, causes, shapes))
+            rows = with_curves(rows, causes, shapes)
             parts = [
                 replace(rows, fitted=(self.unit >= 0) & (self.fold[self.unit] != number))
                 for number in range(int(self.fold.max()) + 1)
@@ -265,11 +266,14 @@ def _part(squares: Squares, values: Fitted, zero: FloatArray, shapes: Shapes) ->
     rows, model = squares.rows, squares.model
     read = rows.read(model.run(values, zero))
     solved = {**values, **model.solved}
-    return Part(solved, zero + rows.zero_of(rows.measured - read) if len(zero) else zero, shapes)
+    zero = zero + rows.zero_of(rows.measured - read) if len(zero) else zero
+    return Part(solved, zero, shapes, rows.owners)
 
 
-def curves_of(rows: Problem, causes: Sequence[Cause], shapes: Shapes) -> FloatArray | None:
-    """``(curves, T)`` the courses of the causes that have one, in the order of the chain; None if none has."""
-    seconds = rows.time - rows.time[0]
-    curves = [c.course.curve(seconds, shapes[c.name]) for c in courses_of(causes) if c.course is not None]
-    return np.stack(curves) if curves else None
+def with_curves(rows: Problem, causes: Sequence[Cause], shapes: Shapes) -> Problem:
+    """The problem with the curves of the causes that have some, in the order of the chain."""
+    curves = {c.name: c.course.curves(rows, shapes[c.name]) for c in courses_of(causes) if c.course is not None}
+    if not curves:
+        return replace(rows, curves=None, owners=())
+    owners = tuple(name for name, own in curves.items() for _ in own)
+    return replace(rows, curves=np.concatenate(list(curves.values())), owners=owners)

@@ -46,6 +46,11 @@ class Folds:
         unit = np.maximum.accumulate(np.where(self.unit >= 0, self.unit, 0))
         return self.fold[unit]
 
+    def independent(self, gain: FloatArray) -> FloatArray:
+        """A gain of each unit, summed over episodes; of a recording of few episodes, which are all split, as it is."""
+        count = int(self.episode.max()) + 1
+        return gain if len(self.split) == count else np.bincount(self.episode, gain, count)
+
 
 def folds_of(problem: Problem, causes: Iterable[Cause], rules: Rules) -> Folds:
     """The folds of a recording.
@@ -85,14 +90,11 @@ def _lone(problem: Problem, causes: Iterable[Cause], rules: Rules) -> set[int]:
 
 
 def effects(problem: Problem, item: Cause, x: FloatArray) -> list[FloatArray]:
-    """What a cause does to `x` at each of its starts (N), numbers that act on different channels moved at once."""
-    free = item.parameters(problem)
-    groups = [f.together for f in free]
-    if free and all(groups):
-        starts = [[f.neutral + f.scale * (f.together == group) for f in free] for group in dict.fromkeys(groups)]
-    else:
-        starts = item.starts(problem)
-    return [problem.run(item.make(start, problem), x) - x for start in starts]
+    """What a cause does to `x` at each of its starts (N), or by the curves that it follows, of 1 N each."""
+    if item.course is not None:
+        curves = item.course.curves(problem, item.course.shapes[0])
+        return list(curves[..., None, None, None, None])
+    return [problem.run(item.make(start, problem), x) - x for start in item.starts(problem)]
 
 
 def energy_by_episode(problem: Problem, effect: FloatArray) -> FloatArray:

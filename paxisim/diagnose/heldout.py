@@ -24,7 +24,7 @@ SLOW_NOISE = 2.5  # times the variance of fast noise, that slow noise can make o
 
 
 @dataclass(frozen=True, eq=False)
-class Squares:
+class SquaredErrors:
     """Squared errors in N^2, summed over each episode and the channels that answer.
 
     Attributes:
@@ -51,7 +51,7 @@ class Squares:
         return self.before - self.floor
 
 
-def squares_of(found: Explanation, jobs: int = 1) -> Squares:
+def squares_of(found: Explanation, jobs: int = 1) -> SquaredErrors:
     """Errors of simulation and model on held-out samples."""
     problem = found.off.judged
     coarse = any(reading.rounds for reading in found.off.readings.values())  # then rounding is part of what is wrong
@@ -61,7 +61,7 @@ def squares_of(found: Explanation, jobs: int = 1) -> Squares:
     for name, (own, prediction) in without_each(found, jobs).items():
         without[name] = _squares(problem, problem.measured - own.read(prediction))
     floor, source = _noise(problem, found.heldout, after, coarse)
-    return Squares(
+    return SquaredErrors(
         _squares(problem, problem.measured - (simulated if coarse else problem.read(simulated))),
         _squares(problem, after),
         without,
@@ -143,14 +143,14 @@ def share_of(gained: FloatArray, room: FloatArray, seed: int) -> Interval:
     return Interval(value, float(drawn.confidence_interval.low), float(drawn.confidence_interval.high))
 
 
-def explained_share(squares: Squares, after: FloatArray, seed: int) -> Interval | None:
+def explained_share(squares: SquaredErrors, after: FloatArray, seed: int) -> Interval | None:
     """The share of the error above the floor that is gone, None if the error is not above it."""
     if squares.room.sum() <= max(LEAST_ROOM * squares.floor.sum(), EQUAL**2 * squares.force.sum()):
         return None
     return share_of(squares.before - after, squares.room, seed)
 
 
-def gains_of(squares: Squares, seed: int) -> dict[str, Interval]:
+def gains_of(squares: SquaredErrors, seed: int) -> dict[str, Interval]:
     """What each cause takes away of the explainable error, by its name.
 
     Where nothing is above the floor it is a share of the whole error.
@@ -160,7 +160,7 @@ def gains_of(squares: Squares, seed: int) -> dict[str, Interval]:
     return {name: share_of(without - squares.after, room, seed) for name, without in squares.without.items()}
 
 
-def figures(squares: Squares, seed: int, ceiling: FloatArray | None, note: str) -> HeldOut:
+def figures(squares: SquaredErrors, seed: int, ceiling: FloatArray | None, note: str) -> HeldOut:
     """The figures that a reader is given.
 
     Args:
@@ -174,7 +174,7 @@ def figures(squares: Squares, seed: int, ceiling: FloatArray | None, note: str) 
         return float(np.sqrt(values.sum() / max(squares.force.sum(), 1e-12)))
 
     if squares.split:
-        numbers = " and ".join(str(number + 1) for number in squares.split)
+        numbers = ", ".join(str(number + 1) for number in squares.split)
         those = f"Episodes {numbers} were" if len(squares.split) > 1 else f"Episode {numbers} was"
         note = f"{note} {those} split into blocks that were held out in turn.".strip()
     if np.any(squares.after != squares.before):

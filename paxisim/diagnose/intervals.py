@@ -16,7 +16,7 @@ from paxisim.augment.transform import Transform
 from paxisim.diagnose.cause import courses_of
 from paxisim.diagnose.diagnosis import FittedParameter, Interval
 from paxisim.diagnose.explanation import Explanation, Named
-from paxisim.diagnose.fitting import curves_of
+from paxisim.diagnose.fitting import with_curves
 from paxisim.diagnose.noise import Tolerance, differences
 from paxisim.diagnose.problem import FloatArray, Problem
 
@@ -134,21 +134,22 @@ def _levels(problem: Problem) -> NDArray[np.intp]:
 
 
 def _zero_spread(found: Explanation, named: Named) -> FloatArray | None:
-    """``(pads, 3, rows, cols)`` half the width of each channel's amount, told by what the episodes leave at rest."""
+    """Half the width of each channel's amounts, of the cause's array's shape, told by what is left at rest."""
     problem = found.problem
     causes = courses_of(found.fit.causes)
-    curves = curves_of(problem, causes, found.fit.shapes)
+    curved = with_curves(problem, causes, found.fit.shapes)
+    curves, mine = curved.curves, curved.curves_owned_by(named.name)
     assert curves is not None
     spans = [span for span in problem.told_by_episode if len(span) >= _LEAST_REST]
     if len(spans) <= len(curves) + 1:
         return None
     left = problem.measured - problem.read(found.prediction)
     basis = np.array([[curve[span].mean() for curve in curves] for span in spans])  # (episodes, curves)
-    share = (np.linalg.pinv(basis.T @ basis) @ basis.T)[causes.index(named.cause)]  # of each episode
+    shares = np.linalg.pinv(basis)[mine]  # of each episode in each of the cause's curves
     degrees = len(spans) - len(curves)
     means = np.stack([left[span].mean(axis=0) for span in spans])
-    variance = np.einsum("e,e...->...", share**2, means**2) * len(spans) / degrees
-    typical = np.median(variance, axis=(2, 3), keepdims=True)  # a few episodes tell a variance badly, taxels are alike
+    variance = np.einsum("ce,e...->c...", shares**2, means**2) * len(spans) / degrees
+    typical = np.median(variance, axis=(3, 4), keepdims=True)  # a few episodes tell a variance badly, taxels are alike
     reach = np.sqrt(np.maximum(variance, typical)) * student.ppf(0.5 + LEVEL / 2, degrees)
     zero = np.tensordot(np.array([curve.mean() for curve in curves]), found.fit.whole.zero, 1) + found.fit.constant
     middle, counting = problem.read(zero[None])[0], problem.counting
@@ -156,7 +157,8 @@ def _zero_spread(found: Explanation, named: Named) -> FloatArray | None:
     for share in _NOISES:  # a channel's own, which tells how far its zero is from the edge of a step
         own = replace(counting, dither=share * counting.dither)
         ends += [own.unread(middle - reach), own.unread(middle + reach)]
-    return np.ptp(ends, axis=0) / 2
+    half = np.ptp(ends, axis=0) / 2
+    return half[0] if len(half) == 1 else half
 
 
 def model_intervals(
@@ -177,9 +179,9 @@ def model_intervals(
         if not own:
             continue
         if named.cause.local is None and not named.cause.parameters(found.problem):  # its numbers are the transform's
-            intervals[named.name] = _array_ends(named, own)
-            continue
-        reach = _reach(named.transform, _moved(found, named, own))
+            reach = _array_ends(named, own)
+        else:
+            reach = _reach(named.transform, _moved(found, named, own))
         member = found.model[named.name]
         alone = isinstance(member, Chain) and not isinstance(named.transform, Chain)  # put in its place by `in_order`
         intervals[named.name] = {member.names[0]: reach} if alone else reach

@@ -133,24 +133,28 @@ class Model:
         if place + 1 == len(self._stages) and rows.counting.reads_all:
             return start + rows.zero_of(rows.measured - force - _over_time(rows, start))
 
-        def read(zero: FloatArray) -> FloatArray:
-            x = force + _over_time(rows, zero)
+        def read(zero: FloatArray, shift: float = 0.0) -> FloatArray:
+            x = force + (_over_time(rows, zero) + shift)
             for stage in self._stages[place + 1 :]:
                 assert stage is not None
                 x = rows.run(stage.transform(values[stage.name], self.problem), x)
             return rows.read(x)
 
         square = rows.weight**2
-        zero = _from_grid(rows, read, start, square) if rows.counting.is_steep else start
+        searched = rows.counting.is_steep and np.ptp(rows.curves[0]) == 0
+        zero = _from_grid(rows, read, start, square) if searched else start
         step = rows.step or 4 * rows.dither or float(np.median(rows.sigma[:, rows.alive]))
         chord = np.clip(NOISE_CHORD * rows.dither, LEAST_CHORD * step, MOST_CHORD * step)
-        first = np.zeros_like(zero)
-        first[0] = chord
-        for _ in range(TURNS):
-            slope = (read(zero + first) - read(zero - first)) / (2 * chord)
+        most = step / np.maximum(np.abs(rows.curves).max(axis=1), 1.0)[:, None, None, None, None]
+        best, least = zero, np.full(zero.shape[1:], np.inf)
+        for turn in range(TURNS + 1):
             miss = rows.measured - read(zero)
-            zero = zero + np.clip(_amounts(rows.curves, square, slope, miss), -step, step)
-        return zero
+            left = np.einsum("t...,t...->...", square, miss**2)
+            best, least = np.where(left < least, zero, best), np.minimum(left, least)
+            if turn < TURNS:
+                slope = (read(zero, chord) - read(zero, -chord)) / (2 * chord)
+                zero = rows.drawn(zero + np.clip(_amounts(rows.curves, square, slope, miss), -most, most))
+        return best
 
 
 def _over_time(rows: Problem, zero: FloatArray) -> FloatArray:

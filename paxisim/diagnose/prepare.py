@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from paxisim.diagnose.problem import peak_of
 from paxisim.errors import InvalidValueError
 from paxisim.logs.aligned import episode_spans, episode_starts
+from paxisim.presses import find_presses
 from paxisim.recording import Recording
 
 LEAST_SECONDS = 2.0
@@ -21,7 +21,6 @@ _LEAST_EPISODES = 12  # fewest episodes that are kept
 _SCALE = 5.0  # largest ratio of measured to simulated force that a gain may explain
 _FORCES = (0.01, 1000.0)  # N, plausible range of the peak force on a taxel
 _FOLLOWS = 0.2  # least correlation between measured and simulated force
-_REST = 0.3  # s without contact at which a recording may be split
 _GAP = 10.0  # typical intervals; a longer gap interrupts the recording
 
 
@@ -33,6 +32,14 @@ def prepare(recording: Recording) -> tuple[Recording, tuple[str, ...]]:
     """
     if not isinstance(recording, Recording):
         raise InvalidValueError(f"recording must be a paxisim.Recording, got {type(recording).__name__}")
+    unit = recording.metadata.get("unit") or "N"
+    if unit != "N":
+        loads = " ".join(name for name, values in recording.covariates.items() if values.ndim == 1) or "NAME"
+        raise InvalidValueError(
+            f"the channels are in {unit}, but a diagnosis compares forces in newtons. Record a load cell beside the "
+            "sensor and run: paxisim calibrate RECORDING --loads Fz=NAME -o calibrated.mcap, where NAME is the "
+            f"covariate with its force (there are: {loads}); then diagnose calibrated.mcap. See docs/calibrate.md"
+        )
     for name, other in (
         ("simulated", "replay the recorded motion in the simulation"),
         ("measured", "record the sensor"),
@@ -90,12 +97,13 @@ def _known(recording: Recording, warnings: list[str]) -> Recording:
     covariates = {}
     for name, values in recording.covariates.items():
         finite = np.isfinite(values.reshape(len(values), -1)).all(axis=1)
-        if values.ndim > 1:
-            warnings.append(f"covariate {name!r} has several values per sample and is ignored")
-        elif not finite[known].all():
+        if not finite[known].all():
             warnings.append(
                 f"covariate {name!r} is missing at {np.mean(~finite[known]):.0%} of the samples and is ignored"
             )
+        elif values.ndim > 1:  # as a transform asks for one of several values
+            columns = values.reshape(len(values), -1).T
+            covariates |= {f"{name}[{number}]": column for number, column in enumerate(columns)}
         else:
             covariates[name] = values
     if known.mean() < 1:
@@ -151,8 +159,10 @@ def _check_signals(recording: Recording, warnings: list[str]) -> None:
     scale, slope = np.sqrt(other / own), abs(product) / own
     if abs(alike) > 0.5 and not 1 / _SCALE <= slope <= _SCALE:
         raise InvalidValueError(
-            f"measured is {slope:.3g} times simulated: both must be in newtons; is one in millinewtons or counts? "
-            "Convert it to newtons, for example with 0.1 N per count"
+            f"measured is {slope:.3g} times simulated: both must be in newtons. Convert millinewtons or counts by "
+            "their factor, for example 0.1 N per count. If the channels are no forces but, say, microtesla, record a "
+            "load cell beside the sensor and run: paxisim calibrate RECORDING --loads Fz=NAME -o calibrated.mcap, "
+            "where NAME is the covariate with its force. See docs/calibrate.md"
         )
     peak = peak_of(recording.simulated)
     if not _FORCES[0] <= peak <= _FORCES[1]:
@@ -180,20 +190,7 @@ def _cut(recording: Recording) -> Recording:
     if len(np.unique(recording.episode)) > 1:
         return recording
     load = np.abs(recording.simulated).max(axis=(1, 2, 3, 4))
-    free = load < 0.01 * float(load.max())
-    cuts = [0]
-    for start, stop in _runs(free):
-        middle = (start + stop) // 2
-        long = recording.time[stop - 1] - recording.time[start] >= _REST
-        if long and recording.time[middle] - recording.time[cuts[-1]] >= LEAST_SECONDS:
-            cuts.append(middle)
-    if recording.time[-1] - recording.time[cuts[-1]] < LEAST_SECONDS and len(cuts) > 1:
-        cuts.pop()
-    if len(cuts) < 3:
-        return recording
-    episode = np.zeros(len(recording), dtype=np.int64)
-    episode[cuts[1:]] = 1
-    return replace(recording, episode=np.cumsum(episode))
+    return replace(recording, episode=find_presses(recording.time, load).episode)
 
 
 def _shortened(recording: Recording, warnings: list[str]) -> Recording:
@@ -210,8 +207,3 @@ def _shortened(recording: Recording, warnings: list[str]) -> Recording:
     kept = ((np.arange(len(recording)) - first[number]) % stride == 0) & (number % skip == 0)
     warnings.append(f"the recording is long: only one frame in {stride} of one episode in {skip} was used")
     return recording[kept]
-
-
-def _runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(int), [0]])))
-    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]

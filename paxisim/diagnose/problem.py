@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -18,6 +18,7 @@ from paxisim.augment.transform import Transform
 from paxisim.diagnose.between import FINE, Curve, curve_through
 from paxisim.diagnose.blocks import in_blocks
 from paxisim.diagnose.counting import Counting
+from paxisim.diagnose.directions import Directions, directions_of
 from paxisim.diagnose.dither import dither_of
 from paxisim.diagnose.noise import FloatArray, Tolerance, noise_of, step_of, tolerated
 from paxisim.errors import InvalidValueError
@@ -25,11 +26,13 @@ from paxisim.logs.aligned import episode_spans
 from paxisim.recording import Recording
 
 NOMINAL = 1.0  # N, taken for the peak force of a recording without contact
+LEAST_PEAK = 0.05  # of the peak force, that an axis is taken to reach
 PRESSED = 0.01  # of the peak force, from which on a taxel is pressed
 ENOUGH = 100_000  # numbers, for a fit
 LONGEST = 0.05  # s between the frames that are fitted
 RESTING = 0.05  # of the samples, that must be at rest for the zero to be read there
 LEAST_TOLD = 4  # samples of an episode that tell its zero
+PIECE = 1.0  # s, of the pieces whose scatter says how well the zero is told
 SELDOM = 1.2  # of a step: where readings change by less from one to the next, that tells little of the noise
 TOLERANCE = Tolerance()
 BEND = 0.01  # of the noise's energy, that may lie between them
@@ -56,8 +59,13 @@ class Problem:
             residual, read where they are told best (`told`).
         fitted: ``(T,)`` samples that take part in a fit, None for all.
         constant: ``(pads, 3, rows, cols)`` N or 0, what is read without force and is not fitted.
-        shrink: ``(pads, 3, 1, 1)`` how much of what taxels do not share remains of the amounts of the second curve.
+        owners: Names of the causes that the curves belong to.
+        shrink: ``(curves, pads, 3, 1, 1)`` how much remains of what the amounts of a curve have beside a plane over a
+            pad's axis; None if all does.
         phase: The reading nearest to 0 (N); 0 where readings are whole steps.
+        directions: What the recorded covariates do without contact.
+        peaks: ``(3,)`` as `peak`, of shear for x and y and of normal force; at least a small share of it.
+        calibrated: Whether the channels were calibrated to a load, by `paxisim.calibrate_readout`.
     """
 
     measured: FloatArray
@@ -77,6 +85,10 @@ class Problem:
     constant: FloatArray | float = 0.0
     shrink: FloatArray | None = None
     phase: float = 0.0
+    owners: tuple[str, ...] = ()
+    directions: Directions | None = None
+    peaks: FloatArray = field(default_factory=lambda: np.full(3, NOMINAL))
+    calibrated: bool = False
 
     @cached_property
     def weight(self) -> FloatArray:
@@ -128,42 +140,73 @@ class Problem:
         right = self.curves @ (self._square * flat)
         zero = np.einsum("cij,jc->ic", self._inverse, right).reshape(len(self.curves), *self.alive.shape)
         if self.shrink is not None:
-            common = self._mean_over_taxels(zero[1])
-            zero[1] = common + self.shrink * (zero[1] - common)
-            normal = np.einsum("it,tc->ic", self.curves[:1] * self.curves[:2], self._square)
-            zero[0] = ((right[0] - normal[1] * zero[1].ravel()) / np.maximum(normal[0], 1e-12)).reshape(zero[0].shape)
+            zero = self.drawn(zero)
+            for steady in np.flatnonzero(np.ptp(self.curves, axis=1) == 0):  # the constant, given the others
+                normal = np.einsum("it,tc->ic", self.curves[steady] * self.curves, self._square)
+                others = np.sum(normal * zero.reshape(len(zero), -1), axis=0) - normal[steady] * zero[steady].ravel()
+                told = (right[steady] - others) / np.maximum(normal[steady], 1e-12)
+                zero[steady] = told.reshape(zero[steady].shape)
         return zero
 
-    def _mean_over_taxels(self, values: FloatArray) -> FloatArray:
-        """``(pads, 3, 1, 1)`` means of the channels that take part."""
-        count = np.maximum(self.alive.sum(axis=(2, 3), keepdims=True), 1)
-        return np.sum(values * self.alive, axis=(2, 3), keepdims=True) / count
+    @cached_property
+    def _onto_planes(self) -> FloatArray:
+        """``(pads, 3, taxels, taxels)`` from values of a pad's axis to the plane through those that take part."""
+        pads, axes, rows, cols = self.alive.shape
+        row, col = np.meshgrid(np.arange(rows) - (rows - 1) / 2, np.arange(cols) - (cols - 1) / 2, indexing="ij")
+        plane = np.stack([np.ones(rows * cols), row.ravel(), col.ravel()], axis=1)
+        alive = self.alive.reshape(pads, axes, -1)
+        return plane @ np.linalg.pinv(plane * alive[..., None]) * alive[..., None, :]
 
-    def means_where_told(self, values: FloatArray) -> FloatArray:
-        """``(episodes, ...)`` means of ``(T, ...)`` values where the zero is told, of the episodes that tell it."""
-        told = [frames for frames in self.told_by_episode if len(frames) >= LEAST_TOLD]
-        return np.reshape([values[frames].mean(axis=0) for frames in told], (len(told), *values.shape[1:]))
+    def planes(self, values: FloatArray) -> FloatArray:
+        """``(..., pads, 3, rows, cols)`` the planes through values of each pad's axis."""
+        flat = values.reshape(*values.shape[:-2], -1)
+        return np.einsum("pkij,...pkj->...pki", self._onto_planes, flat, optimize=True).reshape(values.shape)
+
+    def drawn(self, amounts: FloatArray) -> FloatArray:
+        """Amounts of the curves, drawn to planes by `shrink`."""
+        if self.shrink is None:
+            return amounts
+        plane = self.planes(amounts)
+        return plane + self.shrink * (amounts - plane)
+
+    def curves_owned_by(self, name: str) -> list[int]:
+        """The numbers of a cause's curves."""
+        return [number for number, owner in enumerate(self.owners) if owner == name]
+
+    def means_where_told(self, values: FloatArray, piece: float = np.inf) -> FloatArray:
+        """Means of ``(T, ...)`` values where the zero is told, of each episode or piece of so many seconds of one."""
+        most = max(LEAST_TOLD, int(min(piece / self.interval, len(self.time))))
+        pieces = [
+            part
+            for frames in self.told_by_episode
+            for part in np.array_split(frames, max(1, len(frames) // most))
+            if len(part) >= LEAST_TOLD
+        ]
+        return np.reshape([values[part].mean(axis=0) for part in pieces], (len(pieces), *values.shape[1:]))
 
     def shrunk(self, difference: FloatArray) -> Problem:
-        """The problem in which amounts of the second curve are drawn to what the taxels of a pad's axis share.
+        """The problem in which the amounts of each curve but a constant are drawn to a plane over each pad's axis.
 
-        They are drawn the more, the less their spread exceeds what the scatter of the episodes makes of it (the
+        They are drawn the more, the less their spread exceeds what the scatter of pieces at rest makes of it (the
         James-Stein estimator).
 
         Args:
             difference: ``(T, pads, 3, rows, cols)`` N, to be explained by the zero.
         """
         assert self.curves is not None
-        basis, means = self.means_where_told(self.curves.T), self.means_where_told(difference)
-        if basis.shape[1] < 2 or len(basis) < basis.shape[1] + 2:
+        steady = np.ptp(self.curves, axis=1) == 0
+        basis, means = self.means_where_told(self.curves.T, PIECE), self.means_where_told(difference, PIECE)
+        degrees = len(basis) - basis.shape[1]
+        if steady.all() or degrees < 2:
             return self
         solve = np.linalg.pinv(basis)
         amounts = np.tensordot(solve, means, 1)
-        left = means - np.tensordot(basis, amounts, 1)
-        variance = np.sum(left**2, axis=0) / (len(basis) - basis.shape[1]) * np.sum(solve[1] ** 2)
-        spread = (amounts[1] - self._mean_over_taxels(amounts[1])) ** 2
-        share = 1 - self._mean_over_taxels(variance) / np.maximum(self._mean_over_taxels(spread), 1e-12)
-        return replace(self, shrink=np.clip(share, 0.0, 1.0))
+        left = np.sum((means - np.tensordot(basis, amounts, 1)) ** 2, axis=0, where=self.alive) / degrees
+        variance = np.multiply.outer(np.sum(solve**2, axis=1), left.sum(axis=(-2, -1), keepdims=True))
+        spread = np.sum((amounts - self.planes(amounts)) ** 2, axis=(-2, -1), keepdims=True, where=self.alive)
+        free = 1 - np.trace(self._onto_planes, axis1=-2, axis2=-1) / np.maximum(self.alive.sum(axis=(-2, -1)), 1)
+        share = 1 - variance * free[..., None, None] / np.maximum(spread, 1e-12)
+        return replace(self, shrink=np.where(steady[:, None, None, None, None], 1.0, np.clip(share, 0.0, 1.0)))
 
     @property
     def samples(self) -> int:
@@ -177,7 +220,12 @@ class Problem:
 
     @cached_property
     def one_load(self) -> bool:
-        """Whether the simulation says one and the same for all channels, as a load cell's force does."""
+        """Whether the simulation says one and the same for all channels, as a load cell's force does.
+
+        Also if the channels were calibrated to several loads: their gains include all mixing between axes.
+        """
+        if self.calibrated:
+            return True
         loads = self.simulated[:, self.alive]
         return loads.shape[1] > 1 and self.has_contact and bool(np.all(loads == loads[:, :1]))
 
@@ -354,7 +402,7 @@ class Problem:
     @cached_property
     def at_rest(self) -> NDArray[np.bool_]:
         """``(T,)`` where no taxel is pressed."""
-        return np.abs(self.simulated).max(axis=(1, 2, 3, 4)) < PRESSED * max(self.peak, 1e-9)
+        return at_rest(self.simulated, self.peak)
 
     @cached_property
     def untouched(self) -> NDArray[np.bool_]:
@@ -387,9 +435,21 @@ def in_one_piece(time: FloatArray, episodes: Sequence[slice]) -> tuple[slice, ..
     return tuple(slice(a, b) for a, b in itertools.pairwise([*starts, len(time)]))
 
 
+def at_rest(simulated: FloatArray, peak: float) -> NDArray[np.bool_]:
+    """``(T,)`` where no taxel is pressed."""
+    return np.abs(simulated).max(axis=(1, 2, 3, 4)) < PRESSED * max(peak, 1e-9)
+
+
 def peak_of(simulated: NDArray[np.floating]) -> float:
     """The force (N) that the most loaded taxel reaches, 99.5 % quantile over time."""
     return float(np.quantile(np.abs(simulated).max(axis=(1, 2, 3, 4)), 0.995))
+
+
+def _peaks_of(simulated: NDArray[np.floating], peak: float) -> FloatArray:
+    """``(3,)`` N, the same of x, y and z, both shears alike, at least `LEAST_PEAK` of `peak`."""
+    by_axis = np.quantile(np.abs(simulated).max(axis=(1, 3, 4)), 0.995, axis=0)
+    by_axis[:2] = by_axis[:2].max()
+    return np.maximum(by_axis, LEAST_PEAK * peak)
 
 
 def showing(gain: FloatArray) -> NDArray[np.bool_]:
@@ -416,13 +476,16 @@ def problem_of(recording: Recording, tolerance: Tolerance = TOLERANCE) -> Proble
     peak = peak_of(simulated) or NOMINAL
     step, phase = step_of(measured)
     covariates = {n: c for n, c in recording.covariates.items() if c.ndim == 1 and np.isfinite(c).all()}
+    rest = at_rest(simulated, peak)
+    directions = directions_of(covariates, rest if rest.mean() > RESTING else np.ones_like(rest))
     alive = np.ones(measured.shape[1:], dtype=bool)
     if "readout" in recording.metadata:  # channels that do not answer to the load are 0 in both streams
         alive = simulated.any(axis=0)
     problem = Problem(
         measured, simulated, recording.time, covariates, episodes, np.ones(1), peak,
         alive, step, 0.0, clips=bool(measured[:, :, 2].min() >= 0),
-        least=min(float(simulated.min()), 0.0), phase=phase,
+        least=min(float(simulated.min()), 0.0), phase=phase, peaks=_peaks_of(simulated, peak), directions=directions,
+        calibrated="readout" in recording.metadata,
     )  # fmt: skip
     return with_noise(problem, tolerance)
 

@@ -115,14 +115,4 @@ class Ranking:
 
 def _columns(problem: Problem, item: Cause, force: FloatArray, weighed) -> list[FloatArray]:
     """What a cause does to the residual at each of its starts."""
-    found = [weighed(effect) for effect in effects(problem, item, force)]
-    free = item.parameters(problem)
-    if not (free and all(f.together for f in free)):
-        return found
-    columns = []
-    for group, effect in zip(dict.fromkeys(f.together for f in free), found, strict=True):
-        for about in (f for f in free if f.together == group):
-            alone = np.zeros_like(effect)
-            alone[(slice(None), *about.channel)] = effect[(slice(None), *about.channel)]
-            columns.append(alone)
-    return columns
+    return [weighed(effect) for effect in effects(problem, item, force)]

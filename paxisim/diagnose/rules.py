@@ -15,7 +15,8 @@ class Rules:
     Attributes:
         material: Materiality: the share of the noise's energy that a cause must gain on held-out episodes. A smaller
             gain does not matter to a user. A cause's `price` multiplies it.
-        agreement: The least positive fraction of the total absolute gain over held-out units: how far they must agree.
+        consistency: The least z-score of a cause's gain over held-out episodes, their sum over the root of the sum of
+            their squares. One episode that alone shows the cause has 1, and others that speak against it less.
         folds: Held-out folds at most: leave one out up to so many units.
         few_episodes: Recordings of fewer episodes are split into blocks.
         lone: Share of a cause's excitation that one episode may hold before it is split into two blocks.
@@ -34,7 +35,7 @@ class Rules:
     """
 
     material: float = 0.003
-    agreement: float = 0.75
+    consistency: float = 0.95
     folds: int = 8
     few_episodes: int = 4
     lone: float = 0.6

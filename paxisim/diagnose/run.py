@@ -23,20 +23,21 @@ from paxisim.diagnose.diagnosis import (
     Symptoms,
     Verdict,
 )
-from paxisim.diagnose.explanation import Explanation, explanation_of
+from paxisim.diagnose.explanation import Explanation, Named, explanation_of
 from paxisim.diagnose.folds import effects, folds_of
-from paxisim.diagnose.heldout import Squares, explained_share, figures, gains_of, squares_of, survives
+from paxisim.diagnose.heldout import SquaredErrors, explained_share, figures, gains_of, squares_of, survives
 from paxisim.diagnose.intervals import model_intervals, parameters_of
 from paxisim.diagnose.prepare import prepare
 from paxisim.diagnose.problem import FloatArray, Problem, problem_of, showing
 from paxisim.diagnose.reading import read_off
 from paxisim.diagnose.repeats import settled, with_untold
+from paxisim.diagnose.report.followed import followed
 from paxisim.diagnose.report.streams import Streams
+from paxisim.diagnose.report.symptoms import symptoms
 from paxisim.diagnose.rivals import rivals_of
 from paxisim.diagnose.rules import Rules
 from paxisim.diagnose.search import Search
 from paxisim.diagnose.silent import silent_in_words
-from paxisim.diagnose.symptoms import symptoms
 from paxisim.diagnose.vocabulary import cause, known_causes
 from paxisim.errors import InvalidValueError, MissingExtraError
 from paxisim.recording import Recording
@@ -64,7 +65,7 @@ def diagnose(
 
     Args:
         recording: With measured and simulated tensors in newtons, the simulation replaying the same motion; covariates
-            by name (`gripper_opening` in m), and several episodes.
+            by name, such as `gripper_opening` (m) or the angles of joints (rad), and several episodes.
         causes: Names of the causes to look for, of `known_causes`; default: all.
         seed: Random seed of the bootstrap over episodes and of the black box; at least 0.
         jobs: Processors to use, at least 1; the answer is the same for any number.
@@ -110,7 +111,7 @@ def diagnosis_of(
 
     tell("reading layout, rounding and dead taxels")
     raw = problem_of(recording)
-    wanted, not_searched = _wanted(raw, causes)
+    wanted, not_searched = _wanted(raw, causes, _hidden_by_replay(recording))
     off = read_off(raw, wanted)
 
     nuisances = [item for item in CAUSES if item.nuisance and item not in wanted and not item.barred(raw)]
@@ -137,12 +138,13 @@ def diagnosis_of(
     verdict = _verdict(judged.causes, doubts, len(raw.episodes) == 1)
     untestable = {**not_searched, **_not_excited(found, wanted)}
     untestable = {n: why for n, why in untestable.items() if n not in {item.name for item in judged.causes}}
-    warnings = (*warnings, *note, *silent_in_words(~off.judged.alive, recording.pads), *_at_bounds(found))
+    silent = off.raw.alive & ~off.judged.alive
+    warnings = (*warnings, *note, *silent_in_words(silent, recording.pads), *_at_bounds(found))
     return Diagnosis(
         verdict=verdict,
         causes=judged.causes,
         heldout=figures(squares, seed, black, missing),
-        confidence=_confidence(found, judged, seed, bool(unsettled or structure)),
+        confidence=_confidence(found, judged, seed),
         not_testable=untestable,
         streams=_streams(recording, found),
         symptoms=symptoms(
@@ -195,7 +197,7 @@ class Judged:
     near_misses: tuple[LeftOver, ...]
 
 
-def _judged(found: Explanation, squares: Squares, seed: int) -> Judged:
+def _judged(found: Explanation, squares: SquaredErrors, seed: int) -> Judged:
     gains = gains_of(squares, seed)
     rules, search = found.search.rules, found.search
     remembering = [name for name, item in search.causes.items() if item.remembers]
@@ -207,7 +209,8 @@ def _judged(found: Explanation, squares: Squares, seed: int) -> Judged:
             parameters[named.name],
             gains[named.name],
             rivals[named.name],
-            _evidence(squares.without[named.name] - squares.after, gains[named.name]),
+            _evidence(squares.without[named.name] - squares.after, gains[named.name])
+            + _covariate(found.problem, named),
         )
         for named in found.named
     ]
@@ -225,13 +228,24 @@ def _judged(found: Explanation, squares: Squares, seed: int) -> Judged:
     return Judged(tuple(sorted(causes, key=lambda c: -c.gain.value)), parameters, tuple(shares), lines)
 
 
-def _wanted(raw: Problem, causes: Sequence[str] | None) -> tuple[list[Cause], dict[str, str]]:
+def _hidden_by_replay(recording: Recording) -> dict[str, str]:
+    """By name why causes cannot be told after the way in which the motion was replayed, see `paxisim.Scene`."""
+    replay = recording.metadata.get("replay")
+    hidden = replay.get("not_testable") if isinstance(replay, Mapping) else None
+    return {str(name): f"{why}" for name, why in hidden.items()} if isinstance(hidden, Mapping) else {}
+
+
+def _wanted(
+    raw: Problem, causes: Sequence[str] | None, hidden: Mapping[str, str]
+) -> tuple[list[Cause], dict[str, str]]:
     """The causes that can be looked for, and by name why the others cannot."""
     wanted, not_searched = [], {}
     for name in known_causes():
         item = cause(name)
         if causes is not None and name not in causes:
             not_searched[name] = NOT_ASKED
+        elif name in hidden:
+            not_searched[name] = hidden[name]
         elif item.covariate and item.covariate not in raw.covariates:
             not_searched[name] = f"the recording has no covariate {item.covariate!r}"
         elif why := item.barred(raw) or _needs_contact(raw, item):
@@ -249,7 +263,7 @@ def _needs_contact(raw: Problem, item: Cause) -> str:
     return "" if acts else "it does nothing without contact"
 
 
-def _explains_too_little(squares: Squares, structure: Sequence[LeftOver], rules: Rules, seed: int) -> bool:
+def _explains_too_little(squares: SquaredErrors, structure: Sequence[LeftOver], rules: Rules, seed: int) -> bool:
     """Whether clear structure is left over and the causes explain little: then they are not the cause."""
     share = explained_share(squares, squares.after, seed)
     clear = any(item.statistic > CLEAR * item.limit for item in structure)
@@ -268,7 +282,7 @@ def _ceiling(problem: Problem, simulated: FloatArray, seed: int, jobs: int) -> t
     try:
         return ceiling(problem, simulated, seed, jobs), ""
     except MissingExtraError as error:
-        return None, str(error)
+        return None, f"{error}."
 
 
 def _at_bounds(found: Explanation) -> tuple[str, ...]:
@@ -294,15 +308,25 @@ def _evidence(gain: FloatArray, share: Interval) -> str:
     )
 
 
-def _confidence(found: Explanation, judged: Judged, seed: int, structure: bool) -> dict[str, float]:
-    """How often a cause is kept when held-out units are resampled, shared with its rivals, halved with structure."""
-    evidence = {named.name: named.evidence for named in found.named}
-    out = {}
-    for item in judged.causes:
-        own = evidence[item.name]
-        kept = 1.0 if own is None else survives(own.gain, own.needed, seed)
-        out[item.name] = kept / (1 + len(item.rivals)) * (0.5 if structure else 1.0)
-    return out
+def _covariate(problem: Problem, named: Named) -> str:
+    """The covariate that goes with what the cause reads without force; empty if it knows of none."""
+    if not named.transform.covariate_names or named.cause.course is None:
+        return ""
+    rows, rest = problem.thinned, problem.thinned.at_rest
+    rest = rest if rest.any() else np.ones_like(rest)
+    added = rows.run(named.transform, np.zeros_like(rows.simulated))[rest]
+    name, share = followed(named.transform, rows.covariates, added.reshape(len(added), -1), rest)
+    return f" A straight line in {name} explains {share:.0%} of what it adds without contact."
+
+
+def _confidence(found: Explanation, judged: Judged, seed: int) -> dict[str, float]:
+    """How often a cause is kept when held-out episodes are resampled, divided among the cause and its rivals."""
+    kept = dict.fromkeys((named.name for named in found.named), 1.0)
+    for named in found.named:
+        if named.evidence is not None:
+            gain = found.folds.independent(named.evidence.gain)
+            kept[named.name] = survives(gain, named.evidence.needed, seed)
+    return {item.name: kept[item.name] / (1 + len(item.rivals)) for item in judged.causes}
 
 
 def _not_excited(found: Explanation, wanted: Sequence[Cause]) -> dict[str, str]:

@@ -130,8 +130,9 @@ class Search:
         if item.course is None:
             amount = item.amount(fit.whole.values[name], self.problem)
         total = float(gain.sum())
-        positive = float(np.maximum(gain, 0).sum()) / max(float(np.abs(gain).sum()), 1e-12)
-        kept = total > needed and positive >= self.rules.agreement and amount >= 1
+        apart = self.folds.independent(gain)
+        z_score = total / max(float(np.linalg.norm(apart)), 1e-12)
+        kept = total > needed and z_score >= self.rules.consistency and amount >= 1
         return Evidence(name, gain, needed, amount, kept)
 
     def ranked(self, names: Sequence[str]) -> list[tuple[float, str]]:
@@ -266,11 +267,16 @@ class Search:
 def owned_constant(problem: Problem, fit: Fit) -> FloatArray:
     """``(pads, 3, rows, cols)`` N, the part of a fitted offset that other causes of the set bring by convention.
 
-    A field need not be zero at the opening where the recording begins.
+    A field need not be zero in the pose in which the recording begins, so it owns a plane and a multiple of its
+    amounts.
     """
-    constant = next((fit.zeros[c.name] for c in courses_of(fit.causes) if c.nuisance), np.zeros(problem.alive.shape))
-    if not any(c.planes for c in fit.causes):
+    zeros = fit.zeros
+    constant = next((zeros[c.name][0] for c in courses_of(fit.causes) if c.nuisance), np.zeros(problem.alive.shape))
+    fields = [zeros[c.name] for c in courses_of(fit.causes) if c.planes]
+    if not fields:
         return np.zeros_like(constant)
-    rows, cols = (np.arange(n) - (n - 1) / 2 for n in constant.shape[2:])
-    shapes = np.stack([np.ones((len(rows), len(cols))), *np.meshgrid(rows, cols, indexing="ij")]).reshape(3, -1)
-    return (constant.reshape(-1, shapes.shape[1]) @ np.linalg.pinv(shapes) @ shapes).reshape(constant.shape)
+    amounts = np.concatenate(fields)
+    plane, amounts = problem.planes(constant), amounts - problem.planes(amounts)
+    basis = (amounts * problem.alive).reshape(len(amounts), -1).T
+    shares = np.linalg.lstsq(basis, ((constant - plane) * problem.alive).ravel(), rcond=1e-6)[0]
+    return np.asarray(plane + np.tensordot(shares, amounts, 1), dtype=np.float64)

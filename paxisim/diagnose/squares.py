@@ -118,9 +118,10 @@ class Squares:
                 without = self.rows.read(self.model.run({**values, **solved}, None, begin=item.name, skip=True))
                 self.model.solved = solved
                 out[item.name] = float(np.sum(self.rows.weigh(base - without) ** 2))
-        for number, item in enumerate(courses_of(self.causes)):
+        for item in courses_of(self.causes):
             assert self.rows.curves is not None
-            added = np.multiply.outer(self.rows.curves[number], zero[number])
+            own = self.rows.curves_owned_by(item.name)
+            added = np.tensordot(self.rows.curves[own].T, zero[own], 1)
             out[item.name] = float(np.sum((added * self.rows.weight) ** 2))
         return out
 
@@ -196,12 +197,10 @@ class Squares:
 
     def _slopes(self, values: Fitted) -> FloatArray:
         """``(free, numbers)`` by how much the residual changes with each number, in units of its scale."""
-        shape = self.rows.alive.shape
         slopes = np.zeros((len(self.free), self.rows.measured.size))
         counting = self.rows.counting
         steep = 1.0 if counting.reads_all else counting.slope(self.prediction)
         known = dict(values)
-        tried: dict[tuple[str, str], FloatArray] = {}
 
         def effect(name: str, moved: FloatArray) -> FloatArray:
             kept = self.model.solved
@@ -210,16 +209,6 @@ class Squares:
             return self.rows.weigh(change * steep)
 
         for row, (name, index, about) in enumerate(self.free):
-            if about.together:
-                key = name, about.together
-                if key not in tried:
-                    moved = values[name].copy()
-                    moved[[i for n, i, f in self.free if (n, f.together) == key]] += PROBE * about.scale
-                    tried[key] = effect(name, moved).reshape(-1, *shape) / PROBE
-                slopes[row].reshape(-1, *shape)[(slice(None), *about.channel)] = tried[key][
-                    (slice(None), *about.channel)
-                ]
-                continue
             step = PROBE * about.scale
             step = -step if values[name][index] + step > about.high else step
             moved = values[name].copy()
@@ -233,8 +222,6 @@ def best_start(model: Model, item: Cause, values: Fitted, zero: FloatArray) -> F
     problem, rows = model.problem, model.rows
     free = item.parameters(problem)
     neutral = np.array([f.neutral for f in free])
-    if all(f.together for f in free):  # linear in many numbers, which are told apart at once
-        return neutral
     low, high = np.array([f.low for f in free]), np.array([f.high for f in free])
 
     def left(trial: FloatArray, begin: str = item.name) -> FloatArray:
@@ -243,7 +230,7 @@ def best_start(model: Model, item: Cause, values: Fitted, zero: FloatArray) -> F
 
     base = left(neutral, "")
     best, least = neutral, float(base @ base)
-    counted = np.array([f.material is not None for f in item.free(problem)] + [False] * (item.gauge is not None))
+    counted = np.array([f.material is not None for f in free])
     for start in item.places(problem):
         new = left(start)
         effect = new - base

@@ -20,6 +20,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from itertools import product
 from typing import Any
 
@@ -30,6 +31,7 @@ from paxisim.errors import InvalidValueError
 from paxisim.logs.aligned import Aligned, episode_starts
 
 INDEX_COLUMNS = ("timestamp", "time", "episode_index", "frame_index", "index")
+_NOT_COVARIATES = (*INDEX_COLUMNS, "task_index")
 _PREFIXES = {"measured": "tactile", "simulated": "simulated"}
 _TAXEL = re.compile(r"(tactile|simulated)\.(.+)\.(\d+)_(\d+)\.([xyz])")
 _SPARSE = 100  # an array of which fewer than one in so many components has a column is a mistake
@@ -65,41 +67,51 @@ def to_columns(recording: Aligned) -> dict[str, NDArray[np.generic]]:
     return columns
 
 
-def from_columns(columns: Mapping[str, NDArray[np.float64]]) -> Aligned:
+def from_columns(columns: Mapping[str, NDArray[Any]]) -> Aligned:
     """The arrays of a table; the inverse of `to_columns`. Index columns but one of the times may be missing.
 
     Raises:
         InvalidValueError: No time, no taxels, or taxels that make no grid that is the same for all pads.
     """
+    taxels: dict[str, dict[tuple[str, int, int, int], NDArray[np.float64]]] = {}
+    for name, values in columns.items():
+        if taxel := _TAXEL.fullmatch(name):
+            prefix, pad, row, col, axis = taxel.groups()
+            taxels.setdefault(prefix, {})[pad, int(row), int(col), "xyz".index(axis)] = values
+    if not taxels:
+        raise InvalidValueError("the table must have columns tactile.PAD.ROW_COL.AXIS, e.g. tactile.left.0_0.z")
+    pads = tuple(dict.fromkeys(pad for found in taxels.values() for pad, *_ in found))
+    grids = {field: _grid(prefix, taxels[prefix], pads) for field, prefix in _PREFIXES.items() if prefix in taxels}
+    return replace(
+        streams_from_columns(columns), measured=grids.get("measured"), simulated=grids.get("simulated"), pads=pads
+    )
+
+
+def streams_from_columns(columns: Mapping[str, NDArray[Any]]) -> Aligned:
+    """Time, episodes and covariates of a table, which may have no taxels; a column ``(T, n)`` is a covariate.
+
+    Raises:
+        InvalidValueError: No time, or components of a covariate that are not numbered from 0 on.
+    """
     time = columns.get("time", columns.get("timestamp"))
     if time is None:
         raise InvalidValueError("the table must have a column 'time' or 'timestamp' (s)")
     covariates: dict[str, dict[tuple[int, ...], NDArray[np.float64]]] = {}
-    taxels: dict[str, dict[tuple[str, int, int, int], NDArray[np.float64]]] = {}
+    whole = {}
     for name, values in columns.items():
-        taxel, component = _TAXEL.fullmatch(name), _COMPONENT.fullmatch(name)
-        if taxel:
-            prefix, pad, row, col, axis = taxel.groups()
-            taxels.setdefault(prefix, {})[pad, int(row), int(col), "xyz".index(axis)] = values
-        elif name in INDEX_COLUMNS:
+        component = _COMPONENT.fullmatch(name)
+        if name in _NOT_COVARIATES or _TAXEL.fullmatch(name):
             continue
+        if values.ndim > 1:
+            whole[name] = values
         elif component:
             at = tuple(int(i) for i in component[2].split("_"))
             covariates.setdefault(component[1], {})[at] = values
         else:
             covariates.setdefault(name, {})[()] = values
-    if not taxels:
-        raise InvalidValueError("the table must have columns tactile.PAD.ROW_COL.AXIS, e.g. tactile.left.0_0.z")
-    pads = tuple(dict.fromkeys(pad for found in taxels.values() for pad, *_ in found))
-    grids = {field: _grid(prefix, taxels[prefix], pads) for field, prefix in _PREFIXES.items() if prefix in taxels}
     episode: Any = columns.get("episode_index")  # checked and converted by `Recording`
     return Aligned(
-        time=time,
-        measured=grids.get("measured"),
-        simulated=grids.get("simulated"),
-        covariates={name: _array(name, parts) for name, parts in covariates.items()},
-        episode=episode,
-        pads=pads,
+        time=time, covariates={name: _array(name, parts) for name, parts in covariates.items()} | whole, episode=episode
     )
 
 

@@ -79,15 +79,23 @@ def read_csv(
             return _Board(table, parse).read(read_time(table), layout, pads, profile), table.is_cut
     if profile is not None:
         raise InvalidValueError(f"profile is for the counts of a board's file; {path} is a plain table of newtons")
-    values = table.numbers(table.names)
-    for name in [name for name in ("timestamp", "time") if name in table.names]:
-        _check_times(table, values[:, [table.names.index(name)]], name)
-    table.check(values, table.names, _GREATEST, "a number must be finite and below 3.4e38 (an empty cell is not known)")
+    columns = table.columns()
     try:
-        found = from_columns(dict(zip(table.names, values.T, strict=True)))
+        found = from_columns(columns)
     except InvalidValueError as error:
         raise InvalidValueError(f"{path}: {error}") from error
     return replace(found, layout=layout, metadata=table.comment), table.is_cut
+
+
+def read_csv_columns(path: Path) -> tuple[dict[str, NDArray[np.float64]], bool]:
+    """The columns of a plain table by their names, and whether a last row that is cut off was left out.
+
+    Raises:
+        InvalidValueError: No table of numbers, or a row that is not like the others; the message has its line.
+        FileNotFoundError: There is no such file.
+    """
+    table = _Table(path)
+    return table.columns(), table.is_cut
 
 
 class _Table:
@@ -151,6 +159,16 @@ class _Table:
             for i, row in enumerate(self.rows()):
                 values[i] = [self._number(row[at], i, at) for at in columns]
             return values
+
+    def columns(self) -> dict[str, NDArray[np.float64]]:
+        """Every column of a plain table; its times and numbers are such that a recording can hold them."""
+        values = self.numbers(self.names)
+        for name in [name for name in ("timestamp", "time") if name in self.names]:
+            _check_times(self, values[:, [self.names.index(name)]], name)
+        self.check(
+            values, self.names, _GREATEST, "a number must be finite and below 3.4e38 (an empty cell is not known)"
+        )
+        return dict(zip(self.names, values.T, strict=True))
 
     def check(self, values: NDArray[np.float64], names: list[str], limit: float, expected: str) -> None:
         """Refuse what is further from 0 than `limit`; NaN passes."""

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
-from paxisim.logs.align import check_max_gap
+from paxisim.logs.add_streams import Streams, add_streams, read_streams
+from paxisim.logs.align import check_max_gap, methods_by_name
 from paxisim.logs.aligned import Aligned, CountsToForce, Method
+from paxisim.logs.checks import check_fields
 
 
 def load_aligned(
@@ -21,10 +23,44 @@ def load_aligned(
     layout: TaxelLayout | None = None,
     pads: tuple[str, ...] | None = None,
     profile: CountsToForce | None = None,
+    streams: Iterable[Path] = (),
 ) -> Aligned:
     """See `paxisim.Recording.load`; nothing is checked yet, and only a CSV file is read for some of its pads."""
-    suffix = path.suffix.lower()
     check_max_gap(max_gap)
+    added: dict[Path, Streams] = {}
+    for other in streams:
+        added[other] = read_streams(other)
+    elsewhere = {name for its in added.values() for name in its}
+    found = _load(path, _part(align, lambda name: name not in elsewhere), max_gap, layout, pads, profile)
+    if added:
+        found = _checked(path, found)
+    for other, its in added.items():
+        methods = methods_by_name(_part(align, its.__contains__), list(its))
+        found = add_streams(found, other, its, methods, max_gap)
+    return found
+
+
+def _checked(path: Path, found: Aligned) -> Aligned:
+    try:
+        return check_fields(found)
+    except InvalidValueError as error:
+        raise InvalidValueError(f"{path}: {error}") from error
+
+
+def _part(align: Method | Mapping[str, Method], wanted: Callable[[str], bool]) -> Method | Mapping[str, Method]:
+    """What `align` says of the streams whose names are wanted."""
+    return align if isinstance(align, str) else {name: method for name, method in align.items() if wanted(name)}
+
+
+def _load(
+    path: Path,
+    align: Method | Mapping[str, Method],
+    max_gap: float | None,
+    layout: TaxelLayout | None,
+    pads: tuple[str, ...] | None,
+    profile: CountsToForce | None,
+) -> Aligned:
+    suffix = path.suffix.lower()
     is_eflesh = path.name.endswith(".sensor.csv")
     if suffix == ".csv" and not is_eflesh:
         from paxisim.logs.csv import read_csv
@@ -43,6 +79,10 @@ def load_aligned(
         from paxisim.logs.npz import read_npz
 
         found = read_npz(path)
+    elif suffix == ".parquet":
+        found = _load_parquet(path)
+    elif suffix in (".h5", ".hdf5"):
+        found = _load_hdf5(path)
     elif suffix == ".mcap":
         from paxisim.logs.align import align as align_log
         from paxisim.logs.mcap_reader import read_log
@@ -52,8 +92,32 @@ def load_aligned(
         if not log.complete:
             _warn_of_part(path, "cut off or damaged", found)
     else:
-        raise InvalidValueError(f"a recording is read from a .mcap, .npz or .csv file, got {path}")
+        raise InvalidValueError(f"a recording is read from a .mcap, .npz, .csv, .parquet or .hdf5 file, got {path}")
     return found if layout is None else replace(found, layout=layout)
+
+
+def _load_parquet(path: Path) -> Aligned:
+    from paxisim.logs.columns import from_columns
+    from paxisim.logs.parquet import read_parquet
+
+    columns, about = read_parquet(path)
+    try:
+        found = from_columns(columns)
+    except InvalidValueError as error:
+        raise InvalidValueError(f"{path}: {error}") from error
+    return replace(found, **about)
+
+
+def _load_hdf5(path: Path) -> Aligned:
+    from paxisim.logs.hdf5 import read_hdf5
+
+    found = read_hdf5(path)
+    if found.measured is None and found.simulated is None:
+        raise InvalidValueError(
+            f"{path} has no tensor: expected a dataset of shape (T, pads, 3, rows, cols) in obs; add it to a recording "
+            "that has one with streams (paxisim convert --streams)"
+        )
+    return found
 
 
 def save_aligned(path: Path, recording: Aligned) -> None:
@@ -74,4 +138,4 @@ def save_aligned(path: Path, recording: Aligned) -> None:
 def _warn_of_part(path: Path, what: str, found: Aligned) -> None:
     samples = f"{len(found.time)} sample{'s' * (len(found.time) != 1)}"
     text = f"{path} is {what}; what is whole was read: {samples}, the last at {found.time[-1]:.3f} s"
-    warnings.warn(text, stacklevel=4)  # at the caller of Recording.load
+    warnings.warn(text, stacklevel=5)  # at the caller of Recording.load

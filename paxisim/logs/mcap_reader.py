@@ -2,33 +2,24 @@
 
 from __future__ import annotations
 
-import io
 import math
 import struct
-import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import orjson
-from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Chunk, Metadata
-from mcap.stream_reader import get_chunk_data_stream
-from mcap.writer import MCAP0_MAGIC
+from mcap.records import Attachment, Channel, Metadata
 
 from paxisim.errors import InvalidValueError
 from paxisim.logs import schemas
+from paxisim.logs.mcap_records import DAMAGE, McapRecords, as_stream
 from paxisim.logs.stream import Log, Stream
 
-_RECORD = struct.Struct("<BQ")  # opcode, length
-_FOOTER = struct.Struct("<BQQQI")  # opcode, length, start of the summary, of its offsets, checksum
-_CHECKSUM = struct.Struct("<I")
 _CODES = {np.float32: "f", np.float64: "d", np.int64: "q"}
 _MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time; then the data
-# what parsing a damaged record may raise; decompressors raise subclasses of Exception of their own
-_DAMAGE = (McapError, struct.error, ValueError, LookupError, TypeError, OverflowError, zlib.error)
 
 
 def read_log(path: str | Path) -> Log:
@@ -44,52 +35,31 @@ def read_log(path: str | Path) -> Log:
         FileNotFoundError: There is no such file.
     """
     path = Path(path)
-    with open(path, "rb") as file:
-        size = path.stat().st_size
-        head = file.read(len(MCAP0_MAGIC))
-        if head != MCAP0_MAGIC:
-            raise InvalidValueError(_not_mcap(path, head))
-        reader = _Reader(path)
-        for opcode, body in _summary(file, size):
-            if opcode == Opcode.CHANNEL:
-                reader.take(opcode, body)
-        file.seek(len(MCAP0_MAGIC))
-        for opcode, body in _records(file, size):
-            reader.take(opcode, body)
-        whole_end = reader.footer and file.read(len(MCAP0_MAGIC)) == MCAP0_MAGIC
-    return reader.log(complete=bool(whole_end) and not reader.damaged)
+    reader = _Reader(path)
+    records = McapRecords(path)
+    for opcode, body in records:
+        reader.take(opcode, body)
+    reader.damaged |= records.damaged
+    return reader.log(is_whole=records.is_whole, has_footer=records.has_footer)
 
 
-def _summary(file: io.BufferedReader, size: int) -> list[tuple[int, bytes]]:
-    """The records at the end that repeat the channels, which else are lost with the chunk that has them; often none."""
-    end = len(MCAP0_MAGIC) + _FOOTER.size
-    if size < end + len(MCAP0_MAGIC):
-        return []
-    file.seek(size - end)
-    footer = file.read(_FOOTER.size)
-    opcode, length, start, _, checksum = _FOOTER.unpack(footer)
-    if opcode != Opcode.FOOTER or length != _FOOTER.size - _RECORD.size or not 0 < start < size - end:
-        return []
-    file.seek(start)
-    summary = file.read(size - end - start)
-    if zlib.crc32(summary + footer[: -_CHECKSUM.size]) != checksum:
-        return []
-    return list(_records(io.BytesIO(summary), len(summary)))
+def is_recording(path: Path) -> bool:
+    """True if `read_log` reads it: the metadata that says so comes before the samples.
 
-
-def _records(file: io.BufferedIOBase | io.BufferedReader, size: int) -> Iterator[tuple[int, bytes]]:
-    """The records of a file or chunk that are there whole, up to the footer."""
-    while True:
-        head = file.read(_RECORD.size)
-        if len(head) < _RECORD.size:
-            return
-        opcode, length = _RECORD.unpack(head)
-        # no record has opcode 0: it is what a disk that lost its power leaves at the end of a file
-        if opcode == 0 or length > size - file.tell():
-            return
-        yield opcode, file.read(length)
-        if opcode == Opcode.FOOTER:
-            return
+    Raises:
+        InvalidValueError: The file is no MCAP file.
+        FileNotFoundError: There is no such file.
+    """
+    for opcode, body in McapRecords(path):
+        if opcode == Opcode.METADATA:
+            try:
+                if Metadata.read(as_stream(body)).name == schemas.METADATA:
+                    return True
+            except DAMAGE:
+                continue
+        if opcode == Opcode.MESSAGE:
+            return False
+    return False
 
 
 class _Reader:
@@ -97,7 +67,6 @@ class _Reader:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.footer = False
         self.damaged = False
         self.metadata: dict[str, Any] | None = None
         self.scene: str | None = None
@@ -106,38 +75,23 @@ class _Reader:
 
     def take(self, opcode: int, body: bytes) -> None:
         try:
-            if opcode == Opcode.CHUNK:
-                self._chunk(body)
-            elif opcode == Opcode.MESSAGE:
+            if opcode == Opcode.MESSAGE:
                 self._message(body)
             elif opcode == Opcode.CHANNEL:
-                channel = Channel.read(_stream(body))
+                channel = Channel.read(as_stream(body))
                 self.topics[channel.id] = channel.topic
             elif opcode == Opcode.METADATA:
-                record = Metadata.read(_stream(body))
+                record = Metadata.read(as_stream(body))
                 if record.name == schemas.METADATA:
                     self._describe(record.metadata)
             elif opcode == Opcode.ATTACHMENT:
-                attachment = Attachment.read(_stream(body))
+                attachment = Attachment.read(as_stream(body))
                 if attachment.name == schemas.SCENE:
                     self.scene = attachment.data.decode()
-            elif opcode == Opcode.FOOTER:
-                self.footer = True
         except InvalidValueError:
             raise
-        except _DAMAGE:
+        except DAMAGE:
             self.damaged = True
-
-    def _chunk(self, body: bytes) -> None:
-        chunk = Chunk.read(_stream(body))
-        try:
-            stream, size = get_chunk_data_stream(chunk, validate_crc=True)
-        except Exception:  # each decompressor has an error of its own, and more than one
-            self.damaged = True
-            return
-        data = io.BytesIO(stream.read(size))
-        for opcode, record in _records(data, size):
-            self.take(opcode, record)
 
     def _message(self, body: bytes) -> None:
         channel, _, nanoseconds, _ = _MESSAGE.unpack_from(body)
@@ -178,8 +132,8 @@ class _Reader:
             )
         self.metadata = {name: orjson.loads(value) for name, value in record.items() if name != "format"}
 
-    def log(self, complete: bool) -> Log:
-        if self.metadata is None and self.footer:
+    def log(self, is_whole: bool, has_footer: bool) -> Log:
+        if self.metadata is None and has_footer:
             topics = ", ".join(self.topics.values()) or "none"
             raise InvalidValueError(
                 f"{self.path} is an MCAP file, but not a recording of paxisim: it has no {schemas.METADATA!r} metadata "
@@ -196,7 +150,7 @@ class _Reader:
             samples = self.samples.pop(name)
             if samples.count:
                 streams[name] = samples.stream()
-        return Log(streams, self.metadata, complete)
+        return Log(streams, self.metadata, is_whole and not self.damaged)
 
 
 class _Samples:
@@ -258,19 +212,3 @@ class _Samples:
             time, values = time[order], values[order]
             sequence = None if sequence is None else sequence[order]
         return Stream(time, values, sequence, self.errors)
-
-
-def _stream(body: bytes) -> Any:
-    from mcap.data_stream import ReadDataStream
-
-    return ReadDataStream(io.BytesIO(body))
-
-
-def _not_mcap(path: Path, head: bytes) -> str:
-    if not head:
-        return f"{path} is empty"
-    kinds = {b"PK": "a zip or npz file", b"PAR1": "a Parquet file", b"#ROSBAG": "a ROS 1 bag", b"SQLite": "a ROS 2 bag"}
-    kind = next((kind for start, kind in kinds.items() if head.startswith(start)), "")
-    if MCAP0_MAGIC.startswith(head):
-        return f"{path} is an MCAP file that ends before it says what it holds"
-    return f"{path} is not an MCAP file" + (f" but {kind}" if kind else f": it begins with {head!r}")

@@ -17,8 +17,8 @@ import orjson
 from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError
-from paxisim.layout import TaxelLayout
 from paxisim.logs import schemas
+from paxisim.logs.about import about_text, read_about
 from paxisim.logs.aligned import Aligned
 from paxisim.logs.atomic import whole_file
 
@@ -45,17 +45,7 @@ def write_npz(path: Path, recording: Aligned) -> None:
     arrays = {name: getattr(recording, name) for name in _ARRAYS if getattr(recording, name) is not None}
     arrays |= {schemas.COVARIATE + name: value for name, value in recording.covariates.items()}
     _refuse_infinite(arrays)
-    layout = recording.layout
-    about = {
-        "format": schemas.FORMAT,
-        "layout": None if layout is None else layout.to_dict(),
-        "pads": recording.pads,
-        "metadata": recording.metadata,
-    }
-    try:
-        text = orjson.dumps(about, option=orjson.OPT_SERIALIZE_NUMPY | orjson.OPT_NON_STR_KEYS).decode()
-    except TypeError as error:
-        raise InvalidValueError(f"the metadata cannot be written as JSON: {error}") from error
+    text = about_text(recording)
     with whole_file(path) as temporary, open(temporary, "xb") as file:
         np.savez(file, about=np.array(text), **arrays)
 
@@ -86,7 +76,7 @@ def read_npz(path: Path) -> Aligned:
             for name, value in arrays.items()
             if name.startswith(schemas.COVARIATE)
         },
-        **_described(path, about),
+        **read_about(path, about),
     )
 
 
@@ -96,16 +86,3 @@ def _refuse_infinite(arrays: Mapping[str, NDArray[Any]], where: str = "") -> Non
             raise InvalidValueError(
                 f"{where}{name!r} holds an infinite value, which a file cannot; write NaN for not known"
             )
-
-
-def _described(path: Path, about: Any) -> dict[str, Any]:
-    """What the text of an archive says: layout, pads and metadata."""
-    given = {"layout": None, "pads": [], "metadata": {}, **about} if isinstance(about, dict) else {}
-    layout, pads, metadata = given.get("layout"), given.get("pads"), given.get("metadata")
-    if not (isinstance(pads, list) and isinstance(metadata, dict)):
-        raise InvalidValueError(f"{path}: 'about' must be a JSON object with a list 'pads' and an object 'metadata'")
-    try:
-        layout = None if layout is None else TaxelLayout.from_dict(layout)
-    except InvalidValueError as error:
-        raise InvalidValueError(f"{path}: 'layout' in 'about': {error}") from error
-    return {"layout": layout, "pads": tuple(pads), "metadata": metadata}

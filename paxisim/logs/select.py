@@ -22,12 +22,16 @@ def select(
 ) -> Aligned:
     """See `paxisim.Recording.select`; the fields must have been checked."""
     if covariates is not None:
-        recording = _with_covariates(recording, tuple(covariates))
+        recording = _with_covariates(recording, _names(covariates))
     if pads is not None:
-        recording = _with_pads(recording, (pads,) if isinstance(pads, str) else tuple(pads))
+        recording = _with_pads(recording, _names(pads))
     if episodes is not None:
         recording = take(recording, _in_episodes(recording, list(episodes)))
     return _known(recording) if known else recording
+
+
+def _names(given: str | Iterable[str]) -> tuple[str, ...]:
+    return (given,) if isinstance(given, str) else tuple(given)
 
 
 def take(recording: Aligned, samples: slice | NDArray[Any]) -> Aligned:

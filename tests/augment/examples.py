@@ -16,6 +16,7 @@ from paxisim.augment import (
     axis_coupling,
     chain,
     channel_curve,
+    covariate_field,
     creep,
     crosstalk,
     dead_band,
@@ -95,6 +96,12 @@ EXAMPLES: dict[str, Example] = {
         lambda rng: channel_curve.ChannelCurve(
             rng.uniform(-0.3, 0.3, (4, *FRAME)), rng.uniform(-2.1, -1.9), rng.uniform(1.4, 1.6)
         )
+    ),
+    "CovariateField": Example(
+        lambda rng: covariate_field.CovariateField(
+            rng.uniform(-0.3, 0.3, (4, *FRAME)), ("gripper_opening", "wrist"), (0.2, -0.1), ((2.0, 0.5), (-0.5, 2.0))
+        ),
+        covariates={"gripper_opening": (0.0, 1.0), "wrist": (-0.5, 0.5)},
     ),
     "Creep": Example(
         lambda rng: creep.Creep(rng.uniform(-0.1, 0.25, 3), 10 ** rng.uniform(-2, 1, 3)),

@@ -57,6 +57,12 @@ def test_info_says_what_is_there(capsys):
     assert "CUT" not in out
 
 
+def test_info_says_the_unit_of_channels_that_are_no_forces(capsys):
+    write("a.mcap", unit="uT")
+    info(Path("a.mcap"))
+    assert "measured (uT a taxel): x 0 to 9.9" in capsys.readouterr().out
+
+
 def test_info_counts_samples_with_a_pad_in_error(capsys):
     with LogWriter("a.mcap", {}) as log:
         for i in range(10):
@@ -184,7 +190,7 @@ def test_nothing_is_overwritten_unasked(folder):
 def test_what_cannot_be_converted(folder):
     write("a.mcap")
     (folder / "b.mcap").write_text("something else")
-    for source, output in (("a.mcap", "a.h5"), ("b.mcap", "b.npz"), ("a.h5", "b.npz"), ("a.mcap", "no/b.npz")):
+    for source, output in (("a.mcap", "a.h5"), ("b.mcap", "b.npz"), ("a.txt", "b.npz"), ("a.mcap", "no/b.npz")):
         with pytest.raises(InvalidValueError):
             convert(Path(source), Path(output))
     with pytest.raises(InvalidValueError):

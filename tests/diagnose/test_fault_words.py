@@ -47,7 +47,7 @@ def test_it_is_said_what_is_wrong(name, member, words):
     assert fault_in_words(found, name) == words
     flat = " ".join(str(found).split())
     assert words in flat
-    assert "parameters from" not in flat
+    assert "numbers from" not in flat
     assert fault_in_words(Diagnosis.from_json(found.to_json()), name) == words
 
 
@@ -66,5 +66,5 @@ def test_of_many_taxels_a_few_are_listed_and_other_causes_have_numbers():
     assert fault_in_words(diagnosis("dead_taxels", dead), "dead_taxels").count("and 8 more") == 2
     found = diagnosis("creep", Creep((0.2,), (0.3,)))
     assert fault_in_words(found, "creep") == ""
-    assert "24 parameters" in str(found)
+    assert "24 numbers from" in str(found)
     assert "not asked for" not in str(found)

@@ -61,6 +61,14 @@ def test_an_episode_that_alone_excites_a_cause_is_split_in_two_blocks_with_a_gap
     assert folds(lone, "axis_gain").split == ()
 
 
+def test_blocks_of_an_episode_speak_with_one_voice_unless_there_are_few_episodes(recording):
+    opening = np.where(recording.episode == 5, 0.02 + 0.02 * np.sin(recording.time), 0.02)
+    found = folds(replace(recording, covariates={"gripper_opening": opening}), "axis_gain", "interference")
+    np.testing.assert_array_equal(found.independent(np.arange(9.0)), [0, 1, 2, 3, 4, 5 + 6, 7, 8])
+    one = folds(next(recording.episodes()), "axis_gain")
+    np.testing.assert_array_equal(one.independent(np.arange(4.0)), np.arange(4.0))
+
+
 def test_a_recording_of_one_episode_is_split_into_blocks(recording):
     found = folds(next(recording.episodes()), "axis_gain")
     assert found.count == RULES.few_episodes

@@ -71,6 +71,9 @@ def test_a_gauge_multiplies_what_its_cause_reads():
     assert gauged
     for item in gauged:
         start = np.asarray(item.starts(problem)[0], dtype=float)
-        right, other = (item.transform(np.append(start, end), problem).run(force, time) for end in (0.0, 1.0))
-        np.testing.assert_allclose(other, right * item.gauge.gain(start, problem))
-        assert item.parameters(problem)[-1].name == item.gauge.name
+        numbers = item.gauge.free
+        ends = (np.append(start, [end] * len(numbers)) for end in (0.0, 1.0))
+        right, other = (item.transform(end, problem).run(force, time) for end in ends)
+        gains = np.broadcast_to(item.gauge.gain(start, problem), 3)
+        np.testing.assert_allclose(other, right * gains[:, None, None])
+        assert item.parameters(problem)[-len(numbers) :] == numbers

@@ -10,7 +10,7 @@ from paxisim import augment
 from paxisim.diagnose.explanation import explanation_of, heldout_of
 from paxisim.diagnose.fitting import Fitter
 from paxisim.diagnose.folds import folds_of
-from paxisim.diagnose.heldout import Squares, explained_share, gains_of, squares_of, survives
+from paxisim.diagnose.heldout import SquaredErrors, explained_share, gains_of, squares_of, survives
 from paxisim.diagnose.problem import problem_of
 from paxisim.diagnose.reading import read_off
 from paxisim.diagnose.rules import Rules
@@ -98,20 +98,20 @@ def test_an_episode_that_was_cut_is_said():
 )
 def test_a_gain_is_a_share_of_what_can_be_explained(before, after, floor, gain):
     each = np.ones(EPISODES)
-    squares = Squares(before * each, after * each, {"creep": before * each}, floor * each, 9 * each, "", ())
+    squares = SquaredErrors(before * each, after * each, {"creep": before * each}, floor * each, 9 * each, "", ())
     assert gains_of(squares, 0)["creep"].value == pytest.approx(gain)
 
 
 def test_nothing_above_the_floor_is_no_share():
     each = np.ones(EPISODES)
-    assert explained_share(Squares(each, each, {}, each, 9 * each, "", ()), each, 0) is None
+    assert explained_share(SquaredErrors(each, each, {}, each, 9 * each, "", ()), each, 0) is None
 
 
 def test_a_few_episodes_of_little_noise_give_no_warning():
     """In some of the draws of the bootstrap there is nothing to explain."""
     before = np.array([5.0, *[0.9] * (EPISODES - 1)])
     each = np.ones(EPISODES)
-    share = explained_share(Squares(before, each, {}, each, 9 * each, "", ()), each, 0)
+    share = explained_share(SquaredErrors(before, each, {}, each, 9 * each, "", ()), each, 0)
     assert share is not None
     assert np.isfinite([share.low, share.high]).all()
 
@@ -138,4 +138,4 @@ def test_a_zero_before_a_dead_band_is_found_without_counts_and_without_noise_bef
     bare = replace(bare, measured=bare.simulated + 0.2)
     causes = [cause(name) for name in ("offset", "dead_band")]
     fit = Fitter(bare, folds_of(bare, causes, Rules())).fit(causes)
-    assert np.median(fit.zeros["offset"][bare.alive]) == pytest.approx(0.2, abs=0.01)
+    assert np.median(fit.zeros["offset"][0][bare.alive]) == pytest.approx(0.2, abs=0.01)

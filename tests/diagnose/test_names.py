@@ -129,6 +129,14 @@ def test_a_cause_without_its_covariate_is_left_out_and_listed():
     assert "gripper_opening" in found.not_testable["interference"]
 
 
+def test_what_the_replay_hides_is_not_looked_for():
+    given = plain(lambda force, time: 1.2 * force, seed=3)
+    replay = {"mode": "fitted", "not_testable": {"axis_gain": "the closing was fitted to the measured total force"}}
+    found = diagnosed(replace(given, metadata={**given.metadata, "replay": replay}), ("axis_gain", "latency"))
+    assert names(found) == []
+    assert found.not_testable["axis_gain"] == "the closing was fitted to the measured total force"
+
+
 def test_what_a_motion_does_not_excite_cannot_be_tested():
     given = plain(seed=3)
     still = Recording(

@@ -141,7 +141,7 @@ def test_a_loaded_diagnosis_says_what_its_page_lacks(pages, two, tmp_path):
 def test_one_episode_claims_no_gain(two):
     heldout = dataclasses.replace(two.heldout, gain_per_episode=(0.5,), note="")
     page = dataclasses.replace(two, heldout=heldout, streams=None).report()
-    assert "no gain is claimed" in page
+    assert "no improvement is claimed" in page
     assert "these figures are in-sample" in page
     text = html.unescape(re.sub('src="[^"]*"', "", page))
     for found in two.causes:

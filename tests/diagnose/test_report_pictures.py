@@ -32,6 +32,7 @@ READ = {  # causes without fitted parameters
     "layout": augment.LayoutFault(flip_rows=True, pad_order=(1, 0)),
     "offset": augment.Offset(np.full((2, 3, 4, 3), 0.2)),
     "drift": augment.Drift(amplitude=np.full((2, 3, 4, 3), 0.5), tau=120.0),
+    "interference": augment.CovariateField(np.full((2, 2, 3, 4, 3), 0.1), ("gripper_opening",), (0.02,), ((100.0,),)),
     "quantisation": augment.Quantisation((0.3,) * 3),
     "dead_taxels": augment.DeadTaxels(np.eye(4, 3)[None] * np.ones((2, 1, 1))),
     "channel_curve": augment.ChannelCurve(np.linspace(0, 0.5, 9).reshape(9, 1, 1, 1, 1), 0.0, 8.0),

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from paxisim.diagnose.problem import problem_of
-from paxisim.diagnose.symptoms import phases_of, symptoms
+from paxisim.diagnose.report.symptoms import phases_of, symptoms
 from paxisim.recording import Recording
 
 RATE = 50.0

@@ -21,7 +21,7 @@ _PRIOR = 3.0  # of the peak; standard deviation of the prior at a knot, for knot
 def mixes_alike(problem: Problem) -> str:
     """Why causes that mix or swap channels cannot be tested; empty if they can."""
     return (
-        "the simulation is the same for all channels, so mixing between them is not identifiable"
+        "the simulation is the load that a calibration used, so mixing between channels is not identifiable"
         if problem.one_load
         else ""
     )

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from paxisim import augment
-from paxisim.diagnose.cause import Cause, Free, Values
+from paxisim.diagnose.cause import AXES, Cause, Free, Values
 from paxisim.diagnose.causes.channel_curve import no_neighbours
 from paxisim.diagnose.problem import Problem
 
@@ -12,21 +14,26 @@ SHARED = 0.012  # materiality: share of its load that a taxel passes to its neig
 
 def _size(values: Values, problem: Problem) -> float:
     # the 4 nearest neighbours, and 16 more at distances up to 2.8 pitches
-    return abs(values[0]) * (4 + 7 * values[1]) / SHARED
+    return max(map(abs, values[:3])) * (4 + 7 * values[3]) / SHARED
 
 
 CROSSTALK = Cause(
     "crosstalk",
     41,
-    lambda v, p: augment.Crosstalk(v[0], length=1.0, far=v[1], taken=v[2]),
+    lambda v, p: augment.Crosstalk(tuple(v[:3]), length=1.0, far=v[3], taken=v[4]),
     "probe",
     lambda p: (
-        Free("strength", "1", 0.0, -0.3, 0.3, 0.02, 0.001),
+        # the forms: the gel moves all axes alike, a magnet's field reaches each in another way
+        *(Free(f"strength_{axis}", "1", 0.0, -0.3, 0.3, 0.02, 0.001) for axis in AXES),
         Free("far", "1", 0.5, 0.0, 3.0, 0.5, words="factor on taxels beyond the next neighbours"),
         # the gauge: calibrated with single taxels (0, nothing is lost), or with flat presses (1, which read right)
         Free("taken", "1", 0.5, 0.0, 1.0, 0.3, words="share of what neighbours get that the taxel loses"),
     ),
-    lambda p: [(0.02, 0.0, 0.0), (0.02, 1.0, 0.0), (0.02, 1.0, 1.0)],
+    lambda p: [
+        (*(0.02 * np.array(axes)), far, taken)
+        for axes in ((1, 1, 1), (1, 1, 0), (0, 0, 1))
+        for far, taken in ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0))
+    ],
     misfit=0.03,
     size=_size,
     barred=no_neighbours,

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from paxisim import augment
-from paxisim.diagnose.cause import Cause, Free, Gauge
+from paxisim.diagnose.cause import Cause, Free, Gauge, Values
 from paxisim.diagnose.causes.channel_curve import bent_apart
-from paxisim.diagnose.problem import Problem
+from paxisim.diagnose.problem import FloatArray, Problem
 
 
 def _least(problem: Problem) -> float:
     """Materiality of the half width (N): rounding alone suppresses half a count."""
     told = problem.dither > 0.2 * problem.step
     return max(0.02, (0.45 if told else 0.55) * problem.step)
+
+
+def _gain(values: Values, problem: Problem) -> FloatArray:
+    return 1 / np.maximum(1 - values[0] * values[1] / problem.peaks, 0.2)
 
 
 AT_PEAK = "0 if the sensor reads changes of force right, 1 if it reads the peak force right"
@@ -27,7 +33,7 @@ DEAD_BAND = Cause(
         Free("edge", "1", 0.2, 0.0, 1.0, 0.1, spread=0.1, words="share of the width over which readings set in"),
     ),
     lambda p: [(width, shrink, 0.2) for width in (0.06, 0.12, 0.2, 0.3) for shrink in (0.0, 1.0)],
-    gauge=Gauge("calibrated_at_peak", lambda v, p: 1 / max(1 - v[0] * v[1] / p.peak, 0.2), AT_PEAK),
+    gauge=Gauge("calibrated_at_peak", _gain, AT_PEAK, by_axis=True),
     misfit=0.01,
     barred=bent_apart,
     words="Small forces are not read.",

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from paxisim import augment
-from paxisim.diagnose.cause import Cause, Course
-from paxisim.diagnose.problem import Problem
+from paxisim.diagnose.cause import Cause, Course, Values
+from paxisim.diagnose.problem import FloatArray, Problem
 
 LEAST_EPISODES = 4
 LEAST_SECONDS = 30.0
@@ -18,6 +18,11 @@ SHAPES = tuple(
 )
 
 NUMBERS = {"tau": "", "start": "seconds from zeroing to the start of the recording"}
+
+
+def _curve(problem: Problem, shape: Values) -> FloatArray:
+    seconds = problem.time - problem.time[0]
+    return -np.expm1(-(seconds + shape[1]) / shape[0])[None]
 
 
 def _needs_time(problem: Problem) -> str:
@@ -34,7 +39,7 @@ DRIFT = Cause(
     77,
     lambda v, p: augment.Drift(amplitude=np.asarray(v[0]), tau=float(v[1]), start=float(v[2])),
     "sessions",
-    course=Course("amplitude", lambda t, shape: -np.expm1(-(t + shape[1]) / shape[0]), NUMBERS, SHAPES),
+    course=Course("amplitude", _curve, NUMBERS, SHAPES),
     misfit=0.02,
     price=7.0,
     barred=_needs_time,

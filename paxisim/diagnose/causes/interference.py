@@ -1,55 +1,42 @@
-"""Interference: an external magnetic field is read as a force; it changes with the gripper opening."""
+"""Interference: a magnetic field from outside is read as a force; it changes with the pose of the gripper or hand."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from paxisim import augment
-from paxisim.diagnose.cause import AXES, Cause, Free, Values, one_away
-from paxisim.diagnose.problem import Problem
-
-FIELD = (("linear", "N/m", 1.0, 15.0), ("quadratic", "N/m^2", 50.0, 600.0))
-COVARIATE = "gripper_opening"
+from paxisim.diagnose.cause import Cause, Course, Values
+from paxisim.diagnose.problem import FloatArray, Problem
 
 
-def _free(problem: Problem) -> tuple[Free, ...]:
-    free = []
-    for power, unit, scale, spread in FIELD:
-        for place in ("", "row_", "column_"):
-            material = 0.4 if power == "linear" and not place else None
-            for pad in range(problem.measured.shape[1]):
-                for k, axis in enumerate(AXES):
-                    name, bound = f"{power}_{place}pad{pad}_{axis}", 1e4 * scale
-                    free.append(Free(name, unit, 0.0, -bound, bound, scale, material, spread, power + place, (pad, k)))
-    return tuple(free)
+def _curves(problem: Problem, shape: Values) -> FloatArray:
+    """A straight line and a parabola in each direction of the pose."""
+    assert problem.directions is not None
+    along = problem.directions.along(problem.covariates)
+    return np.concatenate([along, along**2 - 1])
 
 
-def _make(values: Values, problem: Problem) -> augment.Interference:
-    pads = problem.measured.shape[1]
-    linear, quadratic = np.reshape(
-        values, (2, 3, pads, 3)
-    )  # at the centre, gradient along rows, gradient along columns
-    opening = problem.covariates[COVARIATE]
-    rest = problem.at_rest if problem.at_rest.any() else np.ones(len(opening), dtype=bool)
-    home = float(np.median(opening[rest]))
-    return augment.Interference(linear[0], quadratic[0], linear[1:], quadratic[1:], zeroed_at=home)
+def _make(values: Values, problem: Problem) -> augment.CovariateField:
+    assert problem.directions is not None
+    names, middle, axes = problem.directions.names, problem.directions.middle, problem.directions.axes
+    return augment.CovariateField(np.asarray(values), names, tuple(middle.tolist()), tuple(map(tuple, axes.tolist())))
 
 
-def _starts(problem: Problem) -> list[list[float]]:
-    free = _free(problem)
-    return [one_away(len(free), index, 0.0, item.scale) for index, item in enumerate(free)]
+def _barred(problem: Problem) -> str:
+    if problem.directions is not None:
+        return ""
+    return "no covariate was recorded that varies without contact, such as gripper_opening or the angle of a joint"
 
 
 INTERFERENCE = Cause(
     "interference",
-    55,
+    77.5,  # it is fitted with the zero
     _make,
     "gripper",
-    _free,
-    _starts,
+    course=Course("amounts", _curves),
     planes=True,  # the gauge: the field need not be zero at the start of the recording
-    covariate=COVARIATE,
     misfit=0.02,
-    words="An external magnetic field is read as a force; it changes with the gripper opening.",
+    barred=_barred,
+    words="A magnetic field from outside is read as a force; it changes with the pose.",
     picture="covariate",
 )

@@ -18,7 +18,7 @@ OFFSET = Cause(
     76,
     lambda v, p: augment.Offset(np.asarray(v)),
     "free",
-    course=Course("value", lambda seconds, shape: np.ones_like(seconds)),
+    course=Course("value", lambda problem, shape: np.ones((1, len(problem.time)))),
     nuisance=True,
     unpressed_rival="dead_taxels",
     misfit=0.0,

@@ -7,18 +7,31 @@ import numpy as np
 from paxisim import augment
 from paxisim.diagnose.cause import Cause, Free, Gauge, Values
 from paxisim.diagnose.causes.channel_curve import bent_apart
-from paxisim.diagnose.problem import Problem
+from paxisim.diagnose.problem import FloatArray, Problem
 
 REACHED = 1.1  # times the peak; a larger limit acts like stiffening
 
 
+def _limits(values: Values) -> FloatArray:
+    """``(3,)`` N, the largest reading of x, y and z."""
+    return values[0] * np.array([values[2], values[2], 1.0])
+
+
 def _make(values: Values, problem: Problem) -> augment.Saturation:
-    return augment.Saturation(-values[0], values[0], values[1])
+    limits = _limits(values)
+    return augment.Saturation(tuple(-limits), tuple(limits), values[1])
 
 
-def _gain(values: Values, problem: Problem) -> float:
-    force = np.full((1, 1, 3, 1, 1), problem.peak)
-    return float(problem.peak / max(float(_make(values, problem)(force)[0, 0, 2, 0, 0]), 0.1 * problem.peak))
+def _gain(values: Values, problem: Problem) -> FloatArray:
+    read = _make(values, problem)(problem.peaks[None, None, :, None, None])[0, 0, :, 0, 0]
+    return problem.peaks / np.maximum(read, 0.1 * problem.peaks)
+
+
+def _starts(problem: Problem) -> list[Values]:
+    """Limits that are the same for all axes, and limits at a share of what each axis reaches."""
+    shapes = [(0.5, 0.2), (0.7, 0.2), (0.9, 0.2), (0.9, 0.8)]
+    own = float(problem.peaks[0] / problem.peaks[2])
+    return [(share * problem.peak, softness, shear) for share, softness in shapes for shear in (1.0, own)]
 
 
 AT_PEAK = "0 if the sensor reads small forces right, 1 if it reads the peak force right"
@@ -31,11 +44,13 @@ SATURATION = Cause(
     lambda p: (
         Free("limit", "N", 2.0 * p.peak, 0.15 * p.peak, 3 * p.peak, 0.1 * p.peak, 0.2 * p.peak),
         Free("softness", "1", 0.3, 0.0, 1.0, 0.2, words="share of the limit over which it sets in"),
+        # the forms: a range in newtons, or one in units of the sensor, which is another in newtons for each axis
+        Free("shear", "1", 1.0, 0.05, 2.0, 0.2, spread=0.5, words="limit of shear relative to that of normal force"),
     ),
-    lambda p: [(share * p.peak, 0.2) for share in (0.5, 0.7, 0.9)] + [(0.9 * p.peak, 0.8)],
-    gauge=Gauge("calibrated_at_peak", _gain, AT_PEAK),
+    _starts,
+    gauge=Gauge("calibrated_at_peak", _gain, AT_PEAK, by_axis=True),
     misfit=0.005,
-    size=lambda v, p: REACHED * p.peak / v[0],
+    size=lambda v, p: REACHED * float(np.max(p.peaks / _limits(v))),
     barred=bent_apart,
     words="Large forces are clipped.",
     picture="curves",

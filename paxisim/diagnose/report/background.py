@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from paxisim.diagnose.report import marks
 from paxisim.diagnose.report.effect import Effect, Series
+from paxisim.diagnose.report.followed import followed
 from paxisim.diagnose.report.maps import MOST_PADS, grid_of_maps
 from paxisim.diagnose.report.style import (
     AXES,
@@ -18,16 +19,18 @@ from paxisim.diagnose.report.style import (
 )
 
 _LABELS = {"gripper_opening": ("gripper opening, mm", 1e3), "temperature": ("temperature, °C", 1.0)}
+_KNOWN = {label for label, _ in _LABELS.values()}
 
 
 def covariate(effect: Effect) -> list[Picture]:
-    """The mean reading of a pad at rest against the cause's covariate, on the two most affected axes."""
-    assert effect.about is not None
-    name = effect.about.covariate
-    label, scale = _LABELS.get(name, (name, 1.0))
-    x = scale * effect.streams.covariates[name]
-    frames = _at_rest(effect)
-    return [_against(effect, pad, axis, x, frames, label) for pad, axis in effect.axes[:2]]
+    """The mean reading of a pad at rest against the covariate that it follows, on the two most affected axes."""
+    frames, pictures = _at_rest(effect), []
+    for pad, axis in effect.axes[:2]:
+        _, without, model = effect.sums(pad, axis)
+        name = followed(effect.member, effect.streams.covariates, (model - without)[frames, None], frames)[0]
+        label, scale = _LABELS.get(name, (name, 1.0))
+        pictures.append(_against(effect, pad, axis, scale * effect.streams.covariates[name], frames, label))
+    return pictures
 
 
 def _at_rest(effect: Effect) -> NDArray[np.bool_]:
@@ -48,10 +51,11 @@ def _against(effect: Effect, pad: int, axis: int, x: Series, frames: NDArray[np.
     axes.set_xlabel(f"{label} (pads unloaded)")
     axes.set_ylabel(f"{AXES[axis]} reading, N per taxel")
     swing = float(adds.max() - adds.min())
-    place = f"pad {effect.streams.pads[pad]}, {AXES[axis]}"
+    what = f"the {label.split(',')[0]}" if label in _KNOWN else label
+    place = f"{effect.streams.pad(pad)}, {AXES[axis]}"
     return finish(
         figure,
-        f"With no contact, {place} changes by {swing:.2g} N with the {label.split(',')[0]}",
+        f"With no contact, {place} changes by {swing:.2g} N with {what}",
         f"Mean reading of {place} at rest against {label}. The points follow the curve of the model with "
         f"{effect.cause.name}, which spans {swing:.3g} N.",
     )
@@ -117,7 +121,7 @@ def _in_time(effect: Effect, shift: Series, title: str) -> Picture:
     )
     axes.set_xlabel("time, min (pads unloaded)")
     axes.set_ylabel(f"{AXES[axis]} reading, N per taxel")
-    place = f"pad {effect.streams.pads[pad]}, {AXES[axis]}, mean of {int(taxels.sum())} taxels"
+    place = f"{effect.streams.pad(pad)}, {AXES[axis]}, mean of {int(taxels.sum())} taxels"
     return finish(
         figure,
         f"{title} ({place})",

@@ -85,7 +85,7 @@ class Effect:
     def place(self, channel: Channel) -> str:
         """A channel in words, for a title."""
         pad, axis, row, col = channel
-        return f"pad {self.streams.pads[pad]}, taxel ({row}, {col}), {'xyz'[axis]}"
+        return f"{self.streams.pad(pad)}, taxel ({row}, {col}), {'xyz'[axis]}"
 
 
 def effects(causes: tuple[FoundCause, ...], chain: Chain, streams: Streams) -> list[Effect]:

@@ -10,6 +10,7 @@ import numpy as np
 from paxisim.augment.chain import Chain
 from paxisim.augment.dead_taxels import DeadTaxels
 from paxisim.augment.layout_faults import LayoutFault
+from paxisim.diagnose.report.streams import pad_in_words
 
 if TYPE_CHECKING:
     from paxisim.diagnose.diagnosis import Diagnosis
@@ -46,7 +47,7 @@ def _layout(fault: LayoutFault, pads: Sequence[str]) -> list[str]:
     signs = [_AXES[axis] for axis, sign in enumerate(fault.axis_signs) if sign < 0]
     words += [f"sign of {' and '.join(signs)} reversed"] if signs else []
     order = fault.pad_order or ()
-    return words + _moved(order, [f"pad {_pad(pads, number)}" for number in range(len(order))])
+    return words + _moved(order, [_pad(pads, number) for number in range(len(order))])
 
 
 def _moved(order: Sequence[int], names: Sequence[str]) -> list[str]:
@@ -64,10 +65,10 @@ def _taxels(fault: DeadTaxels, pads: Sequence[str]) -> list[str]:
         for pad in np.unique(places[:, 0]):
             own = [f"({row}, {col})" for p, row, col in places if p == pad]
             more = f" and {len(own) - MOST} more" if len(own) > MOST else ""
-            named.append(f"pad {_pad(pads, int(pad))} {', '.join(own[:MOST])}{more}")
+            named.append(f"{_pad(pads, int(pad))} {', '.join(own[:MOST])}{more}")
         words += [f"{what}: {', '.join(named)}"] if named else []
     return words
 
 
 def _pad(pads: Sequence[str], number: int) -> str:
-    return pads[number] if number < len(pads) else str(number)
+    return pad_in_words(pads[number] if number < len(pads) else str(number))

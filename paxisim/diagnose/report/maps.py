@@ -48,15 +48,15 @@ def _places(
 ) -> Picture:
     worst = int(np.argmax(before[:, axis]))
     pad, row, col = np.unravel_index(worst, before[:, axis].shape)
-    at = f"the worst taxel is ({row}, {col}) of pad {streams.pads[int(pad)]} with {before[:, axis].max():.3g} N"
+    at = f"the worst taxel is ({row}, {col}) of {streams.pad(int(pad))} with {before[:, axis].max():.3g} N"
     was = float(np.sqrt(np.mean(before[:, axis] ** 2)))
     if after is None:
-        maps, titles = [before[pad, axis] for pad in pads], [f"pad {streams.pads[pad]}" for pad in pads]
+        maps, titles = [before[pad, axis] for pad in pads], [f"{streams.pad(pad)}" for pad in pads]
         title = f"{AXES[axis]}: RMS error {was:.2g} N"
         alt = f"Maps of the RMS error of each taxel on {AXES[axis]}, by pad. Overall {was:.3g} N; {at}."
     else:
         maps = [values[pad, axis] for pad in pads for values in (before, after)]
-        titles = [f"pad {streams.pads[pad]}, {when}" for pad in pads for when in ("before", "after")]
+        titles = [f"{streams.pad(pad)}, {when}" for pad in pads for when in ("before", "after")]
         now = float(np.sqrt(np.mean(after[:, axis] ** 2)))
         title = f"{AXES[axis]}: RMS error {was:.2g} N → {now:.2g} N"
         alt = (

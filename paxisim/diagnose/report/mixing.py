@@ -58,11 +58,11 @@ def _leak(effect: Effect, pad: int, into: int, source: int) -> Picture:
     marks.with_cause(axes, ends, slope * ends, effect.cause.name)
     axes.set_xlabel(f"{AXES[source]} force of the pad, N")
     axes.set_ylabel(f"deviation on {AXES[into]}, N")
-    name = effect.streams.pads[pad]
+    name = effect.streams.pad(pad)
     return finish(
         figure,
-        f"{AXES[into]} reads {abs(slope):.0%} of the {AXES[source]} force (pad {name})",
-        f"Measured {AXES[into]} force of pad {name} minus force in the model without {effect.cause.name}, against the "
+        f"{AXES[into]} reads {abs(slope):.0%} of the {AXES[source]} force ({name})",
+        f"Measured {AXES[into]} force of {name} minus force in the model without {effect.cause.name}, against the "
         f"{AXES[source]} force. The points follow the model's line, of slope {slope:.3g}.",
     )
 
@@ -95,7 +95,7 @@ def _matrix(effect: Effect, matrix: Series, pad: int) -> Picture:
     return finish(
         figure,
         "Coupling matrix (identity without the cause)",
-        f"Coupling matrix of pad {effect.streams.pads[pad]}, rows are readings and columns forces: {words}.",
+        f"Coupling matrix of {effect.streams.pad(pad)}, rows are readings and columns forces: {words}.",
         legend=False,
     )
 
@@ -164,7 +164,7 @@ def _moment(effect: Effect, shear: bool) -> Picture:
         else:
             draw_map(axes, streams.layout, values[2].reshape(shape), largest, signed=True)
         axes.set_title(title, fontsize=8.5, pad=3, color=INK)
-    place = f"pad {streams.pads[pad]} at {streams.time[at] - streams.time[0]:.1f} s"
+    place = f"{streams.pad(pad)} at {streams.time[at] - streams.time[0]:.1f} s"
     return finish(
         figure,
         f"Shear points away from the contact (up to {largest:.2g} N; shading: normal force)"

@@ -13,7 +13,14 @@ from paxisim.augment.chain import Chain
 from paxisim.augment.latency import Latency
 from paxisim.diagnose.diagnosis import Diagnosis, FoundCause, Interval
 from paxisim.diagnose.report.faults import fault_in_words
-from paxisim.diagnose.report.text import is_of_one_episode, meanings, parameters_in_words, reasons_of
+from paxisim.diagnose.report.text import (
+    CONFIDENCE,
+    EXPLAINS,
+    is_of_one_episode,
+    meanings,
+    parameters_in_words,
+    reasons_of,
+)
 from paxisim.diagnose.vocabulary import cause, known_causes
 from paxisim.errors import MissingExtraError
 
@@ -63,7 +70,7 @@ def head(diagnosis: Diagnosis) -> str:
     if diagnosis.causes:
         error = f"{figures.nrmse_before:.1%} &rarr; {figures.nrmse_after:.1%}"
         lines.append(f"<p>Error (normalised RMSE): {error}; noise floor {figures.noise_floor:.1%}</p>")
-        cells = [("cause", "held-out gain", "confidence", "rivals")]
+        cells = [("cause", "explains", "confidence", "rivals")]
         for item in diagnosis.causes:
             sure = f"{diagnosis.confidence.get(item.name, 0):.0%}"
             cells.append((item.name, _percent(item.gain), sure, ", ".join(item.rivals) or "none"))
@@ -113,6 +120,8 @@ def _context(diagnosis: Diagnosis) -> dict[str, Any]:
         "head": _head(diagnosis),
         "sentence": _sentence(diagnosis),
         "causes": causes,
+        "confidence_in_words": CONFIDENCE,
+        "explains_in_words": EXPLAINS,
         "held_out": len(diagnosis.heldout.gain_per_episode) > 1,
         "reasons": reasons_of(diagnosis),
         "covariates": diagnosis.model.covariate_names,

@@ -42,6 +42,10 @@ class Streams:
     step: float = 0.0
     alive: NDArray[np.bool_] | Literal[True] = True
 
+    def pad(self, number: int) -> str:
+        """A pad in words, "pad left" or "pad0"."""
+        return pad_in_words(self.pads[number])
+
     @property
     def episodes(self) -> tuple[slice, ...]:
         """The samples of each episode."""
@@ -56,3 +60,8 @@ class Streams:
     def at_rest(self) -> NDArray[np.bool_]:
         """``(T,)`` whether no taxel is pressed."""
         return np.abs(self.simulated).max(axis=(1, 2, 3, 4)) < 0.01 * max(self.peak, 1e-9)
+
+
+def pad_in_words(name: str) -> str:
+    """The name of a pad, after the word "pad" unless it begins with it."""
+    return name if name.startswith("pad") else f"pad {name}"

@@ -23,7 +23,7 @@ def taxel_map(effect: Effect) -> list[Picture]:
     pads = sorted(np.argsort(-(gains**2).sum(axis=(1, 2)), kind="stable")[:MOST_PADS].tolist())
     limit = float(np.abs(gains[pads]).max()) or 1.0
     figure = grid_of_maps(
-        streams.layout, [gains[pad] for pad in pads], [f"pad {streams.pads[pad]}" for pad in pads], 2, limit,
+        streams.layout, [gains[pad] for pad in pads], [f"{streams.pad(pad)}" for pad in pads], 2, limit,
         signed=True, unit="%",
     )  # fmt: skip
     spread = finish(
@@ -42,10 +42,10 @@ def silent_map(effect: Effect) -> list[Picture]:
     gone = np.asarray(member.dead, dtype=float) + np.asarray(member.stuck, dtype=float)
     gone = np.broadcast_to(gone, (len(streams.pads), *streams.measured.shape[-2:]))
     pads = sorted(np.argsort(-gone.sum(axis=(1, 2)), kind="stable")[:MOST_PADS].tolist())
-    titles = [f"pad {streams.pads[pad]}" for pad in pads]
+    titles = [f"{streams.pad(pad)}" for pad in pads]
     figure = grid_of_maps(streams.layout, [gone[pad] for pad in pads], titles, 2, 1.0, strip=False)
     count = int(gone.sum())
-    names = ", ".join(f"pad {streams.pads[p]} ({r}, {c})" for p, r, c in np.argwhere(gone > 0)[:12])
+    names = ", ".join(f"{streams.pad(p)} ({r}, {c})" for p, r, c in np.argwhere(gone > 0)[:12])
     where = finish(
         figure,
         f"{count} taxel{'s do' if count > 1 else ' does'} not respond",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import textwrap
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
@@ -13,8 +14,8 @@ if TYPE_CHECKING:
     from paxisim.diagnose.diagnosis import Diagnosis, FittedParameter, HeldOut, Interval, Place, Symptoms, Verdict
 
 WIDTH = 80
-MANY = 8  # parameters of a cause; if there are more, those of one unit are summarised by their range
-FEW = 3  # parameters of one unit that are always listed
+MANY = 8  # numbers of an array; if there are more, their range is given
+INDEX = re.compile(r"(_\d+)+$")  # of a number in its array
 
 SENTENCES: Mapping[Verdict, str] = {
     "no_discrepancy": "The simulation agrees with the measurement within noise and tolerances.",
@@ -27,6 +28,13 @@ SENTENCES: Mapping[Verdict, str] = {
 
 ONE_EPISODE = (
     "The causes below explain the difference, but a single episode cannot confirm them. Record several episodes."
+)
+
+
+EXPLAINS = "Explains: by how much the error grows when the model is refitted without the cause."
+CONFIDENCE = (
+    "Confidence: how often the cause passes its test when episodes are resampled, divided among the cause and "
+    "its rivals."
 )
 
 
@@ -74,7 +82,7 @@ def _wrap(text: str, indent: str) -> list[str]:
 
 
 def _table(diagnosis: Diagnosis) -> list[str]:
-    lines = [f"{'Cause':<16}{'held-out gain':<26}{'confidence':>10}  rivals"]
+    lines = [f"{'Cause':<16}{'explains':<26}{'confidence':>10}  rivals"]
     for cause in diagnosis.causes:
         rivals = ", ".join(cause.rivals) or "none"
         head = f"{cause.name[:15]:<16}{_percent(cause.gain):<26}{diagnosis.confidence.get(cause.name, 0):>10.0%}  "
@@ -86,7 +94,7 @@ def _table(diagnosis: Diagnosis) -> list[str]:
         for name, words in meanings(cause.parameters):
             lines += _wrap(f"({name}: {words})", "  ")
         lines += _wrap(cause.evidence, "  ")
-    return lines
+    return [*lines, "", *_wrap(EXPLAINS, ""), *_wrap(CONFIDENCE, "")]
 
 
 def _percent(value: Interval) -> str:
@@ -96,24 +104,29 @@ def _percent(value: Interval) -> str:
 
 
 def parameters_in_words(parameters: Sequence[FittedParameter]) -> list[tuple[str, str]]:
-    """Names and values of the parameters; many parameters of one unit are summarised by their range."""
-    if len(parameters) <= MANY:
-        return [(p.name, f"{p.value}{_unit(p)}") for p in parameters]
+    """Names and values of the parameters; of many numbers of one array the range is given."""
     lines = []
-    for unit in dict.fromkeys(p.unit for p in parameters):
-        own = [p for p in parameters if p.unit == unit]
+    for own in _arrays(parameters).values():
         values = [p.value.value for p in own]
-        if len(own) > FEW:
-            lines.append((f"{len(own)} parameters", f"from {min(values):.3g} to {max(values):.3g}{_unit(own[0])}"))
+        if len(own) > MANY:
+            name = INDEX.sub("", own[0].name)
+            lines.append((name, f"{len(own)} numbers from {min(values):.3g} to {max(values):.3g}{_unit(own[0])}"))
         else:
             lines += [(p.name, f"{p.value}{_unit(p)}") for p in own]
     return lines
 
 
+def _arrays(parameters: Sequence[FittedParameter]) -> dict[str, list[FittedParameter]]:
+    """The parameters by name, those of one array together."""
+    arrays: dict[str, list[FittedParameter]] = {}
+    for parameter in parameters:
+        arrays.setdefault(INDEX.sub("", parameter.name), []).append(parameter)
+    return arrays
+
+
 def meanings(parameters: Sequence[FittedParameter]) -> list[tuple[str, str]]:
     """Names that do not speak for themselves, of the parameters that are listed, with what they mean."""
-    units = [p.unit for p in parameters]
-    listed = [p for p in parameters if len(parameters) <= MANY or units.count(p.unit) <= FEW]
+    listed = [p for own in _arrays(parameters).values() if len(own) <= MANY for p in own]
     return [(p.name, p.words) for p in listed if p.words]
 
 

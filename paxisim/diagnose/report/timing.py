@@ -31,7 +31,7 @@ def holds(effect: Effect) -> list[Picture]:
     span = effect.streams.episodes[number]
     time = effect.streams.time[span] - effect.streams.time[span.start]
     t, measured, lacking, model = thin(time, *effect.sums(pad, axis, span))
-    place = f"pad {effect.streams.pads[pad]}, {AXES[axis]}, all taxels, episode {number}"
+    place = f"{effect.streams.pad(pad)}, {AXES[axis]}, all taxels, episode {number}"
     name = effect.cause.name
 
     figure, axes = panel()
@@ -148,7 +148,7 @@ def _shift(effect: Effect, channel: Channel, lags: Series, errors: Series) -> Pi
     return finish(
         figure,
         f"The error is smallest when the simulation is shifted by {1e3 * lags[best]:.0f} ms",
-        f"RMS error of pad {effect.streams.pads[pad]}, {AXES[axis]}, against the shift of the simulation: "
+        f"RMS error of {effect.streams.pad(pad)}, {AXES[axis]}, against the shift of the simulation: "
         f"{errors[none]:.3g} N as recorded, minimum {errors[best]:.3g} N at {1e3 * lags[best]:.0f} ms.",
         legend=False,
     )

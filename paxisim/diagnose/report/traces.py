@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from paxisim.diagnose.diagnosis import Place, Symptoms
-from paxisim.diagnose.report.streams import Streams
+from paxisim.diagnose.report.streams import Streams, pad_in_words
 from paxisim.diagnose.report.style import (
     AXES,
     EXTENDED,
@@ -61,7 +61,7 @@ def _trace(streams: Streams, number: int, energy: np.ndarray, with_model: bool) 
     below.set_ylabel("error, N")
     below.set_xlabel("time in the episode, s")
     figure.align_ylabels()
-    place = f"pad {streams.pads[pad]}, taxel ({row}, {col}), {AXES[axis]}"
+    place = f"{streams.pad(pad)}, taxel ({row}, {col}), {AXES[axis]}"
     if not with_model:
         return finish(
             figure,
@@ -95,7 +95,7 @@ def shares(symptoms: Symptoms, extended: bool = True) -> list[Picture]:
         if group:
             most = max(group, key=lambda place: place.before)
             pictures.append(_shares(f"By {name}: {most.where} has {most.before:.0%}", name, group, extended))
-    pads = [replace(place, where=f"pad {place.where}") for place in symptoms.pads]
+    pads = [replace(place, where=pad_in_words(place.where)) for place in symptoms.pads]
     worst = [max(group, key=lambda place: place.before) for group in (pads, symptoms.axes)]
     title = "By pad and axis: " + ", ".join(f"{place.where} has {place.before:.0%}" for place in worst)
     return [*pictures, _shares(title, "pad and axis", (*pads, *symptoms.axes), extended)]

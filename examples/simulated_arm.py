@@ -1,0 +1,158 @@
+"""A simulated arm that stands for a real one: its pad is a sensor on a serial port, its joints come over UDP.
+
+A planar arm of three joints presses a pad onto a ball, drags it, and lifts it again, in real time. What the pad feels
+is sent as a PX6AX board does it (profile gen2-box-120), on a pseudo-terminal. What the joints measure, in steps of an
+encoder, goes to a UDP port as JSON, as a robot's own program would send it. Record both from another shell:
+
+    python examples/simulated_arm.py --link my-arm --udp 5005
+    paxisim record my-arm --profile gen2-box-120 --udp 5005 --seconds 10 -o press.mcap
+"""
+
+from __future__ import annotations
+
+import json
+import signal
+import socket
+import sys
+import time
+from contextlib import suppress
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import tyro
+
+import paxisim
+
+PROFILE = "gen2-box-120"
+UPPER, LOWER = 0.3, 0.25  # m, lengths of the links
+ENCODER = 2 * np.pi / 2**16  # rad, a step of the joints' encoders
+RATE = 100.0  # Hz, of the joints' messages
+PERIOD = 4.0  # s, of one press
+DEPTHS = (1.2e-3, 0.6e-3, 1.6e-3, 0.9e-3)  # m, of one press after the other
+JOINTS = ("shoulder", "elbow", "wrist")
+
+# the ball's top is at z = 0.03 m; the arm lies in the plane y = 0, and its hand points down
+ARM = f"""
+<mujoco model="simulated_arm">
+  <option timestep="0.002" cone="elliptic" impratio="10" integrator="implicitfast"/>
+  <default>
+    <joint type="hinge" axis="0 1 0" damping="2" armature="0.1"/>
+    <geom contype="0" conaffinity="0" density="500"/>
+    <position kp="40000" dampratio="1"/>
+  </default>
+  <worldbody>
+    <light pos="0 -1 1" dir="0 1 -1"/>
+    <geom name="ball" type="sphere" size="0.08" pos="0.35 0 -0.05" contype="1" conaffinity="1" friction="0.8"/>
+    <body name="upper" pos="0 0 0.2">
+      <joint name="shoulder"/>
+      <geom type="capsule" fromto="0 0 0 {UPPER} 0 0" size="0.02"/>
+      <body name="lower" pos="{UPPER} 0 0">
+        <joint name="elbow"/>
+        <geom type="capsule" fromto="0 0 0 {LOWER} 0 0" size="0.018"/>
+        <body name="hand" pos="{LOWER} 0 0">
+          <joint name="wrist"/>
+          <geom type="box" size="0.02 0.02 0.015" pos="0 0 0.02"/>
+        </body>
+      </body>
+    </body>
+  </worldbody>
+  <actuator>
+    <position name="shoulder" joint="shoulder"/>
+    <position name="elbow" joint="elbow"/>
+    <position name="wrist" joint="wrist"/>
+  </actuator>
+</mujoco>
+"""
+
+
+def tip(seconds: float) -> tuple[float, float]:
+    """Where the hand is to be, x and z (m): down, along the ball, and up again; presses differ in depth."""
+    turn, phase = divmod(seconds / PERIOD, 1.0)
+    depth = DEPTHS[int(turn) % len(DEPTHS)]
+    down = np.clip(2 * np.sin(np.pi * phase), 0, 1)
+    along = np.clip(2 * phase - 0.5, 0, 1)
+    return 0.349 + 0.002 * along, 0.04 - (0.01 + depth) * down
+
+
+def joint_angles(x: float, z: float) -> np.ndarray:
+    """Angles (rad) at which the hand is there and the pad is level; the elbow is up."""
+    z = z - 0.2
+    reach = x * x + z * z
+    elbow = np.arccos((reach - UPPER**2 - LOWER**2) / (2 * UPPER * LOWER))
+    shoulder = np.arctan2(-z, x) - np.arctan2(LOWER * np.sin(elbow), UPPER + LOWER * np.cos(elbow))
+    return np.array([shoulder, elbow, -shoulder - elbow])
+
+
+class Arm:
+    """The arm in MuJoCo.
+
+    Attributes:
+        force: ``(1, 3, 12, 10)`` newtons that the sensor reads.
+    """
+
+    def __init__(self, sensor: paxisim.Chain) -> None:
+        """Compile the arm with its pad, whose forces `sensor` turns into readings, and put it to its beginning."""
+        layout = paxisim.load_profile(PROFILE).layout
+        pad = paxisim.Pad(layout, gel=paxisim.Gel(modulus=600e3))
+        tactile = paxisim.attach(ARM, pad, [paxisim.Mount("hand", name="tip")])
+        self.spec = tactile.spec
+        self.model = tactile.compile()
+        self._readout = paxisim.TactileReadout(self.model, tactile.bind(self.model))
+        self.data = mujoco.MjData(self.model)
+        self.data.qpos[:] = self.data.ctrl[:] = joint_angles(*tip(0.0))
+        mujoco.mj_forward(self.model, self.data)
+        felt = self._readout.read(self.data)
+        self._sensor, self._state = sensor, sensor.initial_state(felt)
+        self.force, self._state = sensor.step(felt, self._state, 0.0)
+
+    def run_until(self, seconds: float) -> None:
+        """Step the physics up to that time, and read the sensor once."""
+        before = self.data.time
+        while self.data.time < seconds:
+            self.data.ctrl[:] = joint_angles(*tip(self.data.time))
+            mujoco.mj_step(self.model, self.data)
+        felt = self._readout.read(self.data)
+        self.force, self._state = self._sensor.step(felt, self._state, self.data.time - before)
+
+    def measured_joints(self) -> dict[str, float]:
+        """Angle (rad) of each joint by name, in steps of its encoder."""
+        return {name: float(np.round(self.data.joint(name).qpos[0] / ENCODER) * ENCODER) for name in JOINTS}
+
+
+def main(
+    link: Path, udp: int, seconds: float = float("inf"), scene: Path | None = None, sensor: Path | None = None
+) -> None:
+    """Run the arm in real time; the first line printed is the sensor's port.
+
+    Args:
+        link: A symbolic link to make to the port.
+        udp: The port of 127.0.0.1 to which the joints' angles are sent.
+        seconds: How long to run; default: until Ctrl-C.
+        scene: Write the arm's MJCF with its pad to this file, for a replay.
+        sensor: A chain that paxisim saved: what the sensor makes of the forces on its pad, such as a gain and a creep
+            that a diagnosis is to find. Default: it reads them as they are.
+    """
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    arm = Arm(paxisim.Chain() if sensor is None else paxisim.Chain.load(sensor))
+    if scene is not None:
+        scene.write_text(arm.spec.to_xml(), encoding="utf-8")
+    with (
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender,
+        paxisim.Emulator(PROFILE, lambda now: arm.force, link=link) as emulator,
+    ):
+        print(emulator.port, flush=True)
+        began = time.monotonic()
+        for tick in range(sys.maxsize):
+            due = tick / RATE
+            if due > seconds:
+                break
+            time.sleep(max(0.0, began + due - time.monotonic()))
+            arm.run_until(due)
+            joints = {"time": time.time(), **arm.measured_joints()}
+            sender.sendto(json.dumps(joints).encode(), ("127.0.0.1", udp))
+
+
+if __name__ == "__main__":
+    with suppress(KeyboardInterrupt):
+        tyro.cli(main)

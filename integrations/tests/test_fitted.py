@@ -1,0 +1,152 @@
+"""Training takes what a diagnosis found: its model, drawn within its intervals, in place of GCS."""
+
+import dataclasses
+import json
+
+import gymnasium
+import numpy as np
+import pytest
+from paxisim_insertion import InsertionEnv
+from paxisim_insertion.evaluate import evaluate
+from paxisim_insertion.results import Result
+from paxisim_insertion.run import Run
+from paxisim_insertion.shell import command
+from paxisim_insertion.train import train
+
+import paxisim
+
+GAIN = np.array([1.0, 1.0, 0.8])
+
+
+@pytest.fixture(scope="module")
+def diagnosed(tmp_path_factory):
+    """The folder of the diagnosis of a sensor that reads 20 % too little normal force."""
+    rng = np.random.default_rng(0)
+    time = np.arange(0, 24, 0.08)
+    load = np.clip(6 * np.sin(1.3 * time) * np.sin(0.21 * time), 0, None)
+    drag = np.stack([0.3 * np.sin(2.1 * time), 0.3 * np.cos(1.7 * time), np.ones_like(time)], axis=1)
+    simulated = load[:, None, None, None, None] * drag[:, None, :, None, None] * rng.uniform(0.2, 1, (2, 1, 1, 2))
+    measured = paxisim.Chain([paxisim.augment.AxisGain(tuple(GAIN))]).run(simulated, time)
+    measured = measured + rng.normal(0, 0.03, measured.shape)
+    found = paxisim.diagnose(paxisim.Recording(time=time, measured=measured, simulated=simulated))
+    assert [cause.name for cause in found.causes] == ["axis_gain"]
+    folder = tmp_path_factory.mktemp("diagnosis")
+    found.save(folder)
+    return folder
+
+
+def gains(frames, raw):
+    """The gain of each axis, from frames (..., pads, 3, rows, cols) and the raw ones."""
+    return (frames * raw).sum(axis=(-4, -2, -1)) / (raw * raw).sum(axis=(-4, -2, -1))
+
+
+def test_an_environment_draws_from_the_gcs_that_is_given(diagnosed):
+    found = paxisim.diagnose.Diagnosis.load(diagnosed)
+    gcs = paxisim.GCS.around(found.model, found.intervals)
+    env = gymnasium.make("paxisim/SX-2mm-v0", method="GCS", gcs=gcs)
+    low, high = found.intervals["axis_gain"]["gain"]
+    drawn = []
+    for seed in (0, 1, 0):
+        env.reset(seed=seed)
+        own = env.unwrapped
+        drawn.append(gains(own.reading, own.scene.tactile.read()))
+        assert np.all((drawn[-1] >= low - 1e-5) & (drawn[-1] <= high + 1e-5)), drawn[-1]
+        heights = own.scene.model_and_data[0].geom_size[own.scene.tactile.pads.geoms, 2]
+        assert np.ptp(heights) > 1e-5, "the surface is drawn as in GCS"
+    np.testing.assert_allclose(drawn[0], GAIN, atol=0.02)
+    assert np.abs(drawn[0] - drawn[1]).max() > 1e-5
+    np.testing.assert_array_equal(drawn[0], drawn[2])
+    env.close()
+
+
+def test_a_model_with_memory_and_the_gripper_s_opening_is_stepped():
+    model = paxisim.Chain(
+        [
+            paxisim.augment.Creep((0.3,), (0.3,)),
+            paxisim.augment.Interference(linear=np.full((2, 3), 5.0), zeroed_at=0.08),
+        ]
+    )
+    env = InsertionEnv("SX-2mm", "GCS", gcs=paxisim.GCS.around(model, {"creep": {"amplitude": ([0.2], [0.4])}}))
+    env.reset(seed=0)
+
+    def crept():
+        """The reading without the field, which goes with the opening."""
+        return env.reading - 5 * (env.scene.opening - 0.08)
+
+    raw = env.scene.tactile.read()
+    share = (crept() * raw).sum() / (raw * raw).sum()
+    assert 1.2 < share < 1.4, "what was there forever has crept to its end"
+    np.testing.assert_allclose(crept(), share * raw, atol=1e-4)
+    for _ in range(5):
+        env.step(np.array([0.0, -1.0]))
+    late = crept() - share * env.scene.tactile.read()
+    assert np.abs(late).max() > 5e-3, "what came since creeps on"
+    env.close()
+
+
+def test_chains_that_do_not_fit_are_refused_at_once():
+    wide = paxisim.GCS.around(paxisim.Chain([paxisim.augment.TaxelGain(np.ones((2, 12, 10)))]), {})
+    with pytest.raises(paxisim.InvalidValueError, match=r"gain of shape \(2, 12, 10\) does not fit a tensor of shape"):
+        InsertionEnv("SX-2mm", "GCS", gcs=wide)
+    warm = paxisim.Chain([paxisim.augment.TemperatureDrift(-0.001)])
+    with pytest.raises(paxisim.InvalidValueError, match="needs the covariate 'temperature'"):
+        InsertionEnv("SX-2mm", "GCS", gcs=paxisim.GCS.around(warm, {}))
+
+
+def test_a_policy_is_trained_on_a_diagnosis(diagnosed, tmp_path, capsys):
+    folder = tmp_path / "run"
+    words = ["--model", str(diagnosed), "--envs", "1", "--buffer", "300", "--device", "cpu", "--out", str(folder)]
+    assert command(train, [*words, "--steps", "105"]) == 0
+    assert "SX-2mm GCS fitted seed 0" in capsys.readouterr().out
+    run = Run.open(folder)
+    found = paxisim.diagnose.Diagnosis.load(diagnosed)
+    assert run.diagnosis.model.to_json() == found.model.to_json()
+    env = run.make_envs()
+    model = run.model(env, "cpu")
+    assert model.num_timesteps == 105
+    assert model._n_updates > 0
+    buffer = model.replay_buffer
+    batch = buffer.sample(64)
+    low, high = found.intervals["axis_gain"]["gain"]
+    frames = batch.observations["tactile"].numpy().reshape(64, -1, 2, 3, 6, 5)[:, -1]
+    raw = np.stack([buffer.observations["raw"][:105, 0]])[0]
+    # what is sampled is a raw frame of the buffer under a draw of its own
+    closest = [min(np.abs(g - GAIN).max() for g in gains(frame, raw)) for frame in frames]
+    assert max(closest) < np.abs([low - GAIN, high - GAIN]).max() + 1e-3
+    env.close()
+    assert command(train, ["--resume", "--out", str(folder), "--steps", "110", "--device", "cpu"]) == 0
+    evaluate(folder, trials=1, out=tmp_path / "results")
+    (path,) = (tmp_path / "results").iterdir()
+    result = Result.load(path)
+    assert (result.method, result.training["model"], result.training["steps"]) == ("GCS fitted", ["axis_gain"], 110)
+
+
+def test_a_model_with_memory_is_not_drawn_anew_for_each_sample(diagnosed, tmp_path, capsys):
+    found = paxisim.diagnose.Diagnosis.load(diagnosed)
+    model = paxisim.Chain([paxisim.augment.Creep((0.3,), (1.0,))])
+    dataclasses.replace(found, model=model, intervals={}).save(tmp_path / "creep")
+    words = ["--envs", "1", "--buffer", "100", "--device", "cpu", "--steps", "3", "--out", str(tmp_path / "run")]
+    assert command(train, ["--model", str(tmp_path / "creep"), *words]) == 0
+    run = Run.open(tmp_path / "run")
+    assert not run.redraw
+    assert json.loads((tmp_path / "run" / "run.json").read_text())["diagnosis"]["model"]
+
+
+def test_what_is_no_model_is_said_in_one_line(diagnosed, tmp_path, capsys):
+    found = paxisim.diagnose.Diagnosis.load(diagnosed)
+    nothing = dataclasses.replace(found, verdict="no_discrepancy", causes=(), model=paxisim.Chain(), intervals={})
+    nothing.save(tmp_path / "nothing")
+    wide = paxisim.Chain([paxisim.augment.TaxelGain(np.ones((2, 12, 10)))])
+    dataclasses.replace(found, model=wide, intervals={}).save(tmp_path / "wide")
+
+    def said(model):
+        assert command(train, ["--model", str(model), "--out", str(tmp_path / "run"), "--steps", "1"]) == 2
+        line = capsys.readouterr().err
+        assert line.count("\n") == 1
+        assert not (tmp_path / "run").exists()
+        return line
+
+    assert "names no cause (its verdict is no_discrepancy)" in said(tmp_path / "nothing")
+    assert "expected the folder of a diagnosis, got the file" in said(diagnosed / "model.json")
+    assert "No such file" in said(tmp_path / "none")
+    assert "does not fit a tensor of shape (2, 3, 6, 5)" in said(tmp_path / "wide")

@@ -1,0 +1,149 @@
+"""Loads: which covariates of a recording hold which components of the load, and how far the data excite them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from paxisim.errors import InvalidValueError, UnknownNameError
+from paxisim.recording import Recording
+
+COMPONENTS = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")
+"""Components of a load: forces (N) and torques (N m)."""
+MOST = len(COMPONENTS)
+CLEAR = 2.0
+"""Least standard deviation of an excited load, in units of its noise."""
+WEAK = 0.01
+"""Least standard deviation of an excited load, as a share of the largest of its kind (forces or torques)."""
+ALONE = 0.05
+"""Least share of a load's standard deviation that the other loads do not explain."""
+
+
+@dataclass(frozen=True)
+class Load:
+    """A component of the load and where a recording holds it.
+
+    Attributes:
+        name: What it is called; ``"Tx"``, ``"Ty"`` and ``"Tz"`` are torques, all others forces.
+        covariate: Name of the covariate.
+        index: Its column of a covariate with several values per sample; None if the covariate has one.
+    """
+
+    name: str
+    covariate: str
+    index: int | None = None
+
+    @property
+    def is_torque(self) -> bool:
+        """Whether it is a torque."""
+        return self.name in COMPONENTS[3:]
+
+    @property
+    def unit(self) -> str:
+        """``"N"`` or ``"N m"``."""
+        return "N m" if self.is_torque else "N"
+
+
+@dataclass(frozen=True, eq=False)
+class Excitation:
+    """How far a recording excites each load.
+
+    Attributes:
+        spread: ``(loads,)`` standard deviation (N, N m).
+        alone: ``(loads,)`` share of it that a linear combination of the other loads does not explain, 0 to 1.
+        excited: ``(loads,)`` whether the load varies enough for its gain to be fitted.
+        separable: ``(loads,)`` whether it also varies enough by itself, so that its gain is not that of the others.
+    """
+
+    spread: NDArray[np.float64]
+    alone: NDArray[np.float64]
+    excited: NDArray[np.bool_]
+    separable: NDArray[np.bool_]
+
+
+def find_loads(recording: Recording, loads: str | Sequence[str] | Mapping[str, str]) -> tuple[Load, ...]:
+    """The components that `loads` names; see `paxisim.calibrate_readout`.
+
+    Raises:
+        UnknownNameError: No such covariate or component.
+        InvalidValueError: No load or more than six, one that comes twice, or a covariate of another width.
+    """
+    if isinstance(loads, Mapping):
+        given = list(loads.items())
+        for component, _ in given:
+            if component not in COMPONENTS:
+                raise UnknownNameError("load component", component, COMPONENTS)
+    else:
+        given = [(_component(name), name) for name in ([loads] if isinstance(loads, str) else loads)]
+    found: list[Load] = []
+    for name, covariate in given:
+        if covariate not in recording.covariates:
+            raise UnknownNameError("covariate", covariate, recording.covariates)
+        shape = recording.covariates[covariate].shape[1:]
+        if shape == ():
+            found.append(Load(name, covariate))
+        elif shape in ((3,), (6,)) and not isinstance(loads, Mapping):
+            found += [Load(component, covariate, i) for i, component in enumerate(COMPONENTS[: shape[0]])]
+        else:
+            raise InvalidValueError(
+                f"a load must have a single value per sample, or 3 or 6 in the order {' '.join(COMPONENTS)}, but "
+                f"{covariate!r} has shape {(len(recording), *shape)}"
+            )
+    names = [load.name for load in found]
+    if not 1 <= len(names) <= MOST or len(set(names)) < len(names):
+        raise InvalidValueError(f"a readout takes one to {MOST} different loads, got {names}")
+    return tuple(found)
+
+
+def _component(name: str) -> str:
+    """``"Fx"`` for ``"fx"`` and likewise; any other name is kept."""
+    return next((component for component in COMPONENTS if component.lower() == name.lower()), name)
+
+
+def values_of(recording: Recording, loads: Sequence[Load]) -> NDArray[np.float64]:
+    """``(T, loads)`` values of the loads in a recording.
+
+    Raises:
+        UnknownNameError: The recording lacks a covariate.
+        InvalidValueError: A covariate has another width than that of the calibration.
+    """
+    columns = []
+    for load in loads:
+        if load.covariate not in recording.covariates:
+            raise UnknownNameError("covariate", load.covariate, recording.covariates)
+        values = recording.covariates[load.covariate]
+        fits = values.ndim == 1 if load.index is None else values.ndim == 2 and load.index < values.shape[1]
+        if not fits:
+            raise InvalidValueError(
+                f"the readout takes {load.name} from {load.covariate!r}"
+                f"{'' if load.index is None else f', column {load.index}'}, but it has shape {values.shape}"
+            )
+        columns.append(values if load.index is None else values[:, load.index])
+    return np.stack(columns, axis=1)
+
+
+def excitation_of(loads: Sequence[Load], values: NDArray[np.float64]) -> Excitation:
+    """How far ``(T, loads)`` known values excite each load."""
+    spread = values.std(axis=0)
+    if len(values) > 2:
+        noise = 1.4826 * np.median(np.abs(np.diff(values, 2, axis=0)), axis=0) / np.sqrt(6)
+    else:
+        noise = np.zeros(len(loads))
+    torque = np.array([load.is_torque for load in loads])
+    largest = np.array([spread[torque == kind].max() for kind in torque])
+    varies = (spread > 0) & (spread >= WEAK * largest)
+    excited = varies & (spread >= CLEAR * noise)
+    if not excited.any():  # sampled so slowly that the noise cannot be told from the signal
+        excited, noise = varies, np.zeros(len(loads))
+    alone = np.zeros(len(loads))
+    for k in np.flatnonzero(excited):
+        others = np.delete(np.arange(len(loads)), k)
+        others = others[excited[others]]
+        x = np.column_stack([np.ones(len(values)), values[:, others] / spread[others]])
+        rest = values[:, k] - x @ np.linalg.lstsq(x, values[:, k], rcond=None)[0]
+        alone[k] = rest.std() / spread[k]
+    separable = excited & (alone >= ALONE) & (alone * spread >= CLEAR * noise)
+    return Excitation(spread, alone, excited, separable)

@@ -1,0 +1,175 @@
+"""Readout: what the channels of a sensor say of a load, when they are not in newtons."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from paxisim.calibrate.loads import Excitation, Load, values_of
+from paxisim.errors import InvalidValueError
+from paxisim.logs.aligned import episode_spans
+from paxisim.presses import FEW, find_presses
+from paxisim.recording import Recording
+
+LEVER = 0.01
+"""Lever arm (m) at which a torque counts as a force, for the scale of a channel."""
+AXES = "xyz"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Readout:
+    """Response of each channel to a load: an offset, and for each load a gain, or a polynomial of higher degree.
+
+    The unit of the channels is not that of a force; it may be microtesla, counts or farad. Divided by `scale`, a
+    channel is an estimate of the component of the load along the direction in which it is most sensitive. A diagnosis
+    can compare these estimates with what the load cell says of the same component, which then serves as the simulation.
+
+    Attributes:
+        loads: The components of the load, and the covariates that hold them.
+        coefficients: ``(degree, loads, pads, 3, rows, cols)`` channel units per newton (or N m), its square, ...
+        offset: ``(pads, 3, rows, cols)`` reading without load, in channel units.
+        gain: ``(loads, pads, 3, rows, cols)`` mean slope over the calibration, in channel units per newton (or N m);
+            for degree 1 the coefficient itself.
+        gain_error: The same, half widths of 95 % intervals; infinite for loads that the data do not excite.
+        used: ``(pads, 3, rows, cols)`` whether the loads explain the channel; the others are set to zero.
+        delay: Seconds by which the channels follow the loads, one for all; 0 where `delay_interval` holds 0.
+        delay_interval: Ends of its 95 % interval (s).
+        error: ``(pads, 3, rows, cols)`` root of the mean squared held-out error, in channel units.
+        explained: ``(pads, 3, rows, cols)`` share of the variance that is explained on held-out data; negative where
+            the mean would do better.
+        excitation: How far the data excite each load.
+        ridge: Strength of the regularisation that cross-validation chose; 0: none.
+        blocks: Number of blocks of the recording that were held out in turn.
+        unit: Unit of the channels.
+    """
+
+    loads: tuple[Load, ...]
+    coefficients: NDArray[np.float64]
+    offset: NDArray[np.float64]
+    gain: NDArray[np.float64]
+    gain_error: NDArray[np.float64]
+    used: NDArray[np.bool_]
+    delay: float
+    delay_interval: tuple[float, float]
+    error: NDArray[np.float64]
+    explained: NDArray[np.float64]
+    excitation: Excitation
+    ridge: float
+    blocks: int
+    unit: str = ""
+
+    @property
+    def scale(self) -> NDArray[np.float64]:
+        """``(pads, 3, rows, cols)`` channel units per newton; 1 for unused channels.
+
+        It is the length of the gain, with torques at a lever of 10 mm. Its sign is that of the load that moves the
+        channel most, so that for one load it is the gain.
+        """
+        lever = np.array([LEVER if load.is_torque else 1.0 for load in self.loads]).reshape(-1, 1, 1, 1, 1)
+        if len(self.loads) == 1:
+            length = self.gain[0] * lever[0]
+        else:
+            moved = np.abs(self.gain) * self.excitation.spread.reshape(-1, 1, 1, 1, 1)
+            most = np.take_along_axis(self.gain, moved.argmax(axis=0)[None], axis=0)[0]
+            length = np.where(most < 0, -1.0, 1.0) * np.sqrt(np.sum((self.gain * lever) ** 2, axis=0))
+        return np.where(self.used & (length != 0), length, 1.0)
+
+    def to_force(self, channels: NDArray[np.floating]) -> NDArray[np.float64]:
+        """Convert ``(..., pads, 3, rows, cols)`` channels to estimates of the load (N); unused channels give 0."""
+        return np.where(self.used, (np.asarray(channels, dtype=np.float64) - self.offset) / self.scale, 0.0)
+
+    def to_channels(self, force: NDArray[np.floating]) -> NDArray[np.float64]:
+        """Convert ``(..., pads, 3, rows, cols)`` newtons to channels in their own unit."""
+        return self.offset + np.where(self.used, self.scale, 0.0) * np.asarray(force, dtype=np.float64)
+
+    def expected(self, loads: NDArray[np.floating]) -> NDArray[np.float64]:
+        """``(..., pads, 3, rows, cols)`` newtons, what `to_force` should give.
+
+        Args:
+            loads: ``(..., loads)`` newtons and newton-metres.
+        """
+        values = np.asarray(loads, dtype=np.float64)
+        relative = np.where(self.used, self.coefficients / self.scale, 0.0)
+        powers = [values ** (power + 1) for power in range(len(relative))]
+        return np.sum([np.tensordot(x, own, 1) for x, own in zip(powers, relative, strict=True)], axis=0)
+
+    def apply(self, recording: Recording) -> Recording:
+        """Convert a recording for diagnosis: channels to newtons, with the load as the simulated stream.
+
+        The load is taken from `delay` earlier, so that both streams are aligned. A recording of a single episode is
+        cut into episodes between its presses (`paxisim.find_presses`).
+
+        Args:
+            recording: Of the same sensor, with the channels in `measured` and the loads in its covariates. Samples
+                without a known load are dropped.
+
+        Returns:
+            The calibrated recording. ``metadata["readout"]`` holds the delay, the loads, the unit of the channels and
+            the unused ones as ``[pad, axis, row, column]``; these are 0 in both streams.
+
+        Raises:
+            UnknownNameError: A covariate is missing.
+            InvalidValueError: The shape differs, `measured` is missing, or the load is never known.
+        """
+        values = values_of(recording, self.loads)
+        if recording.measured is None:
+            raise InvalidValueError("a readout is applied to the measured tensor, but the recording has none")
+        if recording.measured.shape[1:] != self.offset.shape:
+            raise InvalidValueError(
+                f"the readout has shape {self.offset.shape} (pads, 3, rows, cols), but the recording has "
+                f"{recording.measured.shape[1:]}"
+            )
+        known = np.isfinite(values).all(axis=1)
+        if not known.any():
+            raise InvalidValueError("the load is not known at any sample of the recording")
+        recording, values = recording[known], values[known]
+        assert recording.measured is not None
+        values = self._earlier(recording, values)
+        episode = recording.episode
+        if len(np.unique(episode)) == 1 and len(recording) >= FEW:
+            episode = find_presses(recording.time, values).episode
+        taken = {load.covariate for load in self.loads}
+        return replace(
+            recording,
+            measured=self.to_force(recording.measured),
+            simulated=self.expected(values),
+            covariates={name: v for name, v in recording.covariates.items() if name not in taken},
+            episode=episode,
+            metadata={**recording.metadata, "unit": "N", "readout": self._about(recording.pads)},
+        )
+
+    def _earlier(self, recording: Recording, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The loads of `delay` ago; the first and last of an episode are held beyond it."""
+        if not self.delay:
+            return values
+        out = np.empty_like(values)
+        for span in episode_spans(recording.episode):
+            time = recording.time[span]
+            for k in range(values.shape[1]):
+                out[span, k] = np.interp(time - self.delay, time, values[span, k])
+        return out
+
+    def _about(self, pads: tuple[str, ...]) -> dict[str, Any]:
+        return {
+            "loads": {load.name: load.covariate for load in self.loads},
+            "unit": self.unit,
+            "delay": self.delay,
+            "unused": [[pads[p], AXES[k], int(r), int(c)] for p, k, r, c in np.argwhere(~self.used)],
+        }
+
+    def __repr__(self) -> str:
+        """What it holds, in a line."""
+        names = ", ".join(load.name for load in self.loads)
+        return (
+            f"Readout({int(self.used.sum())} of {self.used.size} channels from {names}, "
+            f"degree {len(self.coefficients)}, delay {1e3 * self.delay:.1f} ms)"
+        )
+
+    def __str__(self) -> str:
+        """The loads, the delay and the channels as a table."""
+        from paxisim.calibrate.table import table_of
+
+        return table_of(self)

@@ -1,0 +1,76 @@
+"""The table of a readout."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from paxisim.calibrate.readout import Readout
+
+MOST = 30
+"""Most channels that are listed; of more, those with the largest share of unexplained variance."""
+MOST_WITH_ERRORS = 3
+"""Most loads whose gains are listed with their intervals."""
+
+
+def table_of(readout: Readout) -> str:
+    """The delay, the loads and the channels of a readout, as lines of text."""
+    return "\n".join([*_delay(readout), "", *_loads(readout), "", *_channels(readout)])
+
+
+def _delay(readout: Readout) -> list[str]:
+    low, high = (1e3 * end for end in readout.delay_interval)
+    if low <= 0 <= high:
+        lines = [f"delay: none, 95% interval {low:.1f} to {high:.1f} ms"]
+    else:
+        what = "the channels follow the loads" if readout.delay > 0 else "the loads follow the channels"
+        lines = [f"delay: {what} by {abs(1e3 * readout.delay):.1f} ms, 95% interval {low:.1f} to {high:.1f} ms"]
+    return [*lines, f"held out in turn: {readout.blocks} blocks; regularisation (ridge): {readout.ridge:g}"]
+
+
+def _loads(readout: Readout) -> list[str]:
+    width = max(4, *(len(load.name) for load in readout.loads))
+    lines = [f"{'load':{width}}  {'changes by':>14}  {'by itself':>9}"]
+    found = readout.excitation
+    for k, load in enumerate(readout.loads):
+        said = "" if found.separable[k] else "not excited" if not found.excited[k] else "not excited by itself"
+        size = f"{found.spread[k]:.3g} {load.unit}"
+        lines.append(f"{load.name:{width}}  {size:>14}  {found.alone[k]:>9.0%}  {said}".rstrip())
+    return lines
+
+
+def _channels(readout: Readout) -> list[str]:
+    unit = readout.unit or "units"
+    count, few = int(readout.used.sum()), len(readout.loads) <= MOST_WITH_ERRORS
+    width = 17 if few else 10
+    lines = [
+        f"gains in {unit} per N or N m" + (", ± half widths of 95% intervals" if few else ""),
+        f"error: root mean square on held-out data, in {unit}",
+        f"{'channel':11}"
+        + "".join(f"{load.name:>{width}}" for load in readout.loads)
+        + f"{'error':>8} {'explained':>9}",
+    ]
+    used = np.flatnonzero(readout.used)
+    order = used[np.argsort(readout.explained.ravel()[used], kind="stable")]
+    for flat in np.sort(order[:MOST]):
+        at = tuple(int(i) for i in np.unravel_index(flat, readout.used.shape))
+        pad, axis, row, col = at
+        gains = [
+            f"{gain:.3g} ±{error:.1g}" if few else f"{gain:.3g}"
+            for gain, error in zip(readout.gain[(..., *at)], readout.gain_error[(..., *at)], strict=True)
+        ]
+        name = f"{pad}: {row},{col} {'xyz'[axis]}"
+        lines.append(
+            f"{name:11}"
+            + "".join(f"{gain:>{width}}" for gain in gains)
+            + f"{readout.error[at]:>8.3g} {readout.explained[at]:>9.2%}"
+        )
+    if count > MOST:
+        lines.append(f"... the {MOST} least explained of {count} channels")
+    if count < readout.used.size:
+        lines.append(
+            f"not related to any load, set to zero: {readout.used.size - count} of {readout.used.size} channels"
+        )
+    return lines

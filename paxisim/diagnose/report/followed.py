@@ -1,0 +1,35 @@
+"""Followed: the covariate that goes with what a cause adds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from paxisim.augment.transform import Transform
+
+
+def followed(
+    transform: Transform,
+    covariates: Mapping[str, NDArray[np.floating]],
+    added: NDArray[np.floating],
+    frames: NDArray[np.bool_],
+) -> tuple[str, float]:
+    """The name of the covariate that goes best with what a transform adds, and the share that it explains.
+
+    Args:
+        transform: With covariates.
+        covariates: ``(T,)`` each, by name.
+        added: ``(frames, channels)`` N, what it adds to the frames that count.
+        frames: ``(T,)`` whether a frame counts.
+    """
+    apart = added - added.mean(axis=0)
+    whole = max(float(np.sum(apart**2)), 1e-300)
+    shares = {}
+    for name in transform.covariate_names:
+        values = covariates[name][frames] - covariates[name][frames].mean()
+        size = max(float(values @ values), 1e-300)
+        shares[name] = float(np.sum((values @ apart) ** 2)) / size / whole
+    best = max(shares, key=lambda name: shares[name])
+    return best, shares[best]

@@ -1,0 +1,166 @@
+"""add_streams: what another file recorded of the same motion, as covariates at the times of a recording.
+
+Which of the two clocks the files share is said by the file that is added:
+
+- It counts its **episodes** (a column ``episode_index``, as LeRobot's, or the demonstrations of an HDF5 file): its time
+  begins with each episode, as the recording's does, and episodes of the same number belong together.
+- Else its times are those of the **recording's clock**: Unix time, where the recording knows when it began.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from paxisim.errors import InvalidValueError
+from paxisim.logs import schemas
+from paxisim.logs.align import resample
+from paxisim.logs.aligned import Aligned, Method, episode_spans, episode_starts
+from paxisim.logs.columns import streams_from_columns
+from paxisim.logs.mcap_save import log_times
+from paxisim.logs.stream import Stream
+
+# by name the samples of each episode, or of the whole file under None
+Streams = dict[str, dict["int | None", Stream]]
+
+
+def read_streams(path: Path) -> Streams:
+    """The streams of numbers in a file, at their own times.
+
+    Raises:
+        InvalidValueError: It is of another kind, or has no stream of numbers.
+        FileNotFoundError: There is no such file.
+    """
+    suffix = path.suffix.lower()
+    if suffix == ".mcap":
+        return {name: {None: stream} for name, stream in _read_mcap(path).items()}
+    if suffix == ".csv":
+        from paxisim.logs.csv import read_csv_columns
+
+        columns, is_cut = read_csv_columns(path)
+        if is_cut:
+            warnings.warn(f"{path} is cut off: its last line is not whole and was left out", stacklevel=4)
+        return _of_table(path, _from_columns(path, columns))
+    if suffix == ".parquet":
+        from paxisim.logs.parquet import read_parquet
+
+        return _of_table(path, _from_columns(path, read_parquet(path)[0]))
+    if suffix in (".h5", ".hdf5"):
+        from paxisim.logs.hdf5 import read_hdf5
+
+        return _of_table(path, read_hdf5(path))
+    raise InvalidValueError(f"streams are added from a .mcap, .csv, .parquet, .h5 or .hdf5 file, got {path}")
+
+
+def add_streams(
+    recording: Aligned, path: Path, streams: Streams, methods: Mapping[str, Method], max_gap: float | None
+) -> Aligned:
+    """The recording, whose fields were checked, with the streams of `path` as covariates; NaN where not known.
+
+    Raises:
+        InvalidValueError: A name is taken, or the file has nothing of the time or the episodes of the recording.
+    """
+    taken = [name for name in streams if name in recording.covariates]
+    if taken:
+        raise InvalidValueError(f"{path}: the recording has a covariate {taken[0]!r} already")
+    episode = recording.episode
+    assert episode is not None
+    counts_episodes = None not in next(iter(streams.values()))
+    if counts_episodes:
+        _check_episodes(path, streams, episode)
+        spans = [(int(episode[span.start]), span) for span in episode_spans(episode)]
+        first = np.repeat(recording.time[episode_starts(episode)], [span.stop - span.start for _, span in spans])
+        at = np.round((recording.time - first) * 1e9).astype(np.int64)
+    else:
+        spans = [(None, slice(None))]
+        at = log_times(recording)[0]
+        _check_overlap(path, streams, at)
+    covariates = dict(recording.covariates)
+    for name, parts in streams.items():
+        shape = next(iter(parts.values())).values.shape[1:]
+        values = np.full((len(at), *shape), np.nan)
+        for number, span in spans:
+            if number in parts:
+                values[span] = resample(parts[number], at[span], methods[name], max_gap)
+        covariates[name] = values
+    return Aligned(**{**vars(recording), "covariates": covariates})
+
+
+def _read_mcap(path: Path) -> dict[str, Stream]:
+    from paxisim.logs.mcap_joints import read_joints
+    from paxisim.logs.mcap_reader import is_recording, read_log
+
+    if not is_recording(path):
+        return read_joints(path)
+    log = read_log(path)
+    if not log.complete:
+        warnings.warn(f"{path} is cut off or damaged; what is whole was read", stacklevel=5)
+    prefix = schemas.COVARIATE
+    found = {name.removeprefix(prefix): stream for name, stream in log.streams.items() if name.startswith(prefix)}
+    if not found:
+        raise InvalidValueError(f"{path} is a recording without covariates: there is no stream to add")
+    return found
+
+
+def _from_columns(path: Path, columns: dict[str, NDArray[Any]]) -> Aligned:
+    try:
+        return streams_from_columns(columns)
+    except InvalidValueError as error:
+        raise InvalidValueError(f"{path}: {error}") from error
+
+
+def _of_table(path: Path, table: Aligned) -> Streams:
+    """The covariates of a table, whose time begins anew with each episode where it counts them."""
+    time = table.time
+    if not np.all(np.isfinite(time)):
+        raise InvalidValueError(f"{path}: every row must have a time, row {int(np.argmin(np.isfinite(time)))} has none")
+    spans: dict[int | None, slice] = {None: slice(None)}
+    if table.episode is not None:
+        found = [(table.episode[span.start], span) for span in episode_spans(table.episode)]
+        spans = {int(number): span for number, span in found}
+        if len(spans) < len(found):
+            raise InvalidValueError(f"{path}: the rows of an episode must be adjacent")
+    streams: Streams = {name: {} for name in table.covariates}
+    for number, span in spans.items():
+        own = time[span]
+        if np.any(np.diff(own) < 0):
+            raise InvalidValueError(f"{path}: the time runs back, from {own[:-1][np.diff(own) < 0][0]:.9g} s on")
+        at = np.round((own if number is None else own - own[0]) * 1e9).astype(np.int64)
+        for name, values in table.covariates.items():
+            streams[name][number] = Stream(at, np.asarray(values[span], dtype=np.float64))
+    if not streams:
+        raise InvalidValueError(f"{path} has no stream of numbers beside its times")
+    return streams
+
+
+def _check_episodes(path: Path, streams: Streams, episode: NDArray[np.int64]) -> None:
+    there = sorted(number for number in next(iter(streams.values())) if number is not None)
+    wanted = sorted(set(episode.tolist()))
+    missing = [number for number in wanted if number not in there]
+    if len(missing) == len(wanted):
+        raise InvalidValueError(
+            f"{path} has no episode of the recording: it has the episodes {_listed(there)}, the recording "
+            f"{_listed(wanted)}"
+        )
+    if missing:
+        warnings.warn(f"{path} has no episode {_listed(missing)}: its streams are not known there", stacklevel=5)
+
+
+def _check_overlap(path: Path, streams: Streams, at: NDArray[np.int64]) -> None:
+    begin = min(int(stream.nanoseconds[0]) for parts in streams.values() for stream in parts.values())
+    end = max(int(stream.nanoseconds[-1]) for parts in streams.values() for stream in parts.values())
+    if begin > at[-1] or end < at[0]:
+        raise InvalidValueError(
+            f"{path} does not overlap with the recording: it reaches from {begin * 1e-9:.3f} s to {end * 1e-9:.3f} s, "
+            f"the recording from {at[0] * 1e-9:.3f} s to {at[-1] * 1e-9:.3f} s; both must be on one clock, Unix time "
+            "(s since 1970) for a live recording"
+        )
+
+
+def _listed(numbers: list[int]) -> str:
+    return ", ".join(map(str, numbers[:10])) + (" ..." if len(numbers) > 10 else "")

@@ -1,0 +1,200 @@
+"""Streams of numbers in an MCAP file of another program: joint states of ROS 2 or in JSON, and other JSON topics.
+
+| message | streams |
+|---|---|
+| ROS 2 ``sensor_msgs/msg/JointState``, or JSON with its fields ``name`` and ``position`` | ``JOINT`` (rad or m), \
+``JOINT.velocity``, ``JOINT.effort`` |
+| other JSON | ``topic/FIELD`` for each number or list of numbers, ``topic/FIELD.PART`` inside an object |
+
+A joint that several topics have is named ``topic/JOINT``. A sample's time is the message's own: ``header.stamp``, or in
+JSON ``timestamp`` ({sec, nsec}) or ``time`` (Unix seconds). Where it has none, it is the time at which it was logged.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from array import array
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import orjson
+from mcap.opcode import Opcode
+from mcap.records import Channel, Message, Schema
+
+from paxisim.errors import InvalidValueError, MissingExtraError
+from paxisim.logs.mcap_records import McapRecords, as_stream
+from paxisim.logs.stream import Stream
+
+_JOINT_STATES = ("sensor_msgs/msg/JointState", "sensor_msgs/JointState")
+_KINDS = (("position", ""), ("velocity", ".velocity"), ("effort", ".effort"))
+_TIMES = ("timestamp", "header", "time")
+
+# what reads a message: name within the topic, nanoseconds where the message says them, a number or a list of numbers
+_Parse = Callable[[bytes], Iterator[tuple[str, "int | None", Any]]]
+
+
+def read_joints(path: Path) -> dict[str, Stream]:
+    """The streams by name.
+
+    A file that is cut off or damaged gives what is whole, with a warning.
+
+    Raises:
+        InvalidValueError: It is no MCAP file, or has no such message.
+        MissingExtraError: It has joint states of ROS 2, and what reads them is not installed.
+        FileNotFoundError: There is no such file.
+    """
+    reader = _Reader(path)
+    records = McapRecords(path)
+    for opcode, body in records:
+        reader.take(opcode, body)
+    streams = reader.streams()
+    if not streams:
+        topics = ", ".join(sorted(reader.unread)) or "none"
+        raise InvalidValueError(
+            f"{path} has no stream of numbers: expected sensor_msgs/msg/JointState of ROS 2, or JSON messages; its "
+            f"other topics are: {topics}" + (f"; {reader.bad} messages could not be read" if reader.bad else "")
+        )
+    if not records.is_whole or reader.bad:
+        what = "" if records.is_whole else " is cut off or damaged;"
+        bad = f" {reader.bad} messages that could not be read were left out;" if reader.bad else ""
+        warnings.warn(f"{path}:{what}{bad} what is whole was read", stacklevel=6)  # at the caller of Recording.load
+    return streams
+
+
+class _Reader:
+    """Takes the records one after another.
+
+    Attributes:
+        bad: How many messages could not be read.
+        unread: Topics, with their type, that hold something else.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._schemas: dict[int, Schema] = {}
+        self._channels: dict[int, tuple[str, _Parse]] = {}
+        self._samples: dict[tuple[str, str], _Samples] = {}
+        self.bad = 0
+        self.unread: set[str] = set()
+
+    def take(self, opcode: int, body: bytes) -> None:
+        if opcode not in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE):
+            return
+        try:
+            if opcode == Opcode.SCHEMA:
+                schema = Schema.read(as_stream(body))
+                self._schemas[schema.id] = schema
+            elif opcode == Opcode.CHANNEL:
+                self._open(Channel.read(as_stream(body)))
+            else:
+                self._message(Message.read(as_stream(body), len(body)))
+        except MissingExtraError:
+            raise
+        except Exception:  # what a damaged message raises in whatever reads it
+            self.bad += 1
+
+    def _message(self, message: Message) -> None:
+        if message.channel_id not in self._channels:
+            return
+        topic, parse = self._channels[message.channel_id]
+        for name, at, value in parse(message.data):
+            numbers = np.array(value, dtype=np.float64)  # None becomes NaN
+            samples = self._samples.setdefault((topic.strip("/"), name), _Samples(numbers.shape))
+            if numbers.shape != samples.shape:
+                raise ValueError(f"{name} has shape {numbers.shape}, before it had {samples.shape}")
+            samples.time.append(message.log_time if at is None else at)
+            samples.values.frombytes(numbers.tobytes())
+
+    def streams(self) -> dict[str, Stream]:
+        names = [name for _, name in self._samples]
+        found = {}
+        for (topic, name), samples in self._samples.items():
+            full = f"{topic}/{name.removeprefix('/')}" if name.startswith("/") or names.count(name) > 1 else name
+            found[full] = samples.stream()
+        return found
+
+    def _open(self, channel: Channel) -> None:
+        schema = self._schemas.get(channel.schema_id)
+        kind = schema.name if schema else "no schema"
+        if channel.message_encoding == "json":
+            self._channels[channel.id] = channel.topic, _json
+        elif channel.message_encoding == "cdr" and schema is not None and kind in _JOINT_STATES:
+            self._channels[channel.id] = channel.topic, self._joint_states(schema)
+        else:
+            self.unread.add(f"{channel.topic} ({kind})")
+
+    def _joint_states(self, schema: Schema) -> _Parse:
+        try:
+            from mcap_ros2.decoder import DecoderFactory
+        except ModuleNotFoundError as error:
+            raise MissingExtraError("mcap_ros2", "ros2", f"{self._path}, a recording of ROS 2,") from error
+        decode = DecoderFactory().decoder_for("cdr", schema)
+        assert decode is not None
+
+        def parse(data: bytes) -> Iterator[tuple[str, int | None, Any]]:
+            message = decode(data)
+            stamp = message.header.stamp
+            at = stamp.sec * 10**9 + stamp.nanosec
+            return _joints(message.name, at or None, {field: getattr(message, field) for field, _ in _KINDS})
+
+        return parse
+
+
+class _Samples:
+    """What grows: 16 bytes a number, as how many there are is only known at the end."""
+
+    def __init__(self, shape: tuple[int, ...]) -> None:
+        self.shape = shape
+        self.time = array("q")
+        self.values = array("d")
+
+    def stream(self) -> Stream:
+        time = np.array(self.time, dtype=np.int64)
+        order = np.argsort(time, kind="stable")
+        return Stream(time[order], np.array(self.values).reshape(len(time), *self.shape)[order])
+
+
+def _json(data: bytes) -> Iterator[tuple[str, int | None, Any]]:
+    message = orjson.loads(data)
+    if not isinstance(message, dict):
+        raise ValueError("not an object")
+    at = _time(message)
+    names = message.get("name")
+    if isinstance(names, list) and isinstance(message.get("position"), list):
+        yield from _joints(names, at, message)
+        return
+    for name, value in message.items():
+        if name not in _TIMES:
+            yield from _numbers(name, at, value)
+
+
+def _joints(names: list[str], at: int | None, message: Any) -> Iterator[tuple[str, int | None, Any]]:
+    for field, suffix in _KINDS:
+        values = message.get(field) or []
+        if len(values) not in (0, len(names)):
+            raise ValueError(f"{len(values)} values of {field} for {len(names)} joints")
+        for name, value in zip(names, values, strict=False):
+            yield name + suffix, at, value
+
+
+def _numbers(name: str, at: int | None, value: Any) -> Iterator[tuple[str, int | None, Any]]:
+    if isinstance(value, dict):
+        for part, inner in value.items():
+            yield from _numbers(f"{name}.{part}", at, inner)
+    elif isinstance(value, (int, float)) or (
+        isinstance(value, list) and value and all(isinstance(number, (int, float, type(None))) for number in value)
+    ):
+        yield "/" + name, at, value
+
+
+def _time(message: dict[str, Any]) -> int | None:
+    """Nanoseconds since 1970, where the message has them."""
+    header = message.get("header")
+    stamp = header.get("stamp") if isinstance(header, dict) else message.get("timestamp")
+    if isinstance(stamp, dict) and "sec" in stamp:
+        return int(stamp["sec"]) * 10**9 + int(stamp.get("nanosec", stamp.get("nsec", 0)))
+    seconds = message.get("time")
+    return round(seconds * 1e9) if isinstance(seconds, (int, float)) and math.isfinite(seconds) else None

@@ -1,0 +1,166 @@
+"""Presses: where a noisy load signal shows contact, and how a recording is cut into episodes between presses."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from paxisim.errors import InvalidValueError
+
+RISE = (3.0, 6.0)
+"""Lower and upper threshold above rest, as multiples of the noise at rest."""
+SHARE = (0.01, 0.03)
+"""Lower and upper threshold above rest, as shares of the peak, for signals with little noise."""
+REST = 0.3
+"""Shortest rest (s) at which a recording is cut; a shorter one belongs to the press around it."""
+LEAST = 2.0
+"""Shortest episode (s)."""
+FEW = 8
+"""Fewest samples in which presses are looked for."""
+_SHARE_AT_REST = 0.25  # of the peak: levels above are not considered as the rest level
+
+
+@dataclass(frozen=True, eq=False)
+class Presses:
+    """Presses found in a load signal by hysteresis thresholding.
+
+    A press is a stretch above the lower threshold that rises above the upper one at least once. The lower threshold
+    finds the whole press, the upper one keeps noise from counting as one.
+
+    Attributes:
+        time: ``(T,)`` seconds.
+        load: ``(T,)`` magnitude of the load (N).
+        rest: Load at rest (N): its most frequent low level.
+        noise: Standard deviation of the load at rest (N), from the median absolute deviation.
+        low: Lower threshold (N).
+        high: Upper threshold (N).
+        spans: Samples of each press.
+        cuts: Samples at which a new episode begins, in the middle of a rest; without the first sample.
+    """
+
+    time: NDArray[np.float64]
+    load: NDArray[np.float64]
+    rest: float
+    noise: float
+    low: float
+    high: float
+    spans: tuple[slice, ...]
+    cuts: tuple[int, ...]
+
+    @property
+    def episode(self) -> NDArray[np.int64]:
+        """``(T,)`` number of the episode each sample belongs to."""
+        episode = np.zeros(len(self.time), dtype=np.int64)
+        episode[list(self.cuts)] = 1
+        return np.cumsum(episode)
+
+    def __repr__(self) -> str:
+        """What was found, in a line."""
+        count, pieces = len(self.spans), len(self.cuts) + 1
+        return (
+            f"{count} press{'es' * (count != 1)} in {pieces} episode{'s' * (pieces != 1)}: rest {self.rest:.3g} N, "
+            f"noise {self.noise:.2g} N, thresholds {self.low:.3g} and {self.high:.3g} N"
+        )
+
+
+def find_presses(time: ArrayLike, load: ArrayLike) -> Presses:
+    """Find the presses in a load signal, and where to cut it into episodes.
+
+    The level at rest and its noise are estimated from the signal itself, so that a load cell with an offset or with
+    noise is cut as a clean one is. A slow drift of the zero larger than the thresholds is not followed.
+
+    Args:
+        time: ``(T,)`` seconds, not decreasing.
+        load: ``(T,)`` or ``(T, components)`` newtons, NaN where unknown. Of several components, the distance from
+            their values at rest counts.
+
+    Raises:
+        InvalidValueError: The shapes do not fit, fewer than 8 samples are known, or time runs back.
+    """
+    at, values = np.asarray(time, dtype=np.float64), np.asarray(load, dtype=np.float64)
+    if values.ndim not in (1, 2) or at.shape != values.shape[:1]:
+        raise InvalidValueError(f"load must be (T,) or (T, components) as time is (T,), got {values.shape}, {at.shape}")
+    if np.any(np.diff(at) < 0):
+        raise InvalidValueError("time must not run back; cut each episode of a recording by itself")
+    values = values.reshape(len(at), -1)
+    known = np.isfinite(values).all(axis=1)
+    if known.sum() < FEW:
+        raise InvalidValueError(f"presses are found in at least {FEW} known samples, got {int(known.sum())}")
+    size = np.full(len(at), np.nan)
+    size[known] = values[known, 0] if values.shape[1] == 1 else _distance(values[known])
+    if values.shape[1] == 1 and abs(size[known].min()) > size[known].max():
+        size = -size  # a load cell that reads pressing as negative
+    rest, noise = _at_rest(size[known])
+    peak = float(np.quantile(size[known], 0.995)) - rest
+    low, high = (rest + max(share * peak, rise * noise) for share, rise in zip(SHARE, RISE, strict=True))
+    spans = _between_rests(at, size, low, high)
+    return Presses(at, size, rest, noise, low, high, spans, _cuts(at, spans))
+
+
+def _distance(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """``(T,)`` distance of the components from their values where all together are smallest."""
+    zero = np.median(values, axis=0)
+    for _ in range(5):  # the zero is read where the load is nearest to it, which depends on the zero
+        size = np.sqrt(np.sum((values - zero) ** 2, axis=1))
+        zero = np.array([_mode(column) for column in values[size <= np.quantile(size, 0.5)].T])
+    return np.sqrt(np.sum((values - zero) ** 2, axis=1))
+
+
+def _at_rest(load: NDArray[np.float64]) -> tuple[float, float]:
+    """Level and noise at rest.
+
+    The level is the mode of the lower part of the signal. The noise comes from the samples below it alone, since
+    those above it may belong to a press.
+    """
+    bottom, peak = np.quantile(load, [0.005, 0.995])
+    rest = _mode(load[load <= bottom + _SHARE_AT_REST * (peak - bottom)])
+    noise = 0.0
+    for _ in range(3):  # the mode is a noisy estimate; the median around it is a better one
+        noise = float(1.4826 * np.median(rest - load[load <= rest]))
+        rest = float(np.median(load[np.abs(load - rest) <= 2 * noise]))
+    return rest, noise
+
+
+def _mode(values: NDArray[np.float64]) -> float:
+    """The half-sample mode: the densest half of the values, of its values the densest half, and so on."""
+    values = np.sort(values)
+    while len(values) > 3:
+        half = (len(values) + 1) // 2
+        start = int(np.argmin(values[half - 1 :] - values[: len(values) - half + 1]))
+        values = values[start : start + half]
+    return float(values[len(values) // 2])
+
+
+def _between_rests(time: NDArray[np.float64], load: NDArray[np.float64], low: float, high: float) -> tuple[slice, ...]:
+    """Stretches above `low` that reach `high`; those separated by less than `REST` are one."""
+    spans: list[slice] = []
+    for start, stop in runs(load > low):
+        if not np.nanmax(load[start:stop]) > high:
+            continue
+        if spans and time[start] - time[spans[-1].stop - 1] < REST:
+            spans[-1] = slice(spans[-1].start, stop)
+        else:
+            spans.append(slice(start, stop))
+    return tuple(spans)
+
+
+def _cuts(time: NDArray[np.float64], spans: Sequence[slice]) -> tuple[int, ...]:
+    """Middles of the rests, such that no episode is shorter than `LEAST`."""
+    cuts = [0]
+    for before, after in itertools.pairwise(spans):
+        middle = (before.stop + after.start) // 2
+        if time[middle] - time[cuts[-1]] >= LEAST:
+            cuts.append(middle)
+    if len(cuts) > 1 and time[-1] - time[cuts[-1]] < LEAST:
+        cuts.pop()
+    return tuple(cuts[1:])
+
+
+def runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Start and stop of each stretch of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(int), [0]])))
+    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]

@@ -1,0 +1,86 @@
+"""The examples run as the pages print them."""
+
+import os
+import re
+import runpy
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+pytest.importorskip("serial")
+pytest.importorskip("termios")  # the emulator is a pseudo-terminal
+
+import paxisim
+
+ROOT = Path(__file__).parents[1]
+
+
+def in_shell(script, folder):
+    """Run a block of a page as a reader would who has the environment active, in a folder with the examples."""
+    (folder / "examples").symlink_to(ROOT / "examples")
+    path = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])
+    environment = os.environ | {
+        "PATH": os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]]),
+        "PYTHONPATH": path,
+    }
+    script += "\nkill %1; wait"  # what it started in the background
+    return subprocess.run(
+        ["bash", "-mc", script], cwd=folder, env=environment, capture_output=True, text=True, timeout=100, check=False
+    )
+
+
+@pytest.mark.real_time
+def test_the_joints_of_a_simulated_arm_are_recorded_beside_its_sensor(tmp_path):
+    page = (ROOT / "docs" / "streams.md").read_text(encoding="utf-8")
+    (block,) = [block for block in re.findall(r"```bash\n(.*?)```", page, re.DOTALL) if "simulated_arm.py" in block]
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    done = in_shell(block.replace("5005", str(port)), tmp_path)
+    assert "press.mcap" in done.stdout, done.stdout + done.stderr
+    (samples,) = re.findall(rf"UDP {port}: (\d+) samples", done.stdout)
+    assert int(samples) > 3 * 50 * 6, "three joints at 100 Hz, or half of it where the machine is slow"
+    assert "Traceback" not in done.stderr
+
+    recording = paxisim.Recording.load(tmp_path / "press.mcap").select(known=True)
+    assert recording.duration > 5
+    # the joints are those of the motion that was felt: the pad is loaded where they put it into the ball, else not
+    arm = runpy.run_path(str(ROOT / "examples" / "simulated_arm.py"))
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "arm.xml"))
+    data = mujoco.MjData(model)
+    depth = np.empty(len(recording))
+    for i in range(len(recording)):
+        for name in arm["JOINTS"]:
+            data.joint(name).qpos[:] = recording.covariates[name][i]
+        mujoco.mj_kinematics(model, data)
+        depth[i] = 0.03 - data.body("hand").xpos[2]
+    force = recording.measured.sum(axis=(-2, -1))[:, 0, 2]
+    pressed = depth > 0.4e-3
+    assert 0.3 < pressed.mean() < 0.9
+    # the sensor's readings are some ms late, in which the hand moves by tenths of a millimetre
+    assert np.mean(force[pressed] > 1) > 0.9
+    assert np.abs(force[depth < -3e-3]).max() == 0
+    assert np.corrcoef(np.clip(depth, 0, None), force)[0, 1] > 0.9
+
+
+def test_the_arm_s_sensor_may_have_an_error_to_be_found():
+    arm = runpy.run_path(str(ROOT / "examples" / "simulated_arm.py"))["Arm"]
+    true, wrong = (
+        arm(paxisim.Chain(members))
+        for members in ([], [paxisim.augment.AxisGain((1.0, 1.0, 0.8)), paxisim.augment.LowPass(0.05)])
+    )
+    readings = []
+    for tick in range(160):
+        true.run_until(tick / 100)
+        wrong.run_until(tick / 100)
+        readings.append((true.force[0, 2].sum(), wrong.force[0, 2].sum()))
+    peak = np.max(readings, axis=0)
+    assert peak[0] > 10
+    assert readings[-1][1] == pytest.approx(0.8 * readings[-1][0], rel=0.02), "held for a second"
+    rise = np.argmax(np.array(readings) > 0.5 * peak, axis=0)
+    assert 2 <= rise[1] - rise[0] <= 10, "a low-pass of 50 ms"
