@@ -83,6 +83,7 @@ AUGMENT = [
     "CentreOfPressure",
     "Chain",
     "ChannelCurve",
+    "CovariateField",
     "Creep",
     "Crosstalk",
     "DeadBand",
