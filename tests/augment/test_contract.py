@@ -1,6 +1,6 @@
 """What every transform owes: the same checks for all, over numpy and torch, float32 and float64.
 
-`examples.py` says what there is to check each transform with.
+`transform_examples.py` says what there is to check each transform with.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from examples import EXAMPLES, FRAME
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from optional import needs_torch, torch
+from transform_examples import EXAMPLES, FRAME
 
 from paxisim.augment.chain import Chain, _known_transforms
 from paxisim.augment.parameter import parameters
@@ -40,7 +40,7 @@ every = pytest.mark.parametrize("name", NAMES)
 
 
 def example(name: str, seed: int = 0) -> Transform:
-    assert name in EXAMPLES, f"add an example of {name} to tests/augment/examples.py"
+    assert name in EXAMPLES, f"add an example of {name} to tests/augment/transform_examples.py"
     return EXAMPLES[name].make(np.random.default_rng(seed))
 
 

@@ -4,8 +4,8 @@ import dataclasses
 
 import numpy as np
 import pytest
-from examples import FRAME
 from responses import both, everywhere, respond, times
+from transform_examples import FRAME
 
 from paxisim.augment.drift import Drift
 from paxisim.augment.temperature import TemperatureDrift

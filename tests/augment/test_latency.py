@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from examples import FRAME
 from optional import needs_torch, torch
 from responses import both, respond, times
 from scipy import stats
+from transform_examples import FRAME
 
 from paxisim.augment.chain import Chain
 from paxisim.augment.latency import Latency

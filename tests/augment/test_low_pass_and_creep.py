@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from examples import FRAME
 from responses import both, respond, times, with_jump
+from transform_examples import FRAME
 
 from paxisim.augment.creep import Creep
 from paxisim.augment.hysteresis import Hysteresis

@@ -4,9 +4,9 @@ import dataclasses
 
 import numpy as np
 import pytest
-from examples import FRAME
 from optional import needs_torch, torch
 from responses import both, everywhere, respond, times
+from transform_examples import FRAME
 
 from paxisim.augment.creep import Creep
 from paxisim.augment.drift import Drift

@@ -3,9 +3,9 @@
 import dataclasses
 
 import numpy as np
-from examples import FRAME
 from responses import both, everywhere, times
 from scipy import stats
+from transform_examples import FRAME
 
 from paxisim.augment.chain import Chain
 from paxisim.augment.latency import Latency

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from examples import FRAME
 from optional import needs_torch, torch
 from scipy import stats
+from transform_examples import FRAME
 
 from paxisim.augment.noise import WhiteNoise
 from paxisim.augment.random_numbers import SEEDS, _mix, _words, check_seed, no_draws, normal, uniform
