@@ -80,8 +80,8 @@ class PadAgreement:
             if not _NEAR[0] <= ratio <= _NEAR[1]:
                 return (
                     f"{where}: the simulated {what} is {ratio:.2g} times the measured one (peaks "
-                    f"{self.simulated_peak:.3g} and {self.measured_peak:.3g} N; contact begins {late[0]:+.3f} s and ends {late[1]:+.3f} s later "
-                    "than simulated)"
+                    f"{self.simulated_peak:.3g} and {self.measured_peak:.3g} N; contact begins {late[0]:+.3f} s and "
+                    f"ends {late[1]:+.3f} s later than simulated)"
                 )
         return ""
 

@@ -62,8 +62,9 @@ def guess_scene(mjcf: Path, recording: Recording, raw: Mapping[str, NDArray[np.f
     if not drives:
         joints = ", ".join(name for i in range(model.njnt) if (name := model.joint(i).name)) or "none"
         raise InvalidValueError(
-            f"no stream of the recording ({', '.join(recording.covariates) or 'it has none'}) bears the name of a joint, "
-            f"mocap body or object of the model (joints: {joints}), and none is an opening: write the scene by hand"
+            f"no stream of the recording ({', '.join(recording.covariates) or 'it has none'}) bears the name of a "
+            f"joint, mocap body or object of the model (joints: {joints}), and none is an opening: write the scene by "
+            "hand"
         )
     drives = [_measured(model, drive, streams[drive.stream], (raw or streams).get(drive.stream)) for drive in drives]
     start, placed = _objects(model, {drive.body for drive in drives})

@@ -134,8 +134,8 @@ class Replay:
         where = f"{1e3 * gap:.2f} mm from the nearest object" if np.isfinite(gap) else "far from any object"
         number = int(part.episode[0])
         return (
-            f"episode {number}: {np.nanmax(measured):.3g} N were measured at {at:.2f} s, where the pads of the scene are "
-            f"{where}: check where the object starts, and offsets, signs and units of the drives",
+            f"episode {number}: {np.nanmax(measured):.3g} N were measured at {at:.2f} s, where the pads of the "
+            f"scene are {where}: check where the object starts, and offsets, signs and units of the drives",
         )
 
     def _known(self, part: Recording) -> NDArray[np.bool_]:

@@ -208,12 +208,3 @@ def test_a_sensor_is_put_where_the_scene_says():
     again = Scene.from_recording(replayed)
     assert not again.sensor
     np.testing.assert_allclose(again.simulate(replayed).simulated, replayed.simulated, atol=1e-4)
-
-
-def test_a_minute_of_the_indenter_takes_less_than_a_minute():
-    from time import perf_counter
-
-    time, streams = press(seconds=60.0)
-    began = perf_counter()
-    INDENTER.simulate(recording(time, streams))
-    assert perf_counter() - began < 60

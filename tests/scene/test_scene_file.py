@@ -1,6 +1,7 @@
 """Scenes and their TOML."""
 
 import json
+from pathlib import Path
 
 import pytest
 from scene.rigs import LAYOUT
@@ -8,6 +9,7 @@ from scene.rigs import LAYOUT
 import paxisim
 from paxisim import Drive, Gel, InvalidValueError, Mount, ObjectStart, Scene, UnknownNameError
 from paxisim.scene import ready
+from paxisim.scene.modes import MODES
 
 DRIVES = (
     Drive("tip.z", joint="depth", unit="mm", scale=-1.0, offset=0.012, resolution=0.05),
@@ -89,3 +91,20 @@ def test_a_recording_that_was_not_replayed_holds_no_scene():
     with pytest.raises(InvalidValueError, match="holds no scene"):
         Scene.from_recording(recording)
     json.dumps(recording.metadata)
+
+
+def test_the_scene_on_the_page_of_replay_is_one(tmp_path):
+    page = (Path(__file__).parents[2] / "docs" / "replay.md").read_text(encoding="utf-8")
+    path = tmp_path / "squeeze.toml"
+    path.write_text(page.split("```toml\n")[1].split("```")[0], encoding="utf-8")
+    scene = Scene.load(path)
+    assert [(drive.stream, drive.joint, drive.unit) for drive in scene.drives] == [("opening", "left_slide", "mm")]
+    assert scene.start[0].pos == (0.0, 0.0, 0.125)
+
+
+def test_the_table_of_modes_on_the_page_is_that_of_the_code():
+    page = (Path(__file__).parents[2] / "docs" / "replay.md").read_text(encoding="utf-8")
+    for name, mode in MODES.items():
+        row = page.split(f"| `{name}` |")[1].splitlines()[0]
+        assert row.strip(" |").endswith(", ".join(f"`{cause}`" for cause in mode.not_testable))
+        assert ("`" in row) == bool(mode.not_testable)

@@ -1,0 +1,144 @@
+"""``paxisim scene make``, ``scene init`` and ``replay``: from a recording to measured and simulated side by side."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import paxisim
+from paxisim.cli import main
+from paxisim.recording import Recording
+from paxisim.scene.resume import simulate_resumable
+
+GAIN = 0.8
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """A folder with the scene of an indenter, and a recording of three presses by a sensor that reads too little."""
+    folder = tmp_path_factory.mktemp("press")
+    scene = folder / "press.toml"
+    words = ["scene", "make", "indenter", "--rows", "4", "--cols", "4", "--pitch-mm", "4", "-o", str(scene)]
+    assert main(words) == 0
+    time = np.arange(150) / 50
+    phase = time % 1
+    covariates = {
+        "x": np.repeat([0.0, 1e-3, -1e-3], 50),
+        "y": np.zeros(150),
+        "depth": -5e-4 + 2e-3 * np.clip(np.sin(np.pi * phase), 0, None),
+    }
+    blank = Recording(
+        time, np.zeros((150, 1, 3, 4, 4), np.float32), covariates=covariates, episode=np.repeat([0, 1, 2], 50),
+        layout=paxisim.TaxelLayout(4, 4, (4e-3, 4e-3)),
+    )  # fmt: skip
+    exact = paxisim.Scene.load(scene).simulate(blank)
+    assert exact.simulated[:, :, 2].sum(axis=(1, 2, 3)).max() > 1
+    replace(exact, measured=GAIN * exact.simulated, simulated=None, metadata={}).save(folder / "press.mcap")
+    return folder, exact
+
+
+def replayed(folder, *words):
+    name = "paired.npz"
+    command = ["replay", "press.mcap", "--scene", "press.toml", "-o", name, "--force", *words]
+    assert main([str(folder / word) if word in ("press.mcap", "press.toml", name) else word for word in command]) == 0
+    return Recording.load(folder / name)
+
+
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_a_recording_is_replayed_and_compared(made, capsys, jobs):
+    folder, exact = made
+    paired = replayed(folder, "--jobs", jobs)
+    peak = float(exact.simulated.max())
+    assert np.abs(paired.simulated - exact.simulated).max() < 0.01 * peak
+    np.testing.assert_allclose(paired.measured, GAIN * exact.simulated, atol=1e-4)
+    out = capsys.readouterr().out
+    assert "mode kinematic" in out
+    assert "peak 1.25" in out
+    assert not list(folder.glob(".paired*")), "nothing is left beside the output"
+    again = paxisim.Scene.from_recording(paired)
+    assert [drive.stream for drive in again.drives] == ["x", "y", "depth"]
+
+
+def test_a_fitted_closing_says_what_it_hides(made, capsys):
+    folder, _ = made
+    paired = replayed(folder, "--mode", "fitted")
+    assert "makes unobservable: axis_gain" in capsys.readouterr().out
+    total = [tensor[:, :, 2].sum() for tensor in (paired.measured, paired.simulated)]
+    assert total[1] == pytest.approx(total[0], rel=0.01)
+    assert "axis_gain" in paired.metadata["replay"]["not_testable"]
+
+
+def test_a_second_call_goes_on_where_the_first_was_stopped(made, tmp_path):
+    folder, exact = made
+    scene, recording = paxisim.Scene.load(folder / "press.toml"), Recording.load(folder / "press.mcap")
+    said = []
+
+    def stop(done, count, before):
+        said.append((done, count, before))
+        if done == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        simulate_resumable(scene, recording, tmp_path / "kept", progress=stop)
+    paired = simulate_resumable(scene, recording, tmp_path / "kept", progress=lambda *one: said.append(one))
+    assert said == [(0, 3, 0), (1, 3, 0), (2, 3, 0), (2, 3, 2), (3, 3, 2)]
+    assert np.abs(paired.simulated - exact.simulated).max() < 0.01 * float(exact.simulated.max())
+    other = replace(recording, covariates={**recording.covariates, "x": recording.covariates["x"] + 1e-3})
+    simulate_resumable(scene, other, tmp_path / "kept", progress=lambda *one: said.append(one))
+    assert said[-4] == (0, 3, 0), "episodes of another motion are not taken"
+
+
+def test_a_contact_that_the_scene_misses_is_said_with_its_distance(made, tmp_path, capsys):
+    folder, _ = made
+    recording = Recording.load(folder / "press.mcap")
+    away = {**recording.covariates, "depth": recording.covariates["depth"] - 4e-3}
+    replace(recording, covariates=away).save(tmp_path / "away.mcap")
+    words = [str(tmp_path / "away.mcap"), "--scene", str(folder / "press.toml"), "-o", str(tmp_path / "out.npz")]
+    assert main(["replay", *words]) == 0
+    out, err = capsys.readouterr()
+    assert "mm from the nearest object: check where the object starts" in err
+    assert "Replay is in doubt in 3 of 3 cases" in out
+
+
+def test_a_scene_is_begun_from_names(made, tmp_path, capsys):
+    folder, _ = made
+    path = tmp_path / "begun.toml"
+    assert (
+        main(["scene", "init", str(folder / "press.xml"), "--recording", str(folder / "press.mcap"), "-o", str(path)])
+        == 0
+    )
+    assert "stream 'depth' moves joint 'depth': their names agree" in capsys.readouterr().out
+    scene = paxisim.Scene.load(path)
+    assert [(drive.stream, drive.joint, drive.unit) for drive in scene.drives] == [
+        (name, name, "m") for name in ("x", "y", "depth")
+    ]
+    assert Path(scene.mjcf).resolve() == (folder / "press.xml").resolve()
+
+
+@pytest.mark.parametrize(
+    ("change", "wanted"),
+    [
+        (lambda r: replace(r, covariates={}), "unknown stream 'x'; there is none"),
+        (lambda r: replace(r, covariates={**r.covariates, "depth": 1e3 * r.covariates["depth"]}), "mm"),
+        (lambda r: r.select(covariates=["x", "y"]), "depth"),
+    ],
+    ids=["no streams", "mm", "a stream lacks"],
+)
+def test_what_cannot_be_followed_is_one_line(made, tmp_path, capsys, change, wanted):
+    folder, _ = made
+    change(Recording.load(folder / "press.mcap")).save(tmp_path / "bad.mcap")
+    line = [
+        "replay",
+        str(tmp_path / "bad.mcap"),
+        "--scene",
+        str(folder / "press.toml"),
+        "-o",
+        str(tmp_path / "out.npz"),
+    ]
+    capsys.readouterr()
+    assert main(line) == 2
+    said = [text for text in capsys.readouterr().err.splitlines() if not text.startswith("reading")]
+    assert len([text for text in said if text.startswith("paxisim")]) == 1
+    assert wanted in " ".join(said)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["bad.mcap"]
