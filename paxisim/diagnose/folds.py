@@ -49,7 +49,7 @@ class Folds:
     def independent(self, gain: FloatArray) -> FloatArray:
         """A gain of each unit, summed over episodes; of a recording of few episodes, which are all split, as it is."""
         count = int(self.episode.max()) + 1
-        return gain if len(self.split) == count else np.bincount(self.episode, gain, count)
+        return gain if len(self.split) == count else np.bincount(self.episode, gain, count).astype(np.float64)
 
 
 def folds_of(problem: Problem, causes: Iterable[Cause], rules: Rules) -> Folds:
