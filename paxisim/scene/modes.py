@@ -10,10 +10,6 @@ from paxisim.errors import InvalidValueError
 
 Mode = Literal["kinematic", "fitted", "servo", "force"]
 
-_SHEAR = (
-    "the shear of a contact that sticks depends on movements far below an encoder's resolution, so a replay by "
-    "position cannot reproduce it"
-)
 _SERVO = "the servo follows with a lag and a stiffness of its own"
 _FORCE = "the recorded force sets the total, so an error of its calibration looks like one of the sensor"
 _FITTED = "the closing was fitted to the measured total force"
