@@ -24,7 +24,8 @@ def _make(values: Values, problem: Problem) -> augment.Saturation:
 
 def _gain(values: Values, problem: Problem) -> FloatArray:
     read = _make(values, problem)(problem.peaks[None, None, :, None, None])[0, 0, :, 0, 0]
-    return problem.peaks / np.maximum(read, 0.1 * problem.peaks)
+    gains = problem.peaks / np.maximum(read, 0.1 * problem.peaks)
+    return np.maximum(gains, gains[2])  # shear may have been calibrated with the gain of normal force
 
 
 def _starts(problem: Problem) -> list[Values]:
