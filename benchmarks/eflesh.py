@@ -69,7 +69,9 @@ def main() -> None:
     row("black box (boosting on the load's past)", apart(lambda x, y, z: _boost(x, y, z, arguments.seed)))
     row("the same, settled cycles only", apart(lambda x, y, z: _boost(x, y, z, arguments.seed), start))
     begin = time.perf_counter()
-    found = paxisim.diagnose(fitted, seed=arguments.seed, progress=lambda text: print(text, file=sys.stderr))
+    found = paxisim.diagnose(
+        fitted, seed=arguments.seed, progress=lambda stage, share: print(f"{share:4.0%} {stage}", file=sys.stderr)
+    )
     seconds = time.perf_counter() - begin
     last = row("extended model", readout.to_channels(found.model.run(held.simulated.astype(float), held.time)))
     print(f"\n{found}\n\nThe parts of the gain, in the order of the causes; each set is fitted anew to press_1")

@@ -73,7 +73,7 @@ class Creep(Memory):
         y = x + namespace(x).sum(self.fit("amplitude", frame) * (frame + ahead), axis=-5)
         return y, (keep(x), ahead)
 
-    def sweep(self, x: NDArray[np.floating], steps: list[float]) -> NDArray[np.floating] | None:
+    def sweep(self, x: NDArray[np.floating], steps: NDArray[np.float64]) -> NDArray[np.floating] | None:
         """See `Transform.sweep`."""
         if max(np.ndim(self.amplitude), np.ndim(self.tau)) > 1:
             return None

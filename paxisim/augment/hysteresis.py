@@ -76,7 +76,7 @@ class Hysteresis(Memory):
         play = self._play(frame, state[0])
         return x + namespace(x).sum(self.fit("weight", frame) * (play - frame), axis=-5), (play,)
 
-    def sweep(self, x: NDArray[np.floating], steps: list[float]) -> NDArray[np.floating] | None:
+    def sweep(self, x: NDArray[np.floating], steps: NDArray[np.float64]) -> NDArray[np.floating] | None:
         """See `Transform.sweep`."""
         if is_torch(self.weight) or max(np.ndim(self.weight), np.ndim(self.radius)) > 1:
             return None

@@ -131,16 +131,16 @@ class Latency(Memory):
             return super().run(x, time, covariates)
         steps = self._time_steps(x, time)
         self._check_frame(x[0])
-        return _moved(x, np.cumsum(steps), float(self.delay))
+        return _moved(x, np.cumsum(steps, axis=0), float(self.delay))
 
-    def sweep(self, x: NDArray[np.floating], steps: list[float]) -> NDArray[np.floating] | None:
+    def sweep(self, x: NDArray[np.floating], steps: NDArray[np.float64]) -> NDArray[np.floating] | None:
         """See `Transform.sweep`."""
         if np.ndim(self.delay) or np.ndim(self.jitter) or self.jitter:
             return None
-        delay, dt = float(self.delay), np.array(steps)
-        if len(dt) > 1 and dt[1:].min() <= delay * 2 / (self.capacity - 2):
+        delay = float(self.delay)
+        if len(steps) > 1 and steps[1:].min() <= delay * 2 / (self.capacity - 2):
             return None  # stepping would leave out frames
-        return _moved(x, np.cumsum(dt), delay)
+        return _moved(x, np.cumsum(steps, axis=0), delay)
 
 
 def _any(value: Any, holds: Callable[[Any], Any]) -> bool:
@@ -156,11 +156,16 @@ def _moved(x: Any, time: NDArray[np.float64], delay: float) -> Any:
     """``(time, ...)`` with each frame as it was `delay` ago, drawn straight between frames; both ends are held."""
     if len(time) == 1:
         return x + 0
+    xp = namespace(x)
+    if time.ndim > 1:  # each stream has a clock of its own
+        streams = x.reshape(len(x), -1, *x.shape[-4:])
+        clocks = time.reshape(len(time), -1)
+        moved = [_moved(streams[:, number], clocks[:, number], delay) for number in range(clocks.shape[1])]
+        return xp.stack(moved, axis=1).reshape(x.shape)
     then = np.clip(time - delay, time[0], time[-1])
     after = np.clip(np.searchsorted(time, then, side="right"), 1, len(time) - 1)
     gap = time[after] - time[after - 1]
     way = np.divide(then - time[after - 1], gap, out=np.ones_like(gap), where=gap > 0)  # after a jump: what came last
-    xp = namespace(x)
     way, before, after = as_like(way.reshape(-1, *[1] * (x.ndim - 1)), x), xp.asarray(after - 1), xp.asarray(after)
     return x[before] * (1 - way) + x[after] * way
 

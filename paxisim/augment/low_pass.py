@@ -40,7 +40,7 @@ class LowPass(Memory):
         ahead = lag(x - before, ahead, self.fit("tau", x), dt)
         return x + ahead, (keep(x), ahead)
 
-    def sweep(self, x: NDArray[np.floating], steps: list[float]) -> NDArray[np.floating] | None:
+    def sweep(self, x: NDArray[np.floating], steps: NDArray[np.float64]) -> NDArray[np.floating] | None:
         """See `Transform.sweep`."""
         return None if np.ndim(self.tau) else x + lag_sequence(x, float(self.tau), steps)
 
@@ -67,17 +67,16 @@ def lag(change: Any, ahead: Any, tau: Any, dt: Any) -> Any:
     return xp.where(lags, xp.exp(-z) * ahead - share * change, xp.zeros_like(ahead))
 
 
-def lag_sequence(x: NDArray[np.floating], tau: float, steps: list[float]) -> NDArray[np.floating]:
+def lag_sequence(x: NDArray[np.floating], tau: float, steps: NDArray[np.float64]) -> NDArray[np.floating]:
     """`lag` over a whole sequence: q - x at each frame of ``(time, ...)``, 0 at the first."""
-    dt = np.asarray(steps, dtype=x.dtype)
+    dt = steps.astype(x.dtype).reshape(*steps.shape, *[1] * (x.ndim - steps.ndim))
     lags = tau > 1e-30 * dt
     z = np.divide(dt, tau, out=np.zeros_like(dt), where=lags)
     share = np.divide(-np.expm1(-z), z, out=np.ones_like(z), where=z > 0)
-    over_frame = (-1, *[1] * (x.ndim - 1))
     ahead = np.zeros_like(x)
     np.subtract(x[:-1], x[1:], out=ahead[1:])
-    ahead *= np.where(lags, share, 0).reshape(over_frame)
-    _accumulate(ahead, np.where(lags, np.exp(-z), 0).reshape(over_frame))
+    ahead *= np.where(lags, share, 0)
+    _accumulate(ahead, np.where(lags, np.exp(-z), 0))
     return ahead
 
 

@@ -127,7 +127,7 @@ class Transform:
 
         Args:
             x: ``(time, *batch, pads, 3, rows, cols)`` newtons.
-            time: ``(time,)`` seconds, not decreasing.
+            time: ``(time,)`` seconds, not decreasing; or ``(time, *batch)``, for a batch of streams with a clock each.
             covariates: Sequences by name, ``(time, ...)`` each; those that it does not need do not matter.
 
         Returns:
@@ -135,7 +135,7 @@ class Transform:
             rounding as stepping frame by frame from ``initial_state(x[0])`` gives it.
 
         Raises:
-            InvalidValueError: As for a call; or `time` has another length or runs backwards.
+            InvalidValueError: As for a call; or `time` has another shape or runs backwards.
         """
         xp = namespace(x)
         steps = self._time_steps(x, time)
@@ -160,17 +160,17 @@ class Transform:
             return swept
         state = self.initial_state(x[0], {name: values[0] for name, values in series.items()})
         frames = []
-        for index, dt in enumerate(steps):
+        for index, dt in enumerate(steps.tolist() if steps.ndim == 1 else steps):
             frame, state = self.step(x[index], state, dt, {name: values[index] for name, values in series.items()})
             frames.append(frame)
         return xp.stack(frames)
 
-    def sweep(self, x: NDArray[np.floating], steps: list[float]) -> NDArray[np.floating] | None:
+    def sweep(self, x: NDArray[np.floating], steps: NDArray[np.float64]) -> NDArray[np.floating] | None:
         """The whole of a checked numpy sequence at once, where that is faster than stepping; None where it is not.
 
         Args:
             x: ``(time, *batch, pads, 3, rows, cols)`` newtons.
-            steps: Time since the frame before (s), 0 for the first.
+            steps: ``(time,)`` or ``(time, *batch)`` time since the frame before (s), 0 for the first.
         """
         return None
 
@@ -257,16 +257,17 @@ class Transform:
         elif not 0 <= dt < float("inf"):
             raise InvalidValueError(f"{self.name}: dt must be finite and must not be negative, got {dt!r}")
 
-    def _time_steps(self, x: Any, time: Any) -> list[float]:
+    def _time_steps(self, x: Any, time: Any) -> NDArray[np.float64]:
         times = np.asarray(time, dtype=np.float64)
-        if times.ndim != 1 or len(times) != x.shape[0] or not len(times):
+        own = times.ndim in (1, x.ndim - 4) and times.shape == tuple(x.shape[: times.ndim])
+        if not own or not len(times):
             raise InvalidValueError(
                 f"{self.name} expected one time for each of {x.shape[0]} frames, got shape {times.shape}"
             )
-        steps = np.diff(times, prepend=times[:1])
+        steps = np.diff(times, prepend=times[:1], axis=0)
         if not np.all(np.isfinite(times)) or steps.min() < 0:
             raise InvalidValueError(f"{self.name}: time must be finite and must not run backwards")
-        return steps.tolist()
+        return steps
 
 
 _DT = Parameter(unit="s", low=0.0)

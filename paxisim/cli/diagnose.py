@@ -8,6 +8,7 @@ from typing import Annotated
 import tyro
 
 from paxisim.cli.output import check_folder, progress
+from paxisim.cli.stages import Stages
 from paxisim.errors import InvalidValueError, OutputExistsError
 
 FILES = {
@@ -52,7 +53,9 @@ def diagnose(
     names = [name.strip() for name in causes.split(",") if name.strip()] or None
     _check_folder(output, force)
     progress(f"reading {recording}")
-    found = run(Recording.load(recording), names, seed=seed, jobs=jobs, progress=progress)
+    loaded = Recording.load(recording)
+    with Stages() as stages:
+        found = run(loaded, names, seed=seed, jobs=jobs, progress=stages)
     _check_folder(output, force)
     progress("drawing the report")
     found.save(output)

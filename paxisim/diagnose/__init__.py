@@ -57,7 +57,7 @@ class _Callable(ModuleType):
         *,
         seed: int = 0,
         jobs: int = 1,
-        progress: Callable[[str], None] | None = None,
+        progress: Callable[[str, float], None] | None = None,
     ) -> Diagnosis:
         """See `paxisim.diagnose.run.diagnose`."""
         from paxisim.diagnose.run import diagnose

@@ -8,7 +8,7 @@ import numpy as np
 
 from paxisim.diagnose.noise import FloatArray
 
-BLOCK = 50_000  # values per block
+BLOCK = 150_000  # values per block
 
 
 def in_blocks(values: FloatArray, function: Callable[[slice], FloatArray]) -> FloatArray:

@@ -11,7 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from paxisim.diagnose.problem import FloatArray, in_one_piece
+from paxisim.diagnose.noise import FloatArray
+from paxisim.diagnose.pieces import in_one_piece
 from paxisim.logs.aligned import episode_spans
 from paxisim.recording import Recording
 

@@ -12,7 +12,7 @@ from scipy.stats import bootstrap
 
 from paxisim.diagnose.diagnosis import HeldOut, Interval
 from paxisim.diagnose.explanation import Explanation, without_each
-from paxisim.diagnose.problem import FloatArray, Problem
+from paxisim.diagnose.problem import FloatArray, Problem, showing
 
 DRAWS = 400  # of the bootstrap
 LEVEL = 0.9  # of the intervals
@@ -158,6 +158,13 @@ def gains_of(squares: SquaredErrors, seed: int) -> dict[str, Interval]:
     above = squares.room.sum() > LEAST_ROOM * squares.floor.sum()
     room = np.maximum(squares.room, squares.before - squares.after) if above else squares.before
     return {name: share_of(without - squares.after, room, seed) for name, without in squares.without.items()}
+
+
+def affected_gains_of(squares: SquaredErrors, seed: int) -> dict[str, Interval]:
+    """What each cause takes away of the error of the episodes that it affects: one that few show is no less certain."""
+    gains = {name: without - squares.after for name, without in squares.without.items()}
+    shown = {name: showing(gain) for name, gain in gains.items()}
+    return {name: share_of(gain[shown[name]], squares.before[shown[name]], seed) for name, gain in gains.items()}
 
 
 def figures(squares: SquaredErrors, seed: int, ceiling: FloatArray | None, note: str) -> HeldOut:

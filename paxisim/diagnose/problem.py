@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -15,12 +14,13 @@ from paxisim.augment.chain import Chain
 from paxisim.augment.latency import Latency
 from paxisim.augment.low_pass import LowPass
 from paxisim.augment.transform import Transform
-from paxisim.diagnose.between import FINE, Curve, curve_through
+from paxisim.diagnose.between import FINE
 from paxisim.diagnose.blocks import in_blocks
 from paxisim.diagnose.counting import Counting
 from paxisim.diagnose.directions import Directions, directions_of
 from paxisim.diagnose.dither import dither_of
 from paxisim.diagnose.noise import FloatArray, Tolerance, noise_of, step_of, tolerated
+from paxisim.diagnose.pieces import Pieces, in_one_piece
 from paxisim.errors import InvalidValueError
 from paxisim.logs.aligned import episode_spans
 from paxisim.recording import Recording
@@ -230,20 +230,14 @@ class Problem:
         return loads.shape[1] > 1 and self.has_contact and bool(np.all(loads == loads[:, :1]))
 
     @cached_property
-    def _alike(self) -> bool:
-        """Whether all episodes are sampled at the same times after their beginning, to a billionth of a second."""
-        each = [self.time[span] - self.time[span.start] for span in self.episodes]
-        return all(len(one) == len(each[0]) and np.abs(one - each[0]).max() < 1e-9 for one in each[1:])
+    def _pieces(self) -> Pieces:
+        """Episodes side by side; those that follow one another without a break are one, as the sensor remembers."""
+        return Pieces(self.time, in_one_piece(self.time, self.episodes))
 
     @cached_property
-    def _in_one_piece(self) -> tuple[slice, ...]:
-        """Episodes; those that follow one another without a break are one, as the sensor then remembers."""
-        return in_one_piece(self.time, self.episodes)
-
-    @cached_property
-    def _curves(self) -> tuple[Curve | None, ...]:
-        """What lies between the frames, of each piece."""
-        return tuple(curve_through(self.time[span]) for span in self._in_one_piece)
+    def _finer_pieces(self) -> Pieces:
+        """The same with points between the frames."""
+        return Pieces(self.time, in_one_piece(self.time, self.episodes), between=True)
 
     def run(self, transform: Transform, x: FloatArray) -> FloatArray:
         """`transform` on the sequence `x`, begun anew for each episode that does not go on from the one before.
@@ -254,46 +248,14 @@ class Problem:
             for member in transform.members:
                 x = self.run(member, x)
             return x
+        given = {name: c for name, c in self.covariates.items() if name in transform.covariate_names}
         if not transform.has_memory:
-            covariates = self.covariates
-
-            def blocks(span: slice) -> FloatArray:
-                own, time = x[span], self.time[span]
-                given = {name: values[span] for name, values in covariates.items()}
-                return in_blocks(
-                    own, lambda part: transform.run(own[part], time[part], {n: c[part] for n, c in given.items()})
-                )
-
-            if self.runs_through:
-                return blocks(slice(None))
-            return np.concatenate([blocks(span) for span in self.episodes])  # on clocks of their own
-        if isinstance(transform, (Latency, LowPass)) and any(curve is not None for curve in self._curves):
-            return self._run_between(transform, x)
-        if self._alike and len(self._in_one_piece) == len(self.episodes):  # a batch: one pass over time for all
-
-            def batch(values: FloatArray) -> FloatArray:
-                return np.swapaxes(values.reshape(len(self.episodes), -1, *values.shape[1:]), 0, 1)
-
-            covariates = {name: batch(values) for name, values in self.covariates.items()}
-            made = transform.run(batch(x), self.time[self.episodes[0]], covariates)
-            return np.swapaxes(made, 0, 1).reshape(x.shape)
-        parts = [
-            transform.run(x[span], self.time[span], {name: c[span] for name, c in self.covariates.items()})
-            for span in self._in_one_piece
-        ]
-        return np.concatenate(parts)
-
-    def _run_between(self, transform: Latency | LowPass, x: FloatArray) -> FloatArray:
+            return in_blocks(x, lambda part: transform(x[part], {name: c[part] for name, c in given.items()}))
         if isinstance(transform, Latency):  # as many frames more as there are points between them
             more = int(np.ceil(4 * abs(float(transform.delay)) / FINE)) + 4
-            transform = replace(transform, capacity=max(transform.capacity, more))
-        out = np.empty_like(x)
-        for span, curve in zip(self._in_one_piece, self._curves, strict=True):
-            if curve is None:
-                out[span] = transform.run(x[span], self.time[span])
-            else:
-                out[span] = transform.run(curve(x[span]), curve.time)[curve.own]
-        return out
+            return self._finer_pieces.run(replace(transform, capacity=max(transform.capacity, more)), x, {})
+        pieces = self._finer_pieces if isinstance(transform, LowPass) else self._pieces
+        return pieces.run(transform, x, given)
 
     @cached_property
     def counting(self) -> Counting:
@@ -303,14 +265,6 @@ class Problem:
     def read(self, force: FloatArray) -> FloatArray:
         """What the sensor reads of `force` on average, see `Counting`."""
         return self.counting.read(force)
-
-    def select(self, episodes: Sequence[int]) -> Problem:
-        """The problem of these episodes alone, in the order given."""
-        return self.cut([self.episodes[number] for number in episodes])
-
-    def cut(self, spans: Sequence[slice]) -> Problem:
-        """The problem of these samples, each span an episode."""
-        return self._at([np.arange(span.start, span.stop) for span in spans])
 
     def _at(self, frames: Sequence[NDArray[np.intp]]) -> Problem:
         """The problem of some frames of each episode."""
@@ -425,14 +379,6 @@ class Problem:
         weighed = difference - (self.curves.T @ zero).reshape(difference.shape)
         weighed *= self.weight
         return weighed
-
-
-def in_one_piece(time: FloatArray, episodes: Sequence[slice]) -> tuple[slice, ...]:
-    """Episodes, those that follow one another without a break being one."""
-    breaks = np.diff(time, prepend=-np.inf)
-    usual = 1.5 * float(np.median(breaks[1:]))
-    starts = [span.start for span in episodes if not 0 < breaks[span.start] <= usual]
-    return tuple(slice(a, b) for a, b in itertools.pairwise([*starts, len(time)]))
 
 
 def at_rest(simulated: FloatArray, peak: float) -> NDArray[np.bool_]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -16,6 +17,8 @@ from paxisim.diagnose.ranking import Ranking
 from paxisim.diagnose.rules import Rules
 
 AFRESH = 2  # causes, from which on no fit is repeated from the causes' own starts
+SEARCHED, PREDICTS = 0.45, 0.8  # of the work, when the search and the predictions of held-out episodes are done
+FITTED, PREDICTED = 0.96, 0.8  # of what is left of them, after one more fit
 ROUNDS = 6  # of adding, exchanging and dropping at most
 
 
@@ -54,7 +57,7 @@ class Search:
 
     def __init__(
         self, problem: Problem, causes: Iterable[Cause], folds: Folds, rules: Rules, jobs: int = 1,
-        tell: Callable[[str], None] = lambda text: None,
+        tell: Callable[[str, float], None] = lambda stage, share: None,
     ) -> None:  # fmt: skip
         """Nothing is fitted yet."""
         self.problem, self.folds, self.rules, self._jobs, self._tell = problem, folds, rules, jobs, tell
@@ -64,6 +67,13 @@ class Search:
         self._rankings: dict[frozenset[str], Ranking] = {}
         self._bare: dict[frozenset[str], Fit] = {}  # of sets, without their nuisance but for what the others own of it
         self._exact: dict[Fit, Fit] = {}
+        self._beside = ""
+
+    def by_other(self, rules: Rules, causes: Iterable[Cause]) -> Search:
+        """A search by other rules and other properties of its causes, which shares the fits."""
+        other = copy.copy(self)
+        other.rules, other.causes = rules, {c.name: c for c in causes}
+        return other
 
     def run(self) -> tuple[str, ...]:
         """The names of the causes that pass the test."""
@@ -80,7 +90,8 @@ class Search:
         """The set that adding, exchanging and dropping lead to."""
         seen: set[frozenset[str]] = set()
         for _ in range(ROUNDS):
-            self._tell(f"looking for a cause beside {', '.join(self._shown(chosen)) or 'none'}")
+            self._beside = f"looking for a cause beside {', '.join(self._shown(chosen)) or 'none'}"
+            self._say()
             better = self._dropped(self._exchanged(self._added(chosen)))
             if frozenset(better) in seen or set(better) == set(chosen):
                 break
@@ -93,12 +104,14 @@ class Search:
         key = frozenset(names)
         if key not in self._fits:
             self._fits[key] = self.fitter.fit([self.causes[n] for n in names], start)
+            self._say()
         return self._fits[key]
 
     def exact(self, fit: Fit) -> Fit:
         """A fit with folds that are fitted on their own, see `Fitter.exact`; made once."""
         if fit not in self._exact:
             self._exact[fit] = self.fitter.exact(fit)
+            self._say()
         return self._exact[fit]
 
     def without(self, names: Sequence[str], name: str) -> Fit:
@@ -163,6 +176,14 @@ class Search:
                 if not evidence.kept and evidence.amount >= 1:
                     found[name] = evidence.share
         return found
+
+    def _say(self) -> None:
+        """Say what is done; how many fits will be needed is not known, so that each is a share of what is left."""
+        if self._exact:
+            left = PREDICTED ** len(self._exact)
+            self._tell("predicting held-out episodes", PREDICTS - (PREDICTS - SEARCHED) * left)
+        elif self._beside:
+            self._tell(self._beside, SEARCHED * (1 - FITTED ** len(self._fits)))
 
     def _shown(self, names: Sequence[str]) -> list[str]:
         return [n for n in names if not self.causes[n].nuisance]

@@ -11,12 +11,10 @@ from numpy.typing import NDArray
 
 from paxisim.diagnose.problem import PRESSED, Problem
 
-AXES = "xyz"
 CLEAR = 0.6  # N, larger than any dead band
 FRAMES = 8  # fewest frames with such a force
 WITHIN = 15.0  # times the tolerated position error: a larger force means that the contact is on the taxel
 SHARE = 0.2  # of the peak; larger than any zero hidden by clipping at 0
-MOST = 8  # channels listed
 
 
 def silent_channels(problem: Problem) -> NDArray[np.bool_]:
@@ -44,33 +42,6 @@ def _is_missing(problem: Problem, pad: int, axis: int, still: NDArray[np.bool_])
     smaller = (force > size / 4) & (force < size / 2) & ~still
     read = problem.measured != np.median(problem.measured, axis=0)
     return bool(smaller.any() and read[smaller].mean() > 0.5)
-
-
-def silent_in_words(silent: NDArray[np.bool_], pads: tuple[str, ...]) -> tuple[str, ...]:
-    """Warnings about excluded channels.
-
-    Args:
-        silent: ``(pads, 3, rows, cols)``.
-        pads: Names of the pads.
-    """
-    whole = silent.all(axis=(2, 3))
-    warnings = []
-    if whole.any():
-        axes = [" and ".join(AXES[axis] for axis in np.flatnonzero(own)) for own in whole]
-        names = ", ".join(f"{own} of pad {pad}" for own, pad in zip(axes, pads, strict=True) if own)
-        warnings.append(
-            f"{names} never change although the simulation does. Either the sensor does not measure them, or they are "
-            "not connected. They were excluded"
-        )
-    single = np.argwhere(silent & ~whole[:, :, None, None])
-    if len(single):
-        names = ", ".join(f"{AXES[k]} of pad {pads[p]} ({r}, {c})" for p, k, r, c in single[:MOST])
-        more = f" and {len(single) - MOST} more" if len(single) > MOST else ""
-        warnings.append(
-            f"{names}{more} never change{'s' if len(single) == 1 else ''} under load although the other axes of the "
-            "taxel respond: dead channels. They were excluded"
-        )
-    return tuple(warnings)
 
 
 def pressed_beyond(problem: Problem, least: float) -> NDArray[np.bool_]:

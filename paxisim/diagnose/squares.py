@@ -16,7 +16,8 @@ from paxisim.diagnose.model import ZERO_ORDER, Fitted, Model
 from paxisim.diagnose.problem import FloatArray
 
 PROBE = 0.05  # of a parameter's scale, to see what it does
-STEPS = 10  # of Gauss-Newton at most
+STEPS = 15  # of Gauss-Newton at most
+DELIVERED = 0.5  # of what slopes promise, below which they are taken anew
 DAMPINGS = 5  # of one of them
 CONVERGED = 1e-4  # of the energy, below which a step is the last
 REFITS = 4  # evaluations for a fold at most
@@ -40,6 +41,7 @@ class Squares:
         spreads = np.array([np.inf if f.spread is None else f.spread for _, _, f in self.free])
         self._held = np.where(np.isfinite(spreads), 1 / spreads, 0.0)
         self.prediction: FloatArray = np.zeros(0)
+        self._kept: FloatArray | None = None  # slopes
         self._neutral = np.array([f.neutral for _, _, f in self.free])
         self._scale = np.array([f.scale for _, _, f in self.free])
 
@@ -71,17 +73,27 @@ class Squares:
         return np.asarray(self._held * (now - self._neutral), dtype=np.float64)
 
     def descend(self, values: Fitted, zero: FloatArray) -> Fitted:
-        """The values after Gauss-Newton steps, damped until each leaves less."""
+        """The values after Gauss-Newton steps, damped until each leaves less.
+
+        Slopes are most of the work, so they are used again for as long as they keep what they promise.
+        """
         best, off = self._used(self.residual(values, zero)), self._away(values)
         energy, damping = float(best @ best + off @ off), 1e-3
         for _ in range(STEPS if self.free else 0):
-            slopes = self._used_rows(self._slopes(values))
+            fresh = self._kept is None
+            if self._kept is None:
+                self._kept = self._used_rows(self._slopes(values))
+            slopes, before = self._kept, energy
             normal = slopes @ slopes.T + np.diag(self.prior)
             right = slopes @ best + self._held * self._scale * off
-            before = energy
-            for _ in range(DAMPINGS):
+            promise = 0.0
+            for _ in range(DAMPINGS if fresh else 1):
                 ridge = damping * np.diag(np.diag(normal) + 1e-6 * np.trace(normal) + 1e-9)
-                trial = self._moved(values, self._step(normal + ridge, right, values))
+                step = self._step(normal + ridge, right, values)
+                promise = -float(2 * right @ step + step @ normal @ step)
+                if promise < CONVERGED * before:
+                    return values
+                trial = self._moved(values, step)
                 try:
                     new = self._used(self.residual(trial, zero))
                 except ValueError:  # values that are allowed one by one, but not together
@@ -95,8 +107,11 @@ class Squares:
                 damping *= 8
             else:  # the model last ran with values that were not taken
                 self.residual(values, zero)
-            if before - energy < CONVERGED * before:
+            gained = before - energy
+            if fresh and gained < CONVERGED * before:
                 break
+            if gained < DELIVERED * promise:
+                self._kept = None
         return values
 
     def linearised(self, values: Fitted, zero: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -630,3 +630,16 @@ def test_time_must_not_run_backwards(name):
     for bad in (-0.01, math.nan, math.inf, np.float32(-0.01), np.asarray(-0.01)):
         with pytest.raises(InvalidValueError, match=names_of(transform) + ".*dt"):
             transform.step(x[1], state, bad, at(series, 1))
+
+
+@every
+def test_streams_of_a_batch_may_have_clocks_of_their_own(name):
+    transform = example(name)
+    if "seed" in all_parameters(transform):
+        pytest.skip("its draws differ along a batch")
+    x, series = frames(BATCH), covariates(name, BATCH)
+    time = TIME[:, None] * np.linspace(0.5, 2.0, BATCH)
+    together = transform.run(x, time, series)
+    for i in range(BATCH):
+        alone = {key: values[:, i] for key, values in series.items()}
+        assert_close(together[:, i], transform.run(x[:, i], time[:, i], alone))

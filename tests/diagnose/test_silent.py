@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from paxisim.diagnose.problem import problem_of
+from paxisim.diagnose.report.caveats import silent_in_words
 from paxisim.diagnose.run import diagnose
-from paxisim.diagnose.silent import silent_channels, silent_in_words
+from paxisim.diagnose.silent import silent_channels
 
 sys.path.insert(0, str(Path(__file__).parent))
 from recorded import plain

@@ -85,7 +85,7 @@ def _table(diagnosis: Diagnosis) -> list[str]:
     lines = [f"{'Cause':<16}{'explains':<26}{'confidence':>10}  rivals"]
     for cause in diagnosis.causes:
         rivals = ", ".join(cause.rivals) or "none"
-        head = f"{cause.name[:15]:<16}{_percent(cause.gain):<26}{diagnosis.confidence.get(cause.name, 0):>10.0%}  "
+        head = f"{cause.name[:15]:<16}{percentage(cause.gain):<26}{diagnosis.confidence.get(cause.name, 0):>10.0%}  "
         first, *rest = textwrap.wrap(rivals, WIDTH - len(head))
         lines += [head + first, *[" " * len(head) + line for line in rest]]
         numbers = ", ".join(f"{name} {value}" for name, value in parameters_in_words(cause.parameters))
@@ -97,7 +97,8 @@ def _table(diagnosis: Diagnosis) -> list[str]:
     return [*lines, "", *_wrap(EXPLAINS, ""), *_wrap(CONFIDENCE, "")]
 
 
-def _percent(value: Interval) -> str:
+def percentage(value: Interval) -> str:
+    """An estimate and its interval."""
     if value.low is None or value.high is None:
         return f"{value.value:.1%}"
     return f"{value.value:.1%} [{value.low:.1%}, {value.high:.1%}]"
@@ -141,7 +142,7 @@ def _figures(heldout: HeldOut, extended: bool) -> list[str]:
         errors += f", black box {heldout.ceiling_nrmse:.1%}"
     lines = ["Held-out error (normalised RMSE)", f"  {errors}"]
     if extended and heldout.explained is not None:
-        shares = f"the extended model explains {_percent(heldout.explained)} of the explainable error"
+        shares = f"the extended model explains {percentage(heldout.explained)} of the explainable error"
         if heldout.ceiling_explained is not None:
             shares += f", the black box {max(heldout.ceiling_explained, 0.0):.1%}"
         lines += _wrap(shares, "  ")

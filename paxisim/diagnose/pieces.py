@@ -1,0 +1,96 @@
+"""Pieces: the stretches of a recording that a sensor remembers, run side by side as a batch.
+
+A transform with memory goes through a recording frame by frame. Pieces share nothing, so that one pass over the longest
+serves all of them.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from paxisim.augment.transform import Transform
+from paxisim.diagnose.between import curve_through
+
+PADDED = 3.0  # times the frames of a recording, that may be run for its pieces to be equally long
+
+
+class Pieces:
+    """Pieces of a recording, padded to groups of one length each.
+
+    A piece is padded with its last frame, over which time goes on: what comes after a piece changes nothing in it.
+    """
+
+    def __init__(self, time: NDArray[np.float64], spans: Sequence[slice], between: bool = False) -> None:
+        """Lay out the pieces.
+
+        Args:
+            time: ``(T,)`` seconds.
+            spans: The frames of each piece.
+            between: Whether transforms see points between the frames, see `curve_through`.
+        """
+        self._curves = [curve_through(time[span]) if between else None for span in spans]
+        times = [time[span] if curve is None else curve.time for span, curve in zip(spans, self._curves, strict=True)]
+        self._spans = spans
+        self._groups: list[tuple[list[int], NDArray[np.float64]]] = []
+        for members in _alike([len(own) for own in times]):
+            length = max(len(times[number]) for number in members)
+            self._groups.append((members, np.stack([_longer(times[number], length) for number in members], axis=1)))
+
+    def run(
+        self, transform: Transform, x: NDArray[np.floating], covariates: Mapping[str, NDArray[np.float64]]
+    ) -> NDArray[np.floating]:
+        """A transform on the sequence `x`, begun anew for each piece.
+
+        Args:
+            transform: With memory.
+            x: ``(T, pads, 3, rows, cols)`` newtons.
+            covariates: ``(T, ...)`` by name; none where points lie between the frames.
+        """
+        out = np.empty_like(x)
+        for members, time in self._groups:
+            spans, curves = [self._spans[n] for n in members], [self._curves[n] for n in members]
+            points = [x[span] if curve is None else curve(x[span]) for span, curve in zip(spans, curves, strict=True)]
+            given = {name: _beside([c[span] for span in spans], len(time)) for name, c in covariates.items()}
+            made = transform.run(_beside(points, len(time)), time, given)
+            for place, (span, curve) in enumerate(zip(spans, curves, strict=True)):
+                out[span] = made[: span.stop - span.start, place] if curve is None else made[curve.own, place]
+        return out
+
+
+def _alike(lengths: Sequence[int]) -> list[list[int]]:
+    """Numbers of pieces in groups that can be padded to the longest of each without many more frames."""
+    groups: list[list[int]] = []
+    for number in sorted(range(len(lengths)), key=lambda n: -lengths[n]):
+        if groups and (len(groups[-1]) + 1) * lengths[groups[-1][0]] <= PADDED * sum(
+            lengths[n] for n in (*groups[-1], number)
+        ):
+            groups[-1].append(number)
+        else:
+            groups.append([number])
+    return groups
+
+
+def _longer(time: NDArray[np.float64], length: int) -> NDArray[np.float64]:
+    """Times that go on evenly after the last; of 1 s where there is one time alone."""
+    step = float(np.median(np.diff(time))) if len(time) > 1 else 1.0
+    return np.append(time, time[-1] + step * np.arange(1, length + 1 - len(time)))
+
+
+def _beside(pieces: Sequence[NDArray[np.floating]], length: int) -> NDArray[np.floating]:
+    """``(length, pieces, ...)`` values side by side; the last of each piece is held."""
+    out = np.empty((length, len(pieces), *pieces[0].shape[1:]), dtype=pieces[0].dtype)
+    for place, own in enumerate(pieces):
+        out[: len(own), place], out[len(own) :, place] = own, own[-1]
+    return out
+
+
+def in_one_piece(time: NDArray[np.float64], episodes: Sequence[slice]) -> tuple[slice, ...]:
+    """Episodes, those that follow one another without a break being one."""
+    breaks = np.diff(time, prepend=-np.inf)
+    usual = 1.5 * float(np.median(breaks[1:]))
+    starts = [span.start for span in episodes if not 0 < breaks[span.start] <= usual]
+    return tuple(slice(a, b) for a, b in itertools.pairwise([*starts, len(time)]))

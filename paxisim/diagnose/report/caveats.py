@@ -1,0 +1,93 @@
+"""Caveats: what a reader should not rely on, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from paxisim.diagnose.diagnosis import Interval, LeftOver
+from paxisim.diagnose.explanation import Explanation
+from paxisim.diagnose.report.text import percentage
+
+AXES = "xyz"
+MOST = 8  # channels listed
+
+
+def caveats(found: Explanation, dropped: Mapping[str, Interval], pads: tuple[str, ...]) -> tuple[str, ...]:
+    """What not to rely on, a line each.
+
+    Args:
+        found: The causes.
+        dropped: Causes that were fitted and are not named, see `Explained`.
+        pads: Names of the pads.
+    """
+    silent = found.off.raw.alive & ~found.off.judged.alive
+    return (*silent_in_words(silent, pads), *_at_bounds(found), *_dropped(dropped))
+
+
+def silent_in_words(silent: NDArray[np.bool_], pads: tuple[str, ...]) -> tuple[str, ...]:
+    """Warnings about excluded channels.
+
+    Args:
+        silent: ``(pads, 3, rows, cols)``.
+        pads: Names of the pads.
+    """
+    whole = silent.all(axis=(2, 3))
+    warnings = []
+    if whole.any():
+        axes = [" and ".join(AXES[axis] for axis in np.flatnonzero(own)) for own in whole]
+        names = ", ".join(f"{own} of pad {pad}" for own, pad in zip(axes, pads, strict=True) if own)
+        warnings.append(
+            f"{names} never change although the simulation does. Either the sensor does not measure them, or they are "
+            "not connected. They were excluded"
+        )
+    single = np.argwhere(silent & ~whole[:, :, None, None])
+    if len(single):
+        names = ", ".join(f"{AXES[k]} of pad {pads[p]} ({r}, {c})" for p, k, r, c in single[:MOST])
+        more = f" and {len(single) - MOST} more" if len(single) > MOST else ""
+        warnings.append(
+            f"{names}{more} never change{'s' if len(single) == 1 else ''} under load although the other axes of the "
+            "taxel respond: dead channels. They were excluded"
+        )
+    return tuple(warnings)
+
+
+def _at_bounds(found: Explanation) -> tuple[str, ...]:
+    """Warnings of numbers that the data would push beyond what is allowed."""
+    lines = []
+    for named in found.fitted:
+        for free in named.cause.free(found.problem):
+            value = named.values.get(free.name)
+            at = [bound for bound in (free.low, free.high) if bound != free.neutral and value == bound]
+            if at and free.material is not None:
+                lines.append(
+                    f"{free.name} of {named.name} is at its bound, {at[0]:g} {free.unit}: do not rely on its value"
+                )
+    return tuple(lines)
+
+
+def _dropped(dropped: Mapping[str, Interval]) -> tuple[str, ...]:
+    """Causes of which it is not certain that they explain anything."""
+    return tuple(
+        f"{name} was fitted and is not named: it takes {percentage(share)} off the error of the held-out episodes that "
+        "it affects, which may be nothing"
+        for name, share in dropped.items()
+    )
+
+
+def near_misses(shares: Mapping[str, float], least: float) -> dict[str, LeftOver]:
+    """Causes that fall a little short of being named, in words.
+
+    Args:
+        shares: By cause, what it gains as a share of what it must.
+        least: The share from which on a cause is mentioned.
+    """
+    return {
+        name: LeftOver(
+            f"{name} is a near miss: it reaches {min(share, 1):.0%} of the gain required to name it", share, least
+        )
+        for name, share in shares.items()
+        if share > least
+    }

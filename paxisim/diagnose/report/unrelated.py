@@ -1,0 +1,43 @@
+"""Unrelated: what is said of streams that are not of one motion, or whose clocks are far apart."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from paxisim.diagnose.correspondence import ALIKE, Correspondence
+from paxisim.diagnose.diagnosis import Diagnosis, HeldOut, LeftOver, Symptoms
+from paxisim.recording import Recording
+
+CLOCKS = (
+    "the clocks of the two streams are apart: measured lags simulated by {:.2f} s. The streams were aligned first, so "
+    "that a delay of the sensor itself cannot be told; check the clocks"
+)
+CHECKS = (
+    "check that both streams were recorded in the same motion, that their clocks agree, that both are in newtons, and "
+    "that pads and episodes are in the same order"
+)
+
+
+def unrelated(recording: Recording, warnings: Sequence[str], match: Correspondence) -> Diagnosis:
+    """That the streams are not of one motion: nothing is fitted then.
+
+    Args:
+        recording: With both streams.
+        warnings: What else was found while it was checked.
+        match: How the streams go together.
+    """
+    assert recording.measured is not None
+    assert recording.simulated is not None
+    measured = recording.measured.astype(np.float64)
+    error = float(np.sqrt(np.sum((measured - recording.simulated) ** 2) / max(float(np.sum(measured**2)), 1e-300)))
+    return Diagnosis(
+        verdict="unrelated",
+        causes=(),
+        heldout=HeldOut(error, error, 0.0, "", None, ()),
+        confidence={},
+        not_testable={},
+        symptoms=Symptoms(tuple(warnings), (LeftOver(match.why, match.alike, ALIKE),)),
+        advice=(CHECKS,),
+    )
