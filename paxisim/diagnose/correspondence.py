@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
 
 from paxisim.diagnose.noise import FloatArray
 from paxisim.diagnose.pieces import in_one_piece
@@ -20,6 +21,10 @@ LONGEST = 15.0  # s, by which clocks may be apart
 OVERLAP = 0.5  # share of a stretch that both streams must still have in common
 SENSOR = 0.5  # s, within which a delay may be the sensor's own
 ALIKE = 0.25  # correlation of the activities, below which streams are not of one motion
+DOUBTFUL = (
+    0.5  # the same of clocks that are apart, and of forces that have less than `FORCES` of their variance in common
+)
+FORCES = 0.25
 HALVED = 0.5  # of what is not correlated, that a shift of the clocks must leave at most
 USUAL = 0.97  # quantile of the activity, to which what is above it is cut: a few wild frames say nothing
 CHANGE = 0.2  # s, over which changes are taken, and means before
@@ -80,17 +85,42 @@ def correspondence_of(recording: Recording) -> Correspondence:
     shifts, alike = _correlation(pairs, int(LONGEST / interval))
     best = int(np.argmax(alike))
     near = np.abs(shifts) * interval <= SENSOR
-    if alike[best] < ALIKE:
+    shift = _peak(shifts, alike, best) * interval
+    doubtful = alike[best] < DOUBTFUL  # among many shifts one fits by chance
+    if alike[best] < ALIKE or (doubtful and (abs(shift) > SENSOR or _alike(_shifted(recording, shift)) < FORCES)):
         why = (
             f"measured does not follow simulated at any shift of the clocks up to {shifts[-1] * interval:.2g} s (the "
             f"correlation of their activities is at most {alike[best]:.2f})"
         )
     else:
         why = _other_order(pairs, int(shifts[best]))
-    return Correspondence(_peak(shifts, alike, best) * interval, float(alike[best]), float(alike[near].max()), why)
+    return Correspondence(shift, float(alike[best]), float(alike[near].max()), why)
 
 
 def aligned(recording: Recording, shift: float) -> Recording:
+    """The recording with the simulated stream and the covariates as they were about `shift` seconds before.
+
+    The shift is refined so that the forces of all channels are most alike.
+    """
+    assert recording.simulated is not None
+    near = (shift - CHANGE, shift + CHANGE)
+    best = minimize_scalar(lambda by: -_alike(_shifted(recording, by)), bounds=near, method="bounded")
+    return _shifted(recording, float(best.x))
+
+
+def _alike(recording: Recording) -> float:
+    """Mean squared correlation of both streams over the channels, each weighed with its variance."""
+    assert recording.measured is not None
+    assert recording.simulated is not None
+    measured, simulated = (
+        values.reshape(len(values), -1) - values.reshape(len(values), -1).mean(axis=0, dtype=np.float64)
+        for values in (recording.measured, recording.simulated)
+    )
+    both, variance = np.sum(measured * simulated, axis=0), np.sum(simulated**2, axis=0)
+    return float(np.sum(both**2 / np.maximum(variance, 1e-12)) / max(float(np.sum(measured**2)), 1e-300))
+
+
+def _shifted(recording: Recording, shift: float) -> Recording:
     """The recording with the simulated stream and the covariates as they were `shift` seconds before."""
     assert recording.simulated is not None
     kept, simulated = np.zeros(len(recording), dtype=bool), recording.simulated.copy()
@@ -103,7 +133,8 @@ def aligned(recording: Recording, shift: float) -> Recording:
             flat = values[span].reshape(len(time), -1)
             moved = np.stack([np.interp(then, time, column) for column in flat.T], axis=1)
             values[span] = moved.reshape(values[span].shape)
-    return replace(recording, simulated=simulated, covariates=covariates)[kept]
+    metadata = {**recording.metadata, "clocks_aligned_by": shift}
+    return replace(recording, simulated=simulated, covariates=covariates, metadata=metadata)[kept]
 
 
 def _activity(values: FloatArray, step: int) -> FloatArray:

@@ -175,8 +175,8 @@ class Diagnosis:
 
     Attributes:
         verdict: "no_discrepancy", "explained", "ambiguous" (rivals that the data cannot separate), "partly_explained"
-            (named causes, plus structure in the residual or near misses), "unexplained" or "unrelated" (the streams are
-            not of the same motion, so that nothing was fitted).
+            (named causes, plus structure in the residual, near misses or numbers at their bounds), "unexplained" or
+            "unrelated" (the streams are not of the same motion, so that nothing was fitted).
         causes: The named causes, largest gain first.
         heldout: Errors on held-out episodes.
         confidence: For each cause, a value from 0 to 1: how often it passes its test when held-out episodes are

@@ -9,6 +9,7 @@ import numpy as np
 from paxisim.diagnose.problem import peak_of
 from paxisim.errors import InvalidValueError
 from paxisim.logs.aligned import episode_spans, episode_starts
+from paxisim.logs.stopped import stopped_in_words
 from paxisim.presses import find_presses
 from paxisim.recording import Recording
 
@@ -19,6 +20,8 @@ MOST = 4_000_000  # most values that are compared
 _LONGEST = 0.04  # s, longest frame interval after decimation
 _LEAST_EPISODES = 12  # fewest episodes that are kept
 _SCALE = 5.0  # largest ratio of measured to simulated force that a gain may explain
+_UNIT = 50.0  # the same, beyond which no drift, field or noise explains it either
+_STOPPED = 0.1  # of the recording, that a stream may stand still although the other changes
 _FORCES = (0.01, 1000.0)  # N, plausible range of the peak force on a taxel
 _FOLLOWS = 0.2  # least correlation between measured and simulated force
 _GAP = 10.0  # typical intervals; a longer gap interrupts the recording
@@ -145,6 +148,11 @@ def _check_signals(recording: Recording, warnings: list[str]) -> None:
             raise InvalidValueError(f"{name} is constant: every sample is the same")
         if not np.isfinite(np.square(values).sum()):
             raise InvalidValueError(f"{name} contains values too large to be forces")
+    stopped, share = stopped_in_words(recording)
+    if share > _STOPPED:
+        raise InvalidValueError(f"{stopped}: leave these samples out, or record again")
+    if stopped:
+        warnings.append(f"{stopped}: leave these samples out")
     if not touches:
         warnings.append(
             "the simulation shows no contact: only what the sensor reads without force can be tested, which is offset, "
@@ -157,9 +165,10 @@ def _check_signals(recording: Recording, warnings: list[str]) -> None:
     product, own, other = float(np.sum(x * y)), float(np.sum(x * x)), float(np.sum(y * y))
     alike = product / max(np.sqrt(own * other), 1e-300)
     scale, slope = np.sqrt(other / own), abs(product) / own
-    if abs(alike) > 0.5 and not 1 / _SCALE <= slope <= _SCALE:
+    ratio = slope if abs(alike) > 0.5 else scale
+    if not (1 / _SCALE <= slope <= _SCALE or abs(alike) <= 0.5) or scale > _UNIT:
         raise InvalidValueError(
-            f"measured is {slope:.3g} times simulated: both must be in newtons. Convert millinewtons or counts by "
+            f"measured is {ratio:.3g} times simulated: both must be in newtons. Convert millinewtons or counts by "
             "their factor, for example 0.1 N per count. If the channels are no forces but, say, microtesla, record a "
             "load cell beside the sensor and run: paxisim calibrate RECORDING --loads Fz=NAME -o calibrated.mcap, "
             "where NAME is the covariate with its force. See docs/calibrate.md"

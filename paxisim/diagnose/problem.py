@@ -65,6 +65,7 @@ class Problem:
         phase: The reading nearest to 0 (N); 0 where readings are whole steps.
         directions: What the recorded covariates do without contact.
         peaks: ``(3,)`` as `peak`, of shear for x and y and of normal force; at least a small share of it.
+        aligned: Whether clocks that were apart were aligned, so that a constant delay cannot be told.
         calibrated: Whether the channels were calibrated to a load, by `paxisim.calibrate_readout`.
     """
 
@@ -89,6 +90,7 @@ class Problem:
     directions: Directions | None = None
     peaks: FloatArray = field(default_factory=lambda: np.full(3, NOMINAL))
     calibrated: bool = False
+    aligned: bool = False
 
     @cached_property
     def weight(self) -> FloatArray:
@@ -431,7 +433,7 @@ def problem_of(recording: Recording, tolerance: Tolerance = TOLERANCE) -> Proble
         measured, simulated, recording.time, covariates, episodes, np.ones(1), peak,
         alive, step, 0.0, clips=bool(measured[:, :, 2].min() >= 0),
         least=min(float(simulated.min()), 0.0), phase=phase, peaks=_peaks_of(simulated, peak), directions=directions,
-        calibrated="readout" in recording.metadata,
+        calibrated="readout" in recording.metadata, aligned="clocks_aligned_by" in recording.metadata,
     )  # fmt: skip
     return with_noise(problem, tolerance)
 

@@ -36,7 +36,7 @@ from paxisim.diagnose.prepare import prepare
 from paxisim.diagnose.problem import FloatArray, Problem, problem_of
 from paxisim.diagnose.reading import ReadOff, read_off
 from paxisim.diagnose.repeats import settled, with_untold
-from paxisim.diagnose.report.caveats import caveats, near_misses
+from paxisim.diagnose.report.caveats import at_bounds, caveats, near_misses
 from paxisim.diagnose.report.evidence import evidence
 from paxisim.diagnose.report.streams import Streams
 from paxisim.diagnose.report.symptoms import symptoms
@@ -104,7 +104,7 @@ def diagnose(
     untestable = {n: why for n, why in untestable.items() if n not in {item.name for item in named}}
     warnings = (*warnings, *note, *caveats(found, it.dropped, recording.pads))
     return Diagnosis(
-        verdict=_verdict(named, doubts, len(raw.episodes) == 1),
+        verdict=_verdict(named, bool(doubts or at_bounds(found)), len(raw.episodes) == 1),
         causes=named,
         heldout=figures(squares, seed, black, missing),
         confidence=_confidence(found, named, seed),
@@ -251,7 +251,7 @@ def _explains_too_little(squares: SquaredErrors, structure: Sequence[LeftOver], 
     return clear and share is not None and share.value < rules.explains
 
 
-def _verdict(named: Sequence[FoundCause], doubts: Sequence[LeftOver], one: bool) -> Verdict:
+def _verdict(named: Sequence[FoundCause], doubts: bool, one: bool) -> Verdict:
     if doubts:
         return "partly_explained" if named else "unexplained"
     if not named:

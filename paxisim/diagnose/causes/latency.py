@@ -5,6 +5,13 @@ from __future__ import annotations
 from paxisim import augment
 from paxisim.diagnose.cause import Cause, Free
 from paxisim.diagnose.causes.low_pass import capacity
+from paxisim.diagnose.problem import Problem
+
+
+def _barred(problem: Problem) -> str:
+    """Why a delay cannot be told."""
+    return "the clocks of the two streams were aligned, which takes a constant delay away" if problem.aligned else ""
+
 
 LATENCY = Cause(
     "latency",
@@ -14,6 +21,7 @@ LATENCY = Cause(
     lambda p: (Free("delay", "s", 0.0, -0.5, 0.5, 0.02, 0.003),),
     lambda p: [(-0.1,), (0.01,), (0.03,), (0.1,)],
     misfit=0.003,
+    barred=_barred,
     words="There is a constant delay between measurement and simulation.",
     picture="shift",
 )

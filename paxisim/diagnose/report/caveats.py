@@ -24,7 +24,7 @@ def caveats(found: Explanation, dropped: Mapping[str, Interval], pads: tuple[str
         pads: Names of the pads.
     """
     silent = found.off.raw.alive & ~found.off.judged.alive
-    return (*silent_in_words(silent, pads), *_at_bounds(found), *_dropped(dropped))
+    return (*silent_in_words(silent, pads), *at_bounds(found), *_dropped(dropped))
 
 
 def silent_in_words(silent: NDArray[np.bool_], pads: tuple[str, ...]) -> tuple[str, ...]:
@@ -54,7 +54,7 @@ def silent_in_words(silent: NDArray[np.bool_], pads: tuple[str, ...]) -> tuple[s
     return tuple(warnings)
 
 
-def _at_bounds(found: Explanation) -> tuple[str, ...]:
+def at_bounds(found: Explanation) -> tuple[str, ...]:
     """Warnings of numbers that the data would push beyond what is allowed."""
     lines = []
     for named in found.fitted:

@@ -36,7 +36,7 @@ TAILS = {
     "no_discrepancy": "The residual is within noise and tolerances.",
     "explained": "The residual shows no further structure.",
     "ambiguous": "This recording cannot separate the rival causes. See What to record next.",
-    "partly_explained": "The residual still has structure, or a further cause is a near miss. See What remains.",
+    "partly_explained": "Structure is left, a cause is a near miss, or a number is at its bound. See What remains.",
     "unexplained": "The residual has structure, so it is not noise. See What remains.",
     "unrelated": "Nothing was fitted. See What remains and What to record next.",
 }

@@ -1,0 +1,62 @@
+"""Stopped: streams that stop changing while the other one goes on."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from paxisim.recording import Recording
+
+LEAST_SECONDS = 1.0
+LEAST_FRAMES = 20
+SELDOM = 0.1  # share of the frames that repeat elsewhere, above which a stream is one that often stands still
+MOVES = 0.3  # of its usual standard deviation, that the other stream has meanwhile at least
+
+
+def stopped_in_words(recording: Recording) -> tuple[str, float]:
+    """Which stream stops changing, and when, while the other goes on changing; empty if none does.
+
+    A simulation without contact stands still at 0, and a sensor that counts stands still where nothing changes; neither
+    is a stream that has stopped.
+
+    Args:
+        recording: With both streams.
+
+    Returns:
+        It in words, and the share of the recording for which it stands still.
+    """
+    assert recording.measured is not None
+    assert recording.simulated is not None
+    for name, other in (("measured", "simulated"), ("simulated", "measured")):
+        values, others = (getattr(recording, key).reshape(len(recording), -1) for key in (name, other))
+        still = np.all(values[1:] == values[:-1], axis=1)
+        first, last = _longest(still)
+        if last - first < LEAST_FRAMES or recording.time[last] - recording.time[first] < LEAST_SECONDS:
+            continue
+        if name == "simulated" and not values[first].any():
+            continue
+        moves = np.linalg.norm(np.diff(others.astype(np.float64), axis=0), axis=1)
+        elsewhere = np.ones(len(still), dtype=bool)
+        elsewhere[first:last] = False
+        busy = elsewhere & (moves > np.median(moves)) & values[1:].any(axis=1)
+        usual = _spread(others)
+        if busy.any() and still[busy].mean() < SELDOM and _spread(others[first : last + 1]) > MOVES * usual > 0:
+            begin, end = recording.time[first], recording.time[last]
+            words = f"{name} does not change from {begin:.2f} to {end:.2f} s, while {other} does"
+            return words, float((last - first) / len(values))
+    return "", 0.0
+
+
+def _longest(still: NDArray[np.bool_]) -> tuple[int, int]:
+    """The first and the last frame of the longest stretch of frames that repeat."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(int)))
+    starts, ends = edges[::2], edges[1::2]
+    if not len(starts):
+        return 0, 0
+    most = int(np.argmax(ends - starts))
+    return int(starts[most]), int(ends[most])
+
+
+def _spread(values: NDArray[np.floating]) -> float:
+    """Root of the summed variances of all channels."""
+    return float(np.sqrt(np.sum(np.var(values.astype(np.float64), axis=0))))
