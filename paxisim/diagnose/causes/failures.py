@@ -21,6 +21,7 @@ TOLD = 8.0  # z-score of what was answered before, and of what is missing after
 STILL = 1.8  # standard deviation of a failed channel within an episode, in units of its noise
 FAR = 4.0  # times noise and rounding: a reading as far from that at rest is not one of a taxel that nothing touches
 TWICE = 2  # episodes in which a taxel at its zero must be missed: in one the contact may have passed it by
+COUNTS = 1.5  # of a sensor that counts, beyond which a force cannot be lost in rounding
 RESTING = 8  # frames at rest that tell a channel's noise in an episode
 LEAST = 0.03  # N, as small as nothing
 
@@ -103,6 +104,7 @@ def _judged(
     size = np.abs(problem.simulated)
     alike = ~after & (size <= np.max(size, axis=0, where=after, initial=0.0))
     touched = (pressed_beyond(problem, max(0.06 * problem.peak, CLEAR)) & (problem.simulated > 0))[:, :, 2:]
+    touched = touched & (size > COUNTS * problem.step)
     force, answer, _ = (s.sum(axis=0) for s in _sums(problem, alike))
     slope = answer / np.maximum(force, 1e-12)
     answered = (np.abs(slope) > ANSWERED) & (np.abs(answer) > TOLD * noise * np.sqrt(force))
@@ -114,7 +116,7 @@ def _judged(
     silent &= (np.abs(answer) < SILENT * force) | (np.abs(answer) < TOLD * noise * np.sqrt(force))
     missing = np.abs(slope) * forces - np.sign(slope) * answers
     missed = missing.sum(axis=0) > TOLD * noise * np.sqrt(force)
-    missed &= np.abs(answer) < SILENT * force
+    missed &= (np.abs(answer) < SILENT * force) & ((touched & after).sum(axis=0) >= FRAMES)
 
     level = _median(problem.measured, after)
     zero = _median(problem.measured, ~after & problem.at_rest.reshape(-1, 1, 1, 1, 1))
