@@ -20,10 +20,11 @@ SILENT = 0.12  # of a force, that one that has failed reads at most
 TOLD = 8.0  # z-score of what was answered before, and of what is missing after
 STILL = 1.8  # standard deviation of a failed channel within an episode, in units of its noise
 FAR = 4.0  # times noise and rounding: a reading as far from that at rest is not one of a taxel that nothing touches
-TWICE = 2  # episodes in which a taxel at its zero must be missed: in one the contact may have passed it by
+TWICE = 2  # episodes in which a taxel that reads as at rest must be missed: one contact may have passed it by
 COUNTS = 1.5  # of a sensor that counts, beyond which a force cannot be lost in rounding
+FROZEN = 20  # changes that are missing where noise would have made them
+FITS = 0.1  # of the energy on a pad, that may be where it is not simulated while a taxel is missed
 RESTING = 8  # frames at rest that tell a channel's noise in an episode
-LEAST = 0.03  # N, as small as nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,32 +100,61 @@ def _judged(
         noise: ``(pads, 3, rows, cols)`` N.
         moment: ``(pads, 3, rows, cols)`` the frame.
     """
-    frame = np.arange(len(problem.time)).reshape(-1, 1, 1, 1, 1)
-    after = frame >= moment
+    after = np.arange(len(problem.time)).reshape(-1, 1, 1, 1, 1) >= moment
     size = np.abs(problem.simulated)
-    alike = ~after & (size <= np.max(size, axis=0, where=after, initial=0.0))
+    most = np.max(size, axis=0, where=after, initial=0.0)
     touched = (pressed_beyond(problem, max(0.06 * problem.peak, CLEAR)) & (problem.simulated > 0))[:, :, 2:]
     touched = touched & (size > COUNTS * problem.step)
-    force, answer, _ = (s.sum(axis=0) for s in _sums(problem, alike))
+    force, answer, _ = (s.sum(axis=0) for s in _sums(problem, ~after & (size <= most)))  # forces as there are after
     slope = answer / np.maximum(force, 1e-12)
-    answered = (np.abs(slope) > ANSWERED) & (np.abs(answer) > TOLD * noise * np.sqrt(force))
-    answered &= (touched & ~after).sum(axis=0) >= FRAMES
+    maybe = (np.abs(slope) > ANSWERED) & (np.abs(answer) > TOLD * noise * np.sqrt(force))
+    maybe &= (touched & ~after).sum(axis=0) >= FRAMES
 
     forces, answers, spreads = _sums(problem, after)
-    force, answer, spread = forces.sum(axis=0), answers.sum(axis=0), spreads.sum(axis=0)
-    silent = spread <= (STILL * noise) ** 2 * np.maximum(after.sum(axis=0), 1)
+    force, answer = forces.sum(axis=0), answers.sum(axis=0)
+    frames = np.stack([after[span].sum(axis=0) for span in problem.episodes])
+    silent = np.all(spreads <= (STILL * noise) ** 2 * np.maximum(frames, RESTING), axis=0)
     silent &= (np.abs(answer) < SILENT * force) | (np.abs(answer) < TOLD * noise * np.sqrt(force))
-    missing = np.abs(slope) * forces - np.sign(slope) * answers
-    missed = missing.sum(axis=0) > TOLD * noise * np.sqrt(force)
-    missed &= (np.abs(answer) < SILENT * force) & ((touched & after).sum(axis=0) >= FRAMES)
+    again = (np.abs(answers) > ANSWERED * forces) & (np.abs(answers) > TOLD / 2 * noise * np.sqrt(forces))
+    silent &= ~again.any(axis=0)
 
-    level = _median(problem.measured, after)
-    zero = _median(problem.measured, ~after & problem.at_rest.reshape(-1, 1, 1, 1, 1))
-    far = np.abs(level - zero) > FAR * np.maximum(noise, 0.6 * problem.step)
-    spans = [np.sum((touched & after)[span], axis=0) >= FRAMES for span in problem.episodes]
-    seen = np.sum(np.stack(spans) & (missing > TOLD / 2 * noise * np.sqrt(forces)), axis=0)
-    missed &= far | (seen >= TWICE)
-    return answered & missed & silent, silent, level
+    missing = np.abs(slope) * forces - np.sign(slope) * answers
+    maybe &= silent & (np.abs(answer) < SILENT * force) & (missing.sum(axis=0) > TOLD * noise * np.sqrt(force))
+    maybe &= (touched & after).sum(axis=0) >= FRAMES
+    maybe &= (after & (size < SILENT * most)).sum(axis=0) >= FRAMES  # let go again: else it may be saturated, or late
+    told, level = _confirmed(problem, noise, after, maybe, touched, missing > TOLD / 2 * noise * np.sqrt(forces))
+    return told, silent, level
+
+
+def _confirmed(
+    problem: Problem,
+    noise: FloatArray,
+    after: NDArray[np.bool_],
+    maybe: NDArray[np.bool_],
+    touched: NDArray[np.bool_],
+    missed: NDArray[np.bool_],
+) -> tuple[NDArray[np.bool_], FloatArray]:
+    """``(pads, 3, rows, cols)`` channels that are missed where the contact is, and what their taxels read (N).
+
+    Args:
+        problem: The recording.
+        noise: ``(pads, 3, rows, cols)`` N.
+        after: ``(T, pads, 3, rows, cols)`` the frames after the failure.
+        maybe: ``(pads, 3, rows, cols)`` channels that may have failed.
+        touched: ``(T, pads, 3, rows, cols)`` where they are loaded.
+        missed: ``(episodes, pads, 3, rows, cols)`` where their answer is missing.
+    """
+    told, level = maybe.copy(), np.zeros(maybe.shape)
+    for pad, axis, row, col in np.argwhere(np.broadcast_to(maybe.any(axis=1, keepdims=True), maybe.shape)):
+        place, course = (pad, axis, row, col), (slice(None), pad, axis, row, col)
+        least = FAR * max(float(noise[place]), 0.6 * problem.step)
+        level[place], unlike = _stays(problem, problem.measured[course], after[course], least)
+        if maybe[place]:
+            loaded, others = touched[course] & after[course], ~maybe[pad, 2]
+            spans = [span for span, own in zip(problem.episodes, missed[course], strict=True) if own]
+            seen = sum(_fits(problem, pad, others, span, loaded[span]) for span in spans)
+            told[place] = seen >= (1 if unlike else TWICE)
+    return told, level
 
 
 def _sums(problem: Problem, where: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -141,8 +171,35 @@ def _sums(problem: Problem, where: NDArray[np.bool_]) -> tuple[FloatArray, Float
     return force, answer, spread
 
 
-def _median(values: FloatArray, where: NDArray[np.bool_]) -> FloatArray:
-    """Medians over time of the frames that count; 0 where none does."""
-    shown = np.where(where, values, np.nan)
-    some = where.any(axis=0)
-    return np.where(some, np.nanmedian(np.where(some, shown, 0.0), axis=0), 0.0)
+def _fits(problem: Problem, pad: int, others: NDArray[np.bool_], span: slice, loaded: NDArray[np.bool_]) -> bool:
+    """Whether, while a taxel is loaded, the others of its pad read what is simulated: then the contact is there.
+
+    Args:
+        problem: The recording.
+        pad: Number of the pad.
+        others: ``(rows, cols)`` taxels that have not failed.
+        span: An episode.
+        loaded: Its frames in which the taxel is loaded.
+    """
+    if loaded.sum() < FRAMES:
+        return False
+    simulated, measured = problem.simulated[span, pad, 2], problem.measured[span, pad, 2]
+    rest = problem.at_rest[span]
+    zero = measured[rest].mean(axis=0) if rest.sum() >= RESTING else np.median(problem.measured[:, pad, 2], axis=0)
+    x, y = simulated[loaded][:, others], (measured - zero)[loaded][:, others]
+    gain = float(np.sum(x * y)) / max(float(np.sum(x * x)), 1e-12)
+    return float(np.sum((y - gain * x) ** 2)) < FITS * float(np.sum(simulated[loaded] ** 2))
+
+
+def _stays(problem: Problem, read: FloatArray, after: NDArray[np.bool_], least: float) -> tuple[float, bool]:
+    """What a channel that may have failed reads, and whether one that works would not read it without force.
+
+    It is far from what it read at rest, or it does not change at all although noise changed it at rest.
+    """
+    level, rest = float(np.median(read[after])), ~after & problem.at_rest
+    if not rest.any():
+        return level, False
+    changes = np.diff(read, prepend=read[:1]) != 0
+    changes[after.argmax()] = False  # the failure itself
+    frozen = not changes[after].any() and changes[rest].mean() * after.sum() > FROZEN
+    return level, bool(frozen or abs(level - float(np.median(read[rest]))) > least)
