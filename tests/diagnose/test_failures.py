@@ -159,7 +159,7 @@ def test_a_taxel_that_the_last_episodes_do_not_press_has_not_failed():
 
 
 @pytest.mark.parametrize("axis", [3, 4])
-@pytest.mark.parametrize("seed", [0, 4])
+@pytest.mark.parametrize("seed", [4, 7, 9])
 def test_a_contact_that_is_not_where_it_is_simulated_is_no_failure(seed, axis):
     recording = plain(seed=8100 + seed)
     last = recording.episode >= 5
