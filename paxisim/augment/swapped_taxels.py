@@ -34,7 +34,9 @@ class SwappedTaxels(Transform):
         super().__post_init__()
         try:
             pairs = tuple(tuple(int(number) for number in pair) for pair in self.pairs)
-            right = all(len(pair) == 5 and min(pair) >= 0 and (*given,) == pair for pair, given in zip(pairs, self.pairs))
+            right = all(
+                len(pair) == 5 and min(pair) >= 0 and (*given,) == pair for pair, given in zip(pairs, self.pairs)
+            )
         except (TypeError, ValueError):
             pairs, right = (), False
         if not right:

@@ -144,6 +144,11 @@ def test_what_else_a_sensor_does_is_no_failure(effect, seed):
     assert names(diagnosed(plain(effect, seed=seed), ("dead_taxels",))) == []
 
 
+@pytest.mark.parametrize(("effect", "seed"), [(clipped, 8106), (held, 8108), (held, 8112)])
+def test_a_recording_that_ends_while_a_reading_lags_or_is_clipped_shows_no_failure(effect, seed):
+    assert names(diagnosed(plain(effect, seed=seed), ("dead_taxels",))) == []
+
+
 @pytest.mark.parametrize("options", [{}, {"rho": 0.95}, {"coarse": True}, {"strong_noise": True}, {"family": "poor"}])
 def test_noise_is_no_failure(options):
     assert names(diagnosed(small(seed=53, **options), ("dead_taxels", "swapped_taxels"))) == []

@@ -90,6 +90,19 @@ def test_two_taxels_that_move_in_turn_with_a_third_are_no_pair():
     assert "swapped_taxels" not in names(diagnosed(replace(recording, measured=measured), READ))
 
 
+def test_normal_forces_alone_that_are_swapped_are_no_taxels():
+    recording = plain(seed=6)
+    measured = recording.measured.copy()
+    measured[:, 0, 2, 1, 1:] = recording.measured[:, 0, 2, 1, :0:-1]
+    assert "swapped_taxels" not in names(diagnosed(replace(recording, measured=measured), READ))
+
+
+@pytest.mark.parametrize(("seed", "pads"), [(7700, 1), (7706, 2), (7719, 2)])
+def test_presses_at_one_place_whose_edge_is_a_little_off_show_no_swap(seed, pads):
+    recording = small(seed=seed, pads=pads, family="poor")
+    assert names(diagnosed(recording, ("layout", "swapped_taxels"))) == []
+
+
 @pytest.mark.parametrize("effect", [augment.Crosstalk(0.12), augment.Poisson(0.3, 0.3)], ids=lambda effect: effect.name)
 def test_forces_that_spread_to_neighbours_are_no_swap(effect):
     recording = plain(lambda force, time: effect(force), seed=7)

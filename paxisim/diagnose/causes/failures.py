@@ -21,7 +21,6 @@ TOLD = 8.0  # z-score of what was answered before, and of what is missing after
 STILL = 1.8  # standard deviation of a failed channel within an episode, in units of its noise
 FAR = 4.0  # times noise and rounding: a reading as far from that at rest is not one of a taxel that nothing touches
 TWICE = 2  # episodes in which a taxel that reads as at rest must be missed: one contact may have passed it by
-COUNTS = 1.5  # of a sensor that counts, beyond which a force cannot be lost in rounding
 FROZEN = 20  # changes that are missing where noise would have made them
 FITS = 0.1  # of the energy on a pad, that may be where it is not simulated while a taxel is missed
 RESTING = 8  # frames at rest that tell a channel's noise in an episode
@@ -104,7 +103,6 @@ def _judged(
     size = np.abs(problem.simulated)
     most = np.max(size, axis=0, where=after, initial=0.0)
     touched = (pressed_beyond(problem, max(0.06 * problem.peak, CLEAR)) & (problem.simulated > 0))[:, :, 2:]
-    touched = touched & (size > COUNTS * problem.step)
     force, answer, _ = (s.sum(axis=0) for s in _sums(problem, ~after & (size <= most)))  # forces as there are after
     slope = answer / np.maximum(force, 1e-12)
     maybe = (np.abs(slope) > ANSWERED) & (np.abs(answer) > TOLD * noise * np.sqrt(force))
@@ -115,8 +113,6 @@ def _judged(
     frames = np.stack([after[span].sum(axis=0) for span in problem.episodes])
     silent = np.all(spreads <= (STILL * noise) ** 2 * np.maximum(frames, RESTING), axis=0)
     silent &= (np.abs(answer) < SILENT * force) | (np.abs(answer) < TOLD * noise * np.sqrt(force))
-    again = (np.abs(answers) > ANSWERED * forces) & (np.abs(answers) > TOLD / 2 * noise * np.sqrt(forces))
-    silent &= ~again.any(axis=0)
 
     missing = np.abs(slope) * forces - np.sign(slope) * answers
     maybe &= silent & (np.abs(answer) < SILENT * force) & (missing.sum(axis=0) > TOLD * noise * np.sqrt(force))
@@ -141,7 +137,7 @@ def _confirmed(
         noise: ``(pads, 3, rows, cols)`` N.
         after: ``(T, pads, 3, rows, cols)`` the frames after the failure.
         maybe: ``(pads, 3, rows, cols)`` channels that may have failed.
-        touched: ``(T, pads, 3, rows, cols)`` where they are loaded.
+        touched: ``(T, pads, 1, rows, cols)`` where their taxels are loaded.
         missed: ``(episodes, pads, 3, rows, cols)`` where their answer is missing.
     """
     told, level = maybe.copy(), np.zeros(maybe.shape)
@@ -150,7 +146,7 @@ def _confirmed(
         least = FAR * max(float(noise[place]), 0.6 * problem.step)
         level[place], unlike = _stays(problem, problem.measured[course], after[course], least)
         if maybe[place]:
-            loaded, others = touched[course] & after[course], ~maybe[pad, 2]
+            loaded, others = touched[:, pad, 0, row, col] & after[course], ~maybe[pad, 2]
             spans = [span for span, own in zip(problem.episodes, missed[course], strict=True) if own]
             seen = sum(_fits(problem, pad, others, span, loaded[span]) for span in spans)
             told[place] = seen >= (1 if unlike else TWICE)
