@@ -33,10 +33,9 @@ class SwappedTaxels(Transform):
         """Check the field."""
         super().__post_init__()
         try:
-            pairs = tuple(tuple(int(number) for number in pair) for pair in self.pairs)
-            right = all(
-                len(pair) == 5 and min(pair) >= 0 and (*given,) == pair for pair, given in zip(pairs, self.pairs)
-            )
+            given = tuple(tuple(pair) for pair in self.pairs)
+            pairs: Any = tuple(tuple(int(number) for number in pair) for pair in given)
+            right = pairs == given and all(len(pair) == 5 and min(pair) >= 0 for pair in pairs)
         except (TypeError, ValueError):
             pairs, right = (), False
         if not right:
@@ -60,8 +59,8 @@ class SwappedTaxels(Transform):
         for pad, row, col, other_row, other_col in self.pairs:
             if pad >= pads or max(row, other_row) >= rows or max(col, other_col) >= cols:
                 raise InvalidValueError(
-                    f"SwappedTaxels: ({row}, {col}) and ({other_row}, {other_col}) of pad {pad} are not both in a tensor "
-                    f"of shape {shape}"
+                    f"SwappedTaxels: ({row}, {col}) and ({other_row}, {other_col}) of pad {pad} are not both in a "
+                    f"tensor of shape {shape}"
                 )
             for axis in range(axes):
                 first = (pad * axes + axis) * rows * cols

@@ -73,7 +73,7 @@ def _noise(problem: Problem) -> FloatArray:
 
 
 def _costs(problem: Problem, noise: FloatArray, pad: int) -> FloatArray:
-    """``(T - 1, 3, rows, cols)`` squares that are left of a pad if its channels fail at frame 1, 2, ...; noise units."""
+    """``(T - 1, 3, rows, cols)`` squares, in noise units, left of a pad if its channels fail at frame 1, 2, ..."""
     x = problem.simulated[:, pad] - problem.simulated[:, pad].mean(axis=0)
     y = (problem.measured[:, pad] - problem.measured[:, pad].mean(axis=0)) / noise[pad]
     count = np.arange(1, len(x)).reshape(-1, 1, 1, 1)
@@ -92,7 +92,7 @@ def _costs(problem: Problem, noise: FloatArray, pad: int) -> FloatArray:
 def _judged(
     problem: Problem, noise: FloatArray, moment: NDArray[np.intp]
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_], FloatArray]:
-    """Of channels that may fail at a frame of their own: whether it is told, whether they are silent after, and at what.
+    """Of channels that may each fail at some frame: whether it is told, whether they are silent after, and at what.
 
     Args:
         problem: The recording.

@@ -60,8 +60,9 @@ def _pairs(problem: Problem, pad: int) -> list[tuple[int, int, int, int, int]]:
 def _left(problem: Problem, pad: int, axis: int) -> tuple[FloatArray, FloatArray]:
     """Squares that the force on one taxel leaves of another's reading, in noise units, and those of the forces (N^2).
 
-    They are ``(episodes, taxels, taxels)``, the taxel that reads first, and ``(taxels,)``. The gain is free, but one for all episodes; where that of another taxel is beyond `GAINS`, all of the reading is
-    left. So a motion in which forces go together, as of presses at one place, tells nothing.
+    They are ``(episodes, taxels, taxels)``, the taxel that reads first, and ``(taxels,)``. The gain is free, but one
+    for all episodes; where that of another taxel is beyond `GAINS`, all of the reading is left. So a motion in which
+    forces go together, as of presses at one place, tells nothing.
     """
     noise = np.median(problem.sigma[:, pad, axis], axis=0).ravel()
     products, forces, readings = [], [], []
