@@ -187,10 +187,10 @@ def exam(counts: Mapping[str, int], seed: int) -> list[Task]:
 def practice(counts: Mapping[str, int], seed: int, family: str) -> list[Task]:
     """Singles go through the causes in turn, sets are drawn; case number n of a kind is the same for any counts."""
     from hidden.practice.effects import EFFECTS
-    from hidden.practice.outsiders import OUTSIDERS
+    from hidden.practice.outsiders import LEARNT, OUTSIDERS
 
     families = ["development", "final"] if family == "both" else [family]
-    names, foreign = list(EFFECTS), list(OUTSIDERS)
+    names, foreign = list(EFFECTS), [name for name in OUTSIDERS if name not in LEARNT]
     out = []
     for kind, place in KINDS.items():
         rng = np.random.default_rng([seed, place])

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from paxisim.augment.encodings import TaxelDirection as TaxelDirection
     from paxisim.augment.encodings import TotalForce as TotalForce
     from paxisim.augment.encodings import encoding as encoding
+    from paxisim.augment.failing_taxels import FailingTaxels as FailingTaxels
     from paxisim.augment.firmware import Firmware as Firmware
     from paxisim.augment.gains import AxisGain as AxisGain
     from paxisim.augment.gains import PadAxisGain as PadAxisGain
@@ -55,6 +56,7 @@ if TYPE_CHECKING:
     from paxisim.augment.sample_and_hold import SampleAndHold as SampleAndHold
     from paxisim.augment.saturation import Saturation as Saturation
     from paxisim.augment.stiffening import Stiffening as Stiffening
+    from paxisim.augment.swapped_taxels import SwappedTaxels as SwappedTaxels
     from paxisim.augment.temperature import TemperatureDrift as TemperatureDrift
     from paxisim.augment.transform import Memory as Memory
     from paxisim.augment.transform import Transform as Transform
@@ -81,6 +83,7 @@ _HOMES = {
         "TotalForce",
         "encoding",
     ),
+    "paxisim.augment.failing_taxels": ("FailingTaxels",),
     "paxisim.augment.firmware": ("Firmware",),
     "paxisim.augment.gains": (
         "AxisGain",
@@ -113,6 +116,7 @@ _HOMES = {
     "paxisim.augment.sample_and_hold": ("SampleAndHold",),
     "paxisim.augment.saturation": ("Saturation",),
     "paxisim.augment.stiffening": ("Stiffening",),
+    "paxisim.augment.swapped_taxels": ("SwappedTaxels",),
     "paxisim.augment.temperature": ("TemperatureDrift",),
     "paxisim.augment.transform": (
         "Memory",

@@ -42,7 +42,7 @@ def diagnose(
         output: The folder to write to; created if needed, but its parent folder must exist.
         causes: Causes to search for, separated by commas; default: all. They are axis_gain, taxel_gain, offset, drift,
             stiffening, poisson, crosstalk, axis_coupling, rotation, layout, creep, hysteresis, low_pass, latency,
-            saturation, dead_band, quantisation, dead_taxels, interference and channel_curve.
+            saturation, dead_band, quantisation, dead_taxels, swapped_taxels, interference and channel_curve.
         seed: Random seed.
         jobs: Number of processors to use.
         force: Overwrite an existing diagnosis in the folder.

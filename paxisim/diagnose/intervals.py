@@ -64,7 +64,7 @@ def _unit(named: Named, name: str) -> str:
         return named.cause.local.unit
     if named.cause.course is not None and name in named.cause.course.numbers:
         return "s"
-    return "1" if named.evidence is None and name in ("dead", "stuck") else "N"
+    return {"dead": "1", "stuck": "1", "since": "s"}.get(name, "N") if named.evidence is None else "N"
 
 
 def _half_width(found: Explanation, named: Named, name: str) -> FloatArray | None:

@@ -31,15 +31,15 @@ class ReadOff:
     @cached_property
     def judged(self) -> Problem:
         """The recording as figures are given of it: what dead taxels should have read is an error, too."""
-        dead = self.raw.alive & ~self.problem.alive
-        silent = silent_channels(self.raw)
-        return replace(self.problem, alive=self.problem.alive | (dead & ~silent))
+        dead = self.raw.alive & ~self.problem.alive & ~silent_channels(self.raw)
+        return replace(self.problem, alive=self.problem.alive | dead)
 
     def with_dead(self, prediction: FloatArray) -> FloatArray:
         """``(T, pads, 3, rows, cols)`` N, a prediction with the taxels that were read to be dead or stuck."""
         for reading in self.readings.values():
+            fault = reading.transform
             if reading.problem.alive.sum() < self.raw.alive.sum() and not reading.rounds:
-                prediction = reading.transform(prediction)
+                prediction = fault.run(prediction, self.raw.time) if fault.has_memory else fault(prediction)
         return prediction
 
 

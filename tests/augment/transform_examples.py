@@ -22,6 +22,7 @@ from paxisim.augment import (
     dead_band,
     dead_taxels,
     drift,
+    failing_taxels,
     firmware,
     gains,
     hysteresis,
@@ -37,6 +38,7 @@ from paxisim.augment import (
     sample_and_hold,
     saturation,
     stiffening,
+    swapped_taxels,
     temperature,
 )
 from paxisim.augment.transform import Transform
@@ -125,6 +127,12 @@ EXAMPLES: dict[str, Example] = {
             rng.uniform(-1, 1, FRAME), rng.uniform(-1, 1, FRAME), rng.uniform(0.05, 0.5), rng.uniform(0, 0.3)
         )
     ),
+    "FailingTaxels": Example(
+        lambda rng: failing_taxels.FailingTaxels(
+            some_of(rng, 3), some_of(rng, 4), rng.normal(size=FRAME), rng.uniform(-0.1, 0.2, FRAME)
+        ),
+        no_gradient=("dead", "stuck", "since"),
+    ),
     "Firmware": Example(
         lambda rng: firmware.Firmware(rng.uniform(0.05, 0.2), 16.0, 31.0, 2.0),
         differentiable=False,
@@ -168,6 +176,11 @@ EXAMPLES: dict[str, Example] = {
         lambda rng: stiffening.Stiffening(
             rng.uniform(0.7, 1.5), rng.uniform(0.5, 2), rng.uniform(0.05, 1), rng.uniform(0.2, 0.8)
         )
+    ),
+    "SwappedTaxels": Example(
+        lambda rng: swapped_taxels.SwappedTaxels(((0, 1, 2, 3, 4), (1, 0, 0, 5, 4))),
+        linear=True,
+        conserves_force=True,
     ),
     "TaxelGain": Example(lambda rng: gains.TaxelGain(rng.uniform(0.25, 1.75, TAXELS)), linear=True),
     "TemperatureDrift": Example(

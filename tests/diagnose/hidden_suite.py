@@ -19,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from hidden.practice.cases import make
 from hidden.practice.effects import EFFECTS
-from hidden.practice.outsiders import OUTSIDERS
+from hidden.practice.outsiders import LEARNT, OUTSIDERS
 from recorded import recording_of
 
 START = 7_000_000
@@ -79,7 +79,9 @@ def _pairs(count):
 SINGLES = [Hidden(i, (name,)) for i, name in enumerate(sorted(EFFECTS))]
 PAIRS = [Hidden(100 + i, names) for i, names in enumerate(_pairs(12))]
 NULLS = [Hidden(200 + i, (), tuple({"family": "development", **QUIET[i % len(QUIET)]}.items())) for i in range(10)]
-FOREIGN = [Hidden(300 + i, (name,)) for i, name in enumerate(sorted(OUTSIDERS) * 2)]
+_OTHERS = [Hidden(300 + i, (name,)) for i, name in enumerate(sorted(OUTSIDERS) * 2)]
+FOREIGN = [case for case in _OTHERS if case.names[0] not in LEARNT]
+SINCE_LEARNT = [case for case in _OTHERS if case.names[0] in LEARNT]
 
 
 def bound(count, rate):

@@ -1,9 +1,9 @@
-"""What is wrong with a layout, and which taxels are dead, stands in the table and in the report."""
+"""What is wrong with a layout, and which taxels are swapped or dead, stands in the table and in the report."""
 
 import numpy as np
 import pytest
 
-from paxisim.augment import Chain, Creep, DeadTaxels, LayoutFault
+from paxisim.augment import Chain, Creep, DeadTaxels, FailingTaxels, LayoutFault, SwappedTaxels
 from paxisim.diagnose.diagnosis import Diagnosis, FittedParameter, FoundCause, HeldOut, Interval, Place, Symptoms
 from paxisim.diagnose.report.faults import fault_in_words
 
@@ -25,6 +25,14 @@ def taxels(*places):
     return grid
 
 
+def moments():
+    """Since when: taxel (1, 2) of the left pad on all axes, (0, 0) of the right one on z alone."""
+    since = np.zeros((2, 3, 4, 3))
+    since[0, :, 1, 2] = 12.34
+    since[1, :, 0, 0] = np.inf, np.inf, 7.0
+    return since
+
+
 @pytest.mark.parametrize(
     ("name", "member", "words"),
     [
@@ -40,6 +48,16 @@ def taxels(*places):
             "no response: pad left (1, 2), (3, 0); stuck: pad right (0, 0)",
         ),
         ("dead_taxels", Chain([DeadTaxels(taxels((0, 1, 2)))]), "no response: pad left (1, 2)"),
+        (
+            "dead_taxels",
+            FailingTaxels(taxels((0, 1, 2), (0, 3, 0)), taxels((1, 0, 0)), np.zeros((2, 3, 4, 3)), moments()),
+            "no response: pad left (1, 2) since 12.3 s, (3, 0); stuck: pad right (0, 0) z since 7.0 s",
+        ),
+        (
+            "swapped_taxels",
+            SwappedTaxels([(1, 0, 0, 3, 2), (0, 1, 1, 1, 2), (0, 0, 0, 0, 1)]),
+            "pad left (1, 1) and (1, 2), (0, 0) and (0, 1) swapped; pad right (0, 0) and (3, 2) swapped",
+        ),
     ],
 )
 def test_it_is_said_what_is_wrong(name, member, words):

@@ -30,6 +30,7 @@ from report_pages import check_pictures, pictures_of, recording
 
 READ = {  # causes without fitted parameters
     "layout": augment.LayoutFault(flip_rows=True, pad_order=(1, 0)),
+    "swapped_taxels": augment.SwappedTaxels([(0, 1, 1, 2, 1)]),
     "offset": augment.Offset(np.full((2, 3, 4, 3), 0.2)),
     "drift": augment.Drift(amplitude=np.full((2, 3, 4, 3), 0.5), tau=120.0),
     "interference": augment.CovariateField(np.full((2, 2, 3, 4, 3), 0.1), ("gripper_opening",), (0.02,), ((100.0,),)),
@@ -107,6 +108,19 @@ def test_the_pictures_of_every_cause(name, place, given, problem):
 @dataclasses.dataclass(frozen=True, eq=False)
 class Shaken(augment.Offset):
     """A user's own transform."""
+
+
+def test_a_failure_goes_on_from_one_episode_to_the_next(given):
+    seconds = given.time - given.time[0]
+    since = 0.4 * seconds[-1]
+    fault = augment.FailingTaxels(np.ones((1, 1, 1)), since=since)
+    chain = in_order([("dead_taxels", fault)])
+    read = run(chain, streams_of(given))
+    np.testing.assert_array_equal(read, np.where((seconds < since)[:, None, None, None, None], given.simulated, 0))
+    with drawing():
+        (effect,) = effects((found_cause("dead_taxels"),), chain, streams_of(given))
+        titles = [picture.title for picture in evidence(effect)]
+    assert titles[0] == "24 taxels do not respond"
 
 
 def test_a_cause_of_the_users_own_has_the_plain_pictures(given):

@@ -15,7 +15,7 @@ from paxisim.errors import InvalidValueError, UnknownNameError
 VOCABULARY = {
     "axis_gain", "taxel_gain", "offset", "drift", "stiffening", "poisson", "crosstalk", "axis_coupling", "rotation",
     "layout", "creep", "hysteresis", "low_pass", "latency", "saturation", "dead_band", "quantisation", "dead_taxels",
-    "interference", "channel_curve",
+    "interference", "channel_curve", "swapped_taxels",
 }  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""Dead taxels: taxels that do not respond, or are stuck at a level; read off the recording."""
+"""Dead taxels: taxels that do not respond, or are stuck at a level, always or from some moment on; read off."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from paxisim import augment
 from paxisim.diagnose.cause import Cause, Reading
+from paxisim.diagnose.causes.failures import failures_of
 from paxisim.diagnose.causes.read_only import not_made
 from paxisim.diagnose.problem import FloatArray, Problem
 from paxisim.diagnose.silent import CLEAR, FRAMES, pressed_beyond
@@ -48,12 +49,23 @@ def _read(problem: Problem) -> Reading | None:
     if dead.any():
         dead &= ~_answers_late(problem, level, noise)
     dead |= _still(problem, level, noise, floor)
-    if not dead.any():
+    gone = np.broadcast_to(dead[:, None], problem.alive.shape)
+    since = np.where(gone, 0.0, np.inf)
+    failures = failures_of(problem)
+    if failures is not None:  # a taxel that failed early may seem to be dead all along
+        gone = np.where(failures.failed.any(axis=1, keepdims=True), failures.failed, gone)
+        since = np.where(gone, np.where(failures.failed, failures.since, 0.0), np.inf)
+        level = np.where(failures.failed, failures.level, level)
+    if not gone.any():
         return None
-    stuck = dead & (np.abs(level).max(axis=1) > floor)
+    dead = gone.any(axis=1)
+    stuck = dead & (np.abs(level * gone).max(axis=1) > floor)
     fault = augment.DeadTaxels((dead & ~stuck).astype(float), stuck.astype(float), level * stuck[:, None])
     values = {"dead": fault.dead, "stuck": fault.stuck, "value": fault.value}
-    return Reading(fault, values, replace(problem, alive=problem.alive & ~dead[:, None]))
+    if failures is not None:
+        fault = augment.FailingTaxels(fault.dead, fault.stuck, fault.value, np.where(dead[:, None], since, 0.0))
+        values["since"] = np.where(dead, since.min(axis=1), 0.0)
+    return Reading(fault, values, replace(problem, alive=problem.alive & ~gone))
 
 
 def _still(problem: Problem, level: FloatArray, noise: FloatArray, floor: float) -> NDArray[np.bool_]:
@@ -102,6 +114,6 @@ DEAD_TAXELS = Cause(
     not_made("dead_taxels"),
     "places",
     read=_read,
-    words="Some taxels do not respond to force.",
+    words="Some taxels do not respond to force, or stop responding.",
     picture="silent_map",
 )

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from paxisim.augment.chain import Chain
 from paxisim.augment.drift import Drift
+from paxisim.augment.failing_taxels import FailingTaxels
 from paxisim.augment.transform import Transform
 from paxisim.diagnose.cause import Cause
 from paxisim.diagnose.diagnosis import FoundCause
@@ -101,7 +102,7 @@ def effects(causes: tuple[FoundCause, ...], chain: Chain, streams: Streams) -> l
 def run(chain: Chain, streams: Streams) -> NDArray[np.float32]:
     """``(T, pads, 3, rows, cols)`` float32: output of the chain on the simulated stream.
 
-    The state is reset at the start of each episode, except for drift, which continues across episodes.
+    The state is reset at the start of each episode, except for drift and failures, which continue across episodes.
     """
     parts = []
     for span in streams.episodes:
@@ -118,9 +119,11 @@ def _unwrapped(member: Transform) -> Transform:
 
 
 def _continued(member: Transform, elapsed: float) -> Transform:
-    """A member as it stands after `elapsed` seconds; only a drift depends on that."""
+    """A member as it stands after `elapsed` seconds; only a drift and a failure depend on that."""
     if isinstance(member, Chain):
         return Chain([_continued(m, elapsed) for m in member], member.names)
+    if isinstance(member, FailingTaxels):
+        return replace(member, since=np.asarray(member.since) - elapsed)
     return replace(member, start=member.start + elapsed) if isinstance(member, Drift) else member
 
 

@@ -1,4 +1,4 @@
-"""Faults: a short description of a layout fault or of dead taxels, for causes without numeric parameters."""
+"""Faults: a short description of a layout fault, swapped or dead taxels, for causes without numeric parameters."""
 
 from __future__ import annotations
 
@@ -9,18 +9,20 @@ import numpy as np
 
 from paxisim.augment.chain import Chain
 from paxisim.augment.dead_taxels import DeadTaxels
+from paxisim.augment.failing_taxels import FailingTaxels
 from paxisim.augment.layout_faults import LayoutFault
+from paxisim.augment.swapped_taxels import SwappedTaxels
 from paxisim.diagnose.report.streams import pad_in_words
 
 if TYPE_CHECKING:
     from paxisim.diagnose.diagnosis import Diagnosis
 
-MOST = 8  # taxels listed per pad
+MOST = 8  # taxels or pairs listed per pad
 _AXES = "xyz"
 
 
 def fault_in_words(diagnosis: Diagnosis, name: str) -> str:
-    """The layout fault or the dead taxels in words; empty for other causes.
+    """The layout fault, the swapped or the dead taxels in words; empty for other causes.
 
     Args:
         diagnosis: With the model and the names of the pads.
@@ -34,6 +36,8 @@ def fault_in_words(diagnosis: Diagnosis, name: str) -> str:
     pads = [place.where for place in diagnosis.symptoms.pads]
     if isinstance(member, LayoutFault):
         return "; ".join(_layout(member, pads))
+    if isinstance(member, SwappedTaxels):
+        return "; ".join(_swapped(member, pads))
     if isinstance(member, DeadTaxels):
         return "; ".join(_taxels(member, pads))
     return ""
@@ -57,17 +61,44 @@ def _moved(order: Sequence[int], names: Sequence[str]) -> list[str]:
     return [", ".join(f"{came} read as {place}" for came, place in moved)] if moved else []
 
 
+def _swapped(fault: SwappedTaxels, pads: Sequence[str]) -> list[str]:
+    words = []
+    for pad in sorted({pair[0] for pair in fault.pairs}):
+        own = [f"({r}, {c}) and ({s}, {d})" for p, r, c, s, d in fault.pairs if p == pad]
+        words.append(f"{_pad(pads, pad)} {_listed(own)} swapped")
+    return words
+
+
 def _taxels(fault: DeadTaxels, pads: Sequence[str]) -> list[str]:
     words = []
     for which, what in ((fault.dead, "no response"), (fault.stuck, "stuck")):
         places = np.argwhere(np.asarray(which) > 0)
         named = []
         for pad in np.unique(places[:, 0]):
-            own = [f"({row}, {col})" for p, row, col in places if p == pad]
-            more = f" and {len(own) - MOST} more" if len(own) > MOST else ""
-            named.append(f"{_pad(pads, int(pad))} {', '.join(own[:MOST])}{more}")
+            own = [f"({row}, {col}){_since(fault, (p, row, col))}" for p, row, col in places if p == pad]
+            named.append(f"{_pad(pads, int(pad))} {_listed(own)}")
         words += [f"{what}: {', '.join(named)}"] if named else []
     return words
+
+
+def _since(fault: DeadTaxels, taxel: tuple[int, int, int]) -> str:
+    """Which axes of a taxel have failed, and when; empty for all of them from the beginning."""
+    if not isinstance(fault, FailingTaxels):
+        return ""
+    pad, row, col = taxel
+    grid = np.broadcast_shapes(np.shape(fault.dead), np.shape(fault.stuck))
+    since = np.broadcast_to(np.asarray(fault.since, dtype=float), (grid[0], 3, *grid[1:]))[pad, :, row, col]
+    words = ""
+    for moment in np.unique(since[np.isfinite(since)]):
+        axes = [axis for axis, own in zip(_AXES, since, strict=True) if own == moment]
+        words += f" {' and '.join(axes)}" if len(axes) < len(_AXES) else ""
+        words += f" since {moment:.1f} s" if moment > 0 else ""
+    return words
+
+
+def _listed(names: Sequence[str]) -> str:
+    more = f" and {len(names) - MOST} more" if len(names) > MOST else ""
+    return f"{', '.join(names[:MOST])}{more}"
 
 
 def _pad(pads: Sequence[str], number: int) -> str:

@@ -7,6 +7,7 @@ import numpy as np
 from paxisim.augment.dead_taxels import DeadTaxels
 from paxisim.augment.gains import TaxelGain
 from paxisim.augment.layout_faults import LayoutFault
+from paxisim.augment.swapped_taxels import SwappedTaxels
 from paxisim.diagnose.report import marks
 from paxisim.diagnose.report.curves import force_force
 from paxisim.diagnose.report.effect import Effect, Series
@@ -60,6 +61,8 @@ def silent_map(effect: Effect) -> list[Picture]:
 def mapping(effect: Effect) -> list[Picture]:
     """The force as simulated, as measured, and as simulated with the corrected mapping."""
     member = effect.member
+    if isinstance(member, SwappedTaxels):
+        return [_moved(effect), _swapped(effect)]
     assert isinstance(member, LayoutFault)
     pictures = []
     moved = member.flip_rows or member.flip_cols or member.transpose or member.pad_order is not None
@@ -76,10 +79,14 @@ def mapping(effect: Effect) -> list[Picture]:
     if not moved:
         pictures.append(force_force(effect, "Measured and simulated force disagree"))
     elif not turned:
-        channel = effect.channel
-        number = int(effect.energy[(slice(None), *channel)].argmax())
-        pictures.append(_trace(effect, channel, number, "A taxel reads the force on another taxel"))
+        pictures.append(_swapped(effect))
     return pictures
+
+
+def _swapped(effect: Effect) -> Picture:
+    channel = effect.channel
+    number = int(effect.energy[(slice(None), *channel)].argmax())
+    return _trace(effect, channel, number, "A taxel reads the force on another taxel")
 
 
 def _moved(effect: Effect) -> Picture:

@@ -141,3 +141,6 @@ OUTSIDERS = {
         mullins, hum, gain_control, row_scan, swapped_neighbours, bursts, rate_gain, loose_wire, shear_softening,
     )
 }  # fmt: skip
+
+LEARNT = {"swapped_neighbours": "swapped_taxels"}
+"""Those of which the vocabulary has learnt since, and by which name."""

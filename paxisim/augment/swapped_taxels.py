@@ -1,0 +1,70 @@
+"""SwappedTaxels: pairs of taxels have changed places."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from paxisim.augment.parameter import is_torch, namespace
+from paxisim.augment.transform import Covariates, Transform
+from paxisim.errors import InvalidValueError
+
+
+@dataclass(frozen=True, eq=False)
+class SwappedTaxels(Transform):
+    """Each of two taxels reads what acts on the other, on all axes: two wires or two addresses changed places.
+
+    A whole order that is reversed, or swapped axes and pads, are `LayoutFault`. Nothing is lost, so a swap undoes
+    itself. There is one mapping for all environments; the field is no number to be fitted.
+
+    Attributes:
+        pairs: For each pair the pad and row and column of both taxels, ``(pad, row, col, row, col)``; none for no swap.
+
+    Raises:
+        InvalidValueError: Also for a pair that is not five whole numbers of at least 0, and for a taxel that is named
+            twice.
+    """
+
+    stage: ClassVar[str] = "electronics"
+
+    pairs: tuple[tuple[int, int, int, int, int], ...] = ()
+
+    def __post_init__(self) -> None:
+        """Check the field."""
+        super().__post_init__()
+        try:
+            given = tuple(tuple(pair) for pair in self.pairs)
+            pairs: Any = tuple(tuple(int(number) for number in pair) for pair in given)
+            right = pairs == given and all(len(pair) == 5 and min(pair) >= 0 for pair in pairs)
+        except (TypeError, ValueError):
+            pairs, right = (), False
+        if not right:
+            raise InvalidValueError(
+                "SwappedTaxels: pairs must be (pad, row, col, row, col) each, whole numbers of at least 0, got "
+                f"{self.pairs!r}"
+            )
+        taxels = [taxel for pad, *own in pairs for taxel in ((pad, *own[:2]), (pad, *own[2:]))]
+        for taxel in taxels:
+            if taxels.count(taxel) > 1:
+                raise InvalidValueError(f"SwappedTaxels: pairs name the taxel {taxel[1:]} of pad {taxel[0]} twice")
+        object.__setattr__(self, "pairs", pairs)
+
+    def apply(self, x: Any, covariates: Covariates) -> Any:
+        """See `Transform.apply`."""
+        if not self.pairs:
+            return x
+        xp, shape = namespace(x), tuple(x.shape)
+        pads, axes, rows, cols = shape[-4:]
+        order = list(range(pads * axes * rows * cols))
+        for pad, row, col, other_row, other_col in self.pairs:
+            if pad >= pads or max(row, other_row) >= rows or max(col, other_col) >= cols:
+                raise InvalidValueError(
+                    f"SwappedTaxels: ({row}, {col}) and ({other_row}, {other_col}) of pad {pad} are not both in a "
+                    f"tensor of shape {shape}"
+                )
+            for axis in range(axes):
+                first = (pad * axes + axis) * rows * cols
+                one, other = first + row * cols + col, first + other_row * cols + other_col
+                order[one], order[other] = other, one
+        index = xp.asarray(order, **({"device": x.device} if is_torch(x) else {}))
+        return xp.reshape(xp.take(xp.reshape(x, (*shape[:-4], len(order))), index, axis=-1), shape)

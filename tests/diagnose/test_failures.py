@@ -1,0 +1,180 @@
+"""Taxels and single channels that fail in the middle of a recording are named, with the moment; others are not."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from paxisim import augment
+from paxisim.diagnose.diagnosis import Diagnosis
+
+sys.path.insert(0, str(Path(__file__).parent))
+from recorded import diagnosed, names, plain, small
+
+CLEAR = 0.6  # N, more than any dead band holds back
+LATE = 0.3  # s, that a moment may be told late
+
+
+def loaded(recording, rank):
+    """The pad, row and column of the taxel that is the n-th most loaded."""
+    load = np.mean(np.square(recording.simulated[:, :, 2], dtype=float), axis=0)
+    pad, row, col = np.unravel_index(np.argsort(-load.ravel())[rank], load.shape)
+    return int(pad), int(row), int(col)
+
+
+def failing(seed, kind, rank=0, share=0.5, **options):
+    """A recording with the practice generator's noise in which a taxel, or its normal force, fails.
+
+    Args:
+        seed: Of the recording.
+        kind: "frozen", "gone" (its noise remains), "zero", or "frozen z" for one channel.
+        rank: Of the taxel, by load.
+        share: Of the recording, after which it fails.
+        options: Of the recording.
+
+    Returns:
+        The recording, the taxel, and the seconds after the first frame.
+    """
+    recording = small(seed=seed, **options)
+    pad, row, col = loaded(recording, rank)
+    frame = int(share * len(recording))
+    axes = slice(2, 3) if kind == "frozen z" else slice(0, 3)
+    measured = recording.measured.copy()
+    own = measured[frame:, pad, axes, row, col]
+    if kind == "gone":
+        rest = np.flatnonzero(np.abs(recording.simulated).max(axis=(1, 2, 3, 4)) == 0)
+        own[:] = measured[np.random.default_rng(seed).choice(rest, len(own)), pad, axes, row, col]
+    else:
+        own[:] = 0.0 if kind == "zero" else own[0].copy()
+    return replace(recording, measured=measured), (pad, row, col), recording.time[frame] - recording.time[0]
+
+
+def told(found):
+    """The one taxel with the axes that have failed, and when."""
+    fault = found.model["dead_taxels"]
+    fault = fault[0] if isinstance(fault, augment.Chain) else fault
+    assert isinstance(fault, augment.FailingTaxels)
+    (taxel,) = np.argwhere(np.asarray(fault.dead) + np.asarray(fault.stuck))
+    pad, row, col = map(int, taxel)
+    since = fault.since[pad, :, row, col]
+    (moment,) = np.unique(since[np.isfinite(since)])
+    return (pad, row, col), "".join(np.array(list("xyz"))[np.isfinite(since)]), float(moment)
+
+
+def assert_moment(recording, taxel, moment, true):
+    """The moment is not late, and the taxel was not pressed from it to the failure."""
+    pad, row, col = taxel
+    assert moment < true + LATE
+    seconds = recording.time - recording.time[0]
+    between = (seconds > moment + LATE) & (seconds < true)
+    assert np.all(np.abs(recording.simulated[between, pad, 2, row, col]) < CLEAR)
+
+
+@pytest.mark.parametrize("seed", [41, 42, 43])
+@pytest.mark.parametrize("kind", ["frozen", "gone", "zero", "frozen z"])
+def test_what_fails_halfway_is_named_with_the_moment_and_nothing_else_is(seed, kind):
+    recording, taxel, true = failing(seed, kind, rank=seed % 3, share=0.4 + 0.05 * (seed % 3))
+    found = diagnosed(recording)
+    assert names(found) == ["dead_taxels"]
+    assert found.verdict in ("explained", "partly_explained")
+    place, axes, moment = told(found)
+    assert place == taxel
+    assert axes == ("z" if kind == "frozen z" else "xyz")
+    assert_moment(recording, taxel, moment, true)
+    assert found.heldout.nrmse_after < 0.6 * found.heldout.nrmse_before
+    words = f"({taxel[1]}, {taxel[2]}){' z' if kind == 'frozen z' else ''} since {moment:.1f} s"
+    assert words in " ".join(str(found).split())
+    again = Diagnosis.from_json(found.to_json())
+    assert words in " ".join(str(again).split())
+
+
+def test_the_model_reads_as_the_sensor_does_before_and_after():
+    recording, (pad, row, col), true = failing(44, "frozen")
+    found = diagnosed(recording, ("dead_taxels",))
+    read = found.model.run(recording.simulated.astype(float), recording.time)[:, pad, :, row, col]
+    gone = recording.time - recording.time[0] > true + LATE
+    before = recording.time - recording.time[0] < told(found)[2]
+    np.testing.assert_allclose(read[gone], recording.measured[gone, pad, :, row, col], atol=0.01)
+    np.testing.assert_array_equal(read[before], recording.simulated[before, pad, :, row, col].astype(float))
+
+
+def test_a_gain_is_named_beside_it():
+    gains = np.reshape([1.0, 1.0, 1.2], (3, 1, 1))
+    recording = plain(lambda force, time: gains * force, seed=4)
+    pad, row, col = loaded(recording, 0)
+    recording.measured[len(recording) // 2 :, pad, :, row, col] = 0.0
+    found = diagnosed(recording, ("dead_taxels", "axis_gain", "taxel_gain", "offset"))
+    assert sorted(names(found)) == ["axis_gain", "dead_taxels"]
+    assert told(found)[0] == (pad, row, col)
+
+
+def held(force, time):
+    return augment.SampleAndHold(5.0).run(force, time)
+
+
+def clipped(force, time):
+    return np.clip(force, -0.3, 1.0)
+
+
+def gated(force, time):
+    return np.where(np.abs(force) < 0.6, 0.0, force)
+
+
+def counted(force, time):
+    return np.round(force / 0.6) * 0.6
+
+
+def crept(force, time):
+    return augment.Creep((0.25,), (8.0,)).run(force, time)
+
+
+def slow(force, time):
+    return augment.LowPass(0.3).run(force, time)
+
+
+def drifting(force, time):
+    return force + 0.01 * time[:, None, None, None, None]
+
+
+@pytest.mark.parametrize("seed", [51, 52])
+@pytest.mark.parametrize("effect", [held, clipped, gated, counted, crept, slow, drifting])
+def test_what_else_a_sensor_does_is_no_failure(effect, seed):
+    assert names(diagnosed(plain(effect, seed=seed), ("dead_taxels",))) == []
+
+
+@pytest.mark.parametrize(("effect", "seed"), [(clipped, 8106), (held, 8108), (held, 8112)])
+def test_a_recording_that_ends_while_a_reading_lags_or_is_clipped_shows_no_failure(effect, seed):
+    assert names(diagnosed(plain(effect, seed=seed), ("dead_taxels",))) == []
+
+
+@pytest.mark.parametrize("options", [{}, {"rho": 0.95}, {"coarse": True}, {"strong_noise": True}, {"family": "poor"}])
+def test_noise_is_no_failure(options):
+    assert names(diagnosed(small(seed=53, **options), ("dead_taxels", "swapped_taxels"))) == []
+
+
+def test_a_taxel_that_the_last_episodes_do_not_press_has_not_failed():
+    recording = plain(seed=54)
+    pad, row, col = loaded(recording, 0)
+    last = recording.episode >= 4
+    recording.measured[last, pad, :, row, col] -= recording.simulated[last, pad, :, row, col]
+    recording.simulated[last, pad, :, row, col] = 0.0
+    assert names(diagnosed(recording, ("dead_taxels",))) == []
+
+
+@pytest.mark.parametrize("axis", [3, 4])
+@pytest.mark.parametrize("seed", [4, 7, 9])
+def test_a_contact_that_is_not_where_it_is_simulated_is_no_failure(seed, axis):
+    recording = plain(seed=8100 + seed)
+    last = recording.episode >= 5
+    force = recording.simulated[last]
+    recording.measured[last] += np.roll(force, 1, axis=axis) - force
+    assert names(diagnosed(recording, ("dead_taxels",))) == []
+
+
+def test_clocks_that_begin_anew_in_each_episode_tell_no_moment():
+    recording, *_ = failing(44, "zero")
+    starts = np.array([recording.time[recording.episode == number][0] for number in np.unique(recording.episode)])
+    found = diagnosed(replace(recording, time=recording.time - starts[recording.episode]), ("dead_taxels",))
+    assert names(found) == []
