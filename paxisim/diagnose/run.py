@@ -41,6 +41,7 @@ from paxisim.diagnose.silent import silent_in_words
 from paxisim.diagnose.vocabulary import cause, known_causes
 from paxisim.errors import InvalidValueError, MissingExtraError
 from paxisim.recording import Recording
+from paxisim.scene.modes import hidden_by_replay
 
 CLOCKS = (
     "the clocks of the two streams are apart: measured lags simulated by {:.2f} s. The streams were aligned first, so "
@@ -111,7 +112,7 @@ def diagnosis_of(
 
     tell("reading layout, rounding and dead taxels")
     raw = problem_of(recording)
-    wanted, not_searched = _wanted(raw, causes, _hidden_by_replay(recording))
+    wanted, not_searched = _wanted(raw, causes, hidden_by_replay(recording))
     off = read_off(raw, wanted)
 
     nuisances = [item for item in CAUSES if item.nuisance and item not in wanted and not item.barred(raw)]
@@ -226,13 +227,6 @@ def _judged(found: Explanation, squares: SquaredErrors, seed: int) -> Judged:
         for name, share in shares.items()
     )
     return Judged(tuple(sorted(causes, key=lambda c: -c.gain.value)), parameters, tuple(shares), lines)
-
-
-def _hidden_by_replay(recording: Recording) -> dict[str, str]:
-    """By name why causes cannot be told after the way in which the motion was replayed, see `paxisim.Scene`."""
-    replay = recording.metadata.get("replay")
-    hidden = replay.get("not_testable") if isinstance(replay, Mapping) else None
-    return {str(name): f"{why}" for name, why in hidden.items()} if isinstance(hidden, Mapping) else {}
 
 
 def _wanted(
