@@ -64,6 +64,8 @@ class EncoderError:
         """What the replay of a recording says of its encoders; None if it was not replayed, or shows no steps."""
         replay = recording.metadata.get("replay")
         said = replay.get("encoder_error") if isinstance(replay, Mapping) else None
+        if not isinstance(said, Mapping):
+            return None
         with contextlib.suppress(KeyError, TypeError, ValueError):  # of another version, or written by hand
             error = cls(**{**said, "forces": tuple(said["forces"]), "shares": tuple(said["shares"])})
             if error.forces and np.isfinite([*error.forces, *error.shares]).all():
