@@ -29,6 +29,7 @@ UPPER, LOWER = 0.3, 0.25  # m, lengths of the links
 ENCODER = 2 * np.pi / 2**16  # rad, a step of the joints' encoders
 RATE = 100.0  # Hz, of the joints' messages
 PERIOD = 4.0  # s, of one press
+MODULUS = 2.4e6  # Pa, of the gel: firm, so that a taxel feels ten counts of 0.1 N
 DEPTHS = (1.2e-3, 0.6e-3, 1.6e-3, 0.9e-3)  # m, of one press after the other
 JOINTS = ("shoulder", "elbow", "wrist")
 
@@ -43,7 +44,7 @@ ARM = f"""
   </default>
   <worldbody>
     <light pos="0 -1 1" dir="0 1 -1"/>
-    <geom name="ball" type="sphere" size="0.08" pos="0.35 0 -0.05" contype="1" conaffinity="1" friction="0.8"/>
+    <geom name="ball" type="sphere" size="0.04" pos="0.35 0 -0.01" contype="1" conaffinity="1" friction="0.8"/>
     <body name="upper" pos="0 0 0.2">
       <joint name="shoulder"/>
       <geom type="capsule" fromto="0 0 0 {UPPER} 0 0" size="0.02"/>
@@ -94,7 +95,7 @@ class Arm:
     def __init__(self, sensor: paxisim.Chain) -> None:
         """Compile the arm with its pad, whose forces `sensor` turns into readings, and put it to its beginning."""
         layout = paxisim.load_profile(PROFILE).layout
-        pad = paxisim.Pad(layout, gel=paxisim.Gel(modulus=600e3))
+        pad = paxisim.Pad(layout, gel=paxisim.Gel(modulus=MODULUS))
         tactile = paxisim.attach(ARM, pad, [paxisim.Mount("hand", name="tip")])
         self.spec = tactile.spec
         self.model = tactile.compile()

@@ -65,6 +65,9 @@ if TYPE_CHECKING:
     from paxisim.models.touch_grid import TouchGridReadout as TouchGridReadout
     from paxisim.presses import Presses as Presses
     from paxisim.presses import find_presses as find_presses
+    from paxisim.protocols.protocol import Protocol as Protocol
+    from paxisim.protocols.ready import known_protocols as known_protocols
+    from paxisim.protocols.ready import protocol as protocol
     from paxisim.recording import Recording as Recording
     from paxisim.scene.agreement import Agreement as Agreement
     from paxisim.scene.agreement import compare_streams as compare_streams
@@ -121,6 +124,8 @@ _HOMES = {
     "paxisim.models.surface": ("conform", "flat", "measured"),
     "paxisim.models.touch_grid": ("TouchGridReadout",),
     "paxisim.presses": ("Presses", "find_presses"),
+    "paxisim.protocols.protocol": ("Protocol",),
+    "paxisim.protocols.ready": ("known_protocols", "protocol"),
     "paxisim.recording": ("Recording",),
     "paxisim.scene.agreement": ("Agreement", "compare_streams"),
     "paxisim.scene.drive": ("Drive", "ObjectStart"),

@@ -45,6 +45,7 @@ LEVELS = {
     "scene": 2.5,
     "diagnose": 3,
     "viz": 3,
+    "protocols": 3.5,
     "cli": 4,
 }
 ANYWHERE = {"errors", "_version"}

@@ -25,6 +25,7 @@ from paxisim.cli.emulate import emulate
 from paxisim.cli.info import info
 from paxisim.cli.live import live
 from paxisim.cli.pad import pad
+from paxisim.cli.protocol import protocol
 from paxisim.cli.record import record
 from paxisim.cli.replay import replay
 from paxisim.cli.scene import scene_init, scene_make
@@ -45,6 +46,7 @@ VERBS = {
     "convert": convert,
     "live": live,
     "calibrate": calibrate,
+    "protocol": protocol,
     "replay": replay,
     "diagnose": diagnose,
 }

@@ -29,14 +29,14 @@ def replay(
 
     The scene says which recorded streams move what; `paxisim scene init` begins one. Finished episodes are kept beside
     the output until it is written: after a kill, the same command goes on where it stopped. The output contains scene
-    and MJCF as well.
+    and MJCF as well. A protocol is rehearsed: simulated as a robot would record it.
 
     For example:
 
     paxisim replay press.mcap --scene press.toml -o paired.mcap
 
     Args:
-        recording: An .mcap, .npz or .csv file with the streams that drive the scene.
+        recording: An .mcap, .npz or .csv file with the streams that drive the scene, or a .json of `paxisim protocol`.
         scene: The scene's TOML file.
         output: The file to write, .mcap or .npz.
         mode: How the motion is followed, instead of what the scene says: exact poses, exact poses with a closing fitted
@@ -47,6 +47,7 @@ def replay(
     """
     from dataclasses import replace
 
+    from paxisim.protocols.protocol import Protocol
     from paxisim.recording import Recording
     from paxisim.scene.agreement import compare_streams
     from paxisim.scene.resume import simulate_resumable
@@ -59,7 +60,8 @@ def replay(
     if mode is not None:
         loaded_scene = replace(loaded_scene, mode=mode)
     progress(f"reading {recording}")
-    loaded = Recording.load(recording)
+    protocol = Protocol.load(recording) if recording.suffix.lower() == ".json" else None
+    loaded = Recording.load(recording) if protocol is None else protocol.unrecorded(loaded_scene)
     kept = output.with_name(f".{output.name}.episodes")
     try:
         paired = simulate_resumable(loaded_scene, loaded, kept, mean=mean, jobs=jobs, progress=_say)
@@ -74,6 +76,21 @@ def replay(
     if paired.measured is not None:
         print()
         print(compare_streams(paired))
+    if protocol is not None:
+        _print_peaks(paired, protocol.stop_force)
+
+
+def _print_peaks(rehearsed, stop_force: float) -> None:
+    from paxisim.protocols.protocol import peak_forces
+
+    for pad, peak in peak_forces(rehearsed).items():
+        print(f"{pad}: total normal force up to {peak:.3g} N, the protocol stops at {stop_force:g} N")
+        if peak > stop_force:
+            print(
+                f"paxisim: warning: {pad} would be stopped: write the protocol with less --depth-mm, or a larger "
+                "--stop-n if the sensor bears it",
+                file=sys.stderr,
+            )
 
 
 def _say(done: int, count: int, before: int) -> None:

@@ -8,6 +8,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from paxisim.scene.encoder import EncoderError
+
 FloatArray = NDArray[np.float64]
 
 NEARLY_STEP = 0.03  # steps; tolerance of a gap between readings
@@ -25,11 +27,13 @@ class Tolerance:
         gain: Relative error of the force.
         time: Error of a time stamp, seconds.
         place: Position error of the simulated contact, in pitches.
+        encoder: What encoder steps are worth in a replay, if it shows any.
     """
 
     gain: float = 0.01
     time: float = 0.0015
     place: float = 0.02
+    encoder: EncoderError | None = None
 
 
 def noise_of(
@@ -90,7 +94,8 @@ def tolerated(x: FloatArray, time: FloatArray, episodes: tuple[slice, ...], tole
     """``(T, pads, 3, rows, cols)`` variance (N^2) of the tolerated errors around the simulation `x`."""
     speed = np.concatenate([rate(x[span], time[span]) for span in episodes])
     along, across = differences(x)
-    return (tolerance.gain * x) ** 2 + (tolerance.time * speed) ** 2 + tolerance.place**2 * (across**2 + along**2)
+    allowed = (tolerance.gain * x) ** 2 + (tolerance.time * speed) ** 2 + tolerance.place**2 * (across**2 + along**2)
+    return allowed if tolerance.encoder is None else allowed + tolerance.encoder.variance(x)
 
 
 def rate(values: FloatArray, time: FloatArray) -> FloatArray:

@@ -24,6 +24,7 @@ from paxisim.diagnose.pieces import Pieces, in_one_piece
 from paxisim.errors import InvalidValueError
 from paxisim.logs.aligned import episode_spans
 from paxisim.recording import Recording
+from paxisim.scene.encoder import EncoderError
 
 NOMINAL = 1.0  # N, taken for the peak force of a recording without contact
 LEAST_PEAK = 0.05  # of the peak force, that an axis is taken to reach
@@ -34,7 +35,6 @@ RESTING = 0.05  # of the samples, that must be at rest for the zero to be read t
 LEAST_TOLD = 4  # samples of an episode that tell its zero
 PIECE = 1.0  # s, of the pieces whose scatter says how well the zero is told
 SELDOM = 1.2  # of a step: where readings change by less from one to the next, that tells little of the noise
-TOLERANCE = Tolerance()
 BEND = 0.01  # of the noise's energy, that may lie between them
 
 
@@ -67,6 +67,7 @@ class Problem:
         peaks: ``(3,)`` as `peak`, of shear for x and y and of normal force; at least a small share of it.
         aligned: Whether clocks that were apart were aligned, so that a constant delay cannot be told.
         calibrated: Whether the channels were calibrated to a load, by `paxisim.calibrate_readout`.
+        tolerance: Errors that need no explanation.
     """
 
     measured: FloatArray
@@ -91,6 +92,7 @@ class Problem:
     peaks: FloatArray = field(default_factory=lambda: np.full(3, NOMINAL))
     calibrated: bool = False
     aligned: bool = False
+    tolerance: Tolerance = field(default_factory=Tolerance)
 
     @cached_property
     def weight(self) -> FloatArray:
@@ -405,7 +407,7 @@ def showing(gain: FloatArray) -> NDArray[np.bool_]:
     return np.abs(gain) > 1e-2 * np.abs(gain).max()
 
 
-def problem_of(recording: Recording, tolerance: Tolerance = TOLERANCE) -> Problem:
+def problem_of(recording: Recording) -> Problem:
     """A recording made ready.
 
     Raises:
@@ -434,15 +436,16 @@ def problem_of(recording: Recording, tolerance: Tolerance = TOLERANCE) -> Proble
         alive, step, 0.0, clips=bool(measured[:, :, 2].min() >= 0),
         least=min(float(simulated.min()), 0.0), phase=phase, peaks=_peaks_of(simulated, peak), directions=directions,
         calibrated="readout" in recording.metadata, aligned="clocks_aligned_by" in recording.metadata,
+        tolerance=Tolerance(encoder=EncoderError.told_by(recording)),
     )  # fmt: skip
-    return with_noise(problem, tolerance)
+    return with_noise(problem)
 
 
-def with_noise(problem: Problem, tolerance: Tolerance = TOLERANCE) -> Problem:
+def with_noise(problem: Problem) -> Problem:
     """The problem with its noise read from its own streams."""
     alive, step = problem.alive, problem.step
     noise = noise_of(problem.measured, problem.simulated, problem.episodes, step, alive)
-    allowed = tolerated(problem.simulated, problem.time, problem.episodes, tolerance)
+    allowed = tolerated(problem.simulated, problem.time, problem.episodes, problem.tolerance)
     if alive[:, :2].any():
         dither = dither_of(
             problem.measured - problem.phase, problem.simulated, problem.at_rest, problem.untouched,
@@ -450,8 +453,7 @@ def with_noise(problem: Problem, tolerance: Tolerance = TOLERANCE) -> Problem:
         )  # fmt: skip
     else:  # no shear is measured
         dither = float(np.sqrt(max(np.median(noise[alive]) ** 2 - step**2 / 12, 0.0))) if alive.any() else 0.0
-    counted = np.sqrt(step**2 / 12 + dither**2)
-    noise = np.where(noise < SELDOM * step, counted, noise)
+    noise = np.where(noise < SELDOM * step, np.sqrt(step**2 / 12 + dither**2), noise)
     sigma = np.sqrt(noise**2 + allowed)
     if not np.isfinite(sigma).all():  # against it nothing would stand out, and all would seem well
         raise InvalidValueError(

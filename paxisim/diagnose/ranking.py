@@ -15,12 +15,13 @@ from paxisim.diagnose.cause import Cause
 from paxisim.diagnose.fitting import Fit, Fitter
 from paxisim.diagnose.folds import effects
 from paxisim.diagnose.model import Model
-from paxisim.diagnose.problem import FloatArray, Problem
+from paxisim.diagnose.problem import FloatArray
 
 MOST = 60_000  # numbers that are enough for a ranking
 FITTED = 0.5  # of a gain on folds that took part in the fit
 FEW = 8  # starts, that are tried one by one
 GAUGE_STEP = 0.05  # of the gain, to see what a gauge does
+TIE = 0.01  # of a promise, by which its gauge alone may promise less
 
 
 class Ranking:
@@ -59,7 +60,7 @@ class Ranking:
 
         columns, owners = [], []
         for item in self.causes.values():
-            own = _columns(problem, item, force, weighed)
+            own = [weighed(effect) for effect in effects(problem, item, force)]
             columns += own
             owners += [item.name] * len(own)
         columns.append(weighed(GAUGE_STEP * force))
@@ -82,7 +83,8 @@ class Ranking:
         """Energy that causes gain on held-out folds beside the model's own.
 
         A single cause is also tried at each of its starts alone, as several starts together may be fitted to noise.
-        What it gains on the folds it is fitted to counts half: one fold alone may show it.
+        What it gains on the folds it is fitted to counts half: one fold alone may show it. A cause whose gauge would
+        gain as much without it ranks behind a cause that is that gain.
         """
         own = self._columns_of(names, with_gauges=True) | self._columns_of(self._chosen)
         sets = [own]
@@ -92,7 +94,9 @@ class Ranking:
                 sets.append(others | (np.arange(len(own)) == column))
         chosen = self._columns_of(self._chosen)
         heldout = max(map(self._gain, sets)) - self._gain(chosen)
-        return max(heldout, FITTED * (self._gain(own, False) - self._gain(chosen, False)))
+        promise = max(heldout, FITTED * (self._gain(own, False) - self._gain(chosen, False)))
+        gauge = self._gain(own & (self._owner == "") | chosen) - self._gain(chosen)
+        return promise * (1 - TIE) if gauge > (1 - TIE) * promise else promise
 
     def _columns_of(self, names: Sequence[str], with_gauges: bool = False) -> NDArray[np.bool_]:
         gauged = with_gauges and any(self.causes[n].gauge is not None for n in names)
@@ -111,8 +115,3 @@ class Ranking:
             values = np.linalg.solve(total + ridge, right[:, None])[None]
         gains = 2 * projections[:, None] @ values - np.swapaxes(values, 1, 2) @ products @ values
         return float(gains.sum())
-
-
-def _columns(problem: Problem, item: Cause, force: FloatArray, weighed) -> list[FloatArray]:
-    """What a cause does to the residual at each of its starts."""
-    return [weighed(effect) for effect in effects(problem, item, force)]

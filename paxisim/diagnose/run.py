@@ -47,6 +47,7 @@ from paxisim.diagnose.search import PREDICTS, Search
 from paxisim.diagnose.vocabulary import cause, known_causes
 from paxisim.errors import InvalidValueError, MissingExtraError
 from paxisim.recording import Recording
+from paxisim.scene.modes import hidden_by_replay
 
 CLEAR = 2.0  # times its limit, that left-over structure must reach to be clear
 
@@ -87,7 +88,7 @@ def diagnose(
 
     tell("reading layout, rounding and dead taxels", 0.02)
     raw = problem_of(recording)
-    wanted, not_searched = wanted_of(raw, causes, _hidden_by_replay(recording))
+    wanted, not_searched = wanted_of(raw, causes, hidden_by_replay(recording))
     off = read_off(raw, wanted)
 
     search = search_of(off, wanted, Rules(), jobs, tell)
@@ -207,13 +208,6 @@ def _named(found: Explanation, squares: SquaredErrors, seed: int) -> tuple[tuple
     shares = search.near_misses(found.chosen) if found.fitted else {}
     short = near_misses({n: s for n, s in shares.items() if n not in rivalling}, search.rules.near_miss)
     return tuple(sorted(causes, key=lambda c: -c.gain.value)), short
-
-
-def _hidden_by_replay(recording: Recording) -> dict[str, str]:
-    """By name why causes cannot be told after the way in which the motion was replayed, see `paxisim.Scene`."""
-    replay = recording.metadata.get("replay")
-    hidden = replay.get("not_testable") if isinstance(replay, Mapping) else None
-    return {str(name): f"{why}" for name, why in hidden.items()} if isinstance(hidden, Mapping) else {}
 
 
 def wanted_of(

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 from paxisim.errors import InvalidValueError
+from paxisim.recording import Recording
 
 Mode = Literal["kinematic", "fitted", "servo", "force"]
 
@@ -59,6 +60,13 @@ MODES: Mapping[Mode, ReplayMode] = {
         },
     ),
 }
+
+
+def hidden_by_replay(recording: Recording) -> dict[str, str]:
+    """By name why causes cannot be told after the way in which a recording's motion was replayed."""
+    replay = recording.metadata.get("replay")
+    hidden = replay.get("not_testable") if isinstance(replay, Mapping) else None
+    return {str(name): f"{why}" for name, why in hidden.items()} if isinstance(hidden, Mapping) else {}
 
 
 def checked(mode: str) -> Mode:

@@ -15,6 +15,7 @@ from paxisim.recording import Recording
 from paxisim.scene import streams
 from paxisim.scene.closing import fit_closing
 from paxisim.scene.drive import Drive
+from paxisim.scene.encoder import EncoderError
 from paxisim.scene.episode import EpisodeRunner, Motion
 from paxisim.scene.modes import MODES
 from paxisim.scene.motion import Curve, PoseCurve, resolution, smooth_within
@@ -27,21 +28,6 @@ COARSE = 0.1
 
 MISSED = 0.2
 """Total normal force (N) that is contact for certain."""
-
-
-@dataclass(frozen=True)
-class EncoderError:
-    """What half an encoder step changes.
-
-    Attributes:
-        episode: The episode with the highest total normal force.
-        newtons: The change of its peak (N).
-        peak: The peak (N).
-    """
-
-    episode: int
-    newtons: float
-    peak: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,10 +162,9 @@ class Replay:
         return {drive: drive.gain * closing for drive in self._scene.drives if drive.stream == self._scene.closing}
 
     def encoder_error(self, episodes: Sequence[SimulatedEpisode]) -> EncoderError | None:
-        """What half a step of the encoders is worth in newtons, at the highest force of all episodes.
+        """What half a step of the encoders is worth in newtons, in the episode with the highest force.
 
-        The strongest episode is simulated once more for each encoder that shows steps. The errors of several encoders
-        add as independent ones.
+        The episode is simulated once more for each encoder that shows steps.
 
         Returns:
             The error, or None where no encoder shows steps or nothing is touched.
@@ -191,12 +176,9 @@ class Replay:
         strongest = episodes[int(np.argmax(peaks))]
         part = self._recording.select([strongest.number])
         known, shifts = self._known(part), self._closed(strongest.closing)
-        squares = 0.0
-        for drive in coarse:
-            moved = {**shifts, drive: shifts.get(drive, 0.0) + 0.5 * self._resolution[drive]}
-            changed = float(total_normal(self._simulated(part, known, moved)).max())
-            squares += (changed - max(peaks)) ** 2
-        return EncoderError(strongest.number, float(np.sqrt(squares)), max(peaks))
+        moved = [{**shifts, drive: shifts.get(drive, 0.0) + 0.5 * self._resolution[drive]} for drive in coarse]
+        changed = [total_normal(self._simulated(part, known, shift)) for shift in moved]
+        return EncoderError.of(strongest.number, total_normal(strongest.force[known]), changed)
 
     def _closing_step(self) -> float:
         """What one millimetre or 0.1 rad of the first closing drive is in its stream's unit."""

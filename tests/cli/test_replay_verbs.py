@@ -142,3 +142,72 @@ def test_what_cannot_be_followed_is_one_line(made, tmp_path, capsys, change, wan
     assert len([text for text in said if text.startswith("paxisim")]) == 1
     assert wanted in " ".join(said)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["bad.mcap"]
+
+
+@pytest.fixture
+def protocol(tmp_path, capsys):
+    """The file of a protocol, cut to the taps of one episode."""
+    path = tmp_path / "taps.json"
+    assert main(["protocol", "press", "-o", str(path)]) == 0
+    out = capsys.readouterr().out
+    assert "stop at a normal force of 20 N" in out
+    assert "latency" in out
+    assert max(map(len, out.replace(str(path), "").splitlines())) <= 100
+    whole = paxisim.Protocol.load(path)
+    taps = tuple(one for one in whole.segments if one.episode == 1 and one.name in ("approach", "taps"))
+    replace(whole, segments=taps).save(path)
+    return path
+
+
+def test_a_protocol_is_rehearsed_in_a_ready_made_scene(made, protocol, capsys):
+    folder, _ = made
+    out = protocol.with_suffix(".npz")
+    assert main(["replay", str(protocol), "--scene", str(folder / "press.toml"), "-o", str(out)]) == 0
+    said = capsys.readouterr()
+    assert "the protocol stops at 20 N" in said.out
+    assert "would be stopped" not in said.err
+    rehearsed = Recording.load(out)
+    assert rehearsed.measured is None
+    assert rehearsed.simulated[:, :, 2].sum(axis=(1, 2, 3)).max() > 0.3
+    assert set(rehearsed.covariates) == {"x", "y", "depth"}
+
+
+def test_a_rehearsal_that_would_be_stopped_says_so(made, protocol, capsys):
+    folder, _ = made
+    replace(paxisim.Protocol.load(protocol), stop_force=0.1).save(protocol)
+    words = ["--scene", str(folder / "press.toml"), "-o", str(protocol.with_suffix(".npz"))]
+    assert main(["replay", str(protocol), *words]) == 0
+    assert "pad_pad would be stopped: write the protocol with less --depth-mm" in capsys.readouterr().err
+
+
+def test_the_page_s_lines_about_protocols_run(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    page = (Path(__file__).parents[2] / "docs" / "replay.md").read_text(encoding="utf-8")
+    section = page.split("## A motion to record")[1]
+    write, make, rehearse = section.split("```bash\n")[1].split("```")[0].splitlines()
+    for line in (write, make):
+        assert main(line.split()[1:]) == 0
+    whole = paxisim.Protocol.load("press.json")
+    replace(whole, segments=whole.segments[2:3]).save("press.json")  # the taps, of 11 minutes
+    assert main(rehearse.split()[1:]) == 0
+    assert Recording.load("rehearsed.npz").simulated.max() > 0
+    exec(compile(section.split("```python\n")[1].split("```")[0], "replay.md", "exec"), {})
+
+
+@pytest.mark.parametrize(
+    ("words", "wanted"),
+    [
+        (["open-close", "-o", "a.json", "--depth-mm", "1"], "open-close touches nothing: it takes no --depth-mm"),
+        (["regrasp", "-o", "a.json", "--sensor", "paxini-gen1-l4629"], "regrasp is the same for every pad"),
+        (["press", "-o", "a.toml"], "the output must end in .json, got a.toml"),
+        (["press", "-o", "a.json", "--stop-n", "-3"], "stop_force must be above 0 N, got -3"),
+        (["pres", "-o", "a.json"], "Expected one of"),
+    ],
+)
+def test_a_protocol_that_cannot_be_made_is_one_line(words, wanted, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["protocol", *words]) == 2
+    error = capsys.readouterr().err
+    assert wanted in error
+    assert error.count("\n") == 1
+    assert not list(tmp_path.iterdir())

@@ -6,7 +6,10 @@ from recorded import diagnosed, names, plain
 from scipy.signal import lfilter
 
 from paxisim.diagnose.cause import Gauge
+from paxisim.diagnose.folds import folds_of
 from paxisim.diagnose.problem import problem_of
+from paxisim.diagnose.rules import Rules
+from paxisim.diagnose.search import Search
 from paxisim.diagnose.vocabulary import cause, known_causes
 
 NEAR = ("axis_gain", "creep", "hysteresis", "stiffening", "low_pass", "offset", "interference")
@@ -62,6 +65,16 @@ def test_a_field_that_is_not_zero_where_the_recording_begins_is_interference():
     field = (opening - opening.min() - 0.7 * np.ptp(opening)) / np.ptp(opening)
     recording.measured[:] += field[:, None, None, None, None] * size
     assert names(diagnosed(recording, NEAR)) == ["interference"]
+
+
+@pytest.mark.parametrize("seed", [5, 6])
+def test_a_gain_is_tried_before_the_causes_whose_gauge_is_that_gain(seed):
+    problem, rules = problem_of(plain(lambda force, time: 0.8 * force, seed=seed)), Rules()
+    items = [item for item in map(cause, known_causes()) if item.name == "axis_gain" or item.gauge is not None]
+    assert len(items) > rules.contest, "more than are tried"
+    ranked = Search(problem, items, folds_of(problem, items, rules), rules).ranked(())
+    assert ranked[0][1] == "axis_gain"
+    assert ranked[-1][0] > 0.95 * ranked[0][0], "all promise nearly as much"
 
 
 def test_a_gauge_multiplies_what_its_cause_reads():

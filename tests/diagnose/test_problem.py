@@ -105,7 +105,7 @@ def test_streams_that_cannot_be_compared_are_refused():
 
 def test_noise_that_is_not_finite_is_refused():
     with np.errstate(all="ignore"), pytest.raises(InvalidValueError, match="not finite"):
-        with_noise(problem(), Tolerance(gain=np.inf))
+        with_noise(replace(problem(), tolerance=Tolerance(gain=np.inf)))
 
 
 def test_frames_are_left_out_only_of_a_recording_that_has_many_and_runs_straight():

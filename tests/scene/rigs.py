@@ -49,7 +49,7 @@ def total(tensor):
     return tensor[:, :, 2].astype(float).sum(axis=(1, 2, 3))
 
 
-def simulated_press(mjcf, time, streams, rate=100.0):
+def simulated_press(mjcf, time, streams, rate=100.0, gel=None):
     """The indenter as servos of its own move it, in MuJoCo alone: forces and where its joints really were.
 
     Returns:
@@ -57,7 +57,7 @@ def simulated_press(mjcf, time, streams, rate=100.0):
     """
     model = mujoco.MjModel.from_xml_string(mjcf)
     pads = paxisim.find_pads(model)
-    paxisim.Gel().apply(model, pads)
+    (gel or paxisim.Gel()).apply(model, pads)
     readout, data = paxisim.TactileReadout(model, pads), mujoco.MjData(model)
     every = round(1 / rate / model.opt.timestep)
     fine = np.arange(len(time) * every) * model.opt.timestep

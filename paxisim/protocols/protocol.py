@@ -1,0 +1,219 @@
+"""Protocol: timed positions that a robot or a stage follows while its sensor is recorded, and what each part is for."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from paxisim.diagnose.advice import MOTIONS
+from paxisim.diagnose.vocabulary import cause, known_causes
+from paxisim.errors import InvalidValueError, UnknownNameError
+from paxisim.recording import Recording
+
+if TYPE_CHECKING:
+    from paxisim.scene.scene import Scene
+
+FASTEST = 1.875
+"""Largest speed of a minimum-jerk move from rest to rest, over its mean speed."""
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A part of a protocol that serves one purpose.
+
+    Attributes:
+        name: What it is called.
+        episode: The episode of the recording that it belongs to.
+        does: What happens in it, in words.
+        motions: Which of the motions that a diagnosis advises it is: keys of `paxisim.diagnose.advice.MOTIONS`; none
+            for a way from one place to the next.
+        waypoints: A time (s, from the beginning of the protocol) and a position of each stream (m) where the motion
+            rests.
+
+    Raises:
+        UnknownNameError: There is no such motion.
+        InvalidValueError: No waypoint.
+    """
+
+    name: str
+    episode: int
+    does: str
+    motions: tuple[str, ...]
+    waypoints: tuple[tuple[float, ...], ...]
+
+    def __post_init__(self) -> None:
+        """Check the motions."""
+        for motion in self.motions:
+            if motion not in MOTIONS:
+                raise UnknownNameError(f"motion of segment {self.name!r}", motion, MOTIONS)
+        if not self.waypoints:
+            raise InvalidValueError(f"segment {self.name!r} of episode {self.episode} needs a waypoint")
+
+    @property
+    def excites(self) -> tuple[str, ...]:
+        """The causes of a diagnosis that such a motion shows best."""
+        return tuple(name for name in known_causes() if cause(name).excites in self.motions)
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """A motion to follow. Between two waypoints it goes by minimum jerk, at rest at both.
+
+    Attributes:
+        name: What it is called.
+        about: What is moved, in a sentence.
+        scene: The ready-made scene of `paxisim scene make` in which it can be rehearsed.
+        streams: Names of what is moved, as the scene's drives call them.
+        frame: What the positions mean.
+        max_speed: Speed (m/s) that no stream exceeds.
+        stop_force: Total normal force (N) on a pad at which the robot must stop.
+        rate: Samples a second that the recording should have at least.
+        segments: Its parts, one after another.
+
+    Raises:
+        InvalidValueError: Times that do not increase, positions that are not one for each stream, a move that is
+            faster than `max_speed`, episodes out of order.
+    """
+
+    name: str
+    about: str
+    scene: str
+    streams: tuple[str, ...]
+    frame: str
+    max_speed: float
+    stop_force: float
+    rate: float
+    segments: tuple[Segment, ...]
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        if not self.streams or len(set(self.streams)) < len(self.streams):
+            raise InvalidValueError(f"a protocol needs streams, each by a name of its own, got {self.streams!r}")
+        for name, unit in (("max_speed", "m/s"), ("stop_force", "N"), ("rate", "Hz")):
+            if not 0 < getattr(self, name) < math.inf:
+                raise InvalidValueError(f"a protocol's {name} must be above 0 {unit}, got {getattr(self, name)!r}")
+        episodes = [segment.episode for segment in self.segments]
+        if episodes != sorted(episodes):
+            raise InvalidValueError("the segments of a protocol must be in the order of their episodes")
+        points = [point for segment in self.segments for point in segment.waypoints]
+        if len(points) < 2:
+            raise InvalidValueError(f"a protocol needs two waypoints, got {len(points)}")
+        for point in points:
+            if len(point) != 1 + len(self.streams) or not np.isfinite(point).all():
+                raise InvalidValueError(
+                    f"a waypoint must be a time and a position of {', '.join(self.streams)}, all finite, got {point!r}"
+                )
+        for before, after in itertools.pairwise(points):
+            self._check_move(before, after)
+
+    def _check_move(self, before: Sequence[float], after: Sequence[float]) -> None:
+        seconds = after[0] - before[0]
+        if not seconds > 0:
+            raise InvalidValueError(f"times of waypoints must increase, got {after[0]:g} s after {before[0]:g} s")
+        for stream, start, end in zip(self.streams, before[1:], after[1:], strict=True):
+            speed = FASTEST * abs(end - start) / seconds
+            if speed > (1 + 1e-9) * self.max_speed:
+                raise InvalidValueError(
+                    f"{stream} moves at up to {speed:.3g} m/s from {before[0]:g} s to {after[0]:g} s, faster than the "
+                    f"protocol's max_speed of {self.max_speed:.3g} m/s: allow it more time"
+                )
+
+    @property
+    def seconds(self) -> float:
+        """How long it takes."""
+        return self.segments[-1].waypoints[-1][0] - self.segments[0].waypoints[0][0]
+
+    @property
+    def waypoints(self) -> NDArray[np.float64]:
+        """``(N, 1 + streams)`` times (s) and positions (m)."""
+        return np.array([point for segment in self.segments for point in segment.waypoints], dtype=np.float64)
+
+    def positions(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
+        """``(T, streams)`` positions (m) at ``(T,)`` times (s); at rest before the first and after the last."""
+        points = self.waypoints
+        knots, values = points[:, 0], points[:, 1:]
+        i = np.clip(np.searchsorted(knots, time, side="right") - 1, 0, len(knots) - 2)
+        u = np.clip((time - knots[i]) / (knots[i + 1] - knots[i]), 0, 1)[:, None]
+        return values[i] + u**3 * (10 - 15 * u + 6 * u**2) * (values[i + 1] - values[i])
+
+    def unrecorded(self, scene: Scene) -> Recording:
+        """A recording of the motion alone: its streams and episodes at `rate`, with forces that are not known (NaN).
+
+        Args:
+            scene: What it is to be simulated in; its pads are the recording's.
+
+        Raises:
+            InvalidValueError: The scene cannot be compiled.
+        """
+        from paxisim.scene.rig import build_rig
+
+        pads = build_rig(scene).pads
+        begin = self.segments[0].waypoints[0][0]
+        time = begin + np.arange(round(self.seconds * self.rate) + 1) / self.rate
+        ends = np.array([segment.waypoints[-1][0] for segment in self.segments])
+        of = np.minimum(np.searchsorted(ends, time), len(self.segments) - 1)
+        return Recording(
+            time,
+            simulated=np.full((len(time), *pads.shape), np.nan, dtype=np.float32),
+            covariates=dict(zip(self.streams, self.positions(time).T, strict=True)),
+            episode=np.array([segment.episode for segment in self.segments])[of],
+            layout=pads.layout,
+            pads=pads.names,
+            metadata={"protocol": self.name},
+        )
+
+    def rehearse(self, scene: Scene, **parameters: float) -> Recording:
+        """Simulate the motion, as the robot would record it with a sensor that reads what the model says.
+
+        Args:
+            scene: A ready-made scene, or one of the robot's own with drives of the same streams.
+            parameters: Fields of the gel, see `paxisim.Scene.simulate`.
+
+        Returns:
+            A recording with `simulated` forces and the streams.
+
+        Raises:
+            InvalidValueError: The scene cannot follow the motion.
+            UnknownNameError: The scene is driven by other streams.
+        """
+        return scene.with_parameters(**parameters).simulate(self.unrecorded(scene))
+
+    def save(self, path: str | Path) -> None:
+        """Write it as JSON, whole or not at all.
+
+        Raises:
+            OSError: The file cannot be written.
+            InvalidValueError: The path is a folder, or in none.
+        """
+        from paxisim.logs.atomic import whole_file
+        from paxisim.protocols.text import format_protocol
+
+        with whole_file(Path(path)) as temporary:
+            temporary.write_text(format_protocol(self), encoding="utf-8")
+
+    @classmethod
+    def load(cls, path: str | Path) -> Protocol:
+        """Read the JSON of a protocol.
+
+        Raises:
+            InvalidValueError: Not such a file; the message says where.
+            UnknownNameError: A motion that there is not.
+            FileNotFoundError: There is no such file.
+        """
+        from paxisim.logs.atomic import parse_file
+        from paxisim.protocols.text import parse_protocol
+
+        return parse_file(Path(path), parse_protocol)
+
+
+def peak_forces(recording: Recording) -> dict[str, float]:
+    """By pad, the highest total normal force (N) of a recording's tensor; NaN counts as nothing."""
+    total = np.nansum(recording.tensor[:, :, 2].astype(np.float64), axis=(2, 3))
+    return dict(zip(recording.pads, total.max(axis=0).tolist(), strict=True))
