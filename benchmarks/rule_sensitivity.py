@@ -16,6 +16,7 @@ a few of the rows, ``--list`` names them.
 from __future__ import annotations
 
 import argparse
+import copy
 import os
 import sys
 import warnings
@@ -128,7 +129,9 @@ def named(rows: Sequence[Change], task: Task) -> list[tuple[str, ...]]:
                 for item in search.causes.values()
             ]
             first = searches.setdefault(tuple(getattr(row.rules, name) for name in OF_FOLDS), search)
-            found = explained(off, first.by_other(row.rules, causes), 0, 1, silently).found
+            search = copy.copy(first)  # with the fits that the rows before have made
+            search.rules, search.causes = row.rules, {item.name: item for item in causes}
+            found = explained(off, search, 0, 1, silently).found
             answers.append(tuple(item.name for item in found.named))
     return answers
 

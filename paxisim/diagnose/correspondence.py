@@ -112,12 +112,10 @@ def _alike(recording: Recording) -> float:
     """Mean squared correlation of both streams over the channels, each weighed with its variance."""
     assert recording.measured is not None
     assert recording.simulated is not None
-    measured, simulated = (
-        values.reshape(len(values), -1) - values.reshape(len(values), -1).mean(axis=0, dtype=np.float64)
-        for values in (recording.measured, recording.simulated)
-    )
-    both, variance = np.sum(measured * simulated, axis=0), np.sum(simulated**2, axis=0)
-    return float(np.sum(both**2 / np.maximum(variance, 1e-12)) / max(float(np.sum(measured**2)), 1e-300))
+    both = (values.reshape(len(values), -1) for values in (recording.measured, recording.simulated))
+    measured, simulated = (values - values.mean(axis=0, dtype=np.float64) for values in both)
+    product, variance = np.sum(measured * simulated, axis=0), np.sum(simulated**2, axis=0)
+    return float(np.sum(product**2 / np.maximum(variance, 1e-12)) / max(float(np.sum(measured**2)), 1e-300))
 
 
 def _shifted(recording: Recording, shift: float) -> Recording:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import warnings
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
@@ -17,6 +16,7 @@ from paxisim.diagnose.report.streams import Streams
 from paxisim.diagnose.report.text import text_of
 from paxisim.errors import InvalidValueError, MissingExtraError, PaxisimError
 from paxisim.logs.atomic import parse_file, whole_file
+from paxisim.logs.document import built, finite
 
 FORMAT = "paxisim-diagnosis/1"
 REPORT, MODEL = "report.html", "model.json"
@@ -217,7 +217,7 @@ class Diagnosis:
             "model": json.loads(self.model.to_json()),
             "intervals": _as_lists(self.intervals),
         }
-        return json.dumps(_finite(document), indent=1, allow_nan=False)
+        return json.dumps(finite(document), indent=1, allow_nan=False)
 
     @classmethod
     def from_json(cls, text: str) -> Diagnosis:
@@ -238,11 +238,11 @@ class Diagnosis:
         try:
             return cls(
                 verdict=document["verdict"],
-                causes=tuple(_cause(item) for item in document["causes"]),
-                heldout=_heldout(document["heldout"]),
+                causes=built(tuple[FoundCause, ...], document["causes"]),
+                heldout=built(HeldOut, document["heldout"]),
                 confidence=document["confidence"],
                 not_testable=document["not_testable"],
-                symptoms=_symptoms(document["symptoms"]),
+                symptoms=built(Symptoms, document["symptoms"]),
                 advice=tuple(document["advice"]),
                 model=Chain.from_json(json.dumps(document["model"])),
                 intervals=_as_arrays(document["intervals"]),
@@ -323,16 +323,6 @@ def _write(path: Path, text: str) -> None:
         temporary.write_text(text, encoding="utf-8")
 
 
-def _finite(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {name: _finite(item) for name, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_finite(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
-
-
 def _as_lists(intervals: Mapping[str, Any]) -> Any:
     if isinstance(intervals, Mapping):
         return {name: _as_lists(item) for name, item in intervals.items()}
@@ -344,30 +334,3 @@ def _as_arrays(document: Any) -> Any:
         return {name: _as_arrays(item) for name, item in document.items()}
     low, high = document
     return np.asarray(low, dtype=np.float64), np.asarray(high, dtype=np.float64)
-
-
-def _interval(document: Mapping[str, Any] | None) -> Interval | None:
-    return None if document is None else Interval(**document)
-
-
-def _cause(document: Mapping[str, Any]) -> FoundCause:
-    parameters = tuple(FittedParameter(**{**p, "value": Interval(**p["value"])}) for p in document["parameters"])
-    return FoundCause(
-        document["name"], parameters, Interval(**document["gain"]), tuple(document["rivals"]), document["evidence"]
-    )
-
-
-def _heldout(document: Mapping[str, Any]) -> HeldOut:
-    changed = {
-        "explained": _interval(document["explained"]),
-        "gain_per_episode": tuple(document["gain_per_episode"]),
-    }
-    return HeldOut(**{**document, **changed})
-
-
-def _symptoms(document: Mapping[str, Any]) -> Symptoms:
-    made: dict[str, Any] = {"warnings": tuple(document["warnings"])}
-    made["left_over"] = tuple(LeftOver(**item) for item in document["left_over"])
-    for name in ("pads", "axes", "taxels", "phases", "frequencies", "covariates"):
-        made[name] = tuple(Place(**item) for item in document[name])
-    return Symptoms(**made)

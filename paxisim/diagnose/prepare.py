@@ -148,7 +148,7 @@ def _check_signals(recording: Recording, warnings: list[str]) -> None:
             raise InvalidValueError(f"{name} is constant: every sample is the same")
         if not np.isfinite(np.square(values).sum()):
             raise InvalidValueError(f"{name} contains values too large to be forces")
-    stopped, share = stopped_in_words(recording)
+    stopped, share = stopped_in_words(recording.time, recording.measured, recording.simulated)
     if share > _STOPPED:
         raise InvalidValueError(f"{stopped}: leave these samples out, or record again")
     if stopped:

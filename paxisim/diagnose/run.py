@@ -94,7 +94,6 @@ def diagnose(
     search = search_of(off, wanted, Rules(), jobs, tell)
     it = explained(off, search, seed, jobs, tell)
     found, squares = it.found, it.squares
-
     tell("comparing with a black box", 0.82)
     black, missing = _ceiling(off.judged, raw.simulated, seed, jobs)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -68,12 +67,6 @@ class Search:
         self._bare: dict[frozenset[str], Fit] = {}  # of sets, without their nuisance but for what the others own of it
         self._exact: dict[Fit, Fit] = {}
         self._beside = ""
-
-    def by_other(self, rules: Rules, causes: Iterable[Cause]) -> Search:
-        """A search by other rules and other properties of its causes, which shares the fits."""
-        other = copy.copy(self)
-        other.rules, other.causes = rules, {c.name: c for c in causes}
-        return other
 
     def run(self) -> tuple[str, ...]:
         """The names of the causes that pass the test."""

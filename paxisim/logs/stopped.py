@@ -5,33 +5,34 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from paxisim.recording import Recording
-
 LEAST_SECONDS = 1.0
 LEAST_FRAMES = 20
 SELDOM = 0.1  # share of the frames that repeat elsewhere, above which a stream is one that often stands still
 MOVES = 0.3  # of its usual standard deviation, that the other stream has meanwhile at least
 
 
-def stopped_in_words(recording: Recording) -> tuple[str, float]:
+def stopped_in_words(
+    time: NDArray[np.float64], measured: NDArray[np.floating], simulated: NDArray[np.floating]
+) -> tuple[str, float]:
     """Which stream stops changing, and when, while the other goes on changing; empty if none does.
 
     A simulation without contact stands still at 0, and a sensor that counts stands still where nothing changes; neither
     is a stream that has stopped.
 
     Args:
-        recording: With both streams.
+        time: ``(T,)`` seconds.
+        measured: ``(T, ...)``.
+        simulated: The same.
 
     Returns:
         It in words, and the share of the recording for which it stands still.
     """
-    assert recording.measured is not None
-    assert recording.simulated is not None
+    streams = {"measured": measured.reshape(len(time), -1), "simulated": simulated.reshape(len(time), -1)}
     for name, other in (("measured", "simulated"), ("simulated", "measured")):
-        values, others = (getattr(recording, key).reshape(len(recording), -1) for key in (name, other))
+        values, others = streams[name], streams[other]
         still = np.all(values[1:] == values[:-1], axis=1)
         first, last = _longest(still)
-        if last - first < LEAST_FRAMES or recording.time[last] - recording.time[first] < LEAST_SECONDS:
+        if last - first < LEAST_FRAMES or time[last] - time[first] < LEAST_SECONDS:
             continue
         if name == "simulated" and not values[first].any():
             continue
@@ -41,7 +42,7 @@ def stopped_in_words(recording: Recording) -> tuple[str, float]:
         busy = elsewhere & (moves > np.median(moves)) & values[1:].any(axis=1)
         usual = _spread(others)
         if busy.any() and still[busy].mean() < SELDOM and _spread(others[first : last + 1]) > MOVES * usual > 0:
-            begin, end = recording.time[first], recording.time[last]
+            begin, end = time[first], time[last]
             words = f"{name} does not change from {begin:.2f} to {end:.2f} s, while {other} does"
             return words, float((last - first) / len(values))
     return "", 0.0

@@ -7,10 +7,14 @@ import pytest
 
 from paxisim.diagnose.run import diagnose
 from paxisim.errors import InvalidValueError
-from paxisim.logs.stopped import stopped_in_words
+from paxisim.logs import stopped as module
 from paxisim.recording import Recording
 
 TIME = np.arange(0, 40, 0.02)
+
+
+def stopped_in_words(recording):
+    return module.stopped_in_words(recording.time, recording.measured, recording.simulated)
 
 
 def presses(noise=0.01, step=0.0, seed=0):
