@@ -46,7 +46,7 @@ def _shuffled(rng: np.random.Generator, base: Base) -> Recording:
     """Simulated episodes in another order, each from the beginning of the measured one; none stays in its place."""
     recording = base.recording
     numbers = np.unique(recording.episode)
-    order = np.roll(rng.permutation(len(numbers)), 0)
+    order = rng.permutation(len(numbers))
     while np.any(order == np.arange(len(numbers))):
         order = rng.permutation(len(numbers))
     simulated = np.asarray(recording.simulated, dtype=float).copy()

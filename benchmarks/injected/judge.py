@@ -21,6 +21,7 @@ from paxisim.recording import Recording
 
 PATIENCE = 600.0  # s of processor time, after which a diagnosis counts as failed
 HALF = 0.5  # of the injected change that the model must make, for its place to be right
+LAG = r"lags simulated by (-?[\d.]+) s"
 SHIFT = 0.15  # s, by which the shift of a clock may be off
 
 CLASSES: Mapping[str, tuple[str, ...]] = {
@@ -110,8 +111,7 @@ class Outcome:
         said = " ".join(self.said).lower()
         refused = self.verdict == "refused"
         if self.kind.startswith("shifted"):
-            found = re.search(r"lags simulated by (-?[\d.]+) s", said)
-            return found is not None and abs(float(found[1]) - self.shift) <= SHIFT and not self.named
+            return self.warned and not self.named
         if "newtons" in self.kind:
             return refused and "newtons" in said
         if "microtesla" in self.kind:
@@ -122,6 +122,15 @@ class Outcome:
             still = re.search(r"constant|frozen|froze|stuck|never change|stopped|does not change|no signal", said)
             return refused or self.verdict == "unrelated" or (bool(still) and self.causes <= {"dead_taxels"})
         return refused or self.verdict == "unrelated"
+
+    @property
+    def warned(self) -> bool:
+        """Whether the words are there, whatever is named beside them."""
+        said = " ".join(self.said).lower()
+        if self.kind.startswith("shifted"):
+            found = re.search(LAG, said)
+            return found is not None and abs(float(found[1]) - self.shift) <= SHIFT
+        return self.told or "in newtons" in said or "same motion" in said
 
     @property
     def right(self) -> bool:

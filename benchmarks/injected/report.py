@@ -27,6 +27,7 @@ def show(outcomes: Sequence[Outcome], *, kinds: bool, misses: bool) -> None:
     _row("nulls with a name", "0 %", empty, lambda o: bool(o.named) or o.verdict in ("crashed", "refused"))
     _row("explained, by a name of another kind (all of these)", "0 %", effects + empty, lambda o: o.false_and_explained)
     _row("streams that do not correspond: told", "100 %", broken, lambda o: o.told)
+    _row("    the words are there, whatever is named beside them", "", broken, lambda o: o.warned)
     _row("crashed or not done in time (all)", "0 %", outcomes, lambda o: o.verdict == "crashed")
     seconds = [o.seconds for o in outcomes]
     if seconds:
