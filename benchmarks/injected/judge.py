@@ -1,4 +1,4 @@
-"""Judge: what counts as right, written down before the engine was run on any case."""
+"""Judge: what counts as right, written down before the engine was run on any effect (`Outcome.warned` after seed 1)."""
 
 from __future__ import annotations
 
@@ -130,7 +130,8 @@ class Outcome:
         if self.kind.startswith("shifted"):
             found = re.search(LAG, said)
             return found is not None and abs(float(found[1]) - self.shift) <= SHIFT
-        return self.told or "in newtons" in said or "same motion" in said
+        words = "newtons" if "newtons" in self.kind or "microtesla" in self.kind else "same motion"
+        return self.told or words in said
 
     @property
     def right(self) -> bool:
