@@ -1,0 +1,205 @@
+"""Cases: real signals with one effect each, real signals as they are (nulls), and streams that do not correspond.
+
+A case is a drawn run of presses of both recordings. The presses of eFlesh have one speed, at which memory, filters and
+delays cannot be told apart. So their **clocks run faster**, each press by a drawn factor of `SPEEDS`, and frames are
+left out until all have the same rate. Values are not touched, and both streams are treated alike: what was slow in
+the sensor stays the same on both sides, and only what is injected, in seconds of the new clock, tells the speeds
+apart. One null in four keeps its own clock.
+
+The effect acts on the real signal, so the sensor's noise passes through it: a filter smooths it, a limit cuts it off.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from injected import curves, memory, places
+from injected.effect import Effect, Floats, Scene
+from injected.real import Real, load_both, regressions, simulate
+from paxisim.recording import Recording
+
+SPEEDS = {3: 2, 6: 4, 12: 8}
+"""How many times faster a clock runs, and of how many frames one is kept then."""
+SLOW = {1: 3}
+FEWEST = 8  # presses of a case
+
+EFFECTS: dict[str, Callable[[np.random.Generator, Scene], Effect]] = {
+    "axis_gain": curves.axis_gain,
+    "taxel_gain": curves.taxel_gain,
+    "offset": places.offset,
+    "drift": places.drift,
+    "creep": memory.creep,
+    "hysteresis": memory.hysteresis,
+    "saturation": curves.saturation,
+    "stiffening": curves.stiffening,
+    "dead_band": curves.dead_band,
+    "quantisation": curves.quantisation,
+    "latency": memory.latency,
+    "low_pass": memory.low_pass,
+    "crosstalk": places.crosstalk,
+    "dead_taxel": places.dead_taxel,
+    "dies_halfway": places.dies_halfway,
+    "swapped_taxels": places.swapped_taxels,
+    "reversed_columns": places.reversed_columns,
+    "axis_sign": places.axis_sign,
+    "axis_coupling": places.axis_coupling,
+    "rotation": places.rotation,
+    "interference": places.interference,
+}
+"""By kind, how an effect is drawn."""
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A recording to be diagnosed, with what is known of it.
+
+    Attributes:
+        name: Such as ``injected:3``.
+        group: ``injected``, ``null`` or ``broken``.
+        kind: Of the effect, of the null or of the broken stream.
+        words: What was drawn.
+        recording: As a user has it.
+        ideal: ``(T, 1, 3, 1, 5)`` newtons, what the effect makes of the simulation; None for broken streams.
+        signal: Energy of what the effect changes, over that of what the regression leaves of the real signal.
+        shift: Seconds by which the measured clock is late, for streams that are shifted.
+    """
+
+    name: str
+    group: str
+    kind: str
+    words: str
+    recording: Recording
+    ideal: Floats | None = None
+    signal: float = 0.0
+    shift: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Base:
+    """A run of presses: the real signal and its regression.
+
+    Attributes:
+        recording: Measured and simulated, with the robot's pose and, if it was drawn, a joint's angle.
+        scene: Of the same.
+        words: Which presses, regression and clock.
+    """
+
+    recording: Recording
+    scene: Scene
+    words: str
+
+
+class Source:
+    """Both recordings and their regressions, each made once."""
+
+    def __init__(self, folder: Path):
+        """Read `folder`, see `load_both`."""
+        self.both = load_both(folder)
+        self._simulated: dict[tuple[int, str], Floats] = {}
+
+    def simulated(self, which: int, name: str) -> Floats:
+        """``(T, 3, 5)`` newtons of a recording's regression."""
+        if (which, name) not in self._simulated:
+            self._simulated[which, name] = simulate(self.both[which], name)
+        return self._simulated[which, name]
+
+    def base(self, rng: np.random.Generator, *, own_clock: bool = False, joint: bool | None = None) -> Base:
+        """Draw presses, a regression, clocks and perhaps a joint that moves.
+
+        Args:
+            rng: Source of randomness.
+            own_clock: Whether the clocks stay as they were.
+            joint: Whether there is a joint's angle; default: in every other case.
+        """
+        name = regressions()[int(rng.integers(len(regressions())))]
+        pool = [(which, press) for which, real in enumerate(self.both) for press in _used(real)]
+        count = int(rng.integers(FEWEST, len(pool) + 1))
+        taken = [pool[i] for i in np.sort(rng.choice(len(pool), count, replace=False))]
+        kinds = list((SLOW if own_clock else SPEEDS).items())
+        pace = [kinds[i] for i in rng.permutation(np.resize(np.arange(len(kinds)), count))]
+        joint = bool(rng.random() < 0.5) if joint is None else joint
+        parts: dict[str, list[np.ndarray]] = {key: [] for key in ("time", "force", "simulated", "episode")}
+        poses: dict[str, list[np.ndarray]] = {key: [] for key in self.both[0].covariates}
+        end = 0.0
+        for number, ((which, press), (speed, keep)) in enumerate(zip(taken, pace, strict=True)):
+            real = self.both[which]
+            frames = np.flatnonzero(real.press == press)
+            frames = frames[int(rng.integers(keep)) :: keep]
+            time = (real.time[frames] - real.time[frames[0]]) / speed
+            parts["time"].append(end + time)
+            end += float(time[-1] + np.median(np.diff(time)))
+            parts["force"].append(real.force[frames])
+            parts["simulated"].append(self.simulated(which, name)[frames])
+            parts["episode"].append(np.full(len(frames), number))
+            for key, values in real.covariates.items():
+                poses[key].append(values[frames])
+        time, force, simulated, episode = (np.concatenate(part) for part in parts.values())
+        angle = _joint(rng, time)
+        covariates = {key: np.concatenate(values) for key, values in poses.items()}
+        peaks = np.quantile(np.abs(simulated), 0.995, axis=0)
+        noise = np.mean([real.noise for real in self.both], axis=0)
+        recording = Recording(
+            time, tensor(force), tensor(simulated), covariates | ({"joint_angle": angle} if joint else {}), episode
+        )
+        numbers = " ".join(f"{which + 1}.{press}" for which, press in taken)
+        clock = "own clock" if own_clock else "clocks times " + " ".join(str(speed) for speed, _ in pace)
+        return Base(
+            recording, Scene(time, force, peaks, noise, angle), f"presses {numbers}, {clock}, regression {name}"
+        )
+
+
+def _used(real: Real) -> range:
+    return range(real.used.start, real.used.stop)
+
+
+def _joint(rng: np.random.Generator, time: Floats) -> Floats:
+    """``(T,)`` rad, a joint that moves to and fro by itself."""
+    periods, phases = rng.uniform(4.0, 25.0, 3), rng.uniform(0, 2 * np.pi, 3)
+    return 0.6 * np.sin(2 * np.pi * time[:, None] / periods + phases).sum(axis=1) / np.sqrt(1.5)
+
+
+def tensor(force: Floats) -> np.ndarray:
+    """``(T, 1, 3, 1, 5)`` float32 of ``(T, 3, 5)``."""
+    return force[:, None, :, None, :].astype(np.float32)
+
+
+def inject(base: Base, effect: Effect, name: str, kind: str) -> Case:
+    """The case of an effect on a base; a null if the effect changes nothing."""
+    force, simulated = base.scene.force, np.asarray(base.recording.simulated, dtype=float)[:, 0, :, 0]
+    changed = effect.apply(force)
+    left = float(np.sum((force - simulated) ** 2))
+    return Case(
+        name,
+        "injected",
+        kind,
+        f"{effect.words}; {base.words}",
+        replace(base.recording, measured=tensor(changed)),
+        effect.apply(simulated)[:, None, :, None],
+        float(np.sum((changed - force) ** 2)) / left,
+    )
+
+
+def injected(source: Source, seed: int, count: int, kinds: Sequence[str] = tuple(EFFECTS)) -> list[Case]:
+    """Cases that go through the kinds in turn; case number n is the same for any count."""
+    out = []
+    for number in range(count):
+        kind = kinds[number % len(kinds)]
+        rng = np.random.default_rng([seed, 1, number])
+        base = source.base(rng, joint=True if kind == "interference" else None)
+        out.append(inject(base, EFFECTS[kind](rng, base.scene), f"injected:{number}", kind))
+    return out
+
+
+def nulls(source: Source, seed: int, count: int) -> list[Case]:
+    """The real signal against its own regression, nothing injected."""
+    out = []
+    for number in range(count):
+        base = source.base(np.random.default_rng([seed, 2, number]), own_clock=number % 4 == 3)
+        ideal = np.asarray(base.recording.simulated, dtype=float)
+        kind = "own clock" if number % 4 == 3 else "faster clocks"
+        out.append(Case(f"null:{number}", "null", kind, base.words, base.recording, ideal))
+    return out

@@ -1,0 +1,71 @@
+"""Real recordings with known truth, where the data is; see benchmarks/injections.py for the rates."""
+
+import os
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import paxisim
+from paxisim.errors import InvalidValueError
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
+from injected.broken import broken
+from injected.cases import EFFECTS, Source, injected, nulls
+from injected.real import leaves, regressions
+
+FOLDER = Path(os.environ.get("PAXISIM_EFLESH") or Path(paxisim.__file__).parents[2] / "shared" / "data" / "eflesh")
+SEED = 1  # of practice: the seed that judges is 2
+
+pytestmark = pytest.mark.skipif(not (FOLDER / "press_1.sensor.csv").exists(), reason="needs the presses of eFlesh")
+
+
+@pytest.fixture(scope="module")
+def source():
+    return Source(FOLDER)
+
+
+@pytest.fixture(scope="module")
+def streams(source):
+    return {case.kind: case.recording for case in broken(source, SEED)}
+
+
+@pytest.mark.parametrize("name", regressions())
+def test_a_regression_leaves_little_more_than_the_noise_of_presses_it_has_not_seen(source, name):
+    for number, real in enumerate(source.both):
+        left = leaves(real, source.simulated(number, name))
+        assert 1 < left.mean() < 1.8
+        assert left.max() < 3
+
+
+def test_every_effect_stands_above_what_is_left(source):
+    for case in injected(source, SEED, len(EFFECTS)):
+        assert case.signal > 5, case.words
+        assert np.isfinite(case.recording.measured).all()
+        assert case.ideal.shape == case.recording.simulated.shape
+
+
+def test_noise_in_both_streams_is_unrelated(streams):
+    found = paxisim.diagnose(streams["white noise in both"])
+    assert found.verdict == "unrelated"
+    assert not found.causes
+
+
+def test_another_unit_is_refused(streams):
+    with pytest.raises(InvalidValueError, match="both must be in newtons"):
+        paxisim.diagnose(streams["measured in millinewtons"])
+    with pytest.raises(InvalidValueError, match="paxisim calibrate"):
+        paxisim.diagnose(streams["microtesla"])
+
+
+def test_a_frozen_stream_is_refused(streams):
+    for stream in ("measured", "simulated"):
+        with pytest.raises(InvalidValueError, match=f"{stream} is constant"):
+            paxisim.diagnose(streams[f"{stream} frozen"])
+
+
+def test_a_real_signal_against_its_own_regression_has_no_cause(source):
+    found = paxisim.diagnose(nulls(source, SEED, 9)[8].recording)
+    assert found.verdict == "no_discrepancy"
+    assert not found.causes
