@@ -164,7 +164,8 @@ def affected_gains_of(squares: SquaredErrors, seed: int) -> dict[str, Interval]:
     """What each cause takes away of the error of the episodes that it affects: one that few show is no less certain."""
     gains = {name: without - squares.after for name, without in squares.without.items()}
     shown = {name: showing(gain) for name, gain in gains.items()}
-    return {name: share_of(gain[shown[name]], squares.before[shown[name]], seed) for name, gain in gains.items()}
+    shown = {name: own for name, own in shown.items() if own.any()}
+    return {name: share_of(gains[name][own], squares.before[own], seed) for name, own in shown.items()}
 
 
 def figures(squares: SquaredErrors, seed: int, ceiling: FloatArray | None, note: str) -> HeldOut:

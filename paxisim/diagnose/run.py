@@ -176,7 +176,7 @@ def explained(off: ReadOff, search: Search, seed: int, jobs: int, tell: Callable
     dropped: dict[str, Interval] = {}
     while True:
         shares = affected_gains_of(squares, seed)
-        shares = {named.name: shares[named.name] for named in found.fitted}
+        shares = {named.name: shares.get(named.name, Interval(0.0)) for named in found.fitted}
         doubtful = {n: s for n, s in shares.items() if (s.value if s.low is None else s.low) <= 0}
         if not doubtful:
             return Explained(found, squares, structure, dropped)
