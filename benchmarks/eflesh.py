@@ -40,7 +40,7 @@ def main() -> None:
     readout = paxisim.calibrate_readout(first, "load")
     fitted, held = readout.apply(first), readout.apply(second)
     cut = prepare(fitted)[0]
-    start = len(cut) - len(settled(cut)[0])  # samples before
+    start = len(cut) - len(settled(cut, np.ones(cut.measured.shape[1:], dtype=bool))[0])  # samples before
 
     measured = second.measured.astype(np.float64)
     scale = np.sum(measured**2)

@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 from paxisim.augment.transform import Transform
 from paxisim.diagnose.between import curve_through
 
-PADDED = 3.0  # times the frames of a recording, that may be run for its pieces to be equally long
-
 
 class Pieces:
     """Pieces of a recording, padded to groups of one length each.
@@ -36,7 +34,10 @@ class Pieces:
         times = [time[span] if curve is None else curve.time for span, curve in zip(spans, self._curves, strict=True)]
         self._spans = spans
         self._groups: list[tuple[list[int], NDArray[np.float64]]] = []
-        for members in _alike([len(own) for own in times]):
+        alike: dict[int, list[int]] = {}  # to a factor of 2 in length
+        for number, own in enumerate(times):
+            alike.setdefault(len(own).bit_length(), []).append(number)
+        for members in alike.values():
             length = max(len(times[number]) for number in members)
             self._groups.append((members, np.stack([_longer(times[number], length) for number in members], axis=1)))
 
@@ -59,19 +60,6 @@ class Pieces:
             for place, (span, curve) in enumerate(zip(spans, curves, strict=True)):
                 out[span] = made[: span.stop - span.start, place] if curve is None else made[curve.own, place]
         return out
-
-
-def _alike(lengths: Sequence[int]) -> list[list[int]]:
-    """Numbers of pieces in groups that can be padded to the longest of each without many more frames."""
-    groups: list[list[int]] = []
-    for number in sorted(range(len(lengths)), key=lambda n: -lengths[n]):
-        if groups and (len(groups[-1]) + 1) * lengths[groups[-1][0]] <= PADDED * sum(
-            lengths[n] for n in (*groups[-1], number)
-        ):
-            groups[-1].append(number)
-        else:
-            groups.append([number])
-    return groups
 
 
 def _longer(time: NDArray[np.float64], length: int) -> NDArray[np.float64]:

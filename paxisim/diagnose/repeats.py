@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from paxisim.diagnose.diagnosis import LeftOver
 from paxisim.diagnose.problem import FloatArray, Problem
@@ -20,9 +21,9 @@ _PHASES = 100
 _LOADED = 0.02  # of the peak
 
 
-def settled(recording: Recording) -> tuple[Recording, tuple[LeftOver, ...], tuple[str, ...]]:
+def settled(recording: Recording, alive: NDArray[np.bool_]) -> tuple[Recording, tuple[LeftOver, ...], tuple[str, ...]]:
     """The recording without its initial unsettled episodes, the structure found in them, and a warning."""
-    count, off = settling(recording)
+    count, off = settling(recording, alive)
     if not count:
         return recording, (), ()
     first = "the first episode" if count == 1 else f"the first {count} episodes"
@@ -41,7 +42,7 @@ def _loaded(recording: Recording) -> list[slice]:
     return [span for span in episode_spans(recording.episode) if load[span].max() > _HAS_LOAD * load.max()]
 
 
-def settling(recording: Recording) -> tuple[int, float]:
+def settling(recording: Recording, alive: NDArray[np.bool_]) -> tuple[int, float]:
     """How many initial episodes read differently from the later ones of the same motion.
 
     A fresh or rested gel is stiffer in its first presses (Mullins effect). This can be detected only if the whole
@@ -49,6 +50,7 @@ def settling(recording: Recording) -> tuple[int, float]:
 
     Args:
         recording: With both streams; episodes without load are ignored.
+        alive: ``(pads, 3, rows, cols)`` the channels to look at.
 
     Returns:
         Their number, at most half of the episodes; and the distance of the first episode, relative to the largest
@@ -57,7 +59,7 @@ def settling(recording: Recording) -> tuple[int, float]:
     assert recording.measured is not None
     assert recording.simulated is not None
     load = np.abs(recording.simulated).max(axis=(1, 2, 3, 4)).astype(np.float64)
-    error = (recording.measured - recording.simulated).reshape(len(load), -1).astype(np.float64)
+    error = ((recording.measured - recording.simulated) * alive).reshape(len(load), -1).astype(np.float64)
     spans = _loaded(recording)
     if len(spans) < LEAST:
         return 0, 0.0

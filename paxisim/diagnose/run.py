@@ -84,12 +84,15 @@ def diagnose(
         return unrelated(recording, warnings, match)
     if match.clocks_apart:
         recording, warnings = aligned(recording, match.shift), (*warnings, CLOCKS.format(match.shift))
-    recording, unsettled, note = settled(recording)
 
     tell("reading layout, rounding and dead taxels", 0.02)
     raw = problem_of(recording)
     wanted, not_searched = wanted_of(raw, causes, hidden_by_replay(recording))
     off = read_off(raw, wanted)
+    recording, unsettled, note = settled(recording, off.problem.alive)
+    if unsettled:
+        raw = problem_of(recording)
+        off = read_off(raw, wanted)
 
     search = search_of(off, wanted, Rules(), jobs, tell)
     it = explained(off, search, seed, jobs, tell)

@@ -17,6 +17,7 @@ from paxisim.diagnose.problem import problem_of
 from paxisim.diagnose.repeats import one_speed, settling
 
 CAUSES = ("channel_curve", "latency", "hysteresis", "rotation", "stiffening", "offset")
+ALL = np.ones(1, dtype=bool)  # channels
 
 
 def ready(recording):
@@ -55,8 +56,8 @@ def test_one_speed_cannot_tell_creep_from_hysteresis():
 
 
 def test_a_sensor_that_settles_is_told_and_its_first_presses_left_out():
-    assert settling(ready(press()))[0] == 0
-    fresh, off = settling(ready(press(fresh=0.1)))
+    assert settling(ready(press()), ALL)[0] == 0
+    fresh, off = settling(ready(press(fresh=0.1)), ALL)
     assert 1 <= fresh <= 4
     assert off > 4
     found = diagnosed(paxisim.calibrate_readout(press(fresh=0.1), "load").apply(press(fresh=0.1)), CAUSES)
@@ -66,9 +67,9 @@ def test_a_sensor_that_settles_is_told_and_its_first_presses_left_out():
 
 
 def test_different_motions_say_nothing_of_settling():
-    assert settling(ready(press(fresh=0.1, periods=(6.0, 20.0, 11.0))))[0] >= 1  # by phase they are one motion
+    assert settling(ready(press(fresh=0.1, periods=(6.0, 20.0, 11.0))), ALL)[0] >= 1  # by phase they are one motion
     uneven = press(fresh=0.1)
     half = np.arange(len(uneven)) > len(uneven) // 2
     uneven.measured[half] *= 0.5
     uneven.covariates["load"][half] *= 0.5
-    assert settling(ready(uneven)) == (0, 0.0)
+    assert settling(ready(uneven), ALL) == (0, 0.0)
