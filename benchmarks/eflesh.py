@@ -33,8 +33,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--reverse", action="store_true", help="fit to press_2 and judge on press_1")
     arguments = parser.parse_args()
-    first, second = (paxisim.Recording.load(arguments.folder / f"press_{n}.sensor.csv") for n in (1, 2))
+    numbers = (2, 1) if arguments.reverse else (1, 2)
+    first, second = (paxisim.Recording.load(arguments.folder / f"press_{n}.sensor.csv") for n in numbers)
     known = np.isfinite(second.covariates["load"])
     first, second = first[np.isfinite(first.covariates["load"])], second[known]
     readout = paxisim.calibrate_readout(first, "load")
@@ -74,7 +76,9 @@ def main() -> None:
     )
     seconds = time.perf_counter() - begin
     last = row("extended model", readout.to_channels(found.model.run(held.simulated.astype(float), held.time)))
-    print(f"\n{found}\n\nThe parts of the gain, in the order of the causes; each set is fitted anew to press_1")
+    print(
+        f"\n{found}\n\nThe parts of the gain, in the order of the causes; each set is fitted anew to press_{numbers[0]}"
+    )
     before = row("linear readout", readout.to_channels(held.simulated))
     before = row("+ settled cycles only", apart(lambda x, y, z: np.polyval(np.polyfit(x, y, 1), z), start), before)
     names = [cause.name for cause in found.causes]
