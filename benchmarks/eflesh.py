@@ -5,7 +5,8 @@ the load cell and everything else is fitted to the first; the second is what all
 
     NRMSE = sqrt(sum (measured - predicted)^2 / sum measured^2)    over all samples and channels of press_2
 
-The last columns take the linear readout's error as 1.
+The last columns take the linear readout's error as 1, and give the error without the judged recording's first cycles, in
+which the sensor had not settled. ``--reverse`` fits to the second recording and judges on the first.
 """
 
 from __future__ import annotations
@@ -41,8 +42,7 @@ def main() -> None:
     first, second = first[np.isfinite(first.covariates["load"])], second[known]
     readout = paxisim.calibrate_readout(first, "load")
     fitted, held = readout.apply(first), readout.apply(second)
-    cut = prepare(fitted)[0]
-    start = len(cut) - len(settled(cut, np.ones(cut.measured.shape[1:], dtype=bool))[0])  # samples before
+    start, settles = unsettled(fitted), unsettled(held)
 
     measured = second.measured.astype(np.float64)
     scale = np.sum(measured**2)
@@ -50,11 +50,15 @@ def main() -> None:
     def nrmse(predicted: np.ndarray) -> float:
         return float(np.sqrt(np.sum((measured - predicted) ** 2) / scale))
 
+    def settled_only(predicted: np.ndarray) -> str:
+        left = np.sum((measured - predicted)[settles:] ** 2) / np.sum(measured[settles:] ** 2)
+        return f"{np.sqrt(left):.4f} on settled cycles"
+
     linear = nrmse(readout.to_channels(held.simulated))
 
     def row(name: str, predicted: np.ndarray, before: float | None = None) -> float:
         value = nrmse(predicted)
-        step = "" if before is None else f"{before**2 - value**2:9.5f} of the squares"
+        step = settled_only(predicted) if before is None else f"{before**2 - value**2:9.5f} of the squares"
         print(f"{name:<46} {value:8.4f} {value / linear:7.3f} {step}", flush=True)
         return value
 
@@ -89,6 +93,12 @@ def main() -> None:
     if names:
         print(f"{'+ ' + names[-1]:<46} {last:8.4f} {last / linear:7.3f} {before**2 - last**2:9.5f} of the squares")
     print(f"\ndiagnosed in {seconds:.0f} s")
+
+
+def unsettled(recording: paxisim.Recording) -> int:
+    """How many samples of a recording come before the sensor has settled."""
+    cut = prepare(recording)[0]
+    return len(cut) - len(settled(cut, np.ones(cut.measured.shape[1:], dtype=bool))[0])
 
 
 def _boost(load: np.ndarray, channel: np.ndarray, later: np.ndarray, seed: int) -> np.ndarray:
