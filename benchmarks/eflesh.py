@@ -5,8 +5,8 @@ the load cell and everything else is fitted to the first; the second is what all
 
     NRMSE = sqrt(sum (measured - predicted)^2 / sum measured^2)    over all samples and channels of press_2
 
-The last columns take the linear readout's error as 1, and give the error without the judged recording's first cycles, in
-which the sensor had not settled. ``--reverse`` fits to the second recording and judges on the first.
+The last columns take the linear readout's error as 1, and give the error without the first cycles of the judged
+recording, in which the sensor had not settled. ``--reverse`` fits to the second recording and judges on the first.
 """
 
 from __future__ import annotations
