@@ -55,8 +55,8 @@ def protocol(
     if taxels != Taxels():
         if name != "press":
             raise InvalidValueError(f"protocol {name} is the same for every pad: only press takes --sensor or a grid")
-        layout = taxels.layout()
-        options["pad"] = (layout.cols * layout.pitch[1], layout.rows * layout.pitch[0])
+        height, width = taxels.layout().size
+        options["pad"] = (width, height)
     made = ready_made(name, **options)
     made.save(output)
     print(f"{output}: {made.about}")

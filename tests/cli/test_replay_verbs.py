@@ -159,6 +159,17 @@ def protocol(tmp_path, capsys):
     return path
 
 
+@pytest.mark.parametrize("name", ["paxini-gen1-l4629", "paxini-gen3-dp-s2015"])
+def test_a_protocol_presses_on_the_pad(name, tmp_path):
+    path = tmp_path / "press.json"
+    assert main(["protocol", "press", "-o", str(path), "--sensor", name]) == 0
+    made, (height, width) = paxisim.Protocol.load(path), paxisim.sensor(name).layout.size
+    places = np.abs(made.waypoints[:, 1:3]).max(axis=0)
+    assert made.streams[:2] == ("x", "y")
+    assert np.all(places > 0.2 * np.array([width, height]))
+    assert np.all(places < 0.55 * np.array([width, height]))
+
+
 def test_a_protocol_is_rehearsed_in_a_ready_made_scene(made, protocol, capsys):
     folder, _ = made
     out = protocol.with_suffix(".npz")
