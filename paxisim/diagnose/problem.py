@@ -270,6 +270,10 @@ class Problem:
         """What the sensor reads of `force` on average, see `Counting`."""
         return self.counting.read(force)
 
+    def select(self, episodes: Sequence[int]) -> Problem:
+        """The problem of these episodes alone, in the order given."""
+        return self._at([np.arange(len(self.time))[self.episodes[number]] for number in episodes])
+
     def _at(self, frames: Sequence[NDArray[np.intp]]) -> Problem:
         """The problem of some frames of each episode."""
         frames = [own for own in frames if len(own)]
