@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib
 import resource
-import signal
 import time
 import traceback
 
@@ -13,11 +12,11 @@ from hidden.practice.cases import Case, again, joined
 from hidden.practice.compare import LITTLE, compare, headroom_share
 
 import paxisim
+from hidden_table.patience import patience
 from hidden_table.tasks import STRONG, Answer, Outcome, Task
 from paxisim.diagnose.diagnosis import Diagnosis
 from paxisim.recording import Recording
 
-PATIENCE = 600.0  # s of processor time
 SLOW = 20.0  # Hz, of poor motions: what is advised takes minutes
 TRIES = 20  # to find a case in which poor motions show the effect at all
 
@@ -83,19 +82,11 @@ def diagnosed(case: Case) -> tuple[Diagnosis, float]:
     """The diagnosis, and the seconds it took.
 
     Raises:
-        TimeoutError: It takes more than `PATIENCE`: a search that does not end must not hold up the other cases.
+        TimeoutError: It takes longer than `patience` has.
     """
-
-    def give_up(number: int, frame: object) -> None:
-        raise TimeoutError(f"no answer after {PATIENCE:.0f} s of processor time")
-
-    signal.signal(signal.SIGVTALRM, give_up)
-    signal.setitimer(signal.ITIMER_VIRTUAL, PATIENCE)
     begin = time.perf_counter()
-    try:
+    with patience():
         diagnosis = paxisim.diagnose(recording(case))
-    finally:
-        signal.setitimer(signal.ITIMER_VIRTUAL, 0)
     return diagnosis, time.perf_counter() - begin
 
 

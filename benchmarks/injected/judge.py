@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 import resource
-import signal
 import time
 import traceback
 from collections.abc import Mapping
@@ -13,13 +12,13 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
+from hidden_table.patience import patience
 
 import paxisim
 from injected.cases import Case
 from paxisim.errors import InvalidValueError
 from paxisim.recording import Recording
 
-PATIENCE = 600.0  # s of processor time, after which a diagnosis counts as failed
 HALF = 0.5  # of the injected change that the model must make, for its place to be right
 LAG = r"lags simulated by (-?[\d.]+) s"
 SHIFT = 0.15  # s, by which the shift of a clock may be off
@@ -159,21 +158,14 @@ def solve(path: Path) -> Outcome:
     """Diagnose a case that `write` wrote; a crash is an outcome, too."""
     about = json.loads(path.read_text())
     recording = Recording.load(path.with_suffix(".npz"))
-
-    def give_up(number: int, frame: object) -> None:
-        raise TimeoutError(f"no answer after {PATIENCE:.0f} s of processor time")
-
-    signal.signal(signal.SIGVTALRM, give_up)
-    signal.setitimer(signal.ITIMER_VIRTUAL, PATIENCE)
     begin = time.perf_counter()
     try:
-        found = paxisim.diagnose(recording)
+        with patience():
+            found = paxisim.diagnose(recording)
     except InvalidValueError as error:
         return _without(about, "refused", f"{error}", time.perf_counter() - begin)
     except Exception:
         return _without(about, "crashed", traceback.format_exc(limit=-3), time.perf_counter() - begin)
-    finally:
-        signal.setitimer(signal.ITIMER_VIRTUAL, 0)
     return Outcome(
         **about,
         verdict=found.verdict,
