@@ -123,13 +123,14 @@ def named(rows: Sequence[Change], task: Task) -> list[tuple[str, ...]]:
         searches: dict[tuple[float, ...], Search] = {}
         answers = []
         for row in rows:
-            search = search_of(off, wanted, row.rules, 1, silently)
+            folds = tuple(getattr(row.rules, name) for name in OF_FOLDS)
+            if folds not in searches:
+                searches[folds] = search_of(off, wanted, row.rules, 1, silently)
+            search = copy.copy(searches[folds])  # with the fits that the rows before have made
             causes = [
                 replace(item, **{name: factor * getattr(item, name) for name, factor in row.factors})
-                for item in search.causes.values()
+                for item in searches[folds].causes.values()
             ]
-            first = searches.setdefault(tuple(getattr(row.rules, name) for name in OF_FOLDS), search)
-            search = copy.copy(first)  # with the fits that the rows before have made
             search.rules, search.causes = row.rules, {item.name: item for item in causes}
             found = explained(off, search, 0, 1, silently).found
             answers.append(tuple(item.name for item in found.named))
