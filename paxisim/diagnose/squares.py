@@ -1,6 +1,6 @@
 """Squares: the sum of squares of a model as a function of its causes' numbers, and how it is brought to its least.
 
-Damped Gauss-Newton steps with the real transforms. `scipy.optimize.least_squares` takes 1.4 to 5 times as long here: it
+Damped Gauss-Newton steps with the real transforms. `scipy.optimize.least_squares` takes up to 4 times as long here: it
 cannot use that a change of one cause runs only what follows it, and it decomposes Jacobians of 100,000 rows where the
 normal equations of some ten numbers are enough (`benchmarks/fit_speed.py`).
 """
