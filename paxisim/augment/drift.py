@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
+from paxisim.augment.clocked import Clocked
 from paxisim.augment.parameter import namespace, parameter
-from paxisim.augment.transform import Covariates, Memory, State
+from paxisim.augment.transform import Covariates
 
 
 @dataclass(frozen=True, eq=False)
-class Drift(Memory):
+class Drift(Clocked):
     """A zero that moves with time: ``y = x + rate t + amplitude (1 - exp(-t / tau))``, t from when it was zeroed.
 
     The first part stands for what is slow against a recording; the second is the warm-up of electronics, after power-on
@@ -45,18 +46,16 @@ class Drift(Memory):
     tau: Any = parameter(300.0, unit="s", low=0.0, typical=(60.0, 1800.0))
     start: Any = parameter(0.0, unit="s", low=0.0, typical=(0.0, 600.0))
 
-    def initial_state(self, x: Any, covariates: Covariates | None = None) -> State:
-        """The time since the first frame (s), ``(*batch, 1, 1, 1, 1)``, float64."""
+    def at(self, x: Any, time: Any, covariates: Covariates) -> Any:
+        """See `Clocked.at`."""
         xp = namespace(x)
-        return (xp.zeros_like(x[..., :1, :1, :1, :1], dtype=xp.float64),)
-
-    def advance(self, x: Any, state: State, dt: Any, covariates: Covariates) -> tuple[Any, State]:
-        """See `Memory.advance`."""
-        xp = namespace(x)
-        elapsed = state[0] + xp.astype(dt, xp.float64)
-        t = self.fit("start", x) + xp.astype(elapsed, x.dtype)
+        t = self.fit("start", x) + time
         tau = self.fit("tau", x)
         takes_time = tau > 1e-30 * t  # else it would divide by zero, or by next to nothing
         warm = -xp.expm1(-t / xp.where(takes_time, tau, xp.ones_like(t)))
         warm = xp.where(takes_time, warm, xp.ones_like(t))
-        return x + self.fit("rate", x) * t + self.fit("amplitude", x) * warm, (elapsed,)
+        return x + self.fit("rate", x) * t + self.fit("amplitude", x) * warm
+
+    def later(self, seconds: float) -> Drift:
+        """See `Clocked.later`."""
+        return replace(self, start=self.start + seconds)

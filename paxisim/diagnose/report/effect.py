@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.augment.chain import Chain
-from paxisim.augment.drift import Drift
-from paxisim.augment.failing_taxels import FailingTaxels
+from paxisim.augment.clocked import Clocked
 from paxisim.augment.transform import Transform
 from paxisim.diagnose.cause import Cause
 from paxisim.diagnose.diagnosis import FoundCause
@@ -119,12 +118,10 @@ def _unwrapped(member: Transform) -> Transform:
 
 
 def _continued(member: Transform, elapsed: float) -> Transform:
-    """A member as it stands after `elapsed` seconds; only a drift and a failure depend on that."""
+    """A member as it stands after `elapsed` seconds."""
     if isinstance(member, Chain):
         return Chain([_continued(m, elapsed) for m in member], member.names)
-    if isinstance(member, FailingTaxels):
-        return replace(member, since=np.asarray(member.since) - elapsed)
-    return replace(member, start=member.start + elapsed) if isinstance(member, Drift) else member
+    return member.later(elapsed) if isinstance(member, Clocked) else member
 
 
 def _without(chain: Chain, name: str) -> Chain:
