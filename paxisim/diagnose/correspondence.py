@@ -21,10 +21,8 @@ LONGEST = 15.0  # s, by which clocks may be apart
 OVERLAP = 0.5  # share of a stretch that both streams must still have in common
 SENSOR = 0.5  # s, within which a delay may be the sensor's own
 ALIKE = 0.25  # correlation of the activities, below which streams are not of one motion
-DOUBTFUL = (
-    0.5  # the same of clocks that are apart, and of forces that have less than `FORCES` of their variance in common
-)
-FORCES = 0.25
+DOUBTFUL = 0.5  # the same, below which they are not if clocks are apart, or forces less alike than `FORCES`
+FORCES = 0.25  # share of the forces' variance that both have in common
 HALVED = 0.5  # of what is not correlated, that a shift of the clocks must leave at most
 USUAL = 0.97  # quantile of the activity, to which what is above it is cut: a few wild frames say nothing
 CHANGE = 0.2  # s, over which changes are taken, and means before
@@ -102,7 +100,6 @@ def aligned(recording: Recording, shift: float) -> Recording:
 
     The shift is refined so that the forces of all channels are most alike.
     """
-    assert recording.simulated is not None
     near = (shift - CHANGE, shift + CHANGE)
     best = minimize_scalar(lambda by: -_alike(_shifted(recording, by)), bounds=near, method="bounded")
     return _shifted(recording, float(best.x))

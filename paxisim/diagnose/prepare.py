@@ -165,8 +165,9 @@ def _check_signals(recording: Recording, warnings: list[str]) -> None:
     product, own, other = float(np.sum(x * y)), float(np.sum(x * x)), float(np.sum(y * y))
     alike = product / max(np.sqrt(own * other), 1e-300)
     scale, slope = np.sqrt(other / own), abs(product) / own
-    ratio = slope if abs(alike) > 0.5 else scale
-    if not (1 / _SCALE <= slope <= _SCALE or abs(alike) <= 0.5) or scale > _UNIT:
+    follows = abs(alike) > 0.5
+    if (follows and not 1 / _SCALE <= slope <= _SCALE) or scale > _UNIT:
+        ratio = slope if follows else scale
         raise InvalidValueError(
             f"measured is {ratio:.3g} times simulated: both must be in newtons. Convert millinewtons or counts by "
             "their factor, for example 0.1 N per count. If the channels are no forces but, say, microtesla, record a "

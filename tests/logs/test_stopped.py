@@ -66,7 +66,6 @@ def test_a_simulation_without_contact_is_no_stop():
 def test_a_load_that_is_held_is_no_stop():
     recording = presses()
     held, other = recording.simulated.copy(), recording.measured.copy()
-    held[1000:1400], other[1000:1400] = held[60], 0.8 * held[60] + other[1000:1400]
     held[1000:1400] = held[60]
     noise = np.random.default_rng(1).standard_normal(other[1000:1400].shape) * 0.01
     other[1000:1400] = 0.8 * held[60] + noise
