@@ -22,12 +22,14 @@ class Reading:
         resultant: ``(pads, 3)`` int16 counts, the total that the board itself reports; None where it reports none.
         status: One error byte a pad; 0 is good.
         time: When its last byte arrived (s, the host's monotonic clock).
+        behind: Readings that lay in the port behind it when it was fetched: it is so many periods older, or more.
     """
 
     counts: NDArray[np.int16]
     resultant: NDArray[np.int16] | None
     status: tuple[int, ...]
     time: float
+    behind: int = 0
 
 
 class Board(ABC):

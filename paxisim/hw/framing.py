@@ -1,11 +1,15 @@
 """Framing: from bytes in any pieces to messages, without I/O.
 
-A family of boards describes one kind of message by a function ``parse(buffer, at)``; `FrameDecoder` does what is the
-same for all of them: collect, hunt past garbage, never get stuck, count what was bad.
+`Decoder` does what is the same for every family of boards: collect, count, say when a message was complete. A family
+with a check byte describes one kind of message by a function ``parse(buffer, at)``, and `FrameDecoder` finds them: it
+hunts past garbage and never gets stuck.
 """
 
 from __future__ import annotations
 
+import re
+from abc import ABC, abstractmethod
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Generic, TypeVar
@@ -43,65 +47,171 @@ BAD_CHECKSUM = Invalid(checksum=True)
 Parser = Callable[[bytes, int], "tuple[int, Message] | Incomplete | Invalid"]
 
 
-class FrameDecoder(Generic[Message]):
-    """Turns bytes, fed in any pieces, into the messages of one family.
+class Decoder(ABC, Generic[Message]):
+    """Turns bytes, fed in any pieces, into messages.
+
+    Attributes:
+        frames: Messages returned so far.
+        skipped: Bytes that belonged to no message.
+        bad_checksums: Frames whole but for their check byte, and such that the next one began inside them.
+    """
+
+    def __init__(self) -> None:
+        """Start with nothing."""
+        self._buffer = b""
+        self._passed = 0  # bytes before the buffer
+        self._pieces: deque[tuple[int, float]] = deque()  # where each piece ended, and when it came
+        self.frames = self.skipped = self.bad_checksums = 0
+
+    @property
+    def pending(self) -> int:
+        """Bytes held back because they may begin a frame, or a frame because what follows will tell whether it is."""
+        return len(self._buffer)
+
+    def feed(self, data: bytes) -> list[Message]:
+        """The messages that `data` completes, in order."""
+        return [message for _, message in self.feed_at(data, 0.0)]
+
+    def feed_at(self, data: bytes, time: float) -> list[tuple[float, Message]]:
+        """As `feed`, for bytes that came at `time` (s): each message with the time at which its last byte came."""
+        if data:
+            self._buffer += bytes(data)
+            self._pieces.append((self._passed + len(self._buffer), time))
+        return self._scan(silent=False)
+
+    def flush(self) -> list[Message]:
+        """The messages inside what is held back, knowing that its rest will not come. Nothing stays pending."""
+        return [message for _, message in self.flush_at()]
+
+    def flush_at(self) -> list[tuple[float, Message]]:
+        """As `flush`, each message with the time at which its last byte came."""
+        found = self._scan(silent=True)
+        self.clear()
+        return found
+
+    def clear(self) -> None:
+        """Forget what is held back, as after emptying the port's input."""
+        self.skipped += len(self._buffer)
+        self._drop(len(self._buffer))
+
+    @abstractmethod
+    def _next(self, buffer: bytes, at: int, silent: bool) -> tuple[int, int, Message | None]:
+        """The next message from `at` on.
+
+        Args:
+            buffer: The bytes at hand.
+            at: Where the last message ended, or the buffer begins.
+            silent: Nothing follows the buffer.
+
+        Returns:
+            Where it begins and ends, and the message; None: there is none yet, and what is to be kept begins there.
+        """
+
+    def _scan(self, silent: bool) -> list[tuple[float, Message]]:
+        at, found = 0, []
+        while True:
+            begin, end, message = self._next(self._buffer, at, silent)
+            self.skipped += begin - at
+            if message is None:
+                break
+            at = end
+            while self._pieces[0][0] < self._passed + end:
+                self._pieces.popleft()
+            found.append((self._pieces[0][1], message))
+        self._drop(begin)
+        self.frames += len(found)
+        return found
+
+    def _drop(self, count: int) -> None:
+        """Let the first bytes of the buffer go."""
+        self._buffer = self._buffer[count:]
+        self._passed += count
+        while self._pieces and self._pieces[0][0] <= self._passed:
+            self._pieces.popleft()
+
+
+class FrameDecoder(Decoder[Message]):
+    """A `Decoder` of frames with a check byte, found by a family's parser.
 
     Where no valid frame begins, it moves on by **one** byte, so a frame is found whatever precedes it, even where a
     damaged one claimed its bytes. What claims more bytes than have come is waited for; a reader that knows that the
     line is silent calls `flush`, which gives that claim up and looks behind it.
 
+    An 8-bit sum is no protection against lost bytes: a frame that lost some fits its check byte together with the first
+    bytes of the next one wherever both add up alike, as two zeros and a head ``AA 56`` do. So a frame in which another
+    may begin that reaches beyond its end waits for what follows. It stands if a frame begins at its end, and is thrown
+    away, counted as a bad checksum, if the other one goes on instead. Where neither does, the next frame was damaged as
+    well: then two bytes of a head are taken for one, a single byte for chance, since one frame in 256 ends in it.
+
+    What cannot be told apart: the head's first byte lost behind a frame that ends in that byte, and that byte lost in
+    the frame. The bytes are the same, and the frame before is given up. A loss across the boundary of two frames, which
+    takes away the head, passes where the check byte fits by chance.
+
     Attributes:
-        frames: Messages returned so far.
-        skipped: Bytes that belonged to no message.
-        bad_checksums: Frames whole but for their check byte.
+        stream: Frames may follow one another unasked. If not, as where each answers a request, none waits for what
+            follows.
     """
 
-    def __init__(self, parse: Parser[Message]) -> None:
+    def __init__(self, parse: Parser[Message], stream: bool = True) -> None:
         """Start with nothing.
 
         Args:
             parse: The family's parser, ``parse(buffer, at)``; it must never ask for more bytes than the longest
-                frame that can be expected.
+                frame that can be expected, and answer a first byte that can begin a frame with `INCOMPLETE`.
+            stream: See the class.
         """
-        self._parse = parse
-        self._buffer = b""
-        self.frames = self.skipped = self.bad_checksums = 0
+        super().__init__()
+        self.parse = parse
+        self.stream = stream
 
     @property
-    def pending(self) -> int:
-        """Bytes held back because they may begin a frame."""
-        return len(self._buffer)
+    def parse(self) -> Parser[Message]:
+        """The parser of what is expected now; may be replaced at any time."""
+        return self._parse
 
-    def feed(self, data: bytes) -> list[Message]:
-        """The messages that `data` completes, in order."""
-        self._buffer += bytes(data)
-        return self._scan(silent=False)
+    @parse.setter
+    def parse(self, parse: Parser[Message]) -> None:
+        self._parse = parse
+        firsts = [bytes([b]) for b in range(256) if isinstance(parse(bytes([b]), 0), Incomplete)]
+        self._first = re.compile(b"|".join(map(re.escape, firsts)) or b"(?!)")
 
-    def flush(self) -> list[Message]:
-        """The messages inside what is held back, knowing that its rest will not come. Nothing stays pending."""
-        return self._scan(silent=True)
-
-    def clear(self) -> None:
-        """Forget what is held back, as after emptying the port's input."""
-        self.skipped += len(self._buffer)
-        self._buffer = b""
-
-    def _scan(self, silent: bool) -> list[Message]:
-        buffer, at, found = self._buffer, 0, []
-        while at < len(buffer):
+    def _next(self, buffer: bytes, at: int, silent: bool) -> tuple[int, int, Message | None]:
+        while (first := self._first.search(buffer, at)) is not None:
+            at = first.start()
             result = self._parse(buffer, at)
-            if isinstance(result, Incomplete):
-                if not silent:
-                    break
-                result = NO_FRAME
-            if isinstance(result, Invalid):
+            if isinstance(result, tuple):
+                end = at + result[0]
+                stands = self._stands(buffer, at, end, silent) if self.stream else True
+                if stands is None:
+                    return at, at, None
+                if stands:
+                    return at, end, result[1]
+                self.bad_checksums += 1
+            elif isinstance(result, Invalid):
                 self.bad_checksums += result.checksum
-                self.skipped += 1
-                at += 1
-            else:
-                length, message = result
-                found.append(message)
-                at += length
-        self._buffer = buffer[at:]
-        self.frames += len(found)
-        return found
+            elif not silent:
+                return at, at, None
+            at += 1
+        return len(buffer), len(buffer), None
+
+    def _stands(self, buffer: bytes, at: int, end: int, silent: bool) -> bool | None:
+        """Whether the frame from `at` to `end` is one, though another may begin inside it; None: that needs more."""
+        frame = buffer[at:end]
+        place = 0
+        while (first := self._first.search(frame, place + 1)) is not None:
+            place = first.start()
+            if not isinstance(self._parse(frame, place), Incomplete):
+                continue  # nothing begins there, or it ends inside the frame: data
+            if end == len(buffer):
+                return True if silent else None
+            rival = self._parse(buffer, at + place)
+            if isinstance(rival, Incomplete) and not silent:
+                return None
+            if not _begins(self._parse(buffer, end)) and (_begins(rival) or len(frame) - place > 1):
+                return False
+        return True
+
+
+def _begins(result: object) -> bool:
+    """Whether a frame begins there, be it damaged or not yet whole."""
+    return not isinstance(result, Invalid) or result.checksum

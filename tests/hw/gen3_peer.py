@@ -30,26 +30,24 @@ def in_pieces(data, sizes):
     yield data[at:]
 
 
-def decode(parse, data, sizes=()):
+def decode(parse, data, sizes=(), stream=True):
     """The messages in `data`, and the decoder after the line went silent."""
-    decoder = FrameDecoder(parse)
+    decoder = FrameDecoder(parse, stream)
     messages = [message for piece in in_pieces(data, sizes) for message in decoder.feed(piece)]
     return messages + decoder.flush(), decoder
 
 
-def accepted(parse, data):
+def accepted(parse, data, stream=True):
     """``{(start, end): message}`` of everything that a decoder takes for a frame in `data`."""
-    spans = {}
 
     def watched(buffer, at):
         result = parse(buffer, at)
-        if isinstance(result, tuple):
-            start = len(data) - len(buffer) + at
-            spans[start, start + result[0]] = result[1]
-        return result
+        if not isinstance(result, tuple):
+            return result
+        start = len(data) - len(buffer) + at
+        return result[0], ((start, start + result[0]), result[1])
 
-    decode(watched, data)
-    return spans
+    return dict(decode(watched, data, stream=stream)[0])
 
 
 def sums_to_zero(frame):
@@ -111,7 +109,7 @@ class Peer:
     def __init__(self, parse_request, answer, idle=None):
         """`idle`, if given, is called between requests and may return bytes to send."""
         self.requests = []
-        self._decoder, self._answer, self._idle = FrameDecoder(parse_request), answer, idle
+        self._decoder, self._answer, self._idle = FrameDecoder(parse_request, stream=False), answer, idle
         self._master, self._slave = pty.openpty()
         tty.setraw(self._slave)
         self.port = os.ttyname(self._slave)

@@ -122,7 +122,11 @@ def test_requests_survive_any_chunking(sent, sizes):
 @given(st.lists(pushes | replies, max_size=6))
 def test_several_frames_in_one_read_are_all_returned(sent):
     decoder = FrameDecoder(parse_both)
-    assert decoder.feed(b"".join(message.encode() for message in sent)) == sent
+    data = b"".join(message.encode() for message in sent)
+    found = decoder.feed(data)
+    # the last may wait for what follows, where the head of another one may stand at its end or inside it
+    assert len(found) >= len(sent) - (b"\xaa" in data)
+    assert found + decoder.flush() == sent
     assert decoder.pending == decoder.skipped == 0
 
 

@@ -68,7 +68,8 @@ class ControlBox(Board):
             raise InvalidValueError(f"address and the {self._count} bytes read must fit 16 bits, got {address}")
         lengths = frozenset(range(LONGEST_ANSWER + 1)) | {wire.REGION_OVERHEAD + self._count}
         self._expected = wire.reply_parser(lengths)
-        self._line: Line[wire.Reply] = Line(transport, clock, self._expected)
+        self._decoder = FrameDecoder(self._expected, stream=False)
+        self._line: Line[wire.Reply] = Line(transport, clock, self._decoder)
         self._repeated = False
         self._arrival = 0.0
 
@@ -86,7 +87,7 @@ class ControlBox(Board):
         """See `Board.start`. Version, mode and its readback, then one reading of each port."""
         self._line.recent = b""
         # of any length: a box may report more or fewer taxels than the profile has
-        self._line.parse = wire.parse_reply
+        self._decoder.parse = wire.parse_reply
         try:
             if self._ask(wire.version_request(), _is(wire.VERSION), START_TIMEOUT) is None:
                 self._fail("the version")
@@ -94,7 +95,7 @@ class ControlBox(Board):
             for slot in self.profile.slots:
                 self._check_port(slot)
         finally:
-            self._line.parse = self._expected
+            self._decoder.parse = self._expected
 
     def read(self, timeout: float) -> Reading:
         """See `Board.read`.

@@ -9,6 +9,7 @@ import numpy as np
 from paxisim.errors import DeviceTimeoutError, InvalidValueError, ProtocolError, UnsupportedError
 from paxisim.hw import taxels
 from paxisim.hw.board import Board, Reading
+from paxisim.hw.boards.line import Line, count_behind
 from paxisim.hw.clock import Clock
 from paxisim.hw.frames.hand_board import BLOCKS, TAXELS, VALID, Round, RoundDecoder
 from paxisim.hw.profile import Profile
@@ -16,7 +17,6 @@ from paxisim.hw.transport import Transport
 
 START_TIMEOUT = 2.0
 """Seconds in which the first round must come; no source states the board's rate."""
-_KEPT = 4096
 
 
 class HandBoard(Board):
@@ -43,23 +43,23 @@ class HandBoard(Board):
             )
         self._blocks = blocks
         self._signed = bool(profile.settings.get("signed_normal", False))
-        self._decoder = RoundDecoder()
-        self._rounds: deque[tuple[float, Round]] = deque()
+        self._line = Line(transport, clock, RoundDecoder())
+        self._rounds: deque[tuple[float, int, Round]] = deque()
 
     @property
     def skipped(self) -> int:
         """See `Board.skipped`."""
-        return self._decoder.skipped
+        return self._line.skipped
 
     def start(self) -> None:
         """See `Board.start`. Waits for the first round, which `read` then returns."""
-        self.transport.discard_input()
-        self._decoder.clear()
+        self._line.empty()
+        self._line.recent = b""
         self._rounds.clear()
-        heard = self._listen(START_TIMEOUT)
+        self._listen(START_TIMEOUT)
         if self._rounds:
             return
-        if not heard:
+        if not self._line.recent:
             raise DeviceTimeoutError(
                 f"nothing came within {START_TIMEOUT:g} s: is it a GEN1 hand board, which sends without being asked, "
                 f"powered, at {self.profile.baud} baud?"
@@ -68,7 +68,7 @@ class HandBoard(Board):
 
         raise ProtocolError(
             f"profile {self.profile.name!r} expects the rounds of a GEN1 hand board at {self.profile.baud} baud, but "
-            f"what came is no such round: {describe(heard)}"
+            f"what came is no such round: {describe(self._line.recent)}"
         )
 
     def read(self, timeout: float) -> Reading:
@@ -77,11 +77,11 @@ class HandBoard(Board):
             self._listen(timeout)
         if not self._rounds:
             raise DeviceTimeoutError(f"no whole round came within {timeout:g} s")
-        time, found = self._rounds.popleft()
+        time, behind, found = self._rounds.popleft()
         blocks = [found.blocks[i] for i in self._blocks]
         counts = [taxels.to_counts(block.taxels, self._signed) for block in blocks]
         status = tuple(0 if block.state == VALID else block.state or 0xFF for block in blocks)
-        return Reading(np.stack(counts), None, status, time)
+        return Reading(np.stack(counts), None, status, time, behind)
 
     def zero(self) -> None:
         """Not possible.
@@ -95,17 +95,8 @@ class HandBoard(Board):
         """Empty: the board does not say."""
         return ""
 
-    def _listen(self, timeout: float) -> bytes:
-        """Wait until a round has come; returns the last of the bytes that came meanwhile."""
-        heard = b""
-        deadline = self.clock.monotonic() + timeout
-        left = timeout
-        while not self._rounds:
-            data = self.transport.read(max(left, 0.0))
-            now = self.clock.monotonic()
-            heard = (heard + data)[-_KEPT:]
-            self._rounds.extend((now, found) for found in self._decoder.feed(data))
-            left = deadline - now
-            if left <= 0:
-                break
-        return heard
+    def _listen(self, timeout: float) -> None:
+        """Wait until a round has come."""
+        heard = self._line.collect(lambda _: True, timeout)
+        behind = count_behind([time for time, _ in heard])
+        self._rounds.extend((time, count, found) for count, (time, found) in zip(behind, heard, strict=True))

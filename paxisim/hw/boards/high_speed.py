@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from paxisim.errors import DeviceError, DeviceTimeoutError, InvalidValueError, ProtocolError
 from paxisim.hw import registers, taxels
 from paxisim.hw.board import Board, Reading
-from paxisim.hw.boards.line import Line
+from paxisim.hw.boards.line import Line, count_behind
 from paxisim.hw.clock import Clock
 from paxisim.hw.frames.high_speed import (
     Push,
@@ -72,10 +72,11 @@ class HighSpeed(Board):
         self._palm_counts = profile.settings.get("palm_counts", "contiguous")
         if self._palm_counts not in ("contiguous", "0066"):
             raise InvalidValueError(f"palm_counts must be 'contiguous' or '0066', got {self._palm_counts!r}")
-        self._line: Line[Reply | Push] = Line(transport, clock, parse_incoming)
+        self._decoder: FrameDecoder[Reply | Push] = FrameDecoder(parse_incoming)
+        self._line = Line(transport, clock, self._decoder)
         self._version = ""
         self._streaming = False
-        self._waiting: deque[tuple[float, Push]] = deque()
+        self._waiting: deque[tuple[float, int, Push]] = deque()
         self._reported = 0
         self._use(StreamLayout((), ()))
 
@@ -95,7 +96,7 @@ class HighSpeed(Board):
         self._use(StreamLayout((), ()))
         self._waiting.clear()
         self._reported = 0
-        self._line.parse = parse_incoming
+        self._decoder.parse = parse_incoming
         self._hush()
         self._version = self._ask(version_request()).replace(b"\0", b"").decode("ascii", errors="replace").strip()
         modules = active_modules(self._read(registers.HIGH_SPEED_ACTIVE, registers.HIGH_SPEED_ACTIVE_BYTES))
@@ -121,8 +122,7 @@ class HighSpeed(Board):
         if not self._waiting:
             code = f"; the stream reports error {self._reported}" if self._reported else ""
             raise DeviceTimeoutError(f"no frame of {self._layout.size} bytes came within {timeout:g} s{code}")
-        time, push = self._waiting.popleft()
-        return self._reading(time, push)
+        return self._reading(*self._waiting.popleft())
 
     def zero(self) -> None:
         """See `Board.zero`. The stream pauses; all modules of the board are zeroed, also those of no pad."""
@@ -155,7 +155,7 @@ class HighSpeed(Board):
         # the low bytes of three 16-bit numbers
         self._resultant_places = [places[layout.resultant_at(slot.index)][::2] for slot in slots]
 
-    def _reading(self, time: float, push: Push) -> Reading:
+    def _reading(self, time: float, behind: int, push: Push) -> Reading:
         data = np.frombuffer(push.data, dtype=np.uint8)
         counts = self._counts(data, self._taxel_places).reshape(len(self.profile.slots), -1, 3)
         resultant = self._counts(data, self._resultant_places) if self._layout.data_type & RESULTANTS else None
@@ -164,7 +164,7 @@ class HighSpeed(Board):
         status = np.full(len(counts), error)
         if resultant is not None:
             status[resultant.any(axis=1) & ~counts.any(axis=(1, 2))] |= NO_TAXELS
-        return Reading(counts, resultant, tuple(status.tolist()), time)
+        return Reading(counts, resultant, tuple(status.tolist()), time, behind)
 
     @staticmethod
     def _counts(data: NDArray[np.uint8], places: list[NDArray[np.intp]]) -> NDArray[np.int16]:
@@ -175,13 +175,13 @@ class HighSpeed(Board):
 
     def _keep(self, heard: list[tuple[float, Reply | Push]]) -> None:
         """Put readings aside for `read`, and remember an error that came without one."""
-        for time, message in heard:
-            if not isinstance(message, Push):
-                continue
-            if self._is_reading(message):
-                self._waiting.append((time, message))
-            elif message.error and not message.data:
-                self._reported = message.error
+        pushes = [(time, message) for time, message in heard if isinstance(message, Push)]
+        readings = [(time, push) for time, push in pushes if self._is_reading(push)]
+        behind = count_behind([time for time, _ in readings])
+        self._waiting.extend((time, count, push) for count, (time, push) in zip(behind, readings, strict=True))
+        for _, push in pushes:
+            if push.error and not push.data:
+                self._reported = push.error
 
     def _read(self, register: int, count: int) -> bytes:
         return self._ask(read_request(register, count))
@@ -212,7 +212,7 @@ class HighSpeed(Board):
 
     def _hush(self) -> None:
         """Stop the stream, whether it runs or not, and take in what is still on its way."""
-        self._line.parse = incoming_parser(self._lengths) if self._layout.modules else parse_incoming
+        self._decoder.parse = incoming_parser(self._lengths) if self._layout.modules else parse_incoming
         for _ in range(ATTEMPTS):
             self.transport.write(push_request(False).encode())
             self._keep(self._line.collect(lambda _: False, STREAM_TIMEOUT, QUIET))
@@ -222,7 +222,7 @@ class HighSpeed(Board):
 
     def _begin(self) -> None:
         """Start the stream and wait for its first reading."""
-        self._line.parse = push_parser(self._lengths)
+        self._decoder.parse = push_parser(self._lengths)
         self._streaming = True
         for _ in range(ATTEMPTS):
             self.transport.write(push_request(True).encode())

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Generic, TypeVar
 
 from paxisim.hw.clock import Clock
-from paxisim.hw.framing import FrameDecoder, Incomplete, Invalid, Parser
+from paxisim.hw.framing import Decoder
 from paxisim.hw.transport import Transport
 
 Message = TypeVar("Message")
 
+QUEUE_PAUSE = 2e-3
+"""Seconds of silence after which a port counts as read empty; a system hands on what it has kept piece by piece."""
+QUEUE_TIME = 20e-3
+"""Seconds that reading a port empty may take, for a line that is never silent."""
 _KEPT = 4096
 
 
@@ -18,18 +22,15 @@ class Line(Generic[Message]):
     """A transport with a decoder behind it.
 
     Attributes:
-        parse: The parser of what is expected now; may be replaced at any time.
         silent: Whether the last `collect` ended with `quiet` seconds without a byte.
         recent: The last bytes that came, up to 4096, to tell what speaks there if none of them fits.
     """
 
-    def __init__(self, transport: Transport, clock: Clock, parse: Parser[Message]) -> None:
+    def __init__(self, transport: Transport, clock: Clock, decoder: Decoder[Message]) -> None:
         """Remember; no I/O."""
-        self.parse = parse
         self.silent = True
         self.recent = b""
-        self._transport, self._clock = transport, clock
-        self._decoder = FrameDecoder(self._parse_now)
+        self._transport, self._clock, self._decoder = transport, clock, decoder
 
     @property
     def bad_checksums(self) -> int:
@@ -51,8 +52,11 @@ class Line(Generic[Message]):
     ) -> list[tuple[float, Message]]:
         """What comes, each with the moment of its arrival (s, monotonic), until one message fits.
 
+        Several messages in one read have waited for this program, as when the system stopped it for a while. Then the
+        port is read empty, and all of them have the moment of that as their arrival: see `count_behind`.
+
         Args:
-            until: The message to wait for. What came in the same read is returned with it.
+            until: The message to wait for. What came with it is returned with it.
             timeout: How long to wait for it (s).
             quiet: Give up after so many seconds of silence behind the last byte, and with them what they left
                 incomplete; default: `timeout`.
@@ -66,13 +70,38 @@ class Line(Generic[Message]):
             now = self._clock.monotonic()
             # a wait that the deadline cut short proves nothing
             self.silent = not data and wait >= quiet
-            self.recent = (self.recent + data)[-_KEPT:]
-            messages = self._decoder.flush() if self.silent else self._decoder.feed(data)
-            collected += [(now, message) for message in messages]
+            messages = self._decoder.flush_at() if self.silent else self._take(data, now)
+            if sum(came == now for came, _ in messages) > 1:
+                messages, now = self._empty_queue(messages, now)
+            collected += messages
             left = deadline - now
-            if not data or left <= 0 or any(until(message) for message in messages):
+            if not data or left <= 0 or any(until(message) for _, message in messages):
                 return collected
             wait = min(left, quiet)
 
-    def _parse_now(self, buffer: bytes, at: int) -> tuple[int, Message] | Incomplete | Invalid:
-        return self.parse(buffer, at)
+    def _take(self, data: bytes, now: float) -> list[tuple[float, Message]]:
+        self.recent = (self.recent + data)[-_KEPT:]
+        return self._decoder.feed_at(data, now)
+
+    def _empty_queue(
+        self, messages: list[tuple[float, Message]], came: float
+    ) -> tuple[list[tuple[float, Message]], float]:
+        """Read on until nothing waits; all that came at `came` or since has come now."""
+        rest, now = b"", came
+        while now - came < QUEUE_TIME:
+            data = self._transport.read(QUEUE_PAUSE)
+            if not data:
+                break
+            rest += data
+            now = self._clock.monotonic()
+        messages = [(now if time == came else time, message) for time, message in messages]
+        return messages + self._take(rest, now), now
+
+
+def count_behind(arrivals: Sequence[float]) -> list[int]:
+    """For each of these messages, in order, how many of those behind it arrived at the same moment."""
+    behind = [0] * len(arrivals)
+    for i in range(len(arrivals) - 2, -1, -1):
+        if arrivals[i] == arrivals[i + 1]:
+            behind[i] = behind[i + 1] + 1
+    return behind

@@ -12,6 +12,7 @@ from paxisim.hw import registers, taxels
 from paxisim.hw.board import Board, Reading
 from paxisim.hw.boards.line import Line
 from paxisim.hw.clock import Clock
+from paxisim.hw.framing import FrameDecoder
 from paxisim.hw.frames.serial_converter import (
     GOOD,
     MOST_READ,
@@ -84,7 +85,8 @@ class SerialConverter(Board):
             )
         # 0: a write's reply, or a refusal; 3: a resultant alone
         lengths = {0, taxels.BYTES_PER_TAXEL, registers.CONVERTER_VERSION_BYTES, self._count}
-        self._line: Line[Reply] = Line(transport, clock, reply_parser(lengths))
+        self._decoder = FrameDecoder(reply_parser(lengths), stream=False)
+        self._line: Line[Reply] = Line(transport, clock, self._decoder)
         self._ready = clock.monotonic()
         self._repeated = False
         self._arrival = 0.0
@@ -180,6 +182,8 @@ class SerialConverter(Board):
             if pause > 0:
                 self.clock.sleep(pause)
             self._line.empty()
+            # a late reply may be followed at once by that to the repeated request
+            self._decoder.stream = self._repeated
             left = deadline - self.clock.monotonic()
             self.transport.write(request.encode())
             heard = self._line.collect(

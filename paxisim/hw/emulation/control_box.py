@@ -38,7 +38,7 @@ class ControlBox(EmulatedBoard):
     def __init__(self, pads: EmulatedPads, *, wrong_status: Callable[[], bool] = lambda: False) -> None:
         """Power on: no mode, no port."""
         super().__init__(pads, wrong_status=wrong_status)
-        self._decoder = FrameDecoder(wire.parse_request)
+        self._decoder = FrameDecoder(wire.parse_request, stream=False)
         self._late: deque[tuple[float, bytes]] = deque()
         self._mode = self._next_mode = 0
         self._mode_from = 0.0

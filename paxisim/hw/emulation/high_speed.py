@@ -47,7 +47,7 @@ class HighSpeedBoard(EmulatedBoard):
             wrong_status: See `EmulatedBoard`.
         """
         super().__init__(pads, wrong_status=wrong_status)
-        self._decoder = FrameDecoder(wire.parse_request)
+        self._decoder = FrameDecoder(wire.parse_request, stream=False)
         self._period = 1 / rate if rate else 0.0
         self._modules = {slot.index: pad for pad, slot in enumerate(pads.profile.slots)}
         self._palms_apart = pads.profile.settings.get("palm_counts") == "0066"

@@ -26,7 +26,7 @@ class SerialConverter(EmulatedBoard):
     def __init__(self, pads: EmulatedPads, *, wrong_status: Callable[[], bool] = lambda: False) -> None:
         """Power on."""
         super().__init__(pads, wrong_status=wrong_status)
-        self._decoder = FrameDecoder(wire.parse_request)
+        self._decoder = FrameDecoder(wire.parse_request, stream=False)
         self._id = pads.profile.slots[0].index
         self._status = 0
 

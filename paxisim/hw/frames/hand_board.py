@@ -30,6 +30,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from paxisim.errors import InvalidValueError
+from paxisim.hw.framing import Decoder
 
 TAGS = tuple(bytes.fromhex(tag) for tag in ("AAEE", "CCEE", "AAFF", "CCFF"))
 BLOCKS = 4
@@ -78,57 +79,32 @@ class Round:
         return b"".join(data)
 
 
-class RoundDecoder:
-    """Turns bytes, fed in any pieces, into rounds. Used like `FrameDecoder`, which decides by one frame alone.
-
-    Attributes:
-        frames: Rounds returned so far.
-        skipped: Bytes that belonged to no round.
-    """
+class RoundDecoder(Decoder[Round]):
+    """A `Decoder` of rounds; where `FrameDecoder` decides by a check byte, this one does by the tags before and behind."""
 
     def __init__(self) -> None:
         """Start with nothing, searching."""
-        self._buffer = b""
+        super().__init__()
         self._in_step = False
-        self.frames = self.skipped = 0
 
     @property
     def pending(self) -> int:
         """Bytes held back because they may begin a round; fewer than `DECISION`."""
-        return len(self._buffer)
-
-    def feed(self, data: bytes) -> list[Round]:
-        """The rounds that `data` completes, in order."""
-        self._buffer += bytes(data)
-        return self._scan(silent=False)
-
-    def flush(self) -> list[Round]:
-        """The rounds inside what is held back, knowing that nothing follows it. Nothing stays pending."""
-        found = self._scan(silent=True)
-        self.clear()
-        return found
+        return super().pending
 
     def clear(self) -> None:
-        """Forget what is held back, as after emptying the port's input."""
-        self.skipped += len(self._buffer)
-        self._buffer = b""
+        """See `Decoder.clear`."""
+        super().clear()
         self._in_step = False
 
-    def _scan(self, silent: bool) -> list[Round]:
-        buffer, at, found = self._buffer, 0, []
-        while True:
-            place = next((p for p in _places(buffer, at, len(buffer)) if not _cut_short(buffer, p)), len(buffer))
-            begin = self._choose(buffer, place, at, silent)
-            self.skipped += (place if begin is None else begin) - at
-            if begin is None:
-                break
-            found.append(_parse(buffer[begin : begin + ROUND]))
-            self._in_step = True
-            at = begin + ROUND
-        self._in_step &= place == at
-        self._buffer = buffer[place:]
-        self.frames += len(found)
-        return found
+    def _next(self, buffer: bytes, at: int, silent: bool) -> tuple[int, int, Round | None]:
+        place = next((p for p in _places(buffer, at, len(buffer)) if not _cut_short(buffer, p)), len(buffer))
+        begin = self._choose(buffer, place, at, silent)
+        if begin is None:
+            self._in_step &= place == at
+            return place, place, None
+        self._in_step = True
+        return begin, begin + ROUND, _parse(buffer[begin : begin + ROUND])
 
     def _choose(self, buffer: bytes, at: int, expected: int, silent: bool) -> int | None:
         """Where the round begins whose earliest place is `at`; None: that needs more bytes than there are."""

@@ -20,6 +20,9 @@ How it fails, and what is done about it:
 - Several pushes lie in one read; all of them are returned.
 - A damaged FL could claim the following 64 kB, two seconds of the stream. `push_parser` takes the lengths that can be
   expected, so such a frame is given up as soon as its header is there.
+- A push that lost two zeros passes its check byte together with the next one's head ``AA 56``, whose bytes add up to 0
+  as well: see `FrameDecoder`. Where FL is 256 to 511, a push that lost the low byte of FL may pass as one without data,
+  but with an error code, if the first bytes of its data happen to make up the check byte.
 - The heads differ in one byte: one flipped bit makes a push a reply. `push_parser` takes pushes alone.
 - A module that is switched off or on changes the length of every push; none fits any more until the board is read anew.
 

@@ -17,7 +17,8 @@ How it fails, and what is done about it:
   so such a frame is given up as soon as its header is there.
 - Replies carry no sequence number: a late one looks like the answer to a repeated request. The board reads the line
   empty after a repetition.
-- An 8-bit check lets one damaged frame in 256 pass; header fields that must repeat the request lower that.
+- An 8-bit check lets one frame in 256 with changed bytes pass; header fields that must repeat the request lower that.
+  Lost bytes are another matter, see `FrameDecoder`.
 - Functions 7A and 78 replace the firmware. They are not built, not encoded and not recognised here.
 
 The write acknowledgement and the lengths were observed on hardware by the author of a public driver; the data of other
