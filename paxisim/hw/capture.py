@@ -63,7 +63,8 @@ class CaptureSummary:
         frames: Frames in it.
         dropped: Frames that came and were not fetched in time, by the gaps in the sensor's count. What never came whole
             has no number: see `bad_checksums`, `timeouts` and `reconnects`.
-        gaps: How often no frame came for more than half a second, before the first and, in the end, after the last too.
+        gaps: How often no frame was measured for more than half a second, before the first and, in the end, after the
+            last too. Frames that only came late, as where the system stopped this program, leave none.
         longest_gap: The longest of these times (s), be it a gap or not.
         seconds: How long the recording lasted (s).
         rate: Frames a second (Hz): while it grows of the last half second, in the end of all.
@@ -241,7 +242,7 @@ class _Recorder:
             self.writer.write_at(EPISODE, time, self.episode)
         else:
             self.dropped += max(0, frame.sequence - self.last.sequence - 1)
-        self._hear(frame.arrival)
+        self._hear(frame.time)
         self.writer.write_at(
             "measured",
             time,
@@ -254,12 +255,12 @@ class _Recorder:
         self.last = frame
         self.frames += 1
 
-    def _hear(self, arrival: float) -> None:
-        """End a time without frames."""
-        gap = arrival - self.heard
+    def _hear(self, time: float) -> None:
+        """End a time without frames. Ones that only arrived late, as after a stall of this machine, leave no gap."""
+        gap = time - self.heard
         self.gaps += gap > GAP
         self.longest_gap = max(self.longest_gap, gap)
-        self.heard = arrival
+        self.heard = time
 
     def _write_samples(self) -> None:
         """Write the samples that wait now; those that come meanwhile have the next turn, after a frame."""

@@ -203,7 +203,7 @@ class Reader:
         self._heard, self.fault = self._clock.monotonic(), ""
         force = board.profile.to_force(reading.counts)
         resultant = None if reading.resultant is None else board.profile.resultant_force(reading.resultant)
-        time = self._sample_clock.estimate(reading.time)
+        time = self._sample_clock.estimate(reading.time, reading.behind)
         raw = Frame(force, time, reading.time, self._sequence, reading.status, resultant)
         self._sequence += 1
         zero = self._zero

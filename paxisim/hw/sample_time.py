@@ -21,6 +21,10 @@ UNSTEADY = 1.5
 """Variance about the line, over that of the intervals. Jitter on each arrival of a steady clock gives 0.5; frames that
 each wait for the one before wander off the line, and give far more."""
 
+QUEUE = 8
+"""Frames that must follow one another to tell what a period is before the rate is learnt, and so many in one read come
+from a queue that a stalled host left: the oldest is the next one, and what is missing was lost when it was full."""
+
 NEGLIGIBLE = 0.05
 """Of a period: with less scatter than this about the line there is nothing to tell apart."""
 
@@ -36,9 +40,12 @@ class SampleClock:
     board's true period; the earliest of the last arrivals gives its height; the estimate is the line. The part of the
     delay that all frames share cannot be seen and stays in the estimate.
 
-    A frame that comes later than three quarters of a period is taken to follow lost ones. The arrival itself is the
-    estimate where the arrivals follow no steady clock: for the first `LEARN` frames and after a change of rate, for a
-    board that sends when asked, where the load sets the intervals.
+    A frame that comes later than three quarters of a period is taken to follow lost ones. Frames fetched in one read
+    have waited for the host, which says nothing of the line, but they were measured a period apart or more: none is
+    estimated later than that allows, and no loss is seen where they fill the time since the last one.
+
+    Where the arrivals follow no steady clock, the arrival itself is the estimate: for the first `LEARN` frames and
+    after a change of rate, for a board that sends when asked, where the load sets the intervals.
 
     Estimates never run back and are never after the arrival.
     """
@@ -46,34 +53,57 @@ class SampleClock:
     def __init__(self) -> None:
         """Know nothing yet."""
         self._last = -math.inf
+        self._queue = 0
+        self._apart = 0.0
+        self._earliest: deque[tuple[int, float]] = deque(maxlen=BUCKETS)
         self.reset()
 
     def reset(self) -> None:
         """Forget rate and phase, as after the port was opened again; times still do not run back."""
+        # what was known last still tells how far frames that waited lie apart
+        self._apart = max(self.period or 0.0, 0.0) or self._apart
         self._learning: list[float] = []
         self._line = _Line()
         self._intervals = _Spread()
-        self._earliest: deque[tuple[int, float]] = deque(maxlen=BUCKETS)
+        self._earliest.clear()
         self._held = 0
         self._number = 0
         self._arrival = 0.0
         self._slipped = False
         self._slips = 0.0
+        self._unfitted = 0
 
     @property
     def period(self) -> float | None:
         """Seconds between two frames; None where no steady rate is known."""
         return self._line.slope if self._earliest else None
 
-    def estimate(self, arrival: float) -> float:
-        """When the frame that arrived at `arrival` (s) was measured. Call it once for each frame, in order."""
-        time = self._follow(arrival) if self._earliest else arrival
+    def estimate(self, arrival: float, behind: int = 0) -> float:
+        """When the frame that arrived at `arrival` (s) was measured. Call it once for each frame, in order.
+
+        Args:
+            arrival: When its last byte was read.
+            behind: How many frames of the same read are to follow, see `Reading.behind`.
+        """
+        if behind and not self._queue:
+            self._measure_period()
+        queue, self._queue = self._queue, behind and max(self._queue, behind + 1)
+        latest = max(self._last, arrival - behind * self._apart)
+        time = self._follow(latest, max(queue, self._queue)) if self._earliest else latest
         if not self._earliest:
-            self._learning.append(arrival)
+            self._learning.append(latest)
             if len(self._learning) == LEARN:
                 self._learn()
-        self._last = max(self._last, min(time, arrival))
+        self._last = max(self._last, min(time, latest))
         return self._last
+
+    def _measure_period(self) -> None:
+        """How far apart frames lie, as well as it is known by now."""
+        known = self._learning
+        if self._earliest:
+            self._apart = self._line.slope
+        elif len(known) > QUEUE:
+            self._apart = (known[-1] - known[0]) / (len(known) - 1)
 
     def _learn(self) -> None:
         """Fit the frames so far; if they are not steady, start again."""
@@ -98,11 +128,19 @@ class SampleClock:
             for number, arrival in zip(numbers, arrivals, strict=True):
                 self._hold(number, arrival)
 
-    def _follow(self, arrival: float) -> float:
-        """The line at the next frame's place; forgets everything where the frame shows that there is no line."""
-        late = arrival - self._expected(self._number + 1)
-        slip = round(late / self._line.slope - 0.25)
+    def _follow(self, arrival: float, queue: int) -> float:
+        """The line at the next frame's place; forgets everything where the frame shows that there is no line.
+
+        Args:
+            arrival: Of the frame, or the latest that it can have been.
+            queue: How many frames were fetched with it; 0: it came alone.
+        """
+        late = (arrival - self._expected(self._number + 1)) / self._line.slope
+        if queue:
+            return self._follow_queue(arrival, late, queue)
+        slip = round(late - 0.25)
         number = self._number + 1 + slip
+        self._unfitted = 0
         if slip == 0:
             self._line.add(number, arrival)
             self._hold(number, arrival)
@@ -114,6 +152,16 @@ class SampleClock:
             self.reset()
             return arrival
         return self._expected(number)
+
+    def _follow_queue(self, arrival: float, late: float, queue: int) -> float:
+        """As `_follow`, for a frame that waited until the host fetched it, so that it tells nothing of the line."""
+        self._number += 1 + (max(math.floor(late), 0) if queue < QUEUE else 0)
+        self._arrival, self._slipped = arrival, True
+        self._unfitted += 1
+        if self._unfitted > MEMORY:
+            self.reset()
+            return arrival
+        return self._expected(self._number)
 
     def _expected(self, number: int) -> float:
         """The lower line at `number`."""

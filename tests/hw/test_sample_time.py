@@ -65,6 +65,13 @@ def test_any_arrivals_give_times_in_order_and_not_after_them(intervals: list[flo
     estimates(START + np.cumsum(intervals))
 
 
+@settings(max_examples=100, deadline=None)
+@given(st.lists(st.tuples(st.floats(0, 0.5), st.integers(1, 60)), min_size=1, max_size=40))
+def test_any_queues_give_times_in_order_and_not_after_them(reads: list[tuple[float, int]]) -> None:
+    arrivals = START + np.repeat(np.cumsum([interval for interval, _ in reads]), [count for _, count in reads])
+    estimates_of_queues(arrivals, np.concatenate([np.arange(count)[::-1] for _, count in reads]))
+
+
 @settings(max_examples=30, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.floats(0, 0.3), st.floats(0, 0.1), st.floats(0, 0.2))
 def test_a_disturbed_clock_gives_times_in_order(seed: int, jitter: float, lost: float, stall: float) -> None:
@@ -146,3 +153,70 @@ def test_reset_forgets_the_rate_and_keeps_the_order() -> None:
     clock.reset()
     assert clock.period is None
     np.testing.assert_array_equal(estimates(last + np.arange(50) * 0.02, clock), last + np.arange(50) * 0.02)
+
+
+def stalled(
+    measured: NDArray[np.float64], stalls: list[tuple[float, float]], jitter: NDArray[np.float64], kept: int = 10**6
+) -> tuple[NDArray[np.float64], NDArray[np.intp], NDArray[np.bool_]]:
+    """Arrivals at a host that stops at some times for so long (s), how many frames lay behind each, and which came.
+
+    Args:
+        measured: When the frames were.
+        stalls: Begin and length of each.
+        jitter: Of the arrivals.
+        kept: Frames that wait at most; those that come then are lost.
+    """
+    arrivals = delayed(measured, jitter)
+    behind = np.zeros(len(measured), dtype=int)
+    came = np.ones(len(measured), dtype=bool)
+    for begin, length in stalls:
+        waiting = np.flatnonzero((arrivals >= begin) & (arrivals < begin + length))
+        came[waiting[kept:]] = False
+        waiting = waiting[:kept]
+        arrivals[waiting] = begin + length
+        behind[waiting] = np.arange(len(waiting))[::-1]
+    return arrivals[came], behind[came], came
+
+
+def estimates_of_queues(arrivals: NDArray[np.float64], behind: NDArray[np.intp]) -> NDArray[np.float64]:
+    clock = SampleClock()
+    times = np.array([clock.estimate(*item) for item in zip(arrivals.tolist(), behind.tolist(), strict=True)])
+    assert np.all(times <= arrivals)
+    assert np.all(np.diff(times) >= 0)
+    return times
+
+
+@pytest.mark.parametrize("length", [0.05, 0.3, 0.6, 1.6])
+@pytest.mark.parametrize("begin", [0.5, 3.0, 10.0])
+@pytest.mark.parametrize("rate", [83.0, 91.0, 125.0])
+def test_frames_that_waited_for_a_stalled_host_are_dated_back(rate: float, begin: float, length: float) -> None:
+    rng = np.random.default_rng(6)
+    measured = ticks(2000, rate)
+    stalls = [(START + begin, length), (START + begin + 4.0, length)]
+    arrivals, behind, _ = stalled(measured, stalls, rng.exponential(3e-4, 2000))
+    error = estimates_of_queues(arrivals, behind) - measured
+    assert np.abs(error).max() < 0.015
+    # and once the rate is known, they are where they belong
+    settled = arrivals > START + 3.0
+    if begin > 3.0:
+        assert np.abs(error[settled]).max() < 2e-3
+
+
+def test_what_did_not_fit_into_the_queue_was_lost_behind_it() -> None:
+    rng = np.random.default_rng(7)
+    measured = ticks(2000, 125)
+    arrivals, behind, came = stalled(measured, [(START + 8.0, 1.6)], rng.exponential(3e-4, 2000), kept=90)
+    assert came.sum() < 2000 - 100
+    error = estimates_of_queues(arrivals, behind) - measured[came]
+    assert np.abs(error[SETTLED:]).max() < 2e-3
+
+
+def test_a_port_that_always_brings_several_frames_gives_no_nonsense() -> None:
+    rng = np.random.default_rng(8)
+    measured = ticks(6000, 83)
+    for every in (0.016, 0.1):
+        arrivals = START + np.ceil((measured - START) / every) * every
+        behind = np.array([np.searchsorted(arrivals, at, "right") - i - 1 for i, at in enumerate(arrivals)])
+        error = estimates_of_queues(arrivals + rng.uniform(0, 1e-4), behind) - measured
+        assert np.all(error[SETTLED:] > -0.03)
+        assert np.all(error[SETTLED:] < 0.03)

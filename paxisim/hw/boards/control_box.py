@@ -19,6 +19,9 @@ from paxisim.hw.transport import Transport
 
 REPLY_TIMEOUT = 0.1
 """Seconds after which a request is repeated; 120 taxels were seen to take 3 ms, a version 10 ms."""
+STALE = REPLY_TIMEOUT + 0.05
+"""Seconds after which waiting for a reply can only have been lengthened by the system, which stopped this program: what
+came then has an unknown age, and the time does not count."""
 QUIET = 0.03
 """Seconds of silence behind the last byte after which a reply counts as lost."""
 START_TIMEOUT = 1.0
@@ -70,8 +73,8 @@ class ControlBox(Board):
         self._expected = wire.reply_parser(lengths)
         self._decoder = FrameDecoder(self._expected, stream=False)
         self._line: Line[wire.Reply] = Line(transport, clock, self._decoder)
-        self._repeated = False
-        self._arrival = 0.0
+        self._repeated = self._stopped = False
+        self._first_arrival = self._arrival = 0.0
 
     @property
     def bad_checksums(self) -> int:
@@ -105,12 +108,12 @@ class ControlBox(Board):
             DeviceTimeoutError: None came whole within `timeout` seconds.
             PortNotFoundError: The port went away.
         """
-        deadline = self.clock.monotonic() + timeout
+        replies = self._read_ports(timeout)
+        if self._stopped or self._arrival - self._first_arrival > len(replies) * STALE:
+            # this program was stopped before the last pad, and the first is far older
+            replies = self._read_ports(timeout)
         payloads, status, errors = [], [], []
-        for slot in self.profile.slots:
-            reply = self._read_port(slot, deadline)
-            if reply is None:
-                raise DeviceTimeoutError(f"no reading came from port {_port(slot)} within {timeout:g} s")
+        for slot, reply in zip(self.profile.slots, replies, strict=True):
             region = wire.parse_region(reply.data)
             if region is None:
                 errors.append(f"port {_port(slot)}: {wire.error_name(reply.error)}")
@@ -184,6 +187,19 @@ class ControlBox(Board):
                 )
             self.clock.sleep(PAUSE)
 
+    def _read_ports(self, timeout: float) -> list[wire.Reply]:
+        """The reply of each pad."""
+        deadline = self.clock.monotonic() + timeout
+        self._stopped, replies = False, []
+        for slot in self.profile.slots:
+            reply = self._read_port(slot, deadline)
+            if reply is None:
+                raise DeviceTimeoutError(f"no reading came from port {_port(slot)} within {timeout:g} s")
+            if not replies:
+                self._first_arrival = self._arrival
+            replies.append(reply)
+        return replies
+
     def _read_port(self, slot: Slot, deadline: float) -> wire.Reply | None:
         """The reply with a region, or with an error; None if there is none by then."""
         selected = self._select(slot, deadline - self.clock.monotonic())
@@ -218,9 +234,14 @@ class ControlBox(Board):
             self._repeated = False
         while True:
             self._line.empty()
+            asked = self.clock.monotonic()
             left = max(deadline - self.clock.monotonic(), QUIET)
             self.transport.write(request.encode())
             heard = self._line.collect(fits, min(left, REPLY_TIMEOUT), QUIET)
+            waited = self.clock.monotonic() - asked
+            if waited > STALE:
+                deadline += waited
+                self._stopped, heard = True, []
             arrival, reply = next(((time, reply) for time, reply in heard if fits(reply)), (0.0, None))
             if reply is not None:
                 refusals += reply.error not in good

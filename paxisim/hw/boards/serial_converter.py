@@ -12,7 +12,6 @@ from paxisim.hw import registers, taxels
 from paxisim.hw.board import Board, Reading
 from paxisim.hw.boards.line import Line
 from paxisim.hw.clock import Clock
-from paxisim.hw.framing import FrameDecoder
 from paxisim.hw.frames.serial_converter import (
     GOOD,
     MOST_READ,
@@ -25,6 +24,7 @@ from paxisim.hw.frames.serial_converter import (
     version_request,
     zero_request,
 )
+from paxisim.hw.framing import FrameDecoder
 from paxisim.hw.profile import Profile
 from paxisim.hw.transport import Transport
 
@@ -33,6 +33,9 @@ PAUSE = 0.005
 PAUSE_BEFORE_ZERO = 0.5
 REPLY_TIMEOUT = 0.15
 """Seconds after which a request is repeated; parts under load were seen to take 90 ms."""
+STALE = REPLY_TIMEOUT + 0.05
+"""Seconds after which waiting for a reply can only have been lengthened by the system, which stopped this program: what
+came then has an unknown age, and the time does not count."""
 QUIET = 0.02
 """Seconds of silence behind the last byte after which a reply counts as lost."""
 START_TIMEOUT = 1.0
@@ -184,12 +187,17 @@ class SerialConverter(Board):
             self._line.empty()
             # a late reply may be followed at once by that to the repeated request
             self._decoder.stream = self._repeated
+            asked = self.clock.monotonic()
             left = deadline - self.clock.monotonic()
             self.transport.write(request.encode())
             heard = self._line.collect(
                 lambda reply: reply.answers(request), max(min(left, REPLY_TIMEOUT), PAUSE), QUIET
             )
-            self._ready = self.clock.monotonic() + PAUSE
+            now = self.clock.monotonic()
+            self._ready = now + PAUSE
+            if now - asked > STALE:
+                deadline += now - asked
+                heard = []
             for arrival, reply in heard:
                 if not reply.answers(request):
                     continue

@@ -80,7 +80,7 @@ class Round:
 
 
 class RoundDecoder(Decoder[Round]):
-    """A `Decoder` of rounds; where `FrameDecoder` decides by a check byte, this one does by the tags before and behind."""
+    """A `Decoder` of rounds: it decides by the tags inside and behind them, where `FrameDecoder` has a check byte."""
 
     def __init__(self) -> None:
         """Start with nothing, searching."""

@@ -1,0 +1,135 @@
+"""A host that the system stops for a while (SIGSTOP): what is said of time and of missing frames once it runs again."""
+
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import numpy as np
+import pytest
+from emulated import profile, small
+
+pytest.importorskip("serial")
+
+from paxisim.hw.emulator import Emulator
+
+pytestmark = [
+    pytest.mark.real_time,
+    pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="no SIGSTOP here"),
+]
+
+HOST = """
+import json, sys, time
+from paxisim.hw.device import open_sensor
+import test_stalled_host
+chosen = test_stalled_host.PROFILES[sys.argv[2]]()
+with open_sensor(sys.argv[1], chosen, queue=100_000) as sensor:
+    sensor.read(20.0)
+    skipped = sensor.skipped
+    print("open", flush=True)
+    frames, end = [], time.monotonic() + float(sys.argv[3])
+    while time.monotonic() < end:
+        frames.append(sensor.read(20.0))
+    said = [sensor.dropped, sensor.timeouts, sensor.bad_checksums, sensor.skipped - skipped, sensor.reconnects]
+print(json.dumps([said, [[f.time, f.sequence, *f.force[:, 2, 0, :2].ravel().tolist()] for f in frames]]))
+"""
+RECORDER = """
+import json, sys
+from paxisim.hw.capture import capture
+from paxisim.hw.device import open_sensor
+import test_stalled_host
+with open_sensor(sys.argv[1], test_stalled_host.PROFILES[sys.argv[2]]()) as sensor:
+    print("open", flush=True)
+    said = capture(sensor, sys.argv[3], seconds=5.0)
+print(json.dumps([said.gaps, said.longest_gap, said.dropped, said.frames]))
+"""
+PROFILES = {
+    "high-speed": lambda: profile("gen3-highspeed-mc-m2020"),
+    "hand-board": lambda: profile("gen1-stream"),
+    "serial-converter": lambda: profile("gen3-serial-mc-m2020"),
+    "control-box": lambda: small(
+        "control-box", [("left", 0), ("right", 1)], settings={"mode": 5}, axes=("+x", "+y", "+z")
+    ),
+}
+TICK = 1e-3
+"""Seconds that the signal counts."""
+
+
+class Ticking:
+    """Forces that tell the time in ticks: the first taxel's normal force is its low byte, the second's its high one.
+
+    Attributes:
+        start: The emulator's time 0 on the machine's monotonic clock (s).
+    """
+
+    def __init__(self, chosen):
+        self._force = np.zeros((len(chosen.slots), *chosen.wire_layout.shape))
+        self.start = math.inf
+
+    def __call__(self, now):
+        if now > 0:  # it is looked at once before the emulator starts
+            self.start = min(self.start, time.monotonic() - now)
+        ticks = round(now / TICK)
+        self._force[:, 2, 0, 0] = ticks % 250 * 0.1
+        self._force[:, 2, 0, 1] = ticks // 250 % 250 * 0.1
+        return self._force
+
+
+def run_stopped(script, port, name, stalls, more):
+    """What a script in a process of its own prints last, while the system stops it: ``(wait, length)`` s each."""
+    paths = os.pathsep.join([os.path.dirname(__file__), *filter(None, sys.path)])
+    command = [sys.executable, "-W", "ignore", "-c", script, port, name, str(more)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=os.environ | {"PYTHONPATH": paths}) as host:
+        killer = threading.Timer(60.0, host.kill)
+        killer.start()
+        assert host.stdout is not None
+        assert host.stdout.readline() == "open\n"
+        for wait, length in stalls:
+            time.sleep(wait)
+            host.send_signal(signal.SIGSTOP)
+            time.sleep(length)
+            host.send_signal(signal.SIGCONT)
+        said = json.loads(host.communicate()[0])
+        killer.cancel()
+    return said
+
+
+def watch(name, stalls, seconds):
+    """What a host says of the emulated board.
+
+    Returns:
+        Its counters, the frames' sequence numbers and ``(frames, pads)`` s by which each pad's reading is dated later
+        than it was measured.
+    """
+    chosen = PROFILES[name]()
+    clock = Ticking(chosen)
+    with Emulator(chosen, clock, gate=0) as board:
+        said, frames = run_stopped(HOST, board.port, name, stalls, seconds)
+        assert board.overruns == 0
+    frames = np.array(frames)
+    measured = clock.start + (np.round(frames[:, 2::2] * 10) + 250 * np.round(frames[:, 3::2] * 10)) * TICK
+    return said, frames[:, 1], frames[:, :1] - measured
+
+
+@pytest.mark.parametrize("name", PROFILES)
+def test_after_a_stall_nothing_is_dated_wrongly_or_said_to_be_missing(name):
+    said, numbers, errors = watch(name, [(0.8, 0.3), (2.0, 0.6), (0.7, 1.6)], 8.0)
+    assert np.abs(errors).max() <= 0.02
+    assert said == [0, 0, 0, 0, 0]
+    assert np.all(np.diff(numbers) == 1)
+
+
+@pytest.mark.parametrize("name", ["high-speed", "hand-board"])
+def test_a_recorder_that_was_stopped_says_no_gap_where_no_frame_is_missing(name, tmp_path):
+    chosen = PROFILES[name]()
+    with Emulator(chosen, Ticking(chosen)) as board:
+        gaps, longest, dropped, frames = run_stopped(
+            RECORDER, board.port, name, [(2.0, 0.7), (0.3, 0.7)], tmp_path / "press.mcap"
+        )
+    assert (gaps, dropped) == (0, 0)
+    assert longest < 0.1
+    assert frames > 250
