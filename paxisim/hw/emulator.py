@@ -31,7 +31,7 @@ HOST_BUFFER = 65536
 
 STREAMING = ("hand-board", "high-speed")
 
-_LOOK_FOR_HOST = 10e-3  # seconds between two looks whether a host has opened the port
+_LOOK_FOR_HOST = 2e-3  # seconds between two looks whether a host has opened the port; one waits 10 ms for an answer
 _LONGEST_WAIT = 1.0
 
 
@@ -117,7 +117,6 @@ class Emulator:
         if gate is None:
             gate = GATE if self.profile.family in ("serial-converter", "high-speed") else 0
         self._signal, self._gate, self._resultant, self._pace = signal, gate, resultant, pace
-        self._line = PacedLine(self.profile.baud / 10 if pace else math.inf)
         self._faults = Faults() if faults is None else faults
         self._faulty = FaultyLine(self._faults, seed)
         self._link = None if link is None else Path(link)
@@ -125,6 +124,7 @@ class Emulator:
         self.sent: deque[Sent] | None = deque(maxlen=REMEMBERED) if record_sent else None
         self._terminal: PseudoTerminal | None = None
         self._board = self._power_on()
+        self._line = PacedLine(self._board.bytes_per_second if pace else math.inf)
         self._lock = threading.Lock()
         self._thread: threading.Thread | None = None
         self._stopping = False

@@ -7,7 +7,7 @@ import pytest
 from emulated import constant, profile, small
 
 from paxisim.errors import InvalidValueError, UnknownNameError
-from paxisim.hw.emulation.control_box import MODE_WAIT, VERSION_WAIT
+from paxisim.hw.emulation.control_box import VERSION_WAIT
 from paxisim.hw.emulation.pads import EmulatedPads
 from paxisim.hw.emulator import Emulator, make_board
 from paxisim.hw.faults import Faults, FaultyLine
@@ -113,11 +113,10 @@ def test_a_control_box_comes_up_as_the_document_says():
     assert board.due == VERSION_WAIT
     assert board.tick(VERSION_WAIT / 2) == b""
     (version,) = FrameDecoder(box.parse_reply).feed(board.tick(VERSION_WAIT))
-    assert version.data.isascii()
+    assert version.data == b"PAXISIM SMALL-v1.0.0"
     reply = ask(board, box.set_mode_request(5), 1.0)
     assert (reply.main, reply.sub, reply.error) == (0x70, 0xC009, 0)
-    assert ask(board, box.get_mode_request(), 1.0).data == b"\0"
-    assert ask(board, box.get_mode_request(), 1.0 + MODE_WAIT).data == b"\5"
+    assert ask(board, box.get_mode_request(), 1.0).data == b"\5"
     assert board.receive(box.select_port_request(0).encode(), 2.0).hex() == "55aa7b7b0e0070b10a000000c755aa7d7d"
 
 
@@ -312,6 +311,21 @@ def test_the_counts_of_palm_modules_where_the_other_source_puts_them():
     board = board_of(chosen)
     assert np.frombuffer(read_register(board, 0x0066, 16), "<u2").tolist() == [0, 12, 0, 0, 0, 0, 0, 0]
     assert np.frombuffer(read_register(board, 0x0030, 40), "<u2")[2] == 12
+
+
+def test_the_counts_of_palm_modules_stand_at_both_places_but_for_one():
+    counts = {20: 12, 21: 12, 27: 12}
+    for setting in ("contiguous", "0066"):
+        chosen = small("high-speed", [(f"pad{m}", m) for m in counts], settings={"palm_counts": setting})
+        board = board_of(chosen)
+        contiguous = np.frombuffer(read_register(board, 0x0030, 56), "<u2").tolist()
+        apart = np.frombuffer(read_register(board, 0x0066, 16), "<u2").tolist()
+        assert contiguous[20:27] == [12, 12, 0, 0, 0, 0, 0]
+        assert apart[1:] == [12, 0, 0, 0, 0, 0, 12]
+        assert contiguous[27] == apart[0] == 12
+    # without module 27, a host finds the right counts at either place
+    board = board_of(small("high-speed", [("palm", 20)]))
+    assert read_register(board, 0x0066, 2) == read_register(board, 0x0058, 2) == b"\x0c\0"
 
 
 # ---- wrong status

@@ -29,6 +29,11 @@ class EmulatedBoard(ABC):
         self.pads = pads
         self._wrong_status = wrong_status
 
+    @property
+    def bytes_per_second(self) -> float:
+        """What its line carries: a start bit, 8 bits and a stop bit for each byte, where the baud rate is real."""
+        return self.pads.profile.baud / 10
+
     def receive(self, data: bytes, now: float) -> bytes:
         """What the board answers to bytes from the host, which may come in any pieces."""
         return b"".join(self.answers(data, now))

@@ -10,15 +10,17 @@ from paxisim.hw.emulation.board import EmulatedBoard
 from paxisim.hw.emulation.pads import EmulatedPads
 from paxisim.hw.frames import control_box as wire
 from paxisim.hw.framing import FrameDecoder
+from paxisim.hw.profile import Profile
 
-VERSION = b"PAXISIM EMULATED CONTROL BOX"
-VERSION_WAIT = 10e-3
-"""Seconds that the box takes to say who it is."""
-MODE_WAIT = 0.1
-"""Seconds after which a new mode is in force; before, it is not yet read back. The document allows 2 s."""
+VERSION_WAIT = 5e-3
+"""Seconds that the box takes to say who it is; public drivers wait 10 ms for it."""
+USB_SPEED = 165e3
+"""Bytes a second over the box's USB, where the baud rate means nothing: 120 taxels were seen to take 2 to 3 ms, and two
+pads 4 to 6 ms."""
 CHANGED_SUB = 0xC009
 """What the document prints as the SUB of the reply to `SET_MODE`."""
-PORTS = 15
+PORTS = 21
+"""Public drivers use ports up to 20."""
 LONGEST_READ = 1000
 RESULTANT_BLOCK = 30
 ZERO = bytes([3, 1])
@@ -29,9 +31,11 @@ _LENGTH, _MAIN, _SUB, _OVERFLOW, _PARAMETER, _NO_DATA, _OTHERS = 1, 3, 4, 5, 6, 
 class ControlBox(EmulatedBoard):
     """Answers one request after another, and nothing unasked.
 
-    As on the real box: pads can be read once the mode fits and a port is selected; the reply to a new mode carries
-    another SUB; zeroing answers with an error although it works. Which error byte the real box gives for a port
-    without a pad, a wrong mode or a range that is not there, no source says: here 7 (no data), 7 and 5 (overflow).
+    As on the real box: pads can be read once the mode fits and a port is selected, and a mode is in force at once,
+    though the document allows the box 2 s, since public drivers read without waiting; the version names the part; the
+    reply to a new mode carries another SUB; zeroing answers with an error although it works. Which error byte the real
+    box gives for a port without a pad, a wrong mode or a range that is not there, no source says: here 7 (no data), 7
+    and 5 (overflow).
     Requests with a wrong check byte are not answered.
     """
 
@@ -40,8 +44,7 @@ class ControlBox(EmulatedBoard):
         super().__init__(pads, wrong_status=wrong_status)
         self._decoder = FrameDecoder(wire.parse_request, stream=False)
         self._late: deque[tuple[float, bytes]] = deque()
-        self._mode = self._next_mode = 0
-        self._mode_from = 0.0
+        self._mode = 0
         self._port: int | None = None
         settings = pads.profile.settings
         self._wanted_mode = settings.get("mode", 5)
@@ -75,15 +78,13 @@ class ControlBox(EmulatedBoard):
         self.due = self._late[0][0] if self._late else math.inf
 
     def _answer(self, request: wire.Request, now: float) -> wire.Reply:
-        if now >= self._mode_from:
-            self._mode = self._next_mode
         kind = (request.main, request.sub)
         if kind == wire.VERSION:
-            return self._reply(request, VERSION)
+            return self._reply(request, version_of(self.pads.profile))
         if kind == wire.GET_MODE:
             return self._reply(request, bytes([self._mode]))
         if kind == wire.SET_MODE:
-            return self._set_mode(request, now)
+            return self._set_mode(request)
         if kind == wire.SELECT_PORT:
             return self._select_port(request)
         if kind == wire.READ:
@@ -96,10 +97,15 @@ class ControlBox(EmulatedBoard):
     def _reply(self, request: wire.Request, data: bytes = b"", error: int = 0) -> wire.Reply:
         return wire.Reply(request.main, request.sub, data, error, request.index)
 
-    def _set_mode(self, request: wire.Request, now: float) -> wire.Reply:
+    @property
+    def bytes_per_second(self) -> float:
+        """See `EmulatedBoard.bytes_per_second`."""
+        return USB_SPEED
+
+    def _set_mode(self, request: wire.Request) -> wire.Reply:
         if len(request.data) != 1:
             return self._reply(request, error=_LENGTH)
-        self._next_mode, self._mode_from = request.data[0], now + MODE_WAIT
+        self._mode = request.data[0]
         return wire.Reply(request.main, CHANGED_SUB, b"", 0, request.index)
 
     def _select_port(self, request: wire.Request) -> wire.Reply:
@@ -140,6 +146,15 @@ class ControlBox(EmulatedBoard):
         if request.data == ZERO and pad is not None:
             self.pads.zero(now, pad)
         return self._reply(request, bytes([_PARAMETER]), error=_PARAMETER)
+
+
+def version_of(profile: Profile) -> bytes:
+    """A version that names the part, as a real one does (``PAXINI PXSR-STDDP03F-v1.0.5``), in at most 100 bytes.
+
+    The part is its code where the profile has one, else the profile's name without the board.
+    """
+    part = str(profile.settings.get("part") or profile.name.replace("-box", "").replace("-serial", "").upper())
+    return f"PAXISIM {part[:80]}-v1.0.0".encode("ascii", errors="replace")
 
 
 def region(memory: dict[int, bytes], address: int, count: int) -> bytes | None:

@@ -30,10 +30,12 @@ _STREAM_ERROR = 7
 class HighSpeedBoard(EmulatedBoard):
     """Registers, and a stream of all active modules once it is switched on.
 
-    The counts of the palm's modules follow those of the fingers, or stand where the profile's setting ``palm_counts``
-    says. What is read while the stream runs collides with it:
-    the reply comes out inside the next push, which is lost. Writes do not collide. Requests with a wrong check byte
-    are not answered.
+    The counts of the palm's modules stand at both places that sources name, behind those of the fingers and from 0066
+    on, for a host may ask at either. Both name register 0066: it holds the count of module 20 where the profile's
+    setting ``palm_counts`` is ``"0066"`` or there is no module 27, else of module 27.
+
+    What is read while the stream runs collides with it: the reply comes out inside the next push, which is lost. Writes
+    do not collide. Requests with a wrong check byte are not answered.
     """
 
     def __init__(
@@ -137,15 +139,14 @@ class HighSpeedBoard(EmulatedBoard):
             palm = module - registers.HIGH_SPEED_FIRST_PALM
             at = FIRST_TAXELS + TAXELS_STEP * module if palm < 0 else FIRST_PALM_TAXELS + PALM_TAXELS_STEP * palm
             memory[at] = taxels.to_bytes(pads.counts(now)[pad])
-        split = registers.HIGH_SPEED_FIRST_PALM if self._palms_apart else size
-        if self._palms_apart:
-            memory[registers.HIGH_SPEED_PALM_COUNTS] = counts[split:].tobytes()
+        palms = counts[registers.HIGH_SPEED_FIRST_PALM :]
+        shared = palms[:1] if self._palms_apart or not counts[-1] else counts[-1:]
         return memory | {
             registers.HIGH_SPEED_VERSION: VERSION,
             registers.HIGH_SPEED_ACTIVE: stream_layout.active_bitmap(self._active),
             registers.HIGH_SPEED_DATA_TYPE: bytes([self._data_type]),
             registers.HIGH_SPEED_PUSH: bytes([self._pushes]),
             ERROR: b"\0",
-            registers.HIGH_SPEED_COUNTS: counts[:split].tobytes(),
+            registers.HIGH_SPEED_COUNTS: np.concatenate([counts[:-1], shared, palms[1:]]).tobytes(),
             RESULTANTS: totals.tobytes(),
         }

@@ -6,12 +6,11 @@ from collections.abc import Callable
 
 from paxisim.hw import registers
 from paxisim.hw.emulation.board import EmulatedBoard
-from paxisim.hw.emulation.control_box import RESULTANT_BLOCK, region
+from paxisim.hw.emulation.control_box import RESULTANT_BLOCK, region, version_of
 from paxisim.hw.emulation.pads import EmulatedPads
 from paxisim.hw.frames import serial_converter as wire
 from paxisim.hw.framing import FrameDecoder
 
-VERSION = b"PAXISIM EMULATED-v1.0.0"
 _PARAMETER, _OTHERS = 6, 0x0D
 
 
@@ -45,7 +44,7 @@ class SerialConverter(EmulatedBoard):
                 RESULTANT_BLOCK, b"\0"
             ),
             settings.get("address", registers.CONVERTER_TAXELS): self.pads.taxels(0, now),
-            registers.CONVERTER_VERSION: VERSION.ljust(registers.CONVERTER_VERSION_BYTES, b"\0"),
+            registers.CONVERTER_VERSION: version_of(self.pads.profile).ljust(registers.CONVERTER_VERSION_BYTES, b"\0"),
         }
         data = region(memory, request.address, request.count)
         if data is None:
