@@ -141,7 +141,8 @@ class FrameDecoder(Decoder[Message]):
     bytes of the next one wherever both add up alike, as two zeros and a head ``AA 56`` do. So a frame in which another
     may begin that reaches beyond its end waits for what follows. It stands if a frame begins at its end, and is thrown
     away, counted as a bad checksum, if the other one goes on instead. Where neither does, the next frame was damaged as
-    well: then two bytes of a head are taken for one, a single byte for chance, since one frame in 256 ends in it.
+    well: then two bytes of a head that begins inside are taken for one, a single byte for chance, since one frame in
+    256 ends in it.
 
     What cannot be told apart: the head's first byte lost behind a frame that ends in that byte, and that byte lost in
     the frame. The bytes are the same, and the frame before is given up. A loss across the boundary of two frames, which
@@ -207,7 +208,9 @@ class FrameDecoder(Decoder[Message]):
             rival = self._parse(buffer, at + place)
             if isinstance(rival, Incomplete) and not silent:
                 return None
-            if not _begins(self._parse(buffer, end)) and (_begins(rival) or len(frame) - place > 1):
+            if _begins(self._parse(buffer, end)):
+                continue
+            if _begins(rival) or _begins(self._parse(buffer[at + place : at + place + 2], 0)):
                 return False
         return True
 

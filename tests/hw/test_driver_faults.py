@@ -29,7 +29,7 @@ def forces_of(profile, messages):
     for message in messages:
         data = b""
         if profile.family == "high-speed":
-            for push in FrameDecoder(high_speed.parse_push).feed(message):
+            for push in FrameDecoder(high_speed.parse_push, stream=False).feed(message):
                 data = push.data[6:]
         else:
             for reply in FrameDecoder(box.parse_reply).feed(message):

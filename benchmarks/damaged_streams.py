@@ -1,0 +1,201 @@
+"""What decoders make of damaged bytes: ``python benchmarks/damaged_streams.py``.
+
+Ten million bytes a family and kind of damage. Every frame has a number in it, so that each can be told from all others;
+half of them are at rest but for that number, half carry random counts. The kinds:
+
+- noise: garbage of 1 to 300 random bytes between the frames;
+- changed: two bytes in a thousand replaced by others;
+- lost: after 1000 bytes on average, 1 to 4 are missing.
+
+Counted are frames that were never sent (wrong) and undamaged ones that did not come (missed), and of both those that
+nobody could have told: a frame with changed bytes whose check byte fits by chance, or that has none (collisions); and
+where what would tell is missing (undecidable): bytes were lost at the end of a frame and in the head of the next one,
+or noise follows a frame that ends, alone or with the first byte of the noise, in the two bytes that begin a head, or a
+round of the hand board, which has no check byte, that holds such two bytes in its last block.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import tyro
+from numpy.typing import NDArray
+
+from paxisim.hw.frames import control_box, hand_board, high_speed, serial_converter
+from paxisim.hw.framing import Decoder, FrameDecoder
+
+TAXELS = 52
+PIECE = 4096
+KINDS = ("noise", "changed", "lost")
+
+
+def push(data: bytes) -> Any:
+    """A push of the high-speed board."""
+    return high_speed.Push(0, data)
+
+
+def converter_reply(data: bytes) -> Any:
+    """A reading of the serial converter."""
+    return serial_converter.Reply(1, serial_converter.READ, 1008, len(data), 0, data)
+
+
+def box_reply(data: bytes) -> Any:
+    """A reading of the control box."""
+    return control_box.Reply(*control_box.READ, control_box.Region(1008, data).encode())
+
+
+def hand_round(data: bytes) -> Any:
+    """A round of the hand board; what is undocumented in it stays 0."""
+    return hand_board.Round(tuple(hand_board.Block(data[i : i + 45]) for i in range(0, 180, 45)))
+
+
+@dataclass(frozen=True)
+class Family:
+    """How to make a frame of a family's readings, from so many bytes, and how to find it."""
+
+    make: Callable[[bytes], Any]
+    size: int
+    decoder: Callable[[], Decoder[Any]]
+
+
+FAMILIES = {
+    "high-speed": Family(push, 6 + 3 * TAXELS, lambda: FrameDecoder(high_speed.push_parser({0, 6 + 3 * TAXELS}))),
+    "serial-converter": Family(
+        converter_reply,
+        30 + 3 * TAXELS,
+        lambda: FrameDecoder(serial_converter.reply_parser({0, 3, 100, 30 + 3 * TAXELS})),
+    ),
+    "control-box": Family(box_reply, 390, lambda: FrameDecoder(control_box.reply_parser({*range(129), 396}))),
+    "hand-board": Family(hand_round, 180, hand_board.RoundDecoder),
+}
+
+
+@dataclass(frozen=True)
+class Result:
+    """What came of one stream; see the module."""
+
+    bytes: int
+    sent: int
+    damaged: int
+    wrong: int
+    collisions: int
+    undecidable: int
+    missed: int
+    missed_undecidable: int
+    most_held: int
+    seconds: float
+
+    @property
+    def faults(self) -> int:
+        """Wrong and missed frames that could have been told."""
+        return self.wrong - self.collisions - self.undecidable + self.missed - self.missed_undecidable
+
+
+def make_frames(family: Family, rng: np.random.Generator, count: int) -> list[bytes]:
+    """Frames of which no two are alike."""
+    frames = []
+    for number in range(count):
+        data = bytearray(rng.bytes(family.size) if number % 2 else family.size)
+        data[-6:-3] = number.to_bytes(3, "little")
+        frames.append(family.make(bytes(data)).encode())
+    return frames
+
+
+def damage(
+    frames: list[bytes], kind: str, rng: np.random.Generator
+) -> tuple[list[bytes], NDArray[np.bool_], set[bytes], list[int]]:
+    """What leaves for each frame, which frames are whole, what changed frames look like, and where bytes were lost."""
+    whole = np.ones(len(frames), dtype=bool)
+    if kind == "noise":
+        return [frame + rng.bytes(int(rng.integers(1, 301))) for frame in frames], whole, set(), []
+    ends = np.cumsum([len(frame) for frame in frames])
+    stream = np.frombuffer(b"".join(frames), np.uint8).copy()
+    places = np.flatnonzero(rng.random(len(stream)) < (0.002 if kind == "changed" else 0.001))
+    keep = np.ones(len(stream), dtype=bool)
+    if kind == "changed":
+        stream[places] += rng.integers(1, 256, len(places), dtype=np.uint8)
+        whole[np.searchsorted(ends, places, "right")] = False
+    else:
+        for place, length in zip(places.tolist(), rng.integers(1, 5, len(places)).tolist(), strict=True):
+            keep[place : place + length] = False
+        whole[np.searchsorted(ends, np.flatnonzero(~keep), "right")] = False
+    parts = [
+        stream[end - len(frame) : end][keep[end - len(frame) : end]].tobytes()
+        for frame, end in zip(frames, ends.tolist(), strict=True)
+    ]
+    changed = {parts[i] for i in np.flatnonzero(~whole).tolist()} if kind == "changed" else set()
+    starts = [end - len(frame) for frame, end in zip(frames, ends.tolist(), strict=True)]
+    headless = [i for i, start in enumerate(starts) if not keep[start : start + 2].all()]
+    return parts, whole, changed, headless
+
+
+def measure(name: str, kind: str, size: int, seed: int = 0) -> Result:
+    """Send about `size` bytes of one family through its decoder.
+
+    Args:
+        name: The family.
+        kind: One of `KINDS`.
+        size: Bytes.
+        seed: Of frames and damage.
+    """
+    family, rng = FAMILIES[name], np.random.default_rng(seed)
+    each = len(family.make(bytes(family.size)).encode()) + 150 * (kind == "noise")
+    frames = make_frames(family, rng, size // each)
+    parts, whole, changed, headless = damage(frames, kind, rng)
+    stream, decoder, found, most = b"".join(parts), family.decoder(), [], 0
+    start = time.process_time()
+    for at in range(0, len(stream), PIECE):
+        found += decoder.feed(stream[at : at + PIECE])
+        most = max(most, decoder.pending)
+    found += decoder.flush()
+    seconds = time.process_time() - start
+    came = [message.encode() for message in found]
+    wrong, set_came = set(came) - set(frames), set(came)
+    # the frame before a missing head, completed by the bytes behind it
+    joined = {(parts[i - 1] + parts[i])[: len(frames[i])] for i in headless if i}
+    missed = [i for i in np.flatnonzero(whole).tolist() if frames[i] not in set_came]
+    # where the head of a next frame stands in a frame, or begins there
+    last = 50 if name == "hand-board" else 2
+    tails = [parts[i][len(frames[i]) - last : len(frames[i]) + 1] for i in missed]
+    return Result(
+        bytes=len(stream),
+        sent=len(frames),
+        damaged=int((~whole).sum()),
+        wrong=len(wrong),
+        collisions=len(wrong & changed),
+        undecidable=len(wrong & joined),
+        missed=len(missed),
+        missed_undecidable=sum(frames[0][:2] in tail for tail in tails),
+        most_held=most,
+        seconds=seconds,
+    )
+
+
+def main(size: int = 10_000_000, seed: int = 0) -> int:
+    """Print the table; status 1 where a wrong or a missed frame could have been told.
+
+    Args:
+        size: Bytes a family and kind.
+        seed: Of frames and damage.
+    """
+    print("family            damage     frames  damaged  missed  wrong  collisions  undecidable  most held    MB/s")
+    good = True
+    for name in FAMILIES:
+        for kind in KINDS:
+            r = measure(name, kind, size, seed)
+            good &= r.faults == 0
+            print(
+                f"{name:<17} {kind:<8}{r.sent:>9}{r.damaged:>9}{r.missed:>8}{r.wrong:>7}{r.collisions:>12}"
+                f"{r.undecidable + r.missed_undecidable:>13}{r.most_held:>9} B{r.bytes / 1e6 / r.seconds:>8.1f}",
+                flush=True,
+            )
+    return 0 if good else 1
+
+
+if __name__ == "__main__":
+    sys.exit(tyro.cli(main))
