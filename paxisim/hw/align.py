@@ -24,8 +24,9 @@ class Aligner:
 
     The first port paces: each of its frames gives one joined frame, with its `time`. To it comes from each other port
     the frame nearest in time, as it is; forces are never interpolated. A frame of the first port waits until every
-    other port has sent one that was measured later, but no longer than until the first port's next one: then the newest
-    of each port is taken, however old; one further than `MAX_AGE` from the pacing frame marks its pads as `STALE`.
+    other port has sent one that was measured later, but no longer than until the first port's next one arrives: then
+    the newest of each port is taken, however old; one further than `MAX_AGE` from the pacing frame marks its pads as
+    `STALE`. Frames that arrive at one moment, having waited while the system stopped this program, wait together.
 
     Before every port has sent a frame, nothing is joined. `Frame.arrival` of a joined frame is that of the part which
     came last, `Frame.sequence` counts the joined ones, `Frame.resultant` is None where one port reports none.
@@ -37,32 +38,33 @@ class Aligner:
         Args:
             ports: How many there are.
         """
-        self._waiting: Frame | None = None
+        self._waiting: deque[Frame] = deque()
         self._others: list[deque[Frame]] = [deque(maxlen=KEPT) for _ in range(ports - 1)]
         self._sequence = 0
 
     def push(self, port: int, frame: Frame) -> list[Frame]:
-        """The joined frames that are complete now that `port` (from 0) has sent `frame`: none, one or two."""
-        joined = []
+        """The joined frames that are complete now that `port` (from 0) has sent `frame`, in order."""
+        joined, waiting = [], self._waiting
         if port > 0:
             self._others[port - 1].append(frame)
         else:
-            joined += self._join()
-            self._waiting = frame
-        if self._waiting and all(frames and frames[-1].time >= self._waiting.time for frames in self._others):
+            while waiting and waiting[0].arrival < frame.arrival:
+                joined += self._join()
+            waiting.append(frame)
+        while waiting and all(frames and frames[-1].time >= waiting[0].time for frames in self._others):
             joined += self._join()
         return joined
 
     def clear(self) -> None:
         """Forget the frames at hand."""
-        self._waiting = None
+        self._waiting.clear()
         for frames in self._others:
             frames.clear()
 
     def _join(self) -> list[Frame]:
         """The frame of the first port with the nearest of the others; nothing where one is missing."""
-        first, self._waiting = self._waiting, None
-        if first is None or not all(self._others):
+        first = self._waiting.popleft()
+        if not all(self._others):
             return []
         parts = [first, *(_nearest(frames, first.time) for frames in self._others)]
         status = [code if abs(part.time - first.time) <= MAX_AGE else STALE for part in parts for code in part.status]

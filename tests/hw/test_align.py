@@ -128,3 +128,17 @@ def test_steady_ports_give_each_frame_of_the_first_with_the_nearest_of_the_other
             # the nearest, unless it would have come after the next frame of the first port
             assert off <= nearest + 1e-6 or nearest + 0.004 >= periods[0] or off <= period + 1e-6
             assert STALE not in joined.status
+
+
+def test_frames_that_waited_for_a_stalled_host_go_together_as_they_were_measured() -> None:
+    aligner = Aligner(2)
+    aligner.push(1, frame(0.9, 0))
+    joined = []
+    for port in (0, 1):
+        for i in range(60):
+            time = 1 + 0.01 * i + 0.004 * port
+            joined += aligner.push(port, frame(time, i, late=1.7 - time))
+    joined += aligner.push(0, frame(1.8, 60))
+    assert [values(one) for one in joined] == [[i, i] for i in range(60)]
+    assert {one.status for one in joined} == {(0, 0)}
+    assert [one.sequence for one in joined] == list(range(60))

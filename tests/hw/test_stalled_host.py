@@ -15,7 +15,11 @@ from emulated import profile, small
 
 pytest.importorskip("serial")
 
-from paxisim.hw.emulator import Emulator
+from paxisim.hw.boards.control_box import ControlBox
+from paxisim.hw.boards.serial_converter import SerialConverter
+from paxisim.hw.emulation.pads import EmulatedPads
+from paxisim.hw.emulator import Emulator, make_board
+from paxisim.hw.faults import Faults, FaultyLine
 
 pytestmark = [
     pytest.mark.real_time,
@@ -133,3 +137,51 @@ def test_a_recorder_that_was_stopped_says_no_gap_where_no_frame_is_missing(name,
     assert (gaps, dropped) == (0, 0)
     assert longest < 0.1
     assert frames > 250
+
+
+class Stalling:
+    """Transport and clock of an emulated board that answers at once; one wait takes longer than it may.
+
+    Attributes:
+        now: The time (s).
+        stall: Which read takes `length` (s), counted from now on; below 0: none.
+    """
+
+    def __init__(self, chosen):
+        self.now, self.stall, self.length = 10.0, -1, 0.0
+        self._board = make_board(EmulatedPads(chosen, Ticking(chosen)), None, True, FaultyLine(Faults()))
+        self._answers = b""
+
+    def monotonic(self):
+        return self.now
+
+    def sleep(self, seconds):
+        self.now += seconds
+
+    def write(self, data):
+        self._answers += self._board.receive(data, self.now)
+
+    def read(self, timeout):
+        self.stall -= 1
+        self.now += self.length if self.stall == -1 else 1e-3 if self._answers else timeout
+        data, self._answers = self._answers + self._board.tick(self.now), b""
+        return data
+
+    def discard_input(self):
+        self._answers = b""
+
+
+@pytest.mark.parametrize("length", [0.3, 0.6, 1.6])
+@pytest.mark.parametrize("family", [SerialConverter, ControlBox], ids=["serial-converter", "control-box"])
+def test_a_reply_that_waited_is_asked_for_again_and_the_time_does_not_count(family, length):
+    chosen = PROFILES["serial-converter" if family is SerialConverter else "control-box"]()
+    for stall in range(6):
+        line = Stalling(chosen)
+        board = family(line, chosen, line)
+        board.start()
+        line.stall, line.length = stall, length
+        for _ in range(6):
+            reading = board.read(0.5)
+            low, high = np.round(chosen.to_force(reading.counts)[:, 2, 0, :2].T * 10)
+            np.testing.assert_allclose(reading.time, (low + 250 * high) * TICK, atol=0.02)
+        assert line.stall < -1
