@@ -35,7 +35,7 @@ CASES = {
         STREAM_BYTES,
     ),
 }
-CPU_TARGET = 0.20
+CPU_TARGET = 0.08
 
 
 def emulate(profile: Profile) -> None:

@@ -86,7 +86,8 @@ class SerialTransport:
         try:
             if self._fd is not None:
                 ready, _, _ = select.select([self._fd], [], [], max(0.0, timeout))
-                return self._serial.read(CHUNK) if ready else b""
+                # pyserial would ask the system a second time whether there is something
+                return self._read_now(self._fd) if ready else b""
             self._serial.timeout = max(0.0, timeout)
             first = self._serial.read(1)
             return first + self._serial.read(self._serial.in_waiting) if first else b""
@@ -94,6 +95,15 @@ class SerialTransport:
             raise self._too_many_files(error) from error
         except _line_errors() as error:
             raise self._gone(error) from error
+
+    def _read_now(self, fd: int) -> bytes:
+        try:
+            data = os.read(fd, CHUNK)
+        except BlockingIOError:
+            return b""
+        if not data:
+            raise OSError("it reports bytes but has none: it was unplugged, or another program reads it")
+        return data
 
     def write(self, data: bytes) -> None:
         """See `Transport.write`."""
