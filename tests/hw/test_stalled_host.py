@@ -48,7 +48,7 @@ from paxisim.hw.device import open_sensor
 import test_stalled_host
 with open_sensor(sys.argv[1], test_stalled_host.PROFILES[sys.argv[2]]()) as sensor:
     print("open", flush=True)
-    said = capture(sensor, sys.argv[3], seconds=5.0)
+    said = capture(sensor, sys.argv[3], seconds=4.2)
 print(json.dumps([said.gaps, said.longest_gap, said.dropped, said.frames]))
 """
 PROFILES = {
@@ -121,7 +121,7 @@ def watch(name, stalls, seconds):
 
 @pytest.mark.parametrize("name", PROFILES)
 def test_after_a_stall_nothing_is_dated_wrongly_or_said_to_be_missing(name):
-    said, numbers, errors = watch(name, [(0.8, 0.3), (2.0, 0.6), (0.7, 1.6)], 8.0)
+    said, numbers, errors = watch(name, [(0.8, 0.3), (2.0, 0.6), (0.7, 1.6)], 6.8)
     assert np.abs(errors).max() <= 0.02
     assert said == [0, 0, 0, 0, 0]
     assert np.all(np.diff(numbers) == 1)
