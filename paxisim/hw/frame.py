@@ -15,8 +15,8 @@ class Frame:
     Attributes:
         force: ``(pads, 3, rows, cols)`` float32 newtons, pad frames, as `TactileReadout.read` gives it in simulation.
         time: When it was measured, as far as can be told (s, the host's monotonic clock): the arrival, freed of the
-            jitter of port and scheduler by the board's steady rate, and dated back where it waited in the port while the
-            system stopped this program. Never after `arrival`.
+            jitter of port and scheduler by the board's steady rate, and dated back where it waited in the port,
+            as while the system stopped this program. Never after `arrival`.
         arrival: When its last byte was read (s, the host's monotonic clock).
         sequence: Counts readings from 0; a gap says that so many were dropped.
         status: One error byte a pad, as the board reports it; 0 is good, `paxisim.logs.schemas.NO_TAXELS` no error.
