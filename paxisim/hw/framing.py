@@ -139,10 +139,9 @@ class FrameDecoder(Decoder[Message]):
 
     An 8-bit sum is no protection against lost bytes: a frame that lost some fits its check byte together with the first
     bytes of the next one wherever both add up alike, as two zeros and a head ``AA 56`` do. So a frame in which another
-    may begin that reaches beyond its end waits for what follows. It stands if a frame begins at its end, and is thrown
-    away, counted as a bad checksum, if the other one goes on instead. Where neither does, the next frame was damaged as
-    well: then two bytes of a head that begins inside are taken for one, a single byte for chance, since one frame in
-    256 ends in it.
+    may begin that reaches beyond its end waits for what follows. It stands if a frame begins at its end, or if what
+    begins inside is not even two bytes of a head, as one frame in 256 ends in the first of them. Else it is thrown away
+    and counted as a bad checksum, also where the other one does not go on, being damaged as well.
 
     What cannot be told apart: the head's first byte lost behind a frame that ends in that byte, and that byte lost in
     the frame. The bytes are the same, and the frame before is given up. A loss across the boundary of two frames, which
@@ -205,12 +204,10 @@ class FrameDecoder(Decoder[Message]):
                 continue  # nothing begins there, or it ends inside the frame: data
             if end == len(buffer):
                 return True if silent else None
-            rival = self._parse(buffer, at + place)
-            if isinstance(rival, Incomplete) and not silent:
+            if isinstance(self._parse(buffer, at + place), Incomplete) and not silent:
                 return None
-            if _begins(self._parse(buffer, end)):
-                continue
-            if _begins(rival) or _begins(self._parse(buffer[at + place : at + place + 2], 0)):
+            head = buffer[at + place : at + place + 2]
+            if _begins(self._parse(head, 0)) and not _begins(self._parse(buffer, end)):
                 return False
         return True
 
