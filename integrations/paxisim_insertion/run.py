@@ -211,7 +211,7 @@ class Run:
 
     def _go_on(self, model: SAC) -> None:
         """Give a model what the newest one had learned and counted."""
-        model.set_parameters(self.model_path, device=model.device)
+        model.set_parameters(str(self.model_path), device=model.device)
         _, _, tensors = load_from_zip_file(self.model_path, device=model.device, load_data=False)
         assert isinstance(model.log_ent_coef, torch.Tensor)
         with torch.no_grad():

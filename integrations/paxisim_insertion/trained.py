@@ -94,7 +94,7 @@ class Trained:
         """
 
         def read() -> dict[str, Any]:
-            _, weights, _ = load_from_zip_file(path, device="cpu", load_data=False)
+            weights: Any = load_from_zip_file(path, device="cpu", load_data=False)[1]
             actor = {
                 name.removeprefix("actor."): value
                 for name, value in weights["policy"].items()
