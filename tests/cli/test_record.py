@@ -195,7 +195,9 @@ def check_that_the_file_took_no_more(says, path="press.mcap"):
     assert len(measured.time) > 0
     assert np.all(np.diff(measured.sequence) == 1)
     last = said("err.txt").splitlines()[-1]
-    match = re.match(rf"paxisim: error: the file takes no more: .*{says}.*; {path} is valid and holds (\d+) frames", last)
+    match = re.match(
+        rf"paxisim: error: the file takes no more: .*{says}.*; {path} is valid and holds (\d+) frames", last
+    )
     assert match, last
     assert int(match[1]) == len(measured.time)
     assert f"{path}: {match[1]} frames in " in said("out.txt")
