@@ -245,7 +245,9 @@ class TaxelLayout:
             raise InvalidValueError(f"expected an object with the fields of a TaxelLayout, got {document!r}")
         try:
             return cls(**document)
-        except TypeError as error:
+        except InvalidValueError:
+            raise
+        except (TypeError, ValueError, OverflowError, RecursionError) as error:
             raise InvalidValueError(f"expected the fields of a TaxelLayout, got {sorted(document)}") from error
 
     def to_image(self, force: Any) -> Any:

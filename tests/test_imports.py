@@ -47,6 +47,7 @@ LEVELS = {
     "viz": 3,
     "protocols": 3.5,
     "cli": 4,
+    "__main__": 5,
 }
 ANYWHERE = {"errors", "_version"}
 

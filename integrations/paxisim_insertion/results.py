@@ -58,5 +58,5 @@ class Result:
         try:
             found = json.loads(path.read_text(encoding="utf-8"))
             return cls(**{**found, "interval": tuple(found["interval"])})
-        except (ValueError, TypeError, KeyError) as error:
+        except (ValueError, TypeError, KeyError, RecursionError) as error:
             raise paxisim.InvalidValueError(f"{path} is not a result: {error}") from error

@@ -11,10 +11,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
 from gymnasium import Env
 from gymnasium.wrappers import TransformReward
 from stable_baselines3 import SAC
 from stable_baselines3.common.monitor import Monitor
+from stable_baselines3.common.save_util import load_from_zip_file
 from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecEnv
 
 import paxisim
@@ -25,7 +27,7 @@ from .policy import AsymmetricPolicy
 from .redraw import Redraw
 from .replay import HistoryReplayBuffer
 from .tasks import Parameters, find_task
-from .trained import ACTOR, Trained
+from .trained import ACTOR, NOT_WEIGHTS, Trained, counts_of
 
 PACKAGES = ("mujoco", "robosuite", "stable-baselines3", "torch", "gymnasium", "numpy")
 BUFFER = 1_000_000
@@ -127,7 +129,7 @@ class Run:
             told = found.pop("diagnosis", None)
             diagnosis = None if told is None else paxisim.diagnose.Diagnosis.from_json(json.dumps(told))
             run = cls(folder, parameters=Parameters(**values), diagnosis=diagnosis, **found)
-        except (ValueError, TypeError, KeyError) as error:
+        except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
             raise paxisim.InvalidValueError(f"{path} is not a run of this version: {error}") from error
         here = versions()
         # 2.13.0+cpu and 2.13.0 are one version
@@ -164,24 +166,26 @@ class Run:
     def model(self, env: VecEnv, device: str = "auto") -> SAC:
         """The run's newest model, or its first; its replay buffer is in the folder, with all that was seen.
 
+        Of ``model.zip`` the weights, the optimisers' states and the counts are read, and none of its pickles: what else
+        a model is follows from the run.
+
         Raises:
             InvalidValueError: The model was made for other observations, as of another layout or k.
         """
+        model = SAC(
+            AsymmetricPolicy,
+            env,
+            buffer_size=self.buffer,
+            replay_buffer_class=HistoryReplayBuffer,
+            replay_buffer_kwargs={"history": env.get_attr("history")[0].k, "redraw": self._redraw(env)},
+            seed=self.seed,
+            device=device,
+        )
         if self.model_path.exists():
             try:
-                model = SAC.load(self.model_path, env=env, device=device)
-            except ValueError as error:
+                self._go_on(model)
+            except NOT_WEIGHTS as error:
                 raise paxisim.InvalidValueError(f"{self.model_path} does not fit the environment: {error}") from error
-        else:
-            model = SAC(
-                AsymmetricPolicy,
-                env,
-                buffer_size=self.buffer,
-                replay_buffer_class=HistoryReplayBuffer,
-                replay_buffer_kwargs={"history": env.get_attr("history")[0].k, "redraw": self._redraw(env)},
-                seed=self.seed,
-                device=device,
-            )
         buffer = model.replay_buffer
         assert isinstance(buffer, HistoryReplayBuffer)
         buffer.keep_in(self.folder / "replay")
@@ -193,23 +197,28 @@ class Run:
         Raises:
             InvalidValueError: There is none yet, or it was trained on other observations.
         """
+        if (self.folder / ACTOR).exists():
+            return Trained.load(self.folder, env)
         if not self.model_path.exists():
-            if (self.folder / ACTOR).exists():
-                return Trained.load(self.folder, env)
             raise paxisim.InvalidValueError(f"{self.folder} has no model yet: train it first")
-        model = SAC.load(self.model_path, device="cpu")
-        if model.observation_space != env.observation_space or model.action_space != env.action_space:
-            raise paxisim.InvalidValueError(
-                f"{self.model_path} was trained on {model.observation_space}, the environment has "
-                f"{env.observation_space}: a run of another layout, k or task"
-            )
-        return Trained.of(model)
+        return Trained.of_model(self.model_path, env)
 
     def save(self, model: SAC) -> None:
         """Replace the newest model by this one; at no moment is there none."""
         new = self.folder / "model.new.zip"
         model.save(new)
         os.replace(new, self.model_path)
+
+    def _go_on(self, model: SAC) -> None:
+        """Give a model what the newest one had learned and counted."""
+        model.set_parameters(str(self.model_path), device=model.device)
+        _, _, tensors = load_from_zip_file(self.model_path, device=model.device, load_data=False)
+        assert isinstance(model.log_ent_coef, torch.Tensor)
+        with torch.no_grad():
+            model.log_ent_coef.copy_((tensors or {})["log_ent_coef"])
+        counts = counts_of(self.model_path)
+        for name in ("num_timesteps", "_n_updates", "_episode_num"):
+            setattr(model, name, counts[name])
 
     def _redraw(self, env: VecEnv) -> Redraw | None:
         gcs = self.gcs

@@ -1,9 +1,16 @@
-"""Trained: a policy that acts, and what its training cost; small enough to be kept beside its results."""
+"""Trained: a policy that acts, and what its training cost; small enough to be kept beside its results.
+
+What is read from a folder is weights and numbers, never Python objects: a pickle in a folder that somebody shares would
+run what code it likes.
+"""
 
 from __future__ import annotations
 
+import json
 import os
 import pickle
+import zipfile
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,6 +19,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from stable_baselines3 import SAC
+from stable_baselines3.common.save_util import load_from_zip_file
 
 import paxisim
 
@@ -20,6 +28,18 @@ from .policy import AsymmetricPolicy
 
 ACTOR = "actor.pt"
 """The file of an actor without critic, optimisers and replay buffer."""
+
+NOT_WEIGHTS = (
+    RuntimeError,
+    LookupError,
+    TypeError,
+    ValueError,
+    AttributeError,
+    EOFError,
+    zipfile.BadZipFile,
+    pickle.UnpicklingError,
+)
+"""What reading weights raises for a file that holds others, or none."""
 
 
 @dataclass(frozen=True)
@@ -63,11 +83,48 @@ class Trained:
             InvalidValueError: It is not one, or was trained on other observations.
         """
         path = folder / ACTOR
-        actions: Any = env.action_space
-        policy = AsymmetricPolicy(env.observation_space, actions, lambda _: 0.0)
-        try:
-            found = torch.load(path, map_location="cpu", weights_only=True)
-            policy.actor.load_state_dict(found["actor"])
-            return cls(policy, found["steps"], found["updates"])
-        except (RuntimeError, KeyError, TypeError, ValueError, EOFError, pickle.UnpicklingError) as error:
-            raise paxisim.InvalidValueError(f"{path} is no actor for {env.observation_space}: {error}") from error
+        return _fitted(path, env, lambda: torch.load(path, map_location="cpu", weights_only=True))
+
+    @classmethod
+    def of_model(cls, path: Path, env: InsertionEnv) -> Trained:
+        """The actor in a training's ``model.zip``: its weights alone, none of the Python objects beside them.
+
+        Raises:
+            InvalidValueError: It is no such file, or was trained on other observations.
+        """
+
+        def read() -> dict[str, Any]:
+            weights: Any = load_from_zip_file(path, device="cpu", load_data=False)[1]
+            actor = {
+                name.removeprefix("actor."): value
+                for name, value in weights["policy"].items()
+                if name.startswith("actor.")
+            }
+            counts = counts_of(path)
+            return {"actor": actor, "steps": counts["num_timesteps"], "updates": counts["_n_updates"]}
+
+        return _fitted(path, env, read)
+
+
+def counts_of(model: Path) -> dict[str, int]:
+    """The whole numbers among what a ``model.zip`` says beside its weights, such as the steps done; nothing pickled.
+
+    Raises:
+        LookupError, ValueError, zipfile.BadZipFile: It is no such file.
+    """
+    with zipfile.ZipFile(model) as archive:
+        document = json.loads(archive.read("data"))
+    return {name: value for name, value in document.items() if type(value) is int}
+
+
+def _fitted(path: Path, env: InsertionEnv, read: Callable[[], dict[str, Any]]) -> Trained:
+    actions: Any = env.action_space
+    policy = AsymmetricPolicy(env.observation_space, actions, lambda _: 0.0)
+    try:
+        found = read()
+        policy.actor.load_state_dict(found["actor"])
+        return Trained(policy, int(found["steps"]), int(found["updates"]))
+    except NOT_WEIGHTS as error:
+        raise paxisim.InvalidValueError(
+            f"{path} is no actor for {env.observation_space}; perhaps of a run of another layout, k or task: {error}"
+        ) from error

@@ -1,13 +1,17 @@
 """Training runs: killed and resumed, evaluated, tabulated; and what is said when something is wrong."""
 
+import base64
 import json
 import os
+import shutil
 import subprocess
 import sys
 import time
+import zipfile
 from dataclasses import replace
 from pathlib import Path
 
+import cloudpickle
 import numpy as np
 import pytest
 import torch
@@ -140,6 +144,47 @@ def test_the_actor_alone_acts_as_the_model_does(killed, tmp_path, capsys):
     env.close()
 
 
+class Harmful:
+    """What runs code as soon as it is unpickled."""
+
+    def __init__(self, mark):
+        self.mark = mark
+
+    def __reduce__(self):
+        return Path.touch, (self.mark,)
+
+
+def test_a_folder_from_elsewhere_runs_no_code(killed, tmp_path):
+    """Neither the objects beside the weights of a model.zip, nor an actor.pt that is a pickle."""
+    folder, mark = tmp_path / "shared", tmp_path / "ran"
+    shutil.copytree(killed, folder)
+    with zipfile.ZipFile(killed / "model.zip") as whole, zipfile.ZipFile(folder / "model.zip", "w") as changed:
+        for name in whole.namelist():
+            data = whole.read(name)
+            if name == "data":
+                document = json.loads(data)
+                pickled = base64.b64encode(cloudpickle.dumps(Harmful(mark))).decode()
+                for value in document.values():
+                    if isinstance(value, dict) and ":serialized:" in value:
+                        value[":serialized:"] = pickled
+                data = json.dumps(document)
+            changed.writestr(name, data)
+    run = Run.open(folder)
+    env = InsertionEnv(run.task, run.method)
+    envs = run.make_envs()
+    observation, _ = env.reset(seed=1)
+    acted = run.policy(env).act(observation)
+    run.model(envs, "cpu")
+    assert not mark.exists()
+    np.testing.assert_array_equal(acted, Run.open(killed).policy(env).act(observation))
+    torch.save(Harmful(mark), folder / "actor.pt")
+    with pytest.raises(paxisim.InvalidValueError, match=r"actor\.pt is no actor"):
+        run.policy(env)
+    assert not mark.exists()
+    envs.close()
+    env.close()
+
+
 def test_what_is_wrong_is_said_in_one_line(killed, tmp_path, capsys):
     def said(function, *words):
         assert command(function, list(words)) == 2
@@ -170,7 +215,7 @@ def test_a_run_of_other_versions_or_of_another_layout(killed, tmp_path):
     (tmp_path / "model.zip").write_bytes((killed / "model.zip").read_bytes())
     run = Run.open(tmp_path, other_versions=True)
     env = Run(tmp_path, "SX-2mm", "TF").make_env().unwrapped
-    with pytest.raises(paxisim.InvalidValueError, match="was trained on"):
+    with pytest.raises(paxisim.InvalidValueError, match="of a run of another layout, k or task"):
         run.policy(env)
     env.close()
     (tmp_path / "run.json").write_text("{}")

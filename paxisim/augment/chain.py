@@ -21,6 +21,7 @@ from paxisim.augment.transform import STAGES, Covariates, State, Transform
 from paxisim.errors import InvalidValueError, PaxisimError, UnknownNameError
 from paxisim.layout import TaxelLayout
 from paxisim.logs.atomic import parse_file, whole_file
+from paxisim.logs.text import parse_json
 
 FORMAT = "paxisim-chain/1"
 
@@ -152,9 +153,9 @@ class Chain(Transform):
             UnknownNameError: A transform or parameter that this version does not know.
         """
         try:
-            document = json.loads(text)
-        except json.JSONDecodeError as error:
-            raise InvalidValueError(f"Chain: not JSON: {error}") from error
+            document = parse_json(text)
+        except InvalidValueError as error:
+            raise InvalidValueError(f"Chain: {error}") from error
         if not isinstance(document, dict) or document.get("format") != FORMAT:
             raise InvalidValueError(f"Chain: expected a JSON object of format {FORMAT!r}")
         members = document.get("members")
@@ -164,7 +165,15 @@ class Chain(Transform):
             return cls([_decode(member) for member in members], [member["name"] for member in members])
         except PaxisimError:
             raise
-        except (AttributeError, KeyError, OverflowError, TypeError, ValueError) as error:
+        except (
+            AttributeError,
+            LookupError,
+            OverflowError,
+            RecursionError,
+            SyntaxError,
+            TypeError,
+            ValueError,
+        ) as error:
             raise InvalidValueError(f"Chain: a member of the JSON lacks or misuses {error}") from error
 
     def save(self, path: str | Path) -> None:

@@ -24,6 +24,7 @@ from paxisim.cli.diagnose import diagnose
 from paxisim.cli.emulate import emulate
 from paxisim.cli.info import info
 from paxisim.cli.live import live
+from paxisim.cli.output import PrintableOutput, printable
 from paxisim.cli.pad import pad
 from paxisim.cli.protocol import protocol
 from paxisim.cli.record import record
@@ -69,8 +70,9 @@ def main(arguments: list[str] | None = None) -> int:
         return 0
     try:
         verb = _parse(arguments)
-        verb()
-        sys.stdout.flush()
+        with contextlib.redirect_stdout(PrintableOutput(sys.stdout)):
+            verb()
+            sys.stdout.flush()
     except BrokenPipeError:  # who reads the output has seen enough, as `head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
@@ -156,9 +158,9 @@ def _first_paragraphs(boxed: str) -> str:
 
 
 def _complain(message: str) -> int:
-    print(f"paxisim: error: {' '.join(message.split())}", file=sys.stderr)
+    print(f"paxisim: error: {printable(' '.join(message.split()))}", file=sys.stderr)
     return 2
 
 
 def _show_warning(message, category, filename, lineno, file=None, line=None) -> None:
-    print(f"paxisim: warning: {' '.join(str(message).split())}", file=sys.stderr)
+    print(f"paxisim: warning: {printable(' '.join(str(message).split()))}", file=sys.stderr)

@@ -6,6 +6,7 @@ import io
 import sys
 import tempfile
 from pathlib import Path
+from typing import TextIO
 
 from paxisim.errors import InvalidValueError, OutputExistsError
 from paxisim.logs.atomic import whole_file
@@ -13,10 +14,55 @@ from paxisim.logs.atomic import whole_file
 WIDTH = 80  # columns of a terminal
 
 
+def printable(text: str) -> str:
+    """The text as a terminal may have it: what is no printable character, but for line ends and tabs, as its escape.
+
+    Names come from files, and an escape sequence in one could rewrite what is on the screen.
+    """
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() or c in "\n\t" else c.encode("unicode_escape").decode() for c in text)
+
+
+class PrintableOutput(io.TextIOBase):
+    """Standard output whose text is made `printable`; `terminal` takes what a verb writes over its own line."""
+
+    def __init__(self, terminal: TextIO) -> None:
+        """Write on to `terminal`."""
+        self.terminal = terminal
+
+    def write(self, text: str, /) -> int:
+        """Write it, printable."""
+        self.terminal.write(printable(text))
+        return len(text)
+
+    def flush(self) -> None:
+        """Flush the terminal."""
+        self.terminal.flush()
+
+    def isatty(self) -> bool:
+        """Whether it is one."""
+        return self.terminal.isatty()
+
+    def fileno(self) -> int:
+        """The terminal's descriptor."""
+        return self.terminal.fileno()
+
+    @property
+    def encoding(self) -> str:  # type: ignore[override]
+        """The terminal's encoding."""
+        return self.terminal.encoding
+
+
+def live_line(text: str, end: str = "") -> None:
+    """Write a line of this program's own, with its carriage return, to a terminal."""
+    print(text, end=end, file=getattr(sys.stdout, "terminal", sys.stdout), flush=True)
+
+
 def progress(what: str) -> None:
     """Say on a terminal what is going on; in a pipe or a log nothing."""
     if sys.stderr.isatty():
-        print(f"{what} ...", file=sys.stderr, flush=True)
+        print(printable(f"{what} ..."), file=sys.stderr, flush=True)
 
 
 def check_output(path: Path, force: bool, suffix: str = "") -> None:

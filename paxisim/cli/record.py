@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from paxisim.cli.output import check_output, size_text
+from paxisim.cli.output import check_output, printable, size_text
 from paxisim.errors import InvalidValueError, PaxisimError
 from paxisim.hw.extra_streams import ENTER
 
@@ -75,6 +75,8 @@ def record(
         screen = _Screen()
         summary = capture(sensor, path, extra=extra, seconds=seconds, overwrite=force, on_status=screen.show)
         screen.end(summary)
+    if summary.ended == "file":
+        raise PaxisimError(f"{path} is not there: {summary.error}; what was recorded is lost unless it was moved")
     for line in _report(summary, pads):
         print(line)
     if summary.error is not None:
@@ -85,6 +87,11 @@ def record(
             raise PaxisimError(f"{nothing}; {path} holds what else was recorded")
         path.unlink()
         raise PaxisimError(f"{nothing}; nothing was recorded")
+    for source in summary.extra:
+        if source.bad and not source.samples:
+            raise PaxisimError(
+                f"nothing that could be used came from {source.problem}; {path} is valid and holds {_held(summary)}"
+            )
 
 
 def _sources(csv: bool, udp: tuple[int, ...], stream: tuple[str, ...]):
@@ -115,7 +122,7 @@ class _Screen:
             self._warn(summary)
             if self._live:
                 width = shutil.get_terminal_size().columns - 1
-                print("\r" + _status(summary)[:width].ljust(width), end="", file=sys.stderr, flush=True)
+                print("\r" + printable(_status(summary))[:width].ljust(width), end="", file=sys.stderr, flush=True)
 
     def end(self, summary: CaptureSummary) -> None:
         with suppress(OSError):
@@ -127,7 +134,7 @@ class _Screen:
             if source.problem and source.label not in self._said:
                 self._said.add(source.label)
                 self._wipe()
-                print(f"paxisim: warning: {source.problem}", file=sys.stderr, flush=True)
+                print(f"paxisim: warning: {printable(source.problem)}", file=sys.stderr, flush=True)
 
     def _wipe(self) -> None:
         if self._live:

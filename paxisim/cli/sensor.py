@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from paxisim.cli.output import check_output, png, progress, write_output
+from paxisim.cli.output import check_output, live_line, png, printable, progress, write_output
 from paxisim.errors import InvalidValueError
 
 if TYPE_CHECKING:
@@ -128,9 +128,9 @@ def _record(sensor: TactileSensor, seconds: float, live: bool) -> list[Frame]:
             shown = frame.arrival
             totals = frame.force.sum(axis=(-2, -1))
             felt = "   ".join(f"{pad} {z:5.1f} N" for pad, (_, _, z) in zip(sensor.pads, totals, strict=True))
-            print(f"\r     {max(end - shown, 0):3.0f} s   {felt}"[:79], end="\x1b[K", flush=True)
+            live_line("\r" + printable(f"     {max(end - shown, 0):3.0f} s   {felt}")[:78], "\x1b[K")
     if live:
-        print("\r", end="\x1b[K", flush=True)
+        live_line("\r", "\x1b[K")
     return frames
 
 

@@ -8,6 +8,8 @@ import time
 from types import TracebackType
 from typing import TextIO
 
+from paxisim.cli.output import printable
+
 EVERY = 0.2  # s between two changes of the line on a terminal
 LOGGED = 10.0  # s between two lines of a log within a stage
 SURE = 0.1  # share of the work, from which on the time left is estimated
@@ -56,10 +58,10 @@ class Stages:
             self._stage, self._last = stage, now
             line = f"{self._share:4.0%} {stage}{self._left(now - self._begun)}"
             if self._live:
-                print("\r" + line.ljust(self._width), end="", file=self._stream, flush=True)
+                print("\r" + printable(line).ljust(self._width), end="", file=self._stream, flush=True)
                 self._width = len(line)
             else:
-                print(line, file=self._stream, flush=True)
+                print(printable(line), file=self._stream, flush=True)
 
     def _left(self, spent: float) -> str:
         if self._share < SURE:

@@ -228,7 +228,7 @@ class Diagnosis:
         """
         try:
             document = json.loads(text)
-        except json.JSONDecodeError as error:
+        except (ValueError, RecursionError) as error:
             raise InvalidValueError(f"a diagnosis must be JSON: {error}") from error
         if not isinstance(document, dict) or document.get("format") != FORMAT:
             raise InvalidValueError(f"expected a JSON object of format {FORMAT!r}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import queue
 import threading
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,8 +28,9 @@ STATUS = 0.5  # seconds
 GAP = 0.5  # seconds without a frame that count as a gap; boards are slower than 10 Hz only when something is wrong
 INBOX = 8192  # samples of all extra streams that wait to be written
 
-End = Literal["", "seconds", "stopped", "sensor", "disk"]
-"""Why a recording ended: not yet, the time asked for is over, a signal, the sensor is gone, the file takes no more."""
+End = Literal["", "seconds", "stopped", "sensor", "disk", "file"]
+"""Why a recording ended: not yet, the time asked for is over, a signal, the sensor is gone, the file takes no more, the
+file is no longer at its path."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +39,7 @@ class ExtraSummary:
 
     Attributes:
         label: The source.
-        samples: Values in the file.
+        samples: Lines, datagrams or calls of which something is in the file.
         bad: Lines, datagrams, calls or values that could not be used.
         dropped: Samples that came faster than they could be written.
         missed: Calls of a function that were left out, as it was still busy when they were due.
@@ -67,7 +69,8 @@ class CaptureSummary:
             last too. Frames that only came late, as where the system stopped this program, leave none.
         longest_gap: The longest of these times (s), be it a gap or not.
         seconds: How long the recording lasted (s).
-        rate: Frames a second (Hz): while it grows of the last half second, in the end of all.
+        rate: Frames a second (Hz): while it grows of the last half second, in the end one over the median interval, as
+            ``paxisim info`` gives it.
         size: Bytes of the file.
         episodes: How many episodes began.
         extra: One entry for each extra stream.
@@ -125,7 +128,7 @@ def capture(
 
     Returns:
         What the file holds and why the recording ended. A sensor that is gone and a disk that is full are no
-        exceptions but `CaptureSummary.ended` and `error`.
+        exceptions but `CaptureSummary.ended` and `error`, nor is a file that was deleted or moved.
 
     Raises:
         InvalidValueError: `seconds` is not positive.
@@ -164,6 +167,8 @@ class _Recorder:
         self.sensor, self.writer, self.path, self.extra, self.clock = sensor, writer, path, extra, clock
         self.inbox: queue.Queue[Sample] = queue.Queue(INBOX)
         self.samples = dict.fromkeys(extra, 0)
+        self.numbers: dict[ExtraStream, int | None] = dict.fromkeys(extra)
+        self.intervals: Counter[int] = Counter()  # us; their number is bounded, that of the frames is not
         # who brought a stream first, and of which shape; one stream is one quantity
         self.owners: dict[str, tuple[ExtraStream, tuple[int, ...]]] = {}
         self.start = clock.monotonic()
@@ -186,12 +191,16 @@ class _Recorder:
         self._hear(self.end)
         for source in self.extra:
             source.close()
-        if ended != "disk":
+        if ended not in ("disk", "file"):
             try:
                 self._write_samples()
                 self.writer.close()
             except OSError as full:
                 ended, error = "disk", full
+        if ended != "disk" and not self.writer.is_in_place:
+            ended, error = "file", FileNotFoundError("it was deleted, moved or replaced meanwhile")
+        if ended == "disk":
+            self._count_what_is_held()
         return self._summary(ended=ended, error=error)
 
     def close(self) -> None:
@@ -230,6 +239,8 @@ class _Recorder:
                 if now - flushed >= FLUSH:
                     self.writer.flush()
                     flushed = now
+                    if not self.writer.is_in_place:
+                        return "file", None
             except OSError as error:
                 return "disk", error
             if on_status and now - said >= STATUS:
@@ -242,6 +253,7 @@ class _Recorder:
             self.writer.write_at(EPISODE, time, self.episode)
         else:
             self.dropped += max(0, frame.sequence - self.last.sequence - 1)
+            self.intervals[round((frame.time - self.last.time) * 1e6)] += 1
         self._hear(frame.time)
         self.writer.write_at(
             "measured",
@@ -276,7 +288,27 @@ class _Recorder:
                 self.writer.write_at(sample.stream, time, sample.value)
             else:
                 continue
-            self.samples[sample.source] += 1
+            if sample.number is None or sample.number != self.numbers[sample.source]:
+                self.samples[sample.source] += 1
+            self.numbers[sample.source] = sample.number
+
+    def _count_what_is_held(self) -> None:
+        """What came after the last whole chunk is not in the file of a disk that takes no more."""
+        held = self.writer.held
+        self.frames = held.get("measured", 0)
+        self.episode = max(0, held.get(EPISODE, 0) - 1)
+        for source in self.samples:
+            own = [held.get(stream, 0) for stream, (owner, _) in self.owners.items() if owner is source]
+            self.samples[source] = min(self.samples[source], max(own, default=self.episode))
+
+    def _usual_rate(self) -> float:
+        """One over the median interval of the frames (Hz); 0 without one."""
+        passed, count = 0, sum(self.intervals.values())
+        for interval, times in sorted(self.intervals.items()):
+            passed += times
+            if 2 * passed >= count:
+                return 1e6 / interval if interval > 0 else 0.0
+        return 0.0
 
     def _is_welcome(self, sample: Sample) -> bool:
         shape = sample.value.shape
@@ -294,12 +326,6 @@ class _Recorder:
         """Nanoseconds since 1970-01-01."""
         return round(monotonic * 1e9) + self.offset
 
-    def _size(self) -> int:
-        try:
-            return self.path.stat().st_size
-        except OSError:  # somebody has deleted or moved it meanwhile
-            return 0
-
     def _summary(self, rate: float | None = None, ended: End = "", error: OSError | None = None) -> CaptureSummary:
         seconds = (self.clock.monotonic() if self.end is None else self.end) - self.start
         return CaptureSummary(
@@ -309,8 +335,8 @@ class _Recorder:
             gaps=self.gaps,
             longest_gap=self.longest_gap,
             seconds=seconds,
-            rate=self.frames / seconds if rate is None and seconds > 0 else rate or 0.0,
-            size=self._size(),
+            rate=self._usual_rate() if rate is None else rate,
+            size=self.writer.size,
             episodes=self.episode + bool(self.frames),
             extra=tuple(
                 ExtraSummary(s.label, self.samples[s], s.bad, s.dropped, s.missed, s.problem, s.ended)

@@ -41,6 +41,7 @@ class Sample:
         value: A finite number or array.
         arrival: When it came (s, the host's monotonic clock).
         time: Its own time (seconds since 1970-01-01 UTC); None where the source gives none.
+        number: Of the line, datagram or call that it came with, as several values may; None where each counts.
     """
 
     source: ExtraStream
@@ -48,6 +49,7 @@ class Sample:
     value: NDArray[np.float64]
     arrival: float
     time: float | None = None
+    number: int | None = None
 
 
 class ExtraStream(ABC):
@@ -68,6 +70,7 @@ class ExtraStream(ABC):
         self.bad = 0
         self.dropped = 0
         self.missed = 0
+        self._sets = 0
         self.problem = ""
         self.ended = False
         self._lock = threading.Lock()
@@ -106,6 +109,7 @@ class ExtraStream(ABC):
 
     def _take(self, values: Mapping[Any, Any], arrival: float) -> None:
         """Put in what is usable of one set of named values; ``time`` among them is the time of the others."""
+        self._sets += 1
         time = None
         if "time" in values:
             time = _number(values["time"])
@@ -122,7 +126,7 @@ class ExtraStream(ABC):
             elif array is None:
                 self.complain(f"{name} must be finite numbers, got {_short(value)}")
             else:
-                self._put(Sample(self, f"covariate/{name}", array, arrival, time))
+                self._put(Sample(self, f"covariate/{name}", array, arrival, time, self._sets))
 
     def _put(self, sample: Sample) -> None:
         try:

@@ -16,6 +16,7 @@ import numpy as np
 from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.hw.profile import Profile, Slot
 from paxisim.layout import TaxelLayout
+from paxisim.logs.text import parse_toml
 from paxisim.sensors import Sensor
 
 if sys.version_info >= (3, 11):
@@ -106,12 +107,10 @@ def _shipped() -> dict[str, Any]:
 def read_profile(path: Path) -> Profile:
     """The profile in a user's file, see `paxisim.hw.profile.load_profile`."""
     try:
-        document = tomllib.loads(path.read_text(encoding="utf-8"))
+        document = parse_toml(path.read_text(encoding="utf-8"))
         return _from_document(document, path)
     except UnicodeDecodeError as error:
         raise InvalidValueError(f"{path} is not a profile: it is not a text in UTF-8") from error
-    except tomllib.TOMLDecodeError as error:
-        raise InvalidValueError(f"{path} is not a profile: it is not TOML: {error}") from error
     except (InvalidValueError, UnknownNameError) as error:
         raise InvalidValueError(f"{path} is not a profile: {error}") from error
 

@@ -31,6 +31,30 @@ def about_text(recording: Aligned) -> str:
         raise InvalidValueError(f"the metadata cannot be written as JSON: {error}") from error
 
 
+def checked_metadata(path: Path, metadata: dict[str, Any]) -> None:
+    """Refuse what readers rely on and a file from elsewhere may say otherwise.
+
+    Raises:
+        InvalidValueError: The layout, the names of the pads or the time are of another kind; `path` is for the message.
+    """
+    layout, pads = metadata.get("layout"), metadata.get("pads")
+    if pads is not None and not (isinstance(pads, list) and all(isinstance(pad, str) for pad in pads)):
+        raise InvalidValueError(f"{path}: pads in its metadata must be a list of names, got {pads!r:.80}")
+    if layout is not None:
+        try:
+            TaxelLayout.from_dict(layout)
+        except InvalidValueError as error:
+            raise InvalidValueError(f"{path}: layout in its metadata: {error}") from error
+    zeros = metadata.get("time_zero_ns")
+    if zeros is not None and not (
+        isinstance(zeros, list) and all(type(zero) is int and abs(zero) <= schemas.LATEST for zero in zeros)
+    ):
+        raise InvalidValueError(f"{path}: time_zero_ns in its metadata must be a list of times, got {zeros!r:.80}")
+    start = metadata.get("start")
+    if start is not None and not (isinstance(start, (int, float)) and abs(start) < 1e300):
+        raise InvalidValueError(f"{path}: start in its metadata must be Unix seconds, got {start!r:.80}")
+
+
 def read_about(path: Path, about: Any) -> dict[str, Any]:
     """The fields ``layout``, ``pads`` and ``metadata`` of an `Aligned`, from what the text holds.
 
@@ -41,6 +65,7 @@ def read_about(path: Path, about: Any) -> dict[str, Any]:
     layout, pads, metadata = given.get("layout"), given.get("pads"), given.get("metadata")
     if not (isinstance(pads, list) and isinstance(metadata, dict)):
         raise InvalidValueError(f"{path}: 'about' must be a JSON object with a list 'pads' and an object 'metadata'")
+    checked_metadata(path, {"start": metadata.get("start")})
     try:
         layout = None if layout is None else TaxelLayout.from_dict(layout)
     except InvalidValueError as error:

@@ -71,7 +71,7 @@ def align(log: Log, method: Method | Mapping[str, Method] = "linear", max_gap: f
         covariates={name.removeprefix(schemas.COVARIATE): value for name, value in arrays.items()},
         episode=episode,
         layout=None if layout is None else TaxelLayout.from_dict(layout),
-        pads=tuple(pads),
+        pads=tuple(pads or ()),
         metadata=metadata,
     )
 

@@ -33,9 +33,9 @@ from paxisim.logs.aligned import Aligned, episode_starts
 INDEX_COLUMNS = ("timestamp", "time", "episode_index", "frame_index", "index")
 _NOT_COVARIATES = (*INDEX_COLUMNS, "task_index")
 _PREFIXES = {"measured": "tactile", "simulated": "simulated"}
-_TAXEL = re.compile(r"(tactile|simulated)\.(.+)\.(\d+)_(\d+)\.([xyz])")
+_TAXEL = re.compile(r"(tactile|simulated)\.(.+)\.(\d{1,9})_(\d{1,9})\.([xyz])")
 _SPARSE = 100  # an array of which fewer than one in so many components has a column is a mistake
-_COMPONENT = re.compile(r"(.+)\.(\d+(?:_\d+)*)")
+_COMPONENT = re.compile(r"(.+)\.(\d{1,9}(?:_\d{1,9}){0,15})")
 
 
 def to_columns(recording: Aligned) -> dict[str, NDArray[np.generic]]:

@@ -17,7 +17,6 @@ The resultants become the covariate ``resultant``, ``(T, pads, 3)`` newtons.
 from __future__ import annotations
 
 import csv
-import json
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -32,6 +31,7 @@ from paxisim.layout import TaxelLayout
 from paxisim.logs import schemas
 from paxisim.logs.aligned import Aligned, CountsToForce
 from paxisim.logs.columns import from_columns
+from paxisim.logs.text import parse_json
 
 RESOLUTION = 0.1  # newtons a count
 _COUNTS = np.iinfo(np.int16)
@@ -40,9 +40,9 @@ _DAY = 86400.0
 
 # pad, taxel (None: the resultant), axis
 _Column = tuple[str, "int | None", int]
-_HOST = re.compile(r"(\d+-\d+)-(?:1x1-([XYZ])|NxN-([XYZ])\[(\d+)\])")
+_HOST = re.compile(r"(\d+-\d+)-(?:1x1-([XYZ])|NxN-([XYZ])\[(\d{1,9})\])")
 _TIME_OF_DAY = re.compile(r"(\d{1,2}):(\d{2}):(\d{2}(?:\.\d*)?)")
-_NATIVE = re.compile(r"(.+)_(?:resultant_f([xyz])|pt(\d+)_f([xyz]))_lsb")
+_NATIVE = re.compile(r"(.+)_(?:resultant_f([xyz])|pt(\d{1,9})_f([xyz]))_lsb")
 
 
 def read_csv(
@@ -127,7 +127,7 @@ class _Table:
             said = lines.pop(0).lstrip("# ")
             self.first_row = 3
             try:
-                self.comment = dict(json.loads(said))
+                self.comment = dict(parse_json(said))
             except (ValueError, TypeError):
                 self.comment = {"comment": said}
         if not lines:

@@ -28,6 +28,8 @@ from paxisim.errors import InvalidValueError, MissingExtraError
 from paxisim.logs.aligned import Aligned
 
 _DEMO = re.compile(r"demo_(\d+)")
+# of h5py, for what is damaged, or a group where a dataset should be
+_NOT_SUCH = (OSError, LookupError, RuntimeError, TypeError, ValueError, AttributeError, OverflowError, MemoryError)
 _SIZES = {"free": (7, 6), "ball": (4, 3)}  # numbers of a joint in qpos and qvel; others have one each
 
 
@@ -50,8 +52,7 @@ def read_hdf5(path: Path) -> Aligned:
             return _read(path, file)
     except InvalidValueError:
         raise
-    # of h5py, for what is damaged, or a group where a dataset should be
-    except (OSError, KeyError, RuntimeError, TypeError, ValueError, AttributeError) as error:
+    except _NOT_SUCH as error:
         raise InvalidValueError(f"{path} is no whole HDF5 file of robosuite or robomimic: {error}") from error
 
 
@@ -181,7 +182,7 @@ def _interval(data: Any) -> float | None:
         try:
             about = json.loads(_text(data.attrs.get(attribute, "{}")))
             rate = float(about.get("env_kwargs", about).get("control_freq", 0))
-        except (ValueError, TypeError, AttributeError):
+        except (ValueError, TypeError, AttributeError, RecursionError, OverflowError):
             continue
         if 0 < rate < float("inf"):
             return 1 / rate

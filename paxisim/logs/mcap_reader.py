@@ -15,6 +15,7 @@ from mcap.records import Attachment, Channel, Metadata
 
 from paxisim.errors import InvalidValueError
 from paxisim.logs import schemas
+from paxisim.logs.about import checked_metadata
 from paxisim.logs.mcap_records import DAMAGE, McapRecords, as_stream
 from paxisim.logs.stream import Log, Stream
 
@@ -130,7 +131,9 @@ class _Reader:
                 f"{self.path} is a recording of format {record.get('format')!r}; "
                 f"this version of paxisim reads {schemas.FORMAT!r}"
             )
-        self.metadata = {name: orjson.loads(value) for name, value in record.items() if name != "format"}
+        found = {name: orjson.loads(value) for name, value in record.items() if name != "format"}
+        checked_metadata(self.path, found)
+        self.metadata = found
 
     def log(self, is_whole: bool, has_footer: bool) -> Log:
         if self.metadata is None and has_footer:
@@ -176,14 +179,17 @@ class _Samples:
         wrong: Sequence[int] = (),
     ) -> None:
         """Take a sample; what the pads `wrong` say in it is not known."""
+        # before there is room for it: a shape may claim more than a memory holds
+        if not all(type(size) is int and size > 0 for size in shape) or math.prod(shape) != len(values):
+            raise ValueError(f"{len(values)} values of shape {shape}")
         if not self.count:
             self.shape = shape
             self.row = struct.Struct(f"{math.prod(shape)}{_CODES[self.dtype]}")
-            self._resize(256, math.prod(shape))
+            self._resize(1, math.prod(shape))
         if shape != self.shape or len(values) != self.values.shape[1]:
             raise ValueError(f"{len(values)} values of shape {shape} after {self.shape}")
         if self.count == len(self.values):
-            self._resize(self.count + self.count // 2, len(values))
+            self._resize(self.count + self.count // 2 + 1, len(values))
         try:  # three times as fast as numpy
             self.row.pack_into(self.values.data, self.count * self.row.size, *values)
         except struct.error:  # null, for NaN

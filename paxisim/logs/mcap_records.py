@@ -5,23 +5,35 @@ from __future__ import annotations
 import io
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Chunk
-from mcap.stream_reader import get_chunk_data_stream
 from mcap.writer import MCAP0_MAGIC
 
 from paxisim.errors import InvalidValueError
+from paxisim.logs.limits import most_unpacked, refuse_unpacked
 
 _RECORD = struct.Struct("<BQ")  # opcode, length
 _FOOTER = struct.Struct("<BQQQI")  # opcode, length, start of the summary, of its offsets, checksum
+_RATIO = 1000  # of what a chunk unpacks to; that of 28 pads at rest, whose numbers are zeros, is 400
 _CHECKSUM = struct.Struct("<I")
 # what parsing a damaged record may raise; decompressors raise subclasses of Exception of their own
-DAMAGE = (McapError, struct.error, ValueError, LookupError, TypeError, OverflowError, zlib.error)
+DAMAGE = (
+    McapError,
+    struct.error,
+    ValueError,
+    LookupError,
+    TypeError,
+    AttributeError,
+    OverflowError,
+    RecursionError,
+    MemoryError,
+    zlib.error,
+)
 
 
 class McapRecords:
@@ -38,6 +50,7 @@ class McapRecords:
     def __init__(self, path: Path) -> None:
         """Remember the path; the file is opened when the records are gone through."""
         self._path = path
+        self._most = self._unpacked = 0
         self.damaged = self.has_footer = self._ends_well = False
 
     @property
@@ -49,11 +62,12 @@ class McapRecords:
         """Opcode and body of each record.
 
         Raises:
-            InvalidValueError: It is no MCAP file.
+            InvalidValueError: It is no MCAP file, or unpacks to more than `paxisim.logs.limits` allows.
             FileNotFoundError: There is no such file.
         """
         with open(self._path, "rb") as file:
             size = self._path.stat().st_size
+            self._most = most_unpacked(self._path, _RATIO)
             head = file.read(len(MCAP0_MAGIC))
             if head != MCAP0_MAGIC:
                 raise InvalidValueError(_not_mcap(self._path, head))
@@ -71,11 +85,62 @@ class McapRecords:
 
     def _in_chunk(self, body: bytes) -> Iterator[tuple[int, bytes]]:
         try:
-            stream, size = get_chunk_data_stream(Chunk.read(as_stream(body)), validate_crc=True)
+            chunk = Chunk.read(as_stream(body))
+            data = unpacked(chunk, self._most - self._unpacked)
+            if chunk.uncompressed_crc not in (0, zlib.crc32(data)):
+                raise ValueError("a check sum that does not fit")
+        except UnpackedTooLarge as error:
+            refuse_unpacked(self._path, self._unpacked + error.size, self._most)
+            raise
         except Exception:  # each decompressor has an error of its own, and more than one
             self.damaged = True
             return
-        yield from _records(io.BytesIO(stream.read(size)), size)
+        self._unpacked += len(data)
+        yield from _records(io.BytesIO(data), len(data))
+
+
+class UnpackedTooLarge(Exception):
+    """A chunk unpacks to more than it may."""
+
+    def __init__(self, size: int) -> None:
+        """With the least number of bytes that it unpacks to."""
+        self.size = size
+
+
+def unpacked(chunk: Chunk, most: int) -> bytes:
+    """The records of a chunk; no more than `most` bytes are unpacked, whatever the chunk says of itself.
+
+    Raises:
+        UnpackedTooLarge: There is more.
+        Exception: Whatever the decompressor raises for damaged data.
+    """
+    if chunk.compression == "zstd":
+        import zstandard
+
+        # room for what the data say is made only where that is little; else it grows with what is there
+        with zstandard.ZstdDecompressor().stream_reader(chunk.data) as reader:
+            data = _at_most(reader.read, most)
+    elif chunk.compression == "lz4":
+        import lz4.frame
+
+        with lz4.frame.LZ4FrameFile(io.BytesIO(chunk.data)) as reader:
+            data = _at_most(reader.read, most)
+    elif chunk.compression == "":
+        data = chunk.data
+    else:
+        raise ValueError(f"compression {chunk.compression!r}")
+    if len(data) != chunk.uncompressed_size:
+        raise ValueError(f"{len(data)} bytes instead of {chunk.uncompressed_size}")
+    return data
+
+
+def _at_most(read: Callable[[int], bytes], most: int) -> bytes:
+    parts = bytearray()
+    while part := read(1 << 16):
+        parts += part
+        if len(parts) > most:
+            raise UnpackedTooLarge(len(parts))
+    return bytes(parts)
 
 
 def as_stream(body: bytes) -> Any:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import os
 import signal
 import struct
 import threading
@@ -40,6 +41,9 @@ class LogWriter:
 
     When a write to the disk fails, the error is raised, the file is cut to its last whole chunk and can be loaded,
     and nothing more is written to it.
+
+    Attributes:
+        held: Samples in the file, by stream: those of whole chunks, which nothing takes away any more.
     """
 
     def __init__(
@@ -66,6 +70,8 @@ class LogWriter:
         self._lock = threading.Lock()
         self._channels: dict[str, tuple[int, tuple[int, ...]]] = {}
         self._counts: dict[str, int] = {}
+        self._samples: dict[str, int] = {}
+        self.held: dict[str, int] = {}
         try:
             self._file = _WholeWrites(path, "wb" if overwrite else "xb")
         except FileExistsError as error:
@@ -80,6 +86,8 @@ class LogWriter:
         except BaseException:
             self._file.close()
             raise
+        self._path = os.path.abspath(path)
+        self._stat = self._file.stat()
         self._flushed = clocks.monotonic()
 
     def write(self, stream: str, time: float, values: ArrayLike, **extra: Any) -> None:
@@ -137,7 +145,9 @@ class LogWriter:
                     # the JSON library takes row-major arrays alone
                     message[name] = np.asarray(value, order="C") if isinstance(value, np.ndarray) else value
             data = orjson.dumps(message, option=_JSON)
-            self._writer.add_message(channel, nanoseconds, data, nanoseconds, sequence & 0xFFFFFFFF)
+            self._samples[stream] = self._samples.get(stream, 0) + 1
+            with self._counting():
+                self._writer.add_message(channel, nanoseconds, data, nanoseconds, sequence & 0xFFFFFFFF)
             if clocks.monotonic() - self._flushed >= self._interval:
                 self._flush()
 
@@ -154,9 +164,32 @@ class LogWriter:
             self._flush()
 
     def _flush(self) -> None:
-        with _uninterrupted():
+        with _uninterrupted(), self._counting():
             self._writer.flush()
         self._flushed = clocks.monotonic()
+
+    @contextlib.contextmanager
+    def _counting(self) -> Iterator[None]:
+        """Count what is in the file, if it grows meanwhile: a chunk is written first, whole, before all else."""
+        before = self._file.tell()
+        try:
+            yield
+        finally:
+            if self._file.tell() > before:
+                self.held = dict(self._samples)
+
+    @property
+    def size(self) -> int:
+        """Bytes of the file."""
+        return self._file.tell()
+
+    @property
+    def is_in_place(self) -> bool:
+        """Whether the file is still at its path, neither deleted nor moved nor replaced by another."""
+        try:
+            return os.path.samestat(os.stat(self._path), self._stat)
+        except OSError:
+            return False
 
     def close(self) -> None:
         """Finish the file. May be called twice; after a failed write nothing is left to do.
@@ -169,7 +202,8 @@ class LogWriter:
                 return
             try:
                 if self._file.error is None:
-                    self._writer.finish()
+                    with self._counting():
+                        self._writer.finish()
             finally:
                 self._file.close()
 
@@ -240,6 +274,9 @@ class _WholeWrites:
 
     def tell(self) -> int:
         return self._size
+
+    def stat(self) -> os.stat_result:
+        return os.fstat(self._raw.fileno())
 
     def write(self, data: Any) -> int:
         rest = memoryview(data).cast("B")

@@ -6,6 +6,9 @@ JSON text with the layout, the pads' names and the metadata. One that was made b
 
 from __future__ import annotations
 
+import math
+import struct
+import tokenize
 import zipfile
 import zlib
 from collections.abc import Mapping
@@ -21,11 +24,20 @@ from paxisim.logs import schemas
 from paxisim.logs.about import about_text, read_about
 from paxisim.logs.aligned import Aligned
 from paxisim.logs.atomic import whole_file
+from paxisim.logs.limits import most_unpacked, refuse_unpacked
 
 # what numpy and zipfile raise for bytes that are none of theirs
 _NOT_WHOLE = (
     ValueError,
     TypeError,
+    LookupError,
+    SyntaxError,
+    RecursionError,
+    MemoryError,
+    OverflowError,
+    struct.error,
+    tokenize.TokenError,
+    RuntimeError,
     AttributeError,
     NotImplementedError,
     EOFError,
@@ -33,6 +45,7 @@ _NOT_WHOLE = (
     zipfile.BadZipFile,
     zlib.error,
 )
+_RATIO = 100  # of unpacked numbers; paxisim does not pack them
 _ARRAYS = ("time", "measured", "simulated", "episode")
 
 
@@ -59,10 +72,16 @@ def read_npz(path: Path) -> Aligned:
     with open(path, "rb") as file:
         try:
             with np.load(file, allow_pickle=False) as archive:
+                _check_sizes(path, archive.zip)
                 # by the names in the zip: to numpy, "a.npy" may also be the array "a"
                 names = archive.zip.namelist()
                 arrays: dict[str, Any] = {name.removesuffix(".npy"): archive[name] for name in names}
+            plain = [name for name, values in arrays.items() if not isinstance(values, np.ndarray)]
+            if plain:
+                raise ValueError(f"{plain[0]!r} is no array")
             about = orjson.loads(str(arrays["about"])) if "about" in arrays else {}
+        except InvalidValueError:
+            raise
         except _NOT_WHOLE as error:
             raise InvalidValueError(f"{path} is not a whole npz file: {error}") from error
     if "time" not in arrays or not {"measured", "simulated"} & arrays.keys():
@@ -78,6 +97,23 @@ def read_npz(path: Path) -> Aligned:
         },
         **read_about(path, about),
     )
+
+
+def _check_sizes(path: Path, archive: zipfile.ZipFile) -> None:
+    """Look before anything is unpacked: at what the archive says of its members, and each member of its array."""
+    members = archive.infolist()
+    refuse_unpacked(path, sum(member.file_size for member in members), most_unpacked(path, _RATIO))
+    for member in members:
+        with archive.open(member) as file:
+            version = np.lib.format.read_magic(file)
+            read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+            shape, _, dtype = read(file)
+            size = math.prod(shape) * dtype.itemsize
+            # numpy makes room for the array before it reads one
+            if min(shape, default=0) < 0 or size > member.file_size:
+                raise ValueError(
+                    f"{member.filename} says that it has {size} bytes of numbers, it has {member.file_size}"
+                )
 
 
 def _refuse_infinite(arrays: Mapping[str, NDArray[Any]], where: str = "") -> None:

@@ -120,7 +120,7 @@ def _component_names(path: Path) -> dict[str, list[str]]:
             "features"
         ]
         found = {name: feature.get("names") for name, feature in features.items()}
-    except (OSError, LookupError, ValueError, AttributeError, TypeError):
+    except (OSError, LookupError, ValueError, AttributeError, TypeError, RecursionError):
         return {}
     lists = {
         name: next(iter(given.values()), None) if isinstance(given, dict) else given for name, given in found.items()

@@ -6,6 +6,7 @@ import json
 from typing import Any
 
 from paxisim.errors import InvalidValueError
+from paxisim.logs.text import parse_json
 from paxisim.protocols.protocol import Protocol, Segment
 
 VERSION = 1
@@ -54,10 +55,7 @@ def parse_protocol(text: str) -> Protocol:
         InvalidValueError: No JSON, another version, or a value that cannot be used.
         UnknownNameError: A motion that there is not.
     """
-    try:
-        document = json.loads(text)
-    except json.JSONDecodeError as error:
-        raise InvalidValueError(f"not JSON: {error}") from error
+    document = parse_json(text)
     if not isinstance(document, dict) or "segments" not in document:
         raise InvalidValueError("not a protocol: expected a JSON object with segments, as paxisim protocol writes it")
     if document.get("version") != VERSION:

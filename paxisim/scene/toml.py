@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import sys
 from collections.abc import Mapping
 from dataclasses import MISSING, fields, replace
 from pathlib import Path
@@ -12,15 +11,11 @@ from typing import Any
 
 from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.logs.atomic import parse_file, whole_file
+from paxisim.logs.text import parse_toml
 from paxisim.models.gel import Gel
 from paxisim.models.mount import Mount
 from paxisim.scene.drive import Drive, ObjectStart
 from paxisim.scene.scene import Scene
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib  # pyright: ignore[reportMissingImports]
 
 _NUMBER, _TEXT, _WHOLE, _LIST = "a number", "a text", "a whole number", "a list"
 _POSITION, _QUATERNION = "a list of 3 numbers", "a list of 4 numbers"
@@ -67,10 +62,7 @@ def parse_scene(text: str) -> Scene:
         InvalidValueError: No TOML, or a value that cannot be used.
         UnknownNameError: A key that a scene does not have.
     """
-    try:
-        document = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InvalidValueError(f"not TOML: {error}") from error
+    document = parse_toml(text)
     _check("the scene", document, _SCENE)
     if "mjcf" not in document:
         raise InvalidValueError("the scene needs mjcf, the path of its MJCF file")
@@ -111,7 +103,8 @@ def _check(what: str, table: Mapping[str, Any], keys: Mapping[str, str]) -> None
 
 def _fits(value: Any, wanted: str) -> bool:
     def number(one: Any) -> bool:
-        return isinstance(one, (int, float)) and not isinstance(one, bool)
+        # TOML's whole numbers have 64 bits; Python's parser takes any
+        return isinstance(one, float) or (isinstance(one, int) and not isinstance(one, bool) and abs(one) < 2**63)
 
     def numbers(count: int) -> bool:
         return isinstance(value, list) and len(value) == count and all(map(number, value))
@@ -119,7 +112,7 @@ def _fits(value: Any, wanted: str) -> bool:
     kinds = {
         _TEXT: isinstance(value, str),
         _NUMBER: number(value),
-        _WHOLE: isinstance(value, int) and not isinstance(value, bool),
+        _WHOLE: isinstance(value, int) and number(value),
         _LIST: isinstance(value, list) and all(isinstance(one, (str, int)) for one in value),
         _POSITION: numbers(3),
         _QUATERNION: numbers(4),

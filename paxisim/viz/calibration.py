@@ -64,7 +64,8 @@ def plot_calibration(readout: Readout, recording: Recording) -> Figure:
             "the picture of a calibration needs the measured tensor and 8 samples with a known load"
         )
     names = ", ".join(load.name for load in readout.loads)
-    figure.suptitle(f"{readout.used.sum()} channels from {names}, delay {1e3 * readout.delay:.1f} ms", fontsize="large")
+    title = f"{readout.used.sum()} channels from {names}, delay {1e3 * readout.delay:.1f} ms"
+    figure.suptitle(title, fontsize="large", parse_math=False)
     upper, middle, lower = figure.subfigures(3, 1, height_ratios=[4.6, 2.4, 4.4], squeeze=False).ravel()
     elapsed = _elapsed(recording[known])
     _draw_presses(upper.subplots(2, 1, sharex=True), find_presses(elapsed, values[known]))

@@ -65,7 +65,7 @@ def draw_pad(
     ax.set_xlim(x.min() - half_x, x.max() + half_x)
     ax.set_ylim(y.max() + half_y, y.min() - half_y)
     # an empty title keeps the room that the reference arrow needs
-    ax.set_title(title or " ", loc="left", fontsize="large", pad=26 if above_key else 8)
+    ax.set_title(title or " ", loc="left", fontsize="large", pad=26 if above_key else 8, parse_math=False)
     ax.set_xlabel("x (mm)", color=_INK)
     ax.set_ylabel("y (mm)", color=_INK)
     longest = max(layout.size)

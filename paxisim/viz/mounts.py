@@ -63,7 +63,9 @@ def plot_mounts(gripper: TactileGripper, qpos: NDArray[np.floating] | None = Non
         for pad in range(len(pads)):
             _draw_pad(ax, model, data, pads, pad, towards)
     numbered = ", ".join(f"{i + 1} {name}" for i, name in enumerate(pads.names))
-    figure.suptitle(f"{pads.layout.rows}x{pads.layout.cols} taxels on {numbered}", fontsize=9, wrap=True)
+    figure.suptitle(
+        f"{pads.layout.rows}x{pads.layout.cols} taxels on {numbered}", fontsize=9, wrap=True, parse_math=False
+    )
     return figure
 
 

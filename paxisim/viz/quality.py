@@ -83,7 +83,14 @@ def _draw_totals(axes: Sequence[Axes], quality: SensorQuality) -> None:
     for i, pad in enumerate(quality.pads):
         for j, ax in enumerate(axes):
             color = _PAD_COLORS[i % len(_PAD_COLORS)]
-            ax.plot(quality.time[::step], away[::step, i, j], color=color, linewidth=0.8, alpha=0.8, label=pad)
+            ax.plot(
+                quality.time[::step],
+                away[::step, i, j],
+                color=color,
+                linewidth=0.8,
+                alpha=0.8,
+                label=pad.replace("$", r"\$"),
+            )
     for ax, axis in zip(axes, "xyz", strict=True):
         ax.set_ylabel(f"{axis} (N)")
         _plain(ax)
@@ -113,7 +120,7 @@ def _draw_noise(ax: Axes, layout: TaxelLayout, noise: NDArray[np.float64], top: 
     ax.set_aspect("equal")
     ax.set_xlim(x.min() - half_x, x.max() + half_x)
     ax.set_ylim(y.max() + half_y, y.min() - half_y)
-    ax.set_title(title, loc="left", fontsize="medium")
+    ax.set_title(title, loc="left", fontsize="medium", parse_math=False)
     ax.set_xlabel("x (mm)")
     if np.ptp(y) > 0:
         ax.set_ylabel("y (mm)")

@@ -195,7 +195,12 @@ def check_that_the_file_took_no_more(says, path="press.mcap"):
     assert len(measured.time) > 0
     assert np.all(np.diff(measured.sequence) == 1)
     last = said("err.txt").splitlines()[-1]
-    assert re.match(rf"paxisim: error: the file takes no more: .*{says}.*; {path} is valid and holds", last), last
+    match = re.match(
+        rf"paxisim: error: the file takes no more: .*{says}.*; {path} is valid and holds (\d+) frames", last
+    )
+    assert match, last
+    assert int(match[1]) == len(measured.time)
+    assert f"{path}: {match[1]} frames in " in said("out.txt")
     assert "Traceback" not in said("err.txt")
 
 
@@ -218,6 +223,86 @@ def test_a_full_disk_is_one_line_and_status_2(board, folder):
         check_that_the_file_took_no_more("No space left", "disk/press.mcap")
     finally:
         subprocess.run(["umount", disk], check=True)
+
+
+@pytest.mark.parametrize("what", ["deleted", "moved", "replaced"])
+def test_a_file_that_is_no_longer_there_is_one_line_and_status_2(board, folder, what):
+    with recording(board) as process:
+        wait_for(has("measured"), process, "frame")
+        if what == "deleted":
+            (folder / "press.mcap").unlink()
+        else:
+            (folder / "press.mcap").rename("elsewhere.mcap")
+        if what == "replaced":
+            (folder / "press.mcap").write_text("mine")
+        assert process.wait(DEADLINE) == 2
+    (line,) = [line for line in said("err.txt").splitlines() if "warning" not in line]
+    assert re.match(r"paxisim: error: press.mcap is not there: it was deleted, moved or replaced meanwhile", line), line
+    assert said("out.txt") == ""
+    if what != "deleted":
+        log = read_log("elsewhere.mcap")
+        assert log.complete
+        assert len(log.streams["measured"].time) > 0
+
+
+def test_a_function_that_always_fails_is_one_line_and_status_2(board, folder):
+    (folder / "robot_that_fails.py").write_text("def opening():\n    raise OSError('no robot')\n")
+    words = ["--stream", "robot_that_fails:opening@50", "--seconds", "0.8"]
+    with recording(board, *words) as process:
+        assert process.wait(DEADLINE) == 2
+    log = read_log("press.mcap")
+    assert log.complete
+    frames = len(log.streams["measured"].time)
+    last = said("err.txt").splitlines()[-1]
+    assert re.fullmatch(
+        "paxisim: error: nothing that could be used came from opening: the call failed: OSError: no robot; "
+        rf"press.mcap is valid and holds {frames} frames in [\d.]+ s",
+        last,
+    ), last
+
+
+def test_info_and_record_agree_on_the_rate(board, capsys):
+    assert main(["record", board.port, "--profile", PROFILE, "-o", "press.mcap", "--seconds", "1.5"]) == 0
+    rate = float(re.search(r"\(([\d.]+) Hz\)", capsys.readouterr().out)[1])
+    assert main(["info", "press.mcap"]) == 0
+    row = next(line for line in capsys.readouterr().out.splitlines() if line.startswith("measured "))
+    assert float(row.split()[3]) == pytest.approx(rate, abs=0.11)
+
+
+def test_two_recorders_do_not_share_a_port(board, folder):
+    """The second says that the port is taken, makes no file, and the first one's recording has no hole."""
+    with recording(board) as first:
+        wait_for(has("measured", 10), first, "10 frames")
+        words = [board.port, "--profile", PROFILE, "-o", "second.mcap", "--seconds", "0.5"]
+        second = subprocess.run([*RECORD, *words], capture_output=True, text=True, check=False)
+        first.send_signal(signal.SIGINT)
+        assert first.wait(DEADLINE) == 0, said("err.txt")
+    assert second.returncode == 2
+    assert second.stderr.splitlines()[-1].startswith("paxisim: error: ")
+    assert "Traceback" not in second.stderr
+    assert not (folder / "second.mcap").exists()
+    log = read_log("press.mcap")
+    assert log.complete
+    assert np.all(np.diff(log.streams["measured"].sequence) == 1)
+
+
+INTERRUPTED = """
+import runpy, signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)
+
+class Interrupt:
+    def find_spec(self, name, path=None, target=None):
+        if name == "tyro":
+            signal.raise_signal(signal.SIGINT)
+
+sys.meta_path.insert(0, Interrupt())
+runpy.run_module("paxisim", run_name="__main__")
+"""
+
+
+def test_ctrl_c_while_it_loads_is_one_line():
+    run = subprocess.run([sys.executable, "-c", INTERRUPTED], capture_output=True, text=True, check=False)
+    assert (run.returncode, run.stderr, run.stdout) == (130, "paxisim: interrupted\n", "")
 
 
 def test_lines_datagrams_and_a_function_land_beside_the_frames(board, folder):

@@ -22,6 +22,7 @@ pytest.importorskip("termios")  # the emulator is a pseudo-terminal
 from emulated import Numbered, constant, profile
 
 from paxisim.hw.capture import CaptureSummary, capture
+from paxisim.hw.clock import SystemClock
 from paxisim.hw.device import ZeroInDoubtWarning, open_sensor
 from paxisim.hw.emulator import Emulator
 from paxisim.hw.extra_streams import CsvLines, ExtraStream, PolledFunction, UdpJson
@@ -355,6 +356,58 @@ def test_silence_before_the_first_frame_and_after_the_last_is_a_gap(tmp_path):
     assert summary.gaps >= 2
     assert 0.8 < summary.longest_gap < summary.seconds
     assert (summary.dropped, summary.reconnects) == (0, 1)
+
+
+class Jumping(SystemClock):
+    """The machine's clock, until somebody sets it, as a time server does."""
+
+    def __init__(self):
+        self.by = 0.0
+
+    def wall(self):
+        return time.time() + self.by
+
+
+@pytest.mark.parametrize("hours", [2, -2])
+def test_a_clock_that_is_set_meanwhile_moves_no_time(sensor, tmp_path, hours):
+    clock = Jumping()
+    lines, writer = os.pipe()
+
+    def jump(summary):
+        if summary.frames > 10:
+            if not clock.by:
+                clock.by = 3600.0 * hours
+                os.write(writer, b"opening\n1\n")
+            return summary.extra[0].samples > 0 and summary.extra[1].samples > 20
+        return False
+
+    before = time.time()
+    arm = PolledFunction(lambda: 1.0, 50, "arm")
+    summary = capture(sensor, tmp_path / "press.mcap", extra=[CsvLines(lines), arm], on_status=Stop(jump), clock=clock)
+    os.close(lines)
+    os.close(writer)
+    assert clock.by
+    assert (summary.ended, summary.gaps) == ("stopped", 0)
+    for stream in read_log(tmp_path / "press.mcap").streams.values():
+        assert before - 1 < stream.time[0] <= stream.time[-1] < time.time() + 1
+        assert np.all(np.diff(stream.nanoseconds) >= 0)
+
+
+def test_values_of_one_datagram_are_one_sample(sensor, tmp_path):
+    udp = UdpJson(0)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        sent = []
+
+        def send(summary):
+            if len(sent) < 5:
+                sent.append(1)
+                sender.sendto(b'{"a": 1, "b": 2, "c": 3}', ("127.0.0.1", udp.port))
+            return summary.extra[0].samples >= 5
+
+        summary = capture(sensor, tmp_path / "press.mcap", extra=[udp], on_status=Stop(send))
+    streams = read_log(tmp_path / "press.mcap").streams
+    assert [len(streams[f"covariate/{name}"].time) for name in "abc"] == [5, 5, 5]
+    assert summary.extra[0].samples == 5
 
 
 def test_silence_alone_is_one_gap(tmp_path):

@@ -54,6 +54,7 @@ def drawing() -> Iterator[None]:
     settings: Any = {
         "font.family": "DejaVu Sans",
         "font.size": 9.0,
+        "text.parse_math": False,  # a name with dollars is a name
         "axes.labelsize": 9.0,
         "xtick.labelsize": 8.0,
         "ytick.labelsize": 8.0,

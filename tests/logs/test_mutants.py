@@ -1,0 +1,25 @@
+"""Ten thousand changed files of each format: an error of ours or a valid object, in little memory."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+COUNT = 10_000
+SEED = 0
+MEBIBYTE = 1 << 20
+PROGRAM = Path(__file__).with_name("mutants.py")
+
+
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="needs Linux to measure memory")
+@pytest.mark.parametrize("name", ["mcap", "npz", "csv", "toml", "json"])
+def test_a_changed_file_is_an_error_of_ours_or_a_valid_object(tmp_path, name):
+    words = [sys.executable, str(PROGRAM), name, str(COUNT), str(SEED), str(tmp_path)]
+    run = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr[-3000:]
+    found = json.loads(run.stdout)
+    assert found["good"] > COUNT / 100, "some changes do no harm"
+    assert found["bad"] > COUNT / 10
+    assert found["grown"] < 10 * found["largest"] + 64 * MEBIBYTE
