@@ -180,7 +180,7 @@ class Diagnosis:
         causes: The named causes, largest gain first.
         heldout: Errors on held-out episodes.
         confidence: For each cause, a value from 0 to 1: how often it passes its test when held-out episodes are
-            resampled, divided among the cause and its rivals.
+            resampled, divided among the cause and its rivals; a number at its bound counts as one rival more.
         not_testable: The reason why, for each cause that this recording cannot test.
         symptoms: Where the error is.
         advice: What to record next.

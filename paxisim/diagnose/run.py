@@ -263,13 +263,17 @@ def _ceiling(problem: Problem, simulated: FloatArray, seed: int, jobs: int) -> t
 
 
 def _confidence(found: Explanation, causes: Sequence[FoundCause], seed: int) -> dict[str, float]:
-    """How often a cause is kept when held-out episodes are resampled, divided among the cause and its rivals."""
+    """How often a cause is kept when held-out episodes are resampled, divided among the cause and its rivals.
+
+    A cause with a number at its bound has one rival more: what lies beyond.
+    """
+    bounded = at_bounds(found)
     kept = dict.fromkeys((named.name for named in found.named), 1.0)
     for named in found.named:
         if named.evidence is not None:
             gain = found.folds.independent(named.evidence.gain)
             kept[named.name] = survives(gain, named.evidence.needed, seed)
-    return {item.name: kept[item.name] / (1 + len(item.rivals)) for item in causes}
+    return {c.name: kept[c.name] / (1 + len(c.rivals) + (c.name in bounded)) for c in causes}
 
 
 def _not_excited(found: Explanation, wanted: Sequence[Cause]) -> dict[str, str]:
@@ -300,4 +304,5 @@ def _streams(recording: Recording, found: Explanation) -> Streams:
         layout=recording.layout,
         step=problem.step,
         alive=problem.alive,
+        calibrated=problem.calibrated,
     )

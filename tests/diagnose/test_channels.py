@@ -1,6 +1,7 @@
 """Sensors whose channels are no newtons are diagnosed, and what one load cannot tell is said."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +13,14 @@ from field_sensor import press
 from recorded import diagnosed
 
 import paxisim
+from paxisim.diagnose.diagnosis import HeldOut, Interval
 from paxisim.diagnose.prepare import prepare
 from paxisim.diagnose.problem import problem_of
 from paxisim.diagnose.repeats import one_speed, settling
+from paxisim.diagnose.report.effect import effects
+from paxisim.diagnose.report.kinds import evidence
+from paxisim.diagnose.report.style import drawing
+from paxisim.diagnose.report.text import black_box_in_words
 
 CAUSES = ("channel_curve", "latency", "hysteresis", "rotation", "stiffening", "offset")
 ALL = np.ones(1, dtype=bool)  # channels
@@ -35,6 +41,26 @@ def test_curves_of_the_channels_are_named_and_a_late_load_cell_is_aligned_first(
     held = readout.apply(other)
     error = readout.to_channels(found.model.run(held.simulated.astype(float), held.time)) - other.measured
     assert np.sqrt(np.mean(error**2)) < 1.5 * 1.5  # of the noise
+
+
+def test_the_report_takes_no_channel_for_a_force_on_the_pad():
+    found = diagnosed(ready(press(lead=0.2)), ("channel_curve",))
+    assert found.streams.calibrated
+    phases = {place.where: place.before for place in found.symptoms.phases}
+    assert phases["sliding"] == 0
+    assert min(phases["loading"], phases["unloading"]) > 0.1
+    (effect,) = effects(found.causes, found.model, found.streams)
+    mean = effect.sums(0, 2)[1]
+    assert mean.max() == pytest.approx(30, rel=0.1)  # N, the load, whatever the number of channels
+    with drawing():
+        _, curves = evidence(effect)
+    assert "6 most affected channels" in curves.title
+
+
+def test_a_black_box_that_explains_more_is_commented_on():
+    figures = HeldOut(0.2, 0.1, 0.02, "repeated motions", Interval(0.75, 0.7, 0.8), (0.7, 0.8), 0.05, 0.95)
+    assert "20% of the explainable error more" in black_box_in_words(figures)
+    assert black_box_in_words(replace(figures, ceiling_explained=0.79)) == ""
 
 
 def test_a_straight_sensor_has_no_curve():

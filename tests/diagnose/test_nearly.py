@@ -28,3 +28,19 @@ def test_a_faint_second_cause_is_not_passed_over(amplitude, named, faint):
     assert any("creep" in item.what for item in found.symptoms.left_over) is faint
     assert any("creep" in line for line in found.advice) is faint
     assert found.verdict == ("partly_explained" if faint else "explained")
+
+
+def test_a_number_at_its_bound_leaves_half_of_the_confidence():
+    creeps = plain(lambda force, time: Creep((2.5,), (1.0,)).run(force, time), seed=3)
+    found = diagnosed(creeps, ("creep",))
+    assert names(found) == ["creep"]
+    assert any("amplitude of creep is at its bound, 1.5" in warning for warning in found.symptoms.warnings)
+    assert found.confidence["creep"] <= 0.5
+    assert found.verdict == "partly_explained"
+
+
+def test_no_creep_is_slower_than_the_presses_can_show():
+    """A mode that hardly begins would be a gain, by the convention under which the sensor was calibrated."""
+    gain = plain(lambda force, time: 0.7 * Creep((0.1,), (0.5,)).run(force, time), seed=3)
+    found = diagnosed(gain, ("axis_gain", "creep"))
+    assert set(names(found)) == {"axis_gain", "creep"}

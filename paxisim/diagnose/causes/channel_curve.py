@@ -116,5 +116,5 @@ CHANNEL_CURVE = Cause(
     size=_bend,
     barred=_own_loads,
     words="Each channel responds to the load along its own curve.",
-    picture="curves",
+    picture="channel_curves",
 )

@@ -2,24 +2,56 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from paxisim import augment
 from paxisim.diagnose.cause import Cause, Free, Gauge
+from paxisim.diagnose.problem import Problem
 
 HELD = "0 if the sensor reads right at once, 1 if it reads right after creep has ended"
 
+SLOW = "part of the amplitude that comes with tau_2; the rest comes with tau_1"
+
+PRESSES = 5.0  # times the longest press: a slower mode shows less than a fifth of itself, and its gauge is a mere gain
+FASTEST, SLOWEST = 0.15, 200.0  # s
+
+
+def _slowest(problem: Problem) -> float:
+    """The longest time constant (s) that the recording can show."""
+    longest = 0.0
+    for span in problem.episodes:
+        time = problem.time[span]
+        edges = np.flatnonzero(np.diff(problem.at_rest[span], prepend=True, append=True))
+        ends = np.minimum(edges, len(time) - 1).reshape(-1, 2)  # of the presses
+        longest = max(longest, float(np.max(time[ends[:, 1]] - time[ends[:, 0]], initial=0.0)))
+    return float(np.clip(PRESSES * longest, 2.0, SLOWEST))
+
+
+def _free(problem: Problem) -> tuple[Free, ...]:
+    slowest = _slowest(problem)
+    return (
+        Free("amplitude", "1", 0.0, -0.5, 1.5, 0.05, 0.012),
+        Free("tau_1", "s", 0.6, FASTEST, min(20.0, slowest), 0.4),
+        Free("share_2", "1", 0.0, 0.0, 1.0, 0.3, words=SLOW),
+        Free("tau_2", "s", min(5.0, slowest), FASTEST, slowest, 3.0),
+    )
+
+
+def _starts(problem: Problem) -> list[tuple[float, ...]]:
+    slowest = _slowest(problem)
+    taus = [tau for tau in (0.3, 1.0, 3.0, 10.0) if tau <= slowest]
+    return [(0.1, tau, 0.0, min(5.0, slowest) if tau < 3 else 0.5) for tau in taus]
+
+
+# two modes share one amplitude: modes of opposite signs would cancel, and fit what is not creep
 CREEP = Cause(
     "creep",
     20,
-    lambda v, p: augment.Creep((v[0], v[2]), (v[1], v[3])),
+    lambda v, p: augment.Creep((v[0] * (1 - v[2]), v[0] * v[2]), (v[1], v[3])),
     "holds",
-    lambda p: (
-        Free("amplitude_1", "1", 0.0, -0.5, 1.5, 0.05, 0.012),
-        Free("tau_1", "s", 0.6, 0.15, 20.0, 0.4),
-        Free("amplitude_2", "1", 0.0, -0.5, 1.5, 0.05, 0.012),
-        Free("tau_2", "s", 5.0, 0.15, 200.0, 3.0),
-    ),
-    lambda p: [(0.1, tau, 0.0, 5.0 if tau < 3 else 0.5) for tau in (0.3, 1.0, 3.0, 10.0)],
-    gauge=Gauge("calibrated_held", lambda v, p: 1 / max(1 + v[0] + v[2], 0.2), HELD),
+    _free,
+    _starts,
+    gauge=Gauge("calibrated_held", lambda v, p: 1 / max(1 + v[0], 0.2), HELD),
     remembers=True,
     misfit=0.01,
     words="Under a constant load the reading keeps changing, and it recovers slowly after release.",

@@ -24,7 +24,7 @@ def caveats(found: Explanation, dropped: Mapping[str, Interval], pads: tuple[str
         pads: Names of the pads.
     """
     silent = found.off.raw.alive & ~found.off.judged.alive
-    return (*silent_in_words(silent, pads), *at_bounds(found), *_dropped(dropped))
+    return (*silent_in_words(silent, pads), *at_bounds(found).values(), *_dropped(dropped))
 
 
 def silent_in_words(silent: NDArray[np.bool_], pads: tuple[str, ...]) -> tuple[str, ...]:
@@ -54,18 +54,18 @@ def silent_in_words(silent: NDArray[np.bool_], pads: tuple[str, ...]) -> tuple[s
     return tuple(warnings)
 
 
-def at_bounds(found: Explanation) -> tuple[str, ...]:
-    """Warnings of numbers that the data would push beyond what is allowed."""
-    lines = []
+def at_bounds(found: Explanation) -> dict[str, str]:
+    """Warnings of numbers that the data would push beyond what is allowed, by cause."""
+    lines = {}
     for named in found.fitted:
         for free in named.cause.free(found.problem):
             value = named.values.get(free.name)
             at = [bound for bound in (free.low, free.high) if bound != free.neutral and value == bound]
             if at and free.material is not None:
-                lines.append(
+                lines[named.name] = (
                     f"{free.name} of {named.name} is at its bound, {at[0]:g} {free.unit}: do not rely on its value"
                 )
-    return tuple(lines)
+    return lines
 
 
 def _dropped(dropped: Mapping[str, Interval]) -> tuple[str, ...]:

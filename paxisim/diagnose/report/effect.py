@@ -55,6 +55,21 @@ class Effect:
         return np.where(self.streams.alive, added, 0.0)
 
     @cached_property
+    def reduced(self) -> Series:
+        """``(episodes, pads, 3, rows, cols)`` N^2, by how much the cause reduces the squared error.
+
+        -inf on channels that it does not affect.
+        """
+        affected = self.energy.sum(axis=0) > 1e-6 * self.energy.sum(axis=0).max()
+        less = [np.sum(self.nearer(s), axis=0) for s in self.streams.episodes]
+        return np.where(affected, less, -np.inf)
+
+    def nearer(self, where: tuple[slice | int, ...] | slice) -> Series:
+        """By how much the cause reduces the squared error (N^2) of the samples of these channels."""
+        measured, without, model = (a[where].astype(float) for a in (self.streams.measured, self.without, self.model))
+        return np.asarray((measured - without) ** 2 - (measured - model) ** 2)
+
+    @cached_property
     def axes(self) -> list[tuple[int, int]]:
         """Pairs of pad and axis, most affected first."""
         order = np.argsort(-self.energy.sum(axis=(0, 3, 4)).ravel(), kind="stable")
@@ -62,8 +77,8 @@ class Effect:
 
     @cached_property
     def channel(self) -> Channel:
-        """The most affected channel."""
-        at = np.unravel_index(int(np.argmax(self.energy.sum(axis=0))), self.energy.shape[1:])
+        """The channel whose error the cause reduces most."""
+        at = np.unravel_index(int(np.argmax(self.reduced.sum(axis=0))), self.energy.shape[1:])
         return (int(at[0]), int(at[1]), int(at[2]), int(at[3]))
 
     def best_episode(self, pad: int, axis: int) -> int:
@@ -71,10 +86,14 @@ class Effect:
         return int(np.argmax(self.energy[:, pad, axis].sum(axis=(1, 2))))
 
     def sums(self, pad: int, axis: int, span: slice | None = None) -> tuple[Series, Series, Series]:
-        """Total force on a pad along an axis (N): measured, model without the cause, full model."""
+        """Total force on a pad along an axis (N): measured, model without the cause, full model.
+
+        Of calibrated channels, which each estimate the load, it is the mean.
+        """
         where = span or slice(None)
         arrays = (self.streams.measured, self.without, self.model)
-        return tuple(a[where, pad, axis].sum(axis=(1, 2), dtype=float) for a in arrays)  # type: ignore[return-value]
+        share = 1 / self.streams.measured[0, pad, axis].size if self.streams.calibrated else 1.0
+        return tuple(share * a[where, pad, axis].sum(axis=(1, 2), dtype=float) for a in arrays)  # type: ignore[return-value]
 
     def at(self, channel: Channel, span: slice | None = None) -> tuple[Series, Series, Series]:
         """Force on a channel (N): measured, model without the cause, full model."""

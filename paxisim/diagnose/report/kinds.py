@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from paxisim.diagnose.report.background import covariate, zero, zero_in_time
+from paxisim.diagnose.report.channels import channel_curves
 from paxisim.diagnose.report.counts import steps
 from paxisim.diagnose.report.curves import curves, gains, small_forces
 from paxisim.diagnose.report.effect import Effect
@@ -17,6 +18,7 @@ from paxisim.diagnose.report.timing import edges, holds, shift
 
 PICTURES: Mapping[str, Callable[[Effect], list[Picture]]] = {
     "axes": axes_mixed,
+    "channel_curves": channel_curves,
     "covariate": covariate,
     "curves": curves,
     "edges": edges,

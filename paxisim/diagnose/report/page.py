@@ -16,6 +16,7 @@ from paxisim.diagnose.report.faults import fault_in_words
 from paxisim.diagnose.report.text import (
     CONFIDENCE,
     EXPLAINS,
+    black_box_in_words,
     is_of_one_episode,
     meanings,
     parameters_in_words,
@@ -122,6 +123,7 @@ def _context(diagnosis: Diagnosis) -> dict[str, Any]:
         "causes": causes,
         "confidence_in_words": CONFIDENCE,
         "explains_in_words": EXPLAINS,
+        "beyond_in_words": black_box_in_words(diagnosis.heldout) if extended else "",
         "held_out": len(diagnosis.heldout.gain_per_episode) > 1,
         "reasons": reasons_of(diagnosis),
         "covariates": diagnosis.model.covariate_names,

@@ -29,6 +29,8 @@ class Streams:
         layout: Layout of the taxels.
         step: Newtons per count, 0 if the sensor does not quantise.
         alive: ``(pads, 3, rows, cols)`` channels in use, without those that the sensor does not measure.
+        calibrated: Whether each channel is an estimate of the load, see `paxisim.calibrate_readout`, so that their sum
+            is not the force on the pad.
     """
 
     time: NDArray[np.float64]
@@ -41,6 +43,7 @@ class Streams:
     layout: TaxelLayout
     step: float = 0.0
     alive: NDArray[np.bool_] | Literal[True] = True
+    calibrated: bool = False
 
     def pad(self, number: int) -> str:
         """A pad in words, "pad left" or "pad0"."""

@@ -61,9 +61,12 @@ def symptoms(
 
 
 def phases_of(problem: Problem) -> np.ndarray:
-    """``(T, pads)`` one of `PHASES`; sliding: the centre of pressure moves, or shear changes faster than the force."""
+    """``(T, pads)`` one of `PHASES`; sliding: the centre of pressure moves, or shear changes faster than the force.
+
+    The axes of calibrated channels are not those of a force, so nothing slides there.
+    """
     x = problem.simulated
-    normal = x[:, :, 2].sum(axis=(2, 3))
+    normal = np.abs(x).sum(axis=(2, 3, 4)) if problem.calibrated else x[:, :, 2].sum(axis=(2, 3))
     shear = x[:, :, :2].sum(axis=(3, 4))
     rows, cols = np.indices(x.shape[-2:])
     weight = np.abs(x[:, :, 2]) / np.maximum(np.abs(x[:, :, 2]).sum(axis=(2, 3), keepdims=True), 1e-9)
@@ -79,7 +82,8 @@ def phases_of(problem: Problem) -> np.ndarray:
     phase = np.full(normal.shape, "holding", dtype=object)
     phase[force > _STILL] = "loading"
     phase[force < -_STILL] = "unloading"
-    phase[(moving | (sideways > _STILL)) & (np.maximum(sideways, _STILL) > np.abs(force))] = "sliding"
+    slides = (moving | (sideways > _STILL)) & (np.maximum(sideways, _STILL) > np.abs(force))
+    phase[slides & (not problem.calibrated)] = "sliding"
     phase[~pressed] = "free"
     return phase
 

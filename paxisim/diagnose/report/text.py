@@ -34,7 +34,7 @@ ONE_EPISODE = (
 EXPLAINS = "Explains: by how much the error grows when the model is refitted without the cause."
 CONFIDENCE = (
     "Confidence: how often the cause passes its test when episodes are resampled, divided among the cause and "
-    "its rivals."
+    "its rivals. A cause with a number at its bound counts one rival more."
 )
 
 
@@ -146,7 +146,19 @@ def _figures(heldout: HeldOut, extended: bool) -> list[str]:
         if heldout.ceiling_explained is not None:
             shares += f", the black box {max(heldout.ceiling_explained, 0.0):.1%}"
         lines += _wrap(shares, "  ")
-    return lines + (_wrap(heldout.note, "  ") if heldout.note else [])
+    beyond = black_box_in_words(heldout) if extended else ""
+    return lines + [line for text in (beyond, heldout.note) if text for line in _wrap(text, "  ")]
+
+
+def black_box_in_words(heldout: HeldOut) -> str:
+    """What it means that the black box explains more than the model; empty if it does not."""
+    ceiling, explained = heldout.ceiling_explained, heldout.explained
+    if ceiling is None or explained is None or ceiling <= (explained.high or explained.value):
+        return ""
+    return (
+        f"The black box explains {ceiling - explained.value:.0%} of the explainable error more than the model. The "
+        "forces and their past determine this part, but no known cause describes it."
+    )
 
 
 def _places(symptoms: Symptoms, extended: bool) -> list[str]:

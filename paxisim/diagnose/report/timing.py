@@ -36,7 +36,8 @@ def holds(effect: Effect) -> list[Picture]:
 
     figure, axes = panel()
     marks.force_trace(axes, t, measured, lacking, model, name)
-    axes.set_ylabel(f"{AXES[axis]} force on the pad, N")
+    total = "mean of the {} channels, N" if effect.streams.calibrated else "{} force on the pad, N"
+    axes.set_ylabel(total.format(AXES[axis]))
     whole = finish(
         figure,
         "The reading keeps changing under constant load",
@@ -76,14 +77,15 @@ def edges(effect: Effect) -> list[Picture]:
 
 def _edge(effect: Effect, lags: Series, errors: Series, title: str) -> Picture:
     channel = effect.channel
-    number = int(effect.energy[(slice(None), *channel)].argmax())
+    number = int(effect.reduced[(slice(None), *channel)].argmax())
     span = effect.streams.episodes[number]
     time = effect.streams.time[span] - effect.streams.time[span.start]
     measured, lacking, model = effect.at(channel, span)
     best = float(lags[errors.argmin()])
     interval = float(np.median(np.diff(time)))
     half = float(np.clip(_EDGE * abs(best) / 2, 10 * interval, 1.5))
-    middle = float(np.clip(time[np.abs(model - lacking).argmax()], time[0] + half, time[-1] - half))
+    nearer = np.convolve(effect.nearer((span, *channel)), np.ones(max(1, round(half / interval))), "same")
+    middle = float(np.clip(time[nearer.argmax()], time[0] + half, time[-1] - half))
     near = np.abs(time - middle) <= half
     name = effect.cause.name
 
