@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from paxisim.errors import ProtocolError
 from paxisim.hw.device import TactileSensor, open_sensor
-from paxisim.hw.profile import FAMILIES, Profile, Slot, load_profile
+from paxisim.hw.families import FAMILIES
+from paxisim.hw.profile import Profile, Slot, load_profile
 from paxisim.layout import TaxelLayout
 
 pytest.importorskip("serial")

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from pressed_pads import LAYOUT, pressed_force
 
-from paxisim.hw.profile import FAMILIES, Profile, Slot
+from paxisim.hw.families import FAMILIES
+from paxisim.hw.profile import Profile, Slot
 from paxisim.hw.signals import from_recording
 from paxisim.layout import TaxelLayout
 from paxisim.recording import Recording

@@ -1,0 +1,81 @@
+"""Families of boards: one table, and nothing else that lists them.
+
+A family is a protocol. To add one, write its driver (a `paxisim.hw.board.Board`) and its emulation (a
+`paxisim.hw.emulation.board.EmulatedBoard`), and add a row here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from paxisim.hw.board import Board
+    from paxisim.hw.emulation.board import EmulatedBoard
+
+Range = tuple[tuple[int, int, int], tuple[int, int, int]]
+"""The least and the largest counts of x, y and z."""
+
+BYTES: Range = ((-128, -128, 0), (127, 127, 255))
+"""A taxel of three bytes, the normal force unsigned."""
+
+
+@dataclass(frozen=True)
+class Family:
+    """One row: what a profile of the family needs, and where its classes are.
+
+    Attributes:
+        driver: The driver's class, ``module:Class`` below `paxisim.hw.boards`; imported when a sensor is opened.
+        emulation: The emulated board's class, ``module:Class`` below `paxisim.hw.emulation`.
+        settings: What `Profile.settings` may hold, and of which type.
+        counts: What a taxel's counts can express, whole numbers all; None: they are floats of any size.
+        unit: Unit of the tensor, ``"N"`` or ``"uT"`` (microtesla).
+    """
+
+    driver: str
+    emulation: str
+    settings: Mapping[str, type] = field(default_factory=dict)
+    counts: Range | None = BYTES
+    unit: str = "N"
+
+
+FAMILIES: Mapping[str, Family] = {
+    "control-box": Family(
+        driver="control_box:ControlBox",
+        emulation="control_box:ControlBox",
+        settings={"mode": int, "address": int, "resultant_address": int},
+    ),
+    "hand-board": Family(
+        driver="hand_board:HandBoard",
+        emulation="hand_board:HandBoard",
+        settings={"signed_normal": bool},
+    ),
+    "serial-converter": Family(
+        driver="serial_converter:SerialConverter",
+        emulation="serial_converter:SerialConverter",
+        settings={"address": int, "resultant_address": int, "scan": bool, "part": str},
+    ),
+    "high-speed": Family(
+        driver="high_speed:HighSpeed",
+        emulation="high_speed:HighSpeedBoard",
+        settings={"palm_counts": str},
+    ),
+}
+"""The families by the name that profiles give them."""
+
+
+def board_class(family: str) -> type[Board]:
+    """The driver of a family."""
+    return _load("paxisim.hw.boards", FAMILIES[family].driver)
+
+
+def emulated_class(family: str) -> type[EmulatedBoard]:
+    """The emulated board of a family."""
+    return _load("paxisim.hw.emulation", FAMILIES[family].emulation)
+
+
+def _load(package: str, place: str) -> Any:
+    module, name = place.split(":")
+    return getattr(import_module(f"{package}.{module}"), name)
