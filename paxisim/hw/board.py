@@ -21,14 +21,15 @@ class Reading:
     """One reading of all pads, as it came.
 
     Attributes:
-        counts: ``(pads, N, 3)`` int16, x y z of each taxel in the order and with the signs of the wire.
+        counts: ``(pads, N, 3)`` x y z of each taxel in the order and with the signs of the wire: int16, or float32
+            where the family's counts are no whole numbers.
         resultant: ``(pads, 3)`` int16 counts, the total that the board itself reports; None where it reports none.
         status: One error byte a pad; 0 is good.
         time: When its last byte arrived (s, the host's monotonic clock).
         behind: Readings that lay in the port behind it when it was fetched: it is so many periods older, or more.
     """
 
-    counts: NDArray[np.int16]
+    counts: NDArray[np.int16] | NDArray[np.float32]
     resultant: NDArray[np.int16] | None
     status: tuple[int, ...]
     time: float

@@ -54,7 +54,7 @@ class Profile:
         slots: The pads, in the order of the tensor's first axis.
         axes: For the pad's x, y and z, which axis of the wire it is and with which sign, e.g. ``("-y", "+x", "+z")``.
         pool: Taxels summed to one, as (rows, cols).
-        resolution: Newtons a count.
+        resolution: Newtons a count; of a field sensor, microtesla.
         baud: Bits a second.
         rate: Readings of all pads a second (Hz), nominal; None where no source says.
         settings: What the family's board needs besides, of the keys that its row lists. ``mode``: the control box's.
@@ -121,6 +121,11 @@ class Profile:
         return self.wire_layout if self.pool == (1, 1) else self.wire_layout.pool(*self.pool)
 
     @property
+    def unit(self) -> str:
+        """Unit of the tensor: ``"N"``, or ``"uT"`` (microtesla) of a family that measures a magnetic field."""
+        return FAMILIES[self.family].unit
+
+    @property
     def has_positions(self) -> bool:
         """False where the taxels are a row in the order of the bytes, because nobody says where they sit."""
         return not (self.wire_layout.is_grid and 1 in (self.wire_layout.rows, self.wire_layout.cols))
@@ -138,8 +143,8 @@ class Profile:
         wire_axis = np.array([_AXES.index(axis[1]) for axis in self.axes])
         return (3 * place[None, :] + wire_axis[:, None]).reshape(-1)
 
-    def to_force(self, counts: NDArray[np.int16]) -> NDArray[np.float32]:
-        """``(..., N, 3)`` counts as they come on the wire -> ``(..., 3, rows, cols)`` float32 newtons, pooled.
+    def to_force(self, counts: NDArray[np.number]) -> NDArray[np.float32]:
+        """``(..., N, 3)`` counts as they come on the wire -> ``(..., 3, rows, cols)`` float32 in `unit`, pooled.
 
         Counts are pooled before they become newtons, so every value is the float32 nearest to a whole number of steps.
 
@@ -152,12 +157,12 @@ class Profile:
         signed = taxels * self._signs[:, None, None]
         if self.pool != (1, 1):
             signed = self.wire_layout.pool_force(signed, *self.pool)
-        return self._newtons(signed)
+        return self._scaled(signed)
 
     def resultant_force(self, counts: NDArray[np.int16]) -> NDArray[np.float32]:
         """``(..., 3)`` counts of a pad's total as the board reports it -> ``(..., 3)`` float32 newtons, pad frame."""
         wire_axis = [_AXES.index(axis[1]) for axis in self.axes]
-        return self._newtons(np.asarray(counts)[..., wire_axis] * self._signs)
+        return self._scaled(np.asarray(counts)[..., wire_axis] * self._signs)
 
     def to_counts(self, force: NDArray[np.floating], gate: int = 0) -> NDArray[Any]:
         """``(..., 3, rows, cols)`` newtons of the **wire** layout -> ``(..., N, 3)`` counts, as firmware sends them.
@@ -195,11 +200,11 @@ class Profile:
                 stacklevel=3,
             )
 
-    def _newtons(self, counts: NDArray[np.integer]) -> NDArray[np.float32]:
+    def _scaled(self, counts: NDArray[np.number]) -> NDArray[np.float32]:
         # in double precision, or 0.1 N would be rounded twice; row-major, whatever order the indexing left behind
         return np.multiply(counts, self.resolution, dtype=np.float64).astype(np.float32, order="C")
 
-    def _check_counts(self, counts: NDArray[np.int16]) -> NDArray[np.int16]:
+    def _check_counts(self, counts: NDArray[np.number]) -> NDArray[np.number]:
         counts = np.asarray(counts)
         if counts.shape[-2:] != (self.wire_layout.taxels, 3):
             raise InvalidValueError(f"expected counts of shape (..., {self.wire_layout.taxels}, 3), got {counts.shape}")

@@ -33,13 +33,16 @@ def from_recording(
         loop: Begin anew after the last sample; else it is held.
 
     Raises:
-        InvalidValueError: The recording has no such tensor, or other pads than the profile.
+        InvalidValueError: The recording has no such tensor, another unit, or other pads than the profile.
     """
     if which is None:
         which = "simulated" if recording.measured is None else "measured"
     force = getattr(recording, which)
     if force is None:
         raise InvalidValueError(f"the recording has no {which} tensor to play")
+    unit, profile = recording.unit if which == "measured" else "N", as_profile(profile)
+    if unit != profile.unit:
+        raise InvalidValueError(f"the {which} tensor is in {unit}, but profile {profile.name!r} feels {profile.unit}")
     return from_arrays(recording.time, force, profile, interpolate=interpolate, loop=loop)
 
 
