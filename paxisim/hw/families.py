@@ -62,6 +62,13 @@ FAMILIES: Mapping[str, Family] = {
         emulation="high_speed:HighSpeedBoard",
         settings={"palm_counts": str},
     ),
+    "magnetometer-board": Family(
+        driver="magnetometer_board:MagnetometerBoard",
+        emulation="magnetometer_board:MagnetometerBoard",
+        settings={"text": bool},
+        counts=None,
+        unit="uT",
+    ),
 }
 """The families by the name that profiles give them."""
 
