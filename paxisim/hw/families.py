@@ -1,7 +1,7 @@
 """Families of boards: one table, and nothing else that lists them.
 
 A family is a protocol. To add one, write its driver (a `paxisim.hw.board.Board`) and its emulation (a
-`paxisim.hw.emulation.board.EmulatedBoard`), and add a row here.
+`paxisim.hw.emulation.board.EmulatedBoard`), and add a row here: `docs/add-a-board.md`.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ class Family:
     """One row: what a profile of the family needs, and where its classes are.
 
     Attributes:
-        driver: The driver's class, ``module:Class`` below `paxisim.hw.boards`; imported when a sensor is opened.
-        emulation: The emulated board's class, ``module:Class`` below `paxisim.hw.emulation`.
+        driver: The driver's class, ``module:Class``, imported when a sensor is opened.
+        emulation: The emulated board's class, ``module:Class``.
         settings: What `Profile.settings` may hold, and of which type.
         counts: What a taxel's counts can express, whole numbers all; None: they are floats of any size.
         unit: Unit of the tensor, ``"N"`` or ``"uT"`` (microtesla).
@@ -41,30 +41,30 @@ class Family:
     unit: str = "N"
 
 
-FAMILIES: Mapping[str, Family] = {
+FAMILIES: dict[str, Family] = {
     "control-box": Family(
-        driver="control_box:ControlBox",
-        emulation="control_box:ControlBox",
+        driver="paxisim.hw.boards.control_box:ControlBox",
+        emulation="paxisim.hw.emulation.control_box:ControlBox",
         settings={"mode": int, "address": int, "resultant_address": int},
     ),
     "hand-board": Family(
-        driver="hand_board:HandBoard",
-        emulation="hand_board:HandBoard",
+        driver="paxisim.hw.boards.hand_board:HandBoard",
+        emulation="paxisim.hw.emulation.hand_board:HandBoard",
         settings={"signed_normal": bool},
     ),
     "serial-converter": Family(
-        driver="serial_converter:SerialConverter",
-        emulation="serial_converter:SerialConverter",
+        driver="paxisim.hw.boards.serial_converter:SerialConverter",
+        emulation="paxisim.hw.emulation.serial_converter:SerialConverter",
         settings={"address": int, "resultant_address": int, "scan": bool, "part": str},
     ),
     "high-speed": Family(
-        driver="high_speed:HighSpeed",
-        emulation="high_speed:HighSpeedBoard",
+        driver="paxisim.hw.boards.high_speed:HighSpeed",
+        emulation="paxisim.hw.emulation.high_speed:HighSpeedBoard",
         settings={"palm_counts": str},
     ),
     "magnetometer-board": Family(
-        driver="magnetometer_board:MagnetometerBoard",
-        emulation="magnetometer_board:MagnetometerBoard",
+        driver="paxisim.hw.boards.magnetometer_board:MagnetometerBoard",
+        emulation="paxisim.hw.emulation.magnetometer_board:MagnetometerBoard",
         settings={"text": bool},
         counts=None,
         unit="uT",
@@ -75,14 +75,14 @@ FAMILIES: Mapping[str, Family] = {
 
 def board_class(family: str) -> type[Board]:
     """The driver of a family."""
-    return _load("paxisim.hw.boards", FAMILIES[family].driver)
+    return _load(FAMILIES[family].driver)
 
 
 def emulated_class(family: str) -> type[EmulatedBoard]:
     """The emulated board of a family."""
-    return _load("paxisim.hw.emulation", FAMILIES[family].emulation)
+    return _load(FAMILIES[family].emulation)
 
 
-def _load(package: str, place: str) -> Any:
+def _load(place: str) -> Any:
     module, name = place.split(":")
-    return getattr(import_module(f"{package}.{module}"), name)
+    return getattr(import_module(module), name)
