@@ -29,7 +29,7 @@ class Recording:
     Attributes:
         time: ``(T,)`` float64 seconds; not decreasing within an episode. A recording that was loaded counts from its
             first sample, whose Unix time is ``metadata["start"]`` where it is known.
-        measured: ``(T, pads, 3, rows, cols)`` float32 newtons, or None.
+        measured: ``(T, pads, 3, rows, cols)`` float32 newtons, or what `unit` says, or None.
         simulated: The same for the simulation, or None; one of the two must be there.
         covariates: ``(T, ...)`` float64 arrays by name: gripper opening (m), temperature (degC), motor current (A) ...
         episode: ``(T,)`` int, the number of the episode each sample belongs to; equal numbers are adjacent. Default:
@@ -67,6 +67,11 @@ class Recording:
         return self.measured if self.measured is not None else self.simulated  # type: ignore[return-value]
 
     @property
+    def unit(self) -> str:
+        """Unit of `measured`, ``metadata["unit"]``: ``"N"`` unless it says otherwise, as ``"uT"`` of a field sensor."""
+        return self.metadata.get("unit") or "N"
+
+    @property
     def rate(self) -> float:
         """Samples a second: one over the median interval within the episodes; NaN where there is no interval."""
         intervals = np.diff(self.time)[np.diff(self.episode) == 0]
@@ -94,6 +99,7 @@ class Recording:
             f"{self.duration:.1f} s" + (f" at {self.rate:.1f} Hz" if np.isfinite(self.rate) else ""),
             f"{episodes} episode{'s' * (episodes != 1)}",
             *streams,
+            *([] if self.unit == "N" else [f"in {self.unit}"]),
         ]
         if self.covariates:
             parts.append("covariates " + " ".join(self.covariates))

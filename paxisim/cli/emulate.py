@@ -41,7 +41,7 @@ def emulate(
         profile: The profile's name or file.
         signal: What the pads feel: 'demo' (a press that drags), a recording (.mcap, .npz, .csv), a MuJoCo scene with
             pads (.xml), run in real time, or MODULE:FUNCTION, a function of the seconds that gives
-            (pads, 3, rows, cols) newtons.
+            (pads, 3, rows, cols) newtons, or microtesla where that is the profile's unit.
         link: A symbolic link to make to the port.
         fault: Faults of the line, as NAME=NUMBER with commas: drop, flip, garble (probability of each byte), split,
             merge, stall, status (of each message), stall_seconds, noise (bytes at power-on), unplug_after (messages).

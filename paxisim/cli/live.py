@@ -35,7 +35,7 @@ def live(
         save: Write an .rrd file for Rerun instead of opening its viewer; needs no display. A recording, and a
             scene with --seconds, are then drawn as fast as can be, all of it.
         seconds: Stop after so many.
-        vmax: Normal force (N) of full red; default: the largest of the recording, or of late.
+        vmax: Normal force (N, or the sensor's unit) of full red; default: the largest of the recording, or of late.
         fps: Readings drawn a second at most, where they come in real time.
         force: Overwrite the file.
     """
@@ -67,6 +67,7 @@ def live(
                 save=None if save is None else stack.enter_context(whole_file(save)),
                 vmax=opened.vmax if vmax is None else vmax,
                 shear_max=opened.shear_max,
+                unit=opened.unit,
                 fps=fps if real_time else None,
                 window=10.0 if real_time else None,
             )

@@ -73,7 +73,12 @@ def replay(
     shutil.rmtree(kept)
     print(textwrap.fill(f"{output}: {paired!r}", WIDTH, subsequent_indent="  ", break_on_hyphens=False))
     _print_how(paired)
-    if paired.measured is not None:
+    if paired.measured is not None and paired.unit != "N":
+        print(
+            f"measured is in {paired.unit}, so it is not compared with the simulated newtons: make newtons of it with "
+            "paxisim calibrate"
+        )
+    elif paired.measured is not None:
         print()
         print(compare_streams(paired))
     if protocol is not None:

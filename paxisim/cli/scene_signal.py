@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from paxisim.errors import InvalidValueError
+
 LONGEST_CATCH_UP = 0.05
 """Seconds of physics done at most for one reading: a scene that is slower than real time falls behind instead."""
 
@@ -25,7 +27,8 @@ class SceneSignal:
             profile: The `paxisim.hw.profile.Profile` whose pads feel it, of its wire layout or of its pooled one.
 
         Raises:
-            InvalidValueError: There is no such file, MuJoCo cannot read it, or its pads are not the profile's.
+            InvalidValueError: There is no such file, MuJoCo cannot read it, its pads are not the profile's, or
+                the profile is not in newtons.
         """
         import mujoco
 
@@ -34,6 +37,11 @@ class SceneSignal:
         from paxisim.models.pads import find_pads
         from paxisim.models.readout import TactileReadout
 
+        if profile.unit != "N":
+            raise InvalidValueError(
+                f"a scene's pads give newtons, but profile {profile.name!r} feels {profile.unit}: choose a recording "
+                "of that unit, 'demo' or a function"
+            )
         self._profile, self._spread, self._step = profile, spread, mujoco.mj_step
         self._model = compile_spec(load_spec(scene), str(scene))
         self._data = mujoco.MjData(self._model)

@@ -59,6 +59,12 @@ def sensor_check(
     check_output(output, force)
     _check_seconds(seconds)
     believed = load_profile(profile)
+    if believed.unit != "N":
+        raise InvalidValueError(
+            f"a check judges presses and drags in newtons, but profile {believed.name!r} is in {believed.unit}: record "
+            "presses beside a load cell (paxisim record PORT --profile ... --csv ...), then run: paxisim calibrate "
+            "RECORDING --loads Fz=NAME -o calibrated.mcap; see docs/calibrate.md"
+        )
     steps = check_steps(believed)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UnverifiedProfileWarning)  # this is what verifies it
@@ -127,7 +133,9 @@ def _record(sensor: TactileSensor, seconds: float, live: bool) -> list[Frame]:
         if live and frame.arrival > shown + 0.1:
             shown = frame.arrival
             totals = frame.force.sum(axis=(-2, -1))
-            felt = "   ".join(f"{pad} {z:5.1f} N" for pad, (_, _, z) in zip(sensor.pads, totals, strict=True))
+            felt = "   ".join(
+                f"{pad} {z:5.1f} {sensor.profile.unit}" for pad, (_, _, z) in zip(sensor.pads, totals, strict=True)
+            )
             live_line("\r" + printable(f"     {max(end - shown, 0):3.0f} s   {felt}")[:78], "\x1b[K")
     if live:
         live_line("\r", "\x1b[K")

@@ -35,13 +35,12 @@ def prepare(recording: Recording) -> tuple[Recording, tuple[str, ...]]:
     """
     if not isinstance(recording, Recording):
         raise InvalidValueError(f"recording must be a paxisim.Recording, got {type(recording).__name__}")
-    unit = recording.metadata.get("unit") or "N"
-    if unit != "N":
+    if recording.unit != "N":
         loads = " ".join(name for name, values in recording.covariates.items() if values.ndim == 1) or "NAME"
         raise InvalidValueError(
-            f"the channels are in {unit}, but a diagnosis compares forces in newtons. Record a load cell beside the "
-            "sensor and run: paxisim calibrate RECORDING --loads Fz=NAME -o calibrated.mcap, where NAME is the "
-            f"covariate with its force (there are: {loads}); then diagnose calibrated.mcap. See docs/calibrate.md"
+            f"the channels are in {recording.unit}, but a diagnosis compares forces in newtons. Record a load cell "
+            "beside the sensor and run: paxisim calibrate RECORDING --loads Fz=NAME -o calibrated.mcap, where NAME is "
+            f"the covariate with its force (there are: {loads}); then diagnose calibrated.mcap. See docs/calibrate.md"
         )
     for name, other in (
         ("simulated", "replay the recorded motion in the simulation"),

@@ -76,6 +76,7 @@ class Aligner:
             self._sequence,
             tuple(status),
             np.concatenate(resultants) if len(resultants) == len(parts) else None,
+            first.unit,
         )
         self._sequence += 1
         return [joined]

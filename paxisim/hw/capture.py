@@ -145,6 +145,7 @@ def capture(
         "pads": sensor.pads,
         "profile": sensor.profile.name,
         "profile_verified": sensor.profile.verified,
+        "unit": sensor.profile.unit,
         "ports": sensor.ports,
     }
     writer = LogWriter(path, metadata, flush_interval=FLUSH, overwrite=overwrite)

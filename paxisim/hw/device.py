@@ -13,6 +13,7 @@ from paxisim.errors import DeviceError, DeviceTimeoutError, InvalidValueError
 from paxisim.hw.align import Aligner
 from paxisim.hw.board import Board
 from paxisim.hw.clock import Clock, SystemClock
+from paxisim.hw.families import board_class
 from paxisim.hw.frame import Frame
 from paxisim.hw.frame_queue import FrameQueue
 from paxisim.hw.profile import Profile, as_profile
@@ -292,7 +293,7 @@ def _connector(port: str, profile: Profile, clock: Clock) -> Callable[[], Board]
     """What opens `port` and makes the board of the profile's family on it, not started."""
 
     def connect() -> Board:
-        board = _board_class(profile.family)
+        board = board_class(profile.family)
         transport = open_transport(port, profile.baud)
         try:
             return board(transport, profile, clock)
@@ -301,21 +302,3 @@ def _connector(port: str, profile: Profile, clock: Clock) -> Callable[[], Board]
             raise
 
     return connect
-
-
-def _board_class(family: str) -> type[Board]:
-    if family == "control-box":
-        from paxisim.hw.boards.control_box import ControlBox
-
-        return ControlBox
-    if family == "hand-board":
-        from paxisim.hw.boards.hand_board import HandBoard
-
-        return HandBoard
-    if family == "serial-converter":
-        from paxisim.hw.boards.serial_converter import SerialConverter
-
-        return SerialConverter
-    from paxisim.hw.boards.high_speed import HighSpeed
-
-    return HighSpeed

@@ -11,25 +11,22 @@ from collections import deque
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
+from typing import Any
 
 from paxisim.errors import DeviceError, InvalidValueError, OutputExistsError
 from paxisim.hw.emulation.board import EmulatedBoard
 from paxisim.hw.emulation.pacing import GRAIN, PacedLine
 from paxisim.hw.emulation.pads import EmulatedPads, Resultant, Signal
 from paxisim.hw.emulation.pseudo_terminal import PseudoTerminal
+from paxisim.hw.families import emulated_class
 from paxisim.hw.faults import MERGE_WAIT, Faults, FaultyLine
 from paxisim.hw.profile import Profile, as_profile
 
 REMEMBERED = 100_000
 """Messages that `Emulator.sent` keeps; older ones are forgotten."""
 
-GATE = 2
-"""Components of real GEN3 taxels are 0 or at least so many counts."""
-
 HOST_BUFFER = 65536
 """Bytes kept for a host that is late, as its system keeps them for a real port; what comes then is lost."""
-
-STREAMING = ("hand-board", "high-speed")
 
 _LOOK_FOR_HOST = 2e-3  # seconds between two looks whether a host has opened the port; one waits 10 ms for an answer
 _LONGEST_WAIT = 1.0
@@ -115,7 +112,7 @@ class Emulator:
             raise InvalidValueError(f"seed must be 0 or more, got {seed!r}")
         self._rate = (rate or self.profile.rate) if pace else None
         if gate is None:
-            gate = GATE if self.profile.family in ("serial-converter", "high-speed") else 0
+            gate = emulated_class(self.profile.family).gate
         self._signal, self._gate, self._resultant, self._pace = signal, gate, resultant, pace
         self._faults = Faults() if faults is None else faults
         self._faulty = FaultyLine(self._faults, seed)
@@ -235,7 +232,7 @@ class Emulator:
 
     def _power_on(self) -> EmulatedBoard:
         # a stream's rate is that of its messages, each of which is measured anew
-        rate = None if self.profile.family in STREAMING else self._rate
+        rate = self._rate if emulated_class(self.profile.family).stream_rate is None else None
         pads = EmulatedPads(self.profile, self._signal, rate=rate, gate=self._gate, resultant=self._resultant)
         return make_board(pads, self._rate, self._pace, self._faulty)
 
@@ -359,13 +356,8 @@ def make_board(pads: EmulatedPads, rate: float | None, pace: bool, faulty: Fault
         pace: Whether a stream keeps to a rate at all.
         faulty: Where its error bytes come from.
     """
-    from paxisim.hw.emulation import control_box, hand_board, high_speed, serial_converter
-
-    family, wrong = pads.profile.family, faulty.wrong_status
-    if family == "control-box":
-        return control_box.ControlBox(pads, wrong_status=wrong)
-    if family == "serial-converter":
-        return serial_converter.SerialConverter(pads, wrong_status=wrong)
-    if family == "hand-board":
-        return hand_board.HandBoard(pads, rate=(rate or hand_board.RATE) if pace else None, wrong_status=wrong)
-    return high_speed.HighSpeedBoard(pads, rate=(rate or high_speed.RATE) if pace else None, wrong_status=wrong)
+    board = emulated_class(pads.profile.family)
+    streams: dict[str, Any] = {}
+    if board.stream_rate is not None:
+        streams["rate"] = (rate or board.stream_rate) if pace else None
+    return board(pads, wrong_status=faulty.wrong_status, **streams)

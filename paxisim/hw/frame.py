@@ -1,4 +1,4 @@
-"""Frame: one reading of a sensor's pads, in newtons."""
+"""Frame: one reading of a sensor's pads, in newtons or, of a field sensor, in microtesla."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ class Frame:
     """One reading of all pads.
 
     Attributes:
-        force: ``(pads, 3, rows, cols)`` float32 newtons, pad frames, as `TactileReadout.read` gives it in simulation.
+        force: ``(pads, 3, rows, cols)`` float32, pad frames, in newtons as `TactileReadout.read` gives it in
+            simulation, or in what `unit` says.
         time: When it was measured, as far as can be told (s, the host's monotonic clock): the arrival, freed of the
             jitter of port and scheduler by the board's steady rate, and dated back where it waited in the port,
             as while the system stopped this program. Never after `arrival`.
@@ -22,6 +23,7 @@ class Frame:
         status: One error byte a pad, as the board reports it; 0 is good, `paxisim.logs.schemas.NO_TAXELS` no error.
         resultant: ``(pads, 3)`` float32 newtons, the total force that the board reports, which on real sensors is not
             the sum of the taxels; None where it reports none.
+        unit: Unit of `force`: ``"N"``, or ``"uT"`` (microtesla) of a sensor that measures a magnetic field.
     """
 
     force: NDArray[np.float32]
@@ -30,3 +32,4 @@ class Frame:
     sequence: int
     status: tuple[int, ...]
     resultant: NDArray[np.float32] | None = None
+    unit: str = "N"

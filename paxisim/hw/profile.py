@@ -18,21 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError, UnknownNameError
+from paxisim.hw.families import FAMILIES
 from paxisim.layout import TaxelLayout
-
-FAMILIES = ("control-box", "hand-board", "serial-converter", "high-speed")
-
-SETTINGS: Mapping[str, Mapping[str, type]] = {
-    "control-box": {"mode": int, "address": int, "resultant_address": int},
-    "hand-board": {"signed_normal": bool},
-    "serial-converter": {"address": int, "resultant_address": int, "scan": bool, "part": str},
-    "high-speed": {"palm_counts": str},
-}
-"""What `Profile.settings` may hold, by family, and of which type."""
 
 _AXES = "xyz"
 _TOO_LARGE = 2**31  # a system's baud rate is a number of 32 bits; for the others it is far beyond sense
-_LOWEST, _HIGHEST = np.array([-128, -128, 0]), np.array([127, 127, 255])  # counts a taxel's bytes can express
 
 
 class UnverifiedProfileWarning(UserWarning):
@@ -59,15 +49,15 @@ class Profile:
 
     Attributes:
         name: Lower case, as `open_sensor` takes it.
-        family: One of `FAMILIES`.
+        family: A key of `paxisim.hw.families.FAMILIES`.
         wire_layout: The taxels as they are on the wire; `vendor_order` lists them in the order of the bytes.
         slots: The pads, in the order of the tensor's first axis.
         axes: For the pad's x, y and z, which axis of the wire it is and with which sign, e.g. ``("-y", "+x", "+z")``.
         pool: Taxels summed to one, as (rows, cols).
-        resolution: Newtons a count.
+        resolution: Newtons a count; of a field sensor, microtesla.
         baud: Bits a second.
         rate: Readings of all pads a second (Hz), nominal; None where no source says.
-        settings: What the family's board needs besides, of the keys in `SETTINGS`. ``mode``: the control box's.
+        settings: What the family's board needs besides, of the keys that its row lists. ``mode``: the control box's.
             ``address`` and ``resultant_address``: of the taxels and of the block before them. ``scan``: look for the
             sensor under other ids, too. ``part``: the code that its version must name. ``palm_counts``: where the
             high-speed board keeps the counts of the palm's modules, ``"contiguous"`` or ``"0066"``.
@@ -116,7 +106,7 @@ class Profile:
             value = getattr(self, kind)
             if value is not None and not 0 < value < _TOO_LARGE:
                 raise InvalidValueError(f"{kind} must be a positive number below {_TOO_LARGE}, got {value!r}")
-        known = SETTINGS[self.family]
+        known = FAMILIES[self.family].settings
         for key, value in self.settings.items():
             if key not in known:
                 kind = f"setting of the family {self.family}"
@@ -129,6 +119,11 @@ class Profile:
     def layout(self) -> TaxelLayout:
         """The pad's taxels after pooling: the layout of `Frame.force`."""
         return self.wire_layout if self.pool == (1, 1) else self.wire_layout.pool(*self.pool)
+
+    @property
+    def unit(self) -> str:
+        """Unit of the tensor: ``"N"``, or ``"uT"`` (microtesla) of a family that measures a magnetic field."""
+        return FAMILIES[self.family].unit
 
     @property
     def has_positions(self) -> bool:
@@ -148,8 +143,8 @@ class Profile:
         wire_axis = np.array([_AXES.index(axis[1]) for axis in self.axes])
         return (3 * place[None, :] + wire_axis[:, None]).reshape(-1)
 
-    def to_force(self, counts: NDArray[np.int16]) -> NDArray[np.float32]:
-        """``(..., N, 3)`` counts as they come on the wire -> ``(..., 3, rows, cols)`` float32 newtons, pooled.
+    def to_force(self, counts: NDArray[np.number]) -> NDArray[np.float32]:
+        """``(..., N, 3)`` counts as they come on the wire -> ``(..., 3, rows, cols)`` float32 in `unit`, pooled.
 
         Counts are pooled before they become newtons, so every value is the float32 nearest to a whole number of steps.
 
@@ -162,18 +157,19 @@ class Profile:
         signed = taxels * self._signs[:, None, None]
         if self.pool != (1, 1):
             signed = self.wire_layout.pool_force(signed, *self.pool)
-        return self._newtons(signed)
+        return self._scaled(signed)
 
     def resultant_force(self, counts: NDArray[np.int16]) -> NDArray[np.float32]:
         """``(..., 3)`` counts of a pad's total as the board reports it -> ``(..., 3)`` float32 newtons, pad frame."""
         wire_axis = [_AXES.index(axis[1]) for axis in self.axes]
-        return self._newtons(np.asarray(counts)[..., wire_axis] * self._signs)
+        return self._scaled(np.asarray(counts)[..., wire_axis] * self._signs)
 
-    def to_counts(self, force: NDArray[np.floating], gate: int = 0) -> NDArray[np.int16]:
+    def to_counts(self, force: NDArray[np.floating], gate: int = 0) -> NDArray[Any]:
         """``(..., 3, rows, cols)`` newtons of the **wire** layout -> ``(..., N, 3)`` counts, as firmware sends them.
 
-        Rounded to whole counts, components below `gate` counts set to 0, shear clipped to -128..127 and normal force to
-        0..255. The inverse of `to_force` up to that, where nothing is pooled.
+        Components below `gate` counts are set to 0. Where the family's counts are whole numbers (int16), they are
+        rounded and clipped to what it can express, else they are float32. The inverse of `to_force` up to that, where
+        nothing is pooled.
 
         Raises:
             InvalidValueError: `force` is not of that shape.
@@ -181,10 +177,14 @@ class Profile:
         force = np.asarray(force, dtype=np.float64)
         self.wire_layout.check(force)
         lead = force.shape[:-3]
-        signed = np.rint(force / self.resolution) * self._signs[:, None, None]
+        signed = force / self.resolution * self._signs[:, None, None]
         counts = signed.reshape((*lead, -1))[..., np.argsort(self._places)].reshape((*lead, -1, 3))
+        limits = FAMILIES[self.family].counts
+        if limits is None:
+            return np.where(np.abs(counts) < gate, 0, counts).astype(np.float32)
+        counts = np.rint(counts)
         counts[np.abs(counts) < gate] = 0
-        return np.clip(counts, _LOWEST, _HIGHEST).astype(np.int16)
+        return np.clip(counts, *limits).astype(np.int16)
 
     def warn_unverified(self) -> None:
         """Warn where nobody has tried this profile on a device.
@@ -200,11 +200,11 @@ class Profile:
                 stacklevel=3,
             )
 
-    def _newtons(self, counts: NDArray[np.integer]) -> NDArray[np.float32]:
+    def _scaled(self, counts: NDArray[np.number]) -> NDArray[np.float32]:
         # in double precision, or 0.1 N would be rounded twice; row-major, whatever order the indexing left behind
         return np.multiply(counts, self.resolution, dtype=np.float64).astype(np.float32, order="C")
 
-    def _check_counts(self, counts: NDArray[np.int16]) -> NDArray[np.int16]:
+    def _check_counts(self, counts: NDArray[np.number]) -> NDArray[np.number]:
         counts = np.asarray(counts)
         if counts.shape[-2:] != (self.wire_layout.taxels, 3):
             raise InvalidValueError(f"expected counts of shape (..., {self.wire_layout.taxels}, 3), got {counts.shape}")
@@ -225,7 +225,7 @@ def load_profile(name: str | os.PathLike[str]) -> Profile:
 
         name = "my-gripper"               # default: the file's name
         like = "gen2-box-120"             # start from this known profile; what follows replaces its keys
-        family = "control-box"            # one of FAMILIES
+        family = "control-box"            # a key of paxisim.hw.families.FAMILIES
         axes = ["-y", "+x", "+z"]         # the wire's axis, with sign, that is the pad's x, y, z
         pool = [2, 2]                     # rows and columns of taxels summed to one
         resolution = 0.1                  # N a count

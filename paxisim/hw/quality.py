@@ -25,6 +25,7 @@ class SensorQuality:
     Attributes:
         layout: The pads' taxels.
         pads: The pads' names.
+        unit: Unit of the forces, that of the frames; the attributes below say N for it.
         nominal_rate: Frames a second that the profile states (Hz); None where no source does.
         time: ``(T,)`` s since the first frame.
         intervals: ``(T - 1,)`` s between the arrivals of two frames, shared among those lost between them.
@@ -42,6 +43,7 @@ class SensorQuality:
 
     layout: TaxelLayout
     pads: tuple[str, ...]
+    unit: str
     nominal_rate: float | None
     time: NDArray[np.float64]
     intervals: NDArray[np.float64]
@@ -83,7 +85,8 @@ class SensorQuality:
     def touched(self) -> NDArray[np.bool_]:
         """``(pads,)`` True where the total changed by far more than noise does: something moved or was touched."""
         change = np.ptp(self.total, axis=0)
-        return np.any(change > 1.0 + 10 * self.total_noise, axis=-1)
+        least = 1.0 if self.unit == "N" else 0.0  # no source says how much a field changes that nothing touches
+        return np.any(change > least + 10 * self.total_noise, axis=-1)
 
     def __str__(self) -> str:
         """The table."""
@@ -102,10 +105,10 @@ class SensorQuality:
         for i, pad in enumerate(self.pads):
             for j, axis in enumerate("xyz"):
                 lines.append(
-                    f"{pad[:11] if j == 0 else '':<12}{axis:<6}{self.total[:, i, j].mean():>+10.2f} N"
-                    f"{typical[i, j]:>11.3f} N{self.total_noise[i, j]:>11.3f} N"
+                    f"{pad[:11] if j == 0 else '':<12}{axis:<6}{self.total[:, i, j].mean():>+10.2f} {self.unit}"
+                    f"{typical[i, j]:>11.3f} {self.unit}{self.total_noise[i, j]:>11.3f} {self.unit}"
                     f"  {self.drift[i, j]:>+8.{_digits(self.drift[i, j])}f}"
-                    f" ± {self.drift_error[i, j]:.{_digits(self.drift_error[i, j])}f} N/min"
+                    f" ± {self.drift_error[i, j]:.{_digits(self.drift_error[i, j])}f} {self.unit}/min"
                 )
         lines += ["", *self._remarks()]
         return "\n".join(lines)
@@ -119,7 +122,8 @@ class SensorQuality:
             if self.touched[i]:
                 change = np.ptp(self.total[:, i], axis=0).max()
                 lines.append(
-                    f"{pad[:11]}: its total changed by {change:.1f} N: was it touched? Then the table shows that"
+                    f"{pad[:11]}: its total changed by {change:.1f} {self.unit}: was it touched? Then the "
+                    "table shows that"
                 )
         if self.zero.any():
             lines += [
@@ -167,6 +171,7 @@ def measure_quality(
     return SensorQuality(
         layout=layout,
         pads=tuple(pads),
+        unit=frames[0].unit,
         nominal_rate=nominal_rate,
         time=time,
         intervals=np.diff(arrival) / steps,

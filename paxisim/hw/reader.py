@@ -204,7 +204,8 @@ class Reader:
         force = board.profile.to_force(reading.counts)
         resultant = None if reading.resultant is None else board.profile.resultant_force(reading.resultant)
         time = self._sample_clock.estimate(reading.time, reading.behind)
-        raw = Frame(force, time, reading.time, self._sequence, reading.status, resultant)
+        unit = board.profile.unit
+        raw = Frame(force, time, reading.time, self._sequence, reading.status, resultant, unit)
         self._sequence += 1
         zero = self._zero
         if zero is None:
@@ -212,7 +213,7 @@ class Reader:
         else:
             resultant = _minus(resultant, zero.resultant)
             force = force - zero.force
-            self._deliver(Frame(force, time, reading.time, raw.sequence, reading.status, resultant))
+            self._deliver(Frame(force, time, reading.time, raw.sequence, reading.status, resultant, unit))
         return raw
 
     def _miss(self, fault: DeviceError) -> None:

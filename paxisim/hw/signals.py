@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -33,13 +34,16 @@ def from_recording(
         loop: Begin anew after the last sample; else it is held.
 
     Raises:
-        InvalidValueError: The recording has no such tensor, or other pads than the profile.
+        InvalidValueError: The recording has no such tensor, another unit, or other pads than the profile.
     """
     if which is None:
         which = "simulated" if recording.measured is None else "measured"
     force = getattr(recording, which)
     if force is None:
         raise InvalidValueError(f"the recording has no {which} tensor to play")
+    unit, profile = recording.unit if which == "measured" else "N", as_profile(profile)
+    if unit != profile.unit:
+        raise InvalidValueError(f"the {which} tensor is in {unit}, but profile {profile.name!r} feels {profile.unit}")
     return from_arrays(recording.time, force, profile, interpolate=interpolate, loop=loop)
 
 
@@ -123,15 +127,21 @@ def spread(force: NDArray[np.floating], profile: Profile) -> NDArray[np.floating
     )
 
 
-def press(profile: str | os.PathLike[str] | Profile, *, force: float = 20.0, period: float = 4.0) -> Signal:
+LARGEST: Mapping[str, float] = {"N": 20.0, "uT": 2000.0}
+"""What `press` sums up to at most, by unit; in published recordings of eFlesh one chip of five reaches 3000 uT."""
+
+
+def press(profile: str | os.PathLike[str] | Profile, *, force: float | None = None, period: float = 4.0) -> Signal:
     """A demonstration: a soft patch comes down on each pad, drags to the right and down, and lifts.
 
     Args:
         profile: The pads.
-        force: The largest normal force of the patch (N, whole pad); the shear grows to half of it.
+        force: The largest normal force of the patch (whole pad, in the profile's unit); the shear grows to half of it.
+            Default: that of `LARGEST`.
         period: Seconds of one press; each pad begins a quarter later than the one before.
     """
     profile = as_profile(profile)
+    largest = LARGEST[profile.unit] if force is None else force
     layout, pads = profile.wire_layout, len(profile.slots)
     positions = layout.positions[:, :2]
     low, high = positions.min(axis=0), positions.max(axis=0)
@@ -144,7 +154,7 @@ def press(profile: str | os.PathLike[str] | Profile, *, force: float = 20.0, per
         dragged = np.clip((phase - 0.2) / 0.6, 0, 1)
         centre = low + size * (0.3 + 0.4 * dragged[:, None])
         patch = np.exp(-0.5 * np.sum(((positions - centre[:, None]) / width) ** 2, axis=-1))
-        normal = force * pressed[:, None] * patch / patch.sum(axis=1, keepdims=True)
+        normal = largest * pressed[:, None] * patch / patch.sum(axis=1, keepdims=True)
         shear = 0.5 * dragged[:, None] * normal
         return np.stack([shear, 0.6 * shear, normal], axis=1).reshape(pads, *layout.shape)
 

@@ -35,7 +35,8 @@ def checked_metadata(path: Path, metadata: dict[str, Any]) -> None:
     """Refuse what readers rely on and a file from elsewhere may say otherwise.
 
     Raises:
-        InvalidValueError: The layout, the names of the pads or the time are of another kind; `path` is for the message.
+        InvalidValueError: The layout, the names of the pads, the unit or the time are of another kind; `path` is for
+            the message.
     """
     layout, pads = metadata.get("layout"), metadata.get("pads")
     if pads is not None and not (isinstance(pads, list) and all(isinstance(pad, str) for pad in pads)):
@@ -50,6 +51,9 @@ def checked_metadata(path: Path, metadata: dict[str, Any]) -> None:
         isinstance(zeros, list) and all(type(zero) is int and abs(zero) <= schemas.LATEST for zero in zeros)
     ):
         raise InvalidValueError(f"{path}: time_zero_ns in its metadata must be a list of times, got {zeros!r:.80}")
+    unit = metadata.get("unit")
+    if unit is not None and not isinstance(unit, str):
+        raise InvalidValueError(f"{path}: unit in its metadata must be a text such as N or uT, got {unit!r:.80}")
     start = metadata.get("start")
     if start is not None and not (isinstance(start, (int, float)) and abs(start) < 1e300):
         raise InvalidValueError(f"{path}: start in its metadata must be Unix seconds, got {start!r:.80}")
@@ -65,7 +69,7 @@ def read_about(path: Path, about: Any) -> dict[str, Any]:
     layout, pads, metadata = given.get("layout"), given.get("pads"), given.get("metadata")
     if not (isinstance(pads, list) and isinstance(metadata, dict)):
         raise InvalidValueError(f"{path}: 'about' must be a JSON object with a list 'pads' and an object 'metadata'")
-    checked_metadata(path, {"start": metadata.get("start")})
+    checked_metadata(path, {name: metadata.get(name) for name in ("start", "unit")})
     try:
         layout = None if layout is None else TaxelLayout.from_dict(layout)
     except InvalidValueError as error:

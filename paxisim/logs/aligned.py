@@ -37,8 +37,13 @@ class CountsToForce(Protocol):
         """The taxels of the tensor that `to_force` gives."""
         ...
 
+    @property
+    def unit(self) -> str:
+        """Unit of that tensor."""
+        ...
+
     def to_force(self, counts: NDArray[np.int16]) -> NDArray[np.float32]:
-        """``(..., N, 3)`` counts -> ``(..., 3, rows, cols)`` newtons."""
+        """``(..., N, 3)`` counts -> ``(..., 3, rows, cols)`` in that unit."""
         ...
 
 

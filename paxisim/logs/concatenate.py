@@ -27,6 +27,11 @@ def concatenate(parts: Sequence[Aligned]) -> Aligned:
                     f"all recordings that are concatenated must have a {what} tensor, or none: number {without} (from "
                     "0) has none"
                 )
+        if _unit(part) != _unit(first):
+            raise InvalidValueError(
+                f"recordings of different units cannot be concatenated: the first is in {_unit(first)}, number {i} "
+                f"(from 0) in {_unit(part)}"
+            )
         _check_covariates(i, part, first)
     episodes = [part.episode for part in parts if part.episode is not None]
     begins = np.concatenate([np.diff(episode, prepend=episode[0] - 1) != 0 for episode in episodes])
@@ -43,6 +48,10 @@ def concatenate(parts: Sequence[Aligned]) -> Aligned:
         first.pads,
         _metadata(parts),
     )
+
+
+def _unit(part: Aligned) -> object:
+    return part.metadata.get("unit") or "N"
 
 
 def _check_covariates(number: int, part: Aligned, first: Aligned) -> None:

@@ -249,7 +249,11 @@ class _Board:
             covariates={} if resultant is None else {"resultant": resultant},
             layout=layout,
             pads=pads,
-            metadata={"source": self.path.name, **self.table.comment},
+            metadata={
+                "source": self.path.name,
+                **({} if profile is None else {"unit": profile.unit}),
+                **self.table.comment,
+            },
         )
 
     def _numbers(self, columns: list[_Column]) -> NDArray[np.float64]:

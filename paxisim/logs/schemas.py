@@ -64,11 +64,12 @@ def _message(title: str, description: str, **properties: Any) -> dict[str, Any]:
 
 TACTILE = _message(
     "paxisim.Tactile",
-    "forces that the object exerts on the taxels (N, pad frame: x right, y down, z into the pad)",
+    "forces that the object exerts on the taxels (N, or the unit in the file's metadata; pad frame: x right, y down, z "
+    "into the pad)",
     sequence={**_INTEGER, "description": "counts the readings; a gap says that so many are missing"},
     total={
         "type": "array",
-        "description": "sum over the taxels of each pad (N)",
+        "description": "sum over the taxels of each pad (in the unit of the tensor)",
         "items": {"type": "object", "properties": {"pad": {"type": "string"}, **_XYZ}},
     },
     resultant=_array(_NUMBER, "the total force that the board itself reports (N), x y z of each pad"),
@@ -78,7 +79,7 @@ TACTILE = _message(
         "any other the numbers of the pad are no forces",
     ),
     shape=_array(_INTEGER, "pads, 3, rows, cols"),
-    force=_array(_NUMBER, "the tensor (N), flat in C order"),
+    force=_array(_NUMBER, "the tensor, flat in C order"),
 )
 SCALAR = _message("paxisim.Scalar", "one number", value=_NUMBER)
 ARRAY = _message(

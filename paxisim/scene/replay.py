@@ -60,6 +60,11 @@ class Replay:
         """
         if scene.mode == "fitted" and recording.measured is None:
             raise InvalidValueError("mode fitted needs the measured forces, the recording has none")
+        if scene.mode == "fitted" and recording.unit != "N":
+            raise InvalidValueError(
+                f"mode fitted needs forces in newtons, the recording is in {recording.unit}: make newtons of it first "
+                "with paxisim calibrate"
+            )
         self._scene, self._recording, self._mean = scene, recording, mean
         self._rig: Rig = build_rig(scene)
         _check_pads(self._rig, recording)

@@ -43,6 +43,7 @@ class LiveView:
         save: str | Path | None = None,
         vmax: float | None = None,
         shear_max: float | None = None,
+        unit: str = "N",
         fps: float | None = 200.0,
         window: float | None = 10.0,
     ) -> None:
@@ -55,6 +56,7 @@ class LiveView:
             save: An .rrd file to write, over one that exists. Default: show Rerun's viewer.
             vmax: Normal force (N) of full red. Default: the largest of late, which fades in seconds.
             shear_max: Shear force (N) whose arrow is one pitch long. Default: likewise.
+            unit: Unit of the tensors, for the plots' titles.
             fps: Readings drawn a second, at most. None: as many as can be.
             window: Seconds that the plots show. None: all.
 
@@ -72,7 +74,9 @@ class LiveView:
         scale = Scale(vmax, shear_max)
         if save is None:
             need_display()
-        self._drawing = LiveDrawing(self._scene, scale, save=None if save is None else Path(save), window=window)
+        self._drawing = LiveDrawing(
+            self._scene, scale, unit=unit, save=None if save is None else Path(save), window=window
+        )
         self._next_check = time.monotonic() + _CHECK
         self._start: float | None = None
         self._closed = False

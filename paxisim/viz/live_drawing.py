@@ -51,12 +51,21 @@ def import_rerun() -> ModuleType:
 class LiveDrawing:
     """Draws moments, one after another, into a file or into Rerun's viewer. For one thread at a time."""
 
-    def __init__(self, scene: Scene, scale: Scale, *, save: Path | None = None, window: float | None = None) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        scale: Scale,
+        *,
+        unit: str = "N",
+        save: Path | None = None,
+        window: float | None = None,
+    ) -> None:
         """Open the file, or start the viewer, and draw what stays.
 
         Args:
             scene: The pads.
             scale: The forces of full colour and length.
+            unit: Their unit.
             save: An .rrd file to write. Default: start the viewer.
             window: Seconds that the plots show. Default: all.
 
@@ -65,7 +74,7 @@ class LiveDrawing:
             UnsupportedError: Its viewer does not start.
             OSError: The file cannot be written.
         """
-        self._scene, self._scale, self._path = scene, scale, save
+        self._scene, self._scale, self._unit, self._path = scene, scale, unit, save
         self._rerun = rr = import_rerun()
         self._points, self._arrows = (rr.Points2D, rr.Arrows2D) if scene.flat else (rr.Points3D, rr.Arrows3D)
         self._axes = 2 if scene.flat else 3
@@ -211,10 +220,11 @@ class LiveDrawing:
                 (left, top), (right, bottom) = self._scene.bounds
                 fit["visual_bounds"] = rrb.VisualBounds2D(x_range=[left, right], y_range=[top, bottom])
         space = rrb.Spatial2DView if self._scene.flat else rrb.Spatial3DView
+        total = "total force" if self._unit == "N" else "sum over the taxels"
         plots = [
-            *((rr.new_entity_path(["force", pad]), f"{pad}: total force (N)") for pad in self._scene.pads),
+            *((rr.new_entity_path(["force", pad]), f"{pad}: {total} ({self._unit})") for pad in self._scene.pads),
             ("/rate", "readings a second"),
-            ("/scale", "scale (N)"),
+            ("/scale", f"scale ({self._unit})"),
         ]
         views = [rrb.TimeSeriesView(origin=origin, name=name, **plot) for origin, name in plots]
         shares = [2] * len(self._scene.pads) + [1, 1]

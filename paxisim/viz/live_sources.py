@@ -35,6 +35,7 @@ class Source:
         tensors: What its moments hold: ``"measured"``, ``"simulated"`` or both.
         moments: What happens, in order; time counts from about 0.
         ends: Whether it ends by itself.
+        unit: Unit of the tensors.
         vmax: The largest normal force (N) there will be, where that is known.
         shear_max: The largest shear (N), likewise.
     """
@@ -44,6 +45,7 @@ class Source:
     tensors: tuple[str, ...]
     moments: Iterator[Moment]
     ends: bool
+    unit: str = "N"
     vmax: float | None = None
     shear_max: float | None = None
 
@@ -81,7 +83,7 @@ def open_source(source: str, profile: str | None, real_time: bool) -> Iterator[S
 
         with open_sensor(source, profile, reconnect=_RECONNECT) as sensor:
             layouts = (sensor.layout,) * len(sensor.pads)
-            yield Source(layouts, sensor.pads, ("measured",), _readings(sensor), ends=False)
+            yield Source(layouts, sensor.pads, ("measured",), _readings(sensor), ends=False, unit=sensor.profile.unit)
 
 
 def _readings(sensor: TactileSensor) -> Iterator[Moment]:
@@ -123,6 +125,7 @@ def _recording(path: str, real_time: bool) -> Source:
         tuple(present),
         moments(),
         ends=True,
+        unit=recording.unit,
         vmax=normal or None,
         shear_max=shear or None,
     )

@@ -57,7 +57,7 @@ def plot_quality(quality: SensorQuality) -> Figure:
     axes = [lower.add_subplot(lines, columns, i + 1) for i in range(pads)]
     drawn = [_draw_noise(ax, quality.layout, noise[i], top, f"noise, {quality.pads[i]}") for i, ax in enumerate(axes)]
     bar = lower.colorbar(drawn[-1], ax=axes, location="bottom", shrink=0.5, aspect=45)
-    bar.set_label("noise of a taxel, its noisiest axis (N)", color=_INK)
+    bar.set_label(f"noise of a taxel, its noisiest axis ({quality.unit})", color=_INK)
     bar.ax.tick_params(length=0, colors=_INK, labelsize="small")
     bar.outline.set_visible(False)  # type: ignore[operator]
     return figure
@@ -92,7 +92,7 @@ def _draw_totals(axes: Sequence[Axes], quality: SensorQuality) -> None:
                 label=pad.replace("$", r"\$"),
             )
     for ax, axis in zip(axes, "xyz", strict=True):
-        ax.set_ylabel(f"{axis} (N)")
+        ax.set_ylabel(f"{axis} ({quality.unit})")
         _plain(ax)
     axes[0].set_title("total force, its mean subtracted", loc="left", fontsize="medium")
     axes[-1].set_xlabel("time (s)")

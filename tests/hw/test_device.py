@@ -21,7 +21,7 @@ from paxisim.errors import (
 from paxisim.hw import device, reader
 from paxisim.hw.align import STALE
 from paxisim.hw.device import TactileSensor, ZeroInDoubtWarning, open_sensor
-from paxisim.hw.profile import FAMILIES, UnverifiedProfileWarning
+from paxisim.hw.profile import UnverifiedProfileWarning
 from paxisim.hw.profile_file import profile_toml
 
 pytest.importorskip("serial")
@@ -45,7 +45,7 @@ def port(tmp_path: Path) -> Iterator[PluggedPort]:
 
 @pytest.fixture
 def use_board(monkeypatch: pytest.MonkeyPatch) -> Callable[[type[ScriptedBoard]], None]:
-    return lambda board: monkeypatch.setattr(device, "_board_class", lambda family: board)
+    return lambda board: monkeypatch.setattr(device, "board_class", lambda family: board)
 
 
 @pytest.fixture(autouse=True)
@@ -513,10 +513,3 @@ class TestSeveralPorts:
             second.unplug()
             with pytest.raises(PortNotFoundError, match="second"):
                 pads.read(PATIENCE)
-
-
-def test_each_family_has_its_board(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.undo()
-    boards = {device._board_class(family) for family in FAMILIES}
-    assert len(boards) == len(FAMILIES)
-    assert all(issubclass(board, device.Board) for board in boards)

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from paxisim.errors import ProtocolError
 from paxisim.hw.device import TactileSensor, open_sensor
-from paxisim.hw.profile import FAMILIES, Profile, Slot, load_profile
+from paxisim.hw.families import FAMILIES, board_class
+from paxisim.hw.profile import Profile, Slot, load_profile
 from paxisim.layout import TaxelLayout
 
 pytest.importorskip("serial")
@@ -71,6 +72,9 @@ PROFILES = {
         baud=921600,
         rate=83.0,
         verified="emulated",
+    ),
+    "magnetometer-board": Profile(
+        "chips", "magnetometer-board", shuffled(1, 5), (Slot("skin", 0),), axes=AXES, baud=115200, verified="emulated"
     ),
 }
 
@@ -144,7 +148,7 @@ def test_zero(profile: Profile) -> None:
 def test_version(profile: Profile) -> None:
     force = pattern(profile)
     with Emulator(profile, lambda time: force) as emulator, open_sensor(emulator.port, profile) as pads:
-        assert bool(pads.version()) == (profile.family != "hand-board")
+        assert bool(pads.version()) == bool(board_class(profile.family).questions)
         first_good(pads)
 
 

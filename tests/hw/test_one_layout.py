@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from pressed_pads import LAYOUT, pressed_force
 
-from paxisim.hw.profile import FAMILIES, Profile, Slot
+from paxisim.hw.families import FAMILIES
+from paxisim.hw.profile import Profile, Slot
 from paxisim.hw.signals import from_recording
 from paxisim.layout import TaxelLayout
 from paxisim.recording import Recording
@@ -43,10 +44,10 @@ def force():
 
 
 def device(family: str) -> Profile:
-    """Two pads on one board; a serial converter has but one."""
+    """Two pads on one board; a serial converter and a magnetometer board have but one."""
     wire = TaxelLayout(LAYOUT.rows, LAYOUT.cols, LAYOUT.pitch, vendor_order=ORDER)
     slots = (Slot("left", 3), Slot("right", 1))
-    if family == "serial-converter":
+    if family in ("serial-converter", "magnetometer-board"):
         slots = (Slot("pad", 1),)
     settings = {"mode": 5} if family == "control-box" else {}
     return Profile("device", family, wire, slots, AXES, rate=50.0, settings=settings, verified="in a test")

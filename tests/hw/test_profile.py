@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from paxisim.errors import InvalidValueError, MissingExtraError, UnknownNameError
-from paxisim.hw.profile import FAMILIES, Profile, Slot, UnverifiedProfileWarning, known_profiles, load_profile
+from paxisim.hw.families import FAMILIES
+from paxisim.hw.profile import Profile, Slot, UnverifiedProfileWarning, known_profiles, load_profile
 from paxisim.hw.profile_file import profile_toml, shipped_entry
 from paxisim.layout import TaxelLayout
 

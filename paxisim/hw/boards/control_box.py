@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NoReturn
+from functools import partial
+from typing import ClassVar, NoReturn
 
 import numpy as np
 
@@ -45,6 +46,14 @@ class ControlBox(Board):
 
     A pad that answers with an error while others are read gets that error as its status and reads zero.
     """
+
+    heard: ClassVar = {
+        "replies of the family 'control-box', a GEN1 or GEN2 control box": partial(FrameDecoder, wire.parse_reply),
+        "of the host's own requests, which the line sends back (control-box)": partial(
+            FrameDecoder, wire.parse_request
+        ),
+    }
+    questions = (wire.version_request().encode(),)
 
     def __init__(self, transport: Transport, profile: Profile, clock: Clock) -> None:
         """Remember; no I/O.

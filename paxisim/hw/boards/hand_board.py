@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from typing import ClassVar
 
 import numpy as np
 
@@ -25,6 +26,8 @@ class HandBoard(Board):
     A block whose state is not 01 is passed on with that state as its status, or 255 if the state is 00. Settings:
     ``signed_normal``, true for firmware that sends the normal force as a signed byte.
     """
+
+    heard: ClassVar = {"rounds of the family 'hand-board', an older GEN1 hand board": RoundDecoder}
 
     def __init__(self, transport: Transport, profile: Profile, clock: Clock) -> None:
         """Remember; no I/O.

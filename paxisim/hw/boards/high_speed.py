@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from typing import NoReturn
+from functools import partial
+from typing import ClassVar, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,8 @@ from paxisim.hw.frames.high_speed import (
     incoming_parser,
     parse_incoming,
     parse_push,
+    parse_reply,
+    parse_request,
     push_parser,
     push_request,
     read_request,
@@ -55,6 +58,13 @@ class HighSpeed(Board):
 
     A pad's `Reading.status` is the stream's error code, and `NO_TAXELS` where that fits.
     """
+
+    heard: ClassVar = {
+        "replies of the family 'high-speed', a GEN3 high-speed board": partial(FrameDecoder, parse_reply),
+        "pushes of the family 'high-speed', a GEN3 high-speed board": partial(FrameDecoder, parse_push),
+        "of the host's own requests, which the line sends back (high-speed)": partial(FrameDecoder, parse_request),
+    }
+    questions = (version_request().encode(),)
 
     def __init__(self, transport: Transport, profile: Profile, clock: Clock) -> None:
         """Remember; no I/O.

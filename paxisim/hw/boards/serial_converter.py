@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from typing import NoReturn
+from functools import partial
+from typing import ClassVar, NoReturn
 
 import numpy as np
 
@@ -19,6 +20,8 @@ from paxisim.hw.frames.serial_converter import (
     Reply,
     Request,
     error_name,
+    parse_reply,
+    parse_request,
     read_request,
     reply_parser,
     version_request,
@@ -54,6 +57,14 @@ class SerialConverter(Board):
     ``address`` of the taxels behind it, which are read in one go; ``part``, e.g. ``"PXSR-STDDP03G"``, the part that the
     version must name if it names any; ``scan``: look for the sensor under ids 0 to 8 instead of trusting the slot.
     """
+
+    heard: ClassVar = {
+        "replies of the family 'serial-converter', a GEN3 converter or USB sensor": partial(FrameDecoder, parse_reply),
+        "of the host's own requests, which the line sends back (serial-converter)": partial(
+            FrameDecoder, parse_request
+        ),
+    }
+    questions = (b"".join(version_request(i).encode() for i in SCANNED),)
 
     def __init__(self, transport: Transport, profile: Profile, clock: Clock) -> None:
         """Remember; no I/O.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from typing import ClassVar
 
 from paxisim.hw.emulation.pads import EmulatedPads
 
@@ -15,8 +16,13 @@ class EmulatedBoard(ABC):
     Attributes:
         pads: What hangs on it.
         due: When `tick` has the next message (s); infinite: not before the host asks for something.
+        stream_rate: Messages a second (Hz) of a board that streams where the profile says nothing; its class then takes
+            ``rate``. None: it answers requests.
+        gate: Components of a taxel below so many counts read 0 on real boards of the family.
     """
 
+    stream_rate: ClassVar[float | None] = None
+    gate: ClassVar[int] = 0
     due: float = math.inf
 
     def __init__(self, pads: EmulatedPads, *, wrong_status: Callable[[], bool] = lambda: False) -> None:

@@ -20,6 +20,8 @@ class HandBoard(EmulatedBoard):
     Blocks without a pad are valid and read zero. A wrong status is a round whose first block is not valid.
     """
 
+    stream_rate = RATE
+
     def __init__(
         self, pads: EmulatedPads, *, rate: float | None = RATE, wrong_status: Callable[[], bool] = lambda: False
     ) -> None:

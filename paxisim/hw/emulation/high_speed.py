@@ -10,7 +10,7 @@ import numpy as np
 from paxisim.hw import registers, taxels
 from paxisim.hw.emulation.board import EmulatedBoard
 from paxisim.hw.emulation.control_box import region
-from paxisim.hw.emulation.pads import EmulatedPads
+from paxisim.hw.emulation.pads import GEN3_GATE, EmulatedPads
 from paxisim.hw.frames import high_speed as wire
 from paxisim.hw.frames import stream_layout
 from paxisim.hw.framing import FrameDecoder
@@ -37,6 +37,9 @@ class HighSpeedBoard(EmulatedBoard):
     What is read while the stream runs collides with it: the reply comes out inside the next push, which is lost. Writes
     do not collide. Requests with a wrong check byte are not answered.
     """
+
+    stream_rate = RATE
+    gate = GEN3_GATE
 
     def __init__(
         self, pads: EmulatedPads, *, rate: float | None = RATE, wrong_status: Callable[[], bool] = lambda: False

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError, PaxisimError
 from paxisim.hw import taxels
+from paxisim.hw.families import BYTES
 from paxisim.hw.profile import Profile
 
 # seconds since the emulator started -> (pads, 3, rows, cols) newtons of the profile's wire layout
@@ -17,7 +18,10 @@ Signal = Callable[[float], NDArray[np.floating]]
 # (pads, N, 3) counts of the taxels -> (pads, 3) counts that the board reports as the total
 Resultant = Callable[[NDArray[np.int16]], NDArray[np.integer]]
 
-_LOWEST, _HIGHEST = (-128, -128, 0), (127, 127, 255)
+GEN3_GATE = 2
+"""Components of real GEN3 taxels are 0 or at least so many counts."""
+
+_LOWEST, _HIGHEST = BYTES
 
 
 class EmulatedPads:

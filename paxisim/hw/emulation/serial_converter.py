@@ -7,7 +7,7 @@ from collections.abc import Callable
 from paxisim.hw import registers
 from paxisim.hw.emulation.board import EmulatedBoard
 from paxisim.hw.emulation.control_box import RESULTANT_BLOCK, region, version_of
-from paxisim.hw.emulation.pads import EmulatedPads
+from paxisim.hw.emulation.pads import GEN3_GATE, EmulatedPads
 from paxisim.hw.frames import serial_converter as wire
 from paxisim.hw.framing import FrameDecoder
 
@@ -21,6 +21,8 @@ class SerialConverter(EmulatedBoard):
     although it repeats their count. What is answered for an address that is not there, no source says: here status 6
     and no data.
     """
+
+    gate = GEN3_GATE
 
     def __init__(self, pads: EmulatedPads, *, wrong_status: Callable[[], bool] = lambda: False) -> None:
         """Power on."""

@@ -1,0 +1,88 @@
+"""Families of boards: one table, and nothing else that lists them.
+
+A family is a protocol. To add one, write its driver (a `paxisim.hw.board.Board`) and its emulation (a
+`paxisim.hw.emulation.board.EmulatedBoard`), and add a row here: `docs/add-a-board.md`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from paxisim.hw.board import Board
+    from paxisim.hw.emulation.board import EmulatedBoard
+
+Range = tuple[tuple[int, int, int], tuple[int, int, int]]
+"""The least and the largest counts of x, y and z."""
+
+BYTES: Range = ((-128, -128, 0), (127, 127, 255))
+"""A taxel of three bytes, the normal force unsigned."""
+
+
+@dataclass(frozen=True)
+class Family:
+    """One row: what a profile of the family needs, and where its classes are.
+
+    Attributes:
+        driver: The driver's class, ``module:Class``, imported when a sensor is opened.
+        emulation: The emulated board's class, ``module:Class``.
+        settings: What `Profile.settings` may hold, and of which type.
+        counts: What a taxel's counts can express, whole numbers all; None: they are floats of any size.
+        unit: Unit of the tensor, ``"N"`` or ``"uT"`` (microtesla).
+    """
+
+    driver: str
+    emulation: str
+    settings: Mapping[str, type] = field(default_factory=dict)
+    counts: Range | None = BYTES
+    unit: str = "N"
+
+
+FAMILIES: dict[str, Family] = {
+    "control-box": Family(
+        driver="paxisim.hw.boards.control_box:ControlBox",
+        emulation="paxisim.hw.emulation.control_box:ControlBox",
+        settings={"mode": int, "address": int, "resultant_address": int},
+    ),
+    "hand-board": Family(
+        driver="paxisim.hw.boards.hand_board:HandBoard",
+        emulation="paxisim.hw.emulation.hand_board:HandBoard",
+        settings={"signed_normal": bool},
+    ),
+    "serial-converter": Family(
+        driver="paxisim.hw.boards.serial_converter:SerialConverter",
+        emulation="paxisim.hw.emulation.serial_converter:SerialConverter",
+        settings={"address": int, "resultant_address": int, "scan": bool, "part": str},
+    ),
+    "high-speed": Family(
+        driver="paxisim.hw.boards.high_speed:HighSpeed",
+        emulation="paxisim.hw.emulation.high_speed:HighSpeedBoard",
+        settings={"palm_counts": str},
+    ),
+    "magnetometer-board": Family(
+        driver="paxisim.hw.boards.magnetometer_board:MagnetometerBoard",
+        emulation="paxisim.hw.emulation.magnetometer_board:MagnetometerBoard",
+        settings={"text": bool},
+        counts=None,
+        unit="uT",
+    ),
+}
+"""The families by the name that profiles give them."""
+
+
+def board_class(family: str) -> type[Board]:
+    """The driver of a family."""
+    return _load(FAMILIES[family].driver)
+
+
+def emulated_class(family: str) -> type[EmulatedBoard]:
+    """The emulated board of a family."""
+    return _load(FAMILIES[family].emulation)
+
+
+def _load(place: str) -> Any:
+    module, name = place.split(":")
+    return getattr(import_module(module), name)

@@ -1,0 +1,154 @@
+"""Bursts of magnetometers, as the boards of AnySkin, ReSkin and eFlesh stream them unasked. No I/O.
+
+A burst is, for each chip in the order of the board's bus, four little-endian float32, temperature (degC) and flux x,
+y, z (uT), then CR LF: ``16 chips + 2`` bytes, 82 for five chips. A second sketch of the same authors prints the
+numbers as text with two decimals, one burst a line. Sources: the sketches ``5X_binary_burst_stream`` and
+``5X_burst_stream`` of github.com/raunaqbhirangi/anyskin; the MIT package ``anyskin`` 1.0.0 reads the former.
+
+There is **no head, no checksum and no counter**, and CR LF may occur inside floats. So a burst counts where CR LF
+stands before and behind it, exactly one burst apart, and each number is one that a chip can give. One that holds CR
+LF inside as well waits for the CR LF of the next one. What cannot be detected: a changed byte that leaves a number
+plausible, whole bursts that are lost. What is detected, at the cost of the burst it hits: lost bytes; where they take
+the CR or LF, the next burst goes too, as its beginning is not known. In text a lost digit makes another number.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from paxisim.hw.framing import Decoder
+
+END = b"\r\n"
+BYTES_PER_CHIP = 16
+MOST_CHIPS = 16
+"""Magnetometers looked for where the number is not known."""
+LEAST, MOST = 1e-6, 1e6
+"""What a temperature or flux is between, unless it is 0: a chip's steps are larger than a tenth of a microtesla, and
+its range ends below 0.1 T. Bytes read out of step soon give others."""
+_NUMBER = re.compile(rb"-?\d{1,7}\.\d\d")
+_LONGEST_NUMBER = 12  # characters of it and its separator
+
+
+@dataclass(frozen=True, eq=False)
+class Burst:
+    """One reading of all chips.
+
+    Attributes:
+        values: ``(chips, 4)`` float32: temperature (degC) and flux x, y, z (uT) of each.
+    """
+
+    values: NDArray[np.float32]
+
+    def encode(self) -> bytes:
+        """As the binary sketch sends it."""
+        return np.ascontiguousarray(self.values, dtype="<f4").tobytes() + END
+
+    def encode_text(self) -> bytes:
+        """As the text sketch prints it: without a tab between one chip's z and the next one's temperature."""
+        return b"".join(b"\t".join(b"%.2f" % value for value in chip) for chip in self.values.tolist()) + END
+
+
+class BurstDecoder(Decoder[Burst]):
+    """A `Decoder` of binary bursts of a known number of chips."""
+
+    def __init__(self, chips: int) -> None:
+        """Start with nothing, searching."""
+        super().__init__()
+        self._floats = BYTES_PER_CHIP * chips
+        self._stride = self._floats + len(END)
+        self._in_step = False
+
+    def clear(self) -> None:
+        """See `Decoder.clear`."""
+        super().clear()
+        self._in_step = False
+
+    def _next(self, buffer: bytes, at: int, silent: bool) -> tuple[int, int, Burst | None]:
+        while True:
+            begin = at if self._in_step else self._search(buffer, at)
+            if begin < 0:
+                return -begin - 1, -begin - 1, None
+            burst = self._read(buffer, begin)
+            if burst is None and len(buffer) < begin + self._stride:
+                return begin, begin, None
+            stands = None if burst is None else self._stands(buffer, begin, silent)
+            if burst is not None and stands is None:
+                return begin, begin, None
+            self._in_step = bool(stands)
+            if burst is not None and stands:
+                return begin, begin + self._stride, burst
+            at = begin
+
+    def _search(self, buffer: bytes, at: int) -> int:
+        """Where the first burst between two CR LF begins; negative, ``-1 - place``: none yet, keep from `place` on."""
+        place = buffer.find(END, at)
+        while place >= 0:
+            begin = place + len(END)
+            if len(buffer) < begin + self._stride:
+                return -1 - place
+            if self._read(buffer, begin) is not None and self._stands(buffer, begin, True):
+                return begin
+            place = buffer.find(END, place + 1)
+        keep = len(buffer) - buffer.endswith(END[:1])
+        return -1 - max(keep, at)
+
+    def _read(self, buffer: bytes, begin: int) -> Burst | None:
+        """The burst that begins there, if it is whole, ends in CR LF and holds numbers that can be."""
+        floats = buffer[begin : begin + self._floats]
+        if buffer[begin + self._floats : begin + self._stride] != END:
+            return None
+        values = np.frombuffer(floats, dtype="<f4").astype(np.float32).reshape(-1, 4)
+        return Burst(values) if _plausible(values) else None
+
+    def _stands(self, buffer: bytes, begin: int, silent: bool) -> bool | None:
+        """Whether it is one though CR LF may stand inside it; None: that needs the next one."""
+        if buffer.find(END, begin, begin + self._floats) < 0:
+            return True
+        behind = begin + 2 * self._stride
+        if len(buffer) < behind:
+            return True if silent else None
+        return buffer[behind - len(END) : behind] == END
+
+
+class TextDecoder(Decoder[Burst]):
+    """A `Decoder` of bursts as lines of text, of a known number of chips. The first line may be cut and is left out."""
+
+    def __init__(self, chips: int) -> None:
+        """Start with nothing."""
+        super().__init__()
+        self._chips = chips
+        self._in_step = False
+
+    def clear(self) -> None:
+        """See `Decoder.clear`."""
+        super().clear()
+        self._in_step = False
+
+    def _next(self, buffer: bytes, at: int, silent: bool) -> tuple[int, int, Burst | None]:
+        while (end := buffer.find(b"\n", at)) >= 0:
+            line = buffer[at : end + 1]
+            burst = self._parse(line) if self._in_step else None
+            self._in_step = True
+            if burst is not None:
+                return at, end + 1, burst
+            at = end + 1
+        if len(buffer) - at > 4 * self._chips * _LONGEST_NUMBER:
+            self._in_step = False
+            return len(buffer), len(buffer), None
+        return at, at, None
+
+    def _parse(self, line: bytes) -> Burst | None:
+        numbers = _NUMBER.findall(line)
+        if len(numbers) != 4 * self._chips or _NUMBER.sub(b"", line).strip():
+            return None
+        values = np.array([float(number) for number in numbers], dtype=np.float32).reshape(-1, 4)
+        return Burst(values) if _plausible(values) else None
+
+
+def _plausible(values: NDArray[np.float32]) -> bool:
+    size = np.abs(values)
+    return bool(np.all((size == 0) | ((size >= LEAST) & (size <= MOST))))
