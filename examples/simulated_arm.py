@@ -27,7 +27,8 @@ import paxisim
 PROFILE = "gen2-box-120"
 UPPER, LOWER = 0.3, 0.25  # m, lengths of the links
 ENCODER = 2 * np.pi / 2**16  # rad, a step of the joints' encoders
-RATE = 100.0  # Hz, of the joints' messages
+RATE = 500.0  # Hz, of the physics and of what the sensor feels: faster than a board is read, so that no reading repeats
+EVERY = 5  # steps, a message with the joints: 100 Hz
 PERIOD = 4.0  # s, of one press
 MODULUS = 2.4e6  # Pa, of the gel: firm, so that a taxel feels ten counts of 0.1 N
 DEPTHS = (1.2e-3, 0.6e-3, 1.6e-3, 0.9e-3)  # m, of one press after the other
@@ -150,8 +151,9 @@ def main(
                 break
             time.sleep(max(0.0, began + due - time.monotonic()))
             arm.run_until(due)
-            joints = {"time": time.time(), **arm.measured_joints()}
-            sender.sendto(json.dumps(joints).encode(), ("127.0.0.1", udp))
+            if tick % EVERY == 0:
+                joints = {"time": time.time(), **arm.measured_joints()}
+                sender.sendto(json.dumps(joints).encode(), ("127.0.0.1", udp))
 
 
 if __name__ == "__main__":

@@ -18,6 +18,7 @@ from paxisim.recording import Recording
 _CONTACT = 0.03  # share of a stream's peak from which there is contact
 _LEAST = 0.05  # N; what is below at the peak is no contact
 _MISSED = 0.5  # share of the time in contact that the other stream may lack
+_RISE = 0.05  # s, over which a slope is taken
 _NEAR = (0.5, 2.0)  # ratio of peaks or slopes beyond which replay is in doubt, not the sensor's gain
 
 
@@ -220,9 +221,11 @@ def _compare(
 def _slope(time: NDArray[np.float64], total: NDArray[np.float64], touches: NDArray[np.bool_]) -> float:
     if touches.sum() < 3:
         return 0.0
-    new = np.append(True, np.diff(time) > 0)
-    rates = np.gradient(total[new], time[new])
-    rising = rates[touches[new] & (rates > 0)]
+    at = np.arange(time[0], time[-1], _RISE)  # neighbouring frames may repeat a reading, or differ by noise
+    if len(at) < 3:
+        return 0.0
+    rates = np.gradient(np.interp(at, time, total), at)
+    rising = rates[(np.interp(at, time, touches) > 0.5) & (rates > 0)]
     return float(np.percentile(rising, 90)) if len(rising) else 0.0
 
 
