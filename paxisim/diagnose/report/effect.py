@@ -61,7 +61,7 @@ class Effect:
         -inf on channels that it does not affect.
         """
         affected = self.energy.sum(axis=0) > 1e-6 * self.energy.sum(axis=0).max()
-        less = [np.sum(self.nearer(s), axis=0) for s in self.streams.episodes]
+        less = np.array([np.sum(self.nearer(s), axis=0) for s in self.streams.episodes], dtype=np.float64)
         return np.where(affected, less, -np.inf)
 
     def nearer(self, where: tuple[slice | int, ...] | slice) -> Series:
