@@ -67,7 +67,7 @@ class Effect:
     def nearer(self, where: tuple[slice | int, ...] | slice) -> Series:
         """By how much the cause reduces the squared error (N^2) of the samples of these channels."""
         measured, without, model = (a[where].astype(float) for a in (self.streams.measured, self.without, self.model))
-        return np.asarray((measured - without) ** 2 - (measured - model) ** 2)
+        return np.asarray((measured - without) ** 2 - (measured - model) ** 2, dtype=np.float64)
 
     @cached_property
     def axes(self) -> list[tuple[int, int]]:
