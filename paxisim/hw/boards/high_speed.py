@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from paxisim.errors import DeviceError, DeviceTimeoutError, InvalidValueError, ProtocolError
 from paxisim.hw import registers, taxels
 from paxisim.hw.board import Board, Reading
-from paxisim.hw.boards.line import Line, count_behind
+from paxisim.hw.boards.line import Line, with_behind
 from paxisim.hw.clock import Clock
 from paxisim.hw.frames.high_speed import (
     Push,
@@ -186,9 +186,7 @@ class HighSpeed(Board):
     def _keep(self, heard: list[tuple[float, Reply | Push]]) -> None:
         """Put readings aside for `read`, and remember an error that came without one."""
         pushes = [(time, message) for time, message in heard if isinstance(message, Push)]
-        readings = [(time, push) for time, push in pushes if self._is_reading(push)]
-        behind = count_behind([time for time, _ in readings])
-        self._waiting.extend((time, count, push) for count, (time, push) in zip(behind, readings, strict=True))
+        self._waiting.extend(with_behind([(time, push) for time, push in pushes if self._is_reading(push)]))
         for _, push in pushes:
             if push.error and not push.data:
                 self._reported = push.error

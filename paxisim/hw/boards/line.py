@@ -53,7 +53,7 @@ class Line(Generic[Message]):
         """What comes, each with the moment of its arrival (s, monotonic), until one message fits.
 
         Several messages in one read have waited for this program, as when the system stopped it for a while. Then the
-        port is read empty, and all of them have the moment of that as their arrival: see `count_behind`.
+        port is read empty, and all of them have the moment of that as their arrival: see `with_behind`.
 
         Args:
             until: The message to wait for. What came with it is returned with it.
@@ -98,10 +98,9 @@ class Line(Generic[Message]):
         return messages + self._take(rest, now), now
 
 
-def count_behind(arrivals: Sequence[float]) -> list[int]:
-    """For each of these messages, in order, how many of those behind it arrived at the same moment."""
-    behind = [0] * len(arrivals)
-    for i in range(len(arrivals) - 2, -1, -1):
-        if arrivals[i] == arrivals[i + 1]:
-            behind[i] = behind[i + 1] + 1
-    return behind
+def with_behind(messages: Sequence[tuple[float, Message]]) -> list[tuple[float, int, Message]]:
+    """Messages with their arrivals, and between them how many of those behind each arrived at the same moment."""
+    out: list[tuple[float, int, Message]] = []
+    for time, message in reversed(messages):
+        out.append((time, out[-1][1] + 1 if out and out[-1][0] == time else 0, message))
+    return out[::-1]

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from paxisim.hw import taxels
-from paxisim.hw.emulation.board import EmulatedBoard
 from paxisim.hw.emulation.pads import EmulatedPads
+from paxisim.hw.emulation.streaming import StreamingBoard
 from paxisim.hw.frames import hand_board as wire
 
 RATE = 100.0
@@ -14,7 +14,7 @@ RATE = 100.0
 _INVALID = 0
 
 
-class HandBoard(EmulatedBoard):
+class HandBoard(StreamingBoard):
     """Sends a round of four blocks at its rate, and takes no requests.
 
     Blocks without a pad are valid and read zero. A wrong status is a round whose first block is not valid.
@@ -32,22 +32,11 @@ class HandBoard(EmulatedBoard):
             rate: Rounds a second (Hz); None: one whenever `tick` is called.
             wrong_status: See `EmulatedBoard`.
         """
-        super().__init__(pads, wrong_status=wrong_status)
-        self._period = 1 / rate if rate else 0.0
-        self.due = 0.0
+        super().__init__(pads, rate=rate, wrong_status=wrong_status)
         self._blocks = [slot.index for slot in pads.profile.slots]
         self._signed = bool(pads.profile.settings.get("signed_normal", False))
 
-    def answers(self, data: bytes, now: float) -> list[bytes]:
-        """Nothing: the board does not listen."""
-        return []
-
-    def tick(self, now: float) -> bytes:
-        """See `EmulatedBoard.tick`."""
-        if now < self.due:
-            return b""
-        # what could not be sent in time is not sent later
-        self.due = max(self.due + self._period, now) if self._period else now
+    def _message(self, now: float) -> bytes:
         counts = self.pads.counts(now)
         if self._signed:
             counts = counts.clip(max=127)

@@ -8,9 +8,9 @@ from collections.abc import Callable
 import numpy as np
 
 from paxisim.hw import registers, taxels
-from paxisim.hw.emulation.board import EmulatedBoard
 from paxisim.hw.emulation.control_box import region
 from paxisim.hw.emulation.pads import GEN3_GATE, EmulatedPads
+from paxisim.hw.emulation.streaming import StreamingBoard
 from paxisim.hw.frames import high_speed as wire
 from paxisim.hw.frames import stream_layout
 from paxisim.hw.framing import FrameDecoder
@@ -27,7 +27,7 @@ DONE = b"\0"
 _STREAM_ERROR = 7
 
 
-class HighSpeedBoard(EmulatedBoard):
+class HighSpeedBoard(StreamingBoard):
     """Registers, and a stream of all active modules once it is switched on.
 
     The counts of the palm's modules stand at both places that sources name, behind those of the fingers and from 0066
@@ -51,9 +51,8 @@ class HighSpeedBoard(EmulatedBoard):
             rate: Pushes a second (Hz); None: one whenever `tick` is called.
             wrong_status: See `EmulatedBoard`.
         """
-        super().__init__(pads, wrong_status=wrong_status)
+        super().__init__(pads, rate=rate, wrong_status=wrong_status)
         self._decoder = FrameDecoder(wire.parse_request, stream=False)
-        self._period = 1 / rate if rate else 0.0
         self._modules = {slot.index: pad for pad, slot in enumerate(pads.profile.slots)}
         self._palms_apart = pads.profile.settings.get("palm_counts") == "0066"
         self._reset()
@@ -72,12 +71,7 @@ class HighSpeedBoard(EmulatedBoard):
         """See `EmulatedBoard.answers`."""
         return [answer for r in self._decoder.feed(data) if (answer := self._answer(r, now))]
 
-    def tick(self, now: float) -> bytes:
-        """See `EmulatedBoard.tick`."""
-        if now < self.due:
-            return b""
-        # what could not be sent in time is not sent later
-        self.due = max(self.due + self._period, now) if self._period else now
+    def _message(self, now: float) -> bytes:
         push = wire.Push(_STREAM_ERROR) if self._wrong_status() else wire.Push(0, self._stream_data(now))
         message, collided = push.encode(), self._collided
         self._collided = b""

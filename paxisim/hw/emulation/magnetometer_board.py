@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from paxisim.hw.emulation.board import EmulatedBoard
 from paxisim.hw.emulation.pads import EmulatedPads
+from paxisim.hw.emulation.streaming import StreamingBoard
 from paxisim.hw.frames.magnetometer_board import Burst
 
 RATE = 100.0
@@ -18,7 +18,7 @@ TEMPERATURE = 25.0
 """What each chip reports (degC)."""
 
 
-class MagnetometerBoard(EmulatedBoard):
+class MagnetometerBoard(StreamingBoard):
     """Sends a burst at its rate, and takes no requests. There is no error byte that could be wrong."""
 
     stream_rate = RATE
@@ -33,21 +33,10 @@ class MagnetometerBoard(EmulatedBoard):
             rate: Bursts a second (Hz); None: one whenever `tick` is called.
             wrong_status: Not asked.
         """
-        super().__init__(pads, wrong_status=wrong_status)
-        self._period = 1 / rate if rate else 0.0
+        super().__init__(pads, rate=rate, wrong_status=wrong_status)
         self._text = bool(pads.profile.settings.get("text", False))
-        self.due = 0.0
 
-    def answers(self, data: bytes, now: float) -> list[bytes]:
-        """Nothing: the board does not listen."""
-        return []
-
-    def tick(self, now: float) -> bytes:
-        """See `EmulatedBoard.tick`."""
-        if now < self.due:
-            return b""
-        # what could not be sent in time is not sent later
-        self.due = max(self.due + self._period, now) if self._period else now
+    def _message(self, now: float) -> bytes:
         flux = np.rint(self.pads.counts(now)[0] / STEP) * STEP
         burst = Burst(np.insert(flux, 0, TEMPERATURE, axis=1).astype(np.float32))
         return burst.encode_text() if self._text else burst.encode()

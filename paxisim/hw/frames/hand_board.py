@@ -80,17 +80,15 @@ class Round:
 
 
 class RoundDecoder(Decoder[Round]):
-    """A `Decoder` of rounds: it decides by the tags inside and behind them, where `FrameDecoder` has a check byte."""
+    """A `Decoder` of rounds: it decides by the tags inside and behind them, where `FrameDecoder` has a check byte.
+
+    Fewer than `DECISION` bytes are held back.
+    """
 
     def __init__(self) -> None:
         """Start with nothing, searching."""
         super().__init__()
         self._in_step = False
-
-    @property
-    def pending(self) -> int:
-        """Bytes held back because they may begin a round; fewer than `DECISION`."""
-        return super().pending
 
     def clear(self) -> None:
         """See `Decoder.clear`."""
