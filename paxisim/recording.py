@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
-from paxisim.logs.aligned import Aligned, CountsToForce, Method, episode_starts
+from paxisim.logs.aligned import Aligned, CountsToForce, Method, episode_starts, unit_of
 from paxisim.logs.checks import check_fields
 from paxisim.logs.concatenate import concatenate
 from paxisim.logs.retime import at_rate, at_times_of
@@ -69,7 +69,7 @@ class Recording:
     @property
     def unit(self) -> str:
         """Unit of `measured`, ``metadata["unit"]``: ``"N"`` unless it says otherwise, as ``"uT"`` of a field sensor."""
-        return self.metadata.get("unit") or "N"
+        return unit_of(self.metadata)
 
     @property
     def rate(self) -> float:

@@ -25,6 +25,7 @@ def info(recording: Annotated[Path, tyro.conf.Positional]) -> None:
         recording: An .mcap, .npz, .parquet or .hdf5 file (robosuite, robomimic), or a board's or a plain .csv.
     """
     from paxisim.logs.align import describe_bursts
+    from paxisim.logs.aligned import unit_of
     from paxisim.logs.describe import HEADER, describe_episodes, describe_stream
 
     progress(f"reading {recording}")
@@ -47,7 +48,7 @@ def info(recording: Annotated[Path, tyro.conf.Positional]) -> None:
             print(textwrap.fill(said, WIDTH, subsequent_indent="  "))
     print()
     for name, stream in streams.items():
-        for line in _ranges(name, stream.values, str(log.metadata.get("unit") or "N")):
+        for line in _ranges(name, stream.values, unit_of(log.metadata)):
             print(textwrap.fill(line, WIDTH, subsequent_indent="  "))
     if "episode" in log.streams:
         print()

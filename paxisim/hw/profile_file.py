@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
@@ -18,11 +17,6 @@ from paxisim.hw.profile import Profile, Slot
 from paxisim.layout import TaxelLayout
 from paxisim.logs.text import parse_toml
 from paxisim.sensors import Sensor
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib  # pyright: ignore[reportMissingImports]
 
 _NUMBER = (int, float)
 # key of a profile file -> what its value must be
@@ -101,7 +95,7 @@ def format_profiles() -> str:
 
 @cache
 def _shipped() -> dict[str, Any]:
-    return tomllib.loads(files("paxisim").joinpath("data/profiles.toml").read_text(encoding="utf-8"))
+    return parse_toml(files("paxisim").joinpath("data/profiles.toml").read_text(encoding="utf-8"))
 
 
 def read_profile(path: Path) -> Profile:

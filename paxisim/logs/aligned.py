@@ -29,6 +29,11 @@ class Aligned:
     metadata: Mapping[str, Any] = field(default_factory=dict)
 
 
+def unit_of(metadata: Mapping[str, Any]) -> str:
+    """Unit of what was measured: ``"N"`` unless the metadata say otherwise."""
+    return metadata.get("unit") or "N"
+
+
 class CountsToForce(Protocol):
     """What reading a board's counts needs; `paxisim.hw.profile.Profile` has it."""
 

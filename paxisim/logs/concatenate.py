@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from paxisim.errors import InvalidValueError
-from paxisim.logs.aligned import Aligned
+from paxisim.logs.aligned import Aligned, unit_of
 
 
 def concatenate(parts: Sequence[Aligned]) -> Aligned:
@@ -27,10 +27,10 @@ def concatenate(parts: Sequence[Aligned]) -> Aligned:
                     f"all recordings that are concatenated must have a {what} tensor, or none: number {without} (from "
                     "0) has none"
                 )
-        if _unit(part) != _unit(first):
+        if unit_of(part.metadata) != unit_of(first.metadata):
             raise InvalidValueError(
-                f"recordings of different units cannot be concatenated: the first is in {_unit(first)}, number {i} "
-                f"(from 0) in {_unit(part)}"
+                f"recordings of different units cannot be concatenated: the first is in {unit_of(first.metadata)}, "
+                f"number {i} (from 0) in {unit_of(part.metadata)}"
             )
         _check_covariates(i, part, first)
     episodes = [part.episode for part in parts if part.episode is not None]
@@ -48,10 +48,6 @@ def concatenate(parts: Sequence[Aligned]) -> Aligned:
         first.pads,
         _metadata(parts),
     )
-
-
-def _unit(part: Aligned) -> object:
-    return part.metadata.get("unit") or "N"
 
 
 def _check_covariates(number: int, part: Aligned, first: Aligned) -> None:
