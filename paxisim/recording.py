@@ -68,7 +68,7 @@ class Recording:
 
     @property
     def unit(self) -> str:
-        """Unit of `measured`, ``metadata["unit"]``: ``"N"`` unless it says otherwise, as ``"uT"`` of a field sensor."""
+        """Unit of `measured`, ``metadata["unit"]``: ``"N"`` unless it says otherwise, as ``"uT"`` or ``"counts"``."""
         return unit_of(self.metadata)
 
     @property

@@ -11,13 +11,14 @@ WAIT = 0.15
 """Seconds that a board may take to say its version; 10 ms were seen."""
 
 
-def who_answers(transport: Transport, clock: Clock) -> str:
-    """Ask each family's questions, see `paxisim.hw.board.Board`.
+def who_answers(transport: Transport, clock: Clock, family: str) -> str:
+    """Ask the questions of each family that has the same kind of port as `family`, see `paxisim.hw.board.Board`.
 
     Returns:
         What answered, as `describe` says it; empty where nothing did.
     """
-    for request in [question for family in FAMILIES for question in board_class(family).questions]:
+    others = [other for other, row in FAMILIES.items() if row.transport == FAMILIES[family].transport]
+    for request in [question for other in others for question in board_class(other).questions]:
         transport.discard_input()
         transport.write(request)
         heard = b""

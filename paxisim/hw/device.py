@@ -13,12 +13,11 @@ from paxisim.errors import DeviceError, DeviceTimeoutError, InvalidValueError
 from paxisim.hw.align import Aligner
 from paxisim.hw.board import Board
 from paxisim.hw.clock import Clock, SystemClock
-from paxisim.hw.families import board_class
+from paxisim.hw.families import board_class, open_port
 from paxisim.hw.frame import Frame
 from paxisim.hw.frame_queue import FrameQueue
 from paxisim.hw.profile import Profile, as_profile
 from paxisim.hw.reader import Reader
-from paxisim.hw.transport import open_transport
 from paxisim.layout import TaxelLayout
 
 
@@ -44,7 +43,8 @@ def open_sensor(
                 print(frame.time, frame.force.sum(axis=(-2, -1)))
 
     Args:
-        port: A device file, pseudo-terminal or pyserial URL; several make one tensor, their pads one after another.
+        port: A device file, pseudo-terminal or pyserial URL, or the address of a server, ``ws://HOST:PORT``, as the
+            profile's family wants; several make one tensor, their pads one after another.
         profile: A name, a profile file or a `Profile`.
         queue: Frames kept for a reader that is late; older ones are dropped and counted.
         reconnect: Seconds for which a port that went away is tried again before reading fails; 0: not at all.
@@ -294,7 +294,7 @@ def _connector(port: str, profile: Profile, clock: Clock) -> Callable[[], Board]
 
     def connect() -> Board:
         board = board_class(profile.family)
-        transport = open_transport(port, profile.baud)
+        transport = open_port(profile.family)(port, profile.baud)
         try:
             return board(transport, profile, clock)
         except BaseException:

@@ -17,8 +17,8 @@ from paxisim.errors import DeviceError, InvalidValueError, OutputExistsError
 from paxisim.hw.emulation.board import EmulatedBoard
 from paxisim.hw.emulation.pacing import GRAIN, PacedLine
 from paxisim.hw.emulation.pads import EmulatedPads, Resultant, Signal
-from paxisim.hw.emulation.pseudo_terminal import PseudoTerminal
-from paxisim.hw.families import emulated_class
+from paxisim.hw.emulation.port import Port
+from paxisim.hw.families import emulated_class, emulated_port
 from paxisim.hw.faults import MERGE_WAIT, Faults, FaultyLine
 from paxisim.hw.profile import Profile, as_profile
 
@@ -119,7 +119,8 @@ class Emulator:
         self._link = None if link is None else Path(link)
         self.messages = self.overruns = 0
         self.sent: deque[Sent] | None = deque(maxlen=REMEMBERED) if record_sent else None
-        self._terminal: PseudoTerminal | None = None
+        self._terminal: Port | None = None
+        self._last: Port | None = None
         self._board = self._power_on()
         self._line = PacedLine(self._board.bytes_per_second if pace else math.inf)
         self._lock = threading.Lock()
@@ -207,7 +208,7 @@ class Emulator:
         with self._lock:
             if self._terminal is not None:
                 return
-            terminal = PseudoTerminal()
+            terminal = emulated_port(self.profile.family) if self._last is None else self._last.reopened()
             try:
                 self._point_link(terminal.name)
             except BaseException:
@@ -317,6 +318,7 @@ class Emulator:
         if self._terminal is None:
             return
         terminal, self._terminal = self._terminal, None
+        self._last = terminal
         if self._link is not None:
             with contextlib.suppress(OSError):
                 if os.readlink(self._link) == terminal.name:
@@ -326,6 +328,11 @@ class Emulator:
     def _point_link(self, target: str) -> None:
         if self._link is None:
             return
+        if "://" in target:
+            raise InvalidValueError(
+                f"a link is made to the file of a serial port, but profile {self.profile.name!r} has an address, "
+                f"{target}: open that"
+            )
         if self._link.exists() and not self._link.is_symlink():
             raise OutputExistsError(f"{self._link} exists and is no link: remove it or choose another name")
         new = self._link.with_name(f".{self._link.name}.{os.getpid()}")

@@ -6,7 +6,7 @@ A family is a protocol. To add one, write its driver (a `paxisim.hw.board.Board`
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from paxisim.hw.board import Board
     from paxisim.hw.emulation.board import EmulatedBoard
+    from paxisim.hw.emulation.port import Port
+    from paxisim.hw.transport import Transport
 
 Range = tuple[tuple[int, int, int], tuple[int, int, int]]
 """The least and the largest counts of x, y and z."""
@@ -31,7 +33,9 @@ class Family:
         emulation: The emulated board's class, ``module:Class``.
         settings: What `Profile.settings` may hold, and of which type.
         counts: What a taxel's counts can express, whole numbers all; None: they are floats of any size.
-        unit: Unit of the tensor, ``"N"`` or ``"uT"`` (microtesla).
+        unit: Unit of the tensor: ``"N"``, ``"uT"`` (microtesla) or ``"counts"``.
+        transport: What opens its port, ``module:function``, see `paxisim.hw.transport.open_transport`.
+        port: What makes an emulated port, ``module:callable``, see `paxisim.hw.emulation.port.Port`.
     """
 
     driver: str
@@ -39,6 +43,8 @@ class Family:
     settings: Mapping[str, type] = field(default_factory=dict)
     counts: Range | None = BYTES
     unit: str = "N"
+    transport: str = "paxisim.hw.transport:open_transport"
+    port: str = "paxisim.hw.emulation.pseudo_terminal:PseudoTerminal"
 
 
 FAMILIES: dict[str, Family] = {
@@ -69,6 +75,23 @@ FAMILIES: dict[str, Family] = {
         counts=None,
         unit="uT",
     ),
+    "xela-counts": Family(
+        driver="paxisim.hw.boards.xela_server:XelaCounts",
+        emulation="paxisim.hw.emulation.xela_server:XelaCounts",
+        settings={"model": str},
+        counts=None,
+        unit="counts",
+        transport="paxisim.hw.websocket:open_websocket",
+        port="paxisim.hw.emulation.xela_server:listen",
+    ),
+    "xela-forces": Family(
+        driver="paxisim.hw.boards.xela_server:XelaForces",
+        emulation="paxisim.hw.emulation.xela_server:XelaForces",
+        settings={"model": str},
+        counts=None,
+        transport="paxisim.hw.websocket:open_websocket",
+        port="paxisim.hw.emulation.xela_server:listen",
+    ),
 }
 """The families by the name that profiles give them."""
 
@@ -81,6 +104,16 @@ def board_class(family: str) -> type[Board]:
 def emulated_class(family: str) -> type[EmulatedBoard]:
     """The emulated board of a family."""
     return _load(FAMILIES[family].emulation)
+
+
+def open_port(family: str) -> Callable[[str, int], Transport]:
+    """What opens a port of a family, by its name and baud rate."""
+    return _load(FAMILIES[family].transport)
+
+
+def emulated_port(family: str) -> Port:
+    """A new port for an emulated board of a family."""
+    return _load(FAMILIES[family].port)()
 
 
 def _load(place: str) -> Any:

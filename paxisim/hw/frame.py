@@ -1,4 +1,4 @@
-"""Frame: one reading of a sensor's pads, in newtons or, of a field sensor, in microtesla."""
+"""Frame: one reading of a sensor's pads, in newtons or in another unit that it names."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Frame:
         status: One error byte a pad, as the board reports it; 0 is good, `paxisim.logs.schemas.NO_TAXELS` no error.
         resultant: ``(pads, 3)`` float32 newtons, the total force that the board reports, which on real sensors is not
             the sum of the taxels; None where it reports none.
-        unit: Unit of `force`: ``"N"``, or ``"uT"`` (microtesla) of a sensor that measures a magnetic field.
+        unit: Unit of `force`: ``"N"``; ``"uT"`` (microtesla) or ``"counts"`` of a sensor that does not measure forces.
     """
 
     force: NDArray[np.float32]

@@ -35,8 +35,8 @@ class Slot:
 
     Attributes:
         name: The pad's name, e.g. ``"left"``.
-        index: Its place on the board: the port (control box), block (hand board), id (serial converter) or module
-            (high-speed board).
+        index: Its place on the board: the port (control box), block (hand board), id (serial converter), module
+            (high-speed board) or the sensor's number (XELA server).
     """
 
     name: str
@@ -54,14 +54,15 @@ class Profile:
         slots: The pads, in the order of the tensor's first axis.
         axes: For the pad's x, y and z, which axis of the wire it is and with which sign, e.g. ``("-y", "+x", "+z")``.
         pool: Taxels summed to one, as (rows, cols).
-        resolution: Newtons a count; of a field sensor, microtesla.
-        baud: Bits a second.
+        resolution: Newtons a count; of a sensor that does not measure forces, its unit.
+        baud: Bits a second; of no use behind a server.
         rate: Readings of all pads a second (Hz), nominal; None where no source says.
         settings: What the family's board needs besides, of the keys that its row lists. ``mode``: the control box's.
             ``address`` and ``resultant_address``: of the taxels and of the block before them. ``scan``: look for the
             sensor under other ids, too. ``part``: the code that its version must name. ``palm_counts``: where the
             high-speed board keeps the counts of the palm's modules, ``"contiguous"`` or ``"0066"``.
-            ``signed_normal``: the hand board sends the normal force as a signed byte.
+            ``signed_normal``: the hand board sends the normal force as a signed byte. ``text``: the magnetometer board
+            prints its numbers. ``model``: what the XELA server must call the sensor.
         verified: By whom and on what this was tried; empty means that it never was.
         notes: What to know before using it.
         sources: For each figure, where it comes from.
@@ -122,7 +123,7 @@ class Profile:
 
     @property
     def unit(self) -> str:
-        """Unit of the tensor: ``"N"``, or ``"uT"`` (microtesla) of a family that measures a magnetic field."""
+        """Unit of the tensor: ``"N"``; ``"uT"`` (microtesla) or ``"counts"`` where it is not a force."""
         return FAMILIES[self.family].unit
 
     @property

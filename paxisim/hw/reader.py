@@ -178,7 +178,7 @@ class Reader:
         try:
             board.start()
         except DeviceTimeoutError as silence:
-            other = who_answers(board.transport, self._clock)
+            other = who_answers(board.transport, self._clock, board.profile.family)
             if not other or f"'{board.profile.family}'" in other:
                 raise
             raise ProtocolError(

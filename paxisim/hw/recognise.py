@@ -5,6 +5,7 @@ from __future__ import annotations
 from paxisim.hw.families import FAMILIES, board_class
 
 _SHOWN = 8
+_SHOWN_TEXT = 60
 
 
 def describe(data: bytes) -> str:
@@ -32,5 +33,8 @@ def describe(data: bytes) -> str:
                 best = f"{decoder.frames} {name} (in {most} of {len(data)} bytes)"
     if best:
         return best
+    if data.isascii() and data.decode().replace("\n", "").isprintable():
+        text = data.decode()
+        return f"text of no family: {text[:_SHOWN_TEXT]!r}" + (" ..." if len(text) > _SHOWN_TEXT else "")
     shown = data[:_SHOWN].hex(" ").upper() + (" ..." if len(data) > _SHOWN else "")
     return f"{len(data)} bytes that fit no family, as with a wrong baud rate: {shown}"

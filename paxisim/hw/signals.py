@@ -127,8 +127,9 @@ def spread(force: NDArray[np.floating], profile: Profile) -> NDArray[np.floating
     )
 
 
-LARGEST: Mapping[str, float] = {"N": 20.0, "uT": 2000.0}
-"""What `press` sums up to at most, by unit; in published recordings of eFlesh one chip of five reaches 3000 uT."""
+LARGEST: Mapping[str, float] = {"N": 20.0, "uT": 2000.0, "counts": 20_000.0}
+"""What `press` sums up to at most, by unit; in published recordings of eFlesh one chip of five reaches 3000 uT.
+For counts it is a stand-in."""
 
 
 def press(profile: str | os.PathLike[str] | Profile, *, force: float | None = None, period: float = 4.0) -> Signal:

@@ -182,7 +182,7 @@ def open_transport(port: str, baud: int) -> SerialTransport:
         # with a timeout of 0 a read fetches what is there; waiting for it is up to SerialTransport.read
         line = serial.serial_for_url(port, do_not_open=True, timeout=0, write_timeout=WRITE_TIMEOUT, **options)
     except ValueError as error:
-        raise InvalidValueError(f"port {port!r}: {error}") from error
+        raise InvalidValueError(f"port {port!r} is no serial port: {error}") from error
     except _line_errors() as error:
         raise _why_not_open(port, error) from error
     try:

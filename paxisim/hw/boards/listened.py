@@ -64,7 +64,7 @@ class ListenedBoard(Board, Generic[Message]):
         self._listen(START_TIMEOUT)
         if self._waiting:
             return
-        if not self._line.recent:
+        if self._is_silence(self._line.recent):
             raise DeviceTimeoutError(f"nothing came within {START_TIMEOUT:g} s: {self._silent}")
         from paxisim.hw.recognise import describe
 
@@ -89,6 +89,10 @@ class ListenedBoard(Board, Generic[Message]):
     def version(self) -> str:
         """Empty: the board does not say."""
         return ""
+
+    def _is_silence(self, heard: bytes) -> bool:
+        """Whether what came says nothing, not even what speaks there."""
+        return not heard
 
     def _listen(self, timeout: float) -> None:
         """Wait until a message has come."""

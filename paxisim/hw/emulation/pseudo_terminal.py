@@ -37,6 +37,10 @@ class PseudoTerminal:
         # held by the host alone, so that its opening and closing show
         os.close(host)
 
+    def reopened(self) -> PseudoTerminal:
+        """Another one, after `close`: it has another name."""
+        return PseudoTerminal()
+
     @property
     def is_open(self) -> bool:
         """Whether a host has it open."""

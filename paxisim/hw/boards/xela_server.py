@@ -1,0 +1,104 @@
+"""XELA's server: a program of the vendor that reads the sensors' bus and streams their taxels over a WebSocket."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from paxisim.errors import ProtocolError
+from paxisim.hw.board import Reading
+from paxisim.hw.boards.listened import ListenedBoard
+from paxisim.hw.clock import Clock
+from paxisim.hw.frames.xela_server import MIDDLE, Routine, RoutineDecoder, SensorReading, says_no_reading
+from paxisim.hw.profile import Profile
+from paxisim.hw.transport import Transport
+
+MISSING = 1
+"""Status of a pad that a message has no reading of."""
+
+
+class XelaServer(ListenedBoard[Routine]):
+    """The sensors behind one server. A slot's index is the sensor's number there. See its two subclasses.
+
+    Setting, optional: ``model``, which the server must report, e.g. ``"uSPa44"``.
+    """
+
+    kind = "XELA server"
+
+    def __init__(self, transport: Transport, profile: Profile, clock: Clock) -> None:
+        """Remember; no I/O."""
+        super().__init__(
+            transport,
+            profile,
+            clock,
+            RoutineDecoder(),
+            whole="message with readings",
+            silent="a server that welcomes and then is silent has no sensor: are they connected, and set up in its "
+            "settings?",
+            foreign="expects readings of a XELA server, but what came is none",
+        )
+
+    def start(self) -> None:
+        """See `Board.start`."""
+        super().start()
+        sensors = self._waiting[0][-1].sensors
+        for slot in self.profile.slots:
+            if slot.index not in sensors:
+                raise ProtocolError(
+                    f"the server has no sensor {slot.index}, which profile {self.profile.name!r} names as "
+                    f"{slot.name!r}; it has {', '.join(map(str, sorted(sensors))) or 'none'}"
+                )
+            self._check(slot.index, sensors[slot.index])
+
+    def _check(self, number: int, found: SensorReading) -> None:
+        taxels, model = self.profile.wire_layout.taxels, self.profile.settings.get("model", found.model)
+        if (found.taxels, found.model) != (taxels, model):
+            raise ProtocolError(
+                f"sensor {number} of the server is a {found.model or 'sensor without a name'} of {found.taxels} "
+                f"taxels, but profile {self.profile.name!r} is for {model} of {taxels}"
+            )
+        if self._values(found) is None:
+            raise ProtocolError(
+                f"the server sends no calibrated values of sensor {number} ({found.model}): switch them on in its "
+                "settings, if it has them for this model, or choose the profile of its raw counts"
+            )
+
+    def _is_silence(self, heard: bytes) -> bool:
+        return all(says_no_reading(line) for line in heard.splitlines())
+
+    @abstractmethod
+    def _values(self, reading: SensorReading) -> NDArray[np.float32] | None:
+        """``(N, 3)`` what the tensor is made of."""
+
+    def _reading(self, time: float, behind: int, message: Routine) -> Reading:
+        taxels = self.profile.wire_layout.taxels
+        values = np.zeros((len(self.profile.slots), taxels, 3), dtype=np.float32)
+        status = []
+        for pad, slot in enumerate(self.profile.slots):
+            reading = message.sensors.get(slot.index)
+            own = None if reading is None else self._values(reading)
+            status.append(0 if own is not None and len(own) == taxels else MISSING)
+            if not status[pad]:
+                values[pad] = own
+        return Reading(values, None, tuple(status), time, behind)
+
+
+class XelaCounts(XelaServer):
+    """Its raw counts, from the middle of their range, near which they rest: zero them in software."""
+
+    heard: ClassVar = {"messages of the family 'xela-counts', or of the family 'xela-forces'": RoutineDecoder}
+
+    def _values(self, reading: SensorReading) -> NDArray[np.float32] | None:
+        return reading.counts - MIDDLE
+
+
+class XelaForces(XelaServer):
+    """The forces that it calibrates, of some models. No source states their unit; newtons are assumed."""
+
+    heard: ClassVar = XelaCounts.heard
+
+    def _values(self, reading: SensorReading) -> NDArray[np.float32] | None:
+        return reading.forces

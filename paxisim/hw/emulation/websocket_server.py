@@ -1,0 +1,120 @@
+"""WebSocketServer: an address that hosts connect to, seen from the server's end. Same interface as `PseudoTerminal`."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import queue
+import select
+import threading
+from typing import TYPE_CHECKING
+
+from paxisim.errors import MissingExtraError, PortAccessError
+
+if TYPE_CHECKING:
+    from websockets.sync.server import Server, ServerConnection
+
+HOST = "127.0.0.1"
+KEPT = 64
+"""Texts kept for a host that is late."""
+_CLOSE_TIMEOUT = 1.0
+
+
+class WebSocketServer:
+    """A server that welcomes each host and then sends all of them each line it is given as a text.
+
+    Attributes:
+        name: Its address, to be opened as any port.
+    """
+
+    def __init__(self, welcome: bytes, first: int, tries: int = 1000) -> None:
+        """Listen, on this machine only.
+
+        Args:
+            welcome: The line that each host gets first.
+            first: The port to listen on; where another program has it, the next one that is free.
+            tries: How many ports to try.
+
+        Raises:
+            PortAccessError: None of them is free.
+            MissingExtraError: websockets is not installed.
+        """
+        self._welcome, self._line = welcome, b""
+        self._queues: dict[ServerConnection, queue.Queue[str | None]] = {}
+        self._server, self._number = self._listen(first, tries)
+        self.name = f"ws://{HOST}:{self._number}"
+        threading.Thread(target=self._server.serve_forever, name="websocket server", daemon=True).start()
+
+    def reopened(self) -> WebSocketServer:
+        """The same address again, after `close`."""
+        return WebSocketServer(self._welcome, self._number, tries=1)
+
+    @property
+    def is_open(self) -> bool:
+        """Whether a host is connected."""
+        return bool(self._queues)
+
+    def wait(self, seconds: float, wake: int, blocked: bool) -> None:
+        """Until `wake` becomes readable, or the time is over; hosts say nothing that matters."""
+        poll = select.poll()
+        poll.register(wake, select.POLLIN)
+        poll.poll(1e3 * (min(seconds, 1e-3) if blocked else seconds))
+
+    def read(self) -> bytes:
+        """Nothing: what hosts say is thrown away."""
+        return b""
+
+    def write(self, data: bytes) -> int:
+        """Send what makes whole lines; how many bytes were taken: none while every host is late."""
+        hosts = list(self._queues.values())
+        if hosts and all(host.full() for host in hosts):
+            return 0
+        *lines, self._line = (self._line + data).split(b"\n")
+        for line in lines:
+            for host in hosts:
+                with contextlib.suppress(queue.Full):  # one that is late loses what the others get
+                    host.put_nowait(line.decode(errors="replace"))
+        return len(data)
+
+    def close(self) -> None:
+        """Send the hosts away and stop listening."""
+        self._server.shutdown()
+        for connection in list(self._queues):  # those that an older version of the package leaves open
+            connection.close()
+
+    def _listen(self, first: int, tries: int) -> tuple[Server, int]:
+        try:
+            from websockets.sync.server import serve
+        except ImportError as error:
+            raise MissingExtraError("websockets", "websocket", "emulating a WebSocket server") from error
+        for number in range(first, first + tries):
+            try:
+                return serve(self._host, HOST, number, close_timeout=_CLOSE_TIMEOUT), number
+            except OSError as error:
+                if error.errno != errno.EADDRINUSE:
+                    raise PortAccessError(f"cannot listen on {HOST}:{number}: {error}") from error
+        raise PortAccessError(f"no port from {first} to {first + tries - 1} on {HOST} is free to listen on")
+
+    def _host(self, connection: ServerConnection) -> None:
+        """Serve one host, in a thread of its own, until it leaves."""
+        from websockets.exceptions import ConnectionClosed
+
+        lines: queue.Queue[str | None] = queue.Queue(KEPT)
+        sender = threading.Thread(target=_send, args=(connection, lines), daemon=True)
+        with contextlib.suppress(ConnectionClosed):
+            connection.send(self._welcome.decode().strip())
+            self._queues[connection] = lines
+            sender.start()
+            while True:
+                connection.recv()
+        self._queues.pop(connection, None)
+        with contextlib.suppress(queue.Full):  # then it is busy, and meets the closed connection
+            lines.put_nowait(None)
+
+
+def _send(connection: ServerConnection, lines: queue.Queue[str | None]) -> None:
+    from websockets.exceptions import ConnectionClosed
+
+    with contextlib.suppress(ConnectionClosed):
+        while (line := lines.get()) is not None:
+            connection.send(line)

@@ -1,0 +1,60 @@
+"""XELA's server from its own side: it sends a message with all its sensors at its rate. See `frames.xela_server`."""
+
+from __future__ import annotations
+
+import math
+import time
+
+import numpy as np
+from numpy.typing import NDArray
+
+from paxisim.hw.emulation.streaming import StreamingBoard
+from paxisim.hw.emulation.websocket_server import WebSocketServer
+from paxisim.hw.frames.xela_server import MIDDLE, WELCOME, Routine, SensorReading
+
+RATE = 100.0
+"""Messages a second (Hz) where the profile says nothing."""
+COUNTS_PER_NEWTON = 2000
+"""Counts beside calibrated forces: a stand-in, as no source states them."""
+FIRST_PORT = 5000
+"""Where the vendor's server listens."""
+_LARGEST = 65_535
+
+
+def listen() -> WebSocketServer:
+    """The server's address: `FIRST_PORT`, or the next one that is free."""
+    return WebSocketServer(WELCOME, FIRST_PORT)
+
+
+class XelaCounts(StreamingBoard):
+    """Sends raw counts: the signal on top of `MIDDLE`."""
+
+    stream_rate = RATE
+    _number = 0
+
+    @property
+    def bytes_per_second(self) -> float:
+        """Unlimited: there is no serial line."""
+        return math.inf
+
+    def _message(self, now: float) -> bytes:
+        self._number += 1
+        model = self.pads.profile.settings.get("model", "emulated")
+        values = self.pads.counts(now).astype(np.float64)
+        slots = self.pads.profile.slots
+        sensors = {slot.index: self._sensor(model, own) for slot, own in zip(slots, values, strict=True)}
+        return Routine(self._number, sensors).encode(time.time())
+
+    def _sensor(self, model: str, values: NDArray[np.float64]) -> SensorReading:
+        return SensorReading(model, _raw(values))
+
+
+class XelaForces(XelaCounts):
+    """Sends forces beside its counts, as a server that is set up to calibrate."""
+
+    def _sensor(self, model: str, values: NDArray[np.float64]) -> SensorReading:
+        return SensorReading(model, _raw(COUNTS_PER_NEWTON * values), values.astype(np.float32))
+
+
+def _raw(change: NDArray[np.float64]) -> NDArray[np.float32]:
+    return np.clip(np.rint(MIDDLE + change), 0, _LARGEST).astype(np.float32)
