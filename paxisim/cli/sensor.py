@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import sys
 import warnings
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import tyro
 
@@ -13,7 +14,10 @@ from paxisim.cli.output import check_output, live_line, png, printable, progress
 from paxisim.errors import InvalidValueError
 
 if TYPE_CHECKING:
-    from paxisim.hw.check import Step, Touch
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from paxisim.hw.check import CheckResult, Step, Touch
     from paxisim.hw.device import TactileSensor
     from paxisim.hw.frame import Frame
     from paxisim.hw.profile import Profile
@@ -35,6 +39,9 @@ def sensor_check(
     It says what to do, one step after another: press Enter, then do it. A step that was not felt clearly is asked for
     again. Nothing is written before all steps are done and agree with one another; Ctrl-C leaves nothing behind.
 
+    Of a board whose chips each measure the field (AnySkin, ReSkin, eFlesh) it finds which chips respond: their axes are
+    their own.
+
     For example:
 
     paxisim sensor check /dev/ttyACM0 --profile gen2-box-120 -o my-sensor.toml
@@ -49,7 +56,6 @@ def sensor_check(
     from dataclasses import replace
     from datetime import datetime
 
-    from paxisim.hw.check import check_steps, conclude, rest_of
     from paxisim.hw.device import open_sensor
     from paxisim.hw.profile import UnverifiedProfileWarning, load_profile
     from paxisim.hw.profile_file import profile_toml
@@ -59,43 +65,71 @@ def sensor_check(
     check_output(output, force)
     _check_seconds(seconds)
     believed = load_profile(profile)
-    if believed.unit != "N":
-        raise InvalidValueError(
-            f"a check judges presses and drags in newtons, but profile {believed.name!r} is in {believed.unit}: record "
-            "presses beside a load cell (paxisim record PORT --profile ... --csv ...), then run: paxisim calibrate "
-            "RECORDING --loads Fz=NAME -o calibrated.mcap; see docs/calibrate.md"
-        )
-    steps = check_steps(believed)
+    measures_field = believed.unit == "uT"
+    check = _field_check() if measures_field else _force_check()
+    steps = check.steps(believed)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UnverifiedProfileWarning)  # this is what verifies it
         sensor = open_sensor(port, replace(believed, pool=(1, 1)))
     with sensor:
         said = " ".join(sensor.version().split())
         print(f"{said or believed.name} on {port}")
-        print("Face the sensing surface with the top of the pad up: left, right and down are as you see them then.")
+        if not measures_field:
+            print("Face the sensing surface with the top of the pad up: left, right and down are as you see them then.")
         print(f"Each step: press Enter, then do it and hold it, within {seconds:g} s.\n")
-        touches: dict[str, Touch] = {}
+        touches: dict[str, Any] = {}
         rest = None
         for number, step in enumerate(steps, 1):
             while True:
                 frames = _ask(sensor, step, f"{number}/{len(steps)}", seconds)
                 try:
                     if rest is None:
-                        rest = rest_of(believed, frames)
+                        rest = check.rest(believed, frames)
                     else:
-                        touches[step.name] = _felt(believed, step, frames, rest)
+                        touches[step.name] = check.feel(believed, step, frames, rest)
+                        print(f"     {check.say(believed, touches[step.name])}")
                     break
                 except InvalidValueError as error:
                     print(f"     {error}. Again:")
     day = datetime.now().astimezone().date().isoformat()
     verified = f"paxisim sensor check, {day}" + (f", {said}" if said else "")
-    result = conclude(believed, touches, verified)
+    result = check.conclude(believed, touches, verified)
     named = replace(result.profile, name=output.stem.lower())
     write_output(output, profile_toml(named), force)
     print()
     for finding in result.findings:
         print(finding)
     print(f"\n{believed.name} was {'wrong where marked with !' if result.changed else 'right'}; wrote {output}")
+
+
+class _Check(NamedTuple):
+    """One kind of check: what to ask, and what to make of what was recorded."""
+
+    steps: Callable[[Profile], tuple[Step, ...]]
+    rest: Callable[..., Any]
+    feel: Callable[..., Any]
+    say: Callable[[Profile, Any], str]
+    conclude: Callable[..., CheckResult]
+
+
+def _force_check() -> _Check:
+    from paxisim.hw.check import check_steps, conclude, feel, rest_of
+
+    def say(believed: Profile, touch: Touch) -> str:
+        x, y, z = touch.total
+        there, unit = believed.slots[touch.pad].name, believed.unit
+        return f"felt where the profile has {there!r}: {z:.1f} {unit} of normal force, shear {x:+.1f} {y:+.1f} {unit}"
+
+    return _Check(check_steps, rest_of, feel, say, conclude)
+
+
+def _field_check() -> _Check:
+    from paxisim.hw.check_field import conclude_field, field_at_rest, field_steps, responses
+
+    def say(believed: Profile, ratio: NDArray[np.float64]) -> str:
+        return "the chips' fields changed by " + ", ".join(f"{value:.0f}" for value in ratio) + " times their noise"
+
+    return _Check(lambda _: field_steps(), field_at_rest, responses, say, conclude_field)
 
 
 def _ask(sensor: TactileSensor, step: Step, number: str, seconds: float):
@@ -109,16 +143,6 @@ def _ask(sensor: TactileSensor, step: Step, number: str, seconds: float):
         print()  # the Enter of a terminal ends the line
     frames = _record(sensor, seconds, sys.stdout.isatty())
     return np.stack([frame.force for frame in frames])
-
-
-def _felt(believed: Profile, step: Step, frames, rest) -> Touch:
-    from paxisim.hw.check import feel
-
-    touch = feel(believed, step, frames, rest)
-    x, y, z = touch.total
-    there = believed.slots[touch.pad].name
-    print(f"     felt where the profile has {there!r}: {z:.1f} N of normal force, shear {x:+.1f} {y:+.1f} N")
-    return touch
 
 
 def _record(sensor: TactileSensor, seconds: float, live: bool) -> list[Frame]:

@@ -2,7 +2,8 @@
 
 `check_steps` says what to ask of the user, `feel` judges what was recorded during one step, `conclude` compares all
 steps with the profile and corrects it. Nothing here reads a terminal or a device: force comes in as arrays
-``(T, pads, 3, rows, cols)`` in newtons, read with the profile that is to be checked, **not pooled**.
+``(T, pads, 3, rows, cols)`` in the profile's unit, read with the profile that is to be checked, **not pooled**. What
+counts as a touch is known in newtons; in another unit it is what stands out of the noise at rest.
 """
 
 from __future__ import annotations
@@ -24,6 +25,8 @@ LEAST_DRAG = 0.3
 """Total shear (N) that counts as a drag."""
 
 _LEAST_FRAMES = 3
+_ABOVE_NOISE = 8  # standard deviations at rest by which a touch stands out of it
+_STILL = 10  # by which a total may wander while nothing touches it, where newtons do not say it
 _LEAST_SLIDING = 0.15  # shear / normal force; less is a press at a slant, not a drag
 _STRAIGHT, _CLEARLY_STRAIGHT = 1.7, 3.0  # shear along the drag / shear across it
 _DISTINCT, _CLEARLY_DISTINCT = 0.1, 0.3  # `OrderFit.margin`
@@ -55,12 +58,14 @@ class Rest:
     """What an untouched sensor reads.
 
     Attributes:
-        force: ``(pads, 3, rows, cols)`` N, the median over time.
-        noise: ``(pads,)`` N, standard deviation of each pad's total normal force.
+        force: ``(pads, 3, rows, cols)`` the median over time.
+        least_press: ``(pads,)`` the least total normal force that counts as a press.
+        least_drag: ``(pads,)`` the least total shear that counts as a drag.
     """
 
     force: NDArray[np.float64]
-    noise: NDArray[np.float64]
+    least_press: NDArray[np.float64]
+    least_drag: NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,15 +74,17 @@ class Touch:
 
     Attributes:
         pad: The pad that felt it, counted in the profile's order.
-        force: ``(3, rows, cols)`` N, the mean over the time of contact, the rest subtracted.
+        force: ``(3, rows, cols)`` the mean over the time of contact, the rest subtracted.
+        least_drag: The least total shear that counts as a drag.
     """
 
     pad: int
     force: NDArray[np.float64]
+    least_drag: float
 
     @property
     def total(self) -> NDArray[np.float64]:
-        """``(3,)`` N, the sum over taxels."""
+        """``(3,)`` the sum over taxels."""
         return self.force.sum(axis=(1, 2))
 
 
@@ -146,21 +153,30 @@ def rest_of(profile: Profile, force: ArrayLike) -> Rest:
 
     Args:
         profile: The profile it was read with.
-        force: ``(T, pads, 3, rows, cols)`` N, recorded during the step ``free``.
+        force: ``(T, pads, 3, rows, cols)``, recorded during the step ``free``.
 
     Raises:
         InvalidValueError: Too few frames, or somebody did touch it.
     """
     frames = _frames(profile, force, "free")
-    total = frames[:, :, 2].sum(axis=(-2, -1))
+    total = frames.sum(axis=(-2, -1))
     noise = total.std(axis=0)
-    worst = int(noise.argmax())
-    if noise[worst] > LEAST_PRESS / 2:
+    press = _ABOVE_NOISE * noise[:, 2]
+    if profile.unit == "N":
+        press, drag = np.maximum(press, LEAST_PRESS), np.full(len(profile.slots), LEAST_DRAG)
+        wander = noise[:, 2] / (LEAST_PRESS / 2)
+    else:
+        quick = np.sqrt(np.mean(np.diff(total[:, :, 2], axis=0) ** 2, axis=0) / 2)
+        drag = np.maximum(_ABOVE_NOISE * noise[:, :2].max(axis=1), _ABOVE_NOISE * profile.resolution)
+        press = np.maximum(press, _ABOVE_NOISE * profile.resolution)
+        wander = np.ptp(total[:, :, 2], axis=0) / np.maximum(_STILL * quick, 1e-9)
+    worst = int(wander.argmax())
+    if wander[worst] > 1:
         raise InvalidValueError(
-            f"pad {profile.slots[worst].name!r} was not left alone: its total force changed by "
-            f"{np.ptp(total[:, worst]):.1f} N while it should rest"
+            f"pad {profile.slots[worst].name!r} was not left alone: its total changed by "
+            f"{np.ptp(total[:, worst, 2]):.1f} {profile.unit} while it should rest"
         )
-    return Rest(np.median(frames, axis=0), noise)
+    return Rest(np.median(frames, axis=0), press, drag)
 
 
 def feel(profile: Profile, step: Step, force: ArrayLike, rest: Rest) -> Touch:
@@ -169,7 +185,7 @@ def feel(profile: Profile, step: Step, force: ArrayLike, rest: Rest) -> Touch:
     Args:
         profile: The profile it was read with.
         step: One of `check_steps`, not ``free``.
-        force: ``(T, pads, 3, rows, cols)`` N, recorded during that step.
+        force: ``(T, pads, 3, rows, cols)``, recorded during that step.
         rest: Of `rest_of`.
 
     Raises:
@@ -180,10 +196,11 @@ def feel(profile: Profile, step: Step, force: ArrayLike, rest: Rest) -> Touch:
     total = np.abs(frames[:, :, 2].sum(axis=(-2, -1)))
     peak = total.max(axis=0)
     pad = int(peak.argmax())
-    least = max(LEAST_PRESS, 8 * float(rest.noise[pad]))
+    least = float(rest.least_press[pad])
     if peak[pad] < least:
         raise InvalidValueError(
-            f"step {step.name}: too weak, {peak[pad]:.1f} N of normal force where at least {least:.1f} N is needed"
+            f"step {step.name}: too weak, {peak[pad]:.1f} {profile.unit} of normal force where at least {least:.1f} "
+            f"{profile.unit} is needed"
         )
     others = np.delete(peak, pad)
     if others.size and others.max() > peak[pad] / 2:
@@ -191,9 +208,9 @@ def feel(profile: Profile, step: Step, force: ArrayLike, rest: Rest) -> Touch:
     contact = total[:, pad] >= peak[pad] / 2
     if contact.sum() < _LEAST_FRAMES:
         raise InvalidValueError(f"step {step.name}: too short, {int(contact.sum())} frames; hold it for a second")
-    touch = Touch(pad, frames[contact, pad].mean(axis=0))
+    touch = Touch(pad, frames[contact, pad].mean(axis=0), float(rest.least_drag[pad]))
     if step.drag is not None:
-        _drag_axis(step, touch)
+        _drag_axis(profile, step, touch)
     return touch
 
 
@@ -265,20 +282,21 @@ def _find_slots(
 # ---- axes and signs -----------------------------------------------------------------------------------------------
 
 
-def _drag_axis(step: Step, touch: Touch) -> tuple[int, int, float, float]:
-    """Along which axis of the tensor a drag was felt, with which sign, and the shear along and across it (N)."""
+def _drag_axis(profile: Profile, step: Step, touch: Touch) -> tuple[int, int, float, float]:
+    """Along which axis of the tensor a drag was felt, with which sign, and the shear along and across it."""
     shear = touch.total[:2]
     axis = int(np.abs(shear).argmax())
     along, across = abs(shear[axis]), abs(shear[1 - axis])
-    least = max(LEAST_DRAG, _LEAST_SLIDING * abs(touch.total[2]))
+    least, unit = max(touch.least_drag, _LEAST_SLIDING * abs(touch.total[2])), profile.unit
     if along < least:
         raise InvalidValueError(
-            f"step {step.name}: too little shear, {along:.1f} N where at least {least:.1f} N is needed; drag until it "
-            "slides, and lift before going back"
+            f"step {step.name}: too little shear, {along:.1f} {unit} where at least {least:.1f} {unit} is needed; drag "
+            "until it slides, and lift before going back"
         )
     if along < _STRAIGHT * across:
         raise InvalidValueError(
-            f"step {step.name}: the shear went askew, {along:.1f} N along one axis and {across:.1f} N along the other"
+            f"step {step.name}: the shear went askew, {along:.1f} {unit} along one axis and {across:.1f} {unit} along "
+            "the other"
         )
     return axis, 1 if shear[axis] > 0 else -1, float(along), float(across)
 
@@ -292,7 +310,7 @@ def _find_axes(
     for step in steps:
         if step.drag is None:
             continue
-        axis, sign, along, across = _drag_axis(step, touches[step.name])
+        axis, sign, along, across = _drag_axis(profile, step, touches[step.name])
         felt_on[step.drag] = axis
         axes[step.drag] = _signed(profile.axes[axis], sign)
         changed = axes[step.drag] != profile.axes[step.drag]
@@ -300,7 +318,7 @@ def _find_axes(
         findings.append(
             Finding(
                 f"axes: the pad's {'xy'[step.drag]} is {axes[step.drag]} of the line{was} "
-                f"({along:.1f} N of shear along it, {across:.1f} N across)",
+                f"({along:.1f} {profile.unit} of shear along it, {across:.1f} {profile.unit} across)",
                 changed,
                 along >= _CLEARLY_STRAIGHT * across,
             )

@@ -246,6 +246,20 @@ def test_a_pad_that_is_not_left_alone_is_refused():
         rest_of(PROFILE, recorded(PROFILE, PROFILE, STEPS["touch-left"]))
 
 
+def test_in_counts_the_noise_says_what_a_touch_is():
+    profile = replace(load_profile("xela-uspa44"), slots=(Slot("a", 1),))
+    rng = np.random.default_rng(0)
+    still = rng.normal(0, 30, (50, 1, 3, 4, 4))
+    rest = rest_of(profile, still)
+    # sixteen taxels of 30 counts are 120 in the total
+    assert rest.least_press[0] == pytest.approx(8 * 120, rel=0.3)
+    with pytest.raises(InvalidValueError, match=r"not left alone: its total changed by .* counts"):
+        rest_of(profile, still + np.linspace(0, 2000, 50).reshape(-1, 1, 1, 1, 1))
+    press = check_steps(profile)[1]
+    with pytest.raises(InvalidValueError, match=r"too weak, .* counts of normal force"):
+        feel(profile, press, 5 * person(profile.wire_layout, press) + still, rest)
+
+
 def test_too_few_frames_and_other_shapes_are_refused():
     with pytest.raises(InvalidValueError, match="at least 3 frames"):
         rest_of(PROFILE, np.zeros((2, 2, 3, 12, 10)))

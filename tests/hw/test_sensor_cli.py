@@ -120,6 +120,49 @@ def test_a_profile_that_is_right_is_found_right_and_keeps_its_pooling(monkeypatc
     assert "right; wrote mine.toml" in capsys.readouterr().out
 
 
+def test_counts_are_checked_against_the_noise_at_rest(monkeypatch, capsys):
+    pytest.importorskip("websockets")
+    believed = replace(load_profile("xela-uspa44"), slots=(Slot("left", 1), Slot("right", 2)))
+    true = replace(believed, axes=("-y", "+x", "-z"), slots=(Slot("left", 2), Slot("right", 1)))
+    user = User(true, believed)
+    rng = np.random.default_rng(0)
+    noisy = lambda now: 1500 * user.force + rng.normal(0, 20, user.force.shape)  # noqa: E731
+    user.feel = noisy
+    run_check(monkeypatch, user, believed)
+    found = load_profile("mine.toml")
+    assert (found.axes, found.slots, found.wire_layout) == (true.axes, true.slots, true.wire_layout)
+    assert "counts of normal force" in capsys.readouterr().out
+
+
+def test_a_field_sensor_is_checked_for_chips_that_respond(monkeypatch, capsys):
+    believed = load_profile("anyskin")
+    dead = None
+
+    def feel(now):
+        noise = np.random.default_rng(int(1e4 * now)).normal(0, 0.5, (1, 3, 1, 5))
+        if user.asked >= 2:
+            noise[0, 1] += [30, 50, 20, 60, 40]
+        if dead is not None:
+            noise[..., dead] = 0
+        return noise
+
+    user = User(believed, believed)
+    user.feel = feel
+    run_check(monkeypatch, user, believed)
+    said = capsys.readouterr().out
+    assert "all 5 chips respond" in said
+    assert "left and right" not in said
+    found = load_profile("mine.toml")
+    assert replace(found, name="anyskin", verified="") == believed
+    assert found.verified.startswith("paxisim sensor check")
+
+    dead, user = 3, User(believed, believed)
+    user.feel = feel
+    with pytest.raises(InvalidValueError, match=r"chip 3 of 5 \(in the order of the bytes, from 0\) does not respond"):
+        run_check(monkeypatch, user, believed, "dead.toml")
+    assert not Path("dead.toml").exists()
+
+
 def test_what_was_not_felt_is_asked_for_again(monkeypatch, capsys):
     believed = BELIEVED[0]
     free = check_steps(believed)[0]

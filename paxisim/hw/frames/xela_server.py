@@ -141,7 +141,7 @@ def _sensor(value: Any) -> SensorReading | None:
         return None
     if len(counts) % 3 or taxels != len(counts) // 3 or not np.all((counts >= 0) & (counts < 2**24)):
         return None
-    return SensorReading(model, counts.reshape(-1, 3), _forces(value.get("calibrated"), taxels))
+    return SensorReading(model, counts.reshape(-1, 3), _forces(value.get("calibrated"), len(counts) // 3))
 
 
 def _forces(values: Any, taxels: int) -> NDArray[np.float32] | None:
