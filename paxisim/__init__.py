@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from paxisim.augment.gcs import GCS as GCS
     from paxisim.augment.history import History as History
     from paxisim.bump import GaussianBump as GaussianBump
+    from paxisim.calibrate.calibration import Calibration as Calibration
+    from paxisim.calibrate.calibration import calibrate_sensor as calibrate_sensor
     from paxisim.calibrate.fit import calibrate_readout as calibrate_readout
     from paxisim.calibrate.readout import Readout as Readout
     from paxisim.errors import DeviceError as DeviceError
@@ -83,6 +85,7 @@ if TYPE_CHECKING:
     from paxisim.viz.plot import plot_pads as plot_pads
     from paxisim.viz.plot import plot_tactile as plot_tactile
     from paxisim.viz.quality import plot_quality as plot_quality
+    from paxisim.viz.residuals import plot_residuals as plot_residuals
     from paxisim.viz.view import view as view
 
 _HOMES = {
@@ -91,6 +94,7 @@ _HOMES = {
     "paxisim.augment.gcs": ("GCS",),
     "paxisim.augment.history": ("History",),
     "paxisim.bump": ("GaussianBump",),
+    "paxisim.calibrate.calibration": ("Calibration", "calibrate_sensor"),
     "paxisim.calibrate.fit": ("calibrate_readout",),
     "paxisim.calibrate.readout": ("Readout",),
     "paxisim.errors": (
@@ -132,6 +136,7 @@ _HOMES = {
     "paxisim.scene.scene": ("Scene",),
     "paxisim.sensors": ("Sensor", "known_sensors", "sensor"),
     "paxisim.viz.calibration": ("plot_calibration", "plot_presses"),
+    "paxisim.viz.residuals": ("plot_residuals",),
     "paxisim.viz.mounts": ("plot_mounts",),
     "paxisim.viz.plot": ("plot_pads", "plot_tactile"),
     "paxisim.viz.quality": ("plot_quality",),

@@ -11,6 +11,7 @@ import paxisim
 
 PUBLIC = [
     "Agreement",
+    "Calibration",
     "Chain",
     "DeviceError",
     "DeviceTimeoutError",
@@ -54,6 +55,7 @@ PUBLIC = [
     "attach",
     "augment",
     "calibrate_readout",
+    "calibrate_sensor",
     "compare_streams",
     "conform",
     "diagnose",
@@ -76,6 +78,7 @@ PUBLIC = [
     "plot_mounts",
     "plot_pads",
     "plot_presses",
+    "plot_residuals",
     "plot_quality",
     "plot_tactile",
     "protocol",

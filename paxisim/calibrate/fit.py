@@ -91,7 +91,7 @@ def calibrate_readout(
             f"a readout needs a varying load: {names} is known at {len(values)} samples and constant"
         )
     lagged = Lagged(recording.time, values[:, excitation.excited], channels, recording.episode, degree)
-    block = _blocks(recording, values)
+    block = blocks_of(recording, values)
     delay = fit_delay(lagged, block, max_delay)
     readout = _readout(lagged, block, delay, found, excitation, recording)
     if not readout.used.any():
@@ -102,7 +102,7 @@ def calibrate_readout(
     return readout
 
 
-def _blocks(recording: Recording, values: Array) -> NDArray[np.intp]:
+def blocks_of(recording: Recording, values: Array) -> NDArray[np.intp]:
     """``(T,)`` number of the block each sample is held out with."""
     episode = recording.episode
     if len(np.unique(episode)) < BLOCKS[0]:
@@ -129,7 +129,7 @@ def _readout(
     is_late = not delay.interval[0] <= 0 <= delay.interval[1]
     value = delay.value if is_late else 0.0
     smooth, sums = lagged.averaged(float(np.abs(delay.replicates).max()), block), lagged.sums(value, block)
-    ridge = _ridge(smooth.sums(value))
+    ridge = least_ridge(smooth.sums(value))
     fitted = smooth.sums(value).total().solve(ridge)[0]
     squares, replicates = [], []
     for number, own in enumerate(delay.replicates):
@@ -167,7 +167,7 @@ def _readout(
     )
 
 
-def _ridge(sums: Sums) -> float:
+def least_ridge(sums: Sums) -> float:
     """The regularisation with the least held-out error, if it beats none by more than a standard error."""
     errors = np.stack([sums.squares(sums.without().solve(ridge)).mean(axis=1) for ridge in RIDGES])  # (ridges, blocks)
     best = int(np.argmin(errors.sum(axis=1)))

@@ -63,6 +63,19 @@ class Sums:
         return np.maximum(self.yy - 2 * np.sum(coefficients * self.xy, axis=1) + fitted, 1e-300)
 
 
+def block_sums(terms: Array, values: Array, block: NDArray[np.intp], count: int) -> Sums:
+    """The sums of ``(T, terms)`` and ``(T, values)`` samples whose blocks, 0 to ``count - 1``, are ``(T,)``."""
+    order = np.argsort(block, kind="stable")
+    edges = np.searchsorted(block[order], np.arange(count + 1))
+    parts = [order[a:b] for a, b in itertools.pairwise(edges)]
+    return Sums(
+        np.array([float(len(part)) for part in parts]),
+        np.stack([terms[part].T @ terms[part] for part in parts]),
+        np.stack([terms[part].T @ values[part] for part in parts]),
+        np.stack([np.sum(values[part] ** 2, axis=0) for part in parts]),
+    )
+
+
 class Lagged:
     """Loads and channels of a recording without unknown values, ready to be shifted against each other.
 
@@ -167,15 +180,7 @@ class Lagged:
     def _sums(self, loads: Array, channels: Array, block: NDArray[np.intp], count: int) -> Sums:
         terms = (self._powers(loads) - self.mean) / self.spread
         terms = np.concatenate([np.ones((len(terms), 1)), terms], axis=1)
-        order = np.argsort(block, kind="stable")
-        edges = np.searchsorted(block[order], np.arange(count + 1))
-        parts = [order[a:b] for a, b in itertools.pairwise(edges)]
-        return Sums(
-            np.array([float(len(part)) for part in parts]),
-            np.stack([terms[part].T @ terms[part] for part in parts]),
-            np.stack([terms[part].T @ channels[part] for part in parts]),
-            np.stack([np.sum(channels[part] ** 2, axis=0) for part in parts]),
-        )
+        return block_sums(terms, channels, block, count)
 
 
 class Averaged:

@@ -127,7 +127,7 @@ class Readout:
             raise InvalidValueError("the load is not known at any sample of the recording")
         recording, values = recording[known], values[known]
         assert recording.measured is not None
-        values = self._earlier(recording, values)
+        values = self.earlier(recording, values)
         episode = recording.episode
         if len(np.unique(episode)) == 1 and len(recording) >= FEW:
             episode = find_presses(recording.time, values).episode
@@ -141,8 +141,8 @@ class Readout:
             metadata={**recording.metadata, "unit": "N", "readout": self._about(recording.pads)},
         )
 
-    def _earlier(self, recording: Recording, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The loads of `delay` ago; the first and last of an episode are held beyond it."""
+    def earlier(self, recording: Recording, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """``(T, loads)`` the loads of `delay` ago; the first and last of an episode are held beyond it."""
         if not self.delay:
             return values
         out = np.empty_like(values)

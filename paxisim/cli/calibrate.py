@@ -18,57 +18,76 @@ def calibrate(
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])],
     *,
     degree: int = 1,
+    quadratic: bool = False,
     max_delay: float = 0.5,
     force: bool = False,
 ) -> None:
     """Calibrate a sensor whose channels are not in newtons, such as microtesla, with a load cell beside it.
 
-    Each channel gets a gain for each load, and all one delay. The output is a recording in newtons with the loads as
-    its simulation, ready for `paxisim diagnose`. A table of the gains and held-out errors is printed, and a picture
-    drawn beside the output, as .png.
+    Each channel gets a gain for each load, and all one delay; the load is also fitted to all channels together. Tables
+    of both with their held-out errors are printed, and two pictures drawn beside the output, as .png and
+    .residuals.png.
+
+    An output that ends in .json is a calibration, to be applied live by --calibration of record and live. Any other is
+    the recording in newtons with the loads as its simulation, ready for `paxisim diagnose`.
 
     For example:
 
-    paxisim calibrate raw.mcap --loads Fx=cell_x Fy=cell_y Fz=cell_z -o calibrated.mcap
+    paxisim calibrate raw.mcap --loads Fx=cell_x Fy=cell_y Fz=cell_z -o sensor.json
 
     Args:
         recording: An .mcap, .npz or .csv file with the channels as its measured tensors and the loads as covariates.
         loads: The covariates that hold the load, in N and N m, up to six: as names, or as COMPONENT=NAME with the
             components Fx, Fy, Fz, Tx, Ty and Tz. A covariate with 3 or 6 values per sample holds them in this order.
-        output: The recording to write, .mcap or .npz.
+        output: The calibration to write, .json, or the calibrated recording, .mcap or .npz.
         degree: 1 for straight lines, 2 or 3 for polynomials of each load.
+        quadratic: Fit the load to products of the channels as well; look whether the held-out error falls.
         max_delay: Largest delay between loads and channels to search, in seconds, of either sign.
         force: Overwrite the outputs if they exist.
     """
-    from paxisim.calibrate.fit import calibrate_readout
+    from paxisim.calibrate.calibration import calibrate_sensor
     from paxisim.errors import MissingExtraError
     from paxisim.recording import Recording
     from paxisim.viz.calibration import plot_calibration
+    from paxisim.viz.residuals import plot_residuals
 
-    if output.suffix.lower() not in (".npz", ".mcap"):
-        raise InvalidValueError(f"a calibrated recording is written to .npz or .mcap, got {output}")
-    picture = output.with_suffix(".png")
+    is_model = output.suffix.lower() == ".json"
+    if not is_model and output.suffix.lower() not in (".npz", ".mcap"):
+        raise InvalidValueError(
+            f"the output must be a calibration (.json) or a calibrated recording (.npz, .mcap), got {output}"
+        )
+    pictures = [output.with_suffix(".png"), output.with_suffix(".residuals.png")]
     check_output(output, force)
-    check_output(picture, force, ".png")
+    for picture in pictures:
+        check_output(picture, force, ".png")
     given = _loads(loads)
     progress(f"reading {recording}")
     raw = Recording.load(recording)
-    progress("fitting gains and delay")
-    readout = calibrate_readout(raw, given, degree=degree, max_delay=max_delay)
-    calibrated = readout.apply(raw)
+    progress("fitting gains, delay and load")
+    calibration = calibrate_sensor(raw, given, degree=degree, quadratic=quadratic, max_delay=max_delay)
+    calibrated = calibration.readout.apply(raw)
     progress("drawing")
     try:
-        drawn, missing = png(plot_calibration(readout, raw)), None
+        drawn = [png(plot_calibration(calibration.readout, raw)), png(plot_residuals(calibration, raw))]
+        missing = None
     except MissingExtraError as error:
-        drawn, missing = b"", error
-    calibrated.save(output)
-    print(readout)
-    print(f"\n{output}: {len(calibrated)} samples in {len(list(calibrated.episodes()))} episodes, in newtons")
+        drawn, missing = [], error
+    if is_model:
+        calibration.save(output)
+    else:
+        calibrated.save(output)
+    print(calibration)
+    if is_model:
+        print(f"\n{output}: the calibration, for --calibration of record and live")
+    else:
+        print(f"\n{output}: {len(calibrated)} samples in {len(list(calibrated.episodes()))} episodes, in newtons")
     if missing is not None:
-        print(f"no picture: {missing}")
+        print(f"no pictures: {missing}")
         return
-    write_output(picture, drawn, force)
-    print(f"{picture}: the episodes, and how well the loads explain each channel")
+    for picture, data in zip(pictures, drawn, strict=True):
+        write_output(picture, data, force)
+    print(f"{pictures[0]}: the episodes, and how well the loads explain each channel")
+    print(f"{pictures[1]}: errors of the load against the load and other covariates")
 
 
 def _loads(words: tuple[str, ...]) -> tuple[str, ...] | Mapping[str, str]:

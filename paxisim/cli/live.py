@@ -9,7 +9,7 @@ from typing import Annotated
 
 import tyro
 
-from paxisim.cli.output import check_output
+from paxisim.cli.output import check_output, load_calibration
 from paxisim.errors import DeviceError, InvalidValueError
 
 _ROUNDING = 1e-6  # s
@@ -22,6 +22,7 @@ def live(
     seconds: float | None = None,
     vmax: float | None = None,
     fps: float = 200.0,
+    calibration: Path | None = None,
     force: bool = False,
 ) -> None:
     """Show pads as they are read: a sensor, a recording, or a MuJoCo scene.
@@ -37,6 +38,7 @@ def live(
         seconds: Stop after so many.
         vmax: Normal force (N, or the sensor's unit) of full red; default: the largest of the recording, or of late.
         fps: Readings drawn a second at most, where they come in real time.
+        calibration: A file that `paxisim calibrate` wrote: show newtons of a sensor that measures something else.
         force: Overwrite the file.
     """
     from paxisim.logs.atomic import whole_file
@@ -58,7 +60,7 @@ def live(
     real_time = save is None or not ends
     failure = None
     with contextlib.ExitStack() as stack:
-        opened = stack.enter_context(open_source(source, profile, real_time))
+        opened = stack.enter_context(open_source(source, profile, real_time, load_calibration(calibration)))
         view = stack.enter_context(
             LiveView(
                 opened.layouts,

@@ -6,10 +6,13 @@ import io
 import sys
 import tempfile
 from pathlib import Path
-from typing import TextIO
+from typing import TYPE_CHECKING, TextIO
 
 from paxisim.errors import InvalidValueError, OutputExistsError
 from paxisim.logs.atomic import whole_file
+
+if TYPE_CHECKING:
+    from paxisim.calibrate.calibration import Calibration
 
 WIDTH = 80  # columns of a terminal
 
@@ -125,3 +128,12 @@ def png(figure) -> bytes:
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=150, bbox_inches="tight")
     return buffer.getvalue()
+
+
+def load_calibration(path: Path | None) -> Calibration | None:
+    """The calibration in a file that ``--calibration`` names."""
+    if path is None:
+        return None
+    from paxisim.calibrate.calibration import Calibration
+
+    return Calibration.load(path)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from paxisim.cli.output import check_output, printable, size_text
+from paxisim.cli.output import check_output, load_calibration, printable, size_text
 from paxisim.errors import InvalidValueError, PaxisimError
 from paxisim.hw.extra_streams import ENTER
 
@@ -27,6 +27,7 @@ def record(
     output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None,
     seconds: float | None = None,
     reconnect: float = 10.0,
+    calibration: Path | None = None,
     csv: Literal["-"] | None = None,
     udp: tyro.conf.UseAppendAction[tuple[int, ...]] = (),
     stream: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
@@ -47,6 +48,7 @@ def record(
         output: The file; default: paxisim-DATE-TIME.mcap.
         seconds: How long to record; default: until Ctrl-C.
         reconnect: Seconds for which a port that went away is waited for.
+        calibration: A file that `paxisim calibrate` wrote, to record newtons of a sensor that measures something else.
         csv: '-' records numbers from standard input: a line with the columns' names, then a line a sample. A column
             'time' holds Unix seconds; without it the time is that of arrival, and the program must flush each line.
         udp: Record JSON objects of numbers, e.g. {"gripper": 0.04}, sent to this UDP port of 127.0.0.1; may be given
@@ -70,7 +72,8 @@ def record(
         for source in _sources(csv is not None, udp, stream):
             open_things.callback(source.close)
             extra.append(source)
-        sensor = open_things.enter_context(open_sensor(port, profile, reconnect=reconnect))
+        model = load_calibration(calibration)
+        sensor = open_things.enter_context(open_sensor(port, profile, reconnect=reconnect, calibration=model))
         pads = f"{len(sensor.pads)} pad{'s' * (len(sensor.pads) > 1)} of {sensor.layout.rows}x{sensor.layout.cols}"
         screen = _Screen()
         summary = capture(sensor, path, extra=extra, seconds=seconds, overwrite=force, on_status=screen.show)

@@ -145,7 +145,8 @@ def capture(
         "pads": sensor.pads,
         "profile": sensor.profile.name,
         "profile_verified": sensor.profile.verified,
-        "unit": sensor.profile.unit,
+        "unit": sensor.unit,
+        **({} if sensor.calibration is None else {"calibrated_from": sensor.profile.unit}),
         "ports": sensor.ports,
     }
     writer = LogWriter(path, metadata, flush_interval=FLUSH, overwrite=overwrite)

@@ -12,6 +12,7 @@ from types import TracebackType
 from paxisim.errors import DeviceError, DeviceTimeoutError, InvalidValueError
 from paxisim.hw.align import Aligner
 from paxisim.hw.board import Board
+from paxisim.hw.calibrated import SensorCalibration
 from paxisim.hw.clock import Clock, SystemClock
 from paxisim.hw.families import board_class, open_port
 from paxisim.hw.frame import Frame
@@ -31,6 +32,7 @@ def open_sensor(
     *,
     queue: int = 256,
     reconnect: float = 10.0,
+    calibration: SensorCalibration | None = None,
     clock: Clock | None = None,
 ) -> TactileSensor:
     """Open a sensor and start reading it.
@@ -48,6 +50,8 @@ def open_sensor(
         profile: A name, a profile file or a `Profile`.
         queue: Frames kept for a reader that is late; older ones are dropped and counted.
         reconnect: Seconds for which a port that went away is tried again before reading fails; 0: not at all.
+        calibration: Makes newtons of a sensor that measures something else, e.g. ``paxisim.Calibration.load(path)``.
+            Frames are then in newtons, and of a single pad the resultant is the force that all channels together say.
         clock: Time; default: the machine's.
 
     Raises:
@@ -56,7 +60,8 @@ def open_sensor(
         DeviceTimeoutError: The board does not answer.
         ProtocolError: The board speaks another family's language, or has another number of taxels.
         UnknownNameError: There is no such profile.
-        InvalidValueError: No port, one port twice, a queue of less than one frame, a negative time.
+        InvalidValueError: No port, one port twice, a queue of less than one frame, a negative time, or a calibration
+            of another sensor.
         MissingExtraError: pyserial is not installed.
 
     Warns:
@@ -71,7 +76,11 @@ def open_sensor(
         raise InvalidValueError(f"reconnect must be 0 s or more, got {reconnect!r}")
     profile = as_profile(profile)
     profile.warn_unverified()
-    return TactileSensor(ports, profile, queue, reconnect, clock or SystemClock())
+    if calibration is not None:
+        if len(ports) > 1:
+            raise InvalidValueError(f"a calibration is of the sensor on one port, got {len(ports)} ports")
+        calibration.check((len(profile.slots), *profile.layout.shape), profile.unit)
+    return TactileSensor(ports, profile, queue, reconnect, clock or SystemClock(), calibration)
 
 
 class TactileSensor:
@@ -92,15 +101,24 @@ class TactileSensor:
     Several ports make one tensor: see `paxisim.hw.align.Aligner` for which frames go together.
 
     Attributes:
-        profile: Which part it is, and how its bytes become newtons.
+        profile: Which part it is, and how its bytes become the tensor.
+        calibration: What makes newtons of it, where it measures something else.
         ports: Where it hangs.
         pads: The pads' names, in the order of the tensor's first axis: those of the profile's slots; of several ports
             with the number of the port, ``left0, right0, left1, right1``.
     """
 
-    def __init__(self, ports: tuple[str, ...], profile: Profile, queue: int, reconnect: float, clock: Clock) -> None:
+    def __init__(
+        self,
+        ports: tuple[str, ...],
+        profile: Profile,
+        queue: int,
+        reconnect: float,
+        clock: Clock,
+        calibration: SensorCalibration | None = None,
+    ) -> None:
         """Open the ports and start reading; use `open_sensor`, which checks its arguments."""
-        self.ports, self.profile = ports, profile
+        self.ports, self.profile, self.calibration = ports, profile, calibration
         names = [slot.name for slot in profile.slots]
         self.pads = tuple(names if len(ports) == 1 else (f"{name}{i}" for i in range(len(ports)) for name in names))
         self._queue = FrameQueue(queue)
@@ -109,7 +127,9 @@ class TactileSensor:
         self._closed = False
         self._has_warned = False
         self._readers = [
-            Reader(port, _connector(port, profile, clock), self._sink(i), self._queue.fail, reconnect, clock)
+            Reader(
+                port, _connector(port, profile, clock), self._sink(i), self._queue.fail, reconnect, clock, calibration
+            )
             for i, port in enumerate(ports)
         ]
         # the threads hold readers and queue, never the sensor
@@ -122,6 +142,11 @@ class TactileSensor:
         except BaseException:
             self.close()
             raise
+
+    @property
+    def unit(self) -> str:
+        """Unit of its frames: the profile's, or newtons where it is calibrated."""
+        return self.profile.unit if self.calibration is None else "N"
 
     @property
     def layout(self) -> TaxelLayout:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from paxisim.errors import DeviceError, DeviceTimeoutError, PortNotFoundError, ProtocolError, UnsupportedError
 from paxisim.hw.ask import who_answers
 from paxisim.hw.board import Board
+from paxisim.hw.calibrated import SensorCalibration
 from paxisim.hw.clock import Clock
 from paxisim.hw.frame import Frame
 from paxisim.hw.sample_time import SampleClock
@@ -58,6 +59,7 @@ class Reader:
         fail: Callable[[Exception], None],
         reconnect: float,
         clock: Clock,
+        calibration: SensorCalibration | None = None,
     ) -> None:
         """Remember; no I/O.
 
@@ -68,13 +70,14 @@ class Reader:
             fail: Called once with the error that ends the thread.
             reconnect: Seconds for which a port that went away is tried again.
             clock: Time.
+            calibration: Makes newtons of what the board measures.
         """
         self.port = port
         self.timeouts = self.reconnects = 0
         self.fault = ""
         self.zero_in_doubt = False
         self._connect, self._deliver, self._fail = connect, deliver, fail
-        self._reconnect, self._clock = reconnect, clock
+        self._reconnect, self._clock, self._calibration = reconnect, clock, calibration
         self._board: Board | None = None
         self._gone_bad_checksums = self._gone_skipped = 0
         self._sample_clock = SampleClock()
@@ -203,8 +206,11 @@ class Reader:
         self._heard, self.fault = self._clock.monotonic(), ""
         force = board.profile.to_force(reading.counts)
         resultant = None if reading.resultant is None else board.profile.resultant_force(reading.resultant)
-        time = self._sample_clock.estimate(reading.time, reading.behind)
         unit = board.profile.unit
+        if self._calibration is not None:
+            resultant = self._calibration.total_force(force)
+            force, unit = self._calibration.to_force(force), "N"
+        time = self._sample_clock.estimate(reading.time, reading.behind)
         raw = Frame(force, time, reading.time, self._sequence, reading.status, resultant, unit)
         self._sequence += 1
         zero = self._zero

@@ -37,7 +37,7 @@ def plot_presses(presses: Presses) -> Figure:
     Raises:
         MissingExtraError: matplotlib is not installed.
     """
-    figure = _figure("plot_presses", (10, 5.2))
+    figure = new_figure("plot_presses", (10, 5.2))
     _draw_presses(figure.subplots(2, 1, sharex=True), presses)
     return figure
 
@@ -56,7 +56,7 @@ def plot_calibration(readout: Readout, recording: Recording) -> Figure:
         InvalidValueError: The recording does not fit the readout.
         MissingExtraError: matplotlib is not installed.
     """
-    figure = _figure("plot_calibration", (10, 11))
+    figure = new_figure("plot_calibration", (10, 11))
     values = values_of(recording, readout.loads)
     known = np.isfinite(values).all(axis=1)
     if recording.measured is None or known.sum() < FEW:
@@ -81,7 +81,12 @@ def plot_calibration(readout: Readout, recording: Recording) -> Figure:
     return figure
 
 
-def _figure(purpose: str, size: tuple[float, float]) -> Figure:
+def new_figure(purpose: str, size: tuple[float, float]) -> Figure:
+    """An empty figure without a window.
+
+    Raises:
+        MissingExtraError: matplotlib is not installed.
+    """
     try:
         from matplotlib.figure import Figure
     except ImportError as error:
@@ -105,7 +110,7 @@ def _draw_presses(axes: NDArray[np.object_], presses: Presses) -> None:
         for level in (presses.low, presses.high):
             ax.axhline(level, color=_INK, linewidth=0.8, linestyle="--")
         ax.set_xlim(presses.time[0], presses.time[-1])
-        _plain(ax)
+        plain(ax)
     axes[0].plot(presses.time[::stride], presses.load[::stride], color=_LOAD, linewidth=0.9)
     axes[1].plot(presses.time, presses.load, color=_LOAD, linewidth=0.7)
     top = presses.rest + max(_LOW * (presses.low - presses.rest), 2 * (presses.high - presses.rest))
@@ -146,7 +151,7 @@ def _draw_errors(ax: Axes, readout: Readout) -> None:
         fontsize="medium",
     )
     ax.legend(frameon=False, fontsize="small", labelcolor=_INK, loc="upper left", bbox_to_anchor=(1.0, 1.0))
-    _plain(ax)
+    plain(ax)
 
 
 def _draw_channel(
@@ -166,10 +171,11 @@ def _draw_channel(
     )
     ax.set_ylabel("N", color=_INK)
     ax.legend(frameon=False, fontsize="small", labelcolor=_INK, loc="upper left", bbox_to_anchor=(1.0, 1.0))
-    _plain(ax)
+    plain(ax)
 
 
-def _plain(ax: Axes) -> None:
+def plain(ax: Axes) -> None:
+    """Leave axes without frame, ticks and grid."""
     ax.tick_params(length=0, colors=_INK, labelsize="small")
     ax.xaxis.label.set_color(_INK)
     ax.yaxis.label.set_color(_INK)

@@ -17,6 +17,7 @@ from paxisim.logs.schemas import in_error
 from paxisim.viz.live_scene import Moment, largest
 
 if TYPE_CHECKING:
+    from paxisim.calibrate.calibration import Calibration
     from paxisim.hw.device import TactileSensor
 
 RECORDINGS = (".mcap", ".npz", ".csv")
@@ -51,13 +52,16 @@ class Source:
 
 
 @contextmanager
-def open_source(source: str, profile: str | None, real_time: bool) -> Iterator[Source]:
+def open_source(
+    source: str, profile: str | None, real_time: bool, calibration: Calibration | None = None
+) -> Iterator[Source]:
     """Open what the words name; closed when the context ends.
 
     Args:
         source: A recording or an MJCF file, by its suffix; everything else is a port.
         profile: The profile of the sensor on a port, and of nothing else.
         real_time: Whether a recording or a scene takes its time; else it is as fast as it can be.
+        calibration: Of the sensor on a port, and of nothing else.
 
     Raises:
         InvalidValueError: A profile is missing or not wanted, or the file is not what its suffix says.
@@ -67,6 +71,8 @@ def open_source(source: str, profile: str | None, real_time: bool) -> Iterator[S
     is_file = suffix in (*RECORDINGS, ".xml")
     if is_file and profile is not None:
         raise InvalidValueError(f"--profile is for a port, and {source} is a file")
+    if is_file and calibration is not None:
+        raise InvalidValueError(f"--calibration is for a port, and {source} is a file")
     if suffix == ".xml":
         yield _scene(source, real_time)
     elif is_file:
@@ -81,9 +87,9 @@ def open_source(source: str, profile: str | None, real_time: bool) -> Iterator[S
     else:
         from paxisim.hw.device import open_sensor
 
-        with open_sensor(source, profile, reconnect=_RECONNECT) as sensor:
+        with open_sensor(source, profile, reconnect=_RECONNECT, calibration=calibration) as sensor:
             layouts = (sensor.layout,) * len(sensor.pads)
-            yield Source(layouts, sensor.pads, ("measured",), _readings(sensor), ends=False, unit=sensor.profile.unit)
+            yield Source(layouts, sensor.pads, ("measured",), _readings(sensor), ends=False, unit=sensor.unit)
 
 
 def _readings(sensor: TactileSensor) -> Iterator[Moment]:

@@ -1,0 +1,89 @@
+"""The picture of what a calibration leaves: error of the load against the load and against other covariates."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from paxisim.calibrate.calibration import Calibration
+from paxisim.calibrate.loads import values_of
+from paxisim.errors import InvalidValueError
+from paxisim.recording import Recording
+from paxisim.viz.calibration import new_figure, plain
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+MOST_COLUMNS = 4
+"""Quantities that errors are drawn against at most: the load, then covariates."""
+_INK, _POINT, _LINE = "#444444", "#a9bdd6", "#2b5c94"
+_MOST_POINTS = 4000
+_BINS, _FEW = 15, 5  # of the line, and samples that a bin needs
+
+
+def plot_residuals(calibration: Calibration, recording: Recording) -> Figure:
+    """Draw the error of the estimated load against the load itself and against the other covariates.
+
+    A calibration that is right leaves a level band. A slope against the load is a wrong gain, a bend is a sensor that
+    is not linear, and a slope against a covariate, such as a temperature or the gripper's opening, is something
+    that the calibration does not know of.
+
+    Args:
+        calibration: What `paxisim.calibrate_sensor` returned.
+        recording: With the channels, the loads and any covariates of one value for each sample. Of a recording that the
+            calibration was not fitted to, the errors are held-out errors.
+
+    Returns:
+        A figure without a window: a row for each load, a column for each quantity.
+
+    Raises:
+        InvalidValueError: The recording does not fit the calibration.
+        MissingExtraError: matplotlib is not installed.
+    """
+    if recording.measured is None:
+        raise InvalidValueError("the errors of a calibration need the measured tensor, but the recording has none")
+    calibration.check(recording.measured.shape[1:], recording.unit)
+    loads = calibration.model.loads
+    values = values_of(recording, loads)
+    known = np.isfinite(values).all(axis=1) & np.isfinite(recording.measured).all(axis=(1, 2, 3, 4))
+    if not known.any():
+        raise InvalidValueError("the load and the channels are known together at no sample of the recording")
+    part = recording[known]
+    assert part.measured is not None
+    load = calibration.readout.earlier(part, values[known])
+    error = calibration.model(part.measured) - load
+    taken = {one.covariate for one in loads}
+    others = {
+        name: own
+        for name, own in part.covariates.items()
+        if name not in taken and own.ndim == 1 and len(np.unique(own[np.isfinite(own)])) > 1
+    }
+    names = list(others)[: MOST_COLUMNS - 1]
+    figure = new_figure("plot_residuals", (3.6 * (1 + len(names)) + 0.6, 2.6 * len(loads) + 0.5))
+    axes = figure.subplots(len(loads), 1 + len(names), squeeze=False, sharey="row")
+    for k, one in enumerate(loads):
+        for ax, name, against in zip(axes[k], ["", *names], [load[:, k], *(others[n] for n in names)], strict=True):
+            _draw(ax, against, error[:, k])
+            ax.set_xlabel(name or f"{one.name} ({one.unit})", color=_INK)
+        axes[k, 0].set_ylabel(f"error of {one.name} ({one.unit})", color=_INK)
+    figure.suptitle("estimated minus measured load; the line is the mean", fontsize="medium", color=_INK)
+    return figure
+
+
+def _draw(ax: Axes, against: NDArray[np.float64], error: NDArray[np.float64]) -> None:
+    known = np.isfinite(against)
+    against, error = against[known], error[known]
+    stride = -(-len(error) // _MOST_POINTS)
+    ax.axhline(0, color=_INK, linewidth=0.8, linestyle="--")
+    ax.plot(against[::stride], error[::stride], ".", color=_POINT, markersize=2, rasterized=True)
+    # bins of equal width, as the noise of a load at rest would sort itself into bins of equal count
+    edges = np.linspace(against.min(), against.max(), _BINS + 1)
+    bins = np.clip(np.searchsorted(edges, against, side="right") - 1, 0, _BINS - 1)
+    count, total = np.bincount(bins, minlength=_BINS), np.bincount(bins, error, minlength=_BINS)
+    full = count >= _FEW
+    ax.plot((edges[:-1] + edges[1:])[full] / 2, total[full] / count[full], color=_LINE, linewidth=1.6)
+    ax.locator_params(axis="x", nbins=5)
+    plain(ax)
