@@ -13,9 +13,9 @@ where what would tell is missing (undecidable): bytes were lost at the end of a 
 or noise follows a frame that ends, alone or with the first byte of the noise, in the two bytes that begin a head, or a
 round of the hand board, which has no check byte, that holds such two bytes in its last block.
 
-A burst of the magnetometer board has neither head nor check byte: it is known by the end of the one before it and by its
-own. So noise between bursts is not tried, and a burst beside a damaged one counts among those that nobody could have
-told. XELA's server is behind TCP, which damages nothing.
+A burst of the magnetometer board has neither head nor check byte: it is known by the end of the one before it and by
+its own. So noise between bursts is not tried, and a burst beside a damaged one counts among those that nobody could
+have told. XELA's server is behind TCP, which damages nothing.
 """
 
 from __future__ import annotations

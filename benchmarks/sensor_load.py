@@ -1,4 +1,6 @@
-"""Does the driver keep up with two 12x10 pads at the line's full rate, and what does it cost?
+"""Does the driver keep up with sensors at the line's full rate, and what does it cost?
+
+Two pads of 12x10 taxels on two of PaXini's boards, an AnySkin, and four uSkin patches of 4x4 behind XELA's server.
 
 The emulator runs in a process of its own, so the CPU share is that of the driver alone: reading, checking, turning
 into newtons, and a consumer that takes every frame.
@@ -24,28 +26,52 @@ from paxisim.hw.signals import press
 PAPER = dataclasses.replace(
     load_profile("gen1-pap-l4629"), verified="on the emulator", slots=(Slot("left", 0), Slot("right", 3))
 )
+SKIN = dataclasses.replace(load_profile("anyskin"), verified="on the emulator")
+USKIN = dataclasses.replace(
+    load_profile("xela-uspa44"), verified="on the emulator", slots=tuple(Slot(f"pad{i}", i) for i in range(1, 5))
+)
 # a message for each pad: it selects a port and reads total and taxels in one go
 BOX_BYTES = 2 * (17 + 17 + 6 + 30 + 360)
 STREAM_BYTES = 7 + 2 * (6 + 360)
-# bytes a second: the box hangs on USB, where its baud rate means nothing
-SPEEDS = {"control-box": USB_SPEED, "high-speed": 92160.0}
+BURST_BYTES = 16 * 5 + 2
+BEYOND = 1e6
+"""A rate far beyond the line: what leaves is what the line carries (Hz)."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Case:
+    """One sensor.
+
+    Attributes:
+        profile: Its profile.
+        limit: Frames a second that its line carries, or its server sends (Hz).
+        rate: The emulator's (Hz); None: whenever it is asked.
+    """
+
+    profile: Profile
+    limit: float
+    rate: float | None
+
+
 CASES = {
-    "control-box": (PAPER, BOX_BYTES),
-    "high-speed": (
+    # it hangs on USB, where its baud rate means nothing
+    "control-box": Case(PAPER, USB_SPEED / BOX_BYTES, None),
+    "high-speed": Case(
         dataclasses.replace(
             PAPER, family="high-speed", baud=921600, settings={}, slots=(Slot("left", 0), Slot("right", 1))
         ),
-        STREAM_BYTES,
+        92160.0 / STREAM_BYTES,
+        BEYOND,
     ),
+    "anyskin": Case(SKIN, SKIN.baud / 10 / BURST_BYTES, BEYOND),
+    "uskin": Case(USKIN, 100.0, 100.0),
 }
 CPU_TARGET = 0.08
 
 
-def emulate(profile: Profile) -> None:
+def emulate(case: Case) -> None:
     """Be the sensor until stdin closes, then say how many bytes nobody fetched."""
-    # far beyond the line: what leaves is what the line carries
-    rate = 1e6 if profile.family == "high-speed" else None
-    with Emulator(profile, press(profile), rate=rate) as emulator:
+    with Emulator(case.profile, press(case.profile), rate=case.rate) as emulator:
         print(emulator.port, flush=True)
         sys.stdin.read()
     print(emulator.overruns)
@@ -53,12 +79,12 @@ def emulate(profile: Profile) -> None:
 
 def measure(name: str, seconds: float) -> bool:
     """Print one case; whether it met its targets."""
-    profile, size = CASES[name]
+    case = CASES[name]
     command = [sys.executable, __file__, "--emulate-case", name]
     process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     assert process.stdin is not None
     assert process.stdout is not None
-    with open_sensor(process.stdout.readline().strip(), profile) as sensor:
+    with open_sensor(process.stdout.readline().strip(), case.profile) as sensor:
         sensor.latest(10.0)
         frames, gaps, worst = 0, 0, 0.0
         start, cpu = time.monotonic(), time.process_time()
@@ -74,24 +100,25 @@ def measure(name: str, seconds: float) -> bool:
         clean = not (sensor.dropped or gaps or sensor.bad_checksums or sensor.skipped)
     said, _ = process.communicate("")
     overruns = int(said)
-    limit = SPEEDS[name] / size
-    share = cpu / wall
-    print(f"{name}: {frames} frames of 2 pads in {wall:.1f} s, {counters}, {overruns} bytes lost on the line")
-    print(f"  rate {frames / wall:.1f} Hz, the line's limit {limit:.1f} Hz; longest gap {1e3 * worst:.1f} ms")
+    share, pads = cpu / wall, len(case.profile.slots)
+    print(
+        f"{name}: {frames} frames of {pads} pad{'s' * (pads > 1)} in {wall:.1f} s, {counters}, {overruns} bytes lost on the line"
+    )
+    print(f"  rate {frames / wall:.1f} Hz, the line's limit {case.limit:.1f} Hz; longest gap {1e3 * worst:.1f} ms")
     verdict = "met" if share < CPU_TARGET else "NOT MET"
     print(f"  driver {100 * share:.1f} % of one core (target {100 * CPU_TARGET:.0f} %: {verdict})", flush=True)
     return clean and not overruns and share < CPU_TARGET
 
 
 def main(seconds: float = 60.0, emulate_case: str = "") -> int:
-    """Run both cases.
+    """Run all cases.
 
     Args:
         seconds: How long each is measured.
         emulate_case: Be the emulator of that case instead.
     """
     if emulate_case:
-        emulate(CASES[emulate_case][0])
+        emulate(CASES[emulate_case])
         return 0
     met = [measure(name, seconds) for name in CASES]
     return 0 if all(met) else 1

@@ -1,4 +1,4 @@
-"""Noise, changed and lost bytes at random, all families of serial ports: benchmarks/damaged_streams.py on a smaller stream."""
+"""Noise, changed and lost bytes at random, all families on serial ports: benchmarks/damaged_streams.py, but shorter."""
 
 import sys
 from pathlib import Path
