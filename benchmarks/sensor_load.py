@@ -101,9 +101,8 @@ def measure(name: str, seconds: float) -> bool:
     said, _ = process.communicate("")
     overruns = int(said)
     share, pads = cpu / wall, len(case.profile.slots)
-    print(
-        f"{name}: {frames} frames of {pads} pad{'s' * (pads > 1)} in {wall:.1f} s, {counters}, {overruns} bytes lost on the line"
-    )
+    what = f"{frames} frames of {pads} pad{'s' * (pads > 1)} in {wall:.1f} s"
+    print(f"{name}: {what}, {counters}, {overruns} bytes lost on the line")
     print(f"  rate {frames / wall:.1f} Hz, the line's limit {case.limit:.1f} Hz; longest gap {1e3 * worst:.1f} ms")
     verdict = "met" if share < CPU_TARGET else "NOT MET"
     print(f"  driver {100 * share:.1f} % of one core (target {100 * CPU_TARGET:.0f} %: {verdict})", flush=True)
