@@ -29,9 +29,11 @@ UPPER, LOWER = 0.3, 0.25  # m, lengths of the links
 ENCODER = 2 * np.pi / 2**16  # rad, a step of the joints' encoders
 RATE = 500.0  # Hz, of the physics and of what the sensor feels: faster than a board is read, so that no reading repeats
 EVERY = 5  # steps, a message with the joints: 100 Hz
-PERIOD = 4.0  # s, of one press
 MODULUS = 2.4e6  # Pa, of the gel: firm, so that a taxel feels ten counts of 0.1 N
-DEPTHS = (1.2e-3, 0.6e-3, 1.6e-3, 0.9e-3)  # m, of one press after the other
+MOVE, REST = 0.5, 1.0  # s, of going down or up, and between two presses
+# m and s: how deep one press after the other goes and how long it is held; short and long ones tell a creep from a gain
+PRESSES = ((1.2e-3, 2.5), (0.6e-3, 0.2), (1.6e-3, 0.2), (0.9e-3, 4.0), (1.4e-3, 1.0))
+ENDS = np.cumsum([2 * MOVE + hold + REST for _, hold in PRESSES])
 JOINTS = ("shoulder", "elbow", "wrist")
 
 # the ball's top is at z = 0.03 m; the arm lies in the plane y = 0, and its hand points down
@@ -68,13 +70,20 @@ ARM = f"""
 """
 
 
+def press_at(seconds: float) -> tuple[int, float]:
+    """The number of the press at a time, and how long it has lasted (s)."""
+    turns, rest = divmod(seconds, float(ENDS[-1]))
+    number = int(np.searchsorted(ENDS, rest, side="right"))
+    return int(turns) * len(PRESSES) + number, rest - (float(ENDS[number - 1]) if number else 0.0)
+
+
 def tip(seconds: float) -> tuple[float, float]:
-    """Where the hand is to be, x and z (m): down, along the ball, and up again; presses differ in depth."""
-    turn, phase = divmod(seconds / PERIOD, 1.0)
-    depth = DEPTHS[int(turn) % len(DEPTHS)]
-    down = np.clip(2 * np.sin(np.pi * phase), 0, 1)
-    along = np.clip(2 * phase - 0.5, 0, 1)
-    return 0.349 + 0.002 * along, 0.04 - (0.01 + depth) * down
+    """Where the hand is to be, x and z (m): down, along the ball, and up again."""
+    number, into = press_at(seconds)
+    depth, hold = PRESSES[number % len(PRESSES)]
+    down = np.clip(min(into, 2 * MOVE + hold - into) / MOVE, 0, 1)
+    along = np.clip((into - MOVE) / hold, 0, 1)
+    return 0.349 + 0.002 * along, 0.04 - (0.01 + depth) * np.sin(np.pi / 2 * down) ** 2
 
 
 def joint_angles(x: float, z: float) -> np.ndarray:

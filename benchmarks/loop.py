@@ -1,0 +1,81 @@
+"""The loop's diagnosis on drawn sensors: ``python benchmarks/loop.py``.
+
+The arm of ``examples/simulated_arm.py`` presses for 46 s, without the port and the clock of the example. Its sensor has
+a gain of 0.6 to 1.3 and a creep of 8 to 25 % with a time constant of 0.5 to 3 s, both drawn; it reads in counts of 0.1 N
+with noise, and the arm's joints have encoder steps. The recording is replayed, pooled to 3x2 taxels, and its first 32 s
+are diagnosed with all causes; the rest is held out.
+"""
+
+from __future__ import annotations
+
+import os
+import runpy
+import tempfile
+import warnings
+from pathlib import Path
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy
+
+import numpy as np
+import tyro
+
+import paxisim
+from paxisim.augment import AxisGain, Creep
+
+EXAMPLE = Path(__file__).parents[1] / "examples" / "simulated_arm.py"
+DIAGNOSED, SECONDS, RATE = 32, 46, 25
+
+
+def paired(sensor: paxisim.Chain, seed: int) -> paxisim.Recording:
+    """What the arm's sensor reads, and the replay of its joints."""
+    example, rng = runpy.run_path(str(EXAMPLE)), np.random.default_rng(seed)
+    arm = example["Arm"](sensor)
+    time = np.arange(1, RATE * SECONDS + 1) / RATE
+    forces, joints = [], []
+    for now in time:
+        arm.run_until(now)
+        forces.append(arm.force)
+        joints.append(list(arm.measured_joints().values()))
+    counts = np.round((np.array(forces) + rng.normal(0, 0.03, np.shape(forces))) / 0.1)
+    counts[:, :, 2] = np.maximum(counts[:, :, 2], 0)
+    recording = paxisim.Recording(
+        time,
+        (0.1 * counts).astype(np.float32),
+        covariates=dict(zip(example["JOINTS"], np.transpose(joints), strict=True)),
+        episode=np.array([example["press_at"](now)[0] for now in time]),
+        layout=paxisim.load_profile(example["PROFILE"]).layout,
+    )
+    drives = [paxisim.Drive(name, joint=name, unit="rad", resolution=example["ENCODER"]) for name in example["JOINTS"]]
+    with tempfile.TemporaryDirectory() as folder:
+        scene = Path(folder) / "arm.xml"
+        scene.write_text(arm.spec.to_xml(), encoding="utf-8")
+        return paxisim.Scene(scene, drives).simulate(recording, modulus=example["MODULUS"]).pool(4, 5)
+
+
+def main(sensors: int = 10, seed: int = 0) -> None:
+    """Print a row for each sensor.
+
+    Args:
+        sensors: How many are drawn.
+        seed: Of sensors and noise.
+    """
+    warnings.simplefilter("ignore")
+    rng, exact = np.random.default_rng(seed), 0
+    print(" gain  creep  tau (s)  held-out error (N)  named")
+    for number in range(sensors):
+        gain, creep, tau = rng.uniform(0.6, 1.3), rng.uniform(0.08, 0.25), np.exp(rng.uniform(np.log(0.5), np.log(3)))
+        loop = paired(paxisim.Chain([Creep((creep,), (tau,)), AxisGain((gain,) * 3)]), seed + number)
+        found = paxisim.diagnose(loop[loop.time < DIAGNOSED])
+        later = loop[loop.time >= DIAGNOSED]
+        before, after = (
+            float(np.sqrt(np.mean((later.measured - prediction) ** 2)))
+            for prediction in (later.simulated, found.model.run(later.simulated.astype(float), later.time))
+        )
+        named = sorted(cause.name for cause in found.causes)
+        exact += named == ["axis_gain", "creep"]
+        print(f"{gain:5.2f}  {creep:4.0%} {tau:8.1f}     {before:.3f} -> {after:.3f}    {', '.join(named)}", flush=True)
+    print(f"both named and nothing else: {exact} of {sensors}")
+
+
+if __name__ == "__main__":
+    tyro.cli(main)
