@@ -34,6 +34,7 @@ MOVE, REST = 0.5, 1.0  # s, of going down or up, and between two presses
 # m and s: how deep one press after the other goes and how long it is held; short and long ones tell a creep from a gain
 PRESSES = ((1.2e-3, 2.5), (0.6e-3, 0.2), (1.6e-3, 0.2), (0.9e-3, 4.0), (1.4e-3, 1.0))
 ENDS = np.cumsum([2 * MOVE + hold + REST for _, hold in PRESSES])
+NOISE = 0.03  # N, of each reading of a taxel
 JOINTS = ("shoulder", "elbow", "wrist")
 
 # the ball's top is at z = 0.03 m; the arm lies in the plane y = 0, and its hand points down
@@ -116,6 +117,7 @@ class Arm:
         felt = self._readout.read(self.data)
         self._sensor, self._state = sensor, sensor.initial_state(felt)
         self.force, self._state = sensor.step(felt, self._state, 0.0)
+        self._rng = np.random.default_rng(0)
 
     def run_until(self, seconds: float) -> None:
         """Step the physics up to that time, and read the sensor once."""
@@ -124,7 +126,8 @@ class Arm:
             self.data.ctrl[:] = joint_angles(*tip(self.data.time))
             mujoco.mj_step(self.model, self.data)
         felt = self._readout.read(self.data)
-        self.force, self._state = self._sensor.step(felt, self._state, self.data.time - before)
+        read, self._state = self._sensor.step(felt, self._state, self.data.time - before)
+        self.force = read + self._rng.normal(0.0, NOISE, read.shape)
 
     def measured_joints(self) -> dict[str, float]:
         """Angle (rad) of each joint by name, in steps of its encoder."""

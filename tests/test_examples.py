@@ -64,7 +64,7 @@ def test_the_joints_of_a_simulated_arm_are_recorded_beside_its_sensor(tmp_path):
     assert 0.3 < pressed.mean() < 0.9
     # the sensor's readings are some ms late, in which the hand moves by tenths of a millimetre
     assert np.mean(force[pressed] > 1) > 0.9
-    assert np.abs(force[depth < -3e-3]).max() == 0
+    assert np.abs(force[depth < -3e-3]).max() < 0.2 * force.max(), "noise of 120 taxels"
     assert np.corrcoef(np.clip(depth, 0, None), force)[0, 1] > 0.9
 
 
