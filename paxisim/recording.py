@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
-from paxisim.logs.aligned import Aligned, CountsToForce, Method, episode_starts, unit_of
+from paxisim.logs.aligned import Aligned, CountsToForce, Method, episode_starts, rate_of, unit_of
 from paxisim.logs.checks import check_fields
 from paxisim.logs.concatenate import concatenate
 from paxisim.logs.retime import at_rate, at_times_of
@@ -74,9 +74,7 @@ class Recording:
     @property
     def rate(self) -> float:
         """Samples a second: one over the median interval within the episodes; NaN where there is no interval."""
-        intervals = np.diff(self.time)[np.diff(self.episode) == 0]
-        intervals = intervals[intervals > 0]
-        return float(1 / np.median(intervals)) if len(intervals) else float("nan")
+        return rate_of(self.time, self.episode)
 
     @property
     def duration(self) -> float:
