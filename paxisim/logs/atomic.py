@@ -46,8 +46,7 @@ def whole_folder(path: Path) -> Iterator[Path]:
         OutputExistsError: There is something at the path.
         InvalidValueError: Its folder does not exist.
     """
-    if path.exists() or path.is_symlink():
-        raise OutputExistsError(f"{path} exists, expected a folder that does not: it is not written over")
+    refuse_existing(path)
     if not path.absolute().parent.is_dir():
         raise InvalidValueError(f"the output's folder does not exist: {path.absolute().parent}")
     temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
@@ -58,6 +57,16 @@ def whole_folder(path: Path) -> Iterator[Path]:
     except BaseException:
         shutil.rmtree(temporary, ignore_errors=True)
         raise
+
+
+def refuse_existing(path: Path) -> None:
+    """Raise if there is something at the path of a folder that is to be made.
+
+    Raises:
+        OutputExistsError: There is.
+    """
+    if path.exists() or path.is_symlink():
+        raise OutputExistsError(f"{path} exists; a folder is never written over, name a new one")
 
 
 def parse_file(path: Path, parse: Callable[[str], _Parsed]) -> _Parsed:

@@ -230,10 +230,8 @@ def _write_table(path: Path, columns: dict[str, list[Any]], pandas: dict[str, An
     from pyarrow import parquet
 
     path.parent.mkdir(parents=True, exist_ok=True)
-    table = pa.table(columns)
-    parquet.write_table(
-        table if pandas is None else table.replace_schema_metadata({"pandas": json.dumps(pandas)}), path
-    )
+    about = None if pandas is None else {"pandas": json.dumps(pandas)}
+    parquet.write_table(pa.table(columns).replace_schema_metadata(about), path)
 
 
 def _write_json(path: Path, document: dict[str, Any]) -> None:

@@ -98,7 +98,8 @@ def _load(
             _warn_of_part(path, "cut off or damaged", found)
     else:
         raise InvalidValueError(
-            f"a recording is read from a .mcap, .npz, .csv, .parquet or .hdf5 file or a LeRobotDataset's folder, got {path}"
+            "a recording is read from a .mcap, .npz, .csv, .parquet or .hdf5 file, or from the folder of a "
+            f"LeRobotDataset, got {path}"
         )
     return found if layout is None else replace(found, layout=layout)
 
@@ -134,8 +135,8 @@ def _load_lerobot(path: Path, pads: tuple[str, ...] | None) -> Aligned:
     if found.measured is None and found.simulated is None:
         raise InvalidValueError(
             f"{path} has no tactile feature{'' if pads is None else ' of those pads'}: expected one such as "
-            f"observation.tactile.PAD of shape (3, rows, cols), it has {features_in_words(path)}; add it to a recording "
-            "that has one with streams (paxisim convert --streams)"
+            f"observation.tactile.PAD of shape (3, rows, cols), it has {features_in_words(path)}; streams adds what it "
+            "has to a recording (paxisim convert --streams)"
         )
     return found
 
