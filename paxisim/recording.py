@@ -264,7 +264,8 @@ class Recording:
 
         Args:
             path: The file: ``.mcap``, ``.npz``, ``.csv`` (`paxisim.logs.csv`), ``.parquet`` (`paxisim.logs.parquet`) or
-                ``.hdf5`` of robosuite or robomimic (`paxisim.logs.hdf5`).
+                ``.hdf5`` of robosuite or robomimic (`paxisim.logs.hdf5`); or the folder of a LeRobotDataset
+                (`paxisim.logs.lerobot_reader`).
             align: How streams at other times are interpolated: ``"linear"``, ``"nearest"`` or ``"previous"`` (the last
                 value holds, as a command does); for all of them, or by name (``"simulated"`` or a covariate's name).
             max_gap: Where the neighbouring samples of a stream are further apart than this (s), it is not known.
@@ -278,7 +279,7 @@ class Recording:
             profile: How counts in a board's CSV become newtons, as `paxisim.hw.profile.load_profile` gives it; the
                 default is 0.1 N a count with no axis turned. Says the layout as well.
             streams: Files whose streams of numbers, such as joint positions, are added as covariates: MCAP of ROS 2 or
-                with JSON (`paxisim.logs.mcap_joints`), CSV, Parquet, HDF5. `paxisim.logs.add_streams` says how their
+                with JSON (`paxisim.logs.mcap_joints`), CSV, Parquet, HDF5, LeRobotDataset. `paxisim.logs.add_streams` says how their
                 time and the recording's belong together.
 
         Raises:

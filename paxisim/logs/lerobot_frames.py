@@ -28,7 +28,7 @@ def frame_rate(recording: Aligned, fps: int | None) -> int:
         InvalidValueError: `fps` is no whole number of at least 1, or the recording has no rate or one below 0.5 Hz.
     """
     if fps is not None:
-        if fps != int(fps) or not 1 <= fps <= 10**6:
+        if not 1 <= fps <= 10**6 or fps != int(fps):
             raise InvalidValueError(f"fps must be a whole number of frames a second from 1 to 1e6, got {fps!r}")
         return int(fps)
     assert recording.episode is not None

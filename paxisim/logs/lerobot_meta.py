@@ -42,32 +42,30 @@ class Meta:
     about: Mapping[str, Any]
     robot: str | None
 
-    def clock(self, episodes: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """When each episode begins (s), and its number.
+    def clock(self, indices: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """When each episode begins (s), and its number; `indices` are LeRobot's numbers of them, in order.
 
         As paxisim wrote them; 0 s and LeRobot's numbers where it did not, or episodes came or went since.
         """
-        begins, numbers = self.about.get("begins"), self.about.get("episodes")
-        if begins is None or len(begins) != episodes or len(numbers or ()) != episodes:
-            return np.zeros(episodes), np.arange(episodes)
+        begins, numbers = self.about.get("begins", ()), self.about.get("episodes", ())
+        is_as_written = np.array_equal(indices, np.arange(len(begins))) and len(numbers) == len(begins)
+        if not is_as_written:
+            return np.zeros(len(indices)), indices
         return np.asarray(begins, dtype=np.float64), np.asarray(numbers, dtype=np.int64)
 
-    def metadata(
-        self, task: NDArray[np.int64], episode: NDArray[np.int64], numbers: NDArray[np.int64]
-    ) -> dict[str, Any]:
+    def metadata(self, task: NDArray[np.int64], episode: NDArray[np.int64]) -> dict[str, Any]:
         """The recording's metadata, with the task in words: ``task``, or ``tasks`` by the episode's number.
 
         Args:
             task: ``(T,)`` the index of each frame's task.
-            episode: ``(T,)`` the index of each frame's episode.
-            numbers: The number of each episode.
+            episode: ``(T,)`` the number of each frame's episode.
         """
         metadata: dict[str, Any] = {"source": self.path.resolve().name}
         metadata |= {} if self.robot is None else {"robot_type": self.robot}
         metadata = dict(self.about["metadata"]) if self.about else metadata
         texts = _tasks(self.path / TASKS)
         starts = episode_starts(episode)
-        found = {str(numbers[episode[i]]): texts.get(int(task[i]), "") for i in starts}
+        found = {str(episode[i]): texts.get(int(task[i]), "") for i in starts}
         if len(set(found.values())) > 1:
             metadata["tasks"] = found
         elif any(found.values()):
@@ -133,5 +131,6 @@ def _tasks(path: Path) -> dict[int, str]:
     texts = [name for name in table.column_names if name != "task_index"]
     if len(texts) != 1 or "task_index" not in table.column_names:
         raise InvalidValueError(f"{path} must have a column task_index and one of texts, it has {table.column_names}")
-    index = column_values(f"{path}, column 'task_index'", table["task_index"]).astype(np.int64).tolist()
-    return {number: text or "" for number, text in zip(index, table[texts[0]].to_pylist(), strict=True)}
+    index = column_values(f"{path}, column 'task_index'", table["task_index"])
+    found = zip(index.tolist(), table[texts[0]].to_pylist(), strict=True)
+    return {int(number): text or "" for number, text in found if math.isfinite(number)}

@@ -48,10 +48,10 @@ def read_lerobot(path: Path, pads: Sequence[str] | None = None) -> Aligned:
     meta = read_meta(path)
     columns = _columns(meta)
     episode = _whole(meta, "episode_index", columns["episode_index"])
-    time = columns["timestamp"]
-    begins, numbers = meta.clock(int(episode.max()) + 1)
-    metadata = meta.metadata(_whole(meta, "task_index", columns["task_index"]), episode, numbers)
-    time, episode = begins[episode] + time, numbers[episode]
+    indices, at = np.unique(episode, return_inverse=True)
+    begins, numbers = meta.clock(indices)
+    time, episode = begins[at] + columns["timestamp"], numbers[at]
+    metadata = meta.metadata(_whole(meta, "task_index", columns["task_index"]), episode)
     features = {name: values for name, values in columns.items() if name not in INDICES}
     found = [_Pads.of(meta, name, features.pop(name)) for name in list(features) if _is_tactile(meta, name)]
     found = [part for part in found if pads is None or set(part.pads) & set(pads)]

@@ -78,6 +78,7 @@ def write_lerobot(
     texts = [_task(frames, int(frames.episode[span.start]), task) for span in spans]
     tasks = list(dict.fromkeys(texts))
     features = features_of(frames, state, action)
+    _check_texts([*tasks, *(feature.name for feature in features)])
     _warn_of_unknown(features)
     features += _indices(spans, [tasks.index(text) for text in texts], fps)
     stats = {feature.name: feature_stats(feature.values) for feature in features}
@@ -108,6 +109,14 @@ def _task(frames: Aligned, episode: int, given: str | None) -> str:
     text = by_episode.get(str(episode)) if isinstance(by_episode, dict) else None
     text = frames.metadata.get("task") if text is None else text
     return text if isinstance(text, str) else ""
+
+
+def _check_texts(texts: Sequence[str]) -> None:
+    for text in texts:
+        try:
+            text.encode()
+        except UnicodeEncodeError:
+            raise InvalidValueError(f"{text!r:.80} holds characters that no file can, such as half of a pair") from None
 
 
 def _indices(spans: Sequence[slice], tasks: Sequence[int], fps: int) -> list[Feature]:

@@ -112,7 +112,10 @@ def _load_parquet(path: Path) -> Aligned:
     try:
         found = from_columns(columns)
     except InvalidValueError as error:
-        raise InvalidValueError(f"{path}: {error}") from error
+        dataset = path.absolute().parent.parent.parent
+        is_part = (dataset / "meta/info.json").is_file()
+        advice = f"; it is a part of the LeRobotDataset {dataset}, load that folder" if is_part else ""
+        raise InvalidValueError(f"{path}: {error}{advice}") from error
     return replace(found, **about)
 
 
