@@ -279,8 +279,8 @@ class Recording:
             profile: How counts in a board's CSV become newtons, as `paxisim.hw.profile.load_profile` gives it; the
                 default is 0.1 N a count with no axis turned. Says the layout as well.
             streams: Files whose streams of numbers, such as joint positions, are added as covariates: MCAP of ROS 2 or
-                with JSON (`paxisim.logs.mcap_joints`), CSV, Parquet, HDF5, LeRobotDataset. `paxisim.logs.add_streams` says how their
-                time and the recording's belong together.
+                with JSON (`paxisim.logs.mcap_joints`), CSV, Parquet, HDF5, LeRobotDataset. `paxisim.logs.add_streams`
+                says how their time and the recording's belong together.
 
         Raises:
             InvalidValueError: Not such a file; no tensors in it; measured and simulated, or the recording and a file of

@@ -11,12 +11,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError
-from paxisim.logs.aligned import Aligned, Method, episode_spans, rate_of
+from paxisim.logs.aligned import Aligned, Method, episode_spans, episode_starts, rate_of
 from paxisim.logs.retime import at_rate
 from paxisim.logs.select import known_samples, take
 
@@ -78,5 +79,15 @@ def _without_unknown(frames: Aligned) -> Aligned:
     assert left.episode is not None
     _, episode = np.unique(np.cumsum(begins)[known], return_inverse=True)
     if episode[-1] + 1 > len(np.unique(left.episode)):  # one was split: the old numbers would come twice
-        left = replace(left, episode=episode.astype(np.int64))
+        left = replace(left, episode=episode.astype(np.int64), metadata=_renumbered(left, episode))
     return left
+
+
+def _renumbered(left: Aligned, episode: NDArray[np.integer]) -> dict[str, Any]:
+    """The metadata, in which ``tasks`` is by the new numbers of the episodes."""
+    metadata = dict(left.metadata)
+    tasks = metadata.get("tasks")
+    if isinstance(tasks, dict) and left.episode is not None:
+        old = {str(episode[i]): str(left.episode[i]) for i in episode_starts(episode)}
+        metadata["tasks"] = {number: tasks[before] for number, before in old.items() if before in tasks}
+    return metadata

@@ -63,6 +63,8 @@ class Meta:
         metadata: dict[str, Any] = {"source": self.path.resolve().name}
         metadata |= {} if self.robot is None else {"robot_type": self.robot}
         metadata = dict(self.about["metadata"]) if self.about else metadata
+        for name in ("task", "tasks"):  # what the dataset says counts
+            metadata.pop(name, None)
         texts = _tasks(self.path / TASKS)
         starts = episode_starts(episode)
         found = {str(episode[i]): texts.get(int(task[i]), "") for i in starts}

@@ -37,7 +37,7 @@ def read_lerobot(path: Path, pads: Sequence[str] | None = None) -> Aligned:
 
     Args:
         path: The dataset's folder.
-        pads: Only these pads; default: all.
+        pads: The pads that are asked for; others are left out where they differ from them.
 
     Raises:
         MissingExtraError, UnsupportedError: pyarrow cannot be used.
@@ -54,8 +54,10 @@ def read_lerobot(path: Path, pads: Sequence[str] | None = None) -> Aligned:
     metadata = meta.metadata(_whole(meta, "task_index", columns["task_index"]), episode)
     features = {name: values for name, values in columns.items() if name not in INDICES}
     found = [_Pads.of(meta, name, features.pop(name)) for name in list(features) if _is_tactile(meta, name)]
-    found = [part for part in found if pads is None or set(part.pads) & set(pads)]
-    _check_alike(meta, found)
+    if pads is not None and _difference(found):
+        found = [part for part in found if set(part.pads) & set(pads)]
+    if said := _difference(found):
+        raise InvalidValueError(f"{path}: {said}, and a recording has one for all pads; load some of them by pads")
     names = list(dict.fromkeys(pad for part in found for pad in part.pads))
     if found and (found[0].unit or "N") != (metadata.get("unit") or "N"):
         metadata["unit"] = found[0].unit or "N"
@@ -155,14 +157,13 @@ def _is_tactile(meta: Meta, name: str) -> bool:
     return is_named and len(shape) in (3, 4) and shape[-3] == 3
 
 
-def _check_alike(meta: Meta, found: Sequence[_Pads]) -> None:
+def _difference(found: Sequence[_Pads]) -> str:
+    """What two features of pads do not share, and a recording has one of for all pads; empty if there is nothing."""
     for part in found[1:]:
         for what, of in (("grids", lambda p: p.tensor.shape[-2:]), ("layouts", lambda p: p.layout), ("units", _unit)):
             if of(part) != of(found[0]):
-                raise InvalidValueError(
-                    f"{meta.path}: {found[0].feature} and {part.feature} have different {what}, and a recording has "
-                    "one for all pads; load some of them by pads (--pads)"
-                )
+                return f"{found[0].feature} and {part.feature} have different {what}"
+    return ""
 
 
 def _unit(part: _Pads) -> str:

@@ -34,7 +34,9 @@ from paxisim.logs.parquet import require_pyarrow
 
 VERSION = "v3.0"
 _FILE = "chunk-{chunk_index:03d}/file-{file_index:03d}"
-_FILE_MEGABYTES, _CHUNK_FILES = 100, 1000
+FILE_MEGABYTES = 100
+"""Size beyond which a file of frames does not grow, as in LeRobot; an episode that is larger is in one of its own."""
+_CHUNK_FILES = 1000
 _ROWS = 8192  # of a row group
 
 
@@ -146,7 +148,7 @@ def _info(features: Sequence[Feature], spans: Sequence[slice], tasks: Sequence[s
         "total_frames": spans[-1].stop,
         "total_tasks": len(tasks),
         "chunks_size": _CHUNK_FILES,
-        "data_files_size_in_mb": _FILE_MEGABYTES,
+        "data_files_size_in_mb": FILE_MEGABYTES,
         "video_files_size_in_mb": 200,  # LeRobot's default; there is no video
         "fps": fps,
         "splits": {"train": f"0:{len(spans)}"},
@@ -170,7 +172,7 @@ def _write_data(folder: Path, features: Sequence[Feature], spans: Sequence[slice
         for span in spans:
             length = frame_bytes * (span.stop - span.start)
             size += length
-            if writer is None or size > _FILE_MEGABYTES * 1e6:
+            if writer is None or size > FILE_MEGABYTES * 1e6:
                 if writer is not None:
                     writer.close()
                 number, size = (places[-1] + 1 if places else 0), length
