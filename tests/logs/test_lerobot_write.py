@@ -209,7 +209,7 @@ def test_an_irregular_recording_is_resampled(tmp_path):
     write(tmp_path / "b", late, fps=4, align="nearest")
     np.testing.assert_array_equal(Recording.load(tmp_path / "b").measured, late.resample(4, align="nearest").measured)
     shaken = press(time=press().time + np.random.default_rng(0).uniform(-0.004, 0.004, 50))
-    write(tmp_path / "c", shaken)
+    write(tmp_path / "c", shaken, fps=50)
     found = Recording.load(tmp_path / "c")
     np.testing.assert_array_equal(found.measured, shaken.measured)
     assert np.abs(found.time - shaken.time).max() < 0.01
