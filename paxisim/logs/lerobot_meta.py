@@ -134,5 +134,8 @@ def _tasks(path: Path) -> dict[int, str]:
     if len(texts) != 1 or "task_index" not in table.column_names:
         raise InvalidValueError(f"{path} must have a column task_index and one of texts, it has {table.column_names}")
     index = column_values(f"{path}, column 'task_index'", table["task_index"])
-    found = zip(index.tolist(), table[texts[0]].to_pylist(), strict=True)
+    try:
+        found = zip(index.tolist(), table[texts[0]].to_pylist(), strict=True)
+    except UnicodeDecodeError as error:
+        raise InvalidValueError(f"{path}: the texts of the tasks must be UTF-8: {error}") from error
     return {int(number): text or "" for number, text in found if math.isfinite(number)}

@@ -97,7 +97,7 @@ class _Pads:
         layout, unit, stream, pad = (info.get(name) for name in ("layout", "unit", "stream", "pad"))
         if not isinstance(unit, str | None):
             raise InvalidValueError(f"{meta.path}: the unit of {feature} must be a text such as N, got {unit!r:.80}")
-        if stream not in PREFIXES:
+        if stream not in tuple(PREFIXES):
             stream = "simulated" if feature.startswith(f"{PREFIXES['simulated']}.") else "measured"
         base = feature.removeprefix("observation.").removeprefix(f"{PREFIXES[stream].split('.')[1]}.")
         if values.ndim == 4:

@@ -51,7 +51,7 @@ def column_chunks(path: Path) -> list[ColumnChunk]:
     try:
         about = footer.struct(_FILE)
         return [_chunk(column[3]) for group in about.get(4, ()) for column in group.get(1, ()) if 3 in column]
-    except (IndexError, LookupError, TypeError, RecursionError, UnicodeDecodeError) as error:
+    except (LookupError, TypeError, AttributeError, RecursionError, UnicodeDecodeError) as error:
         raise ValueError("its description at the end is damaged") from error
 
 
