@@ -99,17 +99,24 @@ class _Pads:
             raise InvalidValueError(f"{meta.path}: the unit of {feature} must be a text such as N, got {unit!r:.80}")
         if stream not in tuple(PREFIXES):
             stream = "simulated" if feature.startswith(f"{PREFIXES['simulated']}.") else "measured"
-        base = feature.removeprefix("observation.").removeprefix(f"{PREFIXES[stream].split('.')[1]}.")
+        name = "pad" if feature in PREFIXES.values() else feature
+        name = name.removeprefix(f"{PREFIXES[stream]}.").removeprefix("observation.")
         if values.ndim == 4:
-            values, pads = values[:, None], (pad if isinstance(pad, str) else base,)
+            values, pads = values[:, None], (pad if isinstance(pad, str) else name,)
         else:
-            base = "pad" if base == feature.removeprefix("observation.") == "tactile" else base
-            pads = tuple(f"{base}{i}" for i in range(values.shape[1]))
+            pads = tuple(f"{name}{i}" for i in range(values.shape[1]))
         try:
-            layout = None if layout is None else TaxelLayout.from_dict(layout)
+            layout = None if layout is None else _layout(layout, values.shape[-2:])
         except InvalidValueError as error:
             raise InvalidValueError(f"{meta.path}: the layout of {feature}: {error}") from error
         return cls(feature, stream, pads, values.astype(np.float32, copy=False), unit, layout)
+
+
+def _layout(document: Any, grid: tuple[int, ...]) -> TaxelLayout:
+    said = [document.get(name) for name in ("rows", "cols")] if isinstance(document, dict) else list(grid)
+    if said != list(grid):  # looked at before there is room for so many taxels
+        raise InvalidValueError(f"it has rows and cols {said!r:.40}, the frames have {list(grid)}")
+    return TaxelLayout.from_dict(document)
 
 
 def _columns(meta: Meta) -> dict[str, NDArray[Any]]:

@@ -98,7 +98,8 @@ def write_lerobot(
         _write_json(folder / "meta/stats.json", stats)
         _write_json(folder / ABOUT, about)
     rate = rate_of(recording.time, recording.episode) if recording.episode is not None else math.nan
-    how = f", resampled from {rate:.4g} Hz" if is_resampled else ""
+    how = f", resampled from {rate:.4g} Hz" if round(rate) != fps else ", resampled as its samples are less regular"
+    how = how if is_resampled else ""
     names = " ".join(feature.name for feature in features if feature.name not in INDICES)
     counts = f"{len(spans)} episode{'s' * (len(spans) != 1)}, {len(frames.time)} frames at {fps} Hz{how}"
     return f"LeRobotDataset {VERSION}, {counts}, {names}"

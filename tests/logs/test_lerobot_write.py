@@ -203,10 +203,10 @@ def test_which_covariates_are_the_state_and_the_action(tmp_path):
 def test_an_irregular_recording_is_resampled(tmp_path):
     late = press(rate=10.4)  # of 3 s, whose last sample would be a frame too late at 10 Hz
     said = write(tmp_path / "a", late)
-    assert "at 10 Hz, resampled from 10.4 Hz" in said
+    assert "at 10 Hz, resampled as its samples are less regular" in said
     expected = late.resample(10)
     np.testing.assert_array_equal(Recording.load(tmp_path / "a").measured, expected.measured)
-    write(tmp_path / "b", late, fps=4, align="nearest")
+    assert "at 4 Hz, resampled from 10.4 Hz" in write(tmp_path / "b", late, fps=4, align="nearest")
     np.testing.assert_array_equal(Recording.load(tmp_path / "b").measured, late.resample(4, align="nearest").measured)
     shaken = press(time=press().time + np.random.default_rng(0).uniform(-0.004, 0.004, 50))
     write(tmp_path / "c", shaken, fps=50)
