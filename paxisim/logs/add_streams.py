@@ -39,7 +39,7 @@ def read_streams(path: Path) -> Streams:
     if path.is_dir():
         from paxisim.logs.lerobot_reader import read_lerobot
 
-        return _of_table(path, read_lerobot(path))
+        return _of_table(path, read_lerobot(path, pads=()))
     suffix = path.suffix.lower()
     if suffix == ".mcap":
         return {name: {None: stream} for name, stream in _read_mcap(path).items()}

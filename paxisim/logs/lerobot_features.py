@@ -15,7 +15,6 @@ All are float32. LeRobot allows no ``/`` in a feature's name, so there it is a `
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -109,7 +108,9 @@ def _tactile(recording: Aligned) -> Iterable[Feature]:
     about = {"unit": unit_of(recording.metadata), "layout": recording.layout.to_dict()}
     for stream, prefix in PREFIXES.items():
         tensor = getattr(recording, stream)
-        for i, pad in enumerate(recording.pads if tensor is not None else ()):
+        if tensor is None:
+            continue
+        for i, pad in enumerate(recording.pads):
             name = _allowed(f"{prefix}.{pad}")
             info = {"stream": stream, "pad": pad, **about}
             yield Feature(name, _as_float32(name, tensor[:, i]), ["axis", "row", "column"], info)
@@ -132,7 +133,9 @@ def _vector(recording: Aligned, feature: str, parts: Sequence[str]) -> Feature:
 def _alone(recording: Aligned, name: str) -> Feature:
     values = recording.covariates[name]
     feature = _allowed(name if _is_own(name) else f"observation.{name}")
-    names = [[name], [str(i) for i in range(math.prod(values.shape[1:]))], None][min(values.ndim, 3) - 1]
+    names = None
+    if values.ndim <= 2:
+        names = [name] if values.ndim == 1 else [str(i) for i in range(values.shape[1])]
     return Feature(feature, _as_float32(name, values), names, _info(recording, [name]))
 
 

@@ -37,7 +37,7 @@ def read_lerobot(path: Path, pads: Sequence[str] | None = None) -> Aligned:
 
     Args:
         path: The dataset's folder.
-        pads: The pads that are asked for; others are left out where they differ from them.
+        pads: The pads that are asked for, or none; others are left out where they differ from them.
 
     Raises:
         MissingExtraError, UnsupportedError: pyarrow cannot be used.
@@ -54,7 +54,7 @@ def read_lerobot(path: Path, pads: Sequence[str] | None = None) -> Aligned:
     metadata = meta.metadata(_whole(meta, "task_index", columns["task_index"]), episode)
     features = {name: values for name, values in columns.items() if name not in INDICES}
     found = [_Pads.of(meta, name, features.pop(name)) for name in list(features) if _is_tactile(meta, name)]
-    if pads is not None and _difference(found):
+    if pads is not None and (not pads or _difference(found)):
         found = [part for part in found if set(part.pads) & set(pads)]
     if said := _difference(found):
         raise InvalidValueError(f"{path}: {said}, and a recording has one for all pads; load some of them by pads")

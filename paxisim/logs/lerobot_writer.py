@@ -98,8 +98,8 @@ def write_lerobot(
         _write_json(folder / "meta/stats.json", stats)
         _write_json(folder / ABOUT, about)
     rate = rate_of(recording.time, recording.episode) if recording.episode is not None else math.nan
-    how = f", resampled from {rate:.4g} Hz" if round(rate) != fps else ", resampled as its samples are less regular"
-    how = how if is_resampled else ""
+    why = "as its samples are less regular" if f"{rate:.0f}" == str(fps) else f"from {rate:.4g} Hz"
+    how = f", resampled {why}" if is_resampled else ""
     names = " ".join(feature.name for feature in features if feature.name not in INDICES)
     counts = f"{len(spans)} episode{'s' * (len(spans) != 1)}, {len(frames.time)} frames at {fps} Hz{how}"
     return f"LeRobotDataset {VERSION}, {counts}, {names}"
@@ -168,7 +168,7 @@ def _write_data(folder: Path, features: Sequence[Feature], spans: Sequence[slice
     first = {feature.name: _column(feature.values[:1]) for feature in features}
     schema = pa.schema([(name, column.type) for name, column in first.items()])
     places: list[int] = []
-    writer, size = None, 0
+    writer, number, size = None, -1, 0
     try:
         for span in spans:
             length = frame_bytes * (span.stop - span.start)
@@ -176,7 +176,7 @@ def _write_data(folder: Path, features: Sequence[Feature], spans: Sequence[slice
             if writer is None or size > FILE_MEGABYTES * 1e6:
                 if writer is not None:
                     writer.close()
-                number, size = (places[-1] + 1 if places else 0), length
+                number, size = number + 1, length
                 file = folder / f"data/{_file(number)}"
                 file.parent.mkdir(parents=True, exist_ok=True)
                 writer = parquet.ParquetWriter(file, schema)

@@ -201,8 +201,7 @@ def component_names(features: Any) -> dict[str, list[str]]:
     for name, feature in features.items() if isinstance(features, dict) else ():
         given = feature.get("names") if isinstance(feature, dict) else None
         given = next(iter(given.values()), None) if isinstance(given, dict) else given
-        is_list = isinstance(given, list) and all(isinstance(part, str) for part in given)
-        if is_list and len(set(given)) == len(given):
+        if isinstance(given, list) and all(isinstance(part, str) for part in given) and len(set(given)) == len(given):
             found[name] = given
     return found
 

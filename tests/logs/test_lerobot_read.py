@@ -145,8 +145,12 @@ def test_pads_that_differ(tmp_path):
         Recording.load(path)
     assert Recording.load(path, pads="palm").unit == "uT"
     features = {"observation.tactile.left": values(3, 6, 5), "observation.simulated.right": values(3, 6, 5)}
+    features["gripper"] = values()
     with pytest.raises(InvalidValueError, match="measured has the pads left, expected left, right"):
         Recording.load(dataset(tmp_path / "streams", features))
+    Recording(np.arange(3) * 0.1, values(1, 3, 1, 1)[:3]).save(tmp_path / "press.npz")
+    found = Recording.load(tmp_path / "press.npz", streams=tmp_path / "streams")  # for which its pads do not matter
+    np.testing.assert_allclose(found.covariates["gripper"], features["gripper"][:3], atol=1e-6)
 
 
 def test_a_dataset_without_tactile_features_gives_streams(tmp_path):
