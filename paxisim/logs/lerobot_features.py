@@ -29,6 +29,8 @@ from paxisim.logs.schemas import COVARIATE, RESULTANT
 PREFIXES = {"measured": "observation.tactile", "simulated": "observation.simulated"}
 STATE = "observation.state"
 ACTION = "action"
+MOST_AXES = 5
+"""Axes of a frame that LeRobot can hold."""
 _OWN_NAMES = ("observation.", "next.")  # of features of LeRobot's own, which keep them
 
 
@@ -63,8 +65,8 @@ def features_of(recording: Aligned, state: Sequence[str] = (), action: Sequence[
         action: Names of the covariates of ``action``, in this order; default: see above.
 
     Raises:
-        InvalidValueError: Two features would have the same name, a covariate would be in two, or a value is infinite
-            or too large for float32.
+        InvalidValueError: Two features would have the same name, a covariate would be in two or has too many axes, or
+            a value is infinite or too large for float32.
         UnknownNameError: There is no such covariate.
     """
     covariates = recording.covariates
@@ -132,6 +134,8 @@ def _vector(recording: Aligned, feature: str, parts: Sequence[str]) -> Feature:
 
 def _alone(recording: Aligned, name: str) -> Feature:
     values = recording.covariates[name]
+    if values.ndim - 1 > MOST_AXES:
+        raise InvalidValueError(f"{name!r} has samples of {values.ndim - 1} axes, LeRobot holds at most {MOST_AXES}")
     feature = _allowed(name if _is_own(name) else f"observation.{name}")
     names = None
     if values.ndim <= 2:

@@ -35,9 +35,11 @@ def frame_rate(recording: Aligned, fps: int | None) -> int:
     assert recording.episode is not None
     rate = rate_of(recording.time, recording.episode)
     if np.isnan(rate):
-        raise InvalidValueError("the recording has no rate, as no episode has two samples at different times; give fps")
+        raise InvalidValueError(
+            "the recording has no rate, as no episode has two samples at different times; give fps (--fps)"
+        )
     if round(rate) < 1:
-        raise InvalidValueError(f"the recording has {rate:.3g} samples a second, expected at least 1; give fps")
+        raise InvalidValueError(f"the recording has {rate:.3g} samples a second, expected at least 1; give fps (--fps)")
     return round(rate)
 
 

@@ -24,12 +24,11 @@ from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
 from paxisim.logs.aligned import Aligned
 from paxisim.logs.columns import streams_from_columns
-from paxisim.logs.lerobot_features import PREFIXES
+from paxisim.logs.lerobot_features import MOST_AXES, PREFIXES
 from paxisim.logs.lerobot_meta import INDICES, Meta, read_meta
 from paxisim.logs.parquet import column_values, component_names, is_numeric, read_table, require_pyarrow
 
 _DTYPE = re.compile(r"(float|int|uint)\d{1,2}|bool")
-_MOST_AXES = 5  # of a feature, in LeRobot
 
 
 def read_lerobot(path: Path, pads: Sequence[str] | None = None) -> Aligned:
@@ -136,7 +135,7 @@ def _columns(meta: Meta) -> dict[str, NDArray[Any]]:
 
 
 def _read(meta: Meta, file: Path, names: Sequence[str]) -> dict[str, NDArray[Any]]:
-    table = read_table(file, lambda field: field.name in names and is_numeric(field.type, _MOST_AXES))
+    table = read_table(file, lambda field: field.name in names and is_numeric(field.type, MOST_AXES))
     found = {}
     for name in names:
         if name not in table.column_names:

@@ -13,14 +13,12 @@
 from __future__ import annotations
 
 import json
-import math
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError
 from paxisim.logs.about import about_text
@@ -28,16 +26,12 @@ from paxisim.logs.aligned import Aligned, Method, episode_spans, rate_of
 from paxisim.logs.atomic import whole_folder
 from paxisim.logs.lerobot_features import Feature, features_of
 from paxisim.logs.lerobot_frames import frame_rate, on_frames
-from paxisim.logs.lerobot_meta import ABOUT, INDICES, INFO, TASKS
+from paxisim.logs.lerobot_meta import ABOUT, INDICES, INFO
 from paxisim.logs.lerobot_stats import feature_stats
+from paxisim.logs.lerobot_tables import CHUNK_FILES, FILE, FILE_MEGABYTES, write_episodes, write_frames, write_tasks
 from paxisim.logs.parquet import require_pyarrow
 
 VERSION = "v3.0"
-_FILE = "chunk-{chunk_index:03d}/file-{file_index:03d}"
-FILE_MEGABYTES = 100
-"""Size beyond which a file of frames does not grow, as in LeRobot; an episode that is larger is in one of its own."""
-_CHUNK_FILES = 1000
-_ROWS = 8192  # of a row group
 
 
 def write_lerobot(
@@ -75,6 +69,7 @@ def write_lerobot(
     require_pyarrow()
     fps = frame_rate(recording, fps)
     frames, is_resampled = on_frames(recording, fps, align, drop)
+    assert recording.episode is not None
     assert frames.episode is not None
     spans = episode_spans(frames.episode)
     texts = [_task(frames, int(frames.episode[span.start]), task) for span in spans]
@@ -91,13 +86,13 @@ def write_lerobot(
     }
     del about["layout"]  # each feature has it
     with whole_folder(path) as folder:
-        places = _write_data(folder, features, spans)
-        _write_table(folder / f"meta/episodes/{_file(0)}", _episodes(features, spans, texts, places))
-        _write_table(folder / TASKS, {"task_index": list(range(len(tasks))), _INDEX: tasks}, _PANDAS)
-        _write_json(folder / INFO, _info(features, spans, tasks, fps))
+        files = write_frames(folder, features, spans)
+        write_episodes(folder, features, spans, texts, files)
+        write_tasks(folder, tasks)
+        _write_json(folder / INFO, _info(features, spans, tasks, fps, frames.metadata.get("robot_type")))
         _write_json(folder / "meta/stats.json", stats)
         _write_json(folder / ABOUT, about)
-    rate = rate_of(recording.time, recording.episode) if recording.episode is not None else math.nan
+    rate = rate_of(recording.time, recording.episode)
     why = "as its samples are less regular" if f"{rate:.0f}" == str(fps) else f"from {rate:.4g} Hz"
     how = f", resampled {why}" if is_resampled else ""
     names = " ".join(feature.name for feature in features if feature.name not in INDICES)
@@ -135,7 +130,9 @@ def _indices(spans: Sequence[slice], tasks: Sequence[int], fps: int) -> list[Fea
     return [Feature(name, columns[name]) for name in INDICES]
 
 
-def _info(features: Sequence[Feature], spans: Sequence[slice], tasks: Sequence[str], fps: int) -> dict[str, Any]:
+def _info(
+    features: Sequence[Feature], spans: Sequence[slice], tasks: Sequence[str], fps: int, robot: Any
+) -> dict[str, Any]:
     described = {}
     for feature in features:
         dtype = str(feature.values.dtype)
@@ -144,114 +141,23 @@ def _info(features: Sequence[Feature], spans: Sequence[slice], tasks: Sequence[s
             described[feature.name]["info"] = feature.info
     return {
         "codebase_version": VERSION,
-        "robot_type": None,
+        "robot_type": robot if isinstance(robot, str) else None,
         "total_episodes": len(spans),
         "total_frames": spans[-1].stop,
         "total_tasks": len(tasks),
-        "chunks_size": _CHUNK_FILES,
+        "chunks_size": CHUNK_FILES,
         "data_files_size_in_mb": FILE_MEGABYTES,
         "video_files_size_in_mb": 200,  # LeRobot's default; there is no video
         "fps": fps,
         "splits": {"train": f"0:{len(spans)}"},
-        "data_path": f"data/{_FILE}.parquet",
+        "data_path": f"data/{FILE}",
         "video_path": None,
         "features": described,
     }
 
 
-def _write_data(folder: Path, features: Sequence[Feature], spans: Sequence[slice]) -> list[int]:
-    """Write the frames; gives the number of the file of each episode."""
-    import pyarrow as pa
-    from pyarrow import parquet
-
-    frame_bytes = sum(feature.values[:1].nbytes for feature in features)
-    first = {feature.name: _column(feature.values[:1]) for feature in features}
-    schema = pa.schema([(name, column.type) for name, column in first.items()])
-    places: list[int] = []
-    writer, number, size = None, -1, 0
-    try:
-        for span in spans:
-            length = frame_bytes * (span.stop - span.start)
-            size += length
-            if writer is None or size > FILE_MEGABYTES * 1e6:
-                if writer is not None:
-                    writer.close()
-                number, size = number + 1, length
-                file = folder / f"data/{_file(number)}"
-                file.parent.mkdir(parents=True, exist_ok=True)
-                writer = parquet.ParquetWriter(file, schema)
-            places.append(number)
-            for start in range(span.start, span.stop, _ROWS):
-                rows = slice(start, min(start + _ROWS, span.stop))
-                columns = [_column(feature.values[rows]) for feature in features]
-                writer.write_table(pa.Table.from_arrays(columns, schema=schema))
-    finally:
-        if writer is not None:
-            writer.close()
-    return places
-
-
-def _column(values: NDArray[Any]) -> Any:
-    """Arrow's array of ``(T,)``, ``(T, n)`` or ``(T, a, b, ...)``, with lists nested as LeRobot's."""
-    import pyarrow as pa
-
-    shape = values.shape[1:]
-    array = pa.array(np.ascontiguousarray(values).ravel())
-    if len(shape) == 1:
-        return array if shape == (1,) else pa.FixedSizeListArray.from_arrays(array, shape[0])
-    for size in reversed(shape):
-        array = pa.ListArray.from_arrays(np.arange(0, len(array) + 1, size, dtype=np.int32), array)
-    return array
-
-
-def _episodes(
-    features: Sequence[Feature], spans: Sequence[slice], texts: Sequence[str], places: Sequence[int]
-) -> dict[str, list[Any]]:
-    table: dict[str, list[Any]] = {
-        "episode_index": list(range(len(spans))),
-        "tasks": [[text] for text in texts],
-        "length": [span.stop - span.start for span in spans],
-        "data/chunk_index": [place // _CHUNK_FILES for place in places],
-        "data/file_index": [place % _CHUNK_FILES for place in places],
-        "dataset_from_index": [span.start for span in spans],
-        "dataset_to_index": [span.stop for span in spans],
-    }
-    for feature in features:
-        found = [feature_stats(feature.values[span]) for span in spans]
-        table |= {f"stats/{feature.name}/{what}": [one[what] for one in found] for what in found[0]}
-    return table | {"meta/episodes/chunk_index": [0] * len(spans), "meta/episodes/file_index": [0] * len(spans)}
-
-
-# LeRobot reads this table by pandas and finds a task's text as the name of its row
-_INDEX = "__index_level_0__"
-_PANDAS = {
-    "index_columns": [_INDEX],
-    "column_indexes": [],
-    "columns": [
-        {"name": name, "field_name": field, "pandas_type": kind, "numpy_type": numpy, "metadata": None}
-        for name, field, kind, numpy in (
-            ("task_index", "task_index", "int64", "int64"),
-            (None, _INDEX, "unicode", "object"),
-        )
-    ],
-}
-
-
-def _write_table(path: Path, columns: dict[str, list[Any]], pandas: dict[str, Any] | None = None) -> None:
-    import pyarrow as pa
-    from pyarrow import parquet
-
-    path.parent.mkdir(parents=True, exist_ok=True)
-    about = None if pandas is None else {"pandas": json.dumps(pandas)}
-    parquet.write_table(pa.table(columns).replace_schema_metadata(about), path)
-
-
 def _write_json(path: Path, document: dict[str, Any]) -> None:
     path.write_text(json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8")
-
-
-def _file(number: int) -> str:
-    return _FILE.format(chunk_index=number // _CHUNK_FILES, file_index=number % _CHUNK_FILES) + ".parquet"
 
 
 def _warn_of_unknown(features: Sequence[Feature]) -> None:

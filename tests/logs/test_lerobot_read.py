@@ -87,6 +87,11 @@ def test_a_pad_a_feature(tmp_path, files):
     np.testing.assert_array_equal(found.covariates["action"], state * 2)
     assert found.metadata == {"source": "set", "robot_type": "so101", "tasks": {"0": "press", "1": "pull"}}
     assert found.unit == "N"
+    assert main(["convert", str(tmp_path / "set"), "--lerobot", str(tmp_path / "again")]) == 0
+    again = Recording.load(tmp_path / "again")
+    assert again.metadata == found.metadata
+    np.testing.assert_array_equal(again.covariates["action"], found.covariates["action"])
+    assert json.loads((tmp_path / "again/meta/info.json").read_text())["robot_type"] == "so101"
     assert Recording.load(tmp_path / "set", pads="right").pads == ("right",)
     with pytest.raises(UnknownNameError, match="unknown pad 'middle'"):
         Recording.load(tmp_path / "set", pads="middle")

@@ -15,7 +15,7 @@ from log_files import LAYOUT, recording
 from paxisim.cli import main
 from paxisim.errors import InvalidValueError, MissingExtraError, OutputExistsError, UnknownNameError, UnsupportedError
 from paxisim.layout import TaxelLayout
-from paxisim.logs import lerobot_writer
+from paxisim.logs import lerobot_tables, lerobot_writer
 from paxisim.logs.parquet import require_pyarrow
 from paxisim.recording import Recording
 
@@ -197,6 +197,10 @@ def test_which_covariates_are_the_state_and_the_action(tmp_path):
         write(tmp_path / "d", original, state=("pose",), action=("pose",))
     with pytest.raises(InvalidValueError, match=r"two streams would be the feature 'observation.tactile.a.b'"):
         write(tmp_path / "d", press(pads=("a/b", "a.b")))
+    with pytest.raises(InvalidValueError, match="'deep' has samples of 6 axes, LeRobot holds at most 5"):
+        write(tmp_path / "d", press(covariates={"deep": np.ones((50, 1, 1, 1, 1, 1, 1))}))
+    with pytest.raises(InvalidValueError, match="characters that no file can"):
+        write(tmp_path / "d", press(), task="\ud800")
     assert not (tmp_path / "d").exists()
 
 
@@ -260,7 +264,7 @@ def test_episodes_of_one_frame(tmp_path):
 
 def test_a_large_recording_has_several_files(tmp_path, monkeypatch):
     """Each episode is whole in one file, and a file ends where it would grow beyond 100 MB."""
-    monkeypatch.setattr(lerobot_writer, "FILE_MEGABYTES", 0.05)
+    monkeypatch.setattr(lerobot_tables, "FILE_MEGABYTES", 0.05)
     original = press((40, 20, 5, 50, 60))  # about 0.8 kB a frame
     write(tmp_path / "set", original)
     files = sorted((tmp_path / "set/data").rglob("*.parquet"))
