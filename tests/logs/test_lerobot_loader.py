@@ -5,6 +5,8 @@
 
 import json
 import os
+import re
+import shlex
 import subprocess
 from pathlib import Path
 
@@ -17,6 +19,7 @@ from paxisim.recording import Recording
 
 PYTHON = os.environ.get("PAXISIM_LEROBOT_PYTHON")
 PROGRAM = Path(__file__).with_name("lerobot_loader.py")
+PAGE = Path(__file__).parents[2] / "docs/lerobot.md"
 PROFILE = "gen3-highspeed-mc-m2020"
 
 pytestmark = [
@@ -27,18 +30,23 @@ pytest.importorskip("pyarrow")
 
 
 @pytest.fixture
-def lerobot(tmp_path):
-    """Runs the program; it may not ask for anything on the net."""
+def python(tmp_path):
+    """Runs that interpreter; lerobot may not ask for anything on the net."""
 
     def run(*words):
         environment = {**os.environ, "HF_HUB_OFFLINE": "1", "HF_HOME": str(tmp_path / "cache"), "PYTHONPATH": ""}
         assert PYTHON is not None
-        done = subprocess.run(
-            [PYTHON, str(PROGRAM), *map(str, words)], env=environment, capture_output=True, text=True, check=False
-        )
+        words = [PYTHON, *map(str, words)]
+        done = subprocess.run(words, env=environment, cwd=tmp_path, capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr[-3000:]
+        return done.stdout
 
     return run
+
+
+@pytest.fixture
+def lerobot(python):
+    return lambda *words: python(PROGRAM, *words)
 
 
 @pytest.fixture
@@ -138,6 +146,20 @@ def test_its_loader_opens_a_recording_of_a_board(tmp_path, looked):
     np.testing.assert_array_equal(found["observation.state"], frames.covariates["joint"])
     np.testing.assert_allclose(found["timestamp"], np.arange(len(frames)) / said["fps"], rtol=1e-6)
     assert frames.layout == left.layout
+
+
+def test_the_page_runs_as_printed(tmp_path, python, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    text = PAGE.read_text(encoding="utf-8")
+    press().select(pads="left").save("press.npz")
+    one = Recording.load("press.npz")
+    Recording(**{**vars(one), "pads": ("pad",)}).save("press.mcap")
+    for line in re.findall(r"^paxisim (.*)$", text, re.MULTILINE):
+        assert main(shlex.split(line)) == 0
+    (block,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    shapes = "print(*(found[0]['observation.tactile.pad'].shape for found in (dataset, windows)))"
+    assert python("-c", block + shapes).splitlines()[-1] == "torch.Size([3, 6, 5]) torch.Size([2, 3, 6, 5])"
+    assert len(Recording.load("again.mcap")) == 51
 
 
 def test_it_merges_and_adds_to_what_paxisim_wrote(tmp_path, lerobot):
