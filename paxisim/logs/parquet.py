@@ -107,7 +107,8 @@ def read_table(path: Path, wanted: Callable[[Any], bool]) -> Any:
             source = parquet.ParquetFile(pa.PythonFile(file))
             names = [field.name for field in source.schema_arrow if wanted(field)]
             _check_size(path, names)
-            table = source.read(columns=names)
+            # threads that pyarrow is still starting when a short process ends would abort it
+            table = source.read(columns=names, use_threads=False)
         except InvalidValueError:
             raise
         except (pa.ArrowException, *_NOT_WHOLE) as error:

@@ -1,6 +1,8 @@
 """Parquet tables: those of paxisim come back, and the columns of LeRobot's data sets are read."""
 
 import json
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -115,6 +117,14 @@ def test_the_end_of_a_file_says_what_pyarrow_says(tmp_path, compression):
     assert [chunk.values for chunk in found] == [column.num_values for column in expected]
     assert [chunk.size for chunk in found] == [column.total_uncompressed_size for column in expected]
     assert [chunk.is_text for chunk in found] == [column.physical_type == "BYTE_ARRAY" for column in expected]
+
+
+def test_a_process_that_ends_at_once_ends_with_our_status(tmp_path):
+    parquet.write_table(pa.table({"timestamp": pa.array([], pa.float64())}), tmp_path / "empty.parquet")
+    words = [sys.executable, "-m", "paxisim", "info", str(tmp_path / "empty.parquet")]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr.endswith("empty.parquet has no rows\n")
 
 
 def test_tables_that_are_none_are_named(tmp_path, press):
