@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
-from paxisim.logs.aligned import Aligned, CountsToForce, Method, episode_starts, unit_of
+from paxisim.logs.aligned import Aligned, CountsToForce, Method, episode_starts, rate_of, unit_of
 from paxisim.logs.checks import check_fields
 from paxisim.logs.concatenate import concatenate
 from paxisim.logs.retime import at_rate, at_times_of
@@ -74,9 +74,7 @@ class Recording:
     @property
     def rate(self) -> float:
         """Samples a second: one over the median interval within the episodes; NaN where there is no interval."""
-        intervals = np.diff(self.time)[np.diff(self.episode) == 0]
-        intervals = intervals[intervals > 0]
-        return float(1 / np.median(intervals)) if len(intervals) else float("nan")
+        return rate_of(self.time, self.episode)
 
     @property
     def duration(self) -> float:
@@ -266,7 +264,8 @@ class Recording:
 
         Args:
             path: The file: ``.mcap``, ``.npz``, ``.csv`` (`paxisim.logs.csv`), ``.parquet`` (`paxisim.logs.parquet`) or
-                ``.hdf5`` of robosuite or robomimic (`paxisim.logs.hdf5`).
+                ``.hdf5`` of robosuite or robomimic (`paxisim.logs.hdf5`); or the folder of a LeRobotDataset
+                (`paxisim.logs.lerobot_reader`).
             align: How streams at other times are interpolated: ``"linear"``, ``"nearest"`` or ``"previous"`` (the last
                 value holds, as a command does); for all of them, or by name (``"simulated"`` or a covariate's name).
             max_gap: Where the neighbouring samples of a stream are further apart than this (s), it is not known.
@@ -280,8 +279,8 @@ class Recording:
             profile: How counts in a board's CSV become newtons, as `paxisim.hw.profile.load_profile` gives it; the
                 default is 0.1 N a count with no axis turned. Says the layout as well.
             streams: Files whose streams of numbers, such as joint positions, are added as covariates: MCAP of ROS 2 or
-                with JSON (`paxisim.logs.mcap_joints`), CSV, Parquet, HDF5. `paxisim.logs.add_streams` says how their
-                time and the recording's belong together.
+                with JSON (`paxisim.logs.mcap_joints`), CSV, Parquet, HDF5, LeRobotDataset. `paxisim.logs.add_streams`
+                says how their time and the recording's belong together.
 
         Raises:
             InvalidValueError: Not such a file; no tensors in it; measured and simulated, or the recording and a file of

@@ -68,13 +68,14 @@ def test_the_python_examples_run(folder):
 def test_the_shell_examples_run(folder):
     with ExitStack() as processes:
         lines = shell_lines()
-        assert len(lines) == 9
+        assert len(lines) == 10
         for line in lines:
             if line.endswith("&"):
                 processes.enter_context(started(line))
             elif not line.startswith("view"):  # opens a window
                 assert main(line.split()) == 0, line
     assert (folder / "press.parquet").exists()
+    assert (folder / "press-dataset/meta/info.json").exists()
 
 
 def test_the_picture_is_there():

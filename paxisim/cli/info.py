@@ -22,7 +22,8 @@ def info(recording: Annotated[Path, tyro.conf.Positional]) -> None:
     """Describe a recording: its streams, rates, gaps, episodes, ranges and pads.
 
     Args:
-        recording: An .mcap, .npz, .parquet or .hdf5 file (robosuite, robomimic), or a board's or a plain .csv.
+        recording: An .mcap, .npz, .parquet or .hdf5 file (robosuite, robomimic), a board's or a plain .csv, or the
+            folder of a LeRobotDataset (v3).
     """
     from paxisim.logs.align import describe_bursts
     from paxisim.logs.aligned import unit_of
@@ -30,7 +31,8 @@ def info(recording: Annotated[Path, tyro.conf.Positional]) -> None:
 
     progress(f"reading {recording}")
     log = _read(recording)
-    size = recording.stat().st_size
+    files = recording.rglob("*") if recording.is_dir() else [recording]
+    size = sum(file.stat().st_size for file in files if file.is_file())
     print(f"{recording}: {size_text(size)}" + ("" if log.complete else ", CUT OFF or damaged: what is whole follows"))
     for line in _about(log):
         print(textwrap.fill(line, WIDTH, subsequent_indent="  "))

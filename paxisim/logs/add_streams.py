@@ -36,6 +36,10 @@ def read_streams(path: Path) -> Streams:
         InvalidValueError: It is of another kind, or has no stream of numbers.
         FileNotFoundError: There is no such file.
     """
+    if path.is_dir():
+        from paxisim.logs.lerobot_reader import read_lerobot
+
+        return _of_table(path, read_lerobot(path, pads=()))
     suffix = path.suffix.lower()
     if suffix == ".mcap":
         return {name: {None: stream} for name, stream in _read_mcap(path).items()}
@@ -54,7 +58,9 @@ def read_streams(path: Path) -> Streams:
         from paxisim.logs.hdf5 import read_hdf5
 
         return _of_table(path, read_hdf5(path))
-    raise InvalidValueError(f"streams are added from a .mcap, .csv, .parquet, .h5 or .hdf5 file, got {path}")
+    raise InvalidValueError(
+        f"streams are added from a .mcap, .csv, .parquet, .h5 or .hdf5 file or a LeRobotDataset's folder, got {path}"
+    )
 
 
 def add_streams(

@@ -57,6 +57,13 @@ def episode_starts(episode: NDArray[np.integer]) -> NDArray[np.intp]:
     return np.flatnonzero(np.diff(episode, prepend=episode[0] - 1))
 
 
+def rate_of(time: NDArray[np.float64], episode: NDArray[np.integer]) -> float:
+    """Samples a second: one over the median interval within the episodes; NaN where there is no interval."""
+    intervals = np.diff(time)[np.diff(episode) == 0]
+    intervals = intervals[intervals > 0]
+    return float(1 / np.median(intervals)) if len(intervals) else float("nan")
+
+
 def episode_spans(episode: NDArray[np.integer]) -> tuple[slice, ...]:
     """The samples of each episode, from each sample's number ``(T,)``."""
     edges = [*episode_starts(episode).tolist(), len(episode)]

@@ -60,6 +60,11 @@ def _load(
     pads: tuple[str, ...] | None,
     profile: CountsToForce | None,
 ) -> Aligned:
+    if path.is_dir():
+        if profile is not None:
+            raise InvalidValueError(f"profile is for the counts of a board's CSV file; {path} is a folder")
+        found = _load_lerobot(path, pads)
+        return found if layout is None else replace(found, layout=layout)
     suffix = path.suffix.lower()
     is_eflesh = path.name.endswith(".sensor.csv")
     if suffix == ".csv" and not is_eflesh:
@@ -92,7 +97,10 @@ def _load(
         if not log.complete:
             _warn_of_part(path, "cut off or damaged", found)
     else:
-        raise InvalidValueError(f"a recording is read from a .mcap, .npz, .csv, .parquet or .hdf5 file, got {path}")
+        raise InvalidValueError(
+            "a recording is read from a .mcap, .npz, .csv, .parquet or .hdf5 file, or from the folder of a "
+            f"LeRobotDataset, got {path}"
+        )
     return found if layout is None else replace(found, layout=layout)
 
 
@@ -104,7 +112,10 @@ def _load_parquet(path: Path) -> Aligned:
     try:
         found = from_columns(columns)
     except InvalidValueError as error:
-        raise InvalidValueError(f"{path}: {error}") from error
+        dataset = path.absolute().parent.parent.parent
+        is_part = (dataset / "meta/info.json").is_file()
+        advice = f"; it is a part of the LeRobotDataset {dataset}, load that folder" if is_part else ""
+        raise InvalidValueError(f"{path}: {error}{advice}") from error
     return replace(found, **about)
 
 
@@ -116,6 +127,19 @@ def _load_hdf5(path: Path) -> Aligned:
         raise InvalidValueError(
             f"{path} has no tensor: expected a dataset of shape (T, pads, 3, rows, cols) in obs; add it to a recording "
             "that has one with streams (paxisim convert --streams)"
+        )
+    return found
+
+
+def _load_lerobot(path: Path, pads: tuple[str, ...] | None) -> Aligned:
+    from paxisim.logs.lerobot_reader import features_in_words, read_lerobot
+
+    found = read_lerobot(path, pads)
+    if found.measured is None and found.simulated is None:
+        raise InvalidValueError(
+            f"{path} has no tactile feature{'' if pads is None else ' of those pads'}: expected one such as "
+            f"observation.tactile.PAD of shape (3, rows, cols), it has {features_in_words(path)}; streams adds what it "
+            "has to a recording (paxisim convert --streams)"
         )
     return found
 

@@ -83,12 +83,18 @@ def _in_episodes(recording: Aligned, wanted: list[int]) -> NDArray[np.bool_]:
     return np.isin(recording.episode, np.asarray(wanted, dtype=np.int64))
 
 
-def _known(recording: Aligned) -> Aligned:
+def known_samples(recording: Aligned) -> NDArray[np.bool_]:
+    """``(T,)``: at which samples no tensor and no covariate has a NaN."""
     known = np.ones(len(recording.time), dtype=bool)
     for array in (recording.measured, recording.simulated, *recording.covariates.values()):
         if array is not None:
             # a sum is NaN where a part is, and needs no array of the same size
             known &= ~np.isnan(array.reshape(len(array), -1).sum(axis=1))
+    return known
+
+
+def _known(recording: Aligned) -> Aligned:
+    known = known_samples(recording)
     if not known.any():
         raise InvalidValueError("no sample is left: there is none at which all streams are known")
     return recording if known.all() else take(recording, known)

@@ -21,6 +21,7 @@ from mcap.writer import CompressionType, Writer
 import paxisim
 from paxisim.errors import PaxisimError
 from paxisim.hw.profile import Profile, load_profile
+from paxisim.logs.lerobot_writer import write_lerobot
 from paxisim.logs.mcap_joints import read_joints
 from paxisim.logs.mcap_reader import is_recording
 
@@ -209,9 +210,36 @@ def read_json(path: Path) -> object:
     return paxisim.Chain.load(path)
 
 
+DATASET = ("data/chunk-000/file-000.parquet", "meta/info.json", "meta/paxisim.json", "meta/tasks.parquet")
+
+
+def lerobot_bases(folder: Path) -> list[bytes]:
+    """The files of a dataset, each behind its number, which stays as it is."""
+    write_lerobot(folder / "dataset", recording().to_aligned(), task="press")
+    return [bytes([i]) + (folder / "dataset" / name).read_bytes() for i, name in enumerate(DATASET)]
+
+
+def lerobot_mutant(bases: list[bytes], rng: random.Random) -> bytes:
+    base = rng.choice(bases)
+    return base[:1] + changed(base[1:], rng)
+
+
+def read_lerobot(path: Path) -> object:
+    """The dataset with one of its files replaced."""
+    data = path.read_bytes()
+    file = path.parent / "dataset" / DATASET[data[0]]
+    whole = file.read_bytes()
+    file.write_bytes(data[1:])
+    try:
+        return paxisim.Recording.load(path.parent / "dataset")
+    finally:
+        file.write_bytes(whole)
+
+
 FORMATS = {
     "mcap": (mcap_bases, mcap_mutant, read_mcap, (paxisim.Recording, dict)),
     "npz": (npz_bases, npz_mutant, paxisim.Recording.load, paxisim.Recording),
+    "lerobot": (lerobot_bases, lerobot_mutant, read_lerobot, paxisim.Recording),
     "csv": (csv_bases, any_mutant, paxisim.Recording.load, paxisim.Recording),
     "toml": (toml_bases, any_mutant, read_toml, (paxisim.Scene, Profile)),
     "json": (json_bases, any_mutant, read_json, (paxisim.Chain, paxisim.Protocol)),

@@ -1,6 +1,8 @@
 """Parquet tables: those of paxisim come back, and the columns of LeRobot's data sets are read."""
 
 import json
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ from log_files import assert_equal, recording
 from paxisim.cli.convert import convert
 from paxisim.errors import InvalidValueError, MissingExtraError, UnsupportedError
 from paxisim.logs.parquet import require_pyarrow
+from paxisim.logs.parquet_footer import column_chunks
 from paxisim.recording import Recording
 
 try:
@@ -94,6 +97,34 @@ def test_a_lerobot_table_with_taxels_is_a_recording(tmp_path):
     assert found.episode.tolist() == [0, 0, 0, 1, 1, 1, 1]
     np.testing.assert_allclose(found.time, [0, 0.1, 0.2, 0, 0.1, 0.2, 0.3], atol=1e-7)
     np.testing.assert_array_equal(found.covariates["observation.state"], state)
+
+
+@pytest.mark.parametrize("compression", ["none", "snappy", "zstd"])
+def test_the_end_of_a_file_says_what_pyarrow_says(tmp_path, compression):
+    rows = range(100)
+    columns = {f"column {i}": [float(i)] * 100 for i in range(40)} | {
+        **{"text": ["a", "b\u00e9", None, ""] * 25, "flag": [True, None] * 50, "bytes": [b"x"] * 100},
+        **{"list": [[1.0] * (i % 3) for i in rows], "deep": [[[1, 2], []]] * 100, "one.two": [{"a": i} for i in rows]},
+    }
+    table = pa.table(columns).replace_schema_metadata({"a": "b" * 1000})
+    parquet.write_table(table, tmp_path / "a.parquet", row_group_size=30, compression=compression)
+    about = parquet.read_metadata(tmp_path / "a.parquet")
+    groups = [about.row_group(i) for i in range(about.num_row_groups)]
+    expected = [group.column(i) for group in groups for i in range(about.num_columns)]
+    found = column_chunks(tmp_path / "a.parquet")
+    assert len(groups) == 4
+    assert [".".join(chunk.path) for chunk in found] == [column.path_in_schema for column in expected]
+    assert [chunk.values for chunk in found] == [column.num_values for column in expected]
+    assert [chunk.size for chunk in found] == [column.total_uncompressed_size for column in expected]
+    assert [chunk.is_text for chunk in found] == [column.physical_type == "BYTE_ARRAY" for column in expected]
+
+
+def test_a_process_that_ends_at_once_ends_with_our_status(tmp_path):
+    parquet.write_table(pa.table({"timestamp": pa.array([], pa.float64())}), tmp_path / "empty.parquet")
+    words = [sys.executable, "-m", "paxisim", "info", str(tmp_path / "empty.parquet")]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr.endswith("empty.parquet has no rows\n")
 
 
 def test_tables_that_are_none_are_named(tmp_path, press):

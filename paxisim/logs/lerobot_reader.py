@@ -1,0 +1,233 @@
+"""lerobot_reader: a LeRobotDataset, format v3, as a recording.
+
+A feature of shape ``(3, rows, cols)`` that has "tactile" in its name is a pad, and one of ``(pads, 3, rows, cols)`` so
+many. They are measured newtons, unless ``info`` of the feature says otherwise, as `paxisim.logs.lerobot_features`
+writes it. All other features of numbers are covariates; a vector whose components have names is one for each, such as
+``action.NAME``. Images, videos and texts are left out.
+
+The time counts from the first frame of each episode, or as in the recording that paxisim wrote.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from paxisim.errors import InvalidValueError
+from paxisim.layout import TaxelLayout
+from paxisim.logs.aligned import Aligned
+from paxisim.logs.columns import streams_from_columns
+from paxisim.logs.lerobot_features import MOST_AXES, PREFIXES
+from paxisim.logs.lerobot_meta import INDICES, Meta, read_meta
+from paxisim.logs.parquet import column_values, component_names, is_numeric, read_table, require_pyarrow
+
+_DTYPE = re.compile(r"(float|int|uint)\d{1,2}|bool")
+
+
+def read_lerobot(path: Path, pads: Sequence[str] | None = None) -> Aligned:
+    """Read all episodes; there may be no tensor in them.
+
+    Args:
+        path: The dataset's folder.
+        pads: The pads that are asked for, or none; others are left out where they differ from them.
+
+    Raises:
+        MissingExtraError, UnsupportedError: pyarrow cannot be used.
+        InvalidValueError: No such dataset, one of another version, one that is damaged or not whole, or pads that
+            differ in grid, layout or unit.
+    """
+    require_pyarrow()
+    meta = read_meta(path)
+    columns = _columns(meta)
+    episode = _whole(meta, "episode_index", columns["episode_index"])
+    indices, at = np.unique(episode, return_inverse=True)
+    begins, numbers = meta.clock(indices)
+    time, episode = begins[at] + columns["timestamp"], numbers[at]
+    metadata = meta.metadata(_whole(meta, "task_index", columns["task_index"]), episode)
+    features = {name: values for name, values in columns.items() if name not in INDICES}
+    found = [_Pads.of(meta, name, features.pop(name)) for name in list(features) if _is_tactile(meta, name)]
+    if pads is not None and (not pads or _difference(found)):
+        found = [part for part in found if set(part.pads) & set(pads)]
+    if said := _difference(found):
+        raise InvalidValueError(f"{path}: {said}, and a recording has one for all pads; load some of them by pads")
+    names = list(dict.fromkeys(pad for part in found for pad in part.pads))
+    if found and (found[0].unit or "N") != (metadata.get("unit") or "N"):
+        metadata["unit"] = found[0].unit or "N"
+    return Aligned(
+        time,
+        measured=_tensor(meta, "measured", found, names),
+        simulated=_tensor(meta, "simulated", found, names),
+        covariates=_covariates(meta, features, time),
+        episode=episode,
+        layout=found[0].layout if found else None,
+        pads=tuple(names),
+        metadata=metadata,
+    )
+
+
+def features_in_words(path: Path) -> str:
+    """What a dataset without a tactile feature has instead."""
+    listed = [f"{name} {feature['shape']}" for name, feature in read_meta(path).features.items() if name not in INDICES]
+    return ", ".join(listed[:8]) + (" ..." if len(listed) > 8 else "") or "nothing"
+
+
+@dataclass(frozen=True)
+class _Pads:
+    """What a tactile feature holds; `tensor` is ``(T, pads, 3, rows, cols)``."""
+
+    feature: str
+    stream: str
+    pads: tuple[str, ...]
+    tensor: NDArray[np.float32]
+    unit: str | None
+    layout: TaxelLayout | None
+
+    @classmethod
+    def of(cls, meta: Meta, feature: str, values: NDArray[Any]) -> _Pads:
+        info = meta.features[feature].get("info")
+        info = info if isinstance(info, dict) else {}
+        layout, unit, stream, pad = (info.get(name) for name in ("layout", "unit", "stream", "pad"))
+        if not isinstance(unit, str | None):
+            raise InvalidValueError(f"{meta.path}: the unit of {feature} must be a text such as N, got {unit!r:.80}")
+        if stream not in tuple(PREFIXES):
+            stream = "simulated" if feature.startswith(f"{PREFIXES['simulated']}.") else "measured"
+        name = "pad" if feature in PREFIXES.values() else feature
+        name = name.removeprefix(f"{PREFIXES[stream]}.").removeprefix("observation.")
+        if values.ndim == 4:
+            values, pads = values[:, None], (pad if isinstance(pad, str) else name,)
+        else:
+            pads = tuple(f"{name}{i}" for i in range(values.shape[1]))
+        try:
+            layout = None if layout is None else _layout(layout, values.shape[-2:])
+        except InvalidValueError as error:
+            raise InvalidValueError(f"{meta.path}: the layout of {feature}: {error}") from error
+        return cls(feature, stream, pads, values.astype(np.float32, copy=False), unit, layout)
+
+
+def _layout(document: Any, grid: tuple[int, ...]) -> TaxelLayout:
+    said = [document.get(name) for name in ("rows", "cols")] if isinstance(document, dict) else list(grid)
+    if said != list(grid):  # looked at before there is room for so many taxels
+        raise InvalidValueError(f"it has rows and cols {said!r:.40}, the frames have {list(grid)}")
+    return TaxelLayout.from_dict(document)
+
+
+def _columns(meta: Meta) -> dict[str, NDArray[Any]]:
+    """Each column ``(T, *shape)``, or ``(T,)`` where the shape is ``(1,)``, of all data files together."""
+    files = sorted((meta.path / "data").glob("*/*.parquet"))
+    if not files:
+        raise InvalidValueError(f"{meta.path} has no frames: expected data/chunk-000/file-000.parquet")
+    names = [name for name, feature in meta.features.items() if _DTYPE.fullmatch(str(feature.get("dtype")))]
+    names += [name for name in INDICES if name not in names]
+    parts = [_read(meta, file, names) for file in files]
+    frames = sum(len(part["timestamp"]) for part in parts)
+    if meta.frames is not None and frames != meta.frames:
+        raise InvalidValueError(
+            f"{meta.path} is not whole: by meta/info.json it has {meta.frames} frames, its data files hold {frames}"
+        )
+    return {name: np.concatenate([part.pop(name) for part in parts]) for name in names}
+
+
+def _read(meta: Meta, file: Path, names: Sequence[str]) -> dict[str, NDArray[Any]]:
+    table = read_table(file, lambda field: field.name in names and is_numeric(field.type, MOST_AXES))
+    found = {}
+    for name in names:
+        if name not in table.column_names:
+            raise InvalidValueError(f"{file} has no column {name!r} of numbers, as meta/info.json says")
+        shape = (1,) if name in INDICES else tuple(meta.features[name]["shape"])
+        dtype = np.float32 if len(shape) > 2 else np.float64
+        values = column_values(f"{file}, column {name!r}", table[name], dtype)
+        if (values.shape[1:] or (1,)) != shape:
+            raise InvalidValueError(
+                f"{file}: {name} has the shape {values.shape[1:] or (1,)}, expected {shape} as in meta/info.json"
+            )
+        found[name] = values.reshape(len(values)) if shape == (1,) else values
+    return found
+
+
+def _whole(meta: Meta, name: str, values: NDArray[Any]) -> NDArray[np.int64]:
+    if not np.all((values >= 0) & (values < 2**31) & (values == np.round(values))):
+        raise InvalidValueError(f"{meta.path}: {name} must hold whole numbers from 0 on")
+    return values.astype(np.int64)
+
+
+def _is_tactile(meta: Meta, name: str) -> bool:
+    shape = meta.features[name]["shape"]
+    is_named = "tactile" in name.lower() or name.startswith(f"{PREFIXES['simulated']}.")
+    return is_named and len(shape) in (3, 4) and shape[-3] == 3
+
+
+def _difference(found: Sequence[_Pads]) -> str:
+    """What two features of pads do not share, and a recording has one of for all pads; empty if there is nothing."""
+    for part in found[1:]:
+        for what, of in (("grids", lambda p: p.tensor.shape[-2:]), ("layouts", lambda p: p.layout), ("units", _unit)):
+            if of(part) != of(found[0]):
+                return f"{found[0].feature} and {part.feature} have different {what}"
+    return ""
+
+
+def _unit(part: _Pads) -> str:
+    return part.unit or "N"
+
+
+def _tensor(meta: Meta, stream: str, found: Sequence[_Pads], names: Sequence[str]) -> NDArray[np.float32] | None:
+    parts = [part for part in found if part.stream == stream]
+    if not parts:
+        return None
+    pads = [pad for part in parts for pad in part.pads]
+    if sorted(pads) != sorted(names):
+        raise InvalidValueError(f"{meta.path}: {stream} has the pads {', '.join(pads)}, expected {', '.join(names)}")
+    tensor = parts[0].tensor if len(parts) == 1 else np.concatenate([part.tensor for part in parts], axis=1)
+    return tensor if pads == list(names) else tensor[:, [pads.index(name) for name in names]]
+
+
+def _covariates(
+    meta: Meta, features: Mapping[str, NDArray[Any]], time: NDArray[np.float64]
+) -> dict[str, NDArray[np.float64]]:
+    names = component_names(meta.features)
+    written: dict[str, NDArray[np.float64]] = {}
+    columns: dict[str, NDArray[Any]] = {}
+    for feature, values in features.items():
+        parts = _parts(meta.features[feature], values)
+        if parts:
+            twice = parts.keys() & written.keys()
+            if twice:
+                raise InvalidValueError(f"{meta.path}: two features hold the covariate {min(twice)!r}")
+            written |= parts
+        elif values.ndim == 2 and len(names.get(feature, ())) == values.shape[1]:
+            columns |= {f"{feature}.{part}": values[:, i] for i, part in enumerate(names[feature])}
+        else:
+            columns[feature] = values
+    try:
+        return {**streams_from_columns({"timestamp": time, **columns}).covariates, **written}
+    except InvalidValueError as error:
+        raise InvalidValueError(f"{meta.path}: {error}") from error
+
+
+def _parts(feature: Mapping[str, Any], values: NDArray[Any]) -> dict[str, NDArray[np.float64]]:
+    """The covariates that paxisim put into a feature, by what its ``info`` says; empty where it says nothing."""
+    info = feature.get("info")
+    listed = info.get("covariates") if isinstance(info, dict) else None
+    if not isinstance(listed, list):
+        return {}
+    flat = values.reshape(len(values), -1)
+    parts, start = {}, 0
+    for item in listed:
+        if not (isinstance(item, list) and len(item) == 2 and isinstance(item[0], str) and _is_shape(item[1])):
+            return {}
+        size = math.prod(item[1])
+        if start + size > flat.shape[1]:
+            return {}
+        parts[item[0]] = flat[:, start : start + size].reshape(-1, *item[1]).astype(np.float64)
+        start += size
+    return parts if start == flat.shape[1] and len(parts) == len(listed) else {}
+
+
+def _is_shape(given: Any) -> bool:
+    return isinstance(given, list) and len(given) < 32 and all(type(size) is int and 0 < size < 2**31 for size in given)

@@ -1,0 +1,181 @@
+"""lerobot_writer: a recording as a LeRobotDataset, format v3.0.
+
+| file | holds |
+|---|---|
+| ``meta/info.json`` | frame rate, counts, the features of `paxisim.logs.lerobot_features` |
+| ``meta/stats.json`` | statistics of each feature over all frames, as in `paxisim.logs.lerobot_stats` |
+| ``meta/tasks.parquet`` | the tasks' texts |
+| ``meta/episodes/chunk-000/file-000.parquet`` | where each episode lies, its length, task and statistics |
+| ``meta/paxisim.json`` | pads and metadata of the recording, its episodes' numbers, and when each begins (s) |
+| ``data/chunk-000/file-000.parquet`` ... | the frames; a new file where one would grow beyond 100 MB |
+"""
+
+from __future__ import annotations
+
+import json
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from paxisim.errors import InvalidValueError
+from paxisim.logs.about import about_text
+from paxisim.logs.aligned import Aligned, Method, episode_spans, rate_of
+from paxisim.logs.atomic import whole_folder
+from paxisim.logs.lerobot_features import Feature, features_of
+from paxisim.logs.lerobot_frames import frame_rate, on_frames
+from paxisim.logs.lerobot_meta import ABOUT, INDICES, INFO
+from paxisim.logs.lerobot_stats import feature_stats
+from paxisim.logs.lerobot_tables import CHUNK_FILES, FILE, FILE_MEGABYTES, write_episodes, write_frames, write_tasks
+from paxisim.logs.parquet import require_pyarrow
+
+VERSION = "v3.0"
+
+
+def write_lerobot(
+    path: Path,
+    recording: Aligned,
+    *,
+    fps: int | None = None,
+    task: str | None = None,
+    state: Sequence[str] = (),
+    action: Sequence[str] = (),
+    align: Method = "linear",
+    drop: bool = False,
+) -> str:
+    """Write the dataset, whole or not at all.
+
+    Args:
+        path: The folder, which must not exist yet.
+        recording: A recording whose fields were checked, as `paxisim.Recording.to_aligned` gives it.
+        fps: Frames a second; default: the recording's rate, rounded. See `paxisim.logs.lerobot_frames`.
+        task: What is done, in words; default: ``task`` or, by episode, ``tasks`` in the metadata, or nothing.
+        state: Covariates that make up ``observation.state``. See `paxisim.logs.lerobot_features`.
+        action: Covariates that make up ``action``.
+        align: How values are interpolated where the recording is not as regular as the dataset.
+        drop: Leave out frames at which a value is not known, and begin an episode anew after them.
+
+    Returns:
+        What was written, in a line.
+
+    Raises:
+        MissingExtraError, UnsupportedError: pyarrow cannot be used.
+        OutputExistsError: There is something at the path.
+        InvalidValueError: No frame rate, no frame left, a stream that is never known, or what `features_of` refuses.
+        UnknownNameError: There is no such covariate.
+    """
+    require_pyarrow()
+    fps = frame_rate(recording, fps)
+    frames, is_resampled = on_frames(recording, fps, align, drop)
+    assert recording.episode is not None
+    assert frames.episode is not None
+    spans = episode_spans(frames.episode)
+    texts = [_task(frames, int(frames.episode[span.start]), task) for span in spans]
+    tasks = list(dict.fromkeys(texts))
+    features = features_of(frames, state, action)
+    _check_texts([*tasks, *(feature.name for feature in features)])
+    _warn_of_unknown(features)
+    features += _indices(spans, [tasks.index(text) for text in texts], fps)
+    stats = {feature.name: feature_stats(feature.values) for feature in features}
+    _refuse_unknown(stats)
+    about = json.loads(about_text(frames)) | {
+        "episodes": [int(frames.episode[span.start]) for span in spans],
+        "begins": [float(frames.time[span.start]) for span in spans],
+    }
+    del about["layout"]  # each feature has it
+    with whole_folder(path) as folder:
+        files = write_frames(folder, features, spans)
+        write_episodes(folder, features, spans, texts, files)
+        write_tasks(folder, tasks)
+        _write_json(folder / INFO, _info(features, spans, tasks, fps, frames.metadata.get("robot_type")))
+        _write_json(folder / "meta/stats.json", stats)
+        _write_json(folder / ABOUT, about)
+    rate = rate_of(recording.time, recording.episode)
+    why = "as its samples are less regular" if f"{rate:.0f}" == str(fps) else f"from {rate:.4g} Hz"
+    how = f", resampled {why}" if is_resampled else ""
+    names = " ".join(feature.name for feature in features if feature.name not in INDICES)
+    counts = f"{len(spans)} episode{'s' * (len(spans) != 1)}, {len(frames.time)} frames at {fps} Hz{how}"
+    return f"LeRobotDataset {VERSION}, {counts}, {names}"
+
+
+def _task(frames: Aligned, episode: int, given: str | None) -> str:
+    if given is not None:
+        return given
+    by_episode = frames.metadata.get("tasks")
+    text = by_episode.get(str(episode)) if isinstance(by_episode, dict) else None
+    text = frames.metadata.get("task") if text is None else text
+    return text if isinstance(text, str) else ""
+
+
+def _check_texts(texts: Sequence[str]) -> None:
+    for text in texts:
+        try:
+            text.encode()
+        except UnicodeEncodeError:
+            raise InvalidValueError(f"{text!r:.80} holds characters that no file can, such as half of a pair") from None
+
+
+def _indices(spans: Sequence[slice], tasks: Sequence[int], fps: int) -> list[Feature]:
+    lengths = [span.stop - span.start for span in spans]
+    frame = np.concatenate([np.arange(length) for length in lengths])
+    columns = {
+        "timestamp": (frame / fps).astype(np.float32),
+        "frame_index": frame,
+        "episode_index": np.repeat(np.arange(len(spans)), lengths),
+        "index": np.arange(len(frame)),
+        "task_index": np.repeat(np.asarray(tasks, dtype=np.int64), lengths),
+    }
+    return [Feature(name, columns[name]) for name in INDICES]
+
+
+def _info(
+    features: Sequence[Feature], spans: Sequence[slice], tasks: Sequence[str], fps: int, robot: Any
+) -> dict[str, Any]:
+    described = {}
+    for feature in features:
+        dtype = str(feature.values.dtype)
+        described[feature.name] = {"dtype": dtype, "shape": list(feature.shape), "names": feature.names}
+        if feature.info:
+            described[feature.name]["info"] = feature.info
+    return {
+        "codebase_version": VERSION,
+        "robot_type": robot if isinstance(robot, str) else None,
+        "total_episodes": len(spans),
+        "total_frames": spans[-1].stop,
+        "total_tasks": len(tasks),
+        "chunks_size": CHUNK_FILES,
+        "data_files_size_in_mb": FILE_MEGABYTES,
+        "video_files_size_in_mb": 200,  # LeRobot's default; there is no video
+        "fps": fps,
+        "splits": {"train": f"0:{len(spans)}"},
+        "data_path": f"data/{FILE}",
+        "video_path": None,
+        "features": described,
+    }
+
+
+def _write_json(path: Path, document: dict[str, Any]) -> None:
+    path.write_text(json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def _warn_of_unknown(features: Sequence[Feature]) -> None:
+    unknown = {f.name: np.isnan(f.values.reshape(len(f.values), -1)).any(axis=1) for f in features}
+    names = [name for name, frames in unknown.items() if frames.any()]
+    if names:
+        count = int(np.any([unknown[name] for name in names], axis=0).sum())
+        warnings.warn(
+            f"{count} of {len(unknown[names[0]])} frames hold NaN, for what is not known, in {', '.join(names)}; few "
+            "policies can be trained on those: --missing drop (drop=True) leaves them out",
+            stacklevel=3,
+        )
+
+
+def _refuse_unknown(stats: dict[str, dict[str, list[Any]]]) -> None:
+    for name, found in stats.items():
+        if np.isnan(found["mean"]).any():
+            raise InvalidValueError(
+                f"{name} holds values that are not known at any frame, and LeRobot needs statistics of each: leave "
+                "the pad or the covariate out (--pads, Recording.select)"
+            )

@@ -1,0 +1,291 @@
+"""LeRobotDatasets that others made: what paxisim reads from them, and what it refuses."""
+
+import json
+
+import numpy as np
+import pytest
+
+from paxisim.cli import main
+from paxisim.errors import InvalidValueError, MissingExtraError, UnknownNameError, UnsupportedError
+from paxisim.logs.limits import VARIABLE
+from paxisim.logs.parquet import require_pyarrow
+from paxisim.recording import Recording
+
+try:
+    require_pyarrow()
+except (MissingExtraError, UnsupportedError) as error:
+    pytest.skip(str(error), allow_module_level=True)
+
+import pyarrow as pa
+from pyarrow import parquet
+
+LENGTHS = (3, 4)
+SAMPLES = sum(LENGTHS)
+NAMES = ["pan.pos", "gripper.pos"]
+
+
+def values(*shape, seed=0):
+    return np.random.default_rng(seed).normal(size=(SAMPLES, *shape)).astype(np.float32)
+
+
+def nested(array):
+    kind = pa.float32()
+    for _ in array.shape[1:]:
+        kind = pa.list_(kind)
+    return pa.array(array.tolist(), kind)
+
+
+def dataset(folder, streams, files=1, task=("press", "pull"), **changes):
+    """Two episodes at 10 Hz, without anything that paxisim adds; `streams` are arrays, or arrays and what is said."""
+    frame = np.concatenate([np.arange(n) for n in LENGTHS])
+    episode = np.repeat([0, 1], LENGTHS)
+    arrays = {name: given[0] if isinstance(given, tuple) else given for name, given in streams.items()}
+    columns = {name: nested(array) for name, array in arrays.items()} | {
+        "timestamp": pa.array((frame / 10).astype(np.float32)),
+        **{"frame_index": pa.array(frame), "episode_index": pa.array(episode)},
+        **{"index": pa.array(np.arange(SAMPLES)), "task_index": pa.array(episode)},
+    }
+    table = pa.table(columns)
+    for i, part in enumerate(np.array_split(np.arange(SAMPLES), files)):
+        path = folder / f"data/chunk-{i // 2:03d}/file-{i % 2:03d}.parquet"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        parquet.write_table(table.slice(part[0], len(part)), path)
+    (folder / "meta").mkdir()
+    described = {
+        name: {
+            **{"dtype": "float32", "shape": list(array.shape[1:]) or [1], "names": None},
+            **(streams[name][1] if isinstance(streams[name], tuple) else {}),
+        }
+        for name, array in arrays.items()
+    }
+    described["observation.images.front"] = {"dtype": "video", "shape": [48, 64, 3], "names": None}
+    info = {
+        "codebase_version": "v3.0",
+        "robot_type": "so101",
+        "total_frames": SAMPLES,
+        "fps": 10,
+        "features": described,
+    }
+    (folder / "meta/info.json").write_text(json.dumps({**info, **changes}))
+    tasks = pa.table({"task_index": list(range(len(task))), "__index_level_0__": list(task)})
+    parquet.write_table(tasks, folder / "meta/tasks.parquet")
+    return folder
+
+
+@pytest.mark.parametrize("files", [1, 2, 3, SAMPLES])
+def test_a_pad_a_feature(tmp_path, files):
+    left, right, state = values(3, 6, 5), values(3, 6, 5, seed=1), values(2, seed=2)
+    features = {"observation.tactile.left": left, "observation.tactile.right": right}
+    features |= {"observation.state": (state, {"names": NAMES}), "action": state * 2, "gripper": state[:, 0]}
+    found = Recording.load(dataset(tmp_path / "set", features, files))
+    np.testing.assert_array_equal(found.measured, np.stack([left, right], axis=1))
+    assert found.pads == ("left", "right")
+    assert found.episode.tolist() == [0] * 3 + [1] * 4
+    np.testing.assert_allclose(found.time, [0, 0.1, 0.2, 0, 0.1, 0.2, 0.3], atol=1e-7)
+    assert set(found.covariates) == {*(f"observation.state.{name}" for name in NAMES), "action", "gripper"}
+    np.testing.assert_array_equal(found.covariates["observation.state.gripper.pos"], state[:, 1])
+    np.testing.assert_array_equal(found.covariates["action"], state * 2)
+    assert found.metadata == {"source": "set", "robot_type": "so101", "tasks": {"0": "press", "1": "pull"}}
+    assert found.unit == "N"
+    assert main(["convert", str(tmp_path / "set"), "--lerobot", str(tmp_path / "again")]) == 0
+    again = Recording.load(tmp_path / "again")
+    assert again.metadata == found.metadata
+    np.testing.assert_array_equal(again.covariates["action"], found.covariates["action"])
+    assert json.loads((tmp_path / "again/meta/info.json").read_text())["robot_type"] == "so101"
+    assert Recording.load(tmp_path / "set", pads="right").pads == ("right",)
+    with pytest.raises(UnknownNameError, match="unknown pad 'middle'"):
+        Recording.load(tmp_path / "set", pads="middle")
+
+
+def test_all_pads_in_one_feature(tmp_path):
+    tensor = values(2, 3, 6, 5)
+    found = Recording.load(dataset(tmp_path / "set", {"observation.tactile": tensor}, task=("press", "press")))
+    np.testing.assert_array_equal(found.measured, tensor)
+    assert found.pads == ("pad0", "pad1")
+    assert found.metadata["task"] == "press"
+    features = {"observation.tactile.thumb": tensor, "observation.left_tactile": values(3, 6, 5)}
+    found = Recording.load(dataset(tmp_path / "more", features))
+    assert found.pads == ("thumb0", "thumb1", "left_tactile")
+    assert found.measured.shape == (SAMPLES, 3, 3, 6, 5)
+
+
+def test_tensors_as_the_extension_type_that_lerobot_registers(tmp_path):
+    """Where its library is imported too, Arrow has a type of its own for them."""
+
+    class Array3D(pa.ExtensionType):
+        def __init__(self):
+            super().__init__(pa.list_(pa.list_(pa.list_(pa.float32()))), "test.Array3D")
+
+        def __arrow_ext_serialize__(self):
+            return b""
+
+        @classmethod
+        def __arrow_ext_deserialize__(cls, storage_type, serialized):
+            return cls()
+
+    tensor = values(3, 2, 1)
+    path = dataset(tmp_path / "set", {"observation.tactile.left": tensor}) / "data/chunk-000/file-000.parquet"
+    table = parquet.read_table(path)
+    extended = pa.ExtensionArray.from_storage(Array3D(), table["observation.tactile.left"].combine_chunks())
+    parquet.write_table(table.set_column(0, "observation.tactile.left", extended), path)
+    np.testing.assert_array_equal(Recording.load(tmp_path / "set").measured[:, 0], tensor)
+    pa.register_extension_type(Array3D())
+    try:
+        assert isinstance(parquet.read_table(path).schema.field(0).type, Array3D)
+        np.testing.assert_array_equal(Recording.load(tmp_path / "set").measured[:, 0], tensor)
+    finally:
+        pa.unregister_extension_type("test.Array3D")
+
+
+def test_pads_that_differ(tmp_path):
+    features = {"observation.tactile.left": values(3, 6, 5), "observation.tactile.palm": values(3, 9, 9)}
+    path = dataset(tmp_path / "set", features)
+    with pytest.raises(InvalidValueError, match=r"left and observation.tactile.palm have different grids.* by pads"):
+        Recording.load(path)
+    assert Recording.load(path, pads="palm").measured.shape == (SAMPLES, 1, 3, 9, 9)
+    unit = {"info": {"unit": "uT"}}
+    features = {"observation.tactile.left": values(3, 6, 5), "observation.tactile.palm": (values(3, 6, 5), unit)}
+    path = dataset(tmp_path / "units", features)
+    with pytest.raises(InvalidValueError, match="have different units"):
+        Recording.load(path)
+    assert Recording.load(path, pads="palm").unit == "uT"
+    features = {"observation.tactile.left": values(3, 6, 5), "observation.simulated.right": values(3, 6, 5)}
+    features["gripper"] = values()
+    with pytest.raises(InvalidValueError, match="measured has the pads left, expected left, right"):
+        Recording.load(dataset(tmp_path / "streams", features))
+    Recording(np.arange(3) * 0.1, values(1, 3, 1, 1)[:3]).save(tmp_path / "press.npz")
+    found = Recording.load(tmp_path / "press.npz", streams=tmp_path / "streams")  # for which its pads do not matter
+    np.testing.assert_allclose(found.covariates["gripper"], features["gripper"][:3], atol=1e-6)
+
+
+def test_a_dataset_without_tactile_features_gives_streams(tmp_path):
+    state = values(2)
+    path = dataset(
+        tmp_path / "set", {"observation.state": (state, {"names": NAMES}), "touch": values(3, 6, 5)}, files=2
+    )
+    with pytest.raises(InvalidValueError) as caught:
+        Recording.load(path)
+    for words in (
+        "no tactile feature",
+        "observation.tactile.PAD of shape (3, rows, cols)",
+        "touch [3, 6, 5]",
+        "--streams",
+    ):
+        assert words in str(caught.value)
+    time = np.concatenate([np.arange(5), np.arange(7)]) * 0.05
+    Recording(time, np.zeros((12, 1, 3, 1, 1)), episode=[0] * 5 + [1] * 7).save(tmp_path / "press.npz")
+    found = Recording.load(tmp_path / "press.npz", streams=path)
+    np.testing.assert_allclose(
+        found.covariates["observation.state.pan.pos"][[0, 2, 4, 5, 7, 9, 11]], state[:, 0], atol=1e-6
+    )
+    assert found.covariates["touch"].shape == (12, 3, 6, 5)
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        (
+            {"codebase_version": "v2.1"},
+            "is a LeRobotDataset v2.1, expected v3; .* python -m lerobot.*convert_dataset_v21_to_v30 --repo-id NAME",
+        ),
+        ({"codebase_version": "v1.6"}, "is a LeRobotDataset v1.6, expected v3"),
+        ({"codebase_version": "v4.0"}, "is a LeRobotDataset v4.0, which is newer than this paxisim: expected v3"),
+        ({"codebase_version": 3}, "is of no LeRobotDataset: expected codebase_version, such as v3.0"),
+        ({"total_frames": 100}, "is not whole: by meta/info.json it has 100 frames, its data files hold 7"),
+        ({"features": []}, "features must be an object of objects, each with a shape"),
+        ({"features": {"a": {"shape": 3}}}, "features must be an object of objects, each with a shape"),
+        ({"features": {"other": {"dtype": "float32", "shape": [3]}}}, "has no column 'other' of numbers"),
+        (
+            {"features": {"observation.tactile.left": {"dtype": "float32", "shape": [3, 5, 6]}}},
+            r"observation.tactile.left has the shape \(3, 6, 5\), expected \(3, 5, 6\)",
+        ),
+    ],
+)
+def test_a_description_that_does_not_fit(tmp_path, changes, says):
+    path = dataset(tmp_path / "set", {"observation.tactile.left": values(3, 6, 5)}, **changes)
+    with pytest.raises(InvalidValueError, match=says):
+        Recording.load(path)
+
+
+@pytest.mark.parametrize("info", [{"unit": 5}, {"layout": 5}, {"layout": {"rows": 10**6, "cols": 10**6, "pitch": 1}}])
+def test_what_paxisim_says_of_a_feature_is_checked(tmp_path, info):
+    path = dataset(tmp_path / "set", {"observation.tactile.left": (values(3, 2, 1), {"info": info})})
+    with pytest.raises(InvalidValueError, match=r"the (unit|layout) of observation.tactile.left"):
+        Recording.load(path)
+
+
+@pytest.mark.parametrize(
+    "about", ["5", "[]", "{}", '{"begins": [0], "episodes": ["x"]}', '{"begins": [NaN], "episodes": [0]}', "[" * 10**5]
+)
+def test_what_paxisim_says_of_a_dataset_is_checked(tmp_path, about):
+    path = dataset(tmp_path / "set", {"observation.tactile.left": values(3, 2, 1)})
+    (path / "meta/paxisim.json").write_text(about)
+    with pytest.raises(InvalidValueError, match=r"meta/paxisim.json: "):
+        Recording.load(path)
+
+
+def test_names_and_times_of_episodes_that_came_or_went(tmp_path):
+    """LeRobot's own numbers are left where it has added episodes since."""
+    path = dataset(tmp_path / "set", {"observation.tactile.left": values(3, 2, 1)})
+    about = {"metadata": {"profile": "a"}, "episodes": [7, 3], "begins": [5.0, 9.0]}
+    (path / "meta/paxisim.json").write_text(json.dumps(about))
+    found = Recording.load(path)
+    assert found.episode.tolist() == [7] * 3 + [3] * 4
+    assert found.time[[0, 3]].tolist() == [5, 9]
+    assert found.metadata == {"profile": "a", "tasks": {"7": "press", "3": "pull"}}
+    (path / "meta/paxisim.json").write_text(json.dumps({**about, "episodes": [7], "begins": [5.0]}))
+    found = Recording.load(path)
+    assert found.episode.tolist() == [0] * 3 + [1] * 4
+    assert found.time[[0, 3]].tolist() == [0, 0]
+
+
+def test_folders_and_files_that_are_none(tmp_path, capsys):
+    for make, says in (
+        (lambda path: None, "is a folder, but no LeRobotDataset: expected meta/info.json in it"),
+        (lambda path: (path / "meta/info.json").unlink(), "is a folder, but no LeRobotDataset"),
+        (lambda path: (path / "meta/info.json").write_text("{"), "info.json: not JSON"),
+        (lambda path: (path / "meta/info.json").write_bytes(b"\xff"), "info.json: expected UTF-8 text"),
+        (lambda path: (path / "data/chunk-000/file-000.parquet").unlink(), "has no frames: expected data/chunk-000"),
+        (lambda path: (path / "data/chunk-000/file-000.parquet").write_bytes(b"PAR1"), "is no whole Parquet file"),
+        (lambda path: (path / "meta/tasks.parquet").write_text("tasks"), "tasks.parquet is no whole Parquet file"),
+    ):
+        path = tmp_path / str(len(list(tmp_path.iterdir())))
+        if "expected meta" in says:
+            path.mkdir()
+        else:
+            dataset(path, {"observation.tactile.left": values(3, 2, 1)})
+        make(path)
+        assert main(["info", str(path)]) == 2
+        assert says in capsys.readouterr().err
+    whole = dataset(tmp_path / "set", {"observation.tactile.left": values(3, 2, 1)})
+    with pytest.raises(InvalidValueError, match=f"it is a part of the LeRobotDataset {whole}, load that folder"):
+        Recording.load(whole / "data/chunk-000/file-000.parquet")
+    with pytest.raises(InvalidValueError, match="profile is for the counts of a board's CSV file"):
+        Recording.load(whole, profile=object())
+
+
+@pytest.mark.parametrize("number", [np.nan, -1, 0.5, 1e12])
+def test_episodes_that_are_no_whole_numbers(tmp_path, number):
+    path = dataset(tmp_path / "set", {"observation.tactile.left": values(3, 2, 1)}) / "data/chunk-000/file-000.parquet"
+    table = parquet.read_table(path)
+    at = table.column_names.index("episode_index")
+    parquet.write_table(table.set_column(at, "episode_index", pa.array([0, 0, 0, number, 1, 1, 1], pa.float64())), path)
+    with pytest.raises(InvalidValueError, match="episode_index must hold whole numbers from 0 on"):
+        Recording.load(tmp_path / "set")
+
+
+@pytest.mark.parametrize("shape", [(100_000_000,), (10, 10_000_000)], ids=["rows", "lists"])
+def test_a_file_that_unpacks_to_very_much(tmp_path, monkeypatch, shape):
+    """Numbers that are the same take no room in Parquet."""
+    path = dataset(tmp_path / "set", {"observation.tactile.left": values(3, 2, 1)}) / "data/chunk-000/file-000.parquet"
+    zeros = pa.array(np.zeros(shape, np.float32).ravel())
+    if len(shape) > 1:
+        zeros = pa.ListArray.from_arrays(np.arange(shape[0] + 1, dtype=np.int32) * shape[1], zeros)
+    parquet.write_table(pa.table({"timestamp": zeros}), path, compression="zstd")
+    assert path.stat().st_size < 4 << 20
+    for load in (lambda: Recording.load(tmp_path / "set"), lambda: Recording.load(path)):
+        with pytest.raises(InvalidValueError, match=f"unpacks to 800000000 bytes or more.* set {VARIABLE}=800000000"):
+            load()
+    monkeypatch.setenv(VARIABLE, "700000000")
+    with pytest.raises(InvalidValueError, match="expected at most 700000000"):
+        Recording.load(path)
