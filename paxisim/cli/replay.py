@@ -20,7 +20,7 @@ def replay(
     *,
     scene: Path,
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])],
-    mode: Literal["kinematic", "fitted", "servo", "force"] | None = None,
+    mode: Literal["kinematic", "fitted", "shape", "servo", "force"] | None = None,
     mean: bool = False,
     jobs: int = 1,
     force: bool = False,
@@ -40,7 +40,7 @@ def replay(
         scene: The scene's TOML file.
         output: The file to write, .mcap or .npz.
         mode: How the motion is followed, instead of what the scene says: exact poses, exact poses with a closing fitted
-            to the measured force, the model's servos, or recorded forces.
+            to the measured force or to its course alone, the model's servos, or recorded forces.
         mean: Simulate the mean force since the sample before, as a sensor that averages.
         jobs: Episodes to simulate at the same time.
         force: Overwrite the output if it exists.

@@ -19,6 +19,7 @@ _CONTACT = 0.03  # share of a stream's peak from which there is contact
 _LEAST = 0.05  # N; what is below at the peak is no contact
 _MISSED = 0.5  # share of the time in contact that the other stream may lack
 _RISE = 0.05  # s, over which a slope is taken
+_CLEAR = 4.0  # standard deviations of the noise, from which a slope is one
 _NEAR = (0.5, 2.0)  # ratio of peaks or slopes beyond which replay is in doubt, not the sensor's gain
 
 
@@ -33,7 +34,7 @@ class PadAgreement:
         simulated_peak: The same of the simulation.
         measured_contact: First and last time in contact.
         simulated_contact: The same of the simulation.
-        measured_slope: How fast force rises (N/s): the 90th percentile while it does.
+        measured_slope: How fast force rises (N/s): half of all its rise is faster.
         simulated_slope: The same of the simulation.
         only_measured: Seconds in which only the measured stream is in contact.
         only_simulated: Seconds in which only the simulated one is.
@@ -182,8 +183,7 @@ def _threshold(total: NDArray[np.float64]) -> float:
     known = total[np.isfinite(total)]
     if not len(known):
         return np.inf
-    noise = 1.4826 * np.median(np.abs(np.diff(known))) / np.sqrt(2) if len(known) > 1 else 0.0
-    return max(_CONTACT * float(known.max()), 6 * noise, _LEAST)
+    return max(_CONTACT * float(known.max()), 6 * _noise(known), _LEAST)
 
 
 def _compare(
@@ -225,8 +225,16 @@ def _slope(time: NDArray[np.float64], total: NDArray[np.float64], touches: NDArr
     if len(at) < 3:
         return 0.0
     rates = np.gradient(np.interp(at, time, total), at)
-    rising = rates[(np.interp(at, time, touches) > 0.5) & (rates > 0)]
-    return float(np.percentile(rising, 90)) if len(rising) else 0.0
+    noise = _noise(total) / (np.sqrt(2) * _RISE)
+    rising = np.sort(rates[(np.interp(at, time, touches) > 0.5) & (rates > _CLEAR * noise)])
+    # weighted by how much it rises: a long hold may rise often, but never far
+    risen = np.cumsum(rising)
+    return float(rising[np.searchsorted(risen, 0.5 * risen[-1])]) if len(rising) else 0.0
+
+
+def _noise(total: NDArray[np.float64]) -> float:
+    """Standard deviation (N) of a stream's noise, from neighbouring samples."""
+    return float(1.4826 * np.median(np.abs(np.diff(total))) / np.sqrt(2)) if len(total) > 1 else 0.0
 
 
 def _span(contact: tuple[float, float]) -> str:

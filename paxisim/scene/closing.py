@@ -18,7 +18,8 @@ from paxisim.errors import InvalidValueError
 _REACH = 3.0  # steps of 1 mm to either side in which the closing is searched
 _TOLERANCE = 0.003  # of the measured mean
 _MOST_RUNS = 20
-_QUIET = 0.02  # N; a mean below is no contact
+QUIET = 0.02
+"""Mean force (N) below which there is no contact."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,22 +38,27 @@ class FittedClosing:
 
 
 def fit_closing(
-    simulated: Callable[[float], NDArray[np.float32]], measured: NDArray[np.float32], step: float, episode: int
+    simulated: Callable[[float], NDArray[np.float32]],
+    measured: NDArray[np.float32],
+    time: NDArray[np.float64],
+    step: float,
+    episode: int,
 ) -> FittedClosing:
     """Fit the constant.
 
     Args:
         simulated: The ``(T, pads, 3, rows, cols)`` forces for a constant.
         measured: The measured ones.
+        time: Not needed.
         step: The constant that moves the closing joint by 1 mm.
         episode: Its number, for messages.
 
     Raises:
         InvalidValueError: No constant of up to 3 mm gives the measured mean force.
     """
-    wanted = _mean_normal(measured)
+    wanted = mean_normal(measured)
     force = simulated(0.0)
-    if wanted < _QUIET:
+    if wanted < QUIET:
         note = f"episode {episode}: the mean force is only {wanted:.3f} N, so the closing was left as recorded"
         return FittedClosing(0.0, force, (note,))
     runs: dict[float, float] = {}
@@ -61,10 +67,10 @@ def fit_closing(
     def error(closing: float) -> float:
         if closing not in runs:
             kept[closing] = simulated(closing)
-            runs[closing] = _mean_normal(kept[closing]) - wanted
+            runs[closing] = mean_normal(kept[closing]) - wanted
         return runs[closing]
 
-    kept[0.0], runs[0.0] = force, _mean_normal(force) - wanted
+    kept[0.0], runs[0.0] = force, mean_normal(force) - wanted
     low, high = _bracket(error, step, wanted, episode)
     while abs(error(best := min(runs, key=lambda one: abs(runs[one])))) > _TOLERANCE * wanted:
         if len(runs) >= _MOST_RUNS or abs(high - low) < 1e-5 * step:
@@ -99,6 +105,11 @@ def _bracket(error: Callable[[float], float], step: float, wanted: float, episod
     )
 
 
-def _mean_normal(force: NDArray[np.float32]) -> float:
+def mean_normal(force: NDArray[np.float32]) -> float:
     """Mean over time of the sum of all taxels' normal forces (N)."""
-    return float(np.nanmean(force[:, :, 2].astype(np.float64).sum(axis=(1, 2, 3)))) if len(force) else 0.0
+    return float(np.nanmean(total_normal(force))) if len(force) else 0.0
+
+
+def total_normal(force: NDArray[np.float32]) -> NDArray[np.float64]:
+    """``(T,)`` the sum of all taxels' normal forces (N)."""
+    return force[:, :, 2].astype(np.float64).sum(axis=(1, 2, 3))

@@ -9,10 +9,11 @@ from typing import Literal, get_args
 from paxisim.errors import InvalidValueError
 from paxisim.recording import Recording
 
-Mode = Literal["kinematic", "fitted", "servo", "force"]
+Mode = Literal["kinematic", "fitted", "shape", "servo", "force"]
 
 _SERVO = "the servo follows with a lag and a stiffness of its own"
 _FORCE = "the recorded force sets the total, so an error of its calibration looks like one of the sensor"
+_SHAPE = "the closing was fitted to the course of the measured force"
 _FITTED = "the closing was fitted to the measured total force"
 
 
@@ -45,6 +46,11 @@ MODES: Mapping[Mode, ReplayMode] = {
             "dead_band": _FITTED,
             "saturation": _FITTED,
         },
+    ),
+    "shape": ReplayMode(
+        "as kinematic, with a constant added to the closing stream of each episode, such that the course of the total "
+        "normal force is like the measured one, whatever its gain and delay: where the object lies along the closing",
+        {"stiffening": _SHAPE, "dead_band": _SHAPE, "saturation": _SHAPE},
     ),
     "servo": ReplayMode(
         "the actuators of the model follow the recorded positions or take the recorded commands",

@@ -13,7 +13,7 @@ from paxisim._version import __version__
 from paxisim.errors import InvalidValueError
 from paxisim.recording import Recording
 from paxisim.scene import streams
-from paxisim.scene.closing import fit_closing
+from paxisim.scene.closing import fit_closing, total_normal
 from paxisim.scene.drive import Drive
 from paxisim.scene.encoder import EncoderError
 from paxisim.scene.episode import EpisodeRunner, Motion
@@ -21,10 +21,13 @@ from paxisim.scene.modes import MODES
 from paxisim.scene.motion import Curve, PoseCurve, resolution, smooth_within
 from paxisim.scene.rig import Rig, build_rig
 from paxisim.scene.scene import Scene
+from paxisim.scene.shape import fit_shape
 
 COARSE = 0.1
 """Share of the peak force from which an encoder is called too coarse for the total force."""
 
+FITS = {"fitted": fit_closing, "shape": fit_shape}
+"""What fits the closing of an episode, by mode."""
 
 MISSED = 0.2
 """Total normal force (N) that is contact for certain."""
@@ -38,7 +41,8 @@ class SimulatedEpisode:
         number: The episode.
         force: ``(T, pads, 3, rows, cols)`` newtons at the recording's samples of the episode; NaN where the driving
             streams are not known.
-        closing: The constant that mode ``"fitted"`` added to the closing stream, in its unit; 0 in other modes.
+        closing: The constant that mode ``"fitted"`` or ``"shape"`` added to the closing stream, in its unit;
+            0 in other modes.
         notes: What else is to be said of it.
     """
 
@@ -58,12 +62,12 @@ class Replay:
             InvalidValueError: See `paxisim.Scene.simulate`.
             UnknownNameError: See `paxisim.Scene.simulate`.
         """
-        if scene.mode == "fitted" and recording.measured is None:
-            raise InvalidValueError("mode fitted needs the measured forces, the recording has none")
-        if scene.mode == "fitted" and recording.unit != "N":
+        if scene.mode in FITS and recording.measured is None:
+            raise InvalidValueError(f"mode {scene.mode} needs the measured forces, the recording has none")
+        if scene.mode in FITS and recording.unit != "N":
             raise InvalidValueError(
-                f"mode fitted needs forces in newtons, the recording is in {recording.unit}: make newtons of it first "
-                "with paxisim calibrate"
+                f"mode {scene.mode} needs forces in newtons, the recording is in {recording.unit}: make newtons of it "
+                "first with paxisim calibrate"
             )
         self._scene, self._recording, self._mean = scene, recording, mean
         self._rig: Rig = build_rig(scene)
@@ -97,17 +101,19 @@ class Replay:
 
         Raises:
             UnsupportedError: The simulation becomes unstable.
-            InvalidValueError: Mode ``"fitted"``: no closing gives the measured force.
+            InvalidValueError: Mode ``"fitted"`` or ``"shape"``: no closing gives what was measured.
         """
         part = self._recording.select([number])
         known = self._known(part)
-        if self._scene.mode != "fitted":
+        fit = FITS.get(self._scene.mode)
+        if fit is None:
             force = self._simulated(part, known)
             return SimulatedEpisode(number, _within(part, known, force), notes=self._missed(part[known], force))
         assert part.measured is not None
-        fitted = fit_closing(
+        fitted = fit(
             lambda closing: self._simulated(part, known, self._closed(closing)),
             part.measured[known],
+            part.time[known],
             self._closing_step(),
             number,
         )
@@ -232,14 +238,9 @@ class Replay:
             "encoder_error": None if error is None else vars(error),
             "notes": notes,
         }
-        if scene.mode == "fitted":
+        if scene.mode in FITS:
             described["closing"] = {str(episode.number): episode.closing for episode in episodes}
         return described
-
-
-def total_normal(force: NDArray[np.float32]) -> NDArray[np.float64]:
-    """``(T,)`` the sum of all taxels' normal forces (N)."""
-    return force[:, :, 2].astype(np.float64).sum(axis=(1, 2, 3))
 
 
 def _within(part: Recording, known: NDArray[np.bool_], force: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -198,7 +198,7 @@ def _roles(scene: Scene, model: mujoco.MjModel, qpos: NDArray[np.float64]) -> _R
     joints = tuple(d for d in scene.drives if d.joint)
     actuators = tuple(d for d in scene.drives if d.actuator)
     dof = {d: int(model.jnt_dofadr[model.joint(d.joint).id]) for d in joints}
-    if scene.mode in ("kinematic", "fitted"):
+    if scene.mode in ("kinematic", "fitted", "shape"):
         held = _coupled(model, set(dof.values()))
         unused = tuple(d for d in actuators if moves[model.actuator(d.actuator).id] & held)
         return _Roles((*bodies, *joints), commands=tuple(d for d in actuators if d not in unused), unused=unused)

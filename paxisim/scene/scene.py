@@ -34,7 +34,8 @@ class Scene:
         drives: What each stream moves.
         mode: How the motion is followed: see `paxisim.scene.modes.MODES`, which also says what each mode makes
             unobservable.
-        closing: The stream that presses or closes; mode ``"fitted"`` adds a constant to it.
+        closing: The stream that presses or closes; modes ``"fitted"`` and ``"shape"`` add a
+            constant to it.
         start: Where objects are when an episode begins.
         settle: Seconds for which the scene rests at the first pose before each episode.
         gel: The gel that the taxels get.
@@ -44,7 +45,8 @@ class Scene:
         mounts: Where that sensor's pads go. Default: as `paxisim.attach` finds.
 
     Raises:
-        InvalidValueError: No such mode, a time that is not 0 or more, mode ``"fitted"`` without a closing stream.
+        InvalidValueError: No such mode, a time that is not 0 or more, a mode that fits a closing
+            without a closing stream.
     """
 
     mjcf: str | Path
@@ -73,8 +75,8 @@ class Scene:
         streams = [drive.stream for drive in self.drives]
         if self.closing and self.closing not in streams:
             raise InvalidValueError(f"closing must be one of the driving streams ({', '.join(streams)})")
-        if self.mode == "fitted" and not self.closing:
-            raise InvalidValueError("mode fitted needs closing: the stream to which the fitted constant is added")
+        if self.mode in ("fitted", "shape") and not self.closing:
+            raise InvalidValueError(f"mode {self.mode} needs closing: the stream to which the fitted constant is added")
         targets = [(drive.kind, drive.target) for drive in self.drives]
         twice = next((target for target in targets if targets.count(target) > 1), None)
         if twice:

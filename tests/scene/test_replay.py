@@ -122,13 +122,30 @@ def test_a_fitted_closing_finds_an_offset_and_says_what_it_hides(pressed):
     assert "axis_gain" in fitted.metadata["replay"]["not_testable"]
 
 
+@pytest.mark.parametrize("offset", [-3e-4, -1e-4, 1e-4, 3e-4])
+def test_the_course_of_the_force_tells_where_the_object_lies_whatever_the_gain(pressed, offset):
+    sensor = paxisim.Chain([paxisim.augment.AxisGain((0.7, 0.7, 0.7)), paxisim.augment.Latency(0.04)])
+    noise = np.random.default_rng(0).normal(0, 0.02, pressed.measured.shape)
+    read = replace(pressed, measured=sensor.run(pressed.measured.astype(float), pressed.time) + noise)
+    off = read.with_covariate("depth", pressed.covariates["depth"] - offset)
+    shaped = replace(INDENTER, mode="shape").simulate(off)
+    how = shaped.metadata["replay"]
+    assert how["closing"]["0"] == pytest.approx(offset, abs=2.5e-5)
+    assert "axis_gain" not in how["not_testable"]
+    assert "stiffening" in how["not_testable"]
+    # a gain that is fitted to the force can be told from the depth
+    peaks = total(read.measured).max(), total(shaped.simulated).max()
+    assert peaks[0] / peaks[1] == pytest.approx(0.7, abs=0.05)
+
+
 def test_a_fitted_closing_that_is_not_there(pressed):
     far = pressed.with_covariate("depth", pressed.covariates["depth"] - 0.02)
     with pytest.raises(InvalidValueError, match="episode 0: no closing of up to 3 mm"):
         replace(INDENTER, mode="fitted").simulate(far)
     free = recording(pressed.time, {name: pressed.covariates[name] for name in NAMES})
-    notes = replace(INDENTER, mode="fitted").simulate(free).metadata["replay"]["notes"]
-    assert notes == ["episode 0: the mean force is only 0.000 N, so the closing was left as recorded"]
+    for mode in ("fitted", "shape"):
+        notes = replace(INDENTER, mode=mode).simulate(free).metadata["replay"]["notes"]
+        assert notes == ["episode 0: the mean force is only 0.000 N, so the closing was left as recorded"]
 
 
 def test_a_mocap_body_is_felt_as_a_joint_is(pressed):
