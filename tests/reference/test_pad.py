@@ -1,0 +1,123 @@
+"""What a magnetic pad reports: calibrated presses, and the paper's three gaps out of the physics."""
+
+import numpy as np
+import pytest
+
+from paxisim import InvalidValueError, TaxelLayout
+from paxisim.reference.pad import MagneticPad
+from paxisim.reference.parameters import PadParameters
+
+LAYOUT = TaxelLayout(6, 5, (26.1e-3 / 6, 22.6e-3 / 5))
+
+
+@pytest.fixture(scope="module")
+def nominal() -> MagneticPad:
+    return MagneticPad(LAYOUT)
+
+
+def pressed(taxel, force):
+    out = np.zeros((3, 6, 5))
+    out[(slice(None), *taxel)] = force
+    return out
+
+
+def spread(total):
+    return np.full((3, 6, 5), 0.0) + np.array([0, 0, total / 30])[:, None, None]
+
+
+def test_nothing_is_nothing_and_a_calibrated_press_is_read(nominal):
+    np.testing.assert_array_equal(nominal.read(np.zeros((3, 6, 5))), 0)
+    for taxel in ((0, 0), (2, 3), (5, 4)):
+        for force in ((0.0, 0.0, 0.5), (0.1, -0.1, 0.7)):
+            read = nominal.read(pressed(taxel, force))
+            np.testing.assert_allclose(read[(slice(None), *taxel)], force, atol=0.12 * force[2])
+
+
+def test_shear_without_a_load_of_its_own_points_outward(nominal):
+    """The paper's second gap: under a flat press shear is read, away from the middle."""
+    read = nominal.read(spread(6.0))
+    x, y = LAYOUT.positions[:, 0].reshape(6, 5), LAYOUT.positions[:, 1].reshape(6, 5)
+    outward = read[0] * x + read[1] * y
+    edge = np.ones((6, 5), dtype=bool)
+    edge[1:-1, 1:-1] = False
+    assert np.all(outward[edge] > 0)
+    assert np.abs(read[:2].sum(axis=(1, 2))).max() < 1e-9
+    assert np.hypot(read[0], read[1]).max() > 0.03 * read[2].max()
+
+
+def test_units_differ_in_scale_by_axis_and_taxel_and_a_number_is_a_unit():
+    """The paper's third gap: every pad has other scales."""
+    first, second = MagneticPad.unit(LAYOUT, 1), MagneticPad.unit(LAYOUT, 2)
+    force = spread(6.0)
+    a, b = first.read(force), second.read(force)
+    assert np.abs(a - b).max() > 0.1 * a.max()
+    assert abs(a[2].sum() / b[2].sum() - 1) > 0.01
+    np.testing.assert_array_equal(a, MagneticPad.unit(LAYOUT, 1).read(force))
+    assert a[2].std() > 1.5 * MagneticPad(LAYOUT).read(force)[2].std()
+
+
+def test_neighbours_are_read_too(nominal):
+    """Crosstalk, which the paper's transforms leave out, comes with the gel and with the magnets' common field."""
+    read = nominal.read(pressed((2, 2), (0, 0, 1.0)))[2]
+    assert 0.02 < read[2, 3] < 0.6
+    assert read[2, 3] > abs(read[2, 4])
+
+
+def test_a_pad_is_as_symmetric_as_its_grid(nominal):
+    force = np.random.default_rng(0).uniform(0, 0.3, (3, 6, 5))
+    mirrored = force[:, :, ::-1] * np.array([-1, 1, 1])[:, None, None]
+    read = nominal.read(force)[:, :, ::-1] * np.array([-1, 1, 1])[:, None, None]
+    np.testing.assert_allclose(nominal.read(mirrored), read, atol=1e-9)
+
+
+def test_small_loads_add_up_and_large_ones_less_than_that(nominal):
+    small = pressed((2, 2), (0.0, 0.0, 1e-3))
+    np.testing.assert_allclose(nominal.read(2 * small), 2 * nominal.read(small), rtol=0.01, atol=1e-6)
+    moved = [nominal.motion(pressed((2, 2), (0, 0, f)))[0][12, 2] for f in (1e-3, 2.0)]
+    assert moved[1] < 0.95 * 2000 * moved[0]
+
+
+def test_far_magnets_may_be_linear(nominal):
+    """All magnets in full, beside the nearest in full and the others by their Jacobian."""
+    from paxisim.reference import pad as module
+
+    force = np.random.default_rng(1).uniform(0, 0.5, (4, 3, 6, 5))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, "NEAR", 30.0)
+        full = MagneticPad(LAYOUT).flux(force)
+    assert np.abs(nominal.flux(force) - full).max() < 0.01 * np.abs(full).max()
+
+
+def test_noise_steps_and_range_of_the_hall_sensors(nominal):
+    rest = np.zeros((2000, 3, 6, 5))
+    noisy = nominal.measure(rest, np.random.default_rng(0))
+    assert 1e-4 < noisy.std() < 0.05
+    assert np.abs(noisy.mean(axis=0)).max() < 5 * noisy.std() / np.sqrt(2000) + 0.01
+    narrow = MagneticPad(LAYOUT, PadParameters(range=3.2e-3))
+    force = spread(60.0)
+    clipped = narrow.measure(force, np.random.default_rng(0))
+    assert clipped[2].max() < 0.7 * nominal.measure(force, np.random.default_rng(0))[2].max()
+
+
+def test_torch_gives_what_numpy_gives():
+    torch = pytest.importorskip("torch")
+    pad = MagneticPad.unit(LAYOUT, 3)
+    force = np.random.default_rng(2).uniform(0, 0.5, (2, 4, 3, 6, 5))
+    got = pad.read(torch.as_tensor(force))
+    assert got.dtype == torch.float64
+    np.testing.assert_allclose(got.numpy(), pad.read(force), atol=1e-9)
+    single = pad.read(torch.as_tensor(force, dtype=torch.float32))
+    np.testing.assert_allclose(single.numpy(), pad.read(force), atol=2e-3)
+
+
+def test_what_cannot_be_built_is_refused():
+    with pytest.raises(InvalidValueError, match="flat grid"):
+        MagneticPad(TaxelLayout(1, 3, (1e-3, 1e-3), positions=np.eye(3) * 1e-3))
+    with pytest.raises(InvalidValueError, match="magnet_depth must be less"):
+        PadParameters(magnet_depth=4e-3)
+    with pytest.raises(InvalidValueError, match="poisson must be"):
+        PadParameters(poisson=0.5)
+    with pytest.raises(InvalidValueError, match="remanence must be positive"):
+        PadParameters(remanence=-1.0)
+    with pytest.raises(InvalidValueError):
+        MagneticPad(LAYOUT).read(np.zeros((3, 5, 6)))
