@@ -71,6 +71,8 @@ if TYPE_CHECKING:
     from paxisim.protocols.ready import known_protocols as known_protocols
     from paxisim.protocols.ready import protocol as protocol
     from paxisim.recording import Recording as Recording
+    from paxisim.reference.pad import MagneticPad as MagneticPad
+    from paxisim.reference.sensor import MagneticSensor as MagneticSensor
     from paxisim.scene.agreement import Agreement as Agreement
     from paxisim.scene.agreement import compare_streams as compare_streams
     from paxisim.scene.drive import Drive as Drive
@@ -131,6 +133,8 @@ _HOMES = {
     "paxisim.protocols.protocol": ("Protocol",),
     "paxisim.protocols.ready": ("known_protocols", "protocol"),
     "paxisim.recording": ("Recording",),
+    "paxisim.reference.pad": ("MagneticPad",),
+    "paxisim.reference.sensor": ("MagneticSensor",),
     "paxisim.scene.agreement": ("Agreement", "compare_streams"),
     "paxisim.scene.drive": ("Drive", "ObjectStart"),
     "paxisim.scene.scene": ("Scene",),

@@ -39,7 +39,7 @@ LEVELS = {
     "presses": 1.7,
     "models": 2,
     "augment": 2,
-    "reference": 2,
+    "reference": 2.2,
     "hw": 2,
     "calibrate": 2,
     "scene": 2.5,

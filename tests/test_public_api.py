@@ -24,6 +24,8 @@ PUBLIC = [
     "Gel",
     "History",
     "InvalidValueError",
+    "MagneticPad",
+    "MagneticSensor",
     "MissingExtraError",
     "Mount",
     "ObjectStart",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import gymnasium
@@ -63,7 +64,7 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         method: str = "GCS",
         *,
         gcs: paxisim.GCS | None = None,
-        sensor: paxisim.Chain | None = None,
+        sensor: paxisim.Chain | Callable[[paxisim.TaxelLayout], paxisim.Chain] | None = None,
         parameters: Parameters | None = None,
         terminate_on_success: bool = False,
         render_mode: str | None = None,
@@ -76,7 +77,7 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
             gcs: What is drawn for each episode, such as ``paxisim.GCS.around(diagnosis.model, diagnosis.intervals)``.
                 Default: what the method draws.
             sensor: A surrogate of a real sensor: the simulator's readings pass through it, in place of what is drawn
-                for each episode; the surface stays flat.
+                for each episode; the surface stays flat. A function makes the chain for the pads' layout.
             parameters: What the paper leaves open.
             terminate_on_success: End the episode with the first success, as an evaluation may.
             render_mode: ``"rgb_array"`` or None.
@@ -91,11 +92,13 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         if render_mode not in (None, "rgb_array"):
             raise paxisim.InvalidValueError(f"render_mode must be None or 'rgb_array', got {render_mode!r}")
         self.parameters = parameters or Parameters()
-        self.sensor, self.render_mode, self._terminate = sensor, render_mode, terminate_on_success
+        self.render_mode, self._terminate = render_mode, terminate_on_success
         self.scene = InsertionScene(self.task, self.parameters)
         assert self.scene.tactile is not None
         self._tactile = self.scene.tactile
         self._layout, self._pads = self._tactile.pads.layout, len(self._tactile.pads)
+        is_made = sensor is None or isinstance(sensor, paxisim.Chain)
+        self.sensor: paxisim.Chain | None = sensor if is_made else sensor(self._layout)
         self._history = self.method.history(self.task, self._layout)
         shape = self._history.encoding.shape(self._pads, self._history.k)
         entries: Any = {"p": _pose_space(1), PRIVILEGED: _pose_space(2)}

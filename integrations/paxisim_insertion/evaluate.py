@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 
@@ -24,7 +25,7 @@ def evaluate(
     run: Path,
     *,
     trials: int = 50,
-    sensor: Path | None = None,
+    sensor: str | None = None,
     out: Path = RESULTS,
     other_versions: bool = False,
 ) -> None:
@@ -33,21 +34,22 @@ def evaluate(
     Args:
         run: Folder of the run.
         trials: Episodes.
-        sensor: A surrogate of a real sensor, a chain that paxisim saved. Default: what the method is trained with.
+        sensor: A surrogate of a real sensor: a chain that paxisim saved, or reference:unit:N for the N-th unit of
+            paxisim's magnetic pad. Default: what the method is trained with.
         out: Folder of the result.
         other_versions: Evaluate although the software's versions are not the run's.
     """
     if trials < 1:
         raise paxisim.InvalidValueError(f"expected at least one trial, got {trials}")
     this = Run.open(run, other_versions=other_versions)
-    chain = None if sensor is None else paxisim.Chain.load(sensor)
+    chain = None if sensor is None else surrogate_of(sensor)
     env = this.insertion_env(sensor=chain, terminate_on_success=True)
     try:
         trained = this.policy(env)
         successes = sum(succeeds(env, trained, FIRST_SEED + trial) for trial in range(trials))
     finally:
         env.close()
-    name = IN_SIMULATION if sensor is None else f"surrogate {sensor.stem}"
+    name = IN_SIMULATION if sensor is None else f"surrogate {Path(sensor.replace(':', '-')).stem}"
     interval = tuple(binomtest(successes, trials).proportion_ci(method="wilson"))
     training = {
         "steps": trained.steps,
@@ -60,6 +62,26 @@ def evaluate(
     result = Result(this.task, this.name, name, this.seed, trials, successes / trials, interval, versions(), training)
     path = result.save(out)
     print(f"{this.task} {this.name} {name}: {successes} of {trials}, {interval[0]:.2f} to {interval[1]:.2f}; {path}")
+
+
+def surrogate_of(sensor: str) -> paxisim.Chain | Callable[[paxisim.TaxelLayout], paxisim.Chain]:
+    """The chain of a file, or what makes that of a unit of the magnetic pad, read in counts of 0.1 N.
+
+    Raises:
+        InvalidValueError: The file is no chain, or the text names no unit.
+    """
+    if not sensor.startswith("reference:"):
+        return paxisim.Chain.load(sensor)
+    number = sensor.removeprefix("reference:unit:")
+    if not (number.isascii() and number.isdigit()):
+        raise paxisim.InvalidValueError(
+            f"a reference sensor is named reference:unit:N, as reference:unit:7, got {sensor!r}"
+        )
+
+    def unit(layout: paxisim.TaxelLayout) -> paxisim.Chain:
+        return paxisim.Chain([paxisim.MagneticSensor(layout, int(number)), paxisim.augment.Firmware()])
+
+    return unit
 
 
 def succeeds(env: InsertionEnv, trained: Trained, seed: int) -> bool:

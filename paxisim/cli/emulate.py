@@ -21,6 +21,7 @@ def emulate(
     *,
     profile: str = "gen3-highspeed",
     signal: str = "demo",
+    reference: str | None = None,
     link: Path | None = None,
     fault: str = "",
     rate_hz: float | None = None,
@@ -42,6 +43,8 @@ def emulate(
         signal: What the pads feel: 'demo' (a press that drags), a recording (.mcap, .npz, .csv), a MuJoCo scene with
             pads (.xml), run in real time, or MODULE:FUNCTION, a function of the seconds that gives
             (pads, 3, rows, cols) newtons, or microtesla where that is the profile's unit.
+        reference: Let the pads be those of a manufactured sensor from first principles, as unit:7: what they feel is
+            the signal, in newtons; what they say is what such a unit makes of it.
         link: A symbolic link to make to the port.
         fault: Faults of the line, as NAME=NUMBER with commas: drop, flip, garble (probability of each byte), split,
             merge, stall, status (of each message), stall_seconds, noise (bytes at power-on), unplug_after (messages).
@@ -62,6 +65,8 @@ def emulate(
         check_folder(link)
     chosen = load_profile(profile)
     felt = make_signal(signal, chosen)
+    if reference is not None:
+        felt = _as_unit(felt, reference, chosen)
     sensor = Emulator(chosen, felt, rate=rate_hz, gate=gate, faults=Faults.parse(fault), link=link, seed=seed)
     try:
         # however it is asked to end, no link to nowhere stays behind
@@ -73,6 +78,21 @@ def emulate(
     finally:
         if sys.stderr.isatty():
             print(file=sys.stderr)
+
+
+def _as_unit(felt: Callable[[float], Any], text: str, profile) -> Callable[[float], Any]:
+    """What the unit that ``--reference`` names reads of a signal."""
+    import paxisim
+
+    number = text.removeprefix("unit:")
+    if number == text or not (number.isascii() and number.isdigit()):
+        raise paxisim.InvalidValueError(f"--reference must be unit:N, as unit:7, got {text!r}")
+    if profile.unit != "N":
+        raise paxisim.InvalidValueError(
+            f"a reference unit reads newtons, but profile {profile.name!r} feels {profile.unit}: choose another profile"
+        )
+    sensor = paxisim.MagneticSensor(profile.wire_layout, int(number))
+    return lambda now: sensor(np.asarray(felt(now), dtype=np.float64))
 
 
 def make_signal(text: str, profile) -> Callable[[float], Any]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from array_api_compat import array_namespace
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
@@ -25,8 +26,8 @@ def field(moment: Any, offset: Any) -> Any:
     """
     square = (offset * offset).sum(-1)[..., None]
     along = (moment * offset).sum(-1)[..., None]
-    inverse = square**-1.5
-    return MU0_4PI * inverse * (3 * along / square * offset - moment)
+    inverse = MU0_4PI / (square * square**0.5)
+    return inverse * (3 * along / square * offset - moment)
 
 
 def turned(moment: Any, rotation: Any) -> Any:
@@ -35,10 +36,7 @@ def turned(moment: Any, rotation: Any) -> Any:
     a, b, c = (rotation[..., i] for i in range(3))
     parts = (x + b * z - c * y, y + c * x - a * z, z + a * y - b * x)
     length = ((x * x + y * y + z * z) / sum(part * part for part in parts)) ** 0.5
-    out = moment * 0 + rotation * 0
-    for i, part in enumerate(parts):
-        out[..., i] = part * length
-    return out
+    return array_namespace(rotation).stack([part * length for part in parts], axis=-1)
 
 
 def jacobian(moment: FloatArray, offset: FloatArray, step: float = 1e-6) -> FloatArray:

@@ -67,7 +67,10 @@ class MagneticPad:
             self._view, earth = spread.sensors(count, self.parameters), spread.earth(self.parameters)
         self._moves, self._turns = _influence(layout, self.parameters)
         self._set_field(magnets, moments, sensors, earth)
-        self._constants["to_force"] = _calibration(self if seed is None else MagneticPad(layout, nominal))
+        self._kinds: dict[Any, dict[str, Any]] = {}
+        to_force = _calibration(self) if seed is None else MagneticPad(layout, nominal)._constants["to_force"]
+        self._kinds.clear()
+        self._constants["to_force"] = to_force
 
     @classmethod
     def unit(cls, layout: TaxelLayout, seed: int, parameters: PadParameters | None = None) -> MagneticPad:
@@ -153,13 +156,11 @@ class MagneticPad:
         return both.reshape((*both.shape[:-2], 6 * self.layout.taxels))
 
     def _arrays(self, like: Any) -> dict[str, Any]:
-        """The constants as arrays of the kind of `like`."""
-        if not is_torch_array(like):
-            return self._constants
-        import torch
-
-        found = {name: torch.as_tensor(value) for name, value in self._constants.items()}
-        return {n: v.to(like.device, None if n == "near" else like.dtype) for n, v in found.items()}
+        """The constants as arrays of the kind of `like`, made once."""
+        key = like.dtype, getattr(like, "device", None)
+        if key not in self._kinds:
+            self._kinds[key] = {name: _as(value, like) for name, value in self._constants.items()}
+        return self._kinds[key]
 
     def __repr__(self) -> str:
         """Its grid and its number."""
@@ -192,6 +193,16 @@ class _Spread:
     def earth(self, own: PadParameters) -> FloatArray:
         direction = self._rng.standard_normal(3)
         return own.earth * direction / np.linalg.norm(direction)
+
+
+def _as(value: NDArray[Any], like: Any) -> Any:
+    """An array of the kind of `like`; numbers of magnets stay whole."""
+    is_float = np.issubdtype(value.dtype, np.floating)
+    if not is_torch_array(like):
+        return value.astype(np.float32) if is_float and like.dtype == np.float32 else value
+    import torch
+
+    return torch.as_tensor(value).to(like.device, like.dtype if is_float else None)
 
 
 def _nearest(apart: FloatArray) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:

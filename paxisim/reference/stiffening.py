@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Any
 
-_STEPS = 4  # of Newton's method; the stretch is then exact to 1e-6 between 0.2 and 2
+_STEPS = 2  # of Newton's method; it is then solved to 3e-5 up to a strain of 0.5, and to 2e-3 at 2
 
 
 def finite_share(strain: Any) -> Any:
@@ -20,7 +20,8 @@ def finite_share(strain: Any) -> Any:
     """
     e = (strain + abs(strain)) / 2
     # a start that is exact for small strains and of the right order for large ones
-    s = (1 + 2 * e) ** -0.5
+    s = 1 / (1 + 2 * e) ** 0.5
     for _ in range(_STEPS):
-        s = s - (s - s**-2 + 3 * e) / (1 + 2 * s**-3)
+        inverse = 1 / (s * s)  # products: powers cost ten times as much
+        s = s - (s - inverse + 3 * e) / (1 + 2 * inverse / s)
     return (1 - s + 1e-12) / (e + 1e-12)

@@ -1,0 +1,49 @@
+"""A manufactured sensor in the place of a chain."""
+
+import numpy as np
+import pytest
+
+import paxisim
+from paxisim.cli import main
+from paxisim.reference.pad import MagneticPad
+from paxisim.reference.sensor import MagneticSensor
+
+LAYOUT = paxisim.TaxelLayout(6, 5, (26.1e-3 / 6, 22.6e-3 / 5))
+
+
+def test_each_pad_of_a_sensor_differs_and_streams_are_as_frames():
+    sensor = MagneticSensor(LAYOUT, unit=7)
+    force = np.random.default_rng(0).uniform(0, 0.2, (4, 2, 3, 6, 5))
+    read = sensor(force)
+    np.testing.assert_allclose(read[:, 1], MagneticPad.unit(LAYOUT, 7001).read(force[:, 1]))
+    same = np.repeat(force[:, :1], 2, axis=1)
+    assert np.abs(sensor(same)[:, 0] - sensor(same)[:, 1]).max() > 0.01
+    np.testing.assert_allclose(sensor.run(force, np.arange(4) / 50), read)
+
+
+def test_it_stands_in_a_chain_with_the_firmware_behind_it():
+    chain = paxisim.Chain([MagneticSensor(LAYOUT, unit=3), paxisim.augment.Firmware()])
+    force = np.random.default_rng(1).uniform(0, 0.2, (2, 3, 6, 5)).astype(np.float32)
+    out, _ = chain.step(force, chain.initial_state(force), 0.02)
+    assert out.dtype == np.float32
+    assert np.all(np.abs(out / 0.1 - np.round(out / 0.1)) < 1e-4)
+
+
+def test_no_such_unit():
+    with pytest.raises(paxisim.InvalidValueError, match="unit must be"):
+        MagneticSensor(LAYOUT, unit=-1)
+
+
+@pytest.mark.real_time
+@pytest.mark.filterwarnings("ignore::paxisim.hw.profile.UnverifiedProfileWarning")
+def test_the_emulator_is_a_unit(tmp_path, capsys):
+    pytest.importorskip("serial")
+    layout = paxisim.load_profile("gen2-box-120").wire_layout
+    force = np.random.default_rng(2).uniform(0, 0.1, (1, *layout.shape))
+    paxisim.Recording([0.0, 1.0], np.repeat(force[None], 2, axis=0), layout=layout).save(tmp_path / "press.npz")
+    command = ["emulate", "--profile", "gen2-box-120", "--signal", str(tmp_path / "press.npz"), "--seconds", "0"]
+    assert main([*command, "--reference", "unit:3"]) == 0
+    assert main([*command, "--reference", "3"]) == 2
+    assert "must be unit:N" in capsys.readouterr().err
+    assert main(["emulate", "--profile", "anyskin", "--seconds", "0", "--reference", "unit:3"]) == 2
+    assert "a reference unit reads newtons" in capsys.readouterr().err
