@@ -37,9 +37,9 @@ def layer_response(
 
     The frame is the pad's: x right, y down the pad, z into it; a force along +z pushes into the pad.
 
-    The waves are summed by Gauss quadrature, so the load has no periodic copies; the sum is exact to 1e-6. Waves
-    shorter than a sixteenth of the rectangle are left out, which blurs the edge of the load. As a share of the largest
-    value, that changes the response by 1e-3 at most from a tenth of a side deep, and by 1e-5 from a quarter of a side.
+    The waves are summed by Gauss quadrature, so the load has no periodic copies; the error is about 1e-6 of the largest
+    value. Waves shorter than a sixteenth of the rectangle are left out, which blurs the edge of the load. That changes
+    the response by 1e-3 of its largest value at most from a tenth of a side deep, and by 1e-5 from a quarter of a side.
     At the surface it changes the displacement by 0.01 on the edge, or 0.02 in a layer thinner than a third of a side;
     the rotation, which has no limit on the edge, stays finite there.
 
@@ -61,8 +61,8 @@ def layer_response(
         InvalidValueError: A value outside its range, or an offset further away than `MAX_PITCHES`.
     """
     points, sides = _checked(offsets, depth, thickness, modulus, poisson, pitch)
-    kx, x_waves, at_x = _waves(points[:, 0], sides[0], depth, thickness, poisson)
-    ky, y_waves, at_y = _waves(points[:, 1], sides[1], depth, thickness, poisson)
+    kx, x_waves, at_x = _waves(points[:, 0], sides[0], depth, thickness)
+    ky, y_waves, at_y = _waves(points[:, 1], sides[1], depth, thickness)
     response = np.zeros((2, len(points), 3, 3))
     for start in range(0, len(ky), len(_NODES)):  # a few rows at a time: the whole plane would fill the memory
         part = slice(start, start + len(_NODES))
@@ -102,7 +102,7 @@ def _checked(
 
 
 def _waves(
-    places: _Array, side: float, depth: float, thickness: float, poisson: float
+    places: _Array, side: float, depth: float, thickness: float
 ) -> tuple[_Array, tuple[_Array, _Array], NDArray[np.intp]]:
     """Along one axis: wavenumbers, the load's cosine and sine waves at the distinct places, and which place is which.
 
@@ -112,7 +112,7 @@ def _waves(
     limit = 2 * np.pi * _WAVES / side
     last = min(limit, _DECAY / depth) if depth else limit
     widest = _PHASE / (np.max(np.abs(places), initial=0.0) + side / 2)
-    edges = [0.0, min(np.sqrt(1 - 2 * poisson) / thickness, widest, last)]
+    edges = [0.0, min(1 / thickness, widest, last)]
     while edges[-1] < last:
         edges.append(min(edges[-1] + min(edges[-1], widest), last))
     start, width = np.array(edges[:-1])[:, None], np.diff(edges)[:, None]

@@ -55,19 +55,19 @@ def test_a_thick_layer_is_a_half_space(poisson, depth):
     if depth:
         points = np.concatenate([points, [[0, 0], [0.3e-3, 0.2e-3]]])
     modulus, around = 3e5, 1e-6
-    moved, turned = layer_response(points, depth, 2.0, modulus, poisson, PITCH)
+    moved, turned = layer_response(points, depth, 1e3, modulus, poisson, PITCH)
 
     def expected(dx=0.0, dy=0.0, dz=0.0):
         return half_space_rectangle(points + [dx, dy], depth + dz, poisson) / shear_modulus(modulus, poisson)
 
     scale = np.abs(expected()).max(axis=(1, 2), keepdims=True)
-    np.testing.assert_allclose(moved / scale, expected() / scale, atol=0.003)
+    np.testing.assert_allclose(moved / scale, expected() / scale, atol=2e-4)
 
     if depth:
         steps = np.eye(3) * around
         slopes = np.stack([(expected(*step) - expected(*-step)) / (2 * around) for step in steps], axis=1)
         scale = np.abs(slopes).max(axis=(1, 2, 3))[:, None, None]
-        np.testing.assert_allclose(turned / scale, half_curl(slopes) / scale, atol=0.003)
+        np.testing.assert_allclose(turned / scale, half_curl(slopes) / scale, atol=2e-4)
 
 
 def half_curl(slopes):
@@ -211,8 +211,8 @@ def test_stiffness_and_lengths_scale(layer, place, deep, factor):
     depth = deep * layer["thickness"]
     moved, turned = layer_response([place], depth, **layer)
     stiffer = layer_response([place], depth, **layer | {"modulus": factor * layer["modulus"]})
-    np.testing.assert_allclose(stiffer[0] * factor, moved, rtol=1e-9)
-    np.testing.assert_allclose(stiffer[1] * factor, turned, rtol=1e-9)
+    np.testing.assert_allclose(stiffer[0] * factor, moved, atol=1e-9 * np.abs(moved).max())
+    np.testing.assert_allclose(stiffer[1] * factor, turned, atol=1e-9 * np.abs(turned).max())
     larger = layer | {"thickness": factor * layer["thickness"], "pitch": tuple(factor * p for p in layer["pitch"])}
     moved_there, turned_there = layer_response([np.multiply(place, factor)], factor * depth, **larger)
     np.testing.assert_allclose(moved_there * factor, moved, atol=1e-7 * np.abs(moved).max())
@@ -243,12 +243,12 @@ def test_the_base_does_not_move():
 
 
 def test_a_point_far_away_does_not_change_the_others():
-    points = np.array([[0, 0], [1e-3, 0], [0, 1e-3]])
-    alone = layer_response(points[:1], 1e-3, **LAYER)
-    among = layer_response(np.concatenate([points, [[12e-3, -7e-3]]]), 1e-3, **LAYER)
-    for one, many in zip(alone, among, strict=True):
-        np.testing.assert_allclose(many[0], one[0], atol=1e-6 * np.abs(one).max())
-    assert layer_response(np.zeros((0, 2)), 1e-3, **LAYER)[0].shape == (0, 3, 3)
+    layer = LAYER | {"poisson": 0.495}
+    points = [[0, 0], [1e-3, 0], [0, 1e-3]]
+    alone, among = (layer_response(where, 1e-3, **layer) for where in (points, [*points, [20e-3, -25e-3]]))
+    for few, many in zip(alone, among, strict=True):
+        np.testing.assert_allclose(many[:3], few, atol=1e-6 * np.abs(few).max())
+    assert layer_response(np.zeros((0, 2)), 1e-3, **layer)[0].shape == (0, 3, 3)
 
 
 @pytest.mark.parametrize(
