@@ -1,8 +1,8 @@
 """What GCS brings against a magnetic pad from first principles: ``python benchmarks/reference_pad.py``.
 
 The paper holds a square peg without other contact and gives the mean squared error of a taxel between simulation and
-real sensor: 0.68 for the raw simulation, 0.11 for the best of five draws of GCS. Here two flat pads of 6x5 taxels hold a
-box, and manufactured units of `paxisim.MagneticSensor` stand for the real sensor. They feel the forces of the flat
+real sensor: 0.68 for the raw simulation, 0.11 for the best of five draws of GCS. Here two flat pads of 6x5 taxels hold
+a box, and manufactured units of `paxisim.MagneticSensor` stand for the real sensor. They feel the forces of the flat
 pads. Printed are the errors of each unit in N^2, the mean over taxels and axes, and their ratio.
 """
 

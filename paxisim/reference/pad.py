@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
+from paxisim.reference.bonded_layer import layer_response
 from paxisim.reference.dipoles import field, jacobian, turned
-from paxisim.reference.half_space import half_space_response
 from paxisim.reference.parameters import PadParameters
 from paxisim.reference.stiffening import finite_share
 
@@ -218,7 +218,7 @@ def _influence(layout: TaxelLayout, own: PadParameters) -> tuple[FloatArray, Flo
     offsets = (taxels[None] - taxels[:, None]).reshape(-1, 2)  # from the loaded taxel to the magnet
     rounded = np.round(offsets, 9)
     unique, where = np.unique(rounded, axis=0, return_inverse=True)
-    moved, rotated = half_space_response(unique, own.magnet_depth, own.modulus, own.poisson, layout.pitch)
+    moved, rotated = layer_response(unique, own.magnet_depth, own.thickness, own.modulus, own.poisson, layout.pitch)
     count = layout.taxels
     found = []
     for response in (moved, rotated):

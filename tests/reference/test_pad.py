@@ -53,14 +53,20 @@ def test_units_differ_in_scale_by_axis_and_taxel_and_a_number_is_a_unit():
     assert np.abs(a - b).max() > 0.1 * a.max()
     assert abs(a[2].sum() / b[2].sum() - 1) > 0.01
     np.testing.assert_array_equal(a, MagneticPad.unit(LAYOUT, 1).read(force))
-    assert a[2].std() > 1.5 * MagneticPad(LAYOUT).read(force)[2].std()
+    # uneven normal force under a flat press, the first gap
+    assert (a[2] - MagneticPad(LAYOUT).read(force)[2]).std() > 0.05 * a[2].mean()
 
 
 def test_neighbours_are_read_too(nominal):
-    """Crosstalk, which the paper's transforms leave out, comes with the gel and with the magnets' common field."""
+    """Crosstalk, which the paper's transforms leave out, comes with the gel and with the magnets' common field.
+
+    A gel that cannot be compressed rises beside a press, so that neighbours read a pull.
+    """
     read = nominal.read(pressed((2, 2), (0, 0, 1.0)))[2]
-    assert 0.02 < read[2, 3] < 0.6
-    assert read[2, 3] > abs(read[2, 4])
+    assert -0.3 < read[2, 3] < -0.02
+    assert abs(read[2, 3]) > 3 * abs(read[2, 4])
+    foam = MagneticPad(LAYOUT, PadParameters(poisson=0.1)).read(pressed((2, 2), (0, 0, 1.0)))[2]
+    assert foam[2, 3] > read[2, 3]
 
 
 def test_a_pad_is_as_symmetric_as_its_grid(nominal):
@@ -93,10 +99,10 @@ def test_noise_steps_and_range_of_the_hall_sensors(nominal):
     noisy = nominal.measure(rest, np.random.default_rng(0))
     assert 1e-4 < noisy.std() < 0.05
     assert np.abs(noisy.mean(axis=0)).max() < 5 * noisy.std() / np.sqrt(2000) + 0.01
-    narrow = MagneticPad(LAYOUT, PadParameters(range=3.2e-3))
+    narrow = MagneticPad(LAYOUT, PadParameters(range=3.1e-3))
     force = spread(60.0)
     clipped = narrow.measure(force, np.random.default_rng(0))
-    assert clipped[2].max() < 0.7 * nominal.measure(force, np.random.default_rng(0))[2].max()
+    assert clipped[2].max() < 0.9 * nominal.measure(force, np.random.default_rng(0))[2].max()
 
 
 def test_torch_gives_what_numpy_gives():
