@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,9 +10,10 @@ from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
-from paxisim.reference.bonded_layer import layer_response
 from paxisim.reference.dipoles import field, jacobian, turned
+from paxisim.reference.influence import influence
 from paxisim.reference.parameters import PadParameters
+from paxisim.reference.spread import Spread
 from paxisim.reference.stiffening import finite_share
 
 FloatArray = NDArray[np.float64]
@@ -23,6 +23,8 @@ NEAR = 1.5
 PRESSES = (0.25, 0.5, 1.0)
 """Normal forces (N) by which a maker would calibrate a taxel, and shares of them that drag it along x and y."""
 DRAGS = (-0.3, 0.0, 0.3)
+TEMPERATURE = -1.2e-3
+"""Change of a magnet's remanence per kelvin: NdFeB's data sheets have -0.11 to -0.12 % per kelvin."""
 
 
 class MagneticPad:
@@ -54,7 +56,7 @@ class MagneticPad:
         self.layout, self.seed = layout, seed
         nominal = PadParameters() if parameters is None else parameters
         rng = np.random.default_rng(seed)
-        spread = _Spread(rng) if seed is not None else None
+        spread = Spread(rng) if seed is not None else None
         self.parameters = nominal if spread is None else spread.of(nominal)
         count, taxels = layout.taxels, layout.positions[:, :2].astype(np.float64)
         magnets = np.column_stack([taxels, np.full(count, self.parameters.magnet_depth)])
@@ -65,7 +67,7 @@ class MagneticPad:
         if spread is not None:
             magnets, moments = spread.magnets(magnets, moments, self.parameters)
             self._view, earth = spread.sensors(count, self.parameters), spread.earth(self.parameters)
-        self._moves, self._turns = _influence(layout, self.parameters)
+        self._moves, self._turns = influence(layout, self.parameters)
         self._set_field(magnets, moments, sensors, earth)
         self._kinds: dict[Any, dict[str, Any]] = {}
         to_force = _calibration(self) if seed is None else MagneticPad(layout, nominal)._constants["to_force"]
@@ -83,9 +85,23 @@ class MagneticPad:
         """
         return cls(layout, parameters, seed)
 
-    def read(self, force: Any) -> Any:
-        """``(..., 3, rows, cols)`` newtons on the pad -> what it reports, without noise; numpy or torch."""
-        return self._newtons(self.flux(force))
+    def read(self, force: Any, *, warmer: float = 0.0, outside: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Any:
+        """What the pad reports of the forces on it, without noise.
+
+        Args:
+            force: ``(..., 3, rows, cols)`` newtons; numpy or torch.
+            warmer: Kelvin by which the magnets are warmer than when the pad was zeroed.
+            outside: Flux density (T, pad frame) of iron, a motor or a magnet outside, since it was zeroed.
+
+        Returns:
+            ``(..., 3, rows, cols)`` newtons.
+        """
+        flux = self.flux(force)
+        if warmer or any(outside):
+            like, loss = self._arrays(flux), TEMPERATURE * warmer
+            field_outside = sum(part * like["view"][..., axis] for axis, part in enumerate(outside))
+            flux = flux * (1 + loss) + loss * like["magnets"] + field_outside
+        return self._newtons(flux)
 
     def measure(self, force: Any, rng: np.random.Generator) -> FloatArray:
         """As `read`, with noise and in the steps and the range of the Hall sensors; numpy."""
@@ -136,7 +152,8 @@ class MagneticPad:
         all_moments = np.broadcast_to(moments, offsets.shape)
         far = jacobian(all_moments, offsets)  # (sensors, magnets, 3, 6)
         far[row, nearest] *= ~is_near[..., None, None]
-        self._rest = np.einsum("nij,nj->ni", self._view, field(all_moments, offsets).sum(axis=1) + earth)
+        magnets_alone = np.einsum("nij,nj->ni", self._view, field(all_moments, offsets).sum(axis=1))
+        self._rest = magnets_alone + self._view @ earth
         self._constants = {
             "near": nearest,
             "offsets": offsets[row, nearest],
@@ -146,6 +163,7 @@ class MagneticPad:
             # (magnets x 6, sensors x 3)
             "far": far.transpose(1, 3, 0, 2).reshape(6 * count, 3 * count),
             "view": self._view,
+            "magnets": magnets_alone,
             "moves": self._moves,
             "turns": self._turns,
         }
@@ -168,33 +186,6 @@ class MagneticPad:
         return f"MagneticPad({self.layout.rows}x{self.layout.cols}, {which})"
 
 
-class _Spread:
-    """What one unit draws, always in the same order."""
-
-    def __init__(self, rng: np.random.Generator) -> None:
-        self._rng = rng
-
-    def of(self, nominal: PadParameters) -> PadParameters:
-        return replace(nominal, modulus=nominal.modulus * np.exp(nominal.modulus_spread * self._rng.standard_normal()))
-
-    def magnets(self, places: FloatArray, moments: FloatArray, own: PadParameters) -> tuple[FloatArray, FloatArray]:
-        places = places + own.place_spread * self._rng.standard_normal(places.shape)
-        moments = moments * (1 + own.remanence_spread * self._rng.standard_normal((len(moments), 1)))
-        tilt = own.tilt_spread * self._rng.standard_normal(moments.shape)
-        return places, turned(moments, tilt)
-
-    def sensors(self, count: int, own: PadParameters) -> FloatArray:
-        """``(N, 3, 3)``: gains and orientation of each Hall sensor."""
-        gains = 1 + own.gain_spread * self._rng.standard_normal((count, 3))
-        axes = own.turn_spread * self._rng.standard_normal((count, 3))
-        seen = np.stack([turned(np.tile(axis, (count, 1)), axes) for axis in np.eye(3)], axis=-1)
-        return gains[..., None] * seen
-
-    def earth(self, own: PadParameters) -> FloatArray:
-        direction = self._rng.standard_normal(3)
-        return own.earth * direction / np.linalg.norm(direction)
-
-
 def _as(value: NDArray[Any], like: Any) -> Any:
     """An array of the kind of `like`; numbers of magnets stay whole."""
     is_float = np.issubdtype(value.dtype, np.floating)
@@ -210,21 +201,6 @@ def _nearest(apart: FloatArray) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
     near = apart <= NEAR
     order = np.argsort(~near, axis=1, kind="stable")[:, : int(near.sum(axis=1).max())]
     return order, np.take_along_axis(near, order, axis=1)
-
-
-def _influence(layout: TaxelLayout, own: PadParameters) -> tuple[FloatArray, FloatArray]:
-    """``(3 N, 3 N)`` from forces, ``(3, N)`` row-major, to the magnets' displacements and rotations, ``(N, 3)``."""
-    taxels = layout.positions[:, :2].astype(np.float64)
-    offsets = (taxels[None] - taxels[:, None]).reshape(-1, 2)  # from the loaded taxel to the magnet
-    rounded = np.round(offsets, 9)
-    unique, where = np.unique(rounded, axis=0, return_inverse=True)
-    moved, rotated = layer_response(unique, own.magnet_depth, own.thickness, own.modulus, own.poisson, layout.pitch)
-    count = layout.taxels
-    found = []
-    for response in (moved, rotated):
-        full = response[where.reshape(-1)].reshape(count, count, 3, 3)  # [loaded, magnet, displacement, force]
-        found.append(full.transpose(3, 0, 1, 2).reshape(3 * count, 3 * count))
-    return found[0], found[1]
 
 
 def _calibration(pad: MagneticPad) -> FloatArray:

@@ -105,6 +105,22 @@ def test_noise_steps_and_range_of_the_hall_sensors(nominal):
     assert clipped[2].max() < 0.9 * nominal.measure(force, np.random.default_rng(0))[2].max()
 
 
+def test_warm_magnets_and_a_field_from_outside_shift_the_zero():
+    pad, rest = MagneticPad.unit(LAYOUT, 4), np.zeros((3, 6, 5))
+    warm = pad.read(rest, warmer=10.0)
+    assert 0.01 < np.abs(warm).max() < 1.0
+    np.testing.assert_allclose(pad.read(rest, warmer=20.0), 2 * warm)
+    # weaker magnets read less of a load, too
+    load = pressed((2, 2), (0, 0, 1.0))
+    gain = (pad.read(load, warmer=10.0) - warm)[2, 2, 2] / pad.read(load)[2, 2, 2]
+    assert gain == pytest.approx(1 - 1.2e-2, rel=1e-6)
+    iron = pad.read(rest, outside=(0.0, 0.0, 50e-6))
+    assert 0.02 < np.abs(iron).max() < 0.5
+    torch = pytest.importorskip("torch")
+    both = pad.read(torch.zeros(3, 6, 5, dtype=torch.float64), warmer=10.0, outside=(0.0, 0.0, 50e-6))
+    np.testing.assert_allclose(both.numpy(), warm + iron, atol=1e-9)
+
+
 def test_torch_gives_what_numpy_gives():
     torch = pytest.importorskip("torch")
     pad = MagneticPad.unit(LAYOUT, 3)
