@@ -97,8 +97,9 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         assert self.scene.tactile is not None
         self._tactile = self.scene.tactile
         self._layout, self._pads = self._tactile.pads.layout, len(self._tactile.pads)
-        is_made = sensor is None or isinstance(sensor, paxisim.Chain)
-        self.sensor: paxisim.Chain | None = sensor if is_made else sensor(self._layout)
+        if not (sensor is None or isinstance(sensor, paxisim.Chain)):
+            sensor = sensor(self._layout)
+        self.sensor: paxisim.Chain | None = sensor
         self._history = self.method.history(self.task, self._layout)
         shape = self._history.encoding.shape(self._pads, self._history.k)
         entries: Any = {"p": _pose_space(1), PRIVILEGED: _pose_space(2)}

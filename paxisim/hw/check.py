@@ -158,7 +158,7 @@ def rest_of(profile: Profile, force: ArrayLike) -> Rest:
     Raises:
         InvalidValueError: Too few frames, or somebody did touch it.
     """
-    frames = _frames(profile, force, "free")
+    frames = checked_frames(profile, force, "free")
     total = frames.sum(axis=(-2, -1))
     noise = total.std(axis=0)
     press = _ABOVE_NOISE * noise[:, 2]
@@ -192,7 +192,7 @@ def feel(profile: Profile, step: Step, force: ArrayLike, rest: Rest) -> Touch:
         InvalidValueError: It was too weak or too short, more than one pad felt it, or a drag was no drag. The step
             can be asked for again.
     """
-    frames = _frames(profile, force, step.name) - rest.force
+    frames = checked_frames(profile, force, step.name) - rest.force
     total = np.abs(frames[:, :, 2].sum(axis=(-2, -1)))
     peak = total.max(axis=0)
     pad = int(peak.argmax())
@@ -246,7 +246,12 @@ def conclude(profile: Profile, touches: Mapping[str, Touch], verified: str = "")
     return CheckResult(corrected, findings)
 
 
-def _frames(profile: Profile, force: ArrayLike, step: str) -> NDArray[np.float64]:
+def checked_frames(profile: Profile, force: ArrayLike, step: str) -> NDArray[np.float64]:
+    """``(T, pads, 3, rows, cols)`` what was recorded during a step.
+
+    Raises:
+        InvalidValueError: Too few frames, or another shape.
+    """
     frames = np.asarray(force, dtype=np.float64)
     profile.wire_layout.check(frames, len(profile.slots))
     if frames.ndim != 5 or len(frames) < _LEAST_FRAMES:

@@ -13,12 +13,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from paxisim.errors import InvalidValueError
-from paxisim.hw.check import CheckResult, Finding, Step
+from paxisim.hw.check import CheckResult, Finding, Step, checked_frames
 from paxisim.hw.profile import Profile
 
 RESPONDS = 8.0
 """Noises by which the field at a chip must change while the skin is pressed over it."""
-_LEAST_FRAMES = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +51,7 @@ def field_at_rest(profile: Profile, field: ArrayLike) -> FieldRest:
     Raises:
         InvalidValueError: Too few frames.
     """
-    frames = _frames(profile, field, "free")
+    frames = checked_frames(profile, field, "free")
     return FieldRest(np.median(frames, axis=0), np.sqrt(np.mean(np.diff(frames, axis=0) ** 2, axis=0) / 2))
 
 
@@ -68,7 +67,7 @@ def responses(profile: Profile, step: Step, field: ArrayLike, rest: FieldRest) -
     Raises:
         InvalidValueError: Too few frames, or no chip felt anything. The step can be asked for again.
     """
-    change = np.abs(_frames(profile, field, step.name) - rest.field).max(axis=0)
+    change = np.abs(checked_frames(profile, field, step.name) - rest.field).max(axis=0)
     # the steps of a chip's numbers may hide its noise
     floor = max(float(np.median(rest.noise)), profile.resolution * 1e-3)
     ratio = (change / np.maximum(rest.noise, floor)).max(axis=1)[0].ravel()
@@ -106,13 +105,3 @@ def conclude_field(profile: Profile, felt: Mapping[str, NDArray[np.float64]], ve
         Finding("order and axes: cannot be told by pressing; calibration fits each channel for itself", False, True),
     ]
     return CheckResult(replace(profile, verified=verified), tuple(findings))
-
-
-def _frames(profile: Profile, field: ArrayLike, step: str) -> NDArray[np.float64]:
-    frames = np.asarray(field, dtype=np.float64)
-    profile.wire_layout.check(frames, len(profile.slots))
-    if frames.ndim != 5 or len(frames) < _LEAST_FRAMES:
-        raise InvalidValueError(
-            f"step {step}: expected at least {_LEAST_FRAMES} frames, (T, pads, 3, rows, cols), got shape {frames.shape}"
-        )
-    return frames

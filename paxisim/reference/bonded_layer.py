@@ -200,4 +200,4 @@ def _across(k: _Array, depth: float, thickness: float) -> tuple[_Array, _Array]:
     """Displacement across the wave under a shear traction of amplitude 1 across it, and its slope over the depth."""
     down, up = np.exp(-k * depth), np.exp(-k * (2 * thickness - depth))
     even = 1 + np.exp(-2 * k * thickness)
-    return (down - up) / (k * even), -(down + up) / even
+    return (down - up) / (k * even), -1.0 * (down + up) / even
