@@ -49,7 +49,7 @@ def fit_closing(
     Args:
         simulated: The ``(T, pads, 3, rows, cols)`` forces for a constant.
         measured: The measured ones.
-        time: Not needed.
+        time: When they were measured (s); the mean does not depend on it.
         step: The constant that moves the closing joint by 1 mm.
         episode: Its number, for messages.
 
