@@ -25,7 +25,7 @@ def evaluate(
     run: Path,
     *,
     trials: int = 50,
-    sensor: str | None = None,
+    sensor: str | Path | None = None,
     out: Path = RESULTS,
     other_versions: bool = False,
 ) -> None:
@@ -42,14 +42,14 @@ def evaluate(
     if trials < 1:
         raise paxisim.InvalidValueError(f"expected at least one trial, got {trials}")
     this = Run.open(run, other_versions=other_versions)
-    chain = None if sensor is None else surrogate_of(sensor)
+    chain = None if sensor is None else surrogate_of(str(sensor))
     env = this.insertion_env(sensor=chain, terminate_on_success=True)
     try:
         trained = this.policy(env)
         successes = sum(succeeds(env, trained, FIRST_SEED + trial) for trial in range(trials))
     finally:
         env.close()
-    name = IN_SIMULATION if sensor is None else f"surrogate {Path(sensor.replace(':', '-')).stem}"
+    name = IN_SIMULATION if sensor is None else f"surrogate {Path(str(sensor).replace(':', '-')).stem}"
     interval = tuple(binomtest(successes, trials).proportion_ci(method="wilson"))
     training = {
         "steps": trained.steps,

@@ -82,12 +82,12 @@ def calibrate(
     else:
         print(f"\n{output}: {len(calibrated)} samples in {len(list(calibrated.episodes()))} episodes, in newtons")
     if missing is not None:
-        print(f"no pictures: {missing}")
+        print(f"no picture: {missing}")
         return
     for picture, data in zip(pictures, drawn, strict=True):
         write_output(picture, data, force)
     print(f"{pictures[0]}: the episodes, and how well the loads explain each channel")
-    print(f"{pictures[1]}: errors of the load against the load and other covariates")
+    print(f"{pictures[1]}: errors of the load")
 
 
 def _loads(words: tuple[str, ...]) -> tuple[str, ...] | Mapping[str, str]:

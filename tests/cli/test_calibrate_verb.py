@@ -37,7 +37,8 @@ def test_one_command_from_raw_channels_to_a_calibrated_recording(capsys):
     assert (ready.measured - ready.simulated).std() < 0.03 * ready.simulated.std()
     assert len(np.unique(ready.episode)) > 3
     assert ready.metadata["readout"]["loads"] == {name: name for name in NAMES}
-    assert Path("calibrated.png").read_bytes()[:4] == b"\x89PNG"
+    for name in ("calibrated.png", "calibrated.residuals.png"):
+        assert Path(name).read_bytes()[:4] == b"\x89PNG"
 
 
 def test_a_table_of_raw_channels_and_loads_will_do():
@@ -57,7 +58,7 @@ def test_a_table_of_raw_channels_and_loads_will_do():
         (["--loads", "Fz=Fz", "Fz=Fx"], "COMPONENT=NAME for different components"),
         (["--loads", "Fz="], "COMPONENT=NAME for different components"),
         (["--loads", "Fz", "--degree", "7"], "degree must be 1, 2 or 3"),
-        (["--loads", "Fz", "-o", "a.csv"], "written to .npz or .mcap, got a.csv"),
+        (["--loads", "Fz", "-o", "a.csv"], "a calibration (.json) or a calibrated recording (.npz, .mcap), got a.csv"),
     ],
 )
 def test_bad_input_is_one_line_and_leaves_nothing(words, said, capsys, folder):
