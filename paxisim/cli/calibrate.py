@@ -65,7 +65,6 @@ def calibrate(
     raw = Recording.load(recording)
     progress("fitting gains, delay and load")
     calibration = calibrate_sensor(raw, given, degree=degree, quadratic=quadratic, max_delay=max_delay)
-    calibrated = calibration.readout.apply(raw)
     progress("drawing")
     try:
         drawn = [png(plot_calibration(calibration.readout, raw)), png(plot_residuals(calibration, raw))]
@@ -74,13 +73,13 @@ def calibrate(
         drawn, missing = [], error
     if is_model:
         calibration.save(output)
+        said = "the calibration, for --calibration of record and live"
     else:
+        calibrated = calibration.readout.apply(raw)
         calibrated.save(output)
+        said = f"{len(calibrated)} samples in {len(list(calibrated.episodes()))} episodes, in newtons"
     print(calibration)
-    if is_model:
-        print(f"\n{output}: the calibration, for --calibration of record and live")
-    else:
-        print(f"\n{output}: {len(calibrated)} samples in {len(list(calibrated.episodes()))} episodes, in newtons")
+    print(f"\n{output}: {said}")
     if missing is not None:
         print(f"no picture: {missing}")
         return

@@ -67,7 +67,6 @@ class MagneticPad:
         if spread is not None:
             magnets, moments = spread.magnets(magnets, moments, self.parameters)
             self._view, earth = spread.sensors(count, self.parameters), spread.earth(self.parameters)
-        self._moves, self._turns = influence(layout, self.parameters)
         self._set_field(magnets, moments, sensors, earth)
         self._kinds: dict[Any, dict[str, Any]] = {}
         to_force = _calibration(self) if seed is None else MagneticPad(layout, nominal)._constants["to_force"]
@@ -154,6 +153,7 @@ class MagneticPad:
         far[row, nearest] *= ~is_near[..., None, None]
         magnets_alone = np.einsum("nij,nj->ni", self._view, field(all_moments, offsets).sum(axis=1))
         self._rest = magnets_alone + self._view @ earth
+        moves, turns = influence(self.layout, self.parameters)
         self._constants = {
             "near": nearest,
             "offsets": offsets[row, nearest],
@@ -164,8 +164,8 @@ class MagneticPad:
             "far": far.transpose(1, 3, 0, 2).reshape(6 * count, 3 * count),
             "view": self._view,
             "magnets": magnets_alone,
-            "moves": self._moves,
-            "turns": self._turns,
+            "moves": moves,
+            "turns": turns,
         }
 
     def _joined(self, moved: Any, rotated: Any) -> Any:
