@@ -78,7 +78,7 @@ def in_scene(
         begun = begin(_simulated(recording, study), causes, study.responses(), tell)
         if isinstance(begun, Diagnosis):
             return begun
-        study.move(_poses(begun, study, begun.wanted, lambda x: begun.off.problem.thinned.at_compared(x)))
+        study.move(_poses(begun, study, (), lambda x: begun.off.problem.thinned.at_compared(x)))
         found = searched(_simulated(recording, study), causes, study.responses(), seed, jobs, _part(tell, 0))
         for number in range(1, ROUNDS):
             if isinstance(found, Diagnosis):

@@ -44,10 +44,12 @@ class Responses:
     Attributes:
         each: The numbers.
         rows: ``(T,)`` the frames of the replays that are meant.
+        failed: Causes with numbers that could not be replayed.
     """
 
     each: tuple[Response, ...]
     rows: NDArray[np.intp]
+    failed: frozenset[str] = frozenset()
     _taken: dict[str, NDArray[np.float32]] = field(default_factory=dict, repr=False)
 
     def select(self, which: NDArray[np.intp]) -> Responses:

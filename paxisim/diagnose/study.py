@@ -101,7 +101,8 @@ class Study:
             if known and item.name not in self.unstable:
                 values = sorted(known)
                 each.append(Response(item, np.array(values), np.stack([known[v] for v in values])))
-        return Responses(tuple(each), np.arange(len(self.base)))
+        failed = frozenset(self.parameters[name].group for name in self.unstable)
+        return Responses(tuple(each), np.arange(len(self.base)), failed)
 
     def fitted(self, values: Mapping[str, float]) -> NDArray[np.float32]:
         """``(T, pads, 3, rows, cols)`` N, the scene with the fitted values, all at once.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -67,7 +68,7 @@ def _model(scene: Scene, values: Values) -> str:
     pads = find_pads(model, names=scene.pads or None)
     sizes = {item: value for item, value in values.items() if item.group == "object_size"}
     for item, value in sizes.items():  # before the poses, which are not to be scaled
-        _scale(spec, item.target, value)
+        _scale(spec, model, item.target, value)
     for group in ("mount_offset", "mount_tilt"):
         for pad in pads.names:
             own = {item.index: v for item, v in values.items() if item.group == group and item.target == pad}
@@ -79,7 +80,7 @@ def _model(scene: Scene, values: Values) -> str:
             _bump(spec, model, pads, pad, own)
     for body in {item.target for item in values if item.group == "object_pose"}:
         own = {item.index: v for item, v in values.items() if item.group == "object_pose" and item.target == body}
-        _place(spec, body, [own.get(k, 0.0) for k in range(6)])
+        _place(spec, model, body, [own.get(k, 0.0) for k in range(6)])
     for value in (v for item, v in values.items() if item.group == "grip_force"):
         for actuator in spec.actuators:
             actuator.gainprm, actuator.biasprm = actuator.gainprm * value, actuator.biasprm * value
@@ -116,16 +117,15 @@ def _bump(spec: mujoco.MjSpec, model: mujoco.MjModel, pads: Pads, pad: str, heig
         geom.size = np.where(np.arange(3) == place, now + added, model.geom_size[number])
 
 
-def _scale(spec: mujoco.MjSpec, name: str, factor: float) -> None:
-    """Scale an object about the origin of its body."""
+def _scale(spec: mujoco.MjSpec, model: mujoco.MjModel, name: str, factor: float) -> None:
+    """Scale an object about the origin of its body; its mass stays."""
     own = [spec.body(name), *spec.body(name).find_all("body")]
     geoms = [geom for body in own for geom in body.geoms]
-    meshes = {geom.meshname for geom in geoms if geom.type == mujoco.mjtGeom.mjGEOM_MESH}
-    names = {geom.name for geom in geoms}
-    shared = meshes & {geom.meshname for geom in spec.geoms if geom.name not in names or not geom.name}
-    shared -= {geom.meshname for geom in geoms if not geom.name}
+    meshes = Counter(geom.meshname for geom in geoms if geom.meshname)
+    uses = Counter(geom.meshname for geom in spec.geoms)
+    shared = sorted(mesh for mesh, count in meshes.items() if uses[mesh] > count)
     if shared:
-        raise UnsupportedError(f"the size of {name} cannot change: other bodies use its mesh {min(shared)!r}, too")
+        raise UnsupportedError(f"the size of {name} cannot change: other bodies use its mesh {shared[0]!r}, too")
     for mesh in meshes:
         spec.mesh(mesh).scale = spec.mesh(mesh).scale * factor
     for geom in geoms:
@@ -134,19 +134,30 @@ def _scale(spec: mujoco.MjSpec, name: str, factor: float) -> None:
     for body in own[1:]:
         body.pos = body.pos * factor
     for body in own:
-        if body.explicitinertial:
-            body.ipos = body.ipos * factor
+        _keep_inertia(body, model)
 
 
-def _place(spec: mujoco.MjSpec, name: str, pose: list[float]) -> None:
+def _keep_inertia(body: mujoco.MjsBody, model: mujoco.MjModel) -> None:
+    """Give a body the inertia that it has, whatever its geoms become.
+
+    What holds the object prescribes where it moves, so that its mass hardly matters; but MuJoCo's contacts are a little
+    softer or stiffer with another inverse weight, and it computes that of a body on slides otherwise where its mass is
+    not in the middle.
+    """
+    number = model.body(body.name).id
+    body.explicitinertial = True
+    body.mass, body.ipos = model.body_mass[number], model.body_ipos[number]
+    body.inertia, body.iquat = model.body_inertia[number], model.body_iquat[number]
+
+
+def _place(spec: mujoco.MjSpec, model: mujoco.MjModel, name: str, pose: list[float]) -> None:
     """Move and turn all that an object consists of in the frame of its body."""
     body = spec.body(name)
+    _keep_inertia(body, model)
     turn = Rotation.from_rotvec(pose[3:])
     frame = body.add_frame(pos=pose[:3], quat=_quaternion(turn))
     for part in [*body.geoms, *body.bodies, *body.sites]:
         part.set_frame(frame)
-    if body.explicitinertial:
-        body.ipos = turn.apply(body.ipos) + pose[:3]
 
 
 def _rotation(quat: np.ndarray) -> Rotation:

@@ -106,12 +106,27 @@ def test_causes_inside_a_scene_need_the_scene():
         paxisim.diagnose(measured(), scene="scene.toml")
 
 
-def test_what_the_motion_does_not_show_and_what_is_unstable_is_not_testable(kept):
-    # without slides friction shows nothing
-    still = motion()
-    still = replace(still, covariates={**still.covariates, "x": 0 * still.time})
-    felt = scene().simulate(still)
-    recording = replace(still, measured=felt.simulated + np.random.default_rng(0).normal(0, 0.01, felt.simulated.shape))
-    found = paxisim.diagnose(recording, ["friction", "gel_stiffness"], scene=scene())
-    assert "does not excite" in found.not_testable["friction"]
-    assert "gel_stiffness" not in found.not_testable
+def test_without_contact_nothing_in_the_scene_can_be_told():
+    lifted = motion()
+    lifted = replace(lifted, covariates={**lifted.covariates, "depth": lifted.covariates["depth"] - 5e-3})
+    silent = np.random.default_rng(0).normal(0, 0.01, lifted.tensor.shape).astype(np.float32)
+    found = paxisim.diagnose(replace(lifted, measured=silent), ["friction", "surface"], scene=scene())
+    assert "without contact" in found.not_testable["friction"]
+    assert "without contact" in found.not_testable["surface"]
+
+
+def test_a_number_that_cannot_change_is_named_and_the_others_are_found():
+    # the size of a mesh that another body uses cannot change
+    corners = " ".join(f"{x} {y} {z}" for x in (-0.02, 0.02) for y in (-0.02, 0.02) for z in (0, 0.04))
+    asset = f'<asset><mesh name="block" vertex="{corners}"/></asset><worldbody><geom type="mesh" mesh="block" '
+    asset += 'pos="0.3 0 0"/>'
+    mjcf = str(scene().mjcf).replace("<worldbody>", asset, 1)
+    mjcf = mjcf.replace('<geom name="ball"', '<geom type="mesh" mesh="block" mass="0"/><geom name="ball"', 1)
+    inside = replace(scene(), mjcf=mjcf)
+    felt = inside.simulate(motion(), gel_stiffness=0.7)
+    noise = np.random.default_rng(0).normal(0, 0.01, felt.simulated.shape)
+    recording = replace(motion(), measured=(felt.simulated + noise).astype(np.float32))
+    found = paxisim.diagnose(recording, ["gel_stiffness", "object_size"], scene=inside)
+    assert [cause.name for cause in found.causes] == ["gel_stiffness"]
+    assert "no replay shows" in found.not_testable["object_size"]
+    assert any("'block'" in line for line in found.symptoms.warnings)

@@ -58,7 +58,10 @@ def _scene_cause(group: Group, excites: str, words: str, picture: str, price: fl
     def barred(problem: Problem) -> str:
         if problem.scene is None:
             return "it is in the scene, which the diagnosis was not given"
-        return "" if problem.scene.of(group) else _MISSING.get(group, "no replay shows what it does")
+        if problem.scene.of(group):
+            return ""
+        failed = group in problem.scene.failed
+        return "no replay shows what it does: see the warnings" if failed else _MISSING[group]
 
     return Cause(
         group,
