@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-from paxisim.augment.parameter import namespace
 from paxisim.augment.transform import Covariates, Transform
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
-from paxisim.reference.pad import MagneticPad
+from paxisim.reference.pad import MagneticPad, calibration
 from paxisim.reference.parameters import PadParameters
+from paxisim.reference.stack import Stack
 
 _UNITS = 1000  # pads of one sensor at most
 
@@ -32,7 +32,7 @@ class MagneticSensor(Transform):
     layout: TaxelLayout
     unit: int
     parameters: PadParameters = field(default_factory=PadParameters)
-    _pads: list[MagneticPad] = field(default_factory=list, init=False, repr=False)
+    _stacks: dict[int, Stack] = field(default_factory=dict, init=False, repr=False)
 
     stage: ClassVar[str] = "gel"
 
@@ -41,22 +41,27 @@ class MagneticSensor(Transform):
         super().__post_init__()
         if self.unit < 0:
             raise InvalidValueError(f"unit must be a number of at least 0, got {self.unit!r}")
-        self.pads(1)
+        self.pads(1)  # a layout that it cannot have is refused here
 
     def pads(self, count: int) -> list[MagneticPad]:
-        """The first pads of the sensor, built when they are first needed.
+        """The first pads of the sensor.
 
         Raises:
             InvalidValueError: More than 1000.
         """
-        if count > _UNITS:
+        if not 0 <= count <= _UNITS:
             raise InvalidValueError(f"a sensor has at most {_UNITS} pads, got {count}")
-        while len(self._pads) < count:
-            seed = self.unit * _UNITS + len(self._pads)
-            self._pads.append(MagneticPad.unit(self.layout, seed, self.parameters))
-        return self._pads[:count]
+        return [MagneticPad.unit(self.layout, self.unit * _UNITS + i, self.parameters) for i in range(count)]
 
     def apply(self, x: Any, covariates: Covariates) -> Any:
         """See `Transform.apply`."""
-        readings = [pad.read(x[..., i, :, :, :]) for i, pad in enumerate(self.pads(x.shape[-4]))]
-        return namespace(x).stack(readings, axis=-4)
+        self.layout.check(x)
+        stack = self._stack(x.shape[-4])
+        return stack.joined(stack.read(stack.change(stack.split(x))), x)
+
+    def _stack(self, count: int) -> Stack:
+        """The pads as one, built when they are first needed."""
+        if count not in self._stacks:
+            made = [pad.made for pad in self.pads(count)]
+            self._stacks[count] = Stack(made, calibration(self.layout, self.parameters), self.parameters.thickness)
+        return self._stacks[count]
