@@ -84,3 +84,38 @@ class PadParameters:
     def distance(self) -> float:
         """From a magnet at rest to the Hall sensor below it (m)."""
         return self.thickness - self.magnet_depth + self.sensor_gap
+
+
+@dataclass(frozen=True)
+class GelMemory:
+    """How a gel relaxes and rubs within itself; see `paxisim.reference.memory`.
+
+    Silicones relax by some per cent in seconds to minutes and lose a part of the work of each cycle, also of slow ones.
+    No figures were found for the gel of such a pad; those here are ours.
+
+    Attributes:
+        shares: Stiffness of each arm that relaxes, as a share of the modulus, which is that at rest. Ours.
+        times: Relaxation time of each arm (s). Ours.
+        friction: Stiffness of the spring behind the slider, as a share of the modulus. Ours.
+        slip: Stress (Pa) on a taxel that deforms the gel at rest so far that the slider slips. Ours.
+
+    Raises:
+        InvalidValueError: Shares or a friction that are negative or not finite, times or a slip that are not positive,
+            or not one time for each share.
+    """
+
+    shares: tuple[float, ...] = (0.06, 0.04)
+    times: tuple[float, ...] = (0.5, 20.0)
+    friction: float = 0.15
+    slip: float = 5e3
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        if len(self.shares) != len(self.times):
+            raise InvalidValueError(f"expected a time for each share, got {len(self.times)} for {len(self.shares)}")
+        for name, values in (("shares", self.shares), ("friction", (self.friction,))):
+            if not all(0 <= value < np.inf for value in values):
+                raise InvalidValueError(f"{name} must be 0 or more, got {getattr(self, name)!r}")
+        for name, values in (("times", self.times), ("slip", (self.slip,))):
+            if not all(0 < value < np.inf for value in values):
+                raise InvalidValueError(f"{name} must be positive, got {getattr(self, name)!r}")

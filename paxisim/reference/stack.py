@@ -87,8 +87,8 @@ class Stack:
         """The constants as arrays of the kind of `like`, made once."""
         key = like.dtype, getattr(like, "device", None)
         if key not in self._kinds:
-            found = SimpleNamespace(**{name: _as(value, like) for name, value in self._values.items()})
-            found.near = _as(self._near.reshape(-1), like)
+            found = SimpleNamespace(**{name: as_kind(value, like) for name, value in self._values.items()})
+            found.near = as_kind(self._near.reshape(-1), like)
             rest = found.moments * 0
             found.at_rest = self._near_field(found, array_namespace(rest).concat([rest, rest], axis=2))
             self._kinds[key] = found
@@ -115,7 +115,7 @@ def apply(matrices: Any, vectors: Any) -> Any:
     return (matrices * vectors[..., None, :, :]).sum(-2)
 
 
-def _as(value: NDArray[Any], like: Any) -> Any:
+def as_kind(value: NDArray[Any], like: Any) -> Any:
     """An array of the kind of `like`; numbers of magnets stay whole."""
     is_float = np.issubdtype(value.dtype, np.floating)
     if not is_torch_array(like):

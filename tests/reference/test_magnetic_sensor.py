@@ -34,6 +34,17 @@ def test_no_such_unit():
         MagneticSensor(LAYOUT, unit=-1)
 
 
+def test_a_name_makes_the_sensor():
+    sensor = paxisim.reference_sensor("unit:7")(LAYOUT)
+    assert (sensor.unit, sensor.memory, sensor.covariate) == (7, None, "")
+    whole = paxisim.reference_sensor("unit:12+neighbour+memory")(LAYOUT, zeroed_at=0.08)
+    assert (whole.unit, whole.memory, whole.covariate) == (12, paxisim.GelMemory(), "gripper_opening")
+    assert whole.zeroed_at == 0.08
+    for wrong in ("7", "unit:", "unit:-1", "unit:7+", "unit:7+ears", "unit:²", "unit:7,memory"):
+        with pytest.raises(paxisim.InvalidValueError, match="is named unit:N"):
+            paxisim.reference_sensor(wrong)
+
+
 @pytest.mark.real_time
 @pytest.mark.filterwarnings("ignore::paxisim.hw.profile.UnverifiedProfileWarning")
 def test_the_emulator_is_a_unit(tmp_path, capsys):
@@ -43,7 +54,10 @@ def test_the_emulator_is_a_unit(tmp_path, capsys):
     paxisim.Recording([0.0, 1.0], np.repeat(force[None], 2, axis=0), layout=layout).save(tmp_path / "press.npz")
     command = ["emulate", "--profile", "gen2-box-120", "--signal", str(tmp_path / "press.npz"), "--seconds", "0"]
     assert main([*command, "--reference", "unit:3"]) == 0
+    assert main([*command, "--reference", "unit:3+memory"]) == 0
     assert main([*command, "--reference", "3"]) == 2
-    assert "must be unit:N" in capsys.readouterr().err
+    assert "is named unit:N" in capsys.readouterr().err
+    assert main([*command, "--reference", "unit:3+neighbour"]) == 2
+    assert "leave out +neighbour" in capsys.readouterr().err
     assert main(["emulate", "--profile", "anyskin", "--seconds", "0", "--reference", "unit:3"]) == 2
     assert "a reference unit reads newtons" in capsys.readouterr().err
