@@ -48,8 +48,12 @@ class Facing:
     at 18 mm by 0.6 %.
     """
 
-    def __init__(self, units: Sequence[Unit]) -> None:
+    def __init__(self, units: Sequence[Unit], zeroed_at: float = np.inf) -> None:
         """Fit the polynomials.
+
+        Args:
+            units: The two pads.
+            zeroed_at: Opening (m) at which they were zeroed. Default: far apart.
 
         Raises:
             InvalidValueError: There are not two pads.
@@ -64,9 +68,10 @@ class Facing:
         ]
         found = [chebyshev.chebfit(2 * nodes - 1, np.array(rows), DEGREE) for rows in fields]
         self._coefficients = np.stack(found)  # (2, DEGREE + 1, 3 N)
+        self._coefficients[:, :1] -= _waves(np.array([float(zeroed_at)])) @ self._coefficients
         self._kinds: dict[Any, Any] = {}
 
-    def change(self, opening: Any, zeroed_at: float) -> Any:
+    def change(self, opening: Any) -> Any:
         """``(2, B, 3, N)`` change of the field (T) since the sensor was zeroed, at ``(B,)`` openings (m).
 
         Openings below 0 count as 0.
@@ -74,14 +79,12 @@ class Facing:
         key = opening.dtype, getattr(opening, "device", None)
         if key not in self._kinds:
             self._kinds[key] = as_kind(self._coefficients, opening)
-        waves = self._waves(opening) - self._waves(opening * 0 + zeroed_at)
-        change = waves @ self._kinds[key]
+        change = _waves(opening) @ self._kinds[key]
         return change.reshape((2, len(opening), 3, -1))
 
-    def _waves(self, opening: Any) -> Any:
-        """``(B, DEGREE + 1)`` Chebyshev's polynomials."""
-        u = 2 / (1 + (opening + abs(opening)) / (2 * SCALE)) - 1
-        waves = [u * 0 + 1, u]
-        while len(waves) <= DEGREE:
-            waves.append(2 * u * waves[-1] - waves[-2])
-        return namespace(u).stack(waves, axis=-1)
+
+def _waves(opening: Any) -> Any:
+    """``(B, DEGREE + 1)`` Chebyshev's polynomials at ``(B,)`` openings."""
+    xp = namespace(opening)
+    near = 1 / (1 + (opening + abs(opening)) / (2 * SCALE))
+    return xp.cos(xp.acos(2 * near - 1)[:, None] * as_kind(np.arange(DEGREE + 1.0), opening))

@@ -86,7 +86,7 @@ class MagneticSensor(Transform):
         batch = np.broadcast_shapes(tuple(opening.shape[:-4]), tuple(x.shape[:-4]))
         opening = xp.broadcast_to(opening[..., 0, 0, 0, 0], batch)
         x = xp.broadcast_to(x, (*batch, *x.shape[-4:]))
-        change = stack.change(stack.split(x)) + facing.change(opening.reshape(-1), self.zeroed_at)
+        change = stack.change(stack.split(x)) + facing.change(opening.reshape(-1))
         return stack.joined(stack.read(change), x)
 
     def initial_state(self, x: Any, covariates: Covariates | None = None) -> State:
@@ -106,7 +106,7 @@ class MagneticSensor(Transform):
         if count not in self._stacks:
             made = [pad.made for pad in self.pads(count)]
             stack = Stack(made, calibration(self.layout, self.parameters), self.parameters.thickness)
-            self._stacks[count] = stack, Facing(made) if self.covariate else None
+            self._stacks[count] = stack, Facing(made, self.zeroed_at) if self.covariate else None
         return self._stacks[count]
 
 

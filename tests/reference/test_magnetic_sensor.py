@@ -29,6 +29,13 @@ def test_it_stands_in_a_chain_with_the_firmware_behind_it():
     assert np.all(np.abs(out / 0.1 - np.round(out / 0.1)) < 1e-4)
 
 
+def test_a_chain_with_it_is_made_again_and_not_saved(tmp_path):
+    chain = paxisim.Chain([MagneticSensor(LAYOUT, unit=3)])
+    with pytest.raises(paxisim.InvalidValueError, match="cannot be saved"):
+        chain.save(tmp_path / "real.json")
+    assert not list(tmp_path.iterdir())
+
+
 def test_no_such_unit():
     with pytest.raises(paxisim.InvalidValueError, match="unit must be"):
         MagneticSensor(LAYOUT, unit=-1)
