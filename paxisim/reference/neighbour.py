@@ -44,8 +44,8 @@ def facing_field(unit: Unit, other: Unit, opening: float) -> FloatArray:
 class Facing:
     """The fields of two pads at each other, as their magnets are at rest, over the opening.
 
-    That a load moves the other pad's magnets is left out: with 0.5 N on each taxel of a pad of 6x5 it changes their field
-    at 18 mm by 0.6 %.
+    That a load moves the other pad's magnets is left out: with 0.5 N on each taxel of a pad of 6x5 it changes their
+    field at 18 mm by 0.6 %.
     """
 
     def __init__(self, units: Sequence[Unit], zeroed_at: float = np.inf) -> None:

@@ -10,15 +10,16 @@ from array_api_compat import array_namespace
 from numpy.typing import NDArray
 
 from paxisim.layout import TaxelLayout
-from paxisim.reference.parameters import PadParameters
+from paxisim.reference.parameters import PadParameters, size_of
 from paxisim.reference.stack import Stack, apply
 from paxisim.reference.unit import make_unit
 
 FloatArray = NDArray[np.float64]
 
 PRESSES = (0.25, 0.5, 1.0)
-"""Normal forces (N) by which a maker would calibrate a taxel, and shares of them that drag it along x and y."""
+"""Normal forces (N) by which a maker would calibrate a taxel of the default size, and others by the same pressures."""
 DRAGS = (-0.3, 0.0, 0.3)
+"""Shares of them that drag it along x and along y."""
 TEMPERATURE = -1.2e-3
 """Change of a magnet's remanence per kelvin: NdFeB's data sheets have -0.11 to -0.12 % per kelvin."""
 
@@ -45,11 +46,16 @@ class MagneticPad:
     def __init__(self, layout: TaxelLayout, parameters: PadParameters | None = None, seed: int | None = None) -> None:
         """Make the nominal pad, or with a seed the unit of that number; see `unit`.
 
+        Args:
+            layout: Its taxels.
+            parameters: The nominal design. Default: that for the layout, `PadParameters.for_layout`.
+            seed: Its number.
+
         Raises:
             InvalidValueError: The layout is not a flat grid.
         """
         self.layout, self.seed = layout, seed
-        nominal = PadParameters() if parameters is None else parameters
+        nominal = PadParameters.for_layout(layout) if parameters is None else parameters
         self.made, self.parameters = make_unit(layout, nominal, seed)
         self._stack = Stack([self.made], calibration(layout, nominal), self.parameters.thickness)
 
@@ -60,7 +66,7 @@ class MagneticPad:
         Args:
             layout: Its taxels.
             seed: Its number.
-            parameters: The nominal design.
+            parameters: The nominal design. Default: that for the layout.
         """
         return cls(layout, parameters, seed)
 
@@ -124,7 +130,7 @@ def calibration(layout: TaxelLayout, nominal: PadParameters) -> FloatArray:
     """``(3, 3, N)`` newtons per tesla of each taxel: what fits presses of single taxels of the nominal pad best."""
     made, own = make_unit(layout, nominal, None)
     stack = Stack([made], np.zeros((3, 3, layout.taxels)), own.thickness)
-    loads = np.array([(p * a, p * b, p) for p in PRESSES for a in DRAGS for b in DRAGS])
+    loads = size_of(layout) * np.array([(p * a, p * b, p) for p in PRESSES for a in DRAGS for b in DRAGS])
     maps = np.empty((3, 3, layout.taxels))
     for taxel in range(layout.taxels):
         force = np.zeros((1, len(loads), 3, layout.taxels))

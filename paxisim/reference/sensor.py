@@ -35,7 +35,7 @@ class MagneticSensor(Transform):
     Attributes:
         layout: The taxels of each pad; a flat grid.
         unit: Number of the manufactured sensor; each of its pads differs.
-        parameters: The nominal design.
+        parameters: The nominal design. Default: that for the layout, `PadParameters.for_layout`.
         memory: What the gel remembers of earlier loads. Default: nothing.
         covariate: Name of the covariate with the distance (m) between the surfaces of two pads that face each other,
             such as ``"gripper_opening"``; each then reads the other's magnets, too. Default: it does not.
@@ -44,7 +44,7 @@ class MagneticSensor(Transform):
 
     layout: TaxelLayout
     unit: int
-    parameters: PadParameters = field(default_factory=PadParameters)
+    parameters: PadParameters = None  # type: ignore[assignment]
     memory: GelMemory | None = None
     covariate: str = ""
     zeroed_at: float = math.inf
@@ -59,6 +59,8 @@ class MagneticSensor(Transform):
             raise InvalidValueError(f"unit must be a number of at least 0, got {self.unit!r}")
         if not self.zeroed_at >= 0:
             raise InvalidValueError(f"zeroed_at must be a distance of 0 or more (m), got {self.zeroed_at!r}")
+        if self.parameters is None:
+            object.__setattr__(self, "parameters", PadParameters.for_layout(self.layout))
         self.pads(1)  # a layout that it cannot have is refused here
 
     @property

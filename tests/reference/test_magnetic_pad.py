@@ -47,6 +47,17 @@ def test_shear_without_a_load_of_its_own_points_outward(nominal):
     assert np.hypot(read[0], read[1]).max() > 0.03 * read[2].max()
 
 
+def test_a_pad_of_smaller_taxels_is_a_smaller_pad(nominal):
+    """All lengths shrink with the taxels, so that the same pressures are read as the same pressures."""
+    assert nominal.parameters == PadParameters()
+    fine = MagneticPad(TaxelLayout(6, 5, (26.1e-3 / 12, 22.6e-3 / 10)))
+    force = np.random.default_rng(6).uniform(0, 0.5, (3, 6, 5))
+    np.testing.assert_allclose(4 * fine.read(force / 4), nominal.read(force), atol=1e-4)
+    dense = MagneticPad.unit(TaxelLayout(12, 10, (26.1e-3 / 12, 22.6e-3 / 10)), 7)
+    even = np.zeros((3, 12, 10)) + np.array([0, 0, 0.05])[:, None, None]
+    assert np.abs(dense.read(even)).max() < 0.05
+
+
 def test_units_differ_in_scale_by_axis_and_taxel_and_a_number_is_a_unit():
     """The paper's third gap: every pad has other scales."""
     first, second = MagneticPad.unit(LAYOUT, 1), MagneticPad.unit(LAYOUT, 2)
