@@ -97,11 +97,11 @@ def transfer(model: paxisim.Chain, units: list[tuple[paxisim.Recording, paxisim.
         centred = first - first.mean(axis=0)
         gain = ((seen.measured - seen.measured.mean(axis=0)) * centred).sum(axis=0) / (centred**2).sum(axis=0)
         scaled = seen.measured.mean(axis=0) + gain * (second - first.mean(axis=0))
+        errors = [rms(held.measured - guess) for guess in (held.simulated, second, second + offset, scaled)]
         print(
-            f"unit {unit}: simulation {rms(held.measured - held.simulated):.4f} N, model {rms(held.measured - second):.4f}"
-            f", with its own offsets {rms(held.measured - second - offset):.4f}, and gains "
-            f"{rms(held.measured - scaled):.4f}",
-            flush=True,
+            "unit {}: simulation {:.4f} N, model {:.4f}, with its own offsets {:.4f}, and gains {:.4f}".format(
+                unit, *errors
+            )
         )
 
 
