@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from types import SimpleNamespace
 from typing import Any
@@ -52,7 +53,7 @@ class Stack:
     def split(self, force: Any) -> Any:
         """``(..., P, 3, rows, cols)`` as ``(P, B, 3, N)``."""
         pads, rows, cols = force.shape[-4], force.shape[-2], force.shape[-1]
-        flat = force.reshape((-1, pads, 3, rows * cols))
+        flat = force.reshape((math.prod(force.shape[:-4]), pads, 3, rows * cols))
         return array_namespace(flat).permute_dims(flat, (1, 0, 2, 3))
 
     def joined(self, parts: Any, like: Any) -> Any:

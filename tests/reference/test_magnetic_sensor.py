@@ -19,6 +19,19 @@ def test_each_pad_of_a_sensor_differs_and_streams_are_as_frames():
     same = np.repeat(force[:, :1], 2, axis=1)
     assert np.abs(sensor(same)[:, 0] - sensor(same)[:, 1]).max() > 0.01
     np.testing.assert_allclose(sensor.run(force, np.arange(4) / 50), read)
+    assert sensor(force[:0]).shape == (0, 2, 3, 6, 5)
+
+
+def test_a_long_batch_is_read_as_its_frames_and_single_precision_does():
+    """numpy computes long batches in blocks."""
+    sensor = MagneticSensor(LAYOUT, unit=7)
+    force = np.random.default_rng(3).uniform(0, 0.5, (70, 2, 3, 6, 5))
+    read = sensor(force)
+    for index in (0, 30, 69):
+        np.testing.assert_allclose(read[index], sensor(force[index]), atol=1e-12)
+    single = sensor(force.astype(np.float32))
+    assert single.dtype == np.float32
+    assert np.abs(single - read).max() < 1e-4 * np.abs(read).max()
 
 
 def test_it_stands_in_a_chain_with_the_firmware_behind_it():
