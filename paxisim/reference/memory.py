@@ -14,6 +14,7 @@ each taxel, and the slider follows it when the vector is too long, in whatever d
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from paxisim.augment.parameter import lift, namespace
@@ -44,12 +45,10 @@ def step(memory: GelMemory, area: float, load: Any, state: State, dt: Any) -> tu
     """
     xp = namespace(load)
     before, arms, slider = state
-    dt = lift(dt, "", load)
+    dt = dt if isinstance(dt, (int, float)) else lift(dt, "", load)
     stiffness, carried, parts = 1.0, load, []
     for arm, (share, time) in enumerate(zip(memory.shares, memory.times, strict=True)):
-        run = dt / time
-        left = xp.exp(-run)
-        mean = xp.where(run > 0, -xp.expm1(-run) / xp.where(run > 0, run, xp.ones_like(run)), xp.ones_like(run))
+        left, mean = _decay(dt / time)
         # q = part + (1 - mean) e, of which e is not known yet
         part = left * arms[..., arm, :, :, :, :] + (mean - left) * before
         stiffness, carried = stiffness + share * mean, carried + share * part
@@ -58,6 +57,15 @@ def step(memory: GelMemory, area: float, load: Any, state: State, dt: Any) -> tu
     if parts:
         arms = xp.stack([part + (1 - mean) * deformed for part, mean in parts], axis=-5)
     return deformed, (deformed, arms, slider)
+
+
+def _decay(run: Any) -> tuple[Any, Any]:
+    """What is left of a deviation after `run` relaxation times, and its mean until then."""
+    if isinstance(run, float):
+        return math.exp(-run), -math.expm1(-run) / run if run else 1.0
+    xp = namespace(run)
+    one = xp.ones_like(run)
+    return xp.exp(-run), xp.where(run > 0, -xp.expm1(-run) / xp.where(run > 0, run, one), one)
 
 
 def _slide(memory: GelMemory, area: float, carried: Any, stiffness: Any, slider: Any) -> tuple[Any, Any]:

@@ -96,6 +96,9 @@ def test_a_sensor_with_memory_is_a_stream_in_a_chain():
     read = sensor.run(force, time)
     one = sensor.run(force[:, 2], time)  # of a batch each stream is by itself
     np.testing.assert_allclose(read[:, 2], one, atol=1e-9)
+    clocks = sensor.run(force, np.stack([time, time, time * 2, time], axis=1))  # a batch whose clocks differ
+    np.testing.assert_allclose(clocks[:, 0], sensor.run(force[:, 0], time), atol=1e-9)
+    np.testing.assert_allclose(clocks[:, 2], sensor.run(force[:, 2], time * 2), atol=1e-9)
     state = sensor.initial_state(force[0])
     _, state = sensor.step(force[0], state, 0.0)
     _, later = sensor.step(force[1], state, 0.5)
