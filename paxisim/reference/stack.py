@@ -37,7 +37,7 @@ class Stack:
             thickness: Of the gel (m).
         """
         self._thickness = thickness
-        every = {name: np.stack([getattr(unit, name) for unit in units]) for name in Unit._fields}
+        every = {name: np.ascontiguousarray([getattr(unit, name) for unit in units]) for name in Unit._fields}
         view = every.pop("view")
         self._near = units[0].near
         self._values = {name: every[name] for name in ("motion", "far")} | {

@@ -89,7 +89,7 @@ def make_unit(layout: TaxelLayout, nominal: PadParameters, seed: int | None) -> 
         earth=earth[:, None],
         view=view.transpose(1, 2, 0),
     )
-    return Unit(*map(np.ascontiguousarray, made)), own
+    return made, own
 
 
 def _neighbours(rows: int, cols: int, rings: int) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
