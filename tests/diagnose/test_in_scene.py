@@ -1,16 +1,19 @@
 """Causes inside the scene: found by replays, told apart from the sensor's, and what cannot be told is said."""
 
-import sys
+import html
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+from report_pages import check_pictures, pictures_of
 
 import paxisim
-from paxisim.diagnose import Diagnosis
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "scene"))
+from paxisim.diagnose import Diagnosis, FoundCause, Interval
+from paxisim.diagnose.causes.scene import SCENE_CAUSES
+from paxisim.diagnose.report.effect import effects
+from paxisim.diagnose.report.kinds import evidence
+from paxisim.diagnose.report.streams import InScene, Streams
+from paxisim.diagnose.report.style import drawing
 
 LAYOUT = paxisim.TaxelLayout(3, 3, (5e-3, 5e-3))
 EPISODES = 6
@@ -97,6 +100,28 @@ def test_nothing_is_named_where_nothing_is_wrong(kept):
     found = paxisim.diagnose(measured(seed=0), SOME, scene=scene(), replays=kept)
     assert not found.causes
     assert not found.scene_values
+
+
+@pytest.mark.parametrize("group", [item.name for item in SCENE_CAUSES if item.name != "grip_force"])
+def test_the_pictures_of_a_scene_cause(group):
+    known = scene().parameters()
+    values = {name: item.nominal + 2 * item.step for name, item in known.items() if item.group == group}
+    plain, changed = scene().simulate(motion()), scene().simulate(motion(), **values)
+    inside = InScene(changed.simulated, {group: plain.simulated}, known, values)
+    streams = Streams(
+        plain.time, plain.episode, changed.simulated, plain.simulated, changed.simulated, plain.covariates, plain.pads,
+        LAYOUT, in_scene=inside,
+    )  # fmt: skip
+    cause = FoundCause(group, (), Interval(0.5, 0.4, 0.6), (), "A sentence.")
+    with drawing():
+        (effect,) = effects((cause,), paxisim.Chain(), streams)
+        pictures = evidence(effect)
+    assert pictures
+    body = "".join(
+        f'<figure><figcaption>{html.escape(p.title)}</figcaption>\n<img src="{p.source}" alt="{html.escape(p.alt)}">'
+        for p in pictures
+    )
+    check_pictures(pictures_of(body))
 
 
 def test_causes_inside_a_scene_need_the_scene():

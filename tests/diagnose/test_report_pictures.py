@@ -89,7 +89,7 @@ def test_every_cause_has_words_and_a_kind_of_picture():
 @pytest.mark.parametrize(
     "place", [0, 1], ids=["first start", "second start"]
 )  # without and with a gauge, if it has one
-@pytest.mark.parametrize("name", sorted(item.name for item in CAUSES))
+@pytest.mark.parametrize("name", sorted(item.name for item in CAUSES if item.change is None))
 def test_the_pictures_of_every_cause(name, place, given, problem):
     transform, parameters = member_of(name, problem, place)
     chain = in_order([(name, transform)])

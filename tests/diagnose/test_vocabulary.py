@@ -12,11 +12,15 @@ from paxisim.diagnose import Cause, Free, known_causes, register_cause, vocabula
 from paxisim.diagnose.causes import CAUSES
 from paxisim.errors import InvalidValueError, UnknownNameError
 
+SCENE = {
+    "friction", "gel_stiffness", "grip_force", "mount_offset", "mount_tilt", "surface", "object_size", "object_pose",
+    "joint_offset",
+}  # fmt: skip
 VOCABULARY = {
     "axis_gain", "taxel_gain", "offset", "drift", "stiffening", "poisson", "crosstalk", "axis_coupling", "rotation",
     "layout", "creep", "hysteresis", "low_pass", "latency", "saturation", "dead_band", "quantisation", "dead_taxels",
     "interference", "channel_curve", "swapped_taxels",
-}  # fmt: skip
+} | SCENE  # fmt: skip
 
 
 @pytest.fixture
