@@ -50,7 +50,7 @@ def evaluate(
     finally:
         env.close()
     name = IN_SIMULATION if sensor is None else f"surrogate {Path(str(sensor).replace(':', '-')).stem}"
-    interval = tuple(binomtest(successes, trials).proportion_ci(method="wilson"))
+    interval = interval_of(successes, trials)
     training = {
         "steps": trained.steps,
         "updates": trained.updates,
@@ -82,6 +82,12 @@ def surrogate_of(sensor: str) -> paxisim.Chain | Callable[[paxisim.TaxelLayout],
         return paxisim.Chain([paxisim.MagneticSensor(layout, int(number)), paxisim.augment.Firmware()])
 
     return unit
+
+
+def interval_of(successes: int, trials: int) -> tuple[float, float]:
+    """Wilson's 95 % interval of a success rate."""
+    low, high = binomtest(successes, trials).proportion_ci(method="wilson")
+    return float(low), float(high)
 
 
 def succeeds(env: InsertionEnv, trained: Trained, seed: int) -> bool:
