@@ -159,21 +159,30 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
     ) -> tuple[dict[str, NDArray[np.float32]], dict[str, Any]]:
         """Begin an episode: draw start, grasp, surface and chain, and close the fingers on the peg."""
         super().reset(seed=seed)
-        rng = self.np_random
-        low, high = self.parameters.start
-        bottom = rng.uniform(low, high)
-        grasp = rng.uniform(-1, 1, 2) * self.parameters.grasp_offset
-        draw = self._draw
-        surface = draw.sample_surface(rng, layout=self._layout, pads=self._pads)
-        self._chain = self.sensor or draw.sample(rng, layout=self._layout, pads=self._pads)
-        self.scene.place(bottom, grasp, surface)
-        self._home = self.scene.fingertip[0]
+        self._chain = self.begin()
         self._steps, self._succeeded = 0, False
         self._history.reset()
         force = self._tactile.read()
         self._state = self._chain.initial_state(force, self._covariates())
         self._feel(force, 0.0)
         return self._observe(), {"is_success": False}
+
+    def begin(self) -> paxisim.Chain:
+        """Draw an episode's start, grasp, surface and chain, and close the fingers on the peg.
+
+        Returns:
+            What the readings of the episode pass through.
+        """
+        rng = self.np_random
+        low, high = self.parameters.start
+        bottom = rng.uniform(low, high)
+        grasp = rng.uniform(-1, 1, 2) * self.parameters.grasp_offset
+        draw = self._draw
+        surface = draw.sample_surface(rng, layout=self._layout, pads=self._pads)
+        chain = self.sensor or draw.sample(rng, layout=self._layout, pads=self._pads)
+        self.scene.place(bottom, grasp, surface)
+        self._home = self.scene.fingertip[0]
+        return chain
 
     def step(
         self, action: NDArray[np.floating]
@@ -186,11 +195,33 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         self._steps += 1
         self._feel(self._tactile.read(), CONTROL_DT)
         state = self.scene.insertion
-        self._succeeded |= state.success
-        terms = reward_terms(state, action, self.parameters.epsilon)
+        self._succeeded |= bool(state.success)
+        terms = {n: float(v) for n, v in reward_terms(state, action, self.parameters.epsilon).items()}
         info = {"is_success": self._succeeded, "reward_terms": terms}
         truncated = self._steps >= self.task.max_steps
-        return self._observe(), weighted(terms), self._terminate and state.success, truncated, info
+        return self._observe(), weighted(terms), self._terminate and bool(state.success), truncated, info
+
+    def poses(
+        self,
+        tip: NDArray[np.floating],
+        tip_rotation: NDArray[np.floating],
+        peg: NDArray[np.floating],
+        peg_rotation: NDArray[np.floating],
+    ) -> dict[str, NDArray[np.float32]]:
+        """The entries ``"p"`` and ``"privileged"`` of the observation, or of a batch of them.
+
+        Args:
+            tip: ``(..., 3)`` position of the fingertip in the world (m).
+            tip_rotation: ``(..., 3, 3)`` its rotation.
+            peg: ``(..., 3)`` position of the peg in the world (m).
+            peg_rotation: ``(..., 3, 3)`` its rotation.
+        """
+        base = self.scene.base
+        seen = np.concatenate([tip - base, rotation_vector(tip_rotation @ self.scene.nominal.T)], axis=-1)
+        hidden = np.concatenate([peg - base, rotation_vector(peg_rotation)], axis=-1)
+        both = np.concatenate([hidden, seen], axis=-1, dtype=np.float32, casting="same_kind")
+        own = both[..., 6:]
+        return {"p": np.zeros_like(own) if self.task.hole_is_hidden else own.copy(), PRIVILEGED: both}
 
     def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
         """A picture ``(480, 640, 3)`` of the scene.
@@ -232,13 +263,7 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         return {"gripper_opening": self.scene.opening}
 
     def _observe(self) -> dict[str, NDArray[np.float32]]:
-        position, rotation = self.scene.fingertip
-        tip = np.concatenate([position - self.scene.base, _rotation_vector(rotation @ self.scene.nominal.T)])
-        position, rotation = self.scene.peg
-        peg = np.concatenate([position - self.scene.base, _rotation_vector(rotation)])
-        seen = np.zeros(6) if self.task.hole_is_hidden else tip
-        observation = {"p": seen, PRIVILEGED: np.concatenate([peg, tip])}
-        observation = {name: value.astype(np.float32) for name, value in observation.items()}
+        observation = self.poses(*self.scene.fingertip, *self.scene.peg)
         if "tactile" in self.observation_space.spaces:
             observation["tactile"] = self._history.read()
         if RAW in self.observation_space.spaces:
@@ -246,12 +271,15 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         return observation
 
 
+def rotation_vector(rotation: NDArray[np.floating]) -> NDArray[np.floating]:
+    """``(..., 3)`` rotation vectors (rad) of rotations ``(..., 3, 3)``."""
+    matrices = np.ascontiguousarray(rotation).reshape(-1, 9)
+    quat, vectors = np.zeros(4), np.empty((len(matrices), 3))
+    for matrix, vector in zip(matrices, vectors, strict=True):
+        mujoco.mju_mat2Quat(quat, matrix)
+        mujoco.mju_quat2Vel(vector, quat, 1.0)
+    return vectors.reshape(rotation.shape[:-1])
+
+
 def _pose_space(poses: int) -> spaces.Box:
     return spaces.Box(-LARGEST_POSE, LARGEST_POSE, (6 * poses,), np.float32)
-
-
-def _rotation_vector(rotation: NDArray[np.floating]) -> NDArray[np.floating]:
-    quat, vector = np.zeros(4), np.zeros(3)
-    mujoco.mju_mat2Quat(quat, np.ascontiguousarray(rotation).reshape(-1))
-    mujoco.mju_quat2Vel(vector, quat, 1.0)
-    return vector
