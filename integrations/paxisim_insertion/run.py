@@ -28,12 +28,25 @@ from .redraw import Redraw
 from .replay import HistoryReplayBuffer
 from .tasks import Parameters, find_task
 from .trained import ACTOR, NOT_WEIGHTS, Trained, counts_of
+from .vec_env import InsertionVecEnv
 
 PACKAGES = ("mujoco", "robosuite", "stable-baselines3", "torch", "gymnasium", "numpy")
 BUFFER = 1_000_000
 """Transitions in the replay buffer, stable-baselines3's default."""
 
-_FIELDS = ("task", "method", "seed", "envs", "buffer", "reward_scale", "redraw")
+_FIELDS = (
+    "task",
+    "method",
+    "seed",
+    "envs",
+    "buffer",
+    "reward_scale",
+    "redraw",
+    "steps",
+    "engine",
+    "updates",
+    "temperature",
+)
 
 REWARD_SCALE = 0.05
 """What the reward is multiplied by in training. It does not change which policy is best. But SAC's temperature begins
@@ -60,6 +73,10 @@ class Run:
         buffer: Transitions in the replay buffer, all environments together.
         reward_scale: What the reward is multiplied by, see `REWARD_SCALE`.
         redraw: Draw GCS anew for each sample of the replay buffer too, see `Redraw`; the paper draws once an episode.
+        steps: Environment steps that it is to have in all.
+        engine: What moves the hand while it trains, see `InsertionEnv`.
+        updates: Updates for each environment step.
+        temperature: SAC's temperature at the start of the training.
         parameters: What the paper leaves open.
         diagnosis: What was found of a sensor, whose model is drawn within its intervals for each episode, in place of
             what the method draws.
@@ -73,6 +90,10 @@ class Run:
     buffer: int = BUFFER
     reward_scale: float = REWARD_SCALE
     redraw: bool = True
+    steps: int = 300_000
+    engine: str = "robosuite"
+    updates: float = 0.25
+    temperature: float = 1.0
     parameters: Parameters = Parameters()  # noqa: RUF009 - frozen
     diagnosis: paxisim.diagnose.Diagnosis | None = None
 
@@ -158,8 +179,17 @@ class Run:
             Monitor(env, info_keywords=("is_success",)), lambda reward: self.reward_scale * float(reward)
         )
 
-    def make_envs(self) -> VecEnv:
-        """All of the run's environments, each in a process of its own if there are several."""
+    def make_envs(self, threads: int = 1) -> VecEnv:
+        """All of the run's environments; those of robosuite in processes of their own, if there are several.
+
+        Args:
+            threads: In which the native engine steps them.
+        """
+        if self.engine == "native":
+            envs = [self.insertion_env(engine="native") for _ in range(self.envs)]
+            made = InsertionVecEnv(envs, reward_scale=self.reward_scale, threads=threads)
+            made.seed(self.seed * 1000)
+            return made
         makers: list[Any] = [lambda index=index: self.make_env(index) for index in range(self.envs)]
         return SubprocVecEnv(makers, start_method="forkserver") if self.envs > 1 else DummyVecEnv(makers)
 
@@ -172,9 +202,14 @@ class Run:
         Raises:
             InvalidValueError: The model was made for other observations, as of another layout or k.
         """
+        # a step of all environments is one for SAC, which counts whole updates
+        due = self.updates * self.envs
         model = SAC(
             AsymmetricPolicy,
             env,
+            train_freq=max(1, round(1 / due)),
+            gradient_steps=max(1, round(due)),
+            ent_coef=f"auto_{self.temperature}",
             buffer_size=self.buffer,
             replay_buffer_class=HistoryReplayBuffer,
             replay_buffer_kwargs={"history": env.get_attr("history")[0].k, "redraw": self._redraw(env)},

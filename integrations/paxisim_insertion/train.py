@@ -6,6 +6,7 @@ import sys
 import time
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import torch
@@ -21,6 +22,7 @@ from .shell import command
 from .tasks import Parameters
 
 PARAMETERS = Parameters()
+STEPS = 300_000
 
 
 def train(
@@ -28,8 +30,11 @@ def train(
     method: str = "GCS",
     seed: int = 0,
     *,
-    steps: int = 300_000,
-    envs: int = 4,
+    steps: int | None = None,
+    engine: Literal["native", "robosuite"] = "native",
+    envs: int = 20,
+    updates: float = 0.05,
+    temperature: float = 1.0,
     out: Path | None = None,
     resume: bool = False,
     other_versions: bool = False,
@@ -47,9 +52,11 @@ def train(
         task: Name of the task.
         method: Name of the method.
         seed: Seed of networks, environments and exploration.
-        steps: Environment steps in all.
-        envs: Environments that collect at the same time, each in a process of its own; there is one update for a step
-            of all of them.
+        steps: Environment steps in all. Default: 300,000, or what the run that is resumed was to have.
+        engine: What moves the hand. Results are those of robosuite, whatever this is.
+        envs: Environments that collect at the same time.
+        updates: Updates of the networks for each environment step, or as many as whole numbers allow.
+        temperature: SAC's temperature at the start.
         out: Folder of the run. Default: runs/TASK_METHOD_SEED.
         resume: Go on with the run that is there; what it is was settled when it began.
         other_versions: Go on although the software's versions are not the run's.
@@ -60,22 +67,25 @@ def train(
         redraw: Draw GCS anew for each sample of the replay buffer too; the paper draws once an episode. A model with
             memory, such as creep, or that needs the gripper's opening is drawn once an episode in any case.
         parameters: What the paper leaves open.
-        threads: Threads of torch.
+        threads: Threads of torch and of the native engine.
         device: Torch's device.
     """
     name = f"{task}_{method}_{seed}" + ("" if model is None else "_fitted")
     folder = out or Path("runs") / name.replace(" ", "-").replace("/", "")
     if resume:
         run = Run.open(folder, other_versions=other_versions)
+        steps = run.steps if steps is None else steps
     else:
+        steps = STEPS if steps is None else steps
         found = None if model is None else load_diagnosis(model)
-        run = Run(folder, task, method, seed, envs, buffer, parameters=parameters, diagnosis=found)
+        chosen = {"engine": engine, "updates": updates, "temperature": temperature, "steps": steps}
+        run = Run(folder, task, method, seed, envs, buffer, parameters=parameters, diagnosis=found, **chosen)
         run = replace(run, redraw=redraw and can_redraw(run.gcs))
         if found is not None:
             run.insertion_env().close()  # says what does not fit before there is a folder
         run.create()
     torch.set_num_threads(threads)
-    env = run.make_envs()
+    env = run.make_envs(threads)
     try:
         sac = run.model(env, device)
         done = sac.num_timesteps
