@@ -210,6 +210,7 @@ class Run:
             train_freq=max(1, round(1 / due)),
             gradient_steps=max(1, round(due)),
             ent_coef=f"auto_{self.temperature}",
+            policy_kwargs={"optimizer_kwargs": {"fused": True}},  # the same steps, in fewer passes over the weights
             buffer_size=self.buffer,
             replay_buffer_class=HistoryReplayBuffer,
             replay_buffer_kwargs={"history": env.get_attr("history")[0].k, "redraw": self._redraw(env)},
