@@ -123,7 +123,9 @@ class NativeScene(Scene):
         self._set_grip([model.actuator(f"gripper_{name}").id for name in _FINGERS])
 
     def _spec(
-        self, gripper: paxisim.models.attach.TactileGripper, tendons: list[tuple[NDArray[np.floating], dict[str, float]]]
+        self,
+        gripper: paxisim.models.attach.TactileGripper,
+        tendons: list[tuple[NDArray[np.floating], dict[str, float]]],
     ) -> mujoco.MjSpec:
         """The scene with cubes for taxels, and with tendons: what they make of the hand's six joints, and how."""
         root = ET.Element("mujoco")

@@ -126,7 +126,9 @@ class InsertionVecEnv(VecEnv):
 
     def _for_each(self, work: Callable[[int], Any]) -> list[Any]:
         """Do something with each environment, in threads if there are several; what it gave."""
-        return list(map(work, range(self.num_envs)) if self._pool is None else self._pool.map(work, range(self.num_envs)))
+        return list(
+            map(work, range(self.num_envs)) if self._pool is None else self._pool.map(work, range(self.num_envs))
+        )
 
     def _advance(self, index: int) -> None:
         self._scenes[index].advance()
