@@ -1,8 +1,8 @@
 """What the native engine gains: steps per CPU second over those of robosuite's, resets included, in one run.
 
-``python integrations/benchmarks/native.py``. Rounds of whole episodes with two 6x5 pads, GCS and k = 20: one of robosuite
-in its own environment, then as many native ones as a training has in one vectorised environment, on the same random
-actions. CPU seconds are those of all threads. The last lines say what a training step costs.
+``python integrations/benchmarks/native.py``. Rounds of whole episodes with two 6x5 pads, GCS and its history: as many
+native ones as a training has in one vectorised environment, then one of robosuite, on random actions. CPU
+seconds are those of all threads. The last line says what a training step costs.
 """
 
 import logging
@@ -81,13 +81,12 @@ def training() -> None:
         model = run.model(env, "cpu")
         model.set_logger(configure(None, []))
         model.learn(2400)
-        seconds = {}
+        seconds, observed = {}, env.reset()
         for name, count, work in (
             ("environment", 10 * ENVS, lambda: [env.step(np.zeros((ENVS, 2))) for _ in range(10)]),
             ("acting", 10 * ENVS, lambda: [model.predict(observed, deterministic=False) for _ in range(10)]),
             ("update", 20, lambda: model.train(20, model.batch_size)),
         ):
-            observed = env.reset()
             start = time.process_time()
             work()
             seconds[name] = (time.process_time() - start) / count
@@ -101,9 +100,11 @@ def main() -> None:
     logging.getLogger("robosuite_logs").setLevel(logging.ERROR)
     threads = os.cpu_count() or 1
     print(
-        "| task | robosuite, ms a step | native | steps per CPU second, robosuite = 1 (least and most of a round) "
-        f"| with {threads} threads | wall, {threads} threads | MuJoCo's share of native |\n|---|---|---|---|---|---|---|"
+        "| task | robosuite, ms a step | native | steps per CPU second, robosuite = 1 (least and most of a round) ",
+        end="",
     )
+    print(f"| with {threads} threads | wall, {threads} threads | MuJoCo's share of native |")
+    print("|---|---|---|---|---|---|---|")
     for task in TASKS:
         reference = InsertionEnv(task, "GCS")
         native = [

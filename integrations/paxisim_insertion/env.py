@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 import paxisim
 
 from .methods import find_method
-from .reward import reward_terms, weighted
 from .native_scene import NativeScene
+from .reward import reward_terms, weighted
 from .robosuite_scene import InsertionScene
 from .scene import Scene
 from .tasks import Parameters, find_task

@@ -21,6 +21,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecEnv
 
 import paxisim
 
+from .average import Average
 from .env import InsertionEnv
 from .methods import find_method
 from .policy import AsymmetricPolicy
@@ -227,8 +228,19 @@ class Run:
         buffer.keep_in(self.folder / "replay")
         return model
 
+    def average(self, model: SAC) -> Average:
+        """The average of the actors that a training had so far, the newest of which is that of `model`."""
+        average = Average(model.actor)
+        path = self.folder / ACTOR
+        if path.exists():
+            try:
+                average.actor.load_state_dict(torch.load(path, map_location=model.device, weights_only=True)["actor"])
+            except NOT_WEIGHTS as error:
+                raise paxisim.InvalidValueError(f"{path} does not fit the environment: {error}") from error
+        return average
+
     def policy(self, env: InsertionEnv) -> Trained:
-        """The newest policy, to act in `env`.
+        """The newest policy, to act in `env`: the average of the actors, where the run has one.
 
         Raises:
             InvalidValueError: There is none yet, or it was trained on other observations.

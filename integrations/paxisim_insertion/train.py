@@ -10,6 +10,7 @@ from typing import Literal
 
 import numpy as np
 import torch
+from stable_baselines3 import SAC
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import configure
 from stable_baselines3.common.utils import set_random_seed
@@ -20,6 +21,7 @@ from .redraw import can_redraw
 from .run import BUFFER, Run
 from .shell import command
 from .tasks import Parameters
+from .trained import save_actor
 
 PARAMETERS = Parameters()
 STEPS = 300_000
@@ -95,10 +97,10 @@ def train(
         env.seed(start)
         sac.set_logger(configure(str(folder / f"log_{done}"), ["csv", "tensorboard"]))
         print(f"{run.task} {run.name} seed {run.seed}: {done} of {steps} steps done, in {folder}", flush=True)
+        progress = Progress(run, sac, steps, save_every)
         if done < steps:
-            progress = Progress(run, steps, save_every)
             sac.learn(steps - done, callback=progress, reset_num_timesteps=False, log_interval=10)
-        run.save(sac)
+            progress.save()
         sac.logger.close()
     finally:
         env.close()
@@ -125,20 +127,36 @@ def load_diagnosis(folder: Path) -> paxisim.diagnose.Diagnosis:
 class Progress(BaseCallback):
     """Saves the model from time to time, and says how it goes."""
 
-    def __init__(self, run: Run, steps: int, save_every: float) -> None:
-        """For a run of so many steps in all."""
+    def __init__(self, run: Run, model: SAC, steps: int, save_every: float) -> None:
+        """For a run of so many steps in all, whose newest model this is."""
         super().__init__()
-        self._run, self._steps, self._save_every = run, steps, save_every
+        self._run, self._sac, self._steps, self._save_every = run, model, steps, save_every
         self._saved = self._began = time.monotonic()
         self._first = 0
+        self._average, self._averaged = run.average(model), model._n_updates
+
+    def save(self) -> None:
+        """Save the model and the average of its actors."""
+        self._take_in()
+        self._run.save(self._sac)
+        save_actor(self._run.folder, self._average.actor, self._sac.num_timesteps, self._sac._n_updates)
 
     def _on_training_start(self) -> None:
         self._first = self.num_timesteps
 
+    def _on_rollout_start(self) -> None:
+        self._take_in()
+
+    def _take_in(self) -> None:
+        new = self._sac._n_updates - self._averaged
+        if new > 0:
+            self._average.add(self._sac.actor, new)
+            self._averaged += new
+
     def _on_step(self) -> bool:
         now = time.monotonic()
         if now - self._saved >= self._save_every:
-            self._run.save(self.model)  # type: ignore[arg-type]
+            self.save()
             self._saved = time.monotonic()
             rate = (self.num_timesteps - self._first) / (now - self._began)
             left = (self._steps - self.num_timesteps) / max(rate, 1e-9) / 3600

@@ -96,7 +96,7 @@ def test_chains_that_do_not_fit_are_refused_at_once():
 def test_a_policy_is_trained_on_a_diagnosis(diagnosed, tmp_path, capsys):
     folder = tmp_path / "run"
     words = ["--model", str(diagnosed), "--envs", "1", "--buffer", "300", "--device", "cpu", "--out", str(folder)]
-    assert command(train, [*words, "--steps", "105"]) == 0
+    assert command(train, [*words, "--updates", "1", "--steps", "105"]) == 0
     assert "SX-2mm GCS fitted seed 0" in capsys.readouterr().out
     run = Run.open(folder)
     found = paxisim.diagnose.Diagnosis.load(diagnosed)

@@ -45,7 +45,7 @@ def in_shell(*words):
         "--save-every",
         "1",
         "--envs",
-        "1",
+        "2",
         *words,
     ]
     return subprocess.Popen(arguments, env=os.environ | {"PYTHONPATH": path}, stdout=subprocess.PIPE, text=True)
@@ -70,23 +70,24 @@ def killed(tmp_path_factory):
 
 def test_a_run_that_was_killed_goes_on_with_all_it_had_seen(killed):
     run = Run.open(killed)
-    assert (run.task, run.method, run.seed, run.envs, run.buffer) == ("SY-2mm", "GCS", 0, 1, SIZE)
+    assert (run.task, run.method, run.seed, run.envs, run.buffer) == ("SY-2mm", "GCS", 0, 2, SIZE)
+    assert (run.engine, run.steps) == ("native", 100_000)
     collected = int(np.load(killed / "replay" / "_cursor.npy")[0])
     env = run.make_envs()
     model = run.model(env, "cpu")
     saved = model.num_timesteps
-    assert 0 < saved <= collected
+    assert 0 < saved <= 2 * collected
     assert isinstance(model.replay_buffer, HistoryReplayBuffer)
     assert model.replay_buffer.pos == collected
     assert torch.isfinite(model.replay_buffer.sample(32).observations["tactile"]).all()
     env.close()
     updates = model._n_updates
-    train(out=killed, resume=True, steps=saved + 12, save_every=1e9, device="cpu")
+    train(out=killed, resume=True, steps=saved + 40, save_every=1e9, device="cpu")
     env = run.make_envs()
     again = run.model(env, "cpu")
     env.close()
-    assert again.num_timesteps == saved + 12
-    assert again.replay_buffer.pos == collected + 12
+    assert again.num_timesteps == saved + 40
+    assert again.replay_buffer.pos == collected + 20
     assert again._n_updates >= updates
     before, after = model.policy.state_dict(), again.policy.state_dict()
     changed = any(not torch.equal(before[name], after[name]) for name in before)
@@ -230,7 +231,7 @@ def test_no_two_runs_and_resumptions_have_an_environment_in_common(tmp_path):
 
 
 def test_environments_in_processes_of_their_own(tmp_path):
-    env = Run(tmp_path, "SX-2mm", "GCS", seed=4, envs=2).make_envs()
+    env = Run(tmp_path, "SX-2mm", "GCS", seed=4, envs=2, engine="robosuite").make_envs()
     try:
         env.seed(4)
         observation = env.reset()
