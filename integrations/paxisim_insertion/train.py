@@ -100,7 +100,7 @@ def train(
         progress = Progress(run, sac, steps, save_every)
         if done < steps:
             sac.learn(steps - done, callback=progress, reset_num_timesteps=False, log_interval=10)
-            progress.save()
+        progress.save()
         sac.logger.close()
     finally:
         env.close()
