@@ -32,6 +32,14 @@ class Arm:
     friction: NDArray[np.floating]
     damping: NDArray[np.floating]
 
+    @property
+    def impedance(self) -> NDArray[np.floating]:
+        """``(6, 6)`` the inertia that robosuite's controller multiplies errors by: position and rotation apart."""
+        mobility, apart = np.linalg.inv(self.inertia), np.zeros((6, 6))
+        for part in (slice(0, 3), slice(3, 6)):
+            apart[part, part] = np.linalg.inv(mobility[part, part])
+        return apart
+
 
 @cache
 def measure_arm(parameters: Parameters) -> Arm:

@@ -8,12 +8,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from .arm import measure_arm
 from .env import ENGINES, PRIVILEGED, InsertionEnv
 from .evaluate import FIRST_SEED, interval_of, succeeds
 from .expert import expert_action
 from .run import Run
 from .shell import command
-from .tasks import TASKS
+from .tasks import TASKS, Parameters
 
 NOISE = 0.3
 """Deviation of what is added to the expert's actions, so that pegs also miss and slip."""
@@ -28,6 +29,7 @@ def engines(*, policies: Path | None = None, trials: int = 50, episodes: int = 5
         episodes: Episodes of each task in which the engines get the same actions, those of a noisy expert.
         other_versions: Go on although the software's versions are not the runs'.
     """
+    print(f"{pushes(Parameters())}\n")
     print("| task | taxels, L1: median | 95 % | peg (mm): median | 95 % | sum of a pad (N): median | 95 % |")
     print("|---|---|---|---|---|---|---|")
     for task in TASKS:
@@ -51,6 +53,19 @@ def engines(*, policies: Path | None = None, trials: int = 50, episodes: int = 5
             low, high = interval_of(solved, trials)
             cells.append(f"{solved} ({low:.2f} to {high:.2f})")
         print(f"| {run.task} {run.name}, seed {run.seed} | {' | '.join(cells)} |", flush=True)
+
+
+def pushes(parameters: Parameters) -> str:
+    """What the arm does with a full action of 1 cm straight down that an obstacle blocks."""
+    arm = measure_arm(parameters)
+    x, z, coupled = arm.inertia[0, 0], arm.inertia[2, 2], arm.inertia[0, 2]
+    stiffness = parameters.kp * arm.impedance[:3, :3]
+    down, along = 0.01 * stiffness[2, 2], -0.01 * stiffness[0, 2]
+    free = 0.01 / np.linalg.inv(stiffness)[2, 2]
+    return (
+        f"robosuite's arm at its fingertip: {x:.1f} kg along x, {z:.1f} along z, {coupled:.1f} between them. A full "
+        f"action straight down pushes with {down:.0f} N down and {along:.0f} along x, or {free:.0f} N down after it slid"
+    )
 
 
 def differences(task: str, seed: int) -> NDArray[np.floating]:

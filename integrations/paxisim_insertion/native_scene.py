@@ -55,21 +55,15 @@ class NativeScene(Scene):
         tendons = [(vector, {"armature": value}) for value, vector in zip(values, vectors.T, strict=True)]
         for row, friction, damping in zip(arm.rates, arm.friction, arm.damping, strict=True):
             tendons.append((row, {"frictionloss": friction, "damping": damping}))
-        stiffness = []
-        mobility = np.linalg.inv(arm.inertia)
-        for part in (slice(0, 3), slice(3, 6)):
-            values, vectors = np.linalg.eigh(np.linalg.inv(mobility[part, part]))
-            for value, vector in zip(values, vectors.T, strict=True):
-                row = np.zeros(6)
-                row[part] = vector
-                tendons.append((row, {}))
-                stiffness.append(value * self.parameters.kp)
+        values, vectors = np.linalg.eigh(arm.impedance)
+        stiffness = values * self.parameters.kp
+        tendons += [(vector, {}) for vector in vectors.T]
         self._towards = np.array([row for row, _ in tendons[-6:]])
         spec = self._spec(gripper, tendons)
         to_spheres(spec, pads)
         self._model = spec.compile()
         self._data = mujoco.MjData(self._model)
-        self._servo(np.array(stiffness))
+        self._servo(stiffness)
         self._find("grip_site", _FINGERS)
         self._measure(pads, gripper.gel)
 
