@@ -64,7 +64,7 @@ def pushes(parameters: Parameters) -> str:
     free = 0.01 / np.linalg.inv(stiffness)[2, 2]
     return (
         f"robosuite's arm at its fingertip: {x:.1f} kg along x, {z:.1f} along z, {coupled:.1f} between them. A full "
-        f"action straight down pushes with {down:.0f} N down and {along:.0f} along x, or {free:.0f} N down after it slid"
+        f"action straight down pushes with {down:.0f} N down and {along:.0f} along x, or {free:.0f} N down once it slid"
     )
 
 

@@ -1,4 +1,4 @@
-"""``python -m paxisim_insertion.evaluate --run runs/SX-2mm_GCS_0``: how often a trained policy succeeds."""
+"""``python -m paxisim_insertion.evaluate --run runs/SX-2mm_GCS_0``: how often a policy succeeds, in robosuite."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from scipy.stats import binomtest
 import paxisim
 
 from .env import InsertionEnv
-from .results import IN_SIMULATION, RESULTS, Result
+from .results import IN_SIMULATION, OUT, Result
 from .run import Run, versions
 from .shell import command
 from .trained import Trained
@@ -26,7 +26,7 @@ def evaluate(
     *,
     trials: int = 50,
     sensor: str | Path | None = None,
-    out: Path = RESULTS,
+    out: Path = OUT,
     other_versions: bool = False,
 ) -> None:
     """Evaluate a run's newest policy on fixed episodes, and write the result.
@@ -36,7 +36,7 @@ def evaluate(
         trials: Episodes.
         sensor: A surrogate of a real sensor: a chain that paxisim saved, or reference:unit:N for the N-th unit of
             paxisim's magnetic pad. Default: what the method is trained with.
-        out: Folder of the result.
+        out: Folder of the result; .table looks there, too.
         other_versions: Evaluate although the software's versions are not the run's.
     """
     if trials < 1:
@@ -55,6 +55,8 @@ def evaluate(
         "steps": trained.steps,
         "updates": trained.updates,
         "envs": this.envs,
+        "engine": this.engine,
+        "temperature": this.temperature,
         "redraw": this.redraw,
         "parameters": asdict(this.parameters),
         "model": [] if this.diagnosis is None else list(this.diagnosis.model.names),

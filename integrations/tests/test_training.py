@@ -125,6 +125,20 @@ def test_a_run_is_evaluated_and_tabulated(killed, tmp_path, capsys):
     assert "Paper's real robot / our surrogate poisson" in shown
 
 
+def test_one_s_own_results_are_tabulated_with_those_of_the_package(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    table()
+    before = capsys.readouterr().out
+    kept = Result.load(RESULTS / "SX-2mm_NT_sim_0.json")
+    replace(kept, success_rate=0.5).save()
+    assert (tmp_path / "results" / "SX-2mm_NT_sim_0.json").exists()
+    table()
+    after = capsys.readouterr().out
+    assert "0.42 / 0.16 |" in before
+    assert "0.42 / 0.50 |" in after
+    assert after.replace("0.42 / 0.50 |", "0.42 / 0.16 |") == before
+
+
 def test_the_actor_alone_acts_as_the_model_does(killed, tmp_path, capsys):
     out = tmp_path / "policy"
     assert command(export, ["--run", str(killed), "--out", str(out)]) == 0
