@@ -81,6 +81,6 @@ def test_balls_feel_what_a_bed_of_springs_feels(kind):
 
 
 def test_cubes_feel_a_round_object_worse():
-    """Why the native engine differs from robosuite's on RY-2mm: there a cube makes one contact, for which it is soft."""
+    """Why the engines differ on RY-2mm: a cube makes one contact there, for which the gel is too soft."""
     expected, found = of_springs("round"), felt("round", balls=False)
     assert np.abs(found - expected).sum() > 0.1 * LOAD
