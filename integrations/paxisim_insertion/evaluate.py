@@ -56,6 +56,7 @@ def evaluate(
         "updates": trained.updates,
         "envs": this.envs,
         "engine": this.engine,
+        "batch": this.batch,
         "temperature": this.temperature,
         "redraw": this.redraw,
         "parameters": asdict(this.parameters),

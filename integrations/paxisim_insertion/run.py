@@ -46,6 +46,7 @@ _FIELDS = (
     "steps",
     "engine",
     "updates",
+    "batch",
     "temperature",
 )
 
@@ -77,6 +78,7 @@ class Run:
         steps: Environment steps that it is to have in all.
         engine: What moves the hand while it trains, see `InsertionEnv`.
         updates: Updates for each environment step.
+        batch: Transitions of an update.
         temperature: SAC's temperature at the start of the training.
         parameters: What the paper leaves open.
         diagnosis: What was found of a sensor, whose model is drawn within its intervals for each episode, in place of
@@ -94,6 +96,7 @@ class Run:
     steps: int = 300_000
     engine: str = "robosuite"
     updates: float = 0.25
+    batch: int = 256
     temperature: float = 1.0
     parameters: Parameters = Parameters()  # noqa: RUF009 - frozen
     diagnosis: paxisim.diagnose.Diagnosis | None = None
@@ -213,6 +216,7 @@ class Run:
             ent_coef=f"auto_{self.temperature}",
             policy_kwargs={"optimizer_kwargs": {"fused": True}},  # the same steps, in fewer passes over the weights
             buffer_size=self.buffer,
+            batch_size=self.batch,
             replay_buffer_class=HistoryReplayBuffer,
             replay_buffer_kwargs={"history": env.get_attr("history")[0].k, "redraw": self._redraw(env)},
             seed=self.seed,

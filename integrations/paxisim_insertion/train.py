@@ -36,6 +36,7 @@ def train(
     engine: Literal["native", "robosuite"] = "native",
     envs: int = 20,
     updates: float = 0.05,
+    batch: int = 256,
     temperature: float = 1.0,
     out: Path | None = None,
     resume: bool = False,
@@ -58,6 +59,7 @@ def train(
         engine: What moves the hand. Results are those of robosuite, whatever this is.
         envs: Environments that collect at the same time.
         updates: Updates of the networks for each environment step, or as many as whole numbers allow.
+        batch: Transitions of an update.
         temperature: SAC's temperature at the start.
         out: Folder of the run. Default: runs/TASK_METHOD_SEED.
         resume: Go on with the run that is there; what it is was settled when it began.
@@ -80,8 +82,10 @@ def train(
     else:
         steps = STEPS if steps is None else steps
         found = None if model is None else load_diagnosis(model)
-        chosen = {"engine": engine, "updates": updates, "temperature": temperature, "steps": steps}
-        run = Run(folder, task, method, seed, envs, buffer, parameters=parameters, diagnosis=found, **chosen)
+        chosen = {"engine": engine, "updates": updates, "batch": batch, "temperature": temperature}
+        run = Run(
+            folder, task, method, seed, envs, buffer, steps=steps, parameters=parameters, diagnosis=found, **chosen
+        )
         run = replace(run, redraw=redraw and can_redraw(run.gcs))
         if found is not None:
             run.insertion_env().close()  # says what does not fit before there is a folder

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from paxisim_insertion import TASKS, InsertionEnv, InsertionScene, Parameters
 from paxisim_insertion.evaluate import FIRST_SEED, succeeds
+from paxisim_insertion.expert import expert_action
 from paxisim_insertion.native_scene import NativeScene
 from paxisim_insertion.results import RESULTS, Result
 from paxisim_insertion.run import Run
@@ -198,3 +199,15 @@ def test_policies_that_robosuite_taught_succeed_as_often_in_the_native_engine(na
     solved = sum(succeeds(env, trained, FIRST_SEED + trial) for trial in range(12))
     low, high = binom.ppf([1e-4, 1 - 1e-4], 12, np.clip(result.success_rate, 0.02, 0.98))
     assert low <= solved <= high, f"{solved} of 12, expected {result.success_rate:.2f}"
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_an_expert_that_sees_the_poses_solves_the_task(task):
+    env = InsertionEnv(task, "DT", engine="native", terminate_on_success=True)
+    for seed in range(5):
+        env.reset(seed=seed)
+        terminated = truncated = False
+        while not (terminated or truncated):
+            _, _, terminated, truncated, info = env.step(expert_action(env))
+        assert terminated, f"seed {seed}"
+        assert info["is_success"]

@@ -99,6 +99,9 @@ def test_what_the_paper_leaves_open_is_an_option(tmp_path, capsys):
     assert command(train, [*words, "--parameters.grip-force", "20", "--device", "cpu"]) == 0
     run = Run.open(tmp_path / "run")
     assert run.parameters == Parameters(grip_force=20)
+    capsys.readouterr()
+    assert command(train, ["--resume", "--out", str(tmp_path / "run"), "--device", "cpu"]) == 0
+    assert "0 of 0 steps done" in capsys.readouterr().out, "it keeps its number of steps"
     assert not run.redraw, "there is nothing to draw for DT"
     evaluate(tmp_path / "run", trials=1, out=tmp_path)
     (path,) = tmp_path.glob("*.json")
