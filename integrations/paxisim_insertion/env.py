@@ -59,6 +59,7 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         scene: The hand, the peg and its base.
         task: The task.
         method: The method.
+        terminates: Whether the first success ends an episode.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 20}  # noqa: RUF012 - gymnasium's own name and type
@@ -99,7 +100,7 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         if render_mode not in (None, "rgb_array"):
             raise paxisim.InvalidValueError(f"render_mode must be None or 'rgb_array', got {render_mode!r}")
         self.parameters = parameters or Parameters()
-        self.render_mode, self._terminate = render_mode, terminate_on_success
+        self.render_mode, self.terminates = render_mode, terminate_on_success
         if engine not in ENGINES:
             raise paxisim.UnknownNameError("engine", engine, ENGINES)
         self.scene: Scene = ENGINES[engine](self.task, self.parameters)
@@ -199,7 +200,7 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         terms = {n: float(v) for n, v in reward_terms(state, action, self.parameters.epsilon).items()}
         info = {"is_success": self._succeeded, "reward_terms": terms}
         truncated = self._steps >= self.task.max_steps
-        return self._observe(), weighted(terms), self._terminate and bool(state.success), truncated, info
+        return self._observe(), weighted(terms), self.terminates and bool(state.success), truncated, info
 
     def poses(
         self,

@@ -60,7 +60,7 @@ class NativeScene(Scene):
         tendons += [(vector, {}) for vector in vectors.T]
         self._towards = np.array([row for row, _ in tendons[-6:]])
         spec = self._spec(gripper, tendons)
-        to_spheres(spec, pads)
+        to_spheres(spec, bare, pads)
         self._model = spec.compile()
         self._data = mujoco.MjData(self._model)
         self._servo(stiffness)
@@ -118,7 +118,7 @@ class NativeScene(Scene):
 
     def _spec(
         self,
-        gripper: paxisim.models.attach.TactileGripper,
+        gripper: paxisim.TactileGripper,
         tendons: list[tuple[NDArray[np.floating], dict[str, float]]],
     ) -> mujoco.MjSpec:
         """The scene with cubes for taxels, and with tendons: what they make of the hand's six joints, and how."""

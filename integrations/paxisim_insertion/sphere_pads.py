@@ -19,14 +19,14 @@ CONTACTS_OF_A_CUBE = 4
 _HIGHEST = 3e-3  # m that a taxel may stand out
 
 
-def to_spheres(spec: mujoco.MjSpec, pads: paxisim.Pads) -> None:
-    """Put a ball in the place of each taxel's cube, its foremost point in the middle of the cube's face.
+def to_spheres(spec: mujoco.MjSpec, model: mujoco.MjModel, pads: paxisim.Pads) -> None:
+    """Put a ball in the place of each taxel's cube.
 
     Args:
-        spec: Of the scene; changed.
-        pads: Those of the model that was compiled from it. The ids of its geoms stay.
+        spec: Of the scene; changed. The ids of its geoms stay.
+        model: With cubes, of the same scene.
+        pads: The pads of `model`.
     """
-    model = spec.compile()
     for geom in pads.geoms.reshape(-1):
         taxel = spec.geom(model.geom(geom).name)
         taxel.type = mujoco.mjtGeom.mjGEOM_SPHERE

@@ -40,14 +40,16 @@ class InsertionVecEnv(VecEnv):
             threads: Of the physics.
 
         Raises:
-            InvalidValueError: There is none, or one of another engine.
+            InvalidValueError: There is none, or one of another engine, with a sensor or that ends with success.
         """
         if not envs or not all(isinstance(env.scene, NativeScene) for env in envs):
             raise paxisim.InvalidValueError("expected at least one environment, all with engine='native'")
+        if any(env.sensor is not None or env.terminates for env in envs):
+            raise paxisim.InvalidValueError("expected environments without sensor= and terminate_on_success=")
         self.envs = list(envs)
         count, first = len(envs), envs[0]
         self._scale, self._axes = reward_scale, list(first.task.axes)
-        self._threads, self._pool = threads, ThreadPoolExecutor(threads) if threads > 1 else None
+        self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
         self._scenes: list[Any] = [env.scene for env in envs]
         self._poses = [_poses(scene) for scene in self._scenes]
         self._history = first.method.history(first.task, first.layout)

@@ -39,7 +39,7 @@ def felt(kind, balls):
     model = spec.compile()
     pads = paxisim.find_pads(model)
     if balls:
-        to_spheres(spec, pads)
+        to_spheres(spec, model, pads)
         model = spec.compile()
     data = mujoco.MjData(model)
     model.opt.gravity[:] = 0

@@ -88,3 +88,5 @@ def test_environments_of_another_engine():
         InsertionVecEnv([])
     with pytest.raises(paxisim.InvalidValueError, match="engine='native'"):
         InsertionVecEnv([InsertionEnv("SX-2mm", "DT")])
+    with pytest.raises(paxisim.InvalidValueError, match="without sensor="):
+        made("SX-2mm", "DT", 1, terminate_on_success=True)
