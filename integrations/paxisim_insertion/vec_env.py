@@ -163,9 +163,9 @@ class InsertionVecEnv(VecEnv):
 
     def _observe(self, poses: list[NDArray[np.floating]]) -> dict[str, NDArray[np.float32]]:
         observation = self.envs[0].poses(*poses)
-        if "tactile" in self.observation_space.spaces:
+        if "tactile" in self.envs[0].observation_space.spaces:
             observation["tactile"] = self._history.read()
-        if RAW in self.observation_space.spaces:
+        if RAW in self.envs[0].observation_space.spaces:
             observation[RAW] = self._force.copy()
         return observation
 
