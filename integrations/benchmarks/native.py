@@ -18,7 +18,7 @@ from paxisim_insertion.run import Run
 from paxisim_insertion.vec_env import InsertionVecEnv
 from stable_baselines3.common.logger import configure
 
-ROUNDS, ENVS = 3, 20
+ROUNDS, ENVS = 5, 20
 DOWN = 0.2  # of the largest action, so that pegs come to stand on their bases
 
 
