@@ -18,7 +18,7 @@ from stable_baselines3.common.utils import set_random_seed
 import paxisim
 
 from .redraw import can_redraw
-from .run import BUFFER, Run
+from .run import BUFFER, REWARD_SCALE, Run
 from .shell import command
 from .tasks import Parameters
 from .trained import save_actor
@@ -38,6 +38,7 @@ def train(
     updates: float = 0.05,
     batch: int = 256,
     temperature: float = 1.0,
+    reward_scale: float = REWARD_SCALE,
     out: Path | None = None,
     resume: bool = False,
     other_versions: bool = False,
@@ -61,6 +62,7 @@ def train(
         updates: Updates of the networks for each environment step, or as many as whole numbers allow.
         batch: Transitions of an update.
         temperature: SAC's temperature at the start.
+        reward_scale: What the reward is multiplied by while it trains.
         out: Folder of the run. Default: runs/TASK_METHOD_SEED.
         resume: Go on with the run that is there; what it is was settled when it began.
         other_versions: Go on although the software's versions are not the run's.
@@ -82,9 +84,21 @@ def train(
     else:
         steps = STEPS if steps is None else steps
         found = None if model is None else load_diagnosis(model)
-        chosen = {"engine": engine, "updates": updates, "batch": batch, "temperature": temperature}
         run = Run(
-            folder, task, method, seed, envs, buffer, steps=steps, parameters=parameters, diagnosis=found, **chosen
+            folder,
+            task,
+            method,
+            seed,
+            envs,
+            buffer,
+            reward_scale,
+            steps=steps,
+            engine=engine,
+            updates=updates,
+            batch=batch,
+            temperature=temperature,
+            parameters=parameters,
+            diagnosis=found,
         )
         run = replace(run, redraw=redraw and can_redraw(run.gcs))
         if found is not None:
