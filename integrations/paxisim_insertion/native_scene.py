@@ -143,19 +143,20 @@ class NativeScene(Scene):
             if not attributes:
                 ET.SubElement(actuators, "general", tendon=f"arm_{index}", biastype="affine")
         spec = mujoco.MjSpec.from_string(ET.tostring(root, encoding="unicode"))
-        quat = np.zeros(4)
-        own = gripper.spec.copy()
-        turned = np.zeros(9)
-        mujoco.mju_quat2Mat(turned, own.body("right_gripper").quat)
-        rotation = _DOWN @ turned.reshape(3, 3).T
-        mujoco.mju_mat2Quat(quat, rotation.reshape(-1))
-        frame = spec.body("hand").add_frame(pos=-_DOWN @ _GRIP, quat=quat)
-        for sensor in own.sensors:
-            own.delete(sensor)
-        for body in own.bodies[1:]:
-            body.gravcomp = 1
-        spec.attach(own, frame=frame, prefix="")
+        _add_gripper(spec, gripper.spec.copy())
         return spec
+
+
+def _add_gripper(spec: mujoco.MjSpec, gripper: mujoco.MjSpec) -> None:
+    """Put the gripper on the hand, its grip site where the hand's joints are, without weight or sensors."""
+    own, quat = np.zeros(9), np.zeros(4)
+    mujoco.mju_quat2Mat(own, gripper.body("right_gripper").quat)
+    mujoco.mju_mat2Quat(quat, (_DOWN @ own.reshape(3, 3).T).reshape(-1))
+    for sensor in gripper.sensors:
+        gripper.delete(sensor)
+    for body in gripper.bodies[1:]:
+        body.gravcomp = 1
+    spec.attach(gripper, frame=spec.body("hand").add_frame(pos=-_DOWN @ _GRIP, quat=quat), prefix="")
 
 
 def _inertia(model: mujoco.MjModel) -> NDArray[np.floating]:
