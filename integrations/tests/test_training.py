@@ -263,9 +263,9 @@ def test_environments_in_processes_of_their_own(tmp_path):
 
 
 def test_a_short_training_is_better_than_chance(tmp_path):
-    """With the peg above the hole it is to learn to push down, gently: blind, 1600 steps, half a minute."""
+    """With the peg above the hole it is to learn to push down, gently: blind, in the native engine, for robosuite's."""
     above = Parameters(start=((0, -5e-4, 2e-3), (0, 5e-4, 4e-3)), grasp_offset=(0, 0))
-    run = Run(tmp_path, "SX-2mm", "NT", envs=2, buffer=SIZE, parameters=above)
+    run = Run(tmp_path, "SX-2mm", "NT", envs=2, buffer=SIZE, engine="native", updates=0.5, parameters=above)
     run.create()
     envs = run.make_envs()
     env = InsertionEnv("SX-2mm", "NT", parameters=above)
