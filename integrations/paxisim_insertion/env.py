@@ -15,6 +15,8 @@ import paxisim
 
 from .methods import find_method
 from .native_scene import NativeScene
+from .poses import PRIVILEGED as PRIVILEGED
+from .poses import observed_poses
 from .reward import reward_terms, weighted
 from .robosuite_scene import InsertionScene
 from .scene import Scene
@@ -26,9 +28,6 @@ LARGEST_FORCE, LARGEST_POSE = 1e3, 10.0
 
 ENGINES: dict[str, type[NativeScene] | type[InsertionScene]] = {"robosuite": InsertionScene, "native": NativeScene}
 """What moves the hand, by name."""
-
-PRIVILEGED = "privileged"
-"""The entry of the observation that the critic may see and the actor must not."""
 
 RAW = "raw"
 """The entry that neither sees: the newest reading before the chain, for a replay buffer that draws its own chains."""
@@ -202,28 +201,6 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         truncated = self._steps >= self.task.max_steps
         return self._observe(), weighted(terms), self.terminates and bool(state.success), truncated, info
 
-    def poses(
-        self,
-        tip: NDArray[np.floating],
-        tip_rotation: NDArray[np.floating],
-        peg: NDArray[np.floating],
-        peg_rotation: NDArray[np.floating],
-    ) -> dict[str, NDArray[np.float32]]:
-        """The entries ``"p"`` and ``"privileged"`` of the observation, or of a batch of them.
-
-        Args:
-            tip: ``(..., 3)`` position of the fingertip in the world (m).
-            tip_rotation: ``(..., 3, 3)`` its rotation.
-            peg: ``(..., 3)`` position of the peg in the world (m).
-            peg_rotation: ``(..., 3, 3)`` its rotation.
-        """
-        base = self.scene.base
-        seen = np.concatenate([tip - base, rotation_vector(tip_rotation @ self.scene.nominal.T)], axis=-1)
-        hidden = np.concatenate([peg - base, rotation_vector(peg_rotation)], axis=-1)
-        both = np.concatenate([hidden, seen], axis=-1, dtype=np.float32, casting="same_kind")
-        own = both[..., 6:]
-        return {"p": np.zeros_like(own) if self.task.hole_is_hidden else own.copy(), PRIVILEGED: both}
-
     def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
         """A picture ``(480, 640, 3)`` of the scene.
 
@@ -264,22 +241,12 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         return {"gripper_opening": self.scene.opening}
 
     def _observe(self) -> dict[str, NDArray[np.float32]]:
-        observation = self.poses(*self.scene.fingertip, *self.scene.peg)
+        observation = observed_poses(self.scene, *self.scene.fingertip, *self.scene.peg)
         if "tactile" in self.observation_space.spaces:
             observation["tactile"] = self._history.read()
         if RAW in self.observation_space.spaces:
             observation[RAW] = self._raw
         return observation
-
-
-def rotation_vector(rotation: NDArray[np.floating]) -> NDArray[np.floating]:
-    """``(..., 3)`` rotation vectors (rad) of rotations ``(..., 3, 3)``."""
-    matrices = np.ascontiguousarray(rotation).reshape(-1, 9)
-    quat, vectors = np.zeros(4), np.empty((len(matrices), 3))
-    for matrix, vector in zip(matrices, vectors, strict=True):
-        mujoco.mju_mat2Quat(quat, matrix)
-        mujoco.mju_quat2Vel(vector, quat, 1.0)
-    return vectors.reshape(rotation.shape[:-1])
 
 
 def _pose_space(poses: int) -> spaces.Box:

@@ -17,6 +17,7 @@ import paxisim
 
 from .env import CONTROL_DT, RAW, InsertionEnv
 from .native_scene import NativeScene
+from .poses import observed_poses
 from .reward import insertion, reward_terms, weighted
 
 
@@ -162,7 +163,7 @@ class InsertionVecEnv(VecEnv):
         return [np.array(views) for views in zip(*self._poses, strict=True)]
 
     def _observe(self, poses: list[NDArray[np.floating]]) -> dict[str, NDArray[np.float32]]:
-        observation = self.envs[0].poses(*poses)
+        observation = observed_poses(self._scenes[0], *poses)
         if "tactile" in self.envs[0].observation_space.spaces:
             observation["tactile"] = self._history.read()
         if RAW in self.envs[0].observation_space.spaces:
