@@ -5,6 +5,9 @@ Hall sensors and counts of 0.1 N, is the measured stream, and the forces on the 
 episodes are diagnosed, the others are held out. Printed are the causes and the error (N, root of the mean square of a
 taxel and axis) on held-out motion: of the simulation, of the extended model, and of the model of the unit before, which
 is another unit of the same type.
+
+With ``--model-of 2`` only that unit is diagnosed. Printed is what its model is worth on the others, as it is, with an
+offset of each taxel and axis fitted on their first half, and with a gain, too: what has to be calibrated anew.
 """
 
 from __future__ import annotations
@@ -41,32 +44,65 @@ def measured(unit: int, force: np.ndarray) -> np.ndarray:
     return (COUNT * np.rint(readings / COUNT)).astype(np.float32)[:, None]
 
 
-def main(units: int = 6, jobs: int = 1) -> None:
+def said(model: paxisim.Chain, recording: paxisim.Recording) -> np.ndarray:
+    """What a model makes of the simulated stream."""
+    parts = [model.run(part.simulated.astype(np.float64), part.time) for part in recording.episodes()]
+    return np.concatenate(parts)
+
+
+def rms(error: np.ndarray) -> float:
+    """Root of the mean square."""
+    return float(np.sqrt(np.mean(error**2)))
+
+
+def main(units: int = 6, jobs: int = 1, model_of: int | None = None) -> None:
     """Print a row for each unit.
 
     Args:
         units: How many, from number 0 on.
         jobs: Processes of a diagnosis.
+        model_of: Diagnose this unit only, and try its model on the others.
     """
     warnings.simplefilter("ignore")
     felt = motion()
     assert felt.simulated is not None
     even = felt.episode % 2 == 0
+
+    def halves(unit: int) -> tuple[paxisim.Recording, paxisim.Recording]:
+        recording = replace(felt, measured=measured(unit, felt.simulated))
+        return recording[even], recording[~even]
+
+    if model_of is not None:
+        transfer(paxisim.diagnose(halves(model_of)[0], jobs=jobs).model, [halves(unit) for unit in range(units)])
+        return
     before = None
     for unit in range(units):
-        recording = replace(felt, measured=measured(unit, felt.simulated))
-        found = paxisim.diagnose(recording[even], jobs=jobs)
-        held = recording[~even]
-
-        def error(model: paxisim.Chain, held: paxisim.Recording = held) -> float:
-            said = np.concatenate([model.run(part.simulated.astype(np.float64), part.time) for part in held.episodes()])
-            return float(np.sqrt(np.mean((held.measured - said) ** 2)))
-
-        errors = [error(paxisim.Chain()), error(found.model)]
-        other = "" if before is None else f", by the model of unit {unit - 1} {error(before):.4f}"
+        seen, held = halves(unit)
+        found = paxisim.diagnose(seen, jobs=jobs)
+        errors = [rms(held.measured - said(model, held)) for model in (paxisim.Chain(), found.model)]
+        other = (
+            "" if before is None else f", by the model of unit {unit - 1} {rms(held.measured - said(before, held)):.4f}"
+        )
         before = found.model
         names = ", ".join(cause.name for cause in found.causes)
         print(f"unit {unit}: {errors[0]:.4f} -> {errors[1]:.4f} N{other}; {found.verdict}: {names}", flush=True)
+
+
+def transfer(model: paxisim.Chain, units: list[tuple[paxisim.Recording, paxisim.Recording]]) -> None:
+    """Print what a model is worth on units that it was not made for."""
+    print(f"model: {', '.join(model.names)}")
+    for unit, (seen, held) in enumerate(units):
+        first, second = said(model, seen), said(model, held)
+        offset = (seen.measured - first).mean(axis=0)
+        centred = first - first.mean(axis=0)
+        gain = ((seen.measured - seen.measured.mean(axis=0)) * centred).sum(axis=0) / (centred**2).sum(axis=0)
+        scaled = seen.measured.mean(axis=0) + gain * (second - first.mean(axis=0))
+        errors = [rms(held.measured - guess) for guess in (held.simulated, second, second + offset, scaled)]
+        print(
+            "unit {}: simulation {:.4f} N, model {:.4f}, with its own offsets {:.4f}, and gains {:.4f}".format(
+                unit, *errors
+            )
+        )
 
 
 if __name__ == "__main__":

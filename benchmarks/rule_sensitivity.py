@@ -37,8 +37,8 @@ from paxisim.diagnose.prepare import prepare
 from paxisim.diagnose.problem import problem_of
 from paxisim.diagnose.reading import read_off
 from paxisim.diagnose.rules import Rules
-from paxisim.diagnose.run import explained, search_of, wanted_of
 from paxisim.diagnose.search import Search
+from paxisim.diagnose.searched import explained, search_of, wanted_of
 
 KINDS = {"single": "exact singles", "pair": "exact pairs", "null": "false names in nulls"}
 BASELINE = "as they are"

@@ -72,7 +72,10 @@ if TYPE_CHECKING:
     from paxisim.protocols.ready import protocol as protocol
     from paxisim.recording import Recording as Recording
     from paxisim.reference.pad import MagneticPad as MagneticPad
+    from paxisim.reference.parameters import GelMemory as GelMemory
+    from paxisim.reference.parameters import PadParameters as PadParameters
     from paxisim.reference.sensor import MagneticSensor as MagneticSensor
+    from paxisim.reference.sensor import reference_sensor as reference_sensor
     from paxisim.scene.agreement import Agreement as Agreement
     from paxisim.scene.agreement import compare_streams as compare_streams
     from paxisim.scene.drive import Drive as Drive
@@ -134,7 +137,8 @@ _HOMES = {
     "paxisim.protocols.ready": ("known_protocols", "protocol"),
     "paxisim.recording": ("Recording",),
     "paxisim.reference.pad": ("MagneticPad",),
-    "paxisim.reference.sensor": ("MagneticSensor",),
+    "paxisim.reference.parameters": ("GelMemory", "PadParameters"),
+    "paxisim.reference.sensor": ("MagneticSensor", "reference_sensor"),
     "paxisim.scene.agreement": ("Agreement", "compare_streams"),
     "paxisim.scene.drive": ("Drive", "ObjectStart"),
     "paxisim.scene.scene": ("Scene",),

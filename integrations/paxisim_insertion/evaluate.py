@@ -15,6 +15,7 @@ from .env import InsertionEnv
 from .results import IN_SIMULATION, OUT, Result
 from .run import Run, versions
 from .shell import command
+from .surrogate import OPEN
 from .trained import Trained
 
 FIRST_SEED = 1_000_000
@@ -35,7 +36,8 @@ def evaluate(
         run: Folder of the run.
         trials: Episodes.
         sensor: A surrogate of a real sensor: a chain that paxisim saved, or reference:unit:N for the N-th unit of
-            paxisim's magnetic pad. Default: what the method is trained with.
+            paxisim's magnetic pad, with +memory for a gel that creeps and +neighbour for the other pad's magnets.
+            Default: what the method is trained with.
         out: Folder of the result; .table looks there, too.
         other_versions: Evaluate although the software's versions are not the run's.
     """
@@ -75,14 +77,10 @@ def surrogate_of(sensor: str) -> paxisim.Chain | Callable[[paxisim.TaxelLayout],
     """
     if not sensor.startswith("reference:"):
         return paxisim.Chain.load(sensor)
-    number = sensor.removeprefix("reference:unit:")
-    if not (number.isascii() and number.isdigit()):
-        raise paxisim.InvalidValueError(
-            f"a reference sensor is named reference:unit:N, as reference:unit:7, got {sensor!r}"
-        )
+    make = paxisim.reference_sensor(sensor.removeprefix("reference:"))
 
     def unit(layout: paxisim.TaxelLayout) -> paxisim.Chain:
-        return paxisim.Chain([paxisim.MagneticSensor(layout, int(number)), paxisim.augment.Firmware()])
+        return paxisim.Chain([make(layout, zeroed_at=OPEN), paxisim.augment.Firmware()])
 
     return unit
 

@@ -6,6 +6,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from paxisim_insertion import METHODS, TASKS, InsertionEnv, Parameters
 from paxisim_insertion.env import PRIVILEGED
+from paxisim_insertion.evaluate import surrogate_of
 from paxisim_insertion.expert import expert_action
 from paxisim_insertion.shell import command
 from paxisim_insertion.surrogate import draw, surrogate
@@ -178,6 +179,26 @@ def test_drawn_surrogates(tmp_path, capsys):
     made.step(np.zeros(2))
     assert np.abs(made.reading - counts).max() < 1
     made.close()
+
+
+def test_a_reference_sensor_with_memory_and_its_neighbour():
+    made = InsertionEnv("SX-2mm", "DT", sensor=surrogate_of("reference:unit:7+memory+neighbour"))
+    made.reset(seed=0)
+    model, data = made.scene.model_and_data
+    left, right = (data.xmat[model.body(name).id].reshape(3, 3) for name in made.scene.tactile.pads.bodies)
+    facing = left.T @ right  # the neighbour's magnets are taken to be turned by half a turn about y
+    np.testing.assert_allclose(facing, np.diag([-1.0, 1.0, -1.0]), atol=0.05)
+    raw, covariates = made.scene.tactile.read(), {"gripper_opening": made.scene.opening}
+    alone, beside = (surrogate_of(f"reference:unit:7{with_}")(made.layout) for with_ in ("", "+neighbour"))
+    assert np.abs(beside(raw, covariates) - alone(raw)).max() > 0.05
+    before = made.reading
+    for _ in range(3):
+        made.step(np.zeros(2))
+    assert np.isfinite(made.reading).all()
+    assert np.abs(made.reading - before).max() < 1
+    made.close()
+    with pytest.raises(paxisim.InvalidValueError, match="is named unit:N"):
+        surrogate_of("reference:unit:x")
 
 
 def test_bad_input():

@@ -140,9 +140,15 @@ class Chain(Transform):
         """The chain as JSON text, from which `from_json` makes it again bit for bit.
 
         Torch parameters come back as numpy's, and bfloat16, which numpy does not have, as float32.
+
+        Raises:
+            InvalidValueError: A member has a parameter that JSON cannot hold, as `paxisim.MagneticSensor` does.
         """
         members = [_encode(member, name) for name, member in zip(self.names, self.members, strict=True)]
-        return json.dumps({"format": FORMAT, "members": members}, indent=1, allow_nan=False)
+        try:
+            return json.dumps({"format": FORMAT, "members": members}, indent=1, allow_nan=False)
+        except TypeError as error:
+            raise InvalidValueError(f"Chain: a member cannot be saved, make it again instead: {error}") from error
 
     @classmethod
     def from_json(cls, text: str) -> Chain:

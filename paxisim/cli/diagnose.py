@@ -15,6 +15,8 @@ FILES = {
     "report.html": "the report with pictures, for a browser",
     "diagnosis.json": "all figures of the diagnosis",
     "model.json": "the extended sensor model",
+    "scene.toml": "the scene with the values that were found",
+    "scene.xml": "its MJCF",
 }
 
 
@@ -22,6 +24,7 @@ def diagnose(
     recording: Annotated[Path, tyro.conf.Positional],
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])],
     *,
+    scene: Path | None = None,
     causes: str = "",
     seed: int = 0,
     jobs: int = 1,
@@ -33,29 +36,40 @@ def diagnose(
     report.html, the report with pictures; diagnosis.json, all figures; and model.json, the extended sensor model. The
     exit status is 1, and there is no model, if the two streams are not of the same motion.
 
+    With the scene that the recorded streams move, causes inside the scene are looked for, too, such as friction or
+    where a pad sits: the motion is replayed with other values of the scene's numbers. The recording then needs no
+    simulated tensors. scene.toml and scene.xml are the scene with the values that were found.
+
     For example:
 
     paxisim diagnose recording.mcap -o diagnosis/
 
+    paxisim diagnose recording.mcap --scene scene.toml -o diagnosis/ --jobs 2
+
     Args:
         recording: An .mcap, .npz or .csv file with measured and simulated tensors.
         output: The folder to write to; created if needed, but its parent folder must exist.
-        causes: Causes to search for, separated by commas; default: all. They are axis_gain, taxel_gain, offset, drift,
-            stiffening, poisson, crosstalk, axis_coupling, rotation, layout, creep, hysteresis, low_pass, latency,
-            saturation, dead_band, quantisation, dead_taxels, swapped_taxels, interference and channel_curve.
+        scene: The scene's TOML file, as `paxisim replay` takes it.
+        causes: Causes to search for, separated by commas; default: all. Those of the sensor are axis_gain,
+            taxel_gain, offset, drift, stiffening, poisson, crosstalk, axis_coupling, rotation, layout, creep,
+            hysteresis, low_pass, latency, saturation, dead_band, quantisation, dead_taxels, swapped_taxels,
+            interference and channel_curve; those of the scene are friction, gel_stiffness, grip_force, mount_offset,
+            mount_tilt, surface, object_size, object_pose and joint_offset.
         seed: Random seed.
         jobs: Number of processors to use.
         force: Overwrite an existing diagnosis in the folder.
     """
     from paxisim.diagnose.run import diagnose as run
     from paxisim.recording import Recording
+    from paxisim.scene.scene import Scene
 
     names = [name.strip() for name in causes.split(",") if name.strip()] or None
     _check_folder(output, force)
     progress(f"reading {recording}")
     loaded = Recording.load(recording)
+    inside = None if scene is None else Scene.load(scene)
     with Stages() as stages:
-        found = run(loaded, names, seed=seed, jobs=jobs, progress=stages)
+        found = run(loaded, names, scene=inside, seed=seed, jobs=jobs, progress=stages)
     _check_folder(output, force)
     progress("drawing the report")
     found.save(output)

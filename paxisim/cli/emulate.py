@@ -43,8 +43,9 @@ def emulate(
         signal: What the pads feel: 'demo' (a press that drags), a recording (.mcap, .npz, .csv), a MuJoCo scene with
             pads (.xml), run in real time, or MODULE:FUNCTION, a function of the seconds that gives
             (pads, 3, rows, cols) newtons, or microtesla where that is the profile's unit.
-        reference: Let the pads be those of a manufactured sensor from first principles, as unit:7: what they feel is
-            the signal, in newtons; what they say is what such a unit makes of it.
+        reference: Let the pads be those of a manufactured sensor from first principles, as unit:7, or unit:7+memory
+            with a gel that creeps: what they feel is the signal, in newtons; what they say is what such a unit makes
+            of it.
         link: A symbolic link to make to the port.
         fault: Faults of the line, as NAME=NUMBER with commas: drop, flip, garble (probability of each byte), split,
             merge, stall, status (of each message), stall_seconds, noise (bytes at power-on), unplug_after (messages).
@@ -84,15 +85,25 @@ def _as_unit(felt: Callable[[float], Any], text: str, profile) -> Callable[[floa
     """What the unit that ``--reference`` names reads of a signal."""
     import paxisim
 
-    number = text.removeprefix("unit:")
-    if number == text or not (number.isascii() and number.isdigit()):
-        raise paxisim.InvalidValueError(f"--reference must be unit:N, as unit:7, got {text!r}")
+    make = paxisim.reference_sensor(text)
     if profile.unit != "N":
         raise paxisim.InvalidValueError(
             f"a reference unit reads newtons, but profile {profile.name!r} feels {profile.unit}: choose another profile"
         )
-    sensor = paxisim.MagneticSensor(profile.wire_layout, int(number))
-    return lambda now: sensor(np.asarray(felt(now), dtype=np.float64))
+    sensor = make(profile.wire_layout)
+    if sensor.covariate_names:
+        raise paxisim.InvalidValueError("an emulated board does not know the gripper's opening: leave out +neighbour")
+    state, before = None, 0.0
+
+    def read(now: float) -> Any:
+        nonlocal state, before
+        force = np.asarray(felt(now), dtype=np.float32)
+        state = sensor.initial_state(force) if state is None else state
+        reading, state = sensor.step(force, state, max(now - before, 0.0))
+        before = now
+        return reading
+
+    return read
 
 
 def make_signal(text: str, profile) -> Callable[[float], Any]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING
 
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from paxisim.diagnose.vocabulary import known_causes as known_causes
     from paxisim.diagnose.vocabulary import register_cause as register_cause
     from paxisim.recording import Recording
+    from paxisim.scene.scene import Scene
 
 _HOMES = {
     "paxisim.diagnose.cause": ("Cause", "Free"),
@@ -55,14 +57,16 @@ class _Callable(ModuleType):
         recording: Recording,
         causes: Sequence[str] | None = None,
         *,
+        scene: Scene | None = None,
         seed: int = 0,
         jobs: int = 1,
         progress: Callable[[str, float], None] | None = None,
+        replays: Path | None = None,
     ) -> Diagnosis:
         """See `paxisim.diagnose.run.diagnose`."""
         from paxisim.diagnose.run import diagnose
 
-        return diagnose(recording, causes, seed=seed, jobs=jobs, progress=progress)
+        return diagnose(recording, causes, scene=scene, seed=seed, jobs=jobs, progress=progress, replays=replays)
 
 
 sys.modules[__name__].__class__ = _Callable

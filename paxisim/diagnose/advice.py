@@ -30,6 +30,10 @@ MOTIONS: Mapping[str, str] = {
         "record at least four episodes over ten minutes on one clock, with the pads unloaded before and after each"
     ),
     "repeats": "repeat one press ten times from a fresh start, at two speeds, and check whether the first one differs",
+    "regrasps": (
+        "press the same object at four places or more, turned by 90 degrees and tilted to both sides between them"
+    ),
+    "objects": "press two objects of known sizes, each at two depths at least",
     "varied": "record at least 8 episodes with different motions",
 }
 """Instructions for each motion, by name. `Cause.excites` refers to these names."""

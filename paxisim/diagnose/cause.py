@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from paxisim import augment
 from paxisim.augment.transform import STAGES, Transform
@@ -141,9 +142,10 @@ def _always(problem: Problem) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Cause:
-    """Something that a sensor does and the simulation lacks.
+    """Something that a sensor or a scene does and the simulation lacks.
 
-    A cause is fitted (`free` and `starts`, or `local`, or `course`) or read off the recording (`read`).
+    A cause is fitted (`free` and `starts`, or `local`, or `course`) or read off the recording (`read`). One that is
+    fitted is a transform of the simulated force, or a change of the scene that is simulated (`change`).
 
     Attributes:
         name: As it appears in a diagnosis.
@@ -155,10 +157,12 @@ class Cause:
         starts: Values to begin the fit with, for each form that the effect may take. Together they should span what
             the cause does while it is small, as candidates are ranked by them.
         gauge: The gain that comes with the cause's calibration convention, if there is one.
+        change: For a cause inside the scene: what it adds to the simulated force (N), in place of a transform.
         local: For a cause with a number for each taxel or channel, fitted in closed form.
         course: For a cause that adds a reading without force.
         read: For a cause that is read off the recording before the search.
         nuisance: Whether it is fitted beside all others from the beginning, and named only if it counts in the end.
+        tacit: Of a nuisance, whether it is never named, and stays in the model.
         remembers: Whether only motions of several speeds tell it from the other causes that remember.
         unpressed_rival: Name of a cause that does the same on taxels that nothing presses.
         planes: Whether the cause comes with a constant, a plane over each pad's axis and a multiple of its amounts, so
@@ -180,10 +184,12 @@ class Cause:
     free: Callable[[Problem], tuple[Free, ...]] = _nothing
     starts: Callable[[Problem], Sequence[Values]] = _no_starts
     gauge: Gauge | None = None
+    change: Callable[[Values, Problem], FloatArray] | None = None
     local: Local | None = None
     course: Course | None = None
     read: Callable[[Problem], Reading | None] | None = None
     nuisance: bool = False
+    tacit: bool = False
     remembers: bool = False
     unpressed_rival: str = ""
     planes: bool = False
@@ -216,6 +222,23 @@ class Cause:
         if STAGES.index(made.stage) > STAGES.index(after.stage):  # it stands for a calibration, not for the magnets
             after = augment.Chain([after])
         return augment.Chain([made, after], [self.name, self.gauge.name])
+
+    def on(self, x: NDArray[np.floating], values: FloatArray, problem: Problem, frames: Problem) -> FloatArray:
+        """What it makes of a force.
+
+        Args:
+            x: ``(T, pads, 3, rows, cols)`` N.
+            values: Its values.
+            problem: The recording, which its values refer to.
+            frames: The frames of the recording that `x` is of.
+        """
+        if self.change is not None:
+            return x + self.change(values, frames)  # type: ignore[arg-type]
+        return frames.run(self.transform(values, problem), x)  # type: ignore[arg-type]
+
+    def has_memory(self, problem: Problem) -> bool:
+        """Whether what it does to a frame depends on those before."""
+        return self.change is None and self.transform(self.places(problem)[0], problem).has_memory
 
     def places(self, problem: Problem) -> list[FloatArray]:
         """The starts, those of a gauge at both of its ends."""

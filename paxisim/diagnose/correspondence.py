@@ -57,11 +57,13 @@ UNKNOWN = Correspondence(0.0, 1.0, 1.0, "")
 """Of recordings without contact, and of those too short to tell."""
 
 
-def correspondence_of(recording: Recording) -> Correspondence:
+def correspondence_of(recording: Recording, replayed: bool = False) -> Correspondence:
     """How the measured stream goes with the simulated one.
 
     Args:
         recording: With both streams.
+        replayed: Whether the simulation follows motions that were recorded with the measured stream, so that its
+            episodes are in their order.
     """
     assert recording.measured is not None
     assert recording.simulated is not None
@@ -91,7 +93,7 @@ def correspondence_of(recording: Recording) -> Correspondence:
             f"correlation of their activities is at most {alike[best]:.2f})"
         )
     else:
-        why = _other_order(pairs, int(shifts[best]))
+        why = "" if replayed else _other_order(pairs, int(shifts[best]))
     return Correspondence(shift, float(alike[best]), float(alike[near].max()), why)
 
 

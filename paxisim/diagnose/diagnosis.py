@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import warnings
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -17,9 +17,10 @@ from paxisim.diagnose.report.text import text_of
 from paxisim.errors import InvalidValueError, MissingExtraError, PaxisimError
 from paxisim.logs.atomic import parse_file, whole_file
 from paxisim.logs.document import built, finite
+from paxisim.scene.scene import Scene
 
 FORMAT = "paxisim-diagnosis/1"
-REPORT, MODEL = "report.html", "model.json"
+REPORT, MODEL, SCENE = "report.html", "model.json", "scene.toml"
 
 Verdict = Literal["no_discrepancy", "explained", "ambiguous", "partly_explained", "unexplained", "unrelated"]
 
@@ -189,6 +190,9 @@ class Diagnosis:
         intervals: 90% intervals of the model's parameters: by member and parameter, the lowest and the highest value as
             arrays of the parameter's shape, as ``GCS.around(model, intervals)`` expects. Parameters without an
             interval are omitted.
+        scene: The scene with the values that were found; `paxisim.Scene.save` writes it with its MJCF. `model` is to be
+            applied to what it simulates. None if the scene was not given.
+        scene_values: By name, the numbers of the scene that were found, in SI units; see `paxisim.Scene.parameters`.
         streams: The tensors behind the diagnosis, for the pictures of the report; None if it was loaded from a file.
     """
 
@@ -201,6 +205,8 @@ class Diagnosis:
     advice: tuple[str, ...]
     model: Chain = field(default_factory=Chain)
     intervals: Mapping[str, Any] = field(default_factory=dict)
+    scene: Scene | None = field(default=None, repr=False, compare=False)
+    scene_values: Mapping[str, float] = field(default_factory=dict)
     streams: Streams | None = field(default=None, repr=False, compare=False)
 
     def to_json(self) -> str:
@@ -216,6 +222,7 @@ class Diagnosis:
             "advice": list(self.advice),
             "model": json.loads(self.model.to_json()),
             "intervals": _as_lists(self.intervals),
+            "scene_values": dict(self.scene_values),
         }
         return json.dumps(finite(document), indent=1, allow_nan=False)
 
@@ -246,6 +253,7 @@ class Diagnosis:
                 advice=tuple(document["advice"]),
                 model=Chain.from_json(json.dumps(document["model"])),
                 intervals=_as_arrays(document["intervals"]),
+                scene_values=built(dict[str, float], document.get("scene_values", {})),
             )
         except PaxisimError:
             raise
@@ -267,9 +275,10 @@ class Diagnosis:
     def save(self, folder: str | Path) -> None:
         """Write ``diagnosis.json``, ``model.json`` and ``report.html`` to `folder`, which is created if needed.
 
-        Each file is written atomically; `Chain.load` reads ``model.json``. If matplotlib or jinja2 is missing, a
-        warning replaces the report. Streams that are unrelated give no model. An older file in the folder that is not
-        written again is removed.
+        With a scene also ``scene.toml`` and ``scene.xml``, the scene with the values that were found. Each file is
+        written atomically; `Chain.load` reads ``model.json``. If matplotlib or jinja2 is missing, a warning replaces
+        the report. Streams that are unrelated give no model. An older file in the folder that is not written again is
+        removed.
 
         Raises:
             OSError: The folder or a file in it cannot be written.
@@ -281,6 +290,10 @@ class Diagnosis:
             _write(folder / name, text)
         if MODEL not in files:
             (folder / MODEL).unlink(missing_ok=True)
+        if self.scene is not None:
+            self.scene.save(folder / SCENE)
+        else:
+            (folder / SCENE).unlink(missing_ok=True)
         try:
             page = self.report()
         except MissingExtraError as error:
@@ -299,7 +312,9 @@ class Diagnosis:
     @classmethod
     def load(cls, folder: str | Path) -> Diagnosis:
         """Read what `save` wrote; raises like `from_json`, and FileNotFoundError if there is no file."""
-        return parse_file(Path(folder) / "diagnosis.json", cls.from_json)
+        found = parse_file(Path(folder) / "diagnosis.json", cls.from_json)
+        scene = Path(folder) / SCENE
+        return replace(found, scene=Scene.load(scene)) if scene.is_file() else found
 
     def __repr__(self) -> str:
         """One line."""

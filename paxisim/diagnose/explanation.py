@@ -93,8 +93,9 @@ def explanation_of(off: ReadOff, search: Search, chosen: Sequence[str], jobs: in
     """
     chosen = search.confirmed(tuple(chosen))
     asked = {item.name for item in off.causes}
-    evidence = {name: search.evidence(chosen, name, exact=True) for name in chosen}
-    dropped = [n for n in chosen if search.causes[n].nuisance and not (evidence[n].kept and n in asked)]
+    tacit = {name for name in chosen if search.causes[name].tacit}
+    evidence = {name: search.evidence(chosen, name, exact=True) for name in chosen if name not in tacit}
+    dropped = [n for n in evidence if search.causes[n].nuisance and not (evidence[n].kept and n in asked)]
     fit = search.exact(search.without(chosen, dropped[0]) if dropped else search.fit(chosen))
     prediction = off.with_dead(predicted(off.problem, fit.causes, fit.whole, fit.constant))
     heldout = off.with_dead(heldout_of(off.problem, search.folds, fit, jobs))
@@ -129,10 +130,12 @@ def _members(
             numbers = fit.whole.values[item.name]
             values = {f.name: float(v) for f, v in zip(item.parameters(off.problem), numbers, strict=True)}
             transform = item.transform(numbers, off.problem)
-        members.append((item.order, item.name, transform))
-        named.append(Named(item, transform, values, evidence[item.name]))
+        if item.change is None:  # else it is in the scene, not in the sensor's model
+            members.append((item.order, item.name, transform))
+        if not item.tacit:
+            named.append(Named(item, transform, values, evidence[item.name]))
     if np.any(fit.constant):  # that the causes bring by convention
-        nuisance = next(c for c in CAUSES if c.nuisance)
+        nuisance = next(c for c in CAUSES if c.nuisance and c.course)
         members.append((nuisance.order, nuisance.name, nuisance.make(fit.constant, off.problem)))  # type: ignore[arg-type]
     return members, named
 

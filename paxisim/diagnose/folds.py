@@ -94,6 +94,8 @@ def effects(problem: Problem, item: Cause, x: FloatArray) -> list[FloatArray]:
     if item.course is not None:
         curves = item.course.curves(problem, item.course.shapes[0])
         return list(curves[..., None, None, None, None])
+    if item.change is not None:
+        return [item.change(start, problem) for start in item.starts(problem)]
     return [problem.run(item.make(start, problem), x) - x for start in item.starts(problem)]
 
 

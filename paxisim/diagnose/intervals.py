@@ -176,7 +176,7 @@ def model_intervals(
     intervals = {}
     for named in found.named:
         own = [p for p in fitted[named.name] if p.value.low is not None and p.value.high is not None]
-        if not own:
+        if not own or named.cause.change is not None:
             continue
         if named.cause.local is None and not named.cause.parameters(found.problem):  # its numbers are the transform's
             reach = _array_ends(named, own)

@@ -45,16 +45,13 @@ class Model:
         self._at = {stage.name: number for number, stage in enumerate(self._stages) if stage is not None}
         self._dropped = 0
         for number, stage in enumerate(self._stages):
-            if stage is not None and stage.local is None and self._has_memory(stage):
+            if stage is not None and stage.local is None and stage.has_memory(problem):
                 self._dropped = number + 1
         # where memories are run on many frames, numbers of 4 bytes take half the time
         self._simulated = problem.simulated.astype(np.float32) if self._dropped else problem.simulated
         self._into: list[NDArray[np.floating]] = []
         self._zero: FloatArray | float = 0.0
         self.solved: Fitted = {}
-
-    def _has_memory(self, stage: Cause) -> bool:
-        return stage.transform(stage.places(self.problem)[0], self.problem).has_memory
 
     def run(self, values: Fitted, zero: FloatArray | None, begin: str = "", skip: bool = False) -> FloatArray:
         """``(T, pads, 3, rows, cols)`` newtons of the compared frames, before counting.
@@ -95,7 +92,7 @@ class Model:
                 x = self.rows.run(stage.transform(solved[stage.name], self.rows), x)
                 continue
             own = self.rows if number >= self._dropped else self.problem
-            x = own.run(stage.transform(values[stage.name], self.problem), x)
+            x = stage.on(x, values[stage.name], self.problem, own)
         self.solved = solved
         return self._compared(x)
 
@@ -118,7 +115,7 @@ class Model:
             if stage is None:
                 force = force + self._zero
             elif stage.local is None:
-                force = self.rows.run(stage.transform(values[stage.name], self.problem), force)
+                force = stage.on(force, values[stage.name], self.problem, self.rows)
         return force
 
     def zero(self, values: Fitted, start: FloatArray) -> FloatArray:

@@ -21,6 +21,7 @@ from paxisim.diagnose.directions import Directions, directions_of
 from paxisim.diagnose.dither import dither_of
 from paxisim.diagnose.noise import FloatArray, Tolerance, noise_of, step_of, tolerated
 from paxisim.diagnose.pieces import Pieces, in_one_piece
+from paxisim.diagnose.responses import Responses
 from paxisim.errors import InvalidValueError
 from paxisim.logs.aligned import episode_spans
 from paxisim.recording import Recording
@@ -68,6 +69,7 @@ class Problem:
         aligned: Whether clocks that were apart were aligned, so that a constant delay cannot be told.
         calibrated: Whether the channels were calibrated to a load, by `paxisim.calibrate_readout`.
         tolerance: Errors that need no explanation.
+        scene: What changes of the scene do to the simulated stream; None if the scene is not known.
     """
 
     measured: FloatArray
@@ -93,6 +95,7 @@ class Problem:
     calibrated: bool = False
     aligned: bool = False
     tolerance: Tolerance = field(default_factory=Tolerance)
+    scene: Responses | None = None
 
     @cached_property
     def weight(self) -> FloatArray:
@@ -289,6 +292,7 @@ class Problem:
             sigma=self.sigma[which],
             curves=None if self.curves is None else self.curves[:, which],
             fitted=None if self.fitted is None else self.fitted[which],
+            scene=None if self.scene is None else self.scene.select(which),
         )
 
     @cached_property

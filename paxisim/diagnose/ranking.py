@@ -7,6 +7,7 @@ is fitted to some folds and judged on the others by solving a small linear syste
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,9 +59,17 @@ class Ranking:
             read = change if thin.counting.reads_all else thin.read(prediction + change) - was_read
             return thin.weigh(read)
 
+        def through(change: FloatArray) -> FloatArray:
+            """What the model makes of a change of the scene."""
+            moved = Model(replace(problem, simulated=problem.simulated + change), fit.causes, rows)
+            after = moved.run(fit.whole.values, fit.whole.zero)[kept]
+            read = after - prediction if thin.counting.reads_all else thin.read(after) - was_read
+            return thin.weigh(read)
+
         columns, owners = [], []
         for item in self.causes.values():
-            own = [weighed(effect) for effect in effects(problem, item, force)]
+            seen = weighed if item.change is None else through
+            own = [seen(effect) for effect in effects(problem, item, force)]
             columns += own
             owners += [item.name] * len(own)
         columns.append(weighed(GAUGE_STEP * force))

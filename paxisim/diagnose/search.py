@@ -72,10 +72,12 @@ class Search:
         """The names of the causes that pass the test."""
         nuisances = tuple(c.name for c in self.causes.values() if c.nuisance)
         found = self._climbed(nuisances)
-        needed = len(found) > len(nuisances) or any(self.evidence(found, n).kept for n in nuisances)
-        if nuisances and needed and self.problem.counting.is_steep:
+        needed = len(found) > len(nuisances) or any(
+            self.evidence(found, n).kept for n in nuisances if not self.causes[n].tacit
+        )
+        if any(not self.causes[n].tacit for n in nuisances) and needed and self.problem.counting.is_steep:
             # a zero that shows only under load takes up what other causes do: it must be worth its price as they must
-            bare = self._climbed(())
+            bare = self._climbed(tuple(n for n in nuisances if self.causes[n].tacit))
             found = min(found, bare, key=lambda names: self.objective(names, nuisances=True))
         return found
 

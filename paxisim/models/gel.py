@@ -18,6 +18,7 @@ the contacts of the taxels use it. In a file, where this cannot be written, W is
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
@@ -31,8 +32,8 @@ if TYPE_CHECKING:
     from paxisim.layout import TaxelLayout
     from paxisim.models.pads import Pads
 
-CONTACTS_PER_TAXEL = 4
-"""Contacts MuJoCo's box collider makes between a flat face and one cube; they share the cube's stiffness."""
+CONTACTS: Mapping[str, int] = {"boxes": 4, "spheres": 1}
+"""Contacts MuJoCo makes between a flat face and one taxel of each kind; they share the taxel's stiffness."""
 
 NOMINAL_INVERSE_WEIGHT = 10.0
 """Inverse weight (1/kg) assumed in files: an object of 0.1 kg held against a heavy finger."""
@@ -56,7 +57,8 @@ class Gel:
     The paper gives no material data; this is our choice.
 
     The stiffness is that of a taxel under a flat face, on which MuJoCo's box collider makes four contacts. Where
-    an object makes but one, as a sphere does, a taxel is four times softer, until the layer stiffens.
+    an object makes but one, as a sphere does, a box taxel is four times softer, until the layer stiffens; taxels that
+    are spheres make one contact with whatever touches them.
 
     Attributes:
         modulus: Stiffness of the layer (Pa): pressure = modulus * indentation / thickness.
@@ -93,10 +95,12 @@ class Gel:
         """Stiffness of one taxel of `layout` (N/m)."""
         return self.modulus * layout.pitch[0] * layout.pitch[1] / self.thickness
 
-    def file_parameters(self, layout: TaxelLayout) -> tuple[tuple[float, float], tuple[float, ...]]:
+    def file_parameters(
+        self, layout: TaxelLayout, contacts: int = CONTACTS["boxes"]
+    ) -> tuple[tuple[float, float], tuple[float, ...]]:
         """``solref`` and ``solimp`` for a file: exact for elliptic cones, 2 ms and `NOMINAL_INVERSE_WEIGHT`."""
         kappa, beta = self._oscillator(_NOMINAL_TIMESTEP)
-        regularisation = self._regularisation(layout, kappa)
+        regularisation = self._regularisation(layout, kappa, contacts)
         impedance = NOMINAL_INVERSE_WEIGHT / (NOMINAL_INVERSE_WEIGHT + regularisation)
         return self._solver_parameters(kappa, beta, impedance)
 
@@ -132,8 +136,10 @@ class Gel:
         if int(model.opt.cone) == int(mujoco.mjtCone.mjCONE_PYRAMIDAL):
             squared = self.friction**2
             softening = 2 * model.opt.impratio / (squared * (1 + squared))
-        for body, layout in zip(pads.bodies, pads.layouts, strict=True):
-            regularisation = softening * self._regularisation(layout, kappa)
+        for body, geoms, layout in zip(pads.bodies, pads.geoms, pads.layouts, strict=True):
+            round_ones = int(model.geom_type[geoms[0]]) == int(mujoco.mjtGeom.mjGEOM_SPHERE)
+            contacts = CONTACTS["spheres" if round_ones else "boxes"]
+            regularisation = softening * self._regularisation(layout, kappa, contacts)
             odds = _APPLIED_IMPEDANCE / (1 - _APPLIED_IMPEDANCE)
             model.body_invweight0[body, 0] = regularisation * odds
 
@@ -142,9 +148,9 @@ class Gel:
         beta = _DAMPING_PER_STEP / timestep
         return beta / self.relaxation, beta
 
-    def _regularisation(self, layout: TaxelLayout, kappa: float) -> float:
-        """R of one contact (1/kg)."""
-        return kappa * CONTACTS_PER_TAXEL / self.stiffness(layout)
+    def _regularisation(self, layout: TaxelLayout, kappa: float, contacts: int) -> float:
+        """R of one contact (1/kg), of so many a taxel."""
+        return kappa * contacts / self.stiffness(layout)
 
     def _solver_parameters(
         self, kappa: float, beta: float, impedance: float

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
 from paxisim.models import names, touch_grid
-from paxisim.models.gel import Gel
+from paxisim.models.gel import CONTACTS, Gel
 
 DENSITY = 1200.0
 """Density (kg/m^3) behind the default mass: between silicone (1100) and a thin circuit board (1850)."""
@@ -48,11 +48,15 @@ class Pad:
         contype: Contact type bits of the taxels.
         conaffinity: Contact affinity bits of the taxels. The defaults meet every ordinary geom but no other
             pad: two pads that touch each other are slow and mean nothing.
+        taxels: What carries the contacts: ``"boxes"``, the paper's cubes, side by side; or ``"spheres"``, one of
+            diameter `thickness` a taxel. A sphere feels how deep it is pressed at its middle, a box at its deepest
+            corner, and a box is four times softer where an object makes one contact with it instead of four, as round
+            ones do (`benchmarks/taxel_shapes.py`). Objects must not be pressed in by more than a sphere's radius.
 
     Raises:
         InvalidValueError: An empty name or one that XML cannot hold, more than `MAX_TAXELS` taxels, a value
             that is not finite, a mass that is not positive, a length that is not within `LENGTHS`, heights
-            of the wrong shape, bits with which pads would meet each other, or an unknown kind of sensor.
+            of the wrong shape, bits with which pads would meet each other, or an unknown kind of taxels or sensor.
     """
 
     layout: TaxelLayout
@@ -65,6 +69,7 @@ class Pad:
     sensors: Literal["contact", "touch_grid"] | None = None
     contype: int = 0
     conaffinity: int = 1
+    taxels: Literal["boxes", "spheres"] = "boxes"
 
     def __post_init__(self) -> None:
         """Check the values."""
@@ -95,7 +100,11 @@ class Pad:
             )
         if self.sensors not in (None, "contact", "touch_grid"):
             raise InvalidValueError(f"sensors must be 'contact', 'touch_grid' or None, got {self.sensors!r}")
+        if self.taxels not in ("boxes", "spheres"):
+            raise InvalidValueError(f"taxels must be 'boxes' or 'spheres', got {self.taxels!r}")
         if self.sensors == "touch_grid":
+            if self.taxels != "boxes":
+                raise InvalidValueError("touch_grid tells taxels apart by their boxes: use taxels='boxes'")
             touch_grid.check_layout(self.layout)
 
     def to_xml(self) -> str:
@@ -124,11 +133,13 @@ class Pad:
         if layout.is_grid:
             behind = centre + [0, 0, self.thickness + self.base / 2]
             size = [*half[:2], self.base / 2]
-            self._add_box(body, names.base(self.name), behind, size, mass=mass, rgba="0.2 0.2 0.22 1")
+            self._add_geom(body, names.base(self.name), "box", behind, size, mass=mass, rgba="0.2 0.2 0.22 1")
         else:
             around = centre + [0, 0, (self.thickness + self.base) / 2]
-            self._add_box(body, names.base(self.name), around, self._extent() / 2, mass=mass, rgba="0 0 0 0", group="4")
-        solref, solimp = self.gel.file_parameters(layout)
+            self._add_geom(
+                body, names.base(self.name), "box", around, self._extent() / 2, mass=mass, rgba="0 0 0 0", group="4"
+            )
+        solref, solimp = self.gel.file_parameters(layout, CONTACTS[self.taxels])
         touched = {
             "contype": str(self.contype),
             "conaffinity": str(self.conaffinity),
@@ -139,6 +150,8 @@ class Pad:
             "solimp": numbers(solimp),
         }
         positions, halves, quats = cubes(layout, self.thickness, self.heights)
+        kind = "box" if self.taxels == "boxes" else "sphere"
+        halves = halves if kind == "box" else halves[:, 2:]
         if self.sensors == "touch_grid":
             halves[:, :2] -= touch_grid.GAP / 2
         for index in range(layout.taxels):
@@ -148,7 +161,7 @@ class Pad:
             # two shades, so that the taxels can be told apart
             rgba = "0.75 0.75 0.75 1" if (row + col) % 2 else "0.85 0.85 0.85 1"
             name = names.taxel(self.name, row, col)
-            self._add_box(body, name, positions[index], halves[index], rgba=rgba, **touched)
+            self._add_geom(body, name, kind, positions[index], halves[index], rgba=rgba, **touched)
 
     def _extent(self) -> NDArray[np.floating]:
         low, high = _bounds(self.layout)
@@ -167,8 +180,8 @@ class Pad:
         centre = (low + high) / 2 + [0, 0, (self.thickness + self.base) / 2]
         etree.SubElement(body, "inertial", pos=numbers(centre), mass=numbers([mass]), diaginertia=numbers(inertia))
 
-    def _add_box(self, body: etree._Element, name: str, pos, size, **attributes: str) -> None:
-        shape = {"type": "box", "pos": numbers(pos), "size": numbers(size), "mass": "0", "group": _GROUP}
+    def _add_geom(self, body: etree._Element, name: str, kind: str, pos, size, **attributes: str) -> None:
+        shape = {"type": kind, "pos": numbers(pos), "size": numbers(size), "mass": "0", "group": _GROUP}
         bits = {"contype": "0", "conaffinity": "0"}
         etree.SubElement(body, "geom", {"name": name, **shape, **bits, **attributes})
 

@@ -134,7 +134,7 @@ def _describe(
     site = model.site_size[_site(model, name)]
     thickness = 2 * float(site[2])
     inward = _inward(model, geoms)
-    backs = model.geom_pos[geoms] + inward * model.geom_size[geoms, 2:3]
+    backs = model.geom_pos[geoms] + inward * half_thickness(model, geoms)[:, None]
     positions = backs - inward * thickness
     width, height = 2 * site[:2] - np.ptp(positions[:, :2], axis=0)
     # MuJoCo writes six digits: snap to the grid that was meant
@@ -143,6 +143,15 @@ def _describe(
     if np.allclose(positions, grid.positions, atol=1e-6) and np.allclose(-inward, grid.normals, atol=1e-4):
         return grid, thickness, geoms
     return TaxelLayout(rows, cols, pitch, positions, -inward), thickness, geoms
+
+
+def half_thickness(model: mujoco.MjModel, geoms: NDArray[np.int64]) -> NDArray[np.floating]:
+    """``(N,)`` half the thickness of taxels (m), which are boxes or spheres."""
+    return model.geom_size[geoms, np.where(_are_spheres(model, geoms), 0, 2)]
+
+
+def _are_spheres(model: mujoco.MjModel, geoms: NDArray[np.int64]) -> NDArray[np.bool_]:
+    return model.geom_type[geoms] == int(mujoco.mjtGeom.mjGEOM_SPHERE)
 
 
 def _inward(model: mujoco.MjModel, geoms: NDArray[np.int64]) -> NDArray[np.floating]:
@@ -175,10 +184,11 @@ def set_surface(model: mujoco.MjModel, pads: Pads, heights: NDArray[np.floating]
     half = np.broadcast_to(heights, pads_shape).reshape(len(pads), -1) / 2
     geoms = pads.geoms.reshape(-1)
     half = half.reshape(-1)
-    model.geom_pos[geoms] += _inward(model, geoms) * (model.geom_size[geoms, 2] - half)[:, None]
-    model.geom_size[geoms, 2] = half
-    model.geom_aabb[geoms, 3:] = model.geom_size[geoms]
-    model.geom_rbound[geoms] = np.linalg.norm(model.geom_size[geoms], axis=1)
+    model.geom_pos[geoms] += _inward(model, geoms) * (half_thickness(model, geoms) - half)[:, None]
+    spheres = _are_spheres(model, geoms)
+    model.geom_size[geoms, np.where(spheres, 0, 2)] = half
+    model.geom_aabb[geoms, 3:] = np.where(spheres[:, None], half[:, None], model.geom_size[geoms])
+    model.geom_rbound[geoms] = np.where(spheres, half, np.linalg.norm(model.geom_size[geoms], axis=1))
     for body in pads.bodies:
         _refit_tree(model, int(body))
 

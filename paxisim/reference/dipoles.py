@@ -2,10 +2,13 @@
 
 A magnet whose size is small beside its distance is a dipole: ``B = mu0 / (4 pi) (3 r (m . r) / r^5 - m / r^3)``.
 Source: J. D. Jackson, Classical Electrodynamics (1998), equation 5.56.
+
+Vectors are ``(..., 3)``, or three arrays of components, with which numpy is several times faster.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -24,19 +27,31 @@ def field(moment: Any, offset: Any) -> Any:
         moment: ``(..., 3)`` A m^2; numpy or torch.
         offset: ``(..., 3)`` from the magnet to where the field is wanted (m).
     """
-    square = (offset * offset).sum(-1)[..., None]
-    along = (moment * offset).sum(-1)[..., None]
-    inverse = MU0_4PI / (square * square**0.5)
-    return inverse * (3 * along / square * offset - moment)
+    return array_namespace(offset).stack(field_parts(_parts(moment), _parts(offset)), axis=-1)
+
+
+def field_parts(moment: Sequence[Any], offset: Sequence[Any]) -> list[Any]:
+    """As `field`, of and in three arrays of components."""
+    (mx, my, mz), (x, y, z) = moment, offset
+    inverse = 1 / (x * x + y * y + z * z)
+    along = (3 * (mx * x + my * y + mz * z)) * inverse
+    scale = (MU0_4PI * inverse) * inverse**0.5
+    return [scale * (along * r - m) for m, r in zip(moment, offset, strict=True)]
 
 
 def turned(moment: Any, rotation: Any) -> Any:
     """``(..., 3)`` moments after a rotation by ``(..., 3)`` rad about the axes, of the same length as before."""
-    x, y, z = (moment[..., i] for i in range(3))
-    a, b, c = (rotation[..., i] for i in range(3))
-    parts = (x + b * z - c * y, y + c * x - a * z, z + a * y - b * x)
-    length = ((x * x + y * y + z * z) / sum(part * part for part in parts)) ** 0.5
-    return array_namespace(rotation).stack([part * length for part in parts], axis=-1)
+    return array_namespace(rotation).stack(turned_parts(_parts(moment), _parts(rotation)), axis=-1)
+
+
+def turned_parts(moment: Sequence[Any], rotation: Sequence[Any]) -> list[Any]:
+    """As `turned`, of and in three arrays of components."""
+    (x, y, z), (a, b, c) = moment, rotation
+    across = b * z - c * y, c * x - a * z, a * y - b * x
+    # what is added is at right angles to the moment
+    square = x * x + y * y + z * z
+    length = (square / (square + sum(part * part for part in across))) ** 0.5
+    return [length * (m + part) for m, part in zip(moment, across, strict=True)]
 
 
 def jacobian(moment: FloatArray, offset: FloatArray, step: float = 1e-6) -> FloatArray:
@@ -55,3 +70,7 @@ def jacobian(moment: FloatArray, offset: FloatArray, step: float = 1e-6) -> Floa
         there, back = (turned(moment, np.broadcast_to(s * step * axis, moment.shape)) for s in (1, -1))
         columns.append((field(there, offset) - field(back, offset)) / (2 * step))
     return np.stack(columns, axis=-1)
+
+
+def _parts(vectors: Any) -> list[Any]:
+    return [vectors[..., axis] for axis in range(3)]

@@ -13,35 +13,52 @@ from paxisim.reference.parameters import PadParameters
 
 FloatArray = NDArray[np.float64]
 
-KEPT = 8
-"""Designs whose matrices are kept; those of units of one design differ by a factor only."""
+STEP = 0.05
+"""Of the differences over a magnet's place, in thicknesses of the gel."""
+KEPT = 28
+"""Matrices that are kept: seven for a design, whose units differ by the modulus and the magnets' places only."""
 
 
-def influence(layout: TaxelLayout, parameters: PadParameters) -> tuple[FloatArray, FloatArray]:
+def influence(layout: TaxelLayout, parameters: PadParameters, shift: FloatArray | None = None) -> FloatArray:
     """The magnets' displacements and rotations by the forces on the taxels.
+
+    A magnet that is not at its nominal place moves as the gel does where it is. The motion is expanded about the
+    nominal place to second order along each axis.
 
     Args:
         layout: A flat grid.
         parameters: What the pad is made of.
+        shift: ``(N, 3)`` from each magnet's nominal place to its own (m). Default: none.
 
     Returns:
-        Two ``(3 N, 3 N)`` matrices (m/N and rad/N): from forces ``(3, N)``, row-major, to ``(N, 3)``.
+        ``(3 N, 6, N)``: from forces ``(3, N)`` to displacements and rotations along x, y and z of each magnet
+        (m/N and rad/N).
     """
-    places = layout.positions[:, :2].astype(np.float64)
-    design = parameters.magnet_depth, parameters.thickness, parameters.poisson, layout.pitch
-    moved, turned = _of_unit_modulus(places.tobytes(), len(places), *design)
-    return moved / parameters.modulus, turned / parameters.modulus
+    own = parameters
+    step = min(STEP * own.thickness, own.magnet_depth / 2, (own.thickness - own.magnet_depth) / 2)
+
+    def at(x: float, y: float, z: float) -> FloatArray:
+        return _of_unit_modulus(layout, (x, y), own.magnet_depth + z, own.thickness, own.poisson)
+
+    middle = at(0, 0, 0)
+    if shift is None:
+        return middle / own.modulus
+    total = middle.copy()
+    for axis, by in enumerate(shift.T / step):
+        there, back = (at(*(sign * step * np.eye(3)[axis])) for sign in (1, -1))
+        total += by / 2 * (there - back) + by**2 / 2 * (there - 2 * middle + back)
+    return total / own.modulus
 
 
 @lru_cache(maxsize=KEPT)
 def _of_unit_modulus(
-    places: bytes, count: int, depth: float, thickness: float, poisson: float, pitch: tuple[float, float]
-) -> tuple[FloatArray, FloatArray]:
-    taxels = np.frombuffer(places).reshape(count, 2)
-    offsets = (taxels[None] - taxels[:, None]).reshape(-1, 2)  # from the loaded taxel to the magnet
+    layout: TaxelLayout, beside: tuple[float, float], depth: float, thickness: float, poisson: float
+) -> FloatArray:
+    taxels, count = layout.positions[:, :2].astype(np.float64), layout.taxels
+    offsets = (taxels[None] - taxels[:, None]).reshape(-1, 2) + beside  # from the loaded taxel to the magnet
     unique, where = np.unique(np.round(offsets, 9), axis=0, return_inverse=True)
-    found = []
-    for response in layer_response(unique, depth, thickness, 1.0, poisson, pitch):
-        full = response[where.reshape(-1)].reshape(count, count, 3, 3)  # [loaded, magnet, displacement, force]
-        found.append(full.transpose(3, 0, 1, 2).reshape(3 * count, 3 * count))
-    return found[0], found[1]
+    response = np.concatenate(layer_response(unique, depth, thickness, 1.0, poisson, layout.pitch), axis=1)
+    full = response[where.reshape(-1)].reshape(count, count, 6, 3)  # [loaded, magnet, motion, force]
+    matrix = np.ascontiguousarray(full.transpose(3, 0, 2, 1)).reshape(3 * count, 6, count)
+    matrix.setflags(write=False)
+    return matrix

@@ -8,9 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from paxisim.errors import InvalidValueError
+from paxisim.layout import TaxelLayout
 
 VACUUM = 4e-7 * math.pi
 """Permeability of vacuum (T m / A)."""
+PITCH = 26.1e-3 / 6, 22.6e-3 / 5
+"""Size (m) of the taxels for which the defaults are: those of 6x5 taxels on a pad of 26.1 by 22.6 mm."""
 
 
 @dataclass(frozen=True)
@@ -18,7 +21,7 @@ class PadParameters:
     """A pad's design, in SI units.
 
     No public figure was found for the gel, the magnets or the sensors' distance of PaXini's or XELA's pads. Where the
-    source is "ours", the value is a plausible one of a pad with taxels of some 4 mm.
+    source is "ours", the value is a plausible one of a pad with taxels of some 4 mm; `for_layout` has those of others.
 
     Attributes:
         modulus: Young's modulus of the gel (Pa). Ours: silicones of Shore 00-50 to A 30 have 0.1 to 1.2 MPa.
@@ -75,6 +78,14 @@ class PadParameters:
         if not 0 <= self.poisson < 0.5:
             raise InvalidValueError(f"poisson must be from 0 to below 0.5, got {self.poisson!r}")
 
+    @classmethod
+    def for_layout(cls, layout: TaxelLayout) -> PadParameters:
+        """The defaults for the taxels of a layout: all lengths in proportion to their size."""
+        scale = size_of(layout) ** 0.5
+        lengths = ("thickness", "magnet_depth", "sensor_gap", "place_spread")
+        values = {name: scale * getattr(cls, name) for name in lengths}
+        return cls(magnet_volume=scale**3 * cls.magnet_volume, **values)
+
     @property
     def moment(self) -> float:
         """Magnetic moment of a magnet (A m^2)."""
@@ -84,3 +95,43 @@ class PadParameters:
     def distance(self) -> float:
         """From a magnet at rest to the Hall sensor below it (m)."""
         return self.thickness - self.magnet_depth + self.sensor_gap
+
+
+def size_of(layout: TaxelLayout) -> float:
+    """Area of a taxel as a share of that of the default design."""
+    return math.prod(layout.pitch) / math.prod(PITCH)
+
+
+@dataclass(frozen=True)
+class GelMemory:
+    """How a gel relaxes and rubs within itself; see `paxisim.reference.memory`.
+
+    Silicones relax by some per cent in seconds to minutes and lose a part of the work of each cycle, also of slow ones.
+    No figures were found for the gel of such a pad; those here are ours.
+
+    Attributes:
+        shares: Stiffness of each arm that relaxes, as a share of the modulus, which is that at rest. Ours.
+        times: Relaxation time of each arm (s). Ours.
+        friction: Stiffness of the spring behind the slider, as a share of the modulus. Ours.
+        slip: Stress (Pa) on a taxel that deforms the gel at rest so far that the slider slips. Ours.
+
+    Raises:
+        InvalidValueError: Shares or a friction that are negative or not finite, times or a slip that are not positive,
+            or not one time for each share.
+    """
+
+    shares: tuple[float, ...] = (0.06, 0.04)
+    times: tuple[float, ...] = (0.5, 20.0)
+    friction: float = 0.15
+    slip: float = 5e3
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        if len(self.shares) != len(self.times):
+            raise InvalidValueError(f"expected a time for each share, got {len(self.times)} for {len(self.shares)}")
+        for name, values in (("shares", self.shares), ("friction", (self.friction,))):
+            if not all(0 <= value < np.inf for value in values):
+                raise InvalidValueError(f"{name} must be 0 or more, got {getattr(self, name)!r}")
+        for name, values in (("times", self.times), ("slip", (self.slip,))):
+            if not all(0 < value < np.inf for value in values):
+                raise InvalidValueError(f"{name} must be positive, got {getattr(self, name)!r}")

@@ -71,7 +71,7 @@ class Replay:
             )
         self._scene, self._recording, self._mean = scene, recording, mean
         self._rig: Rig = build_rig(scene)
-        _check_pads(self._rig, recording)
+        self._pool = _pooling(self._rig, recording)
         streams.check_streams(recording, self._rig)
         self._resolution = {drive: self._step_of(drive) for drive in (*self._rig.prescribed, *self._rig.followed)}
         self._objects = [
@@ -96,8 +96,12 @@ class Replay:
         values = streams.raw_values(self._recording, drive)
         return abs(drive.gain) * (resolution(values) if drive.resolution is None else drive.resolution)
 
-    def run(self, number: int) -> SimulatedEpisode:
+    def run(self, number: int, closing: float | None = None) -> SimulatedEpisode:
         """Simulate one episode.
+
+        Args:
+            number: The episode.
+            closing: Added to the closing stream, in its unit, where it is known and not to be fitted.
 
         Raises:
             UnsupportedError: The simulation becomes unstable.
@@ -106,6 +110,9 @@ class Replay:
         part = self._recording.select([number])
         known = self._known(part)
         fit = FITS.get(self._scene.mode)
+        if closing is not None:
+            force = self._simulated(part, known, self._closed(closing))
+            return SimulatedEpisode(number, _within(part, known, force), closing)
         if fit is None:
             force = self._simulated(part, known)
             return SimulatedEpisode(number, _within(part, known, force), notes=self._missed(part[known], force))
@@ -149,7 +156,9 @@ class Replay:
     def _simulated(
         self, part: Recording, known: NDArray[np.bool_], shifts: Mapping[Drive, float] = MappingProxyType({})
     ) -> NDArray[np.float32]:
-        return self._runner.run(self._motion(part[known], shifts), self._scene.settle, self._mean)
+        force = self._runner.run(self._motion(part[known], shifts), self._scene.settle, self._mean)
+        pads, rows, cols = force.shape[1], *self._recording.tensor.shape[3:]
+        return force.reshape(len(force), pads, 3, rows, self._pool[0], cols, self._pool[1]).sum(axis=(4, 6))
 
     def _motion(self, part: Recording, shifts: Mapping[Drive, float] = MappingProxyType({})) -> Motion:
         """What moves in an episode of which all is known; `shifts` are added to what single drives do."""
@@ -249,14 +258,17 @@ def _within(part: Recording, known: NDArray[np.bool_], force: NDArray[np.float32
     return whole
 
 
-def _check_pads(rig: Rig, recording: Recording) -> None:
-    """Check that the recording's pads are the scene's."""
+def _pooling(rig: Rig, recording: Recording) -> tuple[int, int]:
+    """How many of the scene's taxels, down and across, make one of the recording's.
+
+    Raises:
+        InvalidValueError: They do not fit.
+    """
     scene, recorded = rig.pads.shape, recording.tensor.shape[1:]
-    if scene == recorded:
-        return
-    pools = recorded[2] % scene[2] == 0 and recorded[3] % scene[3] == 0 and recorded[2:] != scene[2:]
+    if scene[0] == recorded[0] and scene[2] % recorded[2] == 0 and scene[3] % recorded[3] == 0:
+        return scene[2] // recorded[2], scene[3] // recorded[3]
     hint = ""
-    if scene[0] == recorded[0] and pools:
+    if scene[0] == recorded[0] and recorded[2] % scene[2] == 0 and recorded[3] % scene[3] == 0:
         by = recorded[2] // scene[2], recorded[3] // scene[3]
         hint = f": pool the recording with Recording.pool{by}, or build the scene with the sensor's own taxels"
     elif scene[0] != recorded[0]:

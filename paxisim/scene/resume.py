@@ -93,9 +93,14 @@ _replay: Replay | None = None  # of a process of the pool
 
 def _begin(scene: Scene, recording: Recording, mean: bool) -> None:
     global _replay
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that started this one
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    begin_worker()
     _replay = scene.prepare(recording, mean=mean)
+
+
+def begin_worker() -> None:
+    """Make this process one that ends with the process that started it, to which Ctrl-C is left."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
 
 
 def _end_with_parent() -> None:

@@ -88,8 +88,8 @@ def build_rig(scene: Scene) -> Rig:
         InvalidValueError: The MJCF cannot be read or has no such pads, or a drive cannot act on its target.
         UnknownNameError: A drive's joint, body or actuator is not in the MJCF.
     """
-    spec = _with_pads(scene)
-    mjcf = _text(spec)
+    spec = spec_of(scene)
+    mjcf = mjcf_of(spec)
     plain = compile_spec(spec, "the scene")
     for drive in scene.drives:
         _check_target(plain, drive)
@@ -105,7 +105,8 @@ def build_rig(scene: Scene) -> Rig:
     return Rig(model, mjcf, pads, qpos, ctrl, **vars(roles))
 
 
-def _with_pads(scene: Scene) -> mujoco.MjSpec:
+def spec_of(scene: Scene) -> mujoco.MjSpec:
+    """The model of a scene with its pads, to be changed or compiled."""
     if not scene.sensor:
         return load_spec(scene.mjcf)
     from paxisim.sensors import sensor
@@ -115,8 +116,8 @@ def _with_pads(scene: Scene) -> mujoco.MjSpec:
     return attach(scene.mjcf, Pad(layout, mass=product.mass), scene.mounts or None).spec
 
 
-def _text(spec: mujoco.MjSpec) -> str:
-    """The MJCF with absolute paths to its meshes; `TactileGripper` writes what MuJoCo leaves out."""
+def mjcf_of(spec: mujoco.MjSpec) -> str:
+    """The MJCF of a model with absolute paths to its meshes; `TactileGripper` writes what MuJoCo leaves out."""
     from paxisim.layout import TaxelLayout
     from paxisim.models.gel import Gel
 

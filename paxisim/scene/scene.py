@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,12 +16,17 @@ from paxisim.scene.drive import Drive, ObjectStart
 from paxisim.scene.modes import Mode
 
 if TYPE_CHECKING:
+    from paxisim.scene.parameters import SceneParameter
     from paxisim.scene.replay import Replay
+
+_GEL = tuple(item.name for item in fields(Gel))
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
     """A MuJoCo model with pads that the streams of a recording move.
+
+    The pads have the sensor's taxels, or a whole number of finer ones for each, whose forces then add up.
 
     Example:
         ```python
@@ -43,6 +48,7 @@ class Scene:
         sensor: Name of a sensor in the catalogue to put on the model; empty where the MJCF has its pads.
         pool: Make one taxel of each `pool` x `pool` of that sensor.
         mounts: Where that sensor's pads go. Default: as `paxisim.attach` finds.
+        bounds: Least and largest values of parameters, by name, for a diagnosis; see `parameters` for the defaults.
 
     Raises:
         InvalidValueError: No such mode, a time that is not 0 or more, a mode that fits a closing
@@ -60,6 +66,7 @@ class Scene:
     sensor: str = ""
     pool: int = 1
     mounts: tuple[Mount, ...] = ()
+    bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Check what can be checked without the model."""
@@ -102,7 +109,8 @@ class Scene:
             mean: Take the mean force since the sample before, as a sensor does that averages; default: the force at
                 the sample's time.
             progress: Called with a line of text for each episode.
-            parameters: A field of `paxisim.Gel` each, such as ``modulus=80e3`` or ``friction=0.6``.
+            parameters: Other values of the scene's parameters or its gel's fields, such as ``friction=0.6`` or
+                ``mount_offset_x=5e-4``; see `parameters`.
 
         Returns:
             The recording with `simulated`; NaN before and after the driving streams. Its metadata has the MJCF
@@ -132,22 +140,39 @@ class Scene:
         scene = self if mode is None else replace(self, mode=modes.checked(mode))
         return Replay(scene.with_parameters(**parameters), recording, mean)
 
-    def with_parameters(self, **parameters: float) -> Scene:
-        """The scene with other fields of its gel.
+    def parameters(self) -> dict[str, SceneParameter]:
+        """The numbers of the scene that may be wrong, by name, with their nominal values and bounds.
 
         Raises:
-            UnknownNameError: The gel has no such field.
+            InvalidValueError: Bounds exclude the nominal value, or the scene cannot be compiled.
+            UnknownNameError: Bounds for a parameter that the scene does not have.
+        """
+        from paxisim.scene.parameters import parameters_of
+        from paxisim.scene.rig import build_rig
+
+        return parameters_of(self, build_rig(self))
+
+    def with_parameters(self, **parameters: float) -> Scene:
+        """The scene with other values of its parameters, or other fields of its gel.
+
+        Args:
+            parameters: By name, as `parameters` lists them, or a field of `paxisim.Gel`.
+
+        Raises:
+            UnknownNameError: There is no such parameter.
             InvalidValueError: The value cannot be used.
         """
-        from dataclasses import fields
+        of_gel = {name: value for name, value in parameters.items() if name in _GEL}
+        scene = replace(self, gel=replace(self.gel, **of_gel)) if of_gel else self
+        others = {name: value for name, value in parameters.items() if name not in _GEL}
+        if not others:
+            return scene
+        from paxisim.scene.changed import changed
+        from paxisim.scene.parameters import checked_values
 
-        from paxisim.errors import UnknownNameError
-
-        known = [item.name for item in fields(Gel)]
-        for name in parameters:
-            if name not in known:
-                raise UnknownNameError("parameter of a scene", name, known)
-        return replace(self, gel=replace(self.gel, **parameters)) if parameters else self
+        known = scene.parameters()
+        checked_values(others, {**known, **dict.fromkeys(_GEL)})  # type: ignore[dict-item]
+        return changed(scene, {known[name]: value for name, value in others.items()})
 
     @classmethod
     def load(cls, path: str | Path) -> Scene:

@@ -18,6 +18,7 @@ from paxisim.scene.drive import Drive, ObjectStart
 from paxisim.scene.scene import Scene
 
 _NUMBER, _TEXT, _WHOLE, _LIST = "a number", "a text", "a whole number", "a list"
+_PAIR = "a list of 2 numbers"
 _POSITION, _QUATERNION = "a list of 3 numbers", "a list of 4 numbers"
 # table -> key -> what its value must be
 _SCENE = {
@@ -32,6 +33,7 @@ _SCENE = {
     "start": "a list of tables",
     "mount": "a list of tables",
     "gel": "a table",
+    "bounds": "a table",
 }
 _DRIVE = {
     "stream": _TEXT,
@@ -76,8 +78,16 @@ def parse_scene(text: str) -> Scene:
         mounts=tuple(Mount(**table) for table in _tables(document, "mount", _MOUNT, ("body",))),
         pads=tuple(str(name) for name in document.get("pads", ())),
         gel=Gel(**gel),
+        bounds=_bounds(document.get("bounds", {})),
         **plain,
     )
+
+
+def _bounds(table: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
+    for name, value in table.items():
+        if not _fits(value, _PAIR):
+            raise InvalidValueError(f"{name} of [bounds] must be {_PAIR}, got {value!r}")
+    return {name: (float(value[0]), float(value[1])) for name, value in table.items()}
 
 
 def _tables(document: Mapping[str, Any], name: str, keys: Mapping[str, str], needed: tuple[str, ...]) -> list[Any]:
@@ -114,6 +124,7 @@ def _fits(value: Any, wanted: str) -> bool:
         _NUMBER: number(value),
         _WHOLE: isinstance(value, int) and number(value),
         _LIST: isinstance(value, list) and all(isinstance(one, (str, int)) for one in value),
+        _PAIR: numbers(2),
         _POSITION: numbers(3),
         _QUATERNION: numbers(4),
         "a number or a list of 3 numbers": number(value) or numbers(3),
@@ -142,6 +153,8 @@ def format_scene(scene: Scene, mjcf: str) -> str:
     plain = ("mode", "closing", "settle", "pads", "sensor", "pool")
     lines += _entries(scene, plain, always=("mode", "settle"))
     lines += ["", "[gel]", *_entries(scene.gel, tuple(_GEL), always=tuple(_GEL))]
+    if scene.bounds:
+        lines += ["", "[bounds]", *(f"{_value(name)} = {_value(tuple(ends))}" for name, ends in scene.bounds.items())]
     groups = (("drive", scene.drives, _DRIVE), ("start", scene.start, _START), ("mount", scene.mounts, _MOUNT))
     for name, things, keys in groups:
         for thing in things:

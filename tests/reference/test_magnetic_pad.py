@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from paxisim import InvalidValueError, TaxelLayout
+from paxisim.reference.bonded_layer import layer_response
+from paxisim.reference.dipoles import field, turned
 from paxisim.reference.pad import MagneticPad
 from paxisim.reference.parameters import PadParameters
 
@@ -45,6 +47,17 @@ def test_shear_without_a_load_of_its_own_points_outward(nominal):
     assert np.hypot(read[0], read[1]).max() > 0.03 * read[2].max()
 
 
+def test_a_pad_of_smaller_taxels_is_a_smaller_pad(nominal):
+    """All lengths shrink with the taxels, so that the same pressures are read as the same pressures."""
+    assert nominal.parameters == PadParameters()
+    fine = MagneticPad(TaxelLayout(6, 5, (26.1e-3 / 12, 22.6e-3 / 10)))
+    force = np.random.default_rng(6).uniform(0, 0.5, (3, 6, 5))
+    np.testing.assert_allclose(4 * fine.read(force / 4), nominal.read(force), atol=1e-4)
+    dense = MagneticPad.unit(TaxelLayout(12, 10, (26.1e-3 / 12, 22.6e-3 / 10)), 7)
+    even = np.zeros((3, 12, 10)) + np.array([0, 0, 0.05])[:, None, None]
+    assert np.abs(dense.read(even)).max() < 0.05
+
+
 def test_units_differ_in_scale_by_axis_and_taxel_and_a_number_is_a_unit():
     """The paper's third gap: every pad has other scales."""
     first, second = MagneticPad.unit(LAYOUT, 1), MagneticPad.unit(LAYOUT, 2)
@@ -79,19 +92,46 @@ def test_a_pad_is_as_symmetric_as_its_grid(nominal):
 def test_small_loads_add_up_and_large_ones_less_than_that(nominal):
     small = pressed((2, 2), (0.0, 0.0, 1e-3))
     np.testing.assert_allclose(nominal.read(2 * small), 2 * nominal.read(small), rtol=0.01, atol=1e-6)
-    moved = [nominal.motion(pressed((2, 2), (0, 0, f)))[0][12, 2] for f in (1e-3, 2.0)]
+    moved = [nominal.motion(pressed((2, 2), (0, 0, f)))[0][2, 2, 2] for f in (1e-3, 2.0)]
     assert moved[1] < 0.95 * 2000 * moved[0]
 
 
 def test_far_magnets_may_be_linear(nominal):
     """All magnets in full, beside the nearest in full and the others by their Jacobian."""
-    from paxisim.reference import pad as module
+    from paxisim.reference import unit as module
 
     force = np.random.default_rng(1).uniform(0, 0.5, (4, 3, 6, 5))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(module, "NEAR", 30.0)
+        patch.setattr(module, "RINGS", 5)
         full = MagneticPad(LAYOUT).flux(force)
     assert np.abs(nominal.flux(force) - full).max() < 0.01 * np.abs(full).max()
+
+
+def test_a_unit_reads_the_sum_of_its_own_magnets():
+    """Its matrices beside a plain sum over all dipoles, each where the unit has it."""
+    pad = MagneticPad.unit(LAYOUT, 3, PadParameters(gain_spread=0.0, turn_spread=0.0))
+    force = np.random.default_rng(4).uniform(0, 0.4, (3, 6, 5))
+    moved, rotated = (part.reshape(3, 30).T for part in pad.motion(force))
+    there, moments, sensors = pad.made.magnets.T, pad.made.moments.T, pad.made.sensors.T
+    loaded = field(turned(moments, rotated), sensors[:, None] - there - moved)
+    change = (loaded - field(moments, sensors[:, None] - there)).sum(axis=1)
+    np.testing.assert_allclose(pad.flux(force).reshape(3, 30).T, change, atol=2e-3 * np.abs(change).max())
+
+
+def test_each_magnet_moves_as_the_gel_does_where_it_is():
+    """A manufactured magnet is not at its nominal depth or in the middle of its taxel."""
+    pad = MagneticPad.unit(LAYOUT, 5)
+    own, places = pad.parameters, pad.made.magnets.T
+    force = np.random.default_rng(5).uniform(0, 1e-3, (3, 6, 5))  # small: the gel does not stiffen yet
+    moved, rotated = pad.motion(force)
+    for magnet in (0, 13, 29):
+        offsets = places[magnet, :2] - LAYOUT.positions[:, :2]
+        responses = layer_response(offsets, places[magnet, 2], own.thickness, own.modulus, own.poisson, LAYOUT.pitch)
+        for got, response in zip((moved, rotated), responses, strict=True):
+            exact = np.einsum("nij,jn->i", response, force.reshape(3, 30))
+            np.testing.assert_allclose(got.reshape(3, 30)[:, magnet], exact, atol=0.02 * np.abs(exact).max())
+    apart = MagneticPad.unit(LAYOUT, 5, PadParameters(place_spread=0.0)).motion(force)[0] - moved
+    assert np.abs(apart).max() > 0.05 * np.abs(moved).max()
 
 
 def test_noise_steps_and_range_of_the_hall_sensors(nominal):

@@ -19,11 +19,13 @@ from paxisim.diagnose.causes.poisson import POISSON
 from paxisim.diagnose.causes.quantisation import QUANTISATION
 from paxisim.diagnose.causes.rotation import ROTATION
 from paxisim.diagnose.causes.saturation import SATURATION
+from paxisim.diagnose.causes.scene import SCENE_CAUSES
 from paxisim.diagnose.causes.stiffening import STIFFENING
 from paxisim.diagnose.causes.swapped_taxels import SWAPPED_TAXELS
 from paxisim.diagnose.causes.taxel_gain import TAXEL_GAIN
 
 CAUSES: tuple[Cause, ...] = (
+    *SCENE_CAUSES,
     LAYOUT,
     SWAPPED_TAXELS,
     STIFFENING,

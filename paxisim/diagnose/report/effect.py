@@ -108,27 +108,31 @@ class Effect:
 
 
 def effects(causes: tuple[FoundCause, ...], chain: Chain, streams: Streams) -> list[Effect]:
-    """The effect of each cause that has a member in the chain."""
-    model = run(chain, streams)
-    return [
-        Effect(cause, streams, model, run(_without(chain, cause.name), streams), chain)
-        for cause in causes
-        if cause.name in chain.names
-    ]
+    """The effect of each cause that has a member in the chain, or is in the scene."""
+    inside = streams.in_scene
+    scene = streams.simulated if inside is None else inside.simulated
+    model, out = run(chain, streams, scene), []
+    for found in causes:
+        if found.name in chain.names:
+            out.append(Effect(found, streams, model, run(_without(chain, found.name), streams, scene), chain))
+        elif inside is not None and found.name in inside.without:
+            out.append(Effect(found, streams, model, run(chain, streams, inside.without[found.name]), chain))
+    return out
 
 
-def run(chain: Chain, streams: Streams) -> NDArray[np.float32]:
-    """``(T, pads, 3, rows, cols)`` float32: output of the chain on the simulated stream.
+def run(chain: Chain, streams: Streams, simulated: NDArray[np.float32] | None = None) -> NDArray[np.float32]:
+    """``(T, pads, 3, rows, cols)`` float32: output of the chain on the simulated stream, or on another one.
 
     The state is reset at the start of each episode, except for drift and failures, which continue across episodes.
     """
     parts = []
+    simulated = streams.simulated if simulated is None else simulated
     for span in streams.episodes:
         elapsed = float(streams.time[span.start] - streams.time[0])
         members = [_continued(member, elapsed) for member in chain]
         covariates = {name: values[span] for name, values in streams.covariates.items()}
         own = Chain(members, chain.names)
-        parts.append(np.asarray(own.run(streams.simulated[span], streams.time[span], covariates), dtype=np.float32))
+        parts.append(np.asarray(own.run(simulated[span], streams.time[span], covariates), dtype=np.float32))
     return np.concatenate(parts)
 
 

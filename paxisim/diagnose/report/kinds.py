@@ -9,6 +9,7 @@ from paxisim.diagnose.report.channels import channel_curves
 from paxisim.diagnose.report.counts import steps
 from paxisim.diagnose.report.curves import curves, gains, small_forces
 from paxisim.diagnose.report.effect import Effect
+from paxisim.diagnose.report.inside import closing, height_map, mount, slip
 from paxisim.diagnose.report.loops import loops
 from paxisim.diagnose.report.mixing import axes_mixed, neighbours, outward_shear
 from paxisim.diagnose.report.plain import plain
@@ -18,19 +19,23 @@ from paxisim.diagnose.report.timing import edges, holds, shift
 
 PICTURES: Mapping[str, Callable[[Effect], list[Picture]]] = {
     "axes": axes_mixed,
+    "closing": closing,
     "channel_curves": channel_curves,
     "covariate": covariate,
     "curves": curves,
     "edges": edges,
     "gains": gains,
+    "height_map": height_map,
     "holds": holds,
     "loops": loops,
     "mapping": mapping,
+    "mount": mount,
     "neighbours": neighbours,
     "outward_shear": outward_shear,
     "plain": plain,
     "shift": shift,
     "silent_map": silent_map,
+    "slip": slip,
     "small_forces": small_forces,
     "steps": steps,
     "taxel_map": taxel_map,

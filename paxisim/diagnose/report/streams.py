@@ -12,6 +12,24 @@ from numpy.typing import NDArray
 from paxisim.diagnose.problem import peak_of
 from paxisim.layout import TaxelLayout
 from paxisim.logs.aligned import episode_spans
+from paxisim.scene.parameters import SceneParameter
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class InScene:
+    """What the scene simulates with the values that a diagnosis found.
+
+    Attributes:
+        simulated: ``(T, pads, 3, rows, cols)`` float32 newtons, with all of them.
+        without: The same, with those of one cause left at their nominal values, by cause.
+        parameters: The scene's numbers by name.
+        values: By name, the values that were found, in SI units.
+    """
+
+    simulated: NDArray[np.float32]
+    without: Mapping[str, NDArray[np.float32]]
+    parameters: Mapping[str, SceneParameter]
+    values: Mapping[str, float]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -31,6 +49,7 @@ class Streams:
         alive: ``(pads, 3, rows, cols)`` channels in use, without those that the sensor does not measure.
         calibrated: Whether each channel is an estimate of the load, see `paxisim.calibrate_readout`, so that their sum
             is not the force on the pad.
+        in_scene: What the scene simulates with the values that were found; None if the scene was not given.
     """
 
     time: NDArray[np.float64]
@@ -44,6 +63,7 @@ class Streams:
     step: float = 0.0
     alive: NDArray[np.bool_] | Literal[True] = True
     calibrated: bool = False
+    in_scene: InScene | None = None
 
     def pad(self, number: int) -> str:
         """A pad in words, "pad left" or "pad0"."""

@@ -1,0 +1,152 @@
+"""In scene: replays and searches in turn, by which causes inside a scene are found beside those of the sensor.
+
+1. Each number of the scene is replayed at a few values around its nominal one (`study.py`).
+2. The pose of the object in each episode is fitted and taken out (`poses.py`).
+3. The search sees what the numbers do as causes like any other (`causes/scene.py`).
+4. For the causes that it found, replays near their fitted values take the place of the first ones, the poses are fitted
+   again, now as the sensor reads them, and the search is repeated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from paxisim.diagnose.cause import Cause
+from paxisim.diagnose.diagnosis import Diagnosis
+from paxisim.diagnose.model import Model
+from paxisim.diagnose.poses import Poses, fitted_poses
+from paxisim.diagnose.problem import FloatArray, Problem
+from paxisim.diagnose.report.streams import InScene
+from paxisim.diagnose.responses import SHOWN
+from paxisim.diagnose.searched import Begun, Searched, begin, searched
+from paxisim.diagnose.study import Study
+from paxisim.recording import Recording
+from paxisim.scene.changed import changed
+from paxisim.scene.replays import Replays
+from paxisim.scene.scene import Scene
+
+ROUNDS = 2  # searches
+SCREENED, FIRST = 0.35, 0.6  # of the work, when the replays and the first search are done
+
+Tell = Callable[[str, float], None]
+
+
+@dataclass(frozen=True, eq=False)
+class FoundInScene:
+    """What the rounds lead to.
+
+    Attributes:
+        searched: The last search.
+        scene: The scene with the values that were found.
+        values: By name, the numbers that were fitted, in SI units.
+        streams: What it simulates.
+    """
+
+    searched: Searched
+    scene: Scene
+    values: Mapping[str, float]
+    streams: InScene
+
+
+def in_scene(
+    recording: Recording,
+    scene: Scene,
+    causes: Sequence[str] | None,
+    seed: int,
+    jobs: int,
+    tell: Tell,
+    folder: Path | None,
+) -> FoundInScene | Diagnosis:
+    """See `paxisim.diagnose`.
+
+    Returns:
+        What was found, or a diagnosis that says that the streams are not of one motion.
+    """
+    tell("replaying the motion", 0.0)
+    replay = scene.prepare(recording)
+    episodes = [replay.run(number) for number in replay.episodes]
+    recording = replay.paired(episodes)
+    closings = {episode.number: episode.closing for episode in episodes}
+    with Replays(scene, recording, closings, jobs=jobs, folder=folder) as replays:
+        study = Study(replays)
+        study.screen(lambda stage, share: tell(stage, SCREENED * share))
+        begun = begin(_simulated(recording, study), causes, study.responses(), tell)
+        if isinstance(begun, Diagnosis):
+            return begun
+        study.move(_poses(begun, study, (), lambda x: begun.off.problem.thinned.at_compared(x)))
+        found = searched(_simulated(recording, study), causes, study.responses(), seed, jobs, _part(tell, 0))
+        for number in range(1, ROUNDS):
+            if isinstance(found, Diagnosis):
+                return found
+            values = _values(found)
+            study.move(_poses(found, study, (), _read_by(found)))
+            study.refine(values)
+            found = searched(_simulated(recording, study), causes, study.responses(), seed, jobs, _part(tell, number))
+        if isinstance(found, Diagnosis):
+            return found
+        return _result(found, study, scene)
+
+
+def _simulated(recording: Recording, study: Study) -> Recording:
+    return replace(recording, simulated=study.base)
+
+
+def _part(tell: Tell, number: int) -> Tell:
+    """The shares of one of the searches, the rest of the work being what it is after the last."""
+    ends = (SCREENED, FIRST, 1.0)
+    start, end = ends[number], ends[number + 1]
+    return lambda stage, share: tell(stage, start + (end - start) * share)
+
+
+def _values(found: Searched) -> dict[str, float]:
+    """The scene's numbers that were fitted, in SI units."""
+    values = {}
+    for named in found.it.found.named:
+        if named.cause.change is not None:
+            for item in named.cause.free(found.off.problem):
+                times = next(t for unit, t in SHOWN.values() if unit == item.unit)
+                values[item.name] = float(named.values[item.name]) / times  # type: ignore[arg-type]
+    return values
+
+
+def _poses(
+    begun: Begun | Searched, study: Study, beside: Sequence[Cause], predict: Callable[[FloatArray], FloatArray]
+) -> Poses:
+    problem = begun.off.problem
+    assert problem.scene is not None
+    episode = study.replays.recording.episode[problem.scene.rows]
+    return fitted_poses(problem, beside, predict, episode, study.poses)
+
+
+def _read_by(found: Searched) -> Callable[[FloatArray], FloatArray]:
+    """What the model that was found makes of forces that are simulated in the thinned frames."""
+    fit, fitter = found.it.found.fit, found.it.found.search.fitter
+    thin: Problem = found.off.problem.thinned
+    rows = fitter.rows(fit.causes, fit.shapes)
+
+    def read(simulated: FloatArray) -> FloatArray:
+        own = Model(replace(thin, simulated=simulated), fit.causes, rows)
+        return own.run(fit.whole.values, fit.whole.zero)
+
+    return read
+
+
+def _result(found: Searched, study: Study, scene: Scene) -> FoundInScene:
+    values = _values(found)
+    assert found.raw.scene is not None
+    rows = found.raw.scene.rows
+    groups = dict.fromkeys(study.parameters[name].group for name in values)
+
+    def simulated(names: Sequence[str]) -> NDArray[np.float32]:
+        return study.fitted({name: values[name] for name in names})[rows]
+
+    without = {group: simulated([name for name in values if study.parameters[name].group != group]) for group in groups}
+    streams = InScene(simulated(list(values)), without, dict(study.parameters), values)
+    warned = tuple(f"{name} was left out: {why}" for name, why in study.unstable.items())
+    extended = changed(scene, {study.parameters[name]: value for name, value in values.items()})
+    return FoundInScene(replace(found, warnings=(*found.warnings, *warned)), extended, values, streams)

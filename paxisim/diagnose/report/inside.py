@@ -1,0 +1,124 @@
+"""Inside: pictures of causes inside the scene: slip, force against closing, where the pad sits, and its surface."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from paxisim.diagnose.report.effect import Effect, Series
+from paxisim.diagnose.report.maps import grid_of_maps
+from paxisim.diagnose.report.style import EXTENDED, MEASURED, MUTED, SIMULATED, Picture, binned, finish, panel, thin
+from paxisim.scene.parameters import BUMPS, SceneParameter
+
+_SLIDES = 0.05  # of the largest normal force, from which on slip is looked at
+_EXAGGERATED = 0.25  # of the pad, that the largest displacement is drawn as
+
+
+def slip(effect: Effect) -> list[Picture]:
+    """Shear against normal force, whose largest ratio is the friction."""
+    pad = effect.axes[0][0]
+    forces = [_resultants(a[:, pad]) for a in (effect.streams.measured, effect.without, effect.model)]
+    pressed = forces[0][1] > _SLIDES * forces[0][1].max()
+    figure, axes = panel(3.0)
+    labels = ("measured", "in the scene as it is", f"with {effect.cause.name}")
+    for (shear, normal), colour, label in zip(forces, (MEASURED, SIMULATED, EXTENDED), labels, strict=True):
+        x, y = thin(normal[pressed], shear[pressed])
+        axes.plot(x, y, ".", markersize=3, alpha=0.5, color=colour, label=label)
+    axes.set_xlabel(f"normal force on {effect.streams.pad(pad)}, N")
+    axes.set_ylabel("shear, N")
+    ratios = [float(np.quantile(s[pressed] / n[pressed], 0.95)) for s, n in forces]
+    title = f"When it slides, shear is {ratios[0]:.2f} of the normal force, {ratios[1]:.2f} in the scene as it is"
+    return [finish(figure, title, f"{title}; {ratios[2]:.2f} with the friction that was found.")]
+
+
+def closing(effect: Effect) -> list[Picture]:
+    """The total force against the stream that presses, or against time if none does."""
+    pad, axis = effect.axes[0]
+    names = {name: values for name, values in effect.streams.covariates.items() if np.ptp(values) > 0}
+    measured, lacking, model = effect.sums(pad, axis)
+    x, label, drawn = effect.streams.time, "time, s", thin
+    if names:
+        alike = {name: abs(float(np.corrcoef(values, lacking)[0, 1])) for name, values in names.items()}
+        best = max(alike, key=lambda name: alike[name])
+        x, label, drawn = names[best], best, binned
+    figure, axes = panel(3.0)
+    lines = (measured, lacking, model)
+    labels = ("measured", "in the scene as it is", f"with {effect.cause.name}")
+    for values, colour, name in zip(lines, (MEASURED, SIMULATED, EXTENDED), labels, strict=True):
+        at, mean = drawn(np.asarray(x, dtype=float), values)
+        axes.plot(at, mean, color=colour, linewidth=1.6, label=name)
+    axes.set_xlabel(label)
+    axes.set_ylabel(f"{'xyz'[axis]} force on {effect.streams.pad(pad)}, N")
+    title = "Force against what presses"
+    return [finish(figure, title, f"{title}: measured, in the scene as it is, and with {effect.cause.name}.")]
+
+
+def mount(effect: Effect) -> list[Picture]:
+    """Where the pad or the object really sits, its displacement drawn larger than it is."""
+    numbers = _numbers(effect)
+    pictures = []
+    for target in dict.fromkeys(item.target for item in numbers):
+        own = {item: value for item, value in numbers.items() if item.target == target}
+        pictures.append(_displaced(effect, target, own))
+    return pictures
+
+
+def _displaced(effect: Effect, target: str, own: dict[SceneParameter, float]) -> Picture:
+    across, down = 1e3 * effect.streams.layout.size[1], 1e3 * effect.streams.layout.size[0]
+    moved = np.zeros(3)
+    turned = np.zeros(3)
+    for item, value in own.items():
+        (moved if item.unit == "m" else turned)[item.index % 3] = value
+    moved, turned = 1e3 * moved, np.degrees(turned)
+    times = _EXAGGERATED * across / max(float(np.abs(moved[:2]).max()), 1e-9)
+    times = 1.0 if not moved[:2].any() or times < 1 else float(10 ** np.floor(np.log10(times)))
+    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]]) * [across / 2, down / 2]
+    figure, axes = panel(3.0)
+    axes.plot(*corners.T, color=MUTED, linestyle="--", linewidth=1.2, label="in the scene as it is")
+    shift = times * moved[:2]
+    axes.plot(*(corners + shift).T, color=EXTENDED, linewidth=1.8, label="where it was found")
+    if moved[:2].any():
+        arrow = {"arrowstyle": "-|>", "color": EXTENDED, "shrinkA": 0, "shrinkB": 0}
+        axes.annotate("", shift, (0, 0), arrowprops=arrow)
+    for axis, angle in zip("xyz", turned, strict=True):
+        if angle:
+            line = np.array([[-across / 2, 0.0], [across / 2, 0.0]])
+            line = line if axis == "x" else np.array([[0.0, -down / 2], [0.0, down / 2]])
+            axes.plot(*(line + shift).T, color=SIMULATED, linewidth=0.9)
+            axes.annotate(f"turned {angle:+.2g} deg about {axis}", line[1] + shift, fontsize=7, color=SIMULATED)
+    axes.set_aspect("equal")
+    axes.invert_yaxis()  # rows grow downwards
+    larger = f" (displacement drawn {times:g} times)" if times != 1 else ""
+    axes.set_xlabel(f"x of {target}, mm{larger}")
+    axes.set_ylabel("y, mm")
+    said = [f"{1e3 * v:+.2f} mm" if i.unit == "m" else f"{np.degrees(v):+.2f} deg" for i, v in own.items()]
+    parts = ", ".join(f"{item.name} {text}" for item, text in zip(own, said, strict=True))
+    return finish(figure, f"Where {target} sits", f"{target} is off its place: {parts}.")
+
+
+def height_map(effect: Effect) -> list[Picture]:
+    """The surface of each pad that was found, as a map."""
+    layout, numbers = effect.streams.layout, _numbers(effect)
+    down, across = (np.arange(layout.rows) + 0.5) / layout.rows, (np.arange(layout.cols) + 0.5) / layout.cols
+    maps: dict[str, Series] = {}
+    for item, value in numbers.items():
+        i, j = BUMPS[item.index]
+        bump = 1e6 * value * np.outer(np.cos(np.pi * i * down), np.cos(np.pi * j * across))
+        maps[item.target] = maps.get(item.target, np.zeros_like(bump)) + bump
+    limit = max(float(np.abs(one).max()) for one in maps.values()) or 1.0
+    figure = grid_of_maps(layout, list(maps.values()), list(maps), 2, limit, signed=True, unit="um")
+    title = f"The surface stands out by up to {max(float(one.max()) for one in maps.values()):.0f} um"
+    return [finish(figure, title, f"{title}; maps of the height of each pad.", legend=False)]
+
+
+def _numbers(effect: Effect) -> dict[SceneParameter, float]:
+    """The cause's numbers in the scene, with the values that were found."""
+    inside = effect.streams.in_scene
+    assert inside is not None
+    own = {item: inside.values[name] for name, item in inside.parameters.items() if name in inside.values}
+    return {item: value for item, value in own.items() if item.group == effect.cause.name}
+
+
+def _resultants(force: np.ndarray) -> tuple[Series, Series]:
+    """``(T,)`` shear and normal force on a pad (N)."""
+    total = force.sum(axis=(2, 3), dtype=float)
+    return np.hypot(total[:, 0], total[:, 1]), np.maximum(total[:, 2], 1e-9)

@@ -1,0 +1,102 @@
+"""Responses: what the simulated stream does when a number of the scene changes, from replays at a few of its values."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from math import degrees, radians
+
+import numpy as np
+from numpy.typing import NDArray
+
+from paxisim.scene.parameters import SceneParameter
+
+FloatArray = NDArray[np.float64]
+
+SHOWN: Mapping[str, tuple[str, float]] = {"m": ("mm", 1e3), "rad": ("deg", degrees(1)), "1": ("1", 1.0)}
+"""By SI unit the one in which numbers of a scene are fitted and reported, and how many of it one SI unit is."""
+
+SPREAD: Mapping[str, float] = {"m": 0.2e-3, "rad": radians(0.5)}
+"""Standard deviation of a pose from one episode to another: that of a grasp on a stage or a gripper (ours)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """What one number of a scene does.
+
+    Attributes:
+        parameter: The number.
+        values: ``(values,)`` its values for which there are replays, ascending, without the nominal one.
+        changes: ``(values, T, pads, 3, rows, cols)`` N, what is simulated then, less what is simulated as it is.
+    """
+
+    parameter: SceneParameter
+    values: FloatArray
+    changes: NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class Responses:
+    """What the numbers of a scene do, on straight lines between the replays.
+
+    Lines are chosen because a contact comes and goes at once: a curve through three replays would swing.
+
+    Attributes:
+        each: The numbers.
+        rows: ``(T,)`` the frames of the replays that are meant.
+        failed: Causes with numbers that could not be replayed.
+    """
+
+    each: tuple[Response, ...]
+    rows: NDArray[np.intp]
+    failed: frozenset[str] = frozenset()
+    _taken: dict[str, NDArray[np.float32]] = field(default_factory=dict, repr=False)
+
+    def select(self, which: NDArray[np.intp]) -> Responses:
+        """Those of some frames."""
+        return replace(self, rows=self.rows[which], _taken={})
+
+    def of(self, group: str) -> list[Response]:
+        """The numbers of a cause."""
+        return [one for one in self.each if one.parameter.group == group]
+
+    def change(self, group: str, values: Sequence[float]) -> FloatArray:
+        """``(T, pads, 3, rows, cols)`` N, what a cause adds to the simulated stream.
+
+        Args:
+            group: The cause.
+            values: Of its numbers, in the units of `SHOWN`.
+        """
+        numbers = self.of(group)
+        shape = numbers[0].changes.shape[2:]
+        total = np.zeros((len(self.rows), *shape))
+        for one, value in zip(numbers, values, strict=True):
+            for share, changes in self._between(one, float(value) / SHOWN[one.parameter.unit][1]):
+                total += share * changes
+        return total
+
+    def slope(self, one: Response) -> FloatArray:
+        """``(T, pads, 3, rows, cols)`` N, what a number adds for each of its unit near the nominal value."""
+        taken, nominal = self._at_rows(one), one.parameter.nominal
+        below, above = np.flatnonzero(one.values < nominal), np.flatnonzero(one.values > nominal)
+        sides = [*below[-1:], *above[:1]]
+        return np.mean([taken[k] / (one.values[k] - nominal) for k in sides], axis=0, dtype=np.float64)
+
+    def _at_rows(self, one: Response) -> NDArray[np.float32]:
+        name = one.parameter.name
+        if name not in self._taken:
+            self._taken[name] = one.changes[:, self.rows]
+        return self._taken[name]
+
+    def _between(self, one: Response, value: float) -> list[tuple[float, NDArray[np.float32]]]:
+        """The replays that a value lies between, or is beyond, with their shares; the nominal one adds nothing."""
+        nominal = one.parameter.nominal
+        if value == nominal:
+            return []
+        taken = self._at_rows(one)
+        known = np.sort(np.append(one.values, nominal))
+        right = int(np.clip(np.searchsorted(known, value), 1, len(known) - 1))
+        low, high = known[right - 1], known[right]
+        share = (value - low) / (high - low)
+        pairs = [(1 - share, low), (share, high)]
+        return [(s, taken[int(np.flatnonzero(one.values == at)[0])]) for s, at in pairs if at != nominal and s]

@@ -1,0 +1,168 @@
+"""A scene with other values of its parameters, written into its MJCF, its gel and its drives."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from paxisim.errors import UnsupportedError
+from paxisim.models.pads import Pads, find_pads, half_thickness
+from paxisim.scene.drive import Drive
+from paxisim.scene.parameters import BUMPS, SceneParameter
+from paxisim.scene.rig import mjcf_of, spec_of
+from paxisim.scene.scene import Scene
+
+Values = Mapping[SceneParameter, float]
+
+_QUATERNION = mujoco.mjtOrientation.mjORIENTATION_QUAT
+_IN_MODEL = ("mount_offset", "mount_tilt", "surface", "object_size", "object_pose")
+
+
+def changed(scene: Scene, values: Values) -> Scene:
+    """The scene with these values of its parameters, which are the nominal ones of the new scene.
+
+    Args:
+        scene: The scene.
+        values: By parameter, as `paxisim.Scene.parameters` lists them.
+
+    Raises:
+        UnsupportedError: A mesh of an object, whose size is to change, is used elsewhere too.
+    """
+    moved = {item: value for item, value in values.items() if value != item.nominal}
+    gel, drives, in_model = scene.gel, scene.drives, {}
+    for item, value in moved.items():
+        if item.group == "friction":
+            gel = replace(gel, friction=value)
+        elif item.group == "gel_stiffness":
+            gel = replace(gel, modulus=gel.modulus * value)
+        elif item.group == "joint_offset":
+            drives = tuple(_shifted(d, value) if d.joint and d.source == item.target else d for d in drives)
+        elif item.group == "grip_force" and scene.mode == "force":
+            drives = tuple(_scaled(d, value) if d.actuator else d for d in drives)
+        else:
+            in_model[item] = value
+    if in_model:
+        scene = replace(scene, mjcf=_model(scene, in_model), sensor="", pool=1, mounts=())
+    # bounds are about the values that the scene had
+    return replace(scene, gel=gel, drives=drives, bounds={}) if moved else scene
+
+
+def _shifted(drive: Drive, value: float) -> Drive:
+    """The drive whose joint is off by a value, in the direction in which the stream grows."""
+    return replace(drive, offset=float(np.asarray(drive.offset)) + np.copysign(1.0, drive.scale) * value)
+
+
+def _scaled(drive: Drive, value: float) -> Drive:
+    return replace(drive, scale=drive.scale * value, offset=float(np.asarray(drive.offset)) * value)
+
+
+def _model(scene: Scene, values: Values) -> str:
+    """The MJCF with the values."""
+    spec = spec_of(scene)
+    model = spec.compile()
+    pads = find_pads(model, names=scene.pads or None)
+    sizes = {item: value for item, value in values.items() if item.group == "object_size"}
+    for item, value in sizes.items():  # before the poses, which are not to be scaled
+        _scale(spec, model, item.target, value)
+    for group in ("mount_offset", "mount_tilt"):
+        for pad in pads.names:
+            own = {item.index: v for item, v in values.items() if item.group == group and item.target == pad}
+            if own:
+                _mount(spec, model, pad, group, [own.get(0, 0.0), own.get(1, 0.0), 0.0])
+    for pad in pads.names:
+        own = {item.index: v for item, v in values.items() if item.group == "surface" and item.target == pad}
+        if own:
+            _bump(spec, model, pads, pad, own)
+    for body in {item.target for item in values if item.group == "object_pose"}:
+        own = {item.index: v for item, v in values.items() if item.group == "object_pose" and item.target == body}
+        _place(spec, model, body, [own.get(k, 0.0) for k in range(6)])
+    for value in (v for item, v in values.items() if item.group == "grip_force"):
+        for actuator in spec.actuators:
+            actuator.gainprm, actuator.biasprm = actuator.gainprm * value, actuator.biasprm * value
+            actuator.forcerange = actuator.forcerange * value
+    return mjcf_of(spec)
+
+
+def _mount(spec: mujoco.MjSpec, model: mujoco.MjModel, pad: str, group: str, vector: list[float]) -> None:
+    """Move or turn a pad's body, by a vector in the pad's own frame."""
+    body, turn = spec.body(pad), _rotation(model.body_quat[model.body(pad).id])
+    if group == "mount_offset":
+        body.pos = body.pos + turn.apply(vector)
+    else:
+        body.alt.type = _QUATERNION
+        body.quat = _quaternion(turn * Rotation.from_rotvec(vector))
+
+
+def _bump(spec: mujoco.MjSpec, model: mujoco.MjModel, pads: Pads, pad: str, heights: Mapping[int, float]) -> None:
+    """Make taxels thicker or thinner; their backs stay."""
+    rows, cols = pads.layout.rows, pads.layout.cols
+    down, across = (np.arange(rows) + 0.5) / rows, (np.arange(cols) + 0.5) / cols
+    more = np.zeros((rows, cols))
+    for index, height in heights.items():
+        i, j = BUMPS[index]
+        more += height * np.outer(np.cos(np.pi * i * down), np.cos(np.pi * j * across))
+    geoms = pads.geoms[pads.names.index(pad)]
+    half = half_thickness(model, geoms)
+    half_more = np.maximum(more.ravel() / 2, -0.9 * half)  # a taxel does not vanish
+    for number, now, added in zip(geoms, half, half_more, strict=True):
+        geom = spec.geom(model.geom(int(number)).name)
+        inward = _rotation(model.geom_quat[number]).as_matrix()[:, 2]
+        geom.pos = model.geom_pos[number] - inward * added
+        place = 0 if geom.type == mujoco.mjtGeom.mjGEOM_SPHERE else 2
+        geom.size = np.where(np.arange(3) == place, now + added, model.geom_size[number])
+
+
+def _scale(spec: mujoco.MjSpec, model: mujoco.MjModel, name: str, factor: float) -> None:
+    """Scale an object about the origin of its body; its mass stays."""
+    own = [spec.body(name), *spec.body(name).find_all("body")]
+    geoms = [geom for body in own for geom in body.geoms]
+    meshes = Counter(geom.meshname for geom in geoms if geom.meshname)
+    uses = Counter(geom.meshname for geom in spec.geoms)
+    shared = sorted(mesh for mesh, count in meshes.items() if uses[mesh] > count)
+    if shared:
+        raise UnsupportedError(f"the size of {name} cannot change: other bodies use its mesh {shared[0]!r}, too")
+    for mesh in meshes:
+        spec.mesh(mesh).scale = spec.mesh(mesh).scale * factor
+    for geom in geoms:
+        geom.pos, geom.size = geom.pos * factor, geom.size * factor
+        geom.fromto = geom.fromto * factor
+    for body in own[1:]:
+        body.pos = body.pos * factor
+    for body in own:
+        _keep_inertia(body, model)
+
+
+def _keep_inertia(body: mujoco.MjsBody, model: mujoco.MjModel) -> None:
+    """Give a body the inertia that it has, whatever its geoms become.
+
+    What holds the object prescribes where it moves, so that its mass hardly matters; but MuJoCo's contacts are a little
+    softer or stiffer with another inverse weight, and it computes that of a body on slides otherwise where its mass is
+    not in the middle.
+    """
+    number = model.body(body.name).id
+    body.explicitinertial = True
+    body.mass, body.ipos = model.body_mass[number], model.body_ipos[number]
+    body.inertia, body.iquat = model.body_inertia[number], model.body_iquat[number]
+
+
+def _place(spec: mujoco.MjSpec, model: mujoco.MjModel, name: str, pose: list[float]) -> None:
+    """Move and turn all that an object consists of in the frame of its body."""
+    body = spec.body(name)
+    _keep_inertia(body, model)
+    turn = Rotation.from_rotvec(pose[3:])
+    frame = body.add_frame(pos=pose[:3], quat=_quaternion(turn))
+    for part in [*body.geoms, *body.bodies, *body.sites]:
+        part.set_frame(frame)
+
+
+def _rotation(quat: np.ndarray) -> Rotation:
+    return Rotation.from_quat(np.roll(quat, -1))
+
+
+def _quaternion(turn: Rotation) -> np.ndarray:
+    return np.roll(turn.as_quat(), 1)

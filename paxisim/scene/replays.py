@@ -1,0 +1,242 @@
+"""Replays of one recording with other values of the scene's parameters: in parallel, each made once."""
+
+from __future__ import annotations
+
+import hashlib
+import multiprocessing
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from pathlib import Path
+from types import TracebackType
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from paxisim._version import __version__
+from paxisim.errors import PaxisimError, UnsupportedError
+from paxisim.logs.atomic import whole_file
+from paxisim.recording import Recording
+from paxisim.scene.changed import changed
+from paxisim.scene.parameters import SceneParameter
+from paxisim.scene.resume import begin_worker
+from paxisim.scene.scene import Scene
+
+Values = Mapping[SceneParameter, float]
+_Key = tuple[tuple[SceneParameter, float], ...]
+_Force = NDArray[np.float32]
+
+
+class Replays:
+    """Simulates the motion of a recording with other values of the scene's parameters.
+
+    Processes are used, as threads wait for one another between the steps of the physics. A replay that was made before
+    is not made again.
+
+    Attributes:
+        scene: The scene.
+        recording: The recording.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        recording: Recording,
+        closings: Mapping[int, float] | None = None,
+        *,
+        mean: bool = False,
+        jobs: int = 1,
+        folder: Path | None = None,
+    ) -> None:
+        """Nothing is simulated yet.
+
+        Args:
+            scene: The scene.
+            recording: Has the driving streams among its covariates.
+            closings: What is added to the closing stream of each episode, as the modes that fit it found.
+            mean: See `paxisim.Scene.simulate`.
+            jobs: Processes.
+            folder: Where replays are kept for other programs, named after all that they depend on; None: nowhere.
+        """
+        self.scene, self.recording = scene, recording
+        self._jobs = jobs
+        self._maker = _Maker(scene, recording, dict(closings or {}), mean, folder)
+        self._kept: dict[tuple[_Key, int], _Force | PaxisimError] = {}
+        self._pool: ProcessPoolExecutor | None = None
+
+    def __enter__(self) -> Replays:
+        """Itself."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """End the processes."""
+        if self._pool is not None:
+            self._pool.shutdown(cancel_futures=True)
+            self._pool = None
+
+    @property
+    def episodes(self) -> tuple[int, ...]:
+        """Numbers of the recording's episodes."""
+        return tuple(int(part.episode[0]) for part in self.recording.episodes())
+
+    def run_sets(self, sets: Sequence[Mapping[int, Values]]) -> list[_Force | PaxisimError]:
+        """``(T, pads, 3, rows, cols)`` newtons of the whole recording for each set of values.
+
+        Args:
+            sets: By episode its values; what is not there has its nominal value.
+
+        Returns:
+            The forces, NaN where the driving streams are not known, or why there are none: values that the scene cannot
+            have, or with which the simulation becomes unstable.
+        """
+        parts = [[(_key(values.get(number, {})), number) for number in self.episodes] for values in sets]
+        missing: dict[_Key, list[int]] = {}
+        for key, number in dict.fromkeys(part for own in parts for part in own):
+            if (key, number) not in self._kept:
+                missing.setdefault(key, []).append(number)
+        tasks = [(key, tuple(numbers)) for key, numbers in missing.items()]
+        for (key, numbers), made in zip(tasks, self._made(tasks), strict=True):
+            for number, force in zip(numbers, made, strict=True):
+                self._kept[key, number] = force
+        return [self._whole(own) for own in parts]
+
+    def run_each(self, values: Mapping[int, Values]) -> _Force:
+        """As `run_sets`, of one set.
+
+        Raises:
+            UnsupportedError: The simulation becomes unstable.
+            InvalidValueError: A value that the scene cannot have.
+        """
+        (whole,) = self.run_sets([values])
+        if isinstance(whole, PaxisimError):
+            raise whole
+        return whole
+
+    def _whole(self, parts: Sequence[tuple[_Key, int]]) -> _Force | PaxisimError:
+        found = [self._kept[part] for part in parts]
+        forces = []
+        for one in found:
+            if isinstance(one, PaxisimError):
+                return one
+            forces.append(one)
+        return np.concatenate(forces)
+
+    def _made(self, tasks: Sequence[tuple[_Key, tuple[int, ...]]]) -> list[list[_Force | PaxisimError]]:
+        if self._jobs == 1 or len(tasks) < 2:
+            return [self._maker(task) for task in tasks]
+        if self._pool is None:
+            context = multiprocessing.get_context("spawn")  # shares no locks with this process
+            self._pool = ProcessPoolExecutor(self._jobs, context, _begin, (self._maker,))
+        try:
+            return list(self._pool.map(_run, tasks))
+        except BrokenProcessPool as error:
+            raise UnsupportedError(
+                "a process that simulated an episode was ended from outside, perhaps for want of memory: call again "
+                "with fewer jobs"
+            ) from error
+
+
+def _key(values: Values) -> _Key:
+    moved = [(item, float(value)) for item, value in values.items() if value != item.nominal]
+    return tuple(sorted(moved, key=lambda pair: pair[0].name))
+
+
+class _Maker:
+    """What makes a replay, in this process or another."""
+
+    def __init__(
+        self, scene: Scene, recording: Recording, closings: dict[int, float], mean: bool, folder: Path | None
+    ) -> None:
+        self._scene, self._recording, self._closings, self._mean = scene, recording, closings, mean
+        self._folder = folder
+        self._motions: dict[int, bytes] = {}
+
+    def __call__(self, task: tuple[_Key, tuple[int, ...]]) -> list[_Force | PaxisimError]:
+        """The forces of some episodes, or why there are none."""
+        key, numbers = task
+        try:
+            scene = changed(self._scene, dict(key))
+        except PaxisimError as error:
+            return [error] * len(numbers)
+        paths = {number: self._path(scene, number) for number in numbers}
+        out: dict[int, _Force | PaxisimError] = {}
+        for number, path in paths.items():
+            kept = None if path is None else _read(path)
+            if kept is not None:
+                out[number] = kept
+        left = [number for number in numbers if number not in out]
+        if left:
+            out |= self._simulated(scene, left)
+        for number in left:
+            path, made = paths[number], out[number]
+            if path is not None and not isinstance(made, PaxisimError):
+                _write(path, made)
+        return [out[number] for number in numbers]
+
+    def _simulated(self, scene: Scene, numbers: list[int]) -> dict[int, _Force | PaxisimError]:
+        out: dict[int, _Force | PaxisimError] = {}
+        try:
+            replay = scene.prepare(self._recording, mean=self._mean)
+        except PaxisimError as error:
+            return dict.fromkeys(numbers, error)
+        for number in numbers:
+            try:
+                out[number] = replay.run(number, self._closings.get(number, 0.0)).force
+            except PaxisimError as error:
+                out[number] = error
+        return out
+
+    def _path(self, scene: Scene, number: int) -> Path | None:
+        """Where the replay of an episode is kept, named after all that it depends on."""
+        if self._folder is None:
+            return None
+        from paxisim.scene.toml import format_scene
+
+        if number not in self._motions:
+            part = self._recording.select([number])
+            motion = hashlib.sha256(part.time.tobytes())
+            for drive in scene.drives:
+                motion.update(np.ascontiguousarray(part.covariates[drive.stream]).tobytes())
+            for start in scene.start:
+                motion.update(np.ascontiguousarray(part.covariates.get(start.stream, ())).tobytes())
+            self._motions[number] = motion.digest()
+        mjcf = scene.mjcf if isinstance(scene.mjcf, str) else Path(scene.mjcf).read_text(encoding="utf-8")
+        digest = hashlib.sha256(self._motions[number])
+        closing = self._closings.get(number, 0.0)
+        for text in (__version__, mujoco.__version__, mjcf, format_scene(scene, ""), f"{self._mean} {closing!r}"):
+            digest.update(text.encode() + b"\0")
+        return self._folder / f"{digest.hexdigest()[:32]}.npz"
+
+
+def _read(path: Path) -> _Force | None:
+    """A kept replay; None where there is none, or a damaged one."""
+    try:
+        with np.load(path, allow_pickle=False) as kept:
+            return np.asarray(kept["force"], dtype=np.float32)
+    except FileNotFoundError:
+        return None
+    except Exception:  # zip and numpy raise errors of many kinds for a damaged file
+        return None
+
+
+def _write(path: Path, force: _Force) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with whole_file(path) as temporary, temporary.open("wb") as file:
+        np.savez(file, force=force)
+
+
+_maker: _Maker | None = None  # of a process of the pool
+
+
+def _begin(maker: _Maker) -> None:
+    global _maker
+    begin_worker()
+    _maker = maker
+
+
+def _run(task: tuple[_Key, tuple[int, ...]]) -> list[_Force | PaxisimError]:
+    assert _maker is not None
+    return _maker(task)

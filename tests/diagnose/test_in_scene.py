@@ -1,0 +1,132 @@
+"""Causes inside the scene: found by replays, told apart from the sensor's, and what cannot be told is said."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import paxisim
+from paxisim.diagnose import Diagnosis
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "scene"))
+
+LAYOUT = paxisim.TaxelLayout(3, 3, (5e-3, 5e-3))
+EPISODES = 6
+SOME = ("friction", "gel_stiffness", "joint_offset", "axis_gain", "latency", "grip_force")
+
+
+def scene():
+    """A ball on a stage that slides and presses."""
+    text = """<mujoco><option timestep="0.002" cone="elliptic" impratio="10"/><worldbody><body name="bench"/>
+    <body name="ball" pos="0 0 0.04"><joint name="x" type="slide" axis="1 0 0"/><joint name="depth" type="slide"
+    axis="0 0 -1"/><geom name="ball" type="sphere" size="0.04" mass="0.1"/></body></worldbody></mujoco>"""
+    pad = paxisim.Pad(LAYOUT, thickness=4e-3, taxels="spheres")
+    made = paxisim.attach(text, pad, [paxisim.Mount("bench", quat=(0, 1, 0, 0), name="pad")])
+    drives = tuple(paxisim.Drive(name, joint=name, unit="m", resolution=0.0) for name in ("x", "depth"))
+    return paxisim.Scene(made.to_xml(), drives, closing="depth", gel=paxisim.Gel(modulus=300e3))
+
+
+def motion(seed=0):
+    """Presses at two depths with slides, in each episode other ones."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(200) / 50
+    knots = [0, 0.3, 0.8, 1.1, 1.7, 1.9, 2.3, 2.6, 3.2, 3.4, 4]
+    parts = []
+    for number in range(EPISODES):
+        first, second, way = rng.uniform(0.5e-3, 0.8e-3), rng.uniform(0.9e-3, 1.2e-3), rng.choice([-1, 1])
+        down = np.interp(time, knots, [-2e-4, -2e-4, first, first, first, first, second, second, second, second, -2e-4])
+        along = way * np.interp(time, knots, [0, 0, 0, 0, 4e-3, 4e-3, 4e-3, 4e-3, 0, 0, 0])
+        parts.append((time + 5 * number, along, down, np.full(len(time), number)))
+    t, x, depth, episode = (np.concatenate(column) for column in zip(*parts, strict=True))
+    silent = np.zeros((len(t), 1, *LAYOUT.shape), np.float32)
+    return paxisim.Recording(t, silent, covariates={"x": x, "depth": depth}, episode=episode, layout=LAYOUT)
+
+
+def measured(sensor=(), seed=0, **values):
+    """What a sensor reads in a scene with these values."""
+    felt = scene().simulate(motion(seed), **values)
+    chain = paxisim.Chain(list(sensor))
+    parts = [chain.run(part.simulated.astype(float), part.time) for part in felt.episodes()]
+    noise = np.random.default_rng(seed).normal(0, 0.01, felt.simulated.shape)
+    return replace(motion(seed), measured=(np.concatenate(parts) + noise).astype(np.float32))
+
+
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory):
+    """Where replays around the scene are kept for all tests."""
+    return tmp_path_factory.mktemp("replays")
+
+
+def value(found, name):
+    """The interval of a fitted number."""
+    return next(p.value for c in found.causes for p in c.parameters if p.name == name)
+
+
+def test_a_wrong_friction_is_found_with_its_value_and_goes_into_the_scene(kept, tmp_path):
+    found = paxisim.diagnose(measured(friction=0.7), SOME, scene=scene(), replays=kept)
+    assert [cause.name for cause in found.causes] == ["friction"]
+    assert value(found, "friction").low <= 0.7 <= value(found, "friction").high
+    assert found.scene.gel.friction == pytest.approx(0.7, abs=0.03)
+    assert found.heldout.nrmse_after < 0.5 * found.heldout.nrmse_before
+    assert not list(found.model)  # nothing is wrong with the sensor
+    assert "follows positions" in found.not_testable["grip_force"]
+    found.save(tmp_path / "diagnosis")
+    again = Diagnosis.load(tmp_path / "diagnosis")
+    assert again.scene_values == found.scene_values
+    assert again.scene.gel == found.scene.gel
+    page = (tmp_path / "diagnosis" / "report.html").read_text()
+    assert "When it slides" in page
+    assert "friction" in str(found)
+
+
+def test_a_scene_cause_and_a_sensor_cause_are_both_found(kept):
+    gain = paxisim.augment.AxisGain((1.0, 1.0, 0.8))
+    found = paxisim.diagnose(measured([gain], friction=0.7), SOME, scene=scene(), replays=kept)
+    assert {cause.name for cause in found.causes} == {"friction", "axis_gain"}
+    assert value(found, "gain_z").value == pytest.approx(0.8, abs=0.03)
+    # the sensor's model is applied to what the scene with the new friction simulates
+    again = found.scene.simulate(motion()).simulated.astype(float)
+    error = np.concatenate([found.model.run(part, np.arange(len(part)) / 50) for part in np.split(again, EPISODES)])
+    recording = measured([gain], friction=0.7)
+    assert np.sqrt(np.mean((recording.measured - error) ** 2)) < 0.03
+
+
+def test_nothing_is_named_where_nothing_is_wrong(kept):
+    found = paxisim.diagnose(measured(seed=0), SOME, scene=scene(), replays=kept)
+    assert not found.causes
+    assert not found.scene_values
+
+
+def test_causes_inside_a_scene_need_the_scene():
+    with pytest.raises(ValueError, match="give diagnose the scene"):
+        paxisim.diagnose(measured(), ["friction"])
+    with pytest.raises(ValueError, match=r"Scene\.load"):
+        paxisim.diagnose(measured(), scene="scene.toml")
+
+
+def test_without_contact_nothing_in_the_scene_can_be_told():
+    lifted = motion()
+    lifted = replace(lifted, covariates={**lifted.covariates, "depth": lifted.covariates["depth"] - 5e-3})
+    silent = np.random.default_rng(0).normal(0, 0.01, lifted.tensor.shape).astype(np.float32)
+    found = paxisim.diagnose(replace(lifted, measured=silent), ["friction", "surface"], scene=scene())
+    assert "without contact" in found.not_testable["friction"]
+    assert "without contact" in found.not_testable["surface"]
+
+
+def test_a_number_that_cannot_change_is_named_and_the_others_are_found():
+    # the size of a mesh that another body uses cannot change
+    corners = " ".join(f"{x} {y} {z}" for x in (-0.02, 0.02) for y in (-0.02, 0.02) for z in (0, 0.04))
+    asset = f'<asset><mesh name="block" vertex="{corners}"/></asset><worldbody><geom type="mesh" mesh="block" '
+    asset += 'pos="0.3 0 0"/>'
+    mjcf = str(scene().mjcf).replace("<worldbody>", asset, 1)
+    mjcf = mjcf.replace('<geom name="ball"', '<geom type="mesh" mesh="block" mass="0"/><geom name="ball"', 1)
+    inside = replace(scene(), mjcf=mjcf)
+    felt = inside.simulate(motion(), gel_stiffness=0.7)
+    noise = np.random.default_rng(0).normal(0, 0.01, felt.simulated.shape)
+    recording = replace(motion(), measured=(felt.simulated + noise).astype(np.float32))
+    found = paxisim.diagnose(recording, ["gel_stiffness", "object_size"], scene=inside)
+    assert [cause.name for cause in found.causes] == ["gel_stiffness"]
+    assert "no replay shows" in found.not_testable["object_size"]
+    assert any("'block'" in line for line in found.symptoms.warnings)

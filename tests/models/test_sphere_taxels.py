@@ -1,0 +1,70 @@
+"""Taxels that are spheres: found again, pressed like a bed of springs, raised like boxes."""
+
+import mujoco
+import numpy as np
+import pytest
+
+import paxisim
+
+LAYOUT = paxisim.TaxelLayout(4, 5, (4e-3, 3e-3))
+GEL = paxisim.Gel(modulus=200e3)
+DEPTH = 0.8e-3
+
+
+def pressed(pad, geom, half, heights=None):
+    """Normal forces (N) under an object that is held at a depth."""
+    text = f"""<mujoco><option timestep="0.001" cone="elliptic" impratio="10" gravity="0 0 0"/><worldbody>
+    <body name="plate"/><body pos="0 0 {half - DEPTH}"><joint type="slide" axis="0 0 1" armature="1e6"/><geom {geom}/>
+    </body></worldbody></mujoco>"""
+    bench = paxisim.attach(text, pad, [paxisim.Mount("plate", quat=(0, 1, 0, 0), name="pad")])
+    model = mujoco.MjModel.from_xml_string(bench.to_xml())
+    pads, data = paxisim.find_pads(model), mujoco.MjData(model)
+    if heights is not None:
+        paxisim.set_surface(model, pads, heights)
+    GEL.apply(model, pads)
+    for _ in range(400):
+        data.qpos[0] = data.qvel[0] = 0.0
+        mujoco.mj_step(model, data)
+    return paxisim.TactileReadout(model, pads).read(data)[0, 2]
+
+
+def sphere_pad(layout=LAYOUT, thickness=3e-3, **more):
+    return paxisim.Pad(layout, thickness=thickness, taxels="spheres", **more)
+
+
+def test_a_saved_pad_of_spheres_is_found_again():
+    model = mujoco.MjModel.from_xml_string(sphere_pad().to_xml())
+    pads = paxisim.find_pads(model)
+    assert pads.layout == LAYOUT
+    assert pads.thickness[0] == pytest.approx(3e-3)
+    assert set(model.geom_type[pads.geoms[0]]) == {int(mujoco.mjtGeom.mjGEOM_SPHERE)}
+
+
+def test_a_plate_loads_every_sphere_with_the_gels_stiffness():
+    normal = pressed(sphere_pad(), 'type="box" size="0.05 0.05 0.01"', 0.01)
+    np.testing.assert_allclose(normal, GEL.stiffness(LAYOUT) * DEPTH, rtol=0.02)
+
+
+def test_under_a_ball_spheres_add_up_to_the_bed_and_boxes_do_not():
+    ball = 'type="sphere" size="0.02"'
+    fine = paxisim.TaxelLayout(16, 20, (1e-3, 0.75e-3))
+    bed = pressed(sphere_pad(fine), ball, 0.02).sum()
+    assert pressed(sphere_pad(), ball, 0.02).sum() == pytest.approx(bed, rel=0.08)
+    # four times softer where one contact is made instead of four, and pressed at the nearest corner
+    assert pressed(paxisim.Pad(LAYOUT), ball, 0.02).sum() < 0.7 * bed
+
+
+def test_a_raised_sphere_carries_more_as_compiled_and_as_set():
+    heights = np.full((4, 5), 3e-3)
+    heights[1, 2] += 2e-4
+    plate = 'type="box" size="0.05 0.05 0.01"'
+    compiled = pressed(sphere_pad(heights=heights), plate, 0.01)
+    np.testing.assert_allclose(pressed(sphere_pad(), plate, 0.01, heights), compiled, rtol=1e-3)
+    assert compiled[1, 2] == pytest.approx(compiled[0, 0] * (DEPTH + 2e-4) / DEPTH, rel=0.02)
+
+
+def test_only_boxes_and_spheres_and_no_touch_grid_of_spheres():
+    with pytest.raises(ValueError, match="boxes"):
+        paxisim.Pad(LAYOUT, taxels="cubes")
+    with pytest.raises(ValueError, match="touch_grid"):
+        sphere_pad(sensors="touch_grid")

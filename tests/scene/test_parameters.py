@@ -1,0 +1,159 @@
+"""The numbers of a scene: which there are, and that each changes what it says it does."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from rigs import LAYOUT, recording, total
+
+import paxisim
+from paxisim.scene import ready
+
+DEPTH = 1.2e-3
+
+
+def held(depth=DEPTH, slide=0.0, seconds=1.5):
+    """A press that is held, and slid along x while it is."""
+    time = np.arange(round(seconds * 100)) / 100
+    down = np.clip(time / 0.4, 0, 1)
+    along = slide * np.clip((time - 0.6) / 0.6, 0, 1)
+    return recording(time, {"x": along, "y": np.zeros_like(time), "depth": -2e-4 + (depth + 2e-4) * down})
+
+
+def bench(layout=LAYOUT):
+    """An indenter on taxels that a ball presses smoothly."""
+    text = """<mujoco><option timestep="0.002" cone="elliptic" impratio="10"/><worldbody><body name="bench"/>
+    <body name="ball" pos="0 0 0.02"><joint name="x" type="slide" axis="1 0 0"/><joint name="y" type="slide"
+    axis="0 -1 0"/><joint name="depth" type="slide" axis="0 0 -1"/><geom name="ball" type="sphere" size="0.02"
+    mass="0.1"/></body></worldbody></mujoco>"""
+    pad = paxisim.Pad(layout, thickness=4e-3, taxels="spheres")
+    made = paxisim.attach(text, pad, [paxisim.Mount("bench", quat=(0, 1, 0, 0), name="pad")])
+    drives = tuple(paxisim.Drive(name, joint=name, unit="m") for name in ("x", "y", "depth"))
+    return paxisim.Scene(made.to_xml(), drives, closing="depth", gel=paxisim.Gel(modulus=300e3))
+
+
+def force(scene, motion, **values):
+    """``(pads, 3, rows, cols)`` at the end of a motion."""
+    return scene.simulate(motion, **values).simulated[-5:].mean(axis=0)
+
+
+def place(normal):
+    """Where the normal force acts on a pad, in m along its x and y."""
+    normal = normal.ravel()
+    return LAYOUT.positions[:, :2].T @ normal / normal.sum()
+
+
+def test_an_indenter_has_these_numbers():
+    found = bench().parameters()
+    assert {item.group for item in found.values()} == {
+        "friction", "gel_stiffness", "mount_offset", "mount_tilt", "surface", "object_size", "object_pose",
+        "joint_offset",
+    }  # fmt: skip
+    assert all(item.low < item.nominal < item.high for item in found.values())
+    assert found["friction"].nominal == bench().gel.friction
+    assert "joint_offset_depth" in found
+    assert "joint_offset_x" not in found  # the mount's offset along x is the same thing
+
+
+def test_each_pad_of_a_gripper_has_its_own_and_names_tell_them_apart():
+    found = ready.gripper(LAYOUT, peg=True).parameters()
+    for side in ("left", "right"):
+        assert any(name.startswith("mount_tilt_x_") and side in name for name in found)
+    assert found["object_size"].target == "peg"
+
+
+def test_forces_change_as_the_numbers_say():
+    scene, motion = bench(), held()
+    plain = force(scene, motion)
+    assert total(force(scene, motion, gel_stiffness=1.3)[None])[0] == pytest.approx(
+        1.3 * total(plain[None])[0], rel=0.02
+    )
+    deeper = held(depth=DEPTH + 1e-4)
+    np.testing.assert_allclose(force(scene, motion, joint_offset_depth=1e-4), force(scene, deeper), atol=2e-3)
+    np.testing.assert_allclose(force(scene, motion, object_pose_z=-1e-4), force(scene, deeper), atol=2e-3)
+
+
+def test_a_slide_tells_the_friction():
+    scene, motion = bench(), held(slide=4e-3, seconds=1.2)
+    for friction in (0.4, 0.8):
+        x, _, normal = force(scene, motion, friction=friction)[0].sum(axis=(1, 2))
+        assert abs(x) == pytest.approx(friction * normal, rel=0.1)
+
+
+def test_a_pad_off_its_place_reads_the_press_elsewhere():
+    scene, motion = bench(), held()
+    there = place(force(scene, motion)[0, 2])
+    moved = place(force(scene, motion, mount_offset_x=1e-3, mount_offset_y=-5e-4)[0, 2])
+    np.testing.assert_allclose(moved - there, [-1e-3, 5e-4], atol=3e-4)
+    other = place(force(scene, motion, object_pose_x=1e-3)[0, 2])
+    np.testing.assert_allclose(other - there, [1e-3, 0], atol=3e-4)
+
+
+def test_a_tilted_pad_is_pressed_on_its_raised_side():
+    scene, motion = bench(), held()
+    tilted = place(force(scene, motion, mount_tilt_y=np.radians(2))[0, 2])
+    back = place(force(scene, motion, mount_tilt_y=-np.radians(2))[0, 2])
+    assert abs(tilted[0]) > 2e-4
+    assert np.sign(tilted[0]) == -np.sign(back[0])
+    assert abs(tilted[1]) < 1e-4
+
+
+def test_a_larger_ball_presses_more_taxels():
+    scene, motion = bench(), held()
+    # it grows about its middle, so that it also reaches deeper
+    larger = force(scene, motion, object_size=1.02)
+    assert total(larger[None])[0] > 1.2 * total(force(scene, motion)[None])[0]
+
+
+def test_a_bowl_is_pressed_at_its_rim():
+    scene, motion = bench(), held()
+    plain, bowl = force(scene, motion)[0, 2], force(scene, motion, surface_20=2e-4, surface_02=2e-4)[0, 2]
+    assert bowl[2:4, 2].sum() < 0.8 * plain[2:4, 2].sum()
+
+
+def test_a_motor_exerts_what_it_is_told_times_the_grip_force():
+    text = """<mujoco><option timestep="0.002" cone="elliptic" impratio="10"/><worldbody><body name="bench"/>
+    <body name="tip" pos="0 0 0.02" gravcomp="1"><joint name="z" type="slide" axis="0 0 -1" damping="60"/>
+    <geom type="sphere" size="0.02" mass="0.2"/></body></worldbody>
+    <actuator><motor name="push" joint="z"/></actuator></mujoco>"""
+    pad = paxisim.Pad(LAYOUT, thickness=4e-3, taxels="spheres")
+    made = paxisim.attach(text, pad, [paxisim.Mount("bench", quat=(0, 1, 0, 0), name="pad")])
+    scene = paxisim.Scene(made.to_xml(), (paxisim.Drive("push", actuator="push", unit="N"),), "force")
+    time = np.arange(200) / 100
+    motion = recording(time, {"push": 5.0 * np.clip(2 * time, 0, 1)})
+    assert total(force(scene, motion)[None])[0] == pytest.approx(5, rel=0.02)
+    assert total(force(scene, motion, grip_force=0.7)[None])[0] == pytest.approx(3.5, rel=0.02)
+    assert "grip_force" not in bench().parameters()
+
+
+def test_the_changed_scene_is_saved_with_its_values(tmp_path):
+    scene, motion = bench(), held()
+    changed = scene.with_parameters(mount_offset_x=1e-3, friction=0.7, joint_offset_depth=1e-4)
+    changed.save(tmp_path / "scene.toml")
+    again = paxisim.Scene.load(tmp_path / "scene.toml")
+    np.testing.assert_allclose(again.simulate(motion).simulated, changed.simulate(motion).simulated, atol=2e-3)
+    assert again.gel.friction == 0.7
+
+
+def test_bounds_are_the_scenes_own_and_survive_a_file(tmp_path):
+    scene = replace(bench(), bounds={"friction": (0.5, 1.5)})
+    assert scene.parameters()["friction"].high == 1.5
+    scene.save(tmp_path / "scene.toml")
+    assert paxisim.Scene.load(tmp_path / "scene.toml").parameters()["friction"].low == 0.5
+    with pytest.raises(ValueError, match="exclude its value in the scene, 1"):
+        replace(scene, bounds={"friction": (0.1, 0.9)}).parameters()
+    with pytest.raises(LookupError, match="gel_stiffness"):
+        replace(scene, bounds={"gel_stifness": (0.5, 2)}).parameters()
+
+
+@pytest.mark.parametrize(("name", "value", "error"), [("frction", 1.0, LookupError), ("mount_tilt_x", 1.0, ValueError)])
+def test_wrong_names_and_values_are_named(name, value, error):
+    with pytest.raises(error, match=name):
+        bench().with_parameters(**{name: value})
+
+
+def test_a_finer_pad_adds_up_to_the_sensors_taxels():
+    motion = held()
+    finer = bench(paxisim.TaxelLayout(12, 10, (26.1e-3 / 12, 22.6e-3 / 10))).simulate(motion).simulated
+    assert finer.shape[1:] == (1, 3, 6, 5)
+    assert total(finer)[-1] == pytest.approx(total(bench().simulate(motion).simulated)[-1], rel=0.05)

@@ -1,0 +1,69 @@
+"""Replays with other values: in parallel as alone, kept by content, and what fails is said."""
+
+import numpy as np
+import pytest
+from rigs import LAYOUT, recording
+
+from paxisim.errors import PaxisimError
+from paxisim.scene import ready
+from paxisim.scene.replays import Replays
+
+SCENE = ready.indenter(LAYOUT)
+
+
+def motion():
+    time = np.arange(60) / 50
+    depth = -5e-4 + 1.5e-3 * np.clip(time / 0.6, 0, 1)
+    return recording(time, {"x": 0 * time, "y": 0 * time, "depth": depth}, episode=np.repeat([0, 1], 30))
+
+
+def test_processes_give_what_one_gives_and_the_scene_itself():
+    known = SCENE.parameters()
+    sets = [{number: {known["gel_stiffness"]: value} for number in (0, 1)} for value in (1.0, 1.2)]
+    with Replays(SCENE, motion(), jobs=2) as several, Replays(SCENE, motion()) as one:
+        for a, b, value in zip(several.run_sets(sets), one.run_sets(sets), (1.0, 1.2), strict=True):
+            np.testing.assert_array_equal(a, b)
+            own = SCENE.simulate(motion(), gel_stiffness=value).simulated
+            np.testing.assert_allclose(a, own, atol=1e-3)
+            assert a.any()
+
+
+def test_each_episode_may_have_its_own_values():
+    known = SCENE.parameters()
+    with Replays(SCENE, motion()) as replays:
+        mixed = replays.run_each({1: {known["gel_stiffness"]: 1.5}})
+        plain, stiff = replays.run_sets([{}, {n: {known["gel_stiffness"]: 1.5} for n in (0, 1)}])
+    np.testing.assert_array_equal(mixed[:30], plain[:30])
+    np.testing.assert_array_equal(mixed[30:], stiff[30:])
+    assert not np.array_equal(plain[30:], stiff[30:])
+
+
+def test_replays_are_kept_by_what_they_depend_on(tmp_path):
+    known = SCENE.parameters()
+    with Replays(SCENE, motion(), folder=tmp_path) as replays:
+        first = replays.run_each({})
+    files = sorted(tmp_path.iterdir())
+    assert len(files) == 2  # one an episode
+    marked = np.load(files[0])["force"] + 1
+    np.savez(files[0], force=marked)
+    files[1].write_bytes(b"damaged")
+    with Replays(SCENE, motion(), folder=tmp_path) as replays:
+        again = replays.run_each({})
+        replays.run_each({0: {known["friction"]: 0.5}})
+    assert sorted(np.abs(again - first).max(axis=(1, 2, 3, 4)).round(6).tolist())[::59] == [0.0, 1.0]
+    assert len(list(tmp_path.iterdir())) == 3
+    with Replays(SCENE.with_parameters(friction=0.7), motion(), folder=tmp_path) as replays:
+        replays.run_each({})
+    assert len(list(tmp_path.iterdir())) == 5
+
+
+def test_values_that_cannot_be_simulated_are_said_and_lose_nothing():
+    known = SCENE.parameters()
+    deep = {number: {known["joint_offset_depth"]: -5e-3} for number in (0, 1)}
+    with Replays(SCENE, motion()) as replays:
+        fine, bad = replays.run_sets([{}, {n: {known["object_size"]: float("nan")} for n in (0, 1)}])
+        assert not isinstance(fine, PaxisimError)
+        assert isinstance(bad, PaxisimError)
+        with pytest.raises(PaxisimError):
+            replays.run_each({0: {known["object_size"]: float("nan")}})
+        assert not replays.run_each(deep).any()  # lifted off the pad
