@@ -152,6 +152,7 @@ class Run:
             values = found.pop("parameters")
             values = {key: _tuples(value) for key, value in values.items()}
             told = found.pop("diagnosis", None)
+            found.setdefault("updates", 1 / found["envs"])  # of a run that is older than the choice
             diagnosis = None if told is None else paxisim.diagnose.Diagnosis.from_json(json.dumps(told))
             run = cls(folder, parameters=Parameters(**values), diagnosis=diagnosis, **found)
         except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:

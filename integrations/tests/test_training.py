@@ -227,6 +227,10 @@ def test_a_run_of_other_versions_or_of_another_layout(killed, tmp_path):
     with pytest.raises(paxisim.InvalidValueError, match=r"made with mujoco 3\.0\.0 \(here .*--other-versions"):
         Run.open(tmp_path)
     assert Run.open(tmp_path, other_versions=True).task == "SY-2mm"
+    old = {name: document[name] for name in document if name not in ("engine", "steps", "updates", "batch")}
+    (tmp_path / "run.json").write_text(json.dumps(old))
+    older = Run.open(tmp_path, other_versions=True)
+    assert (older.engine, older.updates, older.batch) == ("robosuite", 0.5, 256), "as it was before one could choose"
     document["method"] = "DT"
     document["task"] = "SX-2mm"
     (tmp_path / "run.json").write_text(json.dumps(document))
