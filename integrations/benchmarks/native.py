@@ -14,6 +14,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import torch
 from paxisim_insertion import TASKS, InsertionEnv
+from paxisim_insertion.learner import make_model
 from paxisim_insertion.run import Run
 from paxisim_insertion.vec_env import InsertionVecEnv
 from stable_baselines3.common.logger import configure
@@ -78,7 +79,7 @@ def training() -> None:
     with TemporaryDirectory() as folder:
         run = Run(Path(folder), "SX-2mm", "GCS", envs=ENVS, engine="native", updates=0.05, buffer=20_000)
         env = run.make_envs()
-        model = run.model(env, "cpu")
+        model = make_model(run, env, "cpu")
         model.set_logger(configure(None, []))
         model.learn(2400)
         seconds, observed = {}, env.reset()

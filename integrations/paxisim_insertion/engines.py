@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+import paxisim
+
 from .arm import measure_arm
 from .env import ENGINES, PRIVILEGED, InsertionEnv
 from .evaluate import FIRST_SEED, interval_of, succeeds
@@ -29,6 +31,11 @@ def engines(*, policies: Path | None = None, trials: int = 50, episodes: int = 5
         episodes: Episodes of each task in which the engines get the same actions, those of a noisy expert.
         other_versions: Go on although the software's versions are not the runs'.
     """
+    if trials < 1 or episodes < 1:
+        raise paxisim.InvalidValueError(f"expected at least one trial and episode, got {trials} and {episodes}")
+    folders = [] if policies is None else sorted(path.parent for path in policies.glob("*/run.json"))
+    if policies is not None and not folders:
+        raise paxisim.InvalidValueError(f"{policies} has no folders of runs or of exported actors")
     print(f"{pushes(Parameters())}\n")
     print("| task | taxels, L1: median | 95 % | peg (mm): median | 95 % | sum of a pad (N): median | 95 % |")
     print("|---|---|---|---|---|---|---|")
@@ -39,10 +46,10 @@ def engines(*, policies: Path | None = None, trials: int = 50, episodes: int = 5
             for values, digits in zip(np.hstack(measured), (3, 2, 2), strict=True)
         ]
         print(f"| {task} | {' | '.join(cells)} |", flush=True)
-    if policies is None:
+    if not folders:
         return
     print(f"\n| policy | {' | '.join(f'{name}, {trials} trials' for name in ENGINES)} |\n|---|{'---|' * len(ENGINES)}")
-    for folder in sorted(path.parent for path in policies.glob("*/run.json")):
+    for folder in folders:
         run = Run.open(folder, other_versions=other_versions)
         cells = []
         for engine in ENGINES:

@@ -11,24 +11,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 from gymnasium import Env
 from gymnasium.wrappers import TransformReward
 from stable_baselines3 import SAC
 from stable_baselines3.common.monitor import Monitor
-from stable_baselines3.common.save_util import load_from_zip_file
 from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecEnv
 
 import paxisim
 
-from .average import Average
-from .env import InsertionEnv
+from .env import ENGINES, InsertionEnv
 from .methods import find_method
-from .policy import AsymmetricPolicy
-from .redraw import Redraw
-from .replay import HistoryReplayBuffer
 from .tasks import Parameters, find_task
-from .trained import ACTOR, NOT_WEIGHTS, Trained, counts_of
+from .trained import ACTOR, Trained
 from .vec_env import InsertionVecEnv
 
 PACKAGES = ("mujoco", "robosuite", "stable-baselines3", "torch", "gymnasium", "numpy")
@@ -83,6 +77,10 @@ class Run:
         parameters: What the paper leaves open.
         diagnosis: What was found of a sensor, whose model is drawn within its intervals for each episode, in place of
             what the method draws.
+
+    Raises:
+        InvalidValueError: A number that is not positive.
+        UnknownNameError: There is no such engine.
     """
 
     folder: Path
@@ -100,6 +98,17 @@ class Run:
     temperature: float = 1.0
     parameters: Parameters = Parameters()  # noqa: RUF009 - frozen
     diagnosis: paxisim.diagnose.Diagnosis | None = None
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        for name in ("envs", "buffer", "batch"):
+            if getattr(self, name) < 1:
+                raise paxisim.InvalidValueError(f"{name} must be at least 1, got {getattr(self, name)!r}")
+        for name in ("updates", "temperature", "reward_scale"):
+            if not 0 < getattr(self, name) < float("inf"):
+                raise paxisim.InvalidValueError(f"{name} must be positive and finite, got {getattr(self, name)!r}")
+        if self.engine not in ENGINES:
+            raise paxisim.UnknownNameError("engine", self.engine, ENGINES)
 
     @property
     def gcs(self) -> paxisim.GCS | None:
@@ -198,52 +207,6 @@ class Run:
         makers: list[Any] = [lambda index=index: self.make_env(index) for index in range(self.envs)]
         return SubprocVecEnv(makers, start_method="forkserver") if self.envs > 1 else DummyVecEnv(makers)
 
-    def model(self, env: VecEnv, device: str = "auto") -> SAC:
-        """The run's newest model, or its first; its replay buffer is in the folder, with all that was seen.
-
-        Of ``model.zip`` the weights, the optimisers' states and the counts are read, and none of its pickles: what else
-        a model is follows from the run.
-
-        Raises:
-            InvalidValueError: The model was made for other observations, as of another layout or k.
-        """
-        # a step of all environments is one for SAC, which counts whole updates
-        due = self.updates * self.envs
-        model = SAC(
-            AsymmetricPolicy,
-            env,
-            train_freq=max(1, round(1 / due)),
-            gradient_steps=max(1, round(due)),
-            ent_coef=f"auto_{self.temperature}",
-            policy_kwargs={"optimizer_kwargs": {"fused": True}},  # the same steps, in fewer passes over the weights
-            buffer_size=self.buffer,
-            batch_size=self.batch,
-            replay_buffer_class=HistoryReplayBuffer,
-            replay_buffer_kwargs={"history": env.get_attr("history")[0].k, "redraw": self._redraw(env)},
-            seed=self.seed,
-            device=device,
-        )
-        if self.model_path.exists():
-            try:
-                self._go_on(model)
-            except NOT_WEIGHTS as error:
-                raise paxisim.InvalidValueError(f"{self.model_path} does not fit the environment: {error}") from error
-        buffer = model.replay_buffer
-        assert isinstance(buffer, HistoryReplayBuffer)
-        buffer.keep_in(self.folder / "replay")
-        return model
-
-    def average(self, model: SAC) -> Average:
-        """The average of the actors that a training had so far, the newest of which is that of `model`."""
-        average = Average(model.actor)
-        path = self.folder / ACTOR
-        if path.exists():
-            try:
-                average.actor.load_state_dict(torch.load(path, map_location=model.device, weights_only=True)["actor"])
-            except NOT_WEIGHTS as error:
-                raise paxisim.InvalidValueError(f"{path} does not fit the environment: {error}") from error
-        return average
-
     def policy(self, env: InsertionEnv) -> Trained:
         """The newest policy, to act in `env`: the average of the actors, where the run has one.
 
@@ -261,23 +224,6 @@ class Run:
         new = self.folder / "model.new.zip"
         model.save(new)
         os.replace(new, self.model_path)
-
-    def _go_on(self, model: SAC) -> None:
-        """Give a model what the newest one had learned and counted."""
-        model.set_parameters(str(self.model_path), device=model.device)
-        _, _, tensors = load_from_zip_file(self.model_path, device=model.device, load_data=False)
-        assert isinstance(model.log_ent_coef, torch.Tensor)
-        with torch.no_grad():
-            model.log_ent_coef.copy_((tensors or {})["log_ent_coef"])
-        counts = counts_of(self.model_path)
-        for name in ("num_timesteps", "_n_updates", "_episode_num"):
-            setattr(model, name, counts[name])
-
-    def _redraw(self, env: VecEnv) -> Redraw | None:
-        gcs = self.gcs
-        if not self.redraw or gcs is None:
-            return None
-        return Redraw(gcs, env.get_attr("history")[0].encoding, env.get_attr("layout")[0], self.seed)
 
     def _identity(self) -> dict[str, Any]:
         own = {name: getattr(self, name) for name in _FIELDS}

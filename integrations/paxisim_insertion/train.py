@@ -17,6 +17,7 @@ from stable_baselines3.common.utils import set_random_seed
 
 import paxisim
 
+from .learner import average_of, make_model
 from .redraw import can_redraw
 from .run import BUFFER, REWARD_SCALE, Run
 from .shell import command
@@ -107,7 +108,7 @@ def train(
     torch.set_num_threads(threads)
     env = run.make_envs(threads)
     try:
-        sac = run.model(env, device)
+        sac = make_model(run, env, device)
         done = sac.num_timesteps
         # other episodes than those before the end that it is resumed from
         start = run.seed_after(done)
@@ -151,7 +152,7 @@ class Progress(BaseCallback):
         self._run, self._sac, self._steps, self._save_every = run, model, steps, save_every
         self._saved = self._began = time.monotonic()
         self._first = 0
-        self._average, self._averaged = run.average(model), model._n_updates
+        self._average, self._averaged = average_of(run, model), model._n_updates
 
     def save(self) -> None:
         """Save the model and the average of its actors."""

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from paxisim_insertion import InsertionEnv
 from paxisim_insertion.evaluate import evaluate
+from paxisim_insertion.learner import make_model
 from paxisim_insertion.results import Result
 from paxisim_insertion.run import Run
 from paxisim_insertion.shell import command
@@ -102,7 +103,7 @@ def test_a_policy_is_trained_on_a_diagnosis(diagnosed, tmp_path, capsys):
     found = paxisim.diagnose.Diagnosis.load(diagnosed)
     assert run.diagnosis.model.to_json() == found.model.to_json()
     env = run.make_envs()
-    model = run.model(env, "cpu")
+    model = make_model(run, env, "cpu")
     assert model.num_timesteps == 105
     assert model._n_updates > 0
     buffer = model.replay_buffer

@@ -6,11 +6,13 @@ import mujoco
 import numpy as np
 import pytest
 from paxisim_insertion import TASKS, InsertionEnv, InsertionScene, Parameters
+from paxisim_insertion.engines import engines
 from paxisim_insertion.evaluate import FIRST_SEED, succeeds
 from paxisim_insertion.expert import expert_action
 from paxisim_insertion.native_scene import NativeScene
 from paxisim_insertion.results import RESULTS, Result
 from paxisim_insertion.run import Run
+from paxisim_insertion.shell import command
 from scipy.stats import binom
 
 import paxisim
@@ -211,3 +213,20 @@ def test_an_expert_that_sees_the_poses_solves_the_task(task):
             _, _, terminated, truncated, info = env.step(expert_action(env))
         assert terminated, f"seed {seed}"
         assert info["is_success"]
+
+
+def test_the_table_of_the_engines(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("paxisim_insertion.engines.TASKS", ["SX-2mm"])
+    (tmp_path / "SX").symlink_to(POLICIES / "SX-2mm_DT_0")
+    words = ["--policies", str(tmp_path), "--trials", "1", "--episodes", "1", "--other-versions"]
+    assert command(engines, words) == 0
+    shown = capsys.readouterr().out
+    assert "-16.2 between them" in shown
+    assert "| SX-2mm DT, seed 0 | 1 (0.21 to 1.00) | 1 (0.21 to 1.00) |" in shown
+    row = next(line for line in shown.splitlines() if line.startswith("| SX-2mm | "))
+    median, most = (float(cell) for cell in row.split(" | ")[1:3])
+    assert median < 0.1
+    assert median < most < 0.5
+    for wrong in (["--trials", "0"], ["--episodes", "0"], ["--policies", str(tmp_path / "SX")]):
+        assert command(engines, wrong) == 2
+        assert capsys.readouterr().err.count("\n") == 1

@@ -18,6 +18,7 @@ import torch
 from paxisim_insertion.env import InsertionEnv
 from paxisim_insertion.evaluate import FIRST_SEED, evaluate, succeeds
 from paxisim_insertion.export import export
+from paxisim_insertion.learner import make_model
 from paxisim_insertion.replay import HistoryReplayBuffer
 from paxisim_insertion.results import RESULTS, Result
 from paxisim_insertion.run import Run, versions
@@ -74,7 +75,7 @@ def test_a_run_that_was_killed_goes_on_with_all_it_had_seen(killed):
     assert (run.engine, run.steps) == ("native", 100_000)
     collected = int(np.load(killed / "replay" / "_cursor.npy")[0])
     env = run.make_envs()
-    model = run.model(env, "cpu")
+    model = make_model(run, env, "cpu")
     saved = model.num_timesteps
     assert 0 < saved <= 2 * collected
     assert isinstance(model.replay_buffer, HistoryReplayBuffer)
@@ -84,7 +85,7 @@ def test_a_run_that_was_killed_goes_on_with_all_it_had_seen(killed):
     updates = model._n_updates
     train(out=killed, resume=True, steps=saved + 40, save_every=1e9, device="cpu")
     env = run.make_envs()
-    again = run.model(env, "cpu")
+    again = make_model(run, env, "cpu")
     env.close()
     assert again.num_timesteps == saved + 40
     assert again.replay_buffer.pos == collected + 20
@@ -192,7 +193,7 @@ def test_a_folder_from_elsewhere_runs_no_code(killed, tmp_path):
     envs = run.make_envs()
     observation, _ = env.reset(seed=1)
     acted = run.policy(env).act(observation)
-    run.model(envs, "cpu")
+    make_model(run, envs, "cpu")
     assert not mark.exists()
     np.testing.assert_array_equal(acted, Run.open(killed).policy(env).act(observation))
     torch.save(Harmful(mark), folder / "actor.pt")
@@ -212,6 +213,8 @@ def test_what_is_wrong_is_said_in_one_line(killed, tmp_path, capsys):
 
     assert "unknown task 'SX-3mm'" in said(train, "--task", "SX-3mm", "--out", str(tmp_path / "a"))
     assert "unknown method 'DTT'" in said(train, "--method", "DTT", "--out", str(tmp_path / "a"))
+    assert "updates must be positive" in said(train, "--updates", "0", "--out", str(tmp_path / "a"))
+    assert "batch must be at least 1" in said(train, "--batch", "0", "--out", str(tmp_path / "a"))
     assert not (tmp_path / "a").exists()
     assert "has a run already" in said(train, "--out", str(killed))
     assert "has no run" in said(train, "--resume", "--out", str(tmp_path))
@@ -285,7 +288,7 @@ def test_a_short_training_is_better_than_chance(tmp_path):
         return total
 
     try:
-        model = run.model(envs, "cpu")
+        model = make_model(run, envs, "cpu")
         model.set_logger(configure(None, []))
         env.action_space.seed(0)
         by_chance = mean_return(lambda observation: env.action_space.sample())
