@@ -77,7 +77,7 @@ def training() -> None:
     """Print what a step of a training costs, once it learns."""
     torch.set_num_threads(1)
     with TemporaryDirectory() as folder:
-        run = Run(Path(folder), "SX-2mm", "GCS", envs=ENVS, engine="native", updates=0.05, buffer=20_000)
+        run = Run(Path(folder), "SX-2mm", "GCS", envs=ENVS, engine="native", batch=128, buffer=20_000)
         env = run.make_envs()
         model = make_model(run, env, "cpu")
         model.set_logger(configure(None, []))
@@ -86,14 +86,15 @@ def training() -> None:
         for name, count, work in (
             ("environment", 10 * ENVS, lambda: [env.step(np.zeros((ENVS, 2))) for _ in range(10)]),
             ("acting", 10 * ENVS, lambda: [model.predict(observed, deterministic=False) for _ in range(10)]),
-            ("update", 20, lambda: model.train(20, model.batch_size)),
+            ("update of 128", 20, lambda: model.train(20, 128)),
+            ("update of 256", 20, lambda: model.train(20, 256)),
         ):
             start = time.process_time()
             work()
             seconds[name] = (time.process_time() - start) / count
         env.close()
     told = ", ".join(f"{name} {1e3 * value:.2f} ms" for name, value in seconds.items())
-    print(f"\nSX-2mm, GCS, CPU time of an environment step's {told} (an update)")
+    print(f"\nSX-2mm, GCS, CPU time of a training: a step's {told}")
 
 
 def main() -> None:
