@@ -1,4 +1,4 @@
-"""``python -m paxisim_insertion.evaluate --run runs/SX-2mm_GCS_0``: how often a trained policy succeeds."""
+"""``python -m paxisim_insertion.evaluate --run runs/SX-2mm_GCS_0``: how often a policy succeeds, in robosuite."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from scipy.stats import binomtest
 import paxisim
 
 from .env import InsertionEnv
-from .results import IN_SIMULATION, RESULTS, Result
+from .results import IN_SIMULATION, OUT, Result
 from .run import Run, versions
 from .shell import command
 from .surrogate import OPEN
@@ -27,7 +27,7 @@ def evaluate(
     *,
     trials: int = 50,
     sensor: str | Path | None = None,
-    out: Path = RESULTS,
+    out: Path = OUT,
     other_versions: bool = False,
 ) -> None:
     """Evaluate a run's newest policy on fixed episodes, and write the result.
@@ -38,7 +38,7 @@ def evaluate(
         sensor: A surrogate of a real sensor: a chain that paxisim saved, or reference:unit:N for the N-th unit of
             paxisim's magnetic pad, with +memory for a gel that creeps and +neighbour for the other pad's magnets.
             Default: what the method is trained with.
-        out: Folder of the result.
+        out: Folder of the result; .table looks there, too.
         other_versions: Evaluate although the software's versions are not the run's.
     """
     if trials < 1:
@@ -52,11 +52,14 @@ def evaluate(
     finally:
         env.close()
     name = IN_SIMULATION if sensor is None else f"surrogate {Path(str(sensor).replace(':', '-')).stem}"
-    interval = tuple(binomtest(successes, trials).proportion_ci(method="wilson"))
+    interval = interval_of(successes, trials)
     training = {
         "steps": trained.steps,
         "updates": trained.updates,
         "envs": this.envs,
+        "engine": this.engine,
+        "batch": this.batch,
+        "temperature": this.temperature,
         "redraw": this.redraw,
         "parameters": asdict(this.parameters),
         "model": [] if this.diagnosis is None else list(this.diagnosis.model.names),
@@ -80,6 +83,12 @@ def surrogate_of(sensor: str) -> paxisim.Chain | Callable[[paxisim.TaxelLayout],
         return paxisim.Chain([make(layout, zeroed_at=OPEN), paxisim.augment.Firmware()])
 
     return unit
+
+
+def interval_of(successes: int, trials: int) -> tuple[float, float]:
+    """Wilson's 95 % interval of a success rate."""
+    low, high = binomtest(successes, trials).proportion_ci(method="wilson")
+    return float(low), float(high)
 
 
 def succeeds(env: InsertionEnv, trained: Trained, seed: int) -> bool:

@@ -20,6 +20,9 @@ from .shell import command
 HEIGHT = 480
 """Of the film (pixels), that of the scene's picture."""
 
+LARGEST_NORMAL, LARGEST_SHEAR = 3.0, 2.0
+"""Newtons of a taxel at the ends of the film's colour scale and arrows: a grip of 30 N is 1 N a taxel."""
+
 
 def play(
     task: str = "SX-2mm",
@@ -78,7 +81,7 @@ def frame(env: InsertionEnv) -> NDArray[np.uint8]:
     scene = env.render()
     assert scene is not None
     assert env.scene.tactile is not None
-    figure = paxisim.plot_pads(env.reading, env.scene.tactile.pads.layout)
+    figure = paxisim.plot_pads(env.reading, env.scene.tactile.pads.layout, vmax=LARGEST_NORMAL, shear_max=LARGEST_SHEAR)
     drawn = io.BytesIO()
     figure.savefig(drawn, format="png", dpi=HEIGHT / figure.get_size_inches()[1])
     beside = cv2.imdecode(np.frombuffer(drawn.getvalue(), np.uint8), cv2.IMREAD_COLOR)

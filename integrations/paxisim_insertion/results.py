@@ -1,4 +1,4 @@
-"""Results: what an evaluation found, one JSON file each, in the package's folder ``results``."""
+"""Results: what an evaluation found, one JSON file each."""
 
 from __future__ import annotations
 
@@ -10,6 +10,11 @@ from typing import Any
 import paxisim
 
 RESULTS = Path(__file__).parent / "results"
+"""Those that come with the package."""
+
+OUT = Path("results")
+"""Where one's own go, in the working directory."""
+
 IN_SIMULATION = "sim"
 """The name of the sensor that is none: what the method is trained with."""
 
@@ -40,7 +45,7 @@ class Result:
     versions: dict[str, str]
     training: dict[str, Any]
 
-    def save(self, folder: Path = RESULTS) -> Path:
+    def save(self, folder: Path = OUT) -> Path:
         """Write it under the name of task, method, sensor and seed, in place of an older one."""
         folder.mkdir(parents=True, exist_ok=True)
         name = f"{self.task}_{self.method}_{self.sensor}_{self.seed}.json"

@@ -11,29 +11,38 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 from gymnasium import Env
 from gymnasium.wrappers import TransformReward
 from stable_baselines3 import SAC
 from stable_baselines3.common.monitor import Monitor
-from stable_baselines3.common.save_util import load_from_zip_file
 from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecEnv
 
 import paxisim
 
-from .env import InsertionEnv
+from .env import ENGINES, InsertionEnv
 from .methods import find_method
-from .policy import AsymmetricPolicy
-from .redraw import Redraw
-from .replay import HistoryReplayBuffer
 from .tasks import Parameters, find_task
-from .trained import ACTOR, NOT_WEIGHTS, Trained, counts_of
+from .trained import ACTOR, Trained
+from .vec_env import InsertionVecEnv
 
 PACKAGES = ("mujoco", "robosuite", "stable-baselines3", "torch", "gymnasium", "numpy")
 BUFFER = 1_000_000
 """Transitions in the replay buffer, stable-baselines3's default."""
 
-_FIELDS = ("task", "method", "seed", "envs", "buffer", "reward_scale", "redraw")
+_FIELDS = (
+    "task",
+    "method",
+    "seed",
+    "envs",
+    "buffer",
+    "reward_scale",
+    "redraw",
+    "steps",
+    "engine",
+    "updates",
+    "batch",
+    "temperature",
+)
 
 REWARD_SCALE = 0.05
 """What the reward is multiplied by in training. It does not change which policy is best. But SAC's temperature begins
@@ -60,9 +69,18 @@ class Run:
         buffer: Transitions in the replay buffer, all environments together.
         reward_scale: What the reward is multiplied by, see `REWARD_SCALE`.
         redraw: Draw GCS anew for each sample of the replay buffer too, see `Redraw`; the paper draws once an episode.
+        steps: Environment steps that it is to have in all.
+        engine: What moves the hand while it trains, see `InsertionEnv`.
+        updates: Updates for each environment step.
+        batch: Transitions of an update.
+        temperature: SAC's temperature at the start of the training.
         parameters: What the paper leaves open.
         diagnosis: What was found of a sensor, whose model is drawn within its intervals for each episode, in place of
             what the method draws.
+
+    Raises:
+        InvalidValueError: A number that is not positive.
+        UnknownNameError: There is no such engine.
     """
 
     folder: Path
@@ -73,8 +91,24 @@ class Run:
     buffer: int = BUFFER
     reward_scale: float = REWARD_SCALE
     redraw: bool = True
+    steps: int = 300_000
+    engine: str = "robosuite"
+    updates: float = 0.25
+    batch: int = 256
+    temperature: float = 1.0
     parameters: Parameters = Parameters()  # noqa: RUF009 - frozen
     diagnosis: paxisim.diagnose.Diagnosis | None = None
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        for name in ("envs", "buffer", "batch"):
+            if getattr(self, name) < 1:
+                raise paxisim.InvalidValueError(f"{name} must be at least 1, got {getattr(self, name)!r}")
+        for name in ("updates", "temperature", "reward_scale"):
+            if not 0 < getattr(self, name) < float("inf"):
+                raise paxisim.InvalidValueError(f"{name} must be positive and finite, got {getattr(self, name)!r}")
+        if self.engine not in ENGINES:
+            raise paxisim.UnknownNameError("engine", self.engine, ENGINES)
 
     @property
     def gcs(self) -> paxisim.GCS | None:
@@ -127,6 +161,7 @@ class Run:
             values = found.pop("parameters")
             values = {key: _tuples(value) for key, value in values.items()}
             told = found.pop("diagnosis", None)
+            found.setdefault("updates", 1 / found["envs"])  # of a run that is older than the choice
             diagnosis = None if told is None else paxisim.diagnose.Diagnosis.from_json(json.dumps(told))
             run = cls(folder, parameters=Parameters(**values), diagnosis=diagnosis, **found)
         except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
@@ -158,41 +193,22 @@ class Run:
             Monitor(env, info_keywords=("is_success",)), lambda reward: self.reward_scale * float(reward)
         )
 
-    def make_envs(self) -> VecEnv:
-        """All of the run's environments, each in a process of its own if there are several."""
+    def make_envs(self, threads: int = 1) -> VecEnv:
+        """All of the run's environments; those of robosuite in processes of their own, if there are several.
+
+        Args:
+            threads: In which the native engine steps them.
+        """
+        if self.engine == "native":
+            envs = [self.insertion_env(engine="native") for _ in range(self.envs)]
+            made = InsertionVecEnv(envs, reward_scale=self.reward_scale, threads=threads)
+            made.seed(self.seed * 1000)
+            return made
         makers: list[Any] = [lambda index=index: self.make_env(index) for index in range(self.envs)]
         return SubprocVecEnv(makers, start_method="forkserver") if self.envs > 1 else DummyVecEnv(makers)
 
-    def model(self, env: VecEnv, device: str = "auto") -> SAC:
-        """The run's newest model, or its first; its replay buffer is in the folder, with all that was seen.
-
-        Of ``model.zip`` the weights, the optimisers' states and the counts are read, and none of its pickles: what else
-        a model is follows from the run.
-
-        Raises:
-            InvalidValueError: The model was made for other observations, as of another layout or k.
-        """
-        model = SAC(
-            AsymmetricPolicy,
-            env,
-            buffer_size=self.buffer,
-            replay_buffer_class=HistoryReplayBuffer,
-            replay_buffer_kwargs={"history": env.get_attr("history")[0].k, "redraw": self._redraw(env)},
-            seed=self.seed,
-            device=device,
-        )
-        if self.model_path.exists():
-            try:
-                self._go_on(model)
-            except NOT_WEIGHTS as error:
-                raise paxisim.InvalidValueError(f"{self.model_path} does not fit the environment: {error}") from error
-        buffer = model.replay_buffer
-        assert isinstance(buffer, HistoryReplayBuffer)
-        buffer.keep_in(self.folder / "replay")
-        return model
-
     def policy(self, env: InsertionEnv) -> Trained:
-        """The newest policy, to act in `env`.
+        """The newest policy, to act in `env`: the average of the actors, where the run has one.
 
         Raises:
             InvalidValueError: There is none yet, or it was trained on other observations.
@@ -208,23 +224,6 @@ class Run:
         new = self.folder / "model.new.zip"
         model.save(new)
         os.replace(new, self.model_path)
-
-    def _go_on(self, model: SAC) -> None:
-        """Give a model what the newest one had learned and counted."""
-        model.set_parameters(str(self.model_path), device=model.device)
-        _, _, tensors = load_from_zip_file(self.model_path, device=model.device, load_data=False)
-        assert isinstance(model.log_ent_coef, torch.Tensor)
-        with torch.no_grad():
-            model.log_ent_coef.copy_((tensors or {})["log_ent_coef"])
-        counts = counts_of(self.model_path)
-        for name in ("num_timesteps", "_n_updates", "_episode_num"):
-            setattr(model, name, counts[name])
-
-    def _redraw(self, env: VecEnv) -> Redraw | None:
-        gcs = self.gcs
-        if not self.redraw or gcs is None:
-            return None
-        return Redraw(gcs, env.get_attr("history")[0].encoding, env.get_attr("layout")[0], self.seed)
 
     def _identity(self) -> dict[str, Any]:
         own = {name: getattr(self, name) for name in _FIELDS}

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .results import IN_SIMULATION, RESULTS, Result
+from .results import IN_SIMULATION, OUT, RESULTS, Result
 from .shell import command
 from .tasks import TASKS
 
@@ -41,13 +41,16 @@ ABLATION_REAL = {
 """The paper's ablation, on the real robot."""
 
 
-def table(results: Path = RESULTS) -> None:
+def table(results: Path | None = None) -> None:
     """Print the tables: the paper's figure, a stroke, ours, the mean over seeds; nothing where there is none.
 
     Args:
-        results: Folder of the results.
+        results: Folder of the results. Default: those that come with the package, and those in ./results, of which one
+            of the same task, method, sensor and seed takes the other's place.
     """
-    found = [Result.load(path) for path in sorted(results.glob("*.json"))]
+    folders = (RESULTS, OUT) if results is None else (results,)
+    paths = {path.name: path for folder in folders for path in sorted(folder.glob("*.json"))}
+    found = [Result.load(path) for _, path in sorted(paths.items())]
     surrogates = sorted({result.sensor for result in found} - {IN_SIMULATION})
     more = {r.method: (None,) * len(TASKS) for r in found if r.method not in TABLE_2_SIM}
     _print("Simulation (paper / ours)", {**TABLE_2_SIM, **more}, found, IN_SIMULATION)

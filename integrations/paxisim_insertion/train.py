@@ -6,21 +6,26 @@ import sys
 import time
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import torch
+from stable_baselines3 import SAC
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import configure
 from stable_baselines3.common.utils import set_random_seed
 
 import paxisim
 
+from .learner import average_of, make_model
 from .redraw import can_redraw
-from .run import BUFFER, Run
+from .run import BUFFER, REWARD_SCALE, Run
 from .shell import command
 from .tasks import Parameters
+from .trained import save_actor
 
 PARAMETERS = Parameters()
+STEPS = 300_000
 
 
 def train(
@@ -28,8 +33,13 @@ def train(
     method: str = "GCS",
     seed: int = 0,
     *,
-    steps: int = 300_000,
-    envs: int = 4,
+    steps: int | None = None,
+    engine: Literal["native", "robosuite"] = "native",
+    envs: int = 20,
+    updates: float = 0.25,
+    batch: int = 128,
+    temperature: float = 1.0,
+    reward_scale: float = REWARD_SCALE,
     out: Path | None = None,
     resume: bool = False,
     other_versions: bool = False,
@@ -47,9 +57,13 @@ def train(
         task: Name of the task.
         method: Name of the method.
         seed: Seed of networks, environments and exploration.
-        steps: Environment steps in all.
-        envs: Environments that collect at the same time, each in a process of its own; there is one update for a step
-            of all of them.
+        steps: Environment steps in all. Default: 300,000, or what the run that is resumed was to have.
+        engine: What moves the hand. Results are those of robosuite, whatever this is.
+        envs: Environments that collect at the same time.
+        updates: Updates of the networks for each environment step, or as many as whole numbers allow.
+        batch: Transitions of an update.
+        temperature: SAC's temperature at the start.
+        reward_scale: What the reward is multiplied by while it trains.
         out: Folder of the run. Default: runs/TASK_METHOD_SEED.
         resume: Go on with the run that is there; what it is was settled when it began.
         other_versions: Go on although the software's versions are not the run's.
@@ -60,24 +74,41 @@ def train(
         redraw: Draw GCS anew for each sample of the replay buffer too; the paper draws once an episode. A model with
             memory, such as creep, or that needs the gripper's opening is drawn once an episode in any case.
         parameters: What the paper leaves open.
-        threads: Threads of torch.
+        threads: Threads of torch and of the native engine.
         device: Torch's device.
     """
     name = f"{task}_{method}_{seed}" + ("" if model is None else "_fitted")
     folder = out or Path("runs") / name.replace(" ", "-").replace("/", "")
     if resume:
         run = Run.open(folder, other_versions=other_versions)
+        steps = run.steps if steps is None else steps
     else:
+        steps = STEPS if steps is None else steps
         found = None if model is None else load_diagnosis(model)
-        run = Run(folder, task, method, seed, envs, buffer, parameters=parameters, diagnosis=found)
+        run = Run(
+            folder,
+            task,
+            method,
+            seed,
+            envs,
+            buffer,
+            reward_scale,
+            steps=steps,
+            engine=engine,
+            updates=updates,
+            batch=batch,
+            temperature=temperature,
+            parameters=parameters,
+            diagnosis=found,
+        )
         run = replace(run, redraw=redraw and can_redraw(run.gcs))
         if found is not None:
             run.insertion_env().close()  # says what does not fit before there is a folder
         run.create()
     torch.set_num_threads(threads)
-    env = run.make_envs()
+    env = run.make_envs(threads)
     try:
-        sac = run.model(env, device)
+        sac = make_model(run, env, device)
         done = sac.num_timesteps
         # other episodes than those before the end that it is resumed from
         start = run.seed_after(done)
@@ -85,10 +116,10 @@ def train(
         env.seed(start)
         sac.set_logger(configure(str(folder / f"log_{done}"), ["csv", "tensorboard"]))
         print(f"{run.task} {run.name} seed {run.seed}: {done} of {steps} steps done, in {folder}", flush=True)
+        progress = Progress(run, sac, steps, save_every)
         if done < steps:
-            progress = Progress(run, steps, save_every)
             sac.learn(steps - done, callback=progress, reset_num_timesteps=False, log_interval=10)
-        run.save(sac)
+        progress.save()
         sac.logger.close()
     finally:
         env.close()
@@ -115,20 +146,36 @@ def load_diagnosis(folder: Path) -> paxisim.diagnose.Diagnosis:
 class Progress(BaseCallback):
     """Saves the model from time to time, and says how it goes."""
 
-    def __init__(self, run: Run, steps: int, save_every: float) -> None:
-        """For a run of so many steps in all."""
+    def __init__(self, run: Run, model: SAC, steps: int, save_every: float) -> None:
+        """For a run of so many steps in all, whose newest model this is."""
         super().__init__()
-        self._run, self._steps, self._save_every = run, steps, save_every
+        self._run, self._sac, self._steps, self._save_every = run, model, steps, save_every
         self._saved = self._began = time.monotonic()
         self._first = 0
+        self._average, self._averaged = average_of(run, model), model._n_updates
+
+    def save(self) -> None:
+        """Save the model and the average of its actors."""
+        self._take_in()
+        self._run.save(self._sac)
+        save_actor(self._run.folder, self._average.actor, self._sac.num_timesteps, self._sac._n_updates)
 
     def _on_training_start(self) -> None:
         self._first = self.num_timesteps
 
+    def _on_rollout_start(self) -> None:
+        self._take_in()
+
+    def _take_in(self) -> None:
+        new = self._sac._n_updates - self._averaged
+        if new > 0:
+            self._average.add(self._sac.actor, new)
+            self._averaged += new
+
     def _on_step(self) -> bool:
         now = time.monotonic()
         if now - self._saved >= self._save_every:
-            self._run.save(self.model)  # type: ignore[arg-type]
+            self.save()
             self._saved = time.monotonic()
             rate = (self.num_timesteps - self._first) / (now - self._began)
             left = (self._steps - self.num_timesteps) / max(rate, 1e-9) / 3600

@@ -20,6 +20,7 @@ import torch
 from numpy.typing import NDArray
 from stable_baselines3 import SAC
 from stable_baselines3.common.save_util import load_from_zip_file
+from torch import nn
 
 import paxisim
 
@@ -68,12 +69,7 @@ class Trained:
 
     def save(self, folder: Path) -> Path:
         """Write the actor to `ACTOR` in a folder, whole or not at all."""
-        path = folder / ACTOR
-        new = path.with_suffix(".new")
-        document: dict[str, Any] = {"steps": self.steps, "updates": self.updates}
-        torch.save({**document, "actor": self.policy.actor.state_dict()}, new)
-        os.replace(new, path)
-        return path
+        return save_actor(folder, self.policy.actor, self.steps, self.updates)
 
     @classmethod
     def load(cls, folder: Path, env: InsertionEnv) -> Trained:
@@ -104,6 +100,15 @@ class Trained:
             return {"actor": actor, "steps": counts["num_timesteps"], "updates": counts["_n_updates"]}
 
         return _fitted(path, env, read)
+
+
+def save_actor(folder: Path, actor: nn.Module, steps: int, updates: int) -> Path:
+    """Write an actor, and what its training cost, to `ACTOR` in a folder, whole or not at all."""
+    path = folder / ACTOR
+    new = path.with_suffix(".new")
+    torch.save({"steps": steps, "updates": updates, "actor": actor.state_dict()}, new)
+    os.replace(new, path)
+    return path
 
 
 def counts_of(model: Path) -> dict[str, int]:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from paxisim_insertion import InsertionEnv
 from paxisim_insertion.evaluate import evaluate
+from paxisim_insertion.learner import make_model
 from paxisim_insertion.results import Result
 from paxisim_insertion.run import Run
 from paxisim_insertion.shell import command
@@ -96,13 +97,13 @@ def test_chains_that_do_not_fit_are_refused_at_once():
 def test_a_policy_is_trained_on_a_diagnosis(diagnosed, tmp_path, capsys):
     folder = tmp_path / "run"
     words = ["--model", str(diagnosed), "--envs", "1", "--buffer", "300", "--device", "cpu", "--out", str(folder)]
-    assert command(train, [*words, "--steps", "105"]) == 0
+    assert command(train, [*words, "--updates", "1", "--steps", "105"]) == 0
     assert "SX-2mm GCS fitted seed 0" in capsys.readouterr().out
     run = Run.open(folder)
     found = paxisim.diagnose.Diagnosis.load(diagnosed)
     assert run.diagnosis.model.to_json() == found.model.to_json()
     env = run.make_envs()
-    model = run.model(env, "cpu")
+    model = make_model(run, env, "cpu")
     assert model.num_timesteps == 105
     assert model._n_updates > 0
     buffer = model.replay_buffer

@@ -7,6 +7,7 @@ import pytest
 import torch
 from gymnasium import spaces
 from paxisim_insertion import METHODS, TASKS
+from paxisim_insertion.average import SHARE, Average
 from paxisim_insertion.env import PRIVILEGED, RAW
 from paxisim_insertion.policy import AsymmetricPolicy
 from paxisim_insertion.redraw import Redraw
@@ -198,3 +199,19 @@ def test_each_history_has_one_draw_and_each_sample_its_own():
 def test_a_history_that_does_not_divide():
     with pytest.raises(paxisim.InvalidValueError, match="120 channels of tactile history are not those of 7 frames"):
         HistoryReplayBuffer(10, space_of("GCS"), ACTIONS, history=7)
+
+
+def test_the_average_of_actors():
+    first, second = policy_of("GCS").actor, policy_of("GCS").actor
+    with torch.no_grad():
+        for value in second.state_dict().values():
+            value += 1
+    average = Average(first)
+    average.add(second, 1)
+    average.add(second, 2)
+    share = 1 - (1 - SHARE) ** 3
+    for name, value in average.actor.state_dict().items():
+        start, end = first.state_dict()[name], second.state_dict()[name]
+        expected = end if not value.is_floating_point() else start + share * (end - start)
+        torch.testing.assert_close(value, expected, msg=name)
+    assert not any(value.requires_grad for value in average.actor.parameters())

@@ -58,7 +58,7 @@ def test_the_action_costs_a_tenth_of_its_square():
     ],
 )
 def test_where_a_peg_counts_as_engaged(name, x, y, engaged):
-    assert state(name, x, y, 15e-3).engaged is engaged
+    assert state(name, x, y, 15e-3).engaged == engaged
     assert not state(name, x, y, 19.5e-3).engaged, "resting on the rim"
     assert not state(name, x, y, 25e-3).engaged
 
@@ -67,7 +67,7 @@ def test_where_a_peg_counts_as_engaged(name, x, y, engaged):
 def test_a_peg_that_leans_too_far_is_not_engaged(angle, engaged):
     lean = np.array([[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]])
     for rotation in (lean, lean[np.ix_([1, 0, 2], [1, 0, 2])]):
-        assert state("SQ-2mm", 0, 0, 15e-3, rotation).engaged is engaged
+        assert state("SQ-2mm", 0, 0, 15e-3, rotation).engaged == engaged
     turned = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     assert state("SQ-2mm", 0, 0, 15e-3, turned).engaged, "turning about its own axis is no lean"
 

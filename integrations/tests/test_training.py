@@ -18,6 +18,7 @@ import torch
 from paxisim_insertion.env import InsertionEnv
 from paxisim_insertion.evaluate import FIRST_SEED, evaluate, succeeds
 from paxisim_insertion.export import export
+from paxisim_insertion.learner import make_model
 from paxisim_insertion.replay import HistoryReplayBuffer
 from paxisim_insertion.results import RESULTS, Result
 from paxisim_insertion.run import Run, versions
@@ -45,7 +46,7 @@ def in_shell(*words):
         "--save-every",
         "1",
         "--envs",
-        "1",
+        "2",
         *words,
     ]
     return subprocess.Popen(arguments, env=os.environ | {"PYTHONPATH": path}, stdout=subprocess.PIPE, text=True)
@@ -70,23 +71,24 @@ def killed(tmp_path_factory):
 
 def test_a_run_that_was_killed_goes_on_with_all_it_had_seen(killed):
     run = Run.open(killed)
-    assert (run.task, run.method, run.seed, run.envs, run.buffer) == ("SY-2mm", "GCS", 0, 1, SIZE)
+    assert (run.task, run.method, run.seed, run.envs, run.buffer) == ("SY-2mm", "GCS", 0, 2, SIZE)
+    assert (run.engine, run.steps) == ("native", 100_000)
     collected = int(np.load(killed / "replay" / "_cursor.npy")[0])
     env = run.make_envs()
-    model = run.model(env, "cpu")
+    model = make_model(run, env, "cpu")
     saved = model.num_timesteps
-    assert 0 < saved <= collected
+    assert 0 < saved <= 2 * collected
     assert isinstance(model.replay_buffer, HistoryReplayBuffer)
     assert model.replay_buffer.pos == collected
     assert torch.isfinite(model.replay_buffer.sample(32).observations["tactile"]).all()
     env.close()
     updates = model._n_updates
-    train(out=killed, resume=True, steps=saved + 12, save_every=1e9, device="cpu")
+    train(out=killed, resume=True, steps=saved + 40, save_every=1e9, device="cpu")
     env = run.make_envs()
-    again = run.model(env, "cpu")
+    again = make_model(run, env, "cpu")
     env.close()
-    assert again.num_timesteps == saved + 12
-    assert again.replay_buffer.pos == collected + 12
+    assert again.num_timesteps == saved + 40
+    assert again.replay_buffer.pos == collected + 20
     assert again._n_updates >= updates
     before, after = model.policy.state_dict(), again.policy.state_dict()
     changed = any(not torch.equal(before[name], after[name]) for name in before)
@@ -98,6 +100,9 @@ def test_what_the_paper_leaves_open_is_an_option(tmp_path, capsys):
     assert command(train, [*words, "--parameters.grip-force", "20", "--device", "cpu"]) == 0
     run = Run.open(tmp_path / "run")
     assert run.parameters == Parameters(grip_force=20)
+    capsys.readouterr()
+    assert command(train, ["--resume", "--out", str(tmp_path / "run"), "--device", "cpu"]) == 0
+    assert "0 of 0 steps done" in capsys.readouterr().out, "it keeps its number of steps"
     assert not run.redraw, "there is nothing to draw for DT"
     evaluate(tmp_path / "run", trials=1, out=tmp_path)
     (path,) = tmp_path.glob("*.json")
@@ -122,6 +127,20 @@ def test_a_run_is_evaluated_and_tabulated(killed, tmp_path, capsys):
     assert f"| GCS | 1.00 /  | 0.90 /  | 0.84 /  | 0.98 /  | 0.98 /  | 0.76 / {rate} |" in shown
     assert "| GCS+O |  /  |  /  |  /  |  /  |  /  |  / 0.25 |" in shown, "a method that the paper has not"
     assert "Paper's real robot / our surrogate poisson" in shown
+
+
+def test_one_s_own_results_are_tabulated_with_those_of_the_package(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    table()
+    before = capsys.readouterr().out
+    kept = Result.load(RESULTS / "SX-2mm_NT_sim_0.json")
+    replace(kept, success_rate=0.5).save()
+    assert (tmp_path / "results" / "SX-2mm_NT_sim_0.json").exists()
+    table()
+    after = capsys.readouterr().out
+    assert "0.42 / 0.16 |" in before
+    assert "0.42 / 0.50 |" in after
+    assert after.replace("0.42 / 0.50 |", "0.42 / 0.16 |") == before
 
 
 def test_the_actor_alone_acts_as_the_model_does(killed, tmp_path, capsys):
@@ -174,7 +193,7 @@ def test_a_folder_from_elsewhere_runs_no_code(killed, tmp_path):
     envs = run.make_envs()
     observation, _ = env.reset(seed=1)
     acted = run.policy(env).act(observation)
-    run.model(envs, "cpu")
+    make_model(run, envs, "cpu")
     assert not mark.exists()
     np.testing.assert_array_equal(acted, Run.open(killed).policy(env).act(observation))
     torch.save(Harmful(mark), folder / "actor.pt")
@@ -194,6 +213,8 @@ def test_what_is_wrong_is_said_in_one_line(killed, tmp_path, capsys):
 
     assert "unknown task 'SX-3mm'" in said(train, "--task", "SX-3mm", "--out", str(tmp_path / "a"))
     assert "unknown method 'DTT'" in said(train, "--method", "DTT", "--out", str(tmp_path / "a"))
+    assert "updates must be positive" in said(train, "--updates", "0", "--out", str(tmp_path / "a"))
+    assert "batch must be at least 1" in said(train, "--batch", "0", "--out", str(tmp_path / "a"))
     assert not (tmp_path / "a").exists()
     assert "has a run already" in said(train, "--out", str(killed))
     assert "has no run" in said(train, "--resume", "--out", str(tmp_path))
@@ -209,6 +230,10 @@ def test_a_run_of_other_versions_or_of_another_layout(killed, tmp_path):
     with pytest.raises(paxisim.InvalidValueError, match=r"made with mujoco 3\.0\.0 \(here .*--other-versions"):
         Run.open(tmp_path)
     assert Run.open(tmp_path, other_versions=True).task == "SY-2mm"
+    old = {name: document[name] for name in document if name not in ("engine", "steps", "updates", "batch")}
+    (tmp_path / "run.json").write_text(json.dumps(old))
+    older = Run.open(tmp_path, other_versions=True)
+    assert (older.engine, older.updates, older.batch) == ("robosuite", 0.5, 256), "as it was before one could choose"
     document["method"] = "DT"
     document["task"] = "SX-2mm"
     (tmp_path / "run.json").write_text(json.dumps(document))
@@ -230,7 +255,7 @@ def test_no_two_runs_and_resumptions_have_an_environment_in_common(tmp_path):
 
 
 def test_environments_in_processes_of_their_own(tmp_path):
-    env = Run(tmp_path, "SX-2mm", "GCS", seed=4, envs=2).make_envs()
+    env = Run(tmp_path, "SX-2mm", "GCS", seed=4, envs=2, engine="robosuite").make_envs()
     try:
         env.seed(4)
         observation = env.reset()
@@ -245,9 +270,9 @@ def test_environments_in_processes_of_their_own(tmp_path):
 
 
 def test_a_short_training_is_better_than_chance(tmp_path):
-    """With the peg above the hole it is to learn to push down, gently: blind, 1600 steps, half a minute."""
+    """With the peg above the hole it is to learn to push down, gently: blind, in the native engine, for robosuite's."""
     above = Parameters(start=((0, -5e-4, 2e-3), (0, 5e-4, 4e-3)), grasp_offset=(0, 0))
-    run = Run(tmp_path, "SX-2mm", "NT", envs=2, buffer=SIZE, parameters=above)
+    run = Run(tmp_path, "SX-2mm", "NT", envs=2, buffer=SIZE, engine="native", updates=0.5, parameters=above)
     run.create()
     envs = run.make_envs()
     env = InsertionEnv("SX-2mm", "NT", parameters=above)
@@ -263,7 +288,7 @@ def test_a_short_training_is_better_than_chance(tmp_path):
         return total
 
     try:
-        model = run.model(envs, "cpu")
+        model = make_model(run, envs, "cpu")
         model.set_logger(configure(None, []))
         env.action_space.seed(0)
         by_chance = mean_return(lambda observation: env.action_space.sample())

@@ -1,0 +1,136 @@
+"""What the native engine gains: steps per CPU second over those of robosuite's, resets included, in one run.
+
+``python integrations/benchmarks/native.py``. Rounds of whole episodes with two 6x5 pads, GCS and its history: as many
+native ones as a training has in one vectorised environment, then one of robosuite, on random actions. CPU
+seconds are those of all threads. The last line says what a training step costs.
+"""
+
+import logging
+import os
+import time
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import torch
+from paxisim_insertion import TASKS, InsertionEnv
+from paxisim_insertion.learner import make_model
+from paxisim_insertion.run import Run
+from paxisim_insertion.vec_env import InsertionVecEnv
+from stable_baselines3.common.logger import configure
+
+ROUNDS, ENVS = 5, 20
+DOWN = 0.2  # of the largest action, so that pegs come to stand on their bases
+
+
+def actions(rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
+    """Random actions that drift down."""
+    drawn = rng.normal(0, 0.3, shape)
+    drawn[..., -1] -= DOWN
+    return np.clip(drawn, -1, 1)
+
+
+def robosuite_seconds(env: InsertionEnv, seed: int) -> float:
+    """CPU seconds of a step of an episode."""
+    rng, start = np.random.default_rng(seed), time.process_time()
+    env.reset(seed=seed)
+    for _ in range(env.task.max_steps):
+        env.step(actions(rng, env.action_space.shape))
+    return (time.process_time() - start) / env.task.max_steps
+
+
+def native_seconds(env: InsertionVecEnv, seed: int) -> tuple[float, float]:
+    """CPU and wall seconds of a step of an environment; the episodes' ends and beginnings are in it."""
+    rng, cpu, wall = np.random.default_rng(seed), time.process_time(), time.perf_counter()
+    for _ in range(env.envs[0].task.max_steps):
+        env.step(actions(rng, (env.num_envs, *env.action_space.shape)))
+    steps = env.num_envs * env.envs[0].task.max_steps
+    return (time.process_time() - cpu) / steps, (time.perf_counter() - wall) / steps
+
+
+def share_of_physics(env: InsertionVecEnv, seed: int) -> float:
+    """MuJoCo's share of a step's CPU time, without resets."""
+    rng, inside = np.random.default_rng(seed), 0.0
+    env.reset()
+
+    def timed(advance):  # type: ignore[no-untyped-def]
+        def run() -> None:
+            nonlocal inside
+            start = time.thread_time()
+            advance()
+            inside += time.thread_time() - start
+
+        return run
+
+    for member in env.envs:
+        member.scene.advance = timed(member.scene.advance)
+    start = time.process_time()
+    for _ in range(env.envs[0].task.max_steps - 1):
+        env.step(actions(rng, (env.num_envs, *env.action_space.shape)))
+    total = time.process_time() - start
+    for member in env.envs:
+        del member.scene.advance
+    return inside / total
+
+
+def training() -> None:
+    """Print what a step of a training costs, once it learns."""
+    torch.set_num_threads(1)
+    with TemporaryDirectory() as folder:
+        run = Run(Path(folder), "SX-2mm", "GCS", envs=ENVS, engine="native", batch=128, buffer=20_000)
+        env = run.make_envs()
+        model = make_model(run, env, "cpu")
+        model.set_logger(configure(None, []))
+        model.learn(2400)
+        seconds, observed = {}, env.reset()
+        for name, count, work in (
+            ("environment", 10 * ENVS, lambda: [env.step(np.zeros((ENVS, 2))) for _ in range(10)]),
+            ("acting", 10 * ENVS, lambda: [model.predict(observed, deterministic=False) for _ in range(10)]),
+            ("update of 128", 20, lambda: model.train(20, 128)),
+            ("update of 256", 20, lambda: model.train(20, 256)),
+        ):
+            start = time.process_time()
+            work()
+            seconds[name] = (time.process_time() - start) / count
+        env.close()
+    told = ", ".join(f"{name} {1e3 * value:.2f} ms" for name, value in seconds.items())
+    print(f"\nSX-2mm, GCS, CPU time of a training: a step's {told}")
+
+
+def main() -> None:
+    """Print the table."""
+    logging.getLogger("robosuite_logs").setLevel(logging.ERROR)
+    threads = os.cpu_count() or 1
+    print(
+        "| task | robosuite, ms a step | native | steps per CPU second, robosuite = 1 (least and most of a round) ",
+        end="",
+    )
+    print(f"| with {threads} threads | wall, {threads} threads | MuJoCo's share of native |")
+    print("|---|---|---|---|---|---|---|")
+    for task in TASKS:
+        reference = InsertionEnv(task, "GCS")
+        native = [
+            InsertionVecEnv([InsertionEnv(task, "GCS", engine="native") for _ in range(ENVS)], threads=count)
+            for count in (1, threads)
+        ]
+        rows = []
+        for env in native:
+            env.reset()
+        for seed in range(ROUNDS):
+            one, many = native_seconds(native[0], seed), native_seconds(native[1], seed)
+            rows.append((robosuite_seconds(reference, seed), one[0], many[0], many[1]))
+        slow, one, many, wall = np.array(rows).T
+        gains = slow / one
+        print(
+            f"| {task} | {1e3 * np.median(slow):.2f} | {1e3 * np.median(one):.2f} | {np.median(gains):.1f} "
+            f"({gains.min():.1f} to {gains.max():.1f}) | {np.median(slow / many):.1f} | {np.median(slow / wall):.1f} | "
+            f"{share_of_physics(native[0], 0):.2f} |",
+            flush=True,
+        )
+        for env in (reference, *native):
+            env.close()
+    training()
+
+
+if __name__ == "__main__":
+    main()

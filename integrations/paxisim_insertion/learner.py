@@ -1,0 +1,84 @@
+"""Learner: the SAC of a run, its first one or as it was when the run ended."""
+
+from __future__ import annotations
+
+import torch
+from stable_baselines3 import SAC
+from stable_baselines3.common.save_util import load_from_zip_file
+from stable_baselines3.common.vec_env import VecEnv
+
+import paxisim
+
+from .average import Average
+from .policy import AsymmetricPolicy
+from .redraw import Redraw
+from .replay import HistoryReplayBuffer
+from .run import Run
+from .trained import ACTOR, NOT_WEIGHTS, counts_of
+
+
+def make_model(run: Run, env: VecEnv, device: str = "auto") -> SAC:
+    """The run's newest model, or its first; its replay buffer is in the folder, with all that was seen.
+
+    Of ``model.zip`` the weights, the optimisers' states and the counts are read, and none of its pickles: what else
+    a model is follows from the run.
+
+    Raises:
+        InvalidValueError: The model was made for other observations, as of another layout or k.
+    """
+    # a step of all environments is one for SAC, which counts whole updates
+    due = run.updates * run.envs
+    model = SAC(
+        AsymmetricPolicy,
+        env,
+        train_freq=max(1, round(1 / due)),
+        gradient_steps=max(1, round(due)),
+        ent_coef=f"auto_{run.temperature}",
+        policy_kwargs={"optimizer_kwargs": {"fused": True}},  # the same steps, in fewer passes over the weights
+        buffer_size=run.buffer,
+        batch_size=run.batch,
+        replay_buffer_class=HistoryReplayBuffer,
+        replay_buffer_kwargs={"history": env.get_attr("history")[0].k, "redraw": _redraw(run, env)},
+        seed=run.seed,
+        device=device,
+    )
+    if run.model_path.exists():
+        try:
+            _go_on(run, model)
+        except NOT_WEIGHTS as error:
+            raise paxisim.InvalidValueError(f"{run.model_path} does not fit the environment: {error}") from error
+    buffer = model.replay_buffer
+    assert isinstance(buffer, HistoryReplayBuffer)
+    buffer.keep_in(run.folder / "replay")
+    return model
+
+
+def average_of(run: Run, model: SAC) -> Average:
+    """The average of the actors that a training had so far, the newest of which is that of `model`."""
+    average = Average(model.actor)
+    path = run.folder / ACTOR
+    if path.exists():
+        try:
+            average.actor.load_state_dict(torch.load(path, map_location=model.device, weights_only=True)["actor"])
+        except NOT_WEIGHTS as error:
+            raise paxisim.InvalidValueError(f"{path} does not fit the environment: {error}") from error
+    return average
+
+
+def _go_on(run: Run, model: SAC) -> None:
+    """Give a model what the newest one had learned and counted."""
+    model.set_parameters(str(run.model_path), device=model.device)
+    _, _, tensors = load_from_zip_file(run.model_path, device=model.device, load_data=False)
+    assert isinstance(model.log_ent_coef, torch.Tensor)
+    with torch.no_grad():
+        model.log_ent_coef.copy_((tensors or {})["log_ent_coef"])
+    counts = counts_of(run.model_path)
+    for name in ("num_timesteps", "_n_updates", "_episode_num"):
+        setattr(model, name, counts[name])
+
+
+def _redraw(run: Run, env: VecEnv) -> Redraw | None:
+    gcs = run.gcs
+    if not run.redraw or gcs is None:
+        return None
+    return Redraw(gcs, env.get_attr("history")[0].encoding, env.get_attr("layout")[0], run.seed)

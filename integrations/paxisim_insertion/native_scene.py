@@ -1,0 +1,171 @@
+"""NativeScene: one task without robosuite: a hand that moves as the arm would move it, in plain MuJoCo.
+
+The hand slides along x, y, z and turns about them. What the arm adds is linear in the fingertip's velocity and so a
+matter of fixed tendons: the 6x6 inertia of the arm is the armature of six, along its eigenvectors; the friction of the
+seven joints that of seven; and the impedance of robosuite's controller, which acts on position and rotation apart, is
+the force of actuators on three and three. Pads have one ball a taxel in place of a cube. Everything else, the gripper,
+the peg, its base and the table, is what robosuite's scene has.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+from paxisim_robosuite.gripper import DEFAULT_SENSOR
+
+import paxisim
+
+from .arm import measure_arm
+from .scene import HALF_OPEN, SIDES, TABLE_HEIGHT, TABLE_SIZE, Scene, add_objects, text
+from .sphere_pads import SpherePads, to_spheres
+from .tasks import Parameters, Task
+
+TIMESTEP = 5e-3
+"""Seconds of a physics step; robosuite's are 2 ms."""
+
+CONTROL_STEPS = round(0.05 / TIMESTEP)
+
+_AXES = {"x": "1 0 0", "y": "0 1 0", "z": "0 0 1", "roll": "1 0 0", "pitch": "0 1 0", "yaw": "0 0 1"}
+_DOWN = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])  # the fingertip's rotation
+_GRIP = np.array([0.0, 0.0, 0.097])  # of the gripper's grip site in its frame (m)
+_FINGERS = ["finger_joint1", "finger_joint2"]
+
+
+class NativeScene(Scene):
+    """A hand with the arm's inertia, friction and controller holds a peg above its base."""
+
+    def __init__(self, task: Task, parameters: Parameters | None = None) -> None:
+        """Build the scene.
+
+        Args:
+            task: The task.
+            parameters: What the paper leaves open.
+        """
+        self.task, self.parameters = task, parameters or Parameters()
+        self.nominal = _DOWN
+        gripper = paxisim.attach(paxisim.robosuite_gripper_path("panda"), DEFAULT_SENSOR)
+        bare = self._spec(gripper, []).compile()
+        pads = gripper.bind(bare)
+        arm = measure_arm(self.parameters)
+        # the gripper is there itself, and its inertia among the arm's
+        values, vectors = np.linalg.eigh(arm.inertia - _inertia(bare))
+        tendons = [(vector, {"armature": value}) for value, vector in zip(values, vectors.T, strict=True)]
+        for row, friction, damping in zip(arm.rates, arm.friction, arm.damping, strict=True):
+            tendons.append((row, {"frictionloss": friction, "damping": damping}))
+        values, vectors = np.linalg.eigh(arm.impedance)
+        stiffness = values * self.parameters.kp
+        tendons += [(vector, {}) for vector in vectors.T]
+        self._towards = np.array([row for row, _ in tendons[-6:]])
+        spec = self._spec(gripper, tendons)
+        to_spheres(spec, bare, pads)
+        self._model = spec.compile()
+        self._data = mujoco.MjData(self._model)
+        self._servo(stiffness)
+        self._find("grip_site", _FINGERS)
+        self._measure(pads, gripper.gel)
+
+    @property
+    def model_and_data(self) -> tuple[mujoco.MjModel, mujoco.MjData]:
+        """MuJoCo's model and data."""
+        return self._model, self._data
+
+    def aim(self, position: NDArray[np.floating]) -> None:
+        """Draw the fingertip to a position (m, world), pointing straight down, from the next physics step on."""
+        self._data.ctrl[:6] = self._towards[:, :3] @ (position - self.base)
+
+    def advance(self) -> None:
+        """Let 50 ms pass. Other threads of Python run in the meantime."""
+        mujoco.mj_step(self._model, self._data, CONTROL_STEPS)
+
+    def move(self, position: NDArray[np.floating]) -> None:
+        """See `Scene.move`."""
+        self.aim(position)
+        self.advance()
+
+    def _begin(self, grip: NDArray[np.floating]) -> None:
+        mujoco.mj_resetData(self._model, self._data)
+        self._data.qpos[:3] = grip - self.base
+
+    def _settle(self, grip: NDArray[np.floating], seconds: float, pinned: bool) -> None:
+        model, data = self._model, self._data
+        self.aim(grip)
+        steps = round(seconds / TIMESTEP)
+        if not pinned:
+            mujoco.mj_step(model, data, steps)
+            return
+        home = data.qpos[self._peg_qpos].copy()
+        for _ in range(steps):
+            mujoco.mj_step(model, data)
+            data.qpos[self._peg_qpos], data.qvel[self._peg_dofs] = home, 0
+
+    def _servo(self, stiffness: NDArray[np.floating]) -> None:
+        """The controller: a critically damped spring on each of the last six tendons."""
+        model = self._model
+        model.actuator_gainprm[:6, 0] = stiffness
+        model.actuator_biasprm[:6, 1] = -stiffness
+        model.actuator_biasprm[:6, 2] = -2 * stiffness / np.sqrt(self.parameters.kp)
+
+    def _measure(self, pads: paxisim.Pads, gel: paxisim.Gel) -> None:
+        model, data = self._model, self._data
+        self._data.qpos[self._fingers] = HALF_OPEN * SIDES
+        mujoco.mj_kinematics(model, data)
+        self.tactile = SpherePads(model, data, pads, gel)
+        self._find_fingertips(data.xpos[pads.bodies])
+        self._set_grip([model.actuator(f"gripper_{name}").id for name in _FINGERS])
+
+    def _spec(
+        self,
+        gripper: paxisim.TactileGripper,
+        tendons: list[tuple[NDArray[np.floating], dict[str, float]]],
+    ) -> mujoco.MjSpec:
+        """The scene with cubes for taxels, and with tendons: what they make of the hand's six joints, and how."""
+        root = ET.Element("mujoco")
+        ET.SubElement(root, "compiler", angle="radian")
+        ET.SubElement(root, "option", timestep=str(TIMESTEP), cone="elliptic", impratio="20", tolerance="1e-8")
+        assets, world = ET.SubElement(root, "asset"), ET.SubElement(root, "worldbody")
+        half = np.array(TABLE_SIZE) / 2
+        at = [0, 0, TABLE_HEIGHT - half[2]]
+        ET.SubElement(world, "geom", name="table", type="box", size=text(half), pos=text(at), group="1")
+        hand = ET.SubElement(world, "body", name="hand", pos=text(self.base), gravcomp="1")
+        ET.SubElement(hand, "inertial", pos="0 0 0", mass="0.1", diaginertia="1e-3 1e-3 1e-3")
+        for index, (name, axis) in enumerate(_AXES.items()):
+            ET.SubElement(hand, "joint", name=name, type="slide" if index < 3 else "hinge", axis=axis)
+        add_objects(world, assets, self.task, self.parameters)
+        strings, actuators = ET.SubElement(root, "tendon"), ET.SubElement(root, "actuator")
+        for index, (row, attributes) in enumerate(tendons):
+            told = {name: f"{value:.9g}" for name, value in attributes.items()}
+            fixed = ET.SubElement(strings, "fixed", {"name": f"arm_{index}", **told})
+            for joint, coefficient in zip(_AXES, row, strict=True):
+                ET.SubElement(fixed, "joint", joint=joint, coef=f"{coefficient:.9g}")
+            if not attributes:
+                ET.SubElement(actuators, "general", tendon=f"arm_{index}", biastype="affine")
+        spec = mujoco.MjSpec.from_string(ET.tostring(root, encoding="unicode"))
+        _add_gripper(spec, gripper.spec.copy())
+        return spec
+
+
+def _add_gripper(spec: mujoco.MjSpec, gripper: mujoco.MjSpec) -> None:
+    """Put the gripper on the hand, its grip site where the hand's joints are, without weight or sensors."""
+    own, quat = np.zeros(9), np.zeros(4)
+    mujoco.mju_quat2Mat(own, gripper.body("right_gripper").quat)
+    mujoco.mju_mat2Quat(quat, (_DOWN @ own.reshape(3, 3).T).reshape(-1))
+    for sensor in gripper.sensors:
+        gripper.delete(sensor)
+    for body in gripper.bodies[1:]:
+        body.gravcomp = 1
+    spec.attach(gripper, frame=spec.body("hand").add_frame(pos=-_DOWN @ _GRIP, quat=quat), prefix="")
+
+
+def _inertia(model: mujoco.MjModel) -> NDArray[np.floating]:
+    """``(6, 6)`` inertia of the hand's six joints, which come first, with the fingers half open."""
+    data = mujoco.MjData(model)
+    for name, side in zip(_FINGERS, SIDES, strict=True):
+        data.joint(name).qpos = HALF_OPEN * side
+    mujoco.mj_forward(model, data)
+    mass = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, mass, data.qM)
+    first = int(model.joint("x").dofadr[0])
+    return mass[first : first + 6, first : first + 6]

@@ -1,0 +1,201 @@
+"""InsertionVecEnv: many native environments in one process, their physics in threads, all else in batches."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import fields, replace
+from typing import Any
+
+import numpy as np
+from gymnasium.utils import seeding
+from numpy.typing import NDArray
+from stable_baselines3.common.vec_env import VecEnv
+
+import paxisim
+
+from .env import CONTROL_DT, RAW, InsertionEnv
+from .native_scene import NativeScene
+from .poses import observed_poses
+from .reward import insertion, reward_terms, weighted
+
+
+class InsertionVecEnv(VecEnv):
+    """Environments of one task and method, as stable-baselines3 takes them.
+
+    Each does what an `InsertionEnv` of the native engine does with the same seed, to rounding. MuJoCo runs without
+    Python's lock, so threads step them at the same time. All episodes are of the same length: they begin and end
+    together, and the next begin at once.
+
+    Attributes:
+        envs: The environments, of which the scenes and the random numbers are used.
+    """
+
+    def __init__(self, envs: Sequence[InsertionEnv], *, reward_scale: float = 1.0, threads: int = 1) -> None:
+        """Take environments that are alike.
+
+        Args:
+            envs: Of the native engine, without a sensor; they do not end with success.
+            reward_scale: What the reward is multiplied by; the returns in ``infos`` are not.
+            threads: Of the physics.
+
+        Raises:
+            InvalidValueError: There is none, or one of another engine, with a sensor or that ends with success.
+        """
+        if not envs or not all(isinstance(env.scene, NativeScene) for env in envs):
+            raise paxisim.InvalidValueError("expected at least one environment, all with engine='native'")
+        if any(env.sensor is not None or env.terminates for env in envs):
+            raise paxisim.InvalidValueError("expected environments without sensor= and terminate_on_success=")
+        self.envs = list(envs)
+        count, first = len(envs), envs[0]
+        self._scale, self._axes = reward_scale, list(first.task.axes)
+        self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
+        self._scenes: list[Any] = [env.scene for env in envs]
+        self._poses = [_poses(scene) for scene in self._scenes]
+        self._history = first.method.history(first.task, first.layout)
+        self._force = np.zeros((count, *first.reading.shape), dtype=np.float32)
+        self._chain: paxisim.Chain = paxisim.Chain([])
+        self._state: Any = ()
+        self._home, self._actions = np.zeros((count, 3)), np.zeros((count, len(self._axes)))
+        self._steps, self._began = 0, time.time()
+        self._succeeded, self._return = np.zeros(count, dtype=bool), np.zeros(count)
+        super().__init__(count, first.observation_space, first.action_space)
+
+    def reset(self) -> dict[str, NDArray[np.float32]]:
+        """Begin an episode in each environment, with the seeds that `seed` gave."""
+        for env, seed in zip(self.envs, self._seeds, strict=True):
+            if seed is not None:
+                env.np_random = seeding.np_random(seed)[0]
+        self._reset_seeds()
+        return self._begin()
+
+    def step_async(self, actions: NDArray[np.floating]) -> None:
+        """Take the actions ``(environments, axes)`` of the next step."""
+        self._actions = np.clip(np.asarray(actions, dtype=float), -1, 1)
+
+    def step_wait(
+        self,
+    ) -> tuple[dict[str, NDArray[np.float32]], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
+        """Move for 50 ms."""
+        first = self.envs[0]
+        goals = self._home.copy()
+        goals[:, self._axes] = self._read_poses()[0][:, self._axes] + first.task.action_scale * self._actions
+        for scene, goal in zip(self._scenes, goals, strict=True):
+            scene.aim(goal)
+        self._for_each(self._advance)
+        self._steps += 1
+        self._feel(CONTROL_DT)
+        poses = self._read_poses()
+        state = insertion(first.task, first.parameters, poses[2] - first.scene.base, poses[3])
+        reward = weighted(reward_terms(state, self._actions, first.parameters.epsilon))
+        self._succeeded |= state.success
+        self._return += reward
+        observation = self._observe(poses)
+        infos: list[dict[str, Any]] = [{"is_success": bool(success)} for success in self._succeeded]
+        done = self._steps >= first.task.max_steps
+        if done:
+            for index, info in enumerate(infos):
+                info["TimeLimit.truncated"] = True
+                info["terminal_observation"] = {name: value[index] for name, value in observation.items()}
+                told = {"r": self._return[index], "l": self._steps, "t": time.time() - self._began}
+                info["episode"] = {name: round(float(value), 6) for name, value in told.items()}
+            observation = self._begin()
+        return observation, (self._scale * reward).astype(np.float32), np.full(self.num_envs, done), infos
+
+    def close(self) -> None:
+        """End the threads."""
+        if self._pool is not None:
+            self._pool.shutdown()
+        for env in self.envs:
+            env.close()
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        """An attribute of the environments."""
+        return [getattr(self.envs[index], attr_name) for index in self._get_indices(indices)]
+
+    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+        """Set an attribute of the environments."""
+        for index in self._get_indices(indices):
+            setattr(self.envs[index], attr_name, value)
+
+    def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
+        """Call a method of the environments."""
+        return [getattr(self.envs[index], method_name)(*args, **kwargs) for index in self._get_indices(indices)]
+
+    def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
+        """None is wrapped."""
+        return [False for _ in self._get_indices(indices)]
+
+    def _for_each(self, work: Callable[[int], Any]) -> list[Any]:
+        """Do something with each environment, in threads if there are several; what it gave."""
+        return list(
+            map(work, range(self.num_envs)) if self._pool is None else self._pool.map(work, range(self.num_envs))
+        )
+
+    def _advance(self, index: int) -> None:
+        self._scenes[index].advance()
+        self._force[index] = self._scenes[index].tactile.read()
+
+    def _begin(self) -> dict[str, NDArray[np.float32]]:
+        self._chain = stack_chains(self._for_each(lambda index: self.envs[index].begin()))
+        for index, scene in enumerate(self._scenes):
+            self._force[index] = scene.tactile.read()
+        poses = self._read_poses()
+        self._home = poses[0]
+        self._steps, self._succeeded, self._return = 0, np.zeros_like(self._succeeded), np.zeros_like(self._return)
+        self._history.reset()
+        self._state = self._chain.initial_state(self._force, self._covariates())
+        self._feel(0.0)
+        return self._observe(poses)
+
+    def _feel(self, dt: float) -> None:
+        force, self._state = self._chain.step(self._force, self._state, dt, self._covariates())
+        self._history.append(np.asarray(force, dtype=np.float32))
+
+    def _covariates(self) -> dict[str, Any]:
+        if not self._chain.covariate_names:
+            return {}
+        return {"gripper_opening": np.array([scene.opening for scene in self._scenes])}
+
+    def _read_poses(self) -> list[NDArray[np.floating]]:
+        """Position and rotation of the fingertips, then of the pegs."""
+        return [np.array(views) for views in zip(*self._poses, strict=True)]
+
+    def _observe(self, poses: list[NDArray[np.floating]]) -> dict[str, NDArray[np.float32]]:
+        observation = observed_poses(self._scenes[0], *poses)
+        if "tactile" in self.envs[0].observation_space.spaces:
+            observation["tactile"] = self._history.read()
+        if RAW in self.envs[0].observation_space.spaces:
+            observation[RAW] = self._force.copy()
+        return observation
+
+
+def stack_chains(chains: Sequence[paxisim.Chain]) -> paxisim.Chain:
+    """Chains that differ in drawn parameters as one for a batch."""
+    members = []
+    for alike in zip(*(chain.members for chain in chains), strict=True):
+        if isinstance(alike[0], paxisim.Chain):
+            members.append(stack_chains(alike))
+            continue
+        values = {item.name: [getattr(member, item.name) for member in alike] for item in fields(alike[0])}
+        drawn = {
+            name: np.stack(own)
+            for name, own in values.items()
+            if all(isinstance(value, (np.ndarray, np.generic)) for value in own)
+            and any(np.any(value != own[0]) for value in own)
+        }
+        members.append(replace(alike[0], **drawn))
+    return paxisim.Chain(members, chains[0].names)
+
+
+def _poses(scene: NativeScene) -> tuple[NDArray[np.floating], ...]:
+    """Where MuJoCo writes position and rotation of the fingertip, then of the peg."""
+    model, data = scene.model_and_data
+    site, body = model.site("grip_site").id, model.body("peg").id
+    return (
+        data.site_xpos[site],
+        data.site_xmat[site].reshape(3, 3),
+        data.xpos[body],
+        data.xmat[body].reshape(3, 3),
+    )

@@ -1,0 +1,232 @@
+"""The native engine against robosuite's: what pushes the fingertip, what it feels, and what policies make of it."""
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from paxisim_insertion import TASKS, InsertionEnv, InsertionScene, Parameters
+from paxisim_insertion.engines import engines
+from paxisim_insertion.evaluate import FIRST_SEED, succeeds
+from paxisim_insertion.expert import expert_action
+from paxisim_insertion.native_scene import NativeScene
+from paxisim_insertion.results import RESULTS, Result
+from paxisim_insertion.run import Run
+from paxisim_insertion.shell import command
+from scipy.stats import binom
+
+import paxisim
+
+ENGINES = (InsertionScene, NativeScene)
+POLICIES = Path(__file__).parents[1] / "policies"
+START = np.array([0.004, -0.003, 0.012])
+AWAY = [2.0, 2.0, 0.3]
+
+
+@pytest.fixture(scope="module")
+def scenes():
+    """A scene of each engine, robosuite's first."""
+    return [scene(TASKS["SX-2mm"]) for scene in ENGINES]
+
+
+def placed(scene, *, holding):
+    """The fingertip's place after a new start, with the peg in its fingers or far from them."""
+    scene.place(START, np.zeros(2))
+    model, data = scene.model_and_data
+    data.xfrc_applied[:] = 0
+    home = scene.fingertip[0]
+    if not holding:
+        joint = model.joint("peg").qposadr[0]
+        data.qpos[joint : joint + 3] = AWAY
+        for _ in range(30):
+            scene.move(home)
+            data.qpos[joint : joint + 3] = AWAY  # or it falls
+    return home
+
+
+def body(scene, name):
+    model, _ = scene.model_and_data
+    return next(index for index in range(model.nbody) if model.body(index).name.endswith(name))
+
+
+def accelerations(scene):
+    """``(6, 6)`` how the fingertip takes a unit force or torque, with the friction of the joints overcome."""
+    placed(scene, holding=False)
+    model, data = scene.model_and_data
+    where, site = body(scene, "eef"), scene._grip
+    jacobian, taken = np.zeros((6, model.nv)), np.empty((6, 6))
+    for axis in range(6):
+        both = []
+        for push in (1000.0, 2000.0):
+            data.qvel[:] = 0
+            data.xfrc_applied[where] = push * np.eye(6)[axis]
+            mujoco.mj_forward(model, data)
+            mujoco.mj_jacSite(model, data, jacobian[:3], jacobian[3:], site)
+            both.append(jacobian @ data.qacc)
+        taken[:, axis] = (both[1] - both[0]) / 1000
+    data.xfrc_applied[:] = 0
+    return taken
+
+
+def test_the_fingertips_inertia(scenes):
+    expected, found = (np.linalg.inv(accelerations(scene)) for scene in scenes)
+    scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
+    np.testing.assert_allclose(found / scale, expected / scale, atol=0.05)
+    assert expected[0, 2] / scale[0, 2] < -0.3, "robosuite's arm couples x and z"
+
+
+def test_the_fingertips_stiffness(scenes):
+    """How far constant forces along each axis move the fingertip, from one way to the other."""
+    moved = []
+    for scene in scenes:
+        _, data = scene.model_and_data
+        rows = []
+        for axis in range(3):
+            home = placed(scene, holding=False)
+            at = []
+            for push in (-20.0, 20.0):
+                data.xfrc_applied[body(scene, "eef"), axis] = push
+                for _ in range(60):
+                    scene.move(home)
+                at.append(scene.fingertip[0])
+            rows.append(at[1] - at[0])
+        moved.append(np.array(rows))
+        data.xfrc_applied[:] = 0
+    expected, found = moved
+    largest = np.abs(np.diag(expected))
+    assert largest.min() > 1e-3
+    np.testing.assert_allclose(found / largest[:, None], expected / largest[:, None], atol=0.05)
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_step_responses_in_free_space(scenes, axis):
+    """A step of 1 cm, every 50 ms for half a second: within 0.3 mm along all axes, coupled ones included."""
+    paths = []
+    for scene in scenes:
+        home = placed(scene, holding=False)
+        goal = home + 0.01 * np.eye(3)[axis]
+        path = []
+        for _ in range(10):
+            scene.move(goal)
+            path.append(scene.fingertip[0] - home)
+        paths.append(path)
+    expected, found = np.array(paths)
+    assert expected[-1, axis] > 8e-3
+    np.testing.assert_allclose(found, expected, atol=3e-4)
+
+
+def felt(scene, wrench, surface):
+    """Reading of the pads, and the peg's axis, after half a second in which a wrench acts on the held peg."""
+    scene.tactile.set_surface(surface)
+    home = placed(scene, holding=True)
+    _, data = scene.model_and_data
+    data.xfrc_applied[body(scene, "peg")] = wrench
+    for _ in range(10):
+        scene.move(home)
+    data.xfrc_applied[:] = 0
+    return scene.tactile.read(), scene.peg[1][:, 2]
+
+
+@pytest.mark.parametrize(
+    ("wrench", "leans"),
+    [
+        ((0, 0, 0, 0, 0, 0), False),
+        ((3, 0, 3, 0, 0, 0), False),
+        ((0, 0, 0, 0.4, 0, 0), True),
+        ((0, 0, 0, 0, 0.2, 0), True),
+    ],
+    ids=["held", "pushed", "tilted between the fingers", "turned along them"],
+)
+@pytest.mark.parametrize("bumps", [False, True])
+def test_what_the_taxels_feel_of_a_held_peg(scenes, wrench, leans, bumps):
+    gcs = paxisim.GCS(geometry=bumps)
+    layout = scenes[0].tactile.pads.layout
+    surface = gcs.sample_surface(np.random.default_rng(3), layout=layout, pads=2)
+    (expected, axis), (found, other) = (felt(scene, wrench, surface) for scene in scenes)
+    assert (np.hypot(*axis[:2]) > 0.02) == leans
+    np.testing.assert_allclose(other, axis, atol=5e-3)
+    np.testing.assert_allclose(found.sum(axis=(-2, -1)), expected.sum(axis=(-2, -1)), atol=0.5)
+    assert np.abs(found - expected).sum() < 0.05 * np.abs(expected).sum()
+    assert np.abs(expected[:, 2]).sum(axis=(-2, -1)).min() > 20, "both pads are pressed"
+
+
+def test_a_surface_beyond_the_compiled_one_loses_no_contacts(scenes):
+    _, native = scenes
+    high = np.full((2, 6, 5), 3.5e-3)
+    native.place(START, np.zeros(2), high)
+    assert native.model_and_data[1].ncon == 60
+    high[:, :3] = 1e-3
+    native.place(START, np.zeros(2), high)
+    normal = native.tactile.read()[:, 2]
+    assert normal[:, :3].max() == 0
+    assert normal[:, 3:].min() > 0.5
+
+
+def test_an_episode_begins_alike_in_both_engines():
+    envs = [InsertionEnv("SQ-2mm", "DT", engine=engine) for engine in ("robosuite", "native")]
+    for seed in (1, 2):
+        first, second = (env.reset(seed=seed)[0] for env in envs)
+        np.testing.assert_allclose(second["privileged"], first["privileged"], atol=3e-4)
+        last = [observation["tactile"][-6:] for observation in (first, second)]
+        assert np.abs(last[1] - last[0]).sum() < 0.05 * np.abs(last[0]).sum()
+        assert envs[0].scene.opening == pytest.approx(envs[1].scene.opening, abs=1e-4)
+
+
+def test_other_parameters_reach_both_engines():
+    other = Parameters(grip_force=15, kp=100, floor=0.02, handle_size=0.025)
+    envs = [InsertionEnv("SX-2mm", "DT", engine=engine, parameters=other) for engine in ("robosuite", "native")]
+    readings = []
+    for env in envs:
+        env.reset(seed=0)
+        for _ in range(30):
+            observation, *_ = env.step(np.array([0.0, -0.4]))
+        readings.append((observation["privileged"][:3], env.reading.sum(axis=(-2, -1))))
+    (peg, total), (other_peg, other_total) = readings
+    assert total[:, 2].max() < 16
+    np.testing.assert_allclose(other_peg, peg, atol=1e-3)
+    np.testing.assert_allclose(other_total[:, 2], total[:, 2], rtol=0.1)
+
+
+def test_an_unknown_engine():
+    with pytest.raises(paxisim.UnknownNameError, match="unknown engine 'mujoco'"):
+        InsertionEnv("SX-2mm", engine="mujoco")
+
+
+@pytest.mark.parametrize("name", ["SX-2mm_GCS_0", "SX-2mm_DT_0", "SY-2mm_GCS_0", "SY-2mm_DT_0"])
+def test_policies_that_robosuite_taught_succeed_as_often_in_the_native_engine(name):
+    run = Run.open(POLICIES / name, other_versions=True)
+    result = Result.load(RESULTS / f"{name[:-2]}_sim_{run.seed}.json")
+    env = run.insertion_env(engine="native", terminate_on_success=True)
+    trained = run.policy(env)
+    solved = sum(succeeds(env, trained, FIRST_SEED + trial) for trial in range(12))
+    low, high = binom.ppf([1e-4, 1 - 1e-4], 12, np.clip(result.success_rate, 0.02, 0.98))
+    assert low <= solved <= high, f"{solved} of 12, expected {result.success_rate:.2f}"
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_an_expert_that_sees_the_poses_solves_the_task(task):
+    env = InsertionEnv(task, "DT", engine="native", terminate_on_success=True)
+    for seed in range(5):
+        env.reset(seed=seed)
+        terminated = truncated = False
+        while not (terminated or truncated):
+            _, _, terminated, truncated, info = env.step(expert_action(env))
+        assert terminated, f"seed {seed}"
+        assert info["is_success"]
+
+
+def test_the_table_of_the_engines(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("paxisim_insertion.engines.TASKS", ["SX-2mm"])
+    (tmp_path / "SX").symlink_to(POLICIES / "SX-2mm_DT_0")
+    words = ["--policies", str(tmp_path), "--trials", "1", "--episodes", "1", "--other-versions"]
+    assert command(engines, words) == 0
+    shown = capsys.readouterr().out
+    assert "-16.2 between them" in shown
+    assert "| SX-2mm DT, seed 0 | 1 (0.21 to 1.00) | 1 (0.21 to 1.00) |" in shown
+    row = next(line for line in shown.splitlines() if line.startswith("| SX-2mm | "))
+    median, most = (float(cell) for cell in row.split(" | ")[1:3])
+    assert median < 0.1
+    assert median < most < 0.5
+    for wrong in (["--trials", "0"], ["--episodes", "0"], ["--policies", str(tmp_path / "SX")]):
+        assert command(engines, wrong) == 2
+        assert capsys.readouterr().err.count("\n") == 1
