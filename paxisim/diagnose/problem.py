@@ -19,9 +19,9 @@ from paxisim.diagnose.blocks import in_blocks
 from paxisim.diagnose.counting import Counting
 from paxisim.diagnose.directions import Directions, directions_of
 from paxisim.diagnose.dither import dither_of
+from paxisim.diagnose.inside.responses import Responses
 from paxisim.diagnose.noise import FloatArray, Tolerance, noise_of, step_of, tolerated
 from paxisim.diagnose.pieces import Pieces, in_one_piece
-from paxisim.diagnose.responses import Responses
 from paxisim.errors import InvalidValueError
 from paxisim.logs.aligned import episode_spans
 from paxisim.recording import Recording

@@ -25,7 +25,7 @@ from paxisim.diagnose.heldout import (
     gains_of,
     survives,
 )
-from paxisim.diagnose.in_scene import in_scene
+from paxisim.diagnose.inside.rounds import in_scene
 from paxisim.diagnose.intervals import model_intervals, parameters_of
 from paxisim.diagnose.problem import FloatArray, Problem
 from paxisim.diagnose.repeats import with_untold

@@ -17,12 +17,12 @@ from paxisim.diagnose.diagnosis import Diagnosis, Interval, LeftOver
 from paxisim.diagnose.explanation import Explanation, explanation_of
 from paxisim.diagnose.folds import effects, folds_of
 from paxisim.diagnose.heldout import SquaredErrors, affected_gains_of, explained_share, squares_of
+from paxisim.diagnose.inside.responses import Responses
 from paxisim.diagnose.prepare import prepare
 from paxisim.diagnose.problem import Problem, problem_of
 from paxisim.diagnose.reading import ReadOff, read_off
 from paxisim.diagnose.repeats import settled
 from paxisim.diagnose.report.unrelated import CLOCKS, unrelated
-from paxisim.diagnose.responses import Responses
 from paxisim.diagnose.rules import Rules
 from paxisim.diagnose.search import PREDICTS, Search
 from paxisim.diagnose.vocabulary import cause, known_causes

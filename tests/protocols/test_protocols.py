@@ -41,7 +41,7 @@ def test_each_cause_is_excited_in_two_episodes_so_that_it_can_be_held_out(name):
     for segment in protocol.segments:
         for cause in segment.excites:
             episodes.setdefault(cause, set()).add(segment.episode)
-    assert {"press": 17, "regrasp": 12, "open-close": 3}[name] == len(episodes)
+    assert {"press": 21, "regrasp": 14, "open-close": 3}[name] == len(episodes)
     assert min(map(len, episodes.values())) >= 2
     assert len({segment.episode for segment in protocol.segments}) == 8
     assert protocol.seconds > 600, "drift asks for ten minutes on one clock"

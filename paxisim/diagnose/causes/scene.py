@@ -12,8 +12,8 @@ import numpy as np
 
 from paxisim.augment.chain import Chain
 from paxisim.diagnose.cause import Cause, Free, Values, one_away
+from paxisim.diagnose.inside.responses import SHOWN, SPREAD
 from paxisim.diagnose.problem import FloatArray, Problem
-from paxisim.diagnose.responses import SHOWN, SPREAD
 from paxisim.scene.parameters import Group
 
 FIRST = -10.0

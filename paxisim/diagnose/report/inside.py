@@ -78,13 +78,13 @@ def _displaced(effect: Effect, target: str, own: dict[SceneParameter, float]) ->
     axes.plot(*(corners + shift).T, color=EXTENDED, linewidth=1.8, label="where it was found")
     if moved[:2].any():
         arrow = {"arrowstyle": "-|>", "color": EXTENDED, "shrinkA": 0, "shrinkB": 0}
-        axes.annotate("", shift, (0, 0), arrowprops=arrow)
+        axes.annotate("", (float(shift[0]), float(shift[1])), (0, 0), arrowprops=arrow)
     for axis, angle in zip("xyz", turned, strict=True):
         if angle:
             line = np.array([[-across / 2, 0.0], [across / 2, 0.0]])
             line = line if axis == "x" else np.array([[0.0, -down / 2], [0.0, down / 2]])
             axes.plot(*(line + shift).T, color=SIMULATED, linewidth=0.9)
-            axes.annotate(f"turned {angle:+.2g} deg about {axis}", line[1] + shift, fontsize=7, color=SIMULATED)
+            axes.annotate(f"turned {angle:+.2g} deg about {axis}", tuple((line[1] + shift).tolist()), fontsize=7, color=SIMULATED)
     axes.set_aspect("equal")
     axes.invert_yaxis()  # rows grow downwards
     larger = f" (displacement drawn {times:g} times)" if times != 1 else ""

@@ -1,8 +1,8 @@
-"""In scene: replays and searches in turn, by which causes inside a scene are found beside those of the sensor.
+"""Rounds: replays and searches in turn, by which causes inside a scene are found beside those of the sensor.
 
 1. Each number of the scene is replayed at a few values around its nominal one (`study.py`).
 2. The pose of the object in each episode is fitted and taken out (`poses.py`).
-3. The search sees what the numbers do as causes like any other (`causes/scene.py`).
+3. The search sees what the numbers do as causes like any other (`diagnose/causes/scene.py`).
 4. For the causes that it found, replays near their fitted values take the place of the first ones, the poses are fitted
    again, now as the sensor reads them, and the search is repeated.
 """
@@ -18,13 +18,13 @@ from numpy.typing import NDArray
 
 from paxisim.diagnose.cause import Cause
 from paxisim.diagnose.diagnosis import Diagnosis
+from paxisim.diagnose.inside.poses import Poses, fitted_poses
+from paxisim.diagnose.inside.responses import SHOWN
+from paxisim.diagnose.inside.study import Study
 from paxisim.diagnose.model import Model
-from paxisim.diagnose.poses import Poses, fitted_poses
 from paxisim.diagnose.problem import FloatArray, Problem
 from paxisim.diagnose.report.streams import InScene
-from paxisim.diagnose.responses import SHOWN
 from paxisim.diagnose.searched import Begun, Searched, begin, searched
-from paxisim.diagnose.study import Study
 from paxisim.recording import Recording
 from paxisim.scene.changed import changed
 from paxisim.scene.replays import Replays

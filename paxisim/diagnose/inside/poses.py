@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from paxisim.diagnose.cause import Cause
 from paxisim.diagnose.folds import effects
+from paxisim.diagnose.inside.responses import SPREAD
 from paxisim.diagnose.problem import FloatArray, Problem
-from paxisim.diagnose.responses import SPREAD
 from paxisim.scene.parameters import SceneParameter
 
 MOST = 3.0

@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from paxisim.diagnose.poses import Poses
-from paxisim.diagnose.responses import Response, Responses
+from paxisim.diagnose.inside.poses import Poses
+from paxisim.diagnose.inside.responses import Response, Responses
 from paxisim.errors import PaxisimError
 from paxisim.scene.parameters import SceneParameter
 from paxisim.scene.replays import Replays
