@@ -84,7 +84,8 @@ def _displaced(effect: Effect, target: str, own: dict[SceneParameter, float]) ->
             line = np.array([[-across / 2, 0.0], [across / 2, 0.0]])
             line = line if axis == "x" else np.array([[0.0, -down / 2], [0.0, down / 2]])
             axes.plot(*(line + shift).T, color=SIMULATED, linewidth=0.9)
-            axes.annotate(f"turned {angle:+.2g} deg about {axis}", tuple((line[1] + shift).tolist()), fontsize=7, color=SIMULATED)
+            end = tuple((line[1] + shift).tolist())
+            axes.annotate(f"turned {angle:+.2g} deg about {axis}", end, fontsize=7, color=SIMULATED)
     axes.set_aspect("equal")
     axes.invert_yaxis()  # rows grow downwards
     larger = f" (displacement drawn {times:g} times)" if times != 1 else ""
