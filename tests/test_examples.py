@@ -84,3 +84,22 @@ def test_the_arm_s_sensor_may_have_an_error_to_be_found():
     assert readings[-1][1] == pytest.approx(0.8 * readings[-1][0], rel=0.02), "held for a second"
     rise = np.argmax(np.array(readings) > 0.5 * peak, axis=0)
     assert 2 <= rise[1] - rise[0] <= 10, "a low-pass of 50 ms"
+
+
+def test_a_magnetic_unit_is_recorded_and_reads_what_no_simulation_says(tmp_path):
+    script = ROOT / "examples" / "reference_robot.py"
+    made = runpy.run_path(str(script))["recording"]
+    first, other = made(7, 2), made(8, 2)
+    assert first.measured.shape == first.simulated.shape
+    assert len(np.unique(first.episode)) == 2
+    np.testing.assert_array_equal(first.simulated, other.simulated)
+    assert np.abs(first.measured - other.measured).max() > 0.1, "two units differ"
+    # it follows the force, and reads less of a broad press than what is there
+    follows = np.corrcoef(first.measured.sum(axis=(1, 3, 4))[:, 2], first.simulated.sum(axis=(1, 3, 4))[:, 2])[0, 1]
+    assert follows > 0.8
+    done = subprocess.run(
+        [sys.executable, str(script), "--out", str(tmp_path / "robot.mcap"), "--episodes", "2"],
+        capture_output=True, text=True, timeout=100, check=True,
+    )  # fmt: skip
+    assert "measured, simulated" in done.stdout
+    assert len(paxisim.Recording.load(tmp_path / "robot.mcap")) == len(first)

@@ -1,0 +1,58 @@
+"""A stage whose sensor is a magnetic pad from first principles: a recording to be diagnosed, without a robot.
+
+A ball presses and drags on one pad of 6x5 taxels in MuJoCo, along the motion of the protocol ``press``. What a
+manufactured unit of `paxisim.MagneticPad` reads of it, in counts of 0.1 N, is the measured stream; the forces
+themselves are the simulated one. No formula of the pad is one that a diagnosis fits.
+
+    python examples/reference_robot.py --unit 7 --out robot.mcap
+    paxisim diagnose robot.mcap -o diagnosis
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import tyro
+
+import paxisim
+from paxisim.protocols.ready import press
+from paxisim.scene import ready
+
+LAYOUT = paxisim.TaxelLayout(6, 5, (26.1e-3 / 6, 22.6e-3 / 5))  # the size of a PaXini pad, pooled 2x2
+RATE = 25.0  # Hz
+COUNT = 0.1  # N
+
+
+def recording(unit: int, episodes: int = 8) -> paxisim.Recording:
+    """What the unit of that number reads, beside the forces on it.
+
+    Args:
+        unit: Its number.
+        episodes: How many of the protocol's.
+    """
+    stage = ready.indenter(LAYOUT)
+    motion = press(stop_force=60.0).unrecorded(stage)
+    felt = stage.simulate(motion.select(range(episodes))).resample(RATE).select(known=True)
+    assert felt.simulated is not None
+    pad = paxisim.MagneticPad.unit(LAYOUT, unit)
+    read = pad.measure(felt.simulated[:, 0].astype(np.float64), np.random.default_rng(unit))[:, None]
+    return replace(felt, measured=(COUNT * np.rint(read / COUNT)).astype(np.float32))
+
+
+def main(out: Path, unit: int = 7, episodes: int = 8) -> None:
+    """Write the recording.
+
+    Args:
+        out: The .mcap file to write.
+        unit: Number of the manufactured unit.
+        episodes: How many episodes of the protocol, of eight.
+    """
+    made = recording(unit, episodes)
+    made.save(out)
+    print(f"{out}: {made}")
+
+
+if __name__ == "__main__":
+    tyro.cli(main)
