@@ -46,6 +46,7 @@ def closing(effect: Effect) -> list[Picture]:
     for values, colour, name in zip(lines, (MEASURED, SIMULATED, EXTENDED), labels, strict=True):
         at, mean = drawn(np.asarray(x, dtype=float), values)
         axes.plot(at, mean, color=colour, linewidth=1.6, label=name)
+    axes.locator_params(axis="x", nbins=5)
     axes.set_xlabel(label)
     axes.set_ylabel(f"{'xyz'[axis]} force on {effect.streams.pad(pad)}, N")
     title = "Force against what presses"
@@ -73,19 +74,18 @@ def _displaced(effect: Effect, target: str, own: dict[SceneParameter, float]) ->
     times = 1.0 if not moved[:2].any() or times < 1 else float(10 ** np.floor(np.log10(times)))
     corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]]) * [across / 2, down / 2]
     figure, axes = panel(3.0)
-    axes.plot(*corners.T, color=MUTED, linestyle="--", linewidth=1.2, label="in the scene as it is")
+    axes.plot(*corners.T, color=MUTED, linestyle="--", linewidth=1.2, label="in the scene")
     shift = times * moved[:2]
-    axes.plot(*(corners + shift).T, color=EXTENDED, linewidth=1.8, label="where it was found")
+    axes.plot(*(corners + shift).T, color=EXTENDED, linewidth=1.8, label="found")
     if moved[:2].any():
         arrow = {"arrowstyle": "-|>", "color": EXTENDED, "shrinkA": 0, "shrinkB": 0}
         axes.annotate("", (float(shift[0]), float(shift[1])), (0, 0), arrowprops=arrow)
-    for axis, angle in zip("xyz", turned, strict=True):
+    for axis, style, angle in zip("xyz", ("-", "-.", ":"), turned, strict=True):
         if angle:
             line = np.array([[-across / 2, 0.0], [across / 2, 0.0]])
             line = line if axis == "x" else np.array([[0.0, -down / 2], [0.0, down / 2]])
-            axes.plot(*(line + shift).T, color=SIMULATED, linewidth=0.9)
-            end = tuple((line[1] + shift).tolist())
-            axes.annotate(f"turned {angle:+.2g} deg about {axis}", end, fontsize=7, color=SIMULATED)
+            label = f"{angle:+.2g}° about {axis}"
+            axes.plot(*(line + shift).T, color=SIMULATED, linestyle=style, linewidth=1.0, label=label)
     axes.set_aspect("equal")
     axes.invert_yaxis()  # rows grow downwards
     larger = f" (displacement drawn {times:g} times)" if times != 1 else ""
@@ -103,11 +103,11 @@ def height_map(effect: Effect) -> list[Picture]:
     maps: dict[str, Series] = {}
     for item, value in numbers.items():
         i, j = BUMPS[item.index]
-        bump = 1e6 * value * np.outer(np.cos(np.pi * i * down), np.cos(np.pi * j * across))
+        bump = 1e3 * value * np.outer(np.cos(np.pi * i * down), np.cos(np.pi * j * across))
         maps[item.target] = maps.get(item.target, np.zeros_like(bump)) + bump
     limit = max(float(np.abs(one).max()) for one in maps.values()) or 1.0
-    figure = grid_of_maps(layout, list(maps.values()), list(maps), 2, limit, signed=True, unit="um")
-    title = f"The surface stands out by up to {max(float(one.max()) for one in maps.values()):.0f} um"
+    figure = grid_of_maps(layout, list(maps.values()), list(maps), 2, limit, signed=True, unit=" mm")
+    title = f"The surface stands out by up to {max(float(one.max()) for one in maps.values()):.2f} mm"
     return [finish(figure, title, f"{title}; maps of the height of each pad.", legend=False)]
 
 
