@@ -8,6 +8,7 @@ import pytest
 from report_pages import check_pictures, pictures_of
 
 import paxisim
+from paxisim.cli import main
 from paxisim.diagnose import Diagnosis, FoundCause, Interval
 from paxisim.diagnose.causes.scene import SCENE_CAUSES
 from paxisim.diagnose.report.effect import effects
@@ -100,6 +101,20 @@ def test_nothing_is_named_where_nothing_is_wrong(kept):
     found = paxisim.diagnose(measured(seed=0), SOME, scene=scene(), replays=kept)
     assert not found.causes
     assert not found.scene_values
+
+
+def test_in_the_shell_the_scene_is_a_file_and_a_better_one_is_written(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    measured(friction=0.7).save("recording.mcap")
+    scene().save("scene.toml")
+    words = ["diagnose", "recording.mcap", "--scene", "scene.toml", "--causes", "friction,axis_gain", "-o", "found"]
+    assert main(words) == 0
+    assert paxisim.Scene.load("found/scene.toml").gel.friction == pytest.approx(0.7, abs=0.03)
+    out, err = capsys.readouterr()
+    assert "scene.toml: the scene with the values that were found" in out
+    assert "replaying" in err
+    assert main([*words[:-1], "other", "--scene", "missing.toml"]) == 2
+    assert main(["diagnose", "recording.mcap", "--causes", "friction", "-o", "third"]) == 2
 
 
 @pytest.mark.parametrize("group", [item.name for item in SCENE_CAUSES if item.name != "grip_force"])
