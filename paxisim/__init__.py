@@ -80,6 +80,7 @@ if TYPE_CHECKING:
     from paxisim.scene.agreement import compare_streams as compare_streams
     from paxisim.scene.drive import Drive as Drive
     from paxisim.scene.drive import ObjectStart as ObjectStart
+    from paxisim.scene.parameters import SceneParameter as SceneParameter
     from paxisim.scene.scene import Scene as Scene
     from paxisim.sensors import Sensor as Sensor
     from paxisim.sensors import known_sensors as known_sensors
@@ -141,6 +142,7 @@ _HOMES = {
     "paxisim.reference.sensor": ("MagneticSensor", "reference_sensor"),
     "paxisim.scene.agreement": ("Agreement", "compare_streams"),
     "paxisim.scene.drive": ("Drive", "ObjectStart"),
+    "paxisim.scene.parameters": ("SceneParameter",),
     "paxisim.scene.scene": ("Scene",),
     "paxisim.sensors": ("Sensor", "known_sensors", "sensor"),
     "paxisim.viz.calibration": ("plot_calibration", "plot_presses"),

@@ -44,6 +44,7 @@ PUBLIC = [
     "Readout",
     "Recording",
     "Scene",
+    "SceneParameter",
     "Sensor",
     "SensorQuality",
     "Slot",
