@@ -64,6 +64,7 @@ def test_the_python_examples_run(folder):
     assert gain_z.high - gain_z.low < 0.005
 
 
+@pytest.mark.real_time
 @pytest.mark.filterwarnings("ignore::paxisim.UnverifiedProfileWarning")
 def test_the_shell_examples_run(folder):
     with ExitStack() as processes:
