@@ -64,7 +64,7 @@ def _scaled(drive: Drive, value: float) -> Drive:
 def _model(scene: Scene, values: Values) -> str:
     """The MJCF with the values."""
     spec = spec_of(scene)
-    model = spec.compile()
+    model = spec.copy().compile()  # a spec that was compiled keeps its frames as they were
     pads = find_pads(model, names=scene.pads or None)
     sizes = {item: value for item, value in values.items() if item.group == "object_size"}
     for item, value in sizes.items():  # before the poses, which are not to be scaled
@@ -90,7 +90,8 @@ def _model(scene: Scene, values: Values) -> str:
 
 def _mount(spec: mujoco.MjSpec, model: mujoco.MjModel, pad: str, group: str, vector: list[float]) -> None:
     """Move or turn a pad's body, by a vector in the pad's own frame."""
-    body, turn = spec.body(pad), _rotation(model.body_quat[model.body(pad).id])
+    body = spec.body(pad)
+    turn = _of_frames(body).inv() * _rotation(model.body_quat[model.body(pad).id])  # what the spec has is within frames
     if group == "mount_offset":
         body.pos = body.pos + turn.apply(vector)
     else:
@@ -131,8 +132,8 @@ def _scale(spec: mujoco.MjSpec, model: mujoco.MjModel, name: str, factor: float)
     for geom in geoms:
         geom.pos, geom.size = geom.pos * factor, geom.size * factor
         geom.fromto = geom.fromto * factor
-    for body in own[1:]:
-        body.pos = body.pos * factor
+    for part in [*own[1:], *(frame for body in own for frame in body.frames)]:
+        part.pos = part.pos * factor
     for body in own:
         _keep_inertia(body, model)
 
@@ -156,8 +157,17 @@ def _place(spec: mujoco.MjSpec, model: mujoco.MjModel, name: str, pose: list[flo
     _keep_inertia(body, model)
     turn = Rotation.from_rotvec(pose[3:])
     frame = body.add_frame(pos=pose[:3], quat=_quaternion(turn))
-    for part in [*body.geoms, *body.bodies, *body.sites]:
-        part.set_frame(frame)
+    for part in [*body.frames, *body.geoms, *body.bodies, *body.sites]:
+        if part.frame is None and part != frame:
+            part.set_frame(frame)
+
+
+def _of_frames(body: mujoco.MjsBody) -> Rotation:
+    """How the frames that a body is defined in are turned."""
+    turn, frame = Rotation.identity(), body.frame
+    while frame is not None:
+        turn, frame = _rotation(frame.quat) * turn, frame.frame
+    return turn
 
 
 def _rotation(quat: np.ndarray) -> Rotation:

@@ -1,5 +1,6 @@
 """The numbers of a scene: which there are, and that each changes what it says it does."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -87,6 +88,18 @@ def test_a_pad_off_its_place_reads_the_press_elsewhere():
     np.testing.assert_allclose(moved - there, [-1e-3, 5e-4], atol=3e-4)
     other = place(force(scene, motion, object_pose_x=1e-3)[0, 2])
     np.testing.assert_allclose(other - there, [1e-3, 0], atol=3e-4)
+
+
+def test_objects_and_pads_in_frames_move_like_others():
+    plain, motion = bench(), held()
+    text = str(plain.mjcf)
+    ball = re.search(r"<geom name=.ball.[^>]*/>", text)[0]
+    turned = f'<frame pos="1e-3 0 0" quat="0 0 0 1"><frame pos="1e-3 0 0">{ball}</frame></frame>'  # ends where it began
+    framed = replace(plain, mjcf=text.replace(ball, turned))
+    for values in ({}, {"object_pose_y": 1e-3}, {"object_size": 1.01}):
+        own = force(framed, motion, **values)
+        np.testing.assert_allclose(own, force(plain, motion, **values), atol=5e-3)
+        assert own.any()
 
 
 def test_a_tilted_pad_is_pressed_on_its_raised_side():
