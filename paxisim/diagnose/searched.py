@@ -35,18 +35,17 @@ FRAME = "frame of the replay"
 
 
 @dataclass(frozen=True, eq=False)
-class Searched:
-    """A recording with what the search found in it.
+class Begun:
+    """A recording that is ready for the search.
 
     Attributes:
         recording: The recording, as far as it was used.
         warnings: What is to be said of it.
         unsettled: Structure of a sensor that had not settled.
-        wanted: The causes that were looked for.
-        not_searched: By name why others were not.
+        wanted: The causes that are looked for.
+        not_searched: By name why others are not.
         raw: The recording made ready.
         off: What the checks read off.
-        it: What was found.
     """
 
     recording: Recording
@@ -56,6 +55,16 @@ class Searched:
     not_searched: Mapping[str, str]
     raw: Problem
     off: ReadOff
+
+
+@dataclass(frozen=True, eq=False)
+class Searched(Begun):
+    """The same with what the search found.
+
+    Attributes:
+        it: What was found.
+    """
+
     it: Explained
 
 
@@ -89,19 +98,6 @@ def searched(
     search = search_of(begun.off, begun.wanted, Rules(), jobs, tell)
     it = explained(begun.off, search, seed, jobs, tell)
     return Searched(**vars(begun), it=it)
-
-
-@dataclass(frozen=True, eq=False)
-class Begun:
-    """A recording that is ready for the search; see `Searched`."""
-
-    recording: Recording
-    warnings: tuple[str, ...]
-    unsettled: tuple[LeftOver, ...]
-    wanted: tuple[Cause, ...]
-    not_searched: Mapping[str, str]
-    raw: Problem
-    off: ReadOff
 
 
 def begin(

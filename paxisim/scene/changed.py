@@ -13,14 +13,13 @@ from scipy.spatial.transform import Rotation
 from paxisim.errors import UnsupportedError
 from paxisim.models.pads import Pads, find_pads, half_thickness
 from paxisim.scene.drive import Drive
-from paxisim.scene.parameters import BUMPS, SceneParameter
+from paxisim.scene.parameters import SceneParameter, height_map
 from paxisim.scene.rig import mjcf_of, spec_of
 from paxisim.scene.scene import Scene
 
 Values = Mapping[SceneParameter, float]
 
 _QUATERNION = mujoco.mjtOrientation.mjORIENTATION_QUAT
-_IN_MODEL = ("mount_offset", "mount_tilt", "surface", "object_size", "object_pose")
 
 
 def changed(scene: Scene, values: Values) -> Scene:
@@ -101,12 +100,7 @@ def _mount(spec: mujoco.MjSpec, model: mujoco.MjModel, pad: str, group: str, vec
 
 def _bump(spec: mujoco.MjSpec, model: mujoco.MjModel, pads: Pads, pad: str, heights: Mapping[int, float]) -> None:
     """Make taxels thicker or thinner; their backs stay."""
-    rows, cols = pads.layout.rows, pads.layout.cols
-    down, across = (np.arange(rows) + 0.5) / rows, (np.arange(cols) + 0.5) / cols
-    more = np.zeros((rows, cols))
-    for index, height in heights.items():
-        i, j = BUMPS[index]
-        more += height * np.outer(np.cos(np.pi * i * down), np.cos(np.pi * j * across))
+    more = height_map(pads.layout, heights)
     geoms = pads.geoms[pads.names.index(pad)]
     half = half_thickness(model, geoms)
     half_more = np.maximum(more.ravel() / 2, -0.9 * half)  # a taxel does not vanish

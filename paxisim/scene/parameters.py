@@ -8,8 +8,11 @@ from math import radians
 from typing import TYPE_CHECKING, Literal
 
 import mujoco
+import numpy as np
+from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError, UnknownNameError
+from paxisim.layout import TaxelLayout
 from paxisim.models.pads import Pads
 
 if TYPE_CHECKING:
@@ -193,6 +196,21 @@ def _of_joints(scene: Scene, rig: Rig) -> list[SceneParameter]:
         else:
             out[drive.source] = _angle("joint_offset", name, place, words)
     return list(out.values())
+
+
+def height_map(layout: TaxelLayout, heights: Mapping[int, float]) -> NDArray[np.float64]:
+    """``(rows, cols)`` by how much the taxels stand out, in the unit of `heights`.
+
+    Args:
+        layout: The taxels, a grid.
+        heights: Of the cosines, by their index in `BUMPS`.
+    """
+    down, across = ((np.arange(count) + 0.5) / count for count in (layout.rows, layout.cols))
+    out = np.zeros((layout.rows, layout.cols))
+    for index, height in heights.items():
+        i, j = BUMPS[index]
+        out += height * np.outer(np.cos(np.pi * i * down), np.cos(np.pi * j * across))
+    return out
 
 
 def checked_values(values: Mapping[str, float], known: Mapping[str, SceneParameter]) -> None:

@@ -45,7 +45,6 @@ class Replays:
         recording: Recording,
         closings: Mapping[int, float] | None = None,
         *,
-        mean: bool = False,
         jobs: int = 1,
         folder: Path | None = None,
     ) -> None:
@@ -55,13 +54,12 @@ class Replays:
             scene: The scene.
             recording: Has the driving streams among its covariates.
             closings: What is added to the closing stream of each episode, as the modes that fit it found.
-            mean: See `paxisim.Scene.simulate`.
             jobs: Processes.
             folder: Where replays are kept for other programs, named after all that they depend on; None: nowhere.
         """
         self.scene, self.recording = scene, recording
         self._jobs = jobs
-        self._maker = _Maker(scene, recording, dict(closings or {}), mean, folder)
+        self._maker = _Maker(scene, recording, dict(closings or {}), folder)
         self._kept: dict[tuple[_Key, int], _Force | PaxisimError] = {}
         self._pool: ProcessPoolExecutor | None = None
 
@@ -147,11 +145,8 @@ def _key(values: Values) -> _Key:
 class _Maker:
     """What makes a replay, in this process or another."""
 
-    def __init__(
-        self, scene: Scene, recording: Recording, closings: dict[int, float], mean: bool, folder: Path | None
-    ) -> None:
-        self._scene, self._recording, self._closings, self._mean = scene, recording, closings, mean
-        self._folder = folder
+    def __init__(self, scene: Scene, recording: Recording, closings: dict[int, float], folder: Path | None) -> None:
+        self._scene, self._recording, self._closings, self._folder = scene, recording, closings, folder
         self._motions: dict[int, bytes] = {}
 
     def __call__(self, task: tuple[_Key, tuple[int, ...]]) -> list[_Force | PaxisimError]:
@@ -179,7 +174,7 @@ class _Maker:
     def _simulated(self, scene: Scene, numbers: list[int]) -> dict[int, _Force | PaxisimError]:
         out: dict[int, _Force | PaxisimError] = {}
         try:
-            replay = scene.prepare(self._recording, mean=self._mean)
+            replay = scene.prepare(self._recording)
         except PaxisimError as error:
             return dict.fromkeys(numbers, error)
         for number in numbers:
@@ -203,10 +198,11 @@ class _Maker:
             for start in scene.start:
                 motion.update(np.ascontiguousarray(part.covariates.get(start.stream, ())).tobytes())
             self._motions[number] = motion.digest()
-        mjcf = scene.mjcf if isinstance(scene.mjcf, str) else Path(scene.mjcf).read_text(encoding="utf-8")
+        is_text = isinstance(scene.mjcf, str) and scene.mjcf.lstrip().startswith("<")
+        mjcf = str(scene.mjcf) if is_text else Path(scene.mjcf).read_text(encoding="utf-8")
         digest = hashlib.sha256(self._motions[number])
         closing = self._closings.get(number, 0.0)
-        for text in (__version__, mujoco.__version__, mjcf, format_scene(scene, ""), f"{self._mean} {closing!r}"):
+        for text in (__version__, mujoco.__version__, mjcf, format_scene(scene, ""), repr(closing)):
             digest.update(text.encode() + b"\0")
         return self._folder / f"{digest.hexdigest()[:32]}.npz"
 

@@ -16,7 +16,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from paxisim.diagnose.cause import Cause
 from paxisim.diagnose.diagnosis import Diagnosis
 from paxisim.diagnose.inside.poses import Poses, fitted_poses
 from paxisim.diagnose.inside.responses import SHOWN
@@ -78,13 +77,13 @@ def in_scene(
         begun = begin(_simulated(recording, study), causes, study.responses(), tell)
         if isinstance(begun, Diagnosis):
             return begun
-        study.move(_poses(begun, study, (), lambda x: begun.off.problem.thinned.at_compared(x)))
+        study.move(_poses(begun, study, lambda x: begun.off.problem.thinned.at_compared(x)))
         found = searched(_simulated(recording, study), causes, study.responses(), seed, jobs, _part(tell, 0))
         for number in range(1, ROUNDS):
             if isinstance(found, Diagnosis):
                 return found
-            values = _values(found)
-            study.move(_poses(found, study, (), _read_by(found)))
+            values = _values(found, study)
+            study.move(_poses(found, study, _read_by(found)))
             study.refine(values)
             found = searched(_simulated(recording, study), causes, study.responses(), seed, jobs, _part(tell, number))
         if isinstance(found, Diagnosis):
@@ -103,24 +102,21 @@ def _part(tell: Tell, number: int) -> Tell:
     return lambda stage, share: tell(stage, start + (end - start) * share)
 
 
-def _values(found: Searched) -> dict[str, float]:
+def _values(found: Searched, study: Study) -> dict[str, float]:
     """The scene's numbers that were fitted, in SI units."""
-    values = {}
-    for named in found.it.found.named:
-        if named.cause.change is not None:
-            for item in named.cause.free(found.off.problem):
-                times = next(t for unit, t in SHOWN.values() if unit == item.unit)
-                values[item.name] = float(named.values[item.name]) / times  # type: ignore[arg-type]
-    return values
+    shown = [named.values for named in found.it.found.named if named.cause.change is not None]
+    return {
+        name: float(value) / SHOWN[study.parameters[name].unit][1]  # type: ignore[arg-type]
+        for values in shown
+        for name, value in values.items()
+    }
 
 
-def _poses(
-    begun: Begun | Searched, study: Study, beside: Sequence[Cause], predict: Callable[[FloatArray], FloatArray]
-) -> Poses:
+def _poses(begun: Begun, study: Study, predict: Callable[[FloatArray], FloatArray]) -> Poses:
     problem = begun.off.problem
     assert problem.scene is not None
     episode = study.replays.recording.episode[problem.scene.rows]
-    return fitted_poses(problem, beside, predict, episode, study.poses)
+    return fitted_poses(problem, predict, episode, study.poses)
 
 
 def _read_by(found: Searched) -> Callable[[FloatArray], FloatArray]:
@@ -137,7 +133,7 @@ def _read_by(found: Searched) -> Callable[[FloatArray], FloatArray]:
 
 
 def _result(found: Searched, study: Study, scene: Scene) -> FoundInScene:
-    values = _values(found)
+    values = _values(found, study)
     assert found.raw.scene is not None
     rows = found.raw.scene.rows
     groups = dict.fromkeys(study.parameters[name].group for name in values)

@@ -36,21 +36,16 @@ class Study:
     """
 
     def __init__(self, replays: Replays) -> None:
-        """Nothing is simulated yet."""
+        """Nothing is simulated yet but the scene as it is, which the recording has."""
+        assert replays.recording.simulated is not None
         self.replays, self.parameters = replays, replays.scene.parameters()
-        self.base: NDArray[np.float32] = np.zeros(0, dtype=np.float32)
+        self.base: NDArray[np.float32] = replays.recording.simulated
         self.poses: Poses = {}
         self.unstable: dict[str, str] = {}
         self._changes: dict[SceneParameter, dict[float, NDArray[np.float32]]] = {}
 
     def screen(self, tell: Tell) -> None:
-        """Replay the motion as the scene is, and with each number moved to either side.
-
-        Raises:
-            UnsupportedError: The scene as it is becomes unstable.
-        """
-        tell("replaying the motion", 0.0)
-        self.base = self.replays.run_each({})
+        """Replay the motion with each number moved to either side."""
         parameters = list(self.parameters.values())
         for first in range(0, len(parameters), TOGETHER):
             some = parameters[first : first + TOGETHER]

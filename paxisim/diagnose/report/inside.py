@@ -7,10 +7,12 @@ import numpy as np
 from paxisim.diagnose.report.effect import Effect, Series
 from paxisim.diagnose.report.maps import grid_of_maps
 from paxisim.diagnose.report.style import EXTENDED, MEASURED, MUTED, SIMULATED, Picture, binned, finish, panel, thin
-from paxisim.scene.parameters import BUMPS, SceneParameter
+from paxisim.scene.parameters import SceneParameter
+from paxisim.scene.parameters import height_map as surface_of
 
 _SLIDES = 0.05  # of the largest normal force, from which on slip is looked at
 _EXAGGERATED = 0.25  # of the pad, that the largest displacement is drawn as
+_COLOURS = (MEASURED, SIMULATED, EXTENDED)
 
 
 def slip(effect: Effect) -> list[Picture]:
@@ -19,8 +21,7 @@ def slip(effect: Effect) -> list[Picture]:
     forces = [_resultants(a[:, pad]) for a in (effect.streams.measured, effect.without, effect.model)]
     pressed = forces[0][1] > _SLIDES * forces[0][1].max()
     figure, axes = panel(3.0)
-    labels = ("measured", "in the scene as it is", f"with {effect.cause.name}")
-    for (shear, normal), colour, label in zip(forces, (MEASURED, SIMULATED, EXTENDED), labels, strict=True):
+    for (shear, normal), colour, label in zip(forces, _COLOURS, _labels(effect), strict=True):
         x, y = thin(normal[pressed], shear[pressed])
         axes.plot(x, y, ".", markersize=3, alpha=0.5, color=colour, label=label)
     axes.set_xlabel(f"normal force on {effect.streams.pad(pad)}, N")
@@ -42,8 +43,7 @@ def closing(effect: Effect) -> list[Picture]:
         x, label, drawn = names[best], best, binned
     figure, axes = panel(3.0)
     lines = (measured, lacking, model)
-    labels = ("measured", "in the scene as it is", f"with {effect.cause.name}")
-    for values, colour, name in zip(lines, (MEASURED, SIMULATED, EXTENDED), labels, strict=True):
+    for values, colour, name in zip(lines, _COLOURS, _labels(effect), strict=True):
         at, mean = drawn(np.asarray(x, dtype=float), values)
         axes.plot(at, mean, color=colour, linewidth=1.6, label=name)
     axes.locator_params(axis="x", nbins=5)
@@ -99,16 +99,19 @@ def _displaced(effect: Effect, target: str, own: dict[SceneParameter, float]) ->
 def height_map(effect: Effect) -> list[Picture]:
     """The surface of each pad that was found, as a map."""
     layout, numbers = effect.streams.layout, _numbers(effect)
-    down, across = (np.arange(layout.rows) + 0.5) / layout.rows, (np.arange(layout.cols) + 0.5) / layout.cols
-    maps: dict[str, Series] = {}
+    heights: dict[str, dict[int, float]] = {}
     for item, value in numbers.items():
-        i, j = BUMPS[item.index]
-        bump = 1e3 * value * np.outer(np.cos(np.pi * i * down), np.cos(np.pi * j * across))
-        maps[item.target] = maps.get(item.target, np.zeros_like(bump)) + bump
+        heights.setdefault(item.target, {})[item.index] = 1e3 * value
+    maps = {pad: surface_of(layout, own) for pad, own in heights.items()}
     limit = max(float(np.abs(one).max()) for one in maps.values()) or 1.0
     figure = grid_of_maps(layout, list(maps.values()), list(maps), 2, limit, signed=True, unit=" mm")
     title = f"The surface stands out by up to {max(float(one.max()) for one in maps.values()):.2f} mm"
     return [finish(figure, title, f"{title}; maps of the height of each pad.", legend=False)]
+
+
+def _labels(effect: Effect) -> tuple[str, str, str]:
+    """What the three streams are, whose colours are `_COLOURS`."""
+    return ("measured", "in the scene as it is", f"with {effect.cause.name}")
 
 
 def _numbers(effect: Effect) -> dict[SceneParameter, float]:
