@@ -15,8 +15,8 @@ FILES = {
     "report.html": "the report with pictures, for a browser",
     "diagnosis.json": "all figures of the diagnosis",
     "model.json": "the extended sensor model",
-    "scene.toml": "the scene with the values that were found",
-    "scene.xml": "its MJCF",
+    "fitted_scene.toml": "the scene with the values that were found",
+    "fitted_scene.xml": "its MJCF",
 }
 
 
@@ -38,7 +38,7 @@ def diagnose(
 
     With the scene that the recorded streams move, causes inside the scene are looked for, too, such as friction or
     where a pad sits: the motion is replayed with other values of the scene's numbers. The recording then needs no
-    simulated tensors. scene.toml and scene.xml are the scene with the values that were found.
+    simulated tensors. fitted_scene.toml and fitted_scene.xml are the scene with the values that were found.
 
     For example:
 

@@ -20,7 +20,7 @@ from paxisim.logs.document import built, finite
 from paxisim.scene.scene import Scene
 
 FORMAT = "paxisim-diagnosis/1"
-REPORT, MODEL, SCENE = "report.html", "model.json", "scene.toml"
+REPORT, MODEL, SCENE = "report.html", "model.json", "fitted_scene.toml"  # scene.toml may be the user's own
 
 Verdict = Literal["no_discrepancy", "explained", "ambiguous", "partly_explained", "unexplained", "unrelated"]
 
@@ -275,7 +275,7 @@ class Diagnosis:
     def save(self, folder: str | Path) -> None:
         """Write ``diagnosis.json``, ``model.json`` and ``report.html`` to `folder`, which is created if needed.
 
-        With a scene also ``scene.toml`` and ``scene.xml``, the scene with the values that were found. Each file is
+        With a scene also ``fitted_scene.toml`` and ``.xml``, the scene with the values that were found. Each file is
         written atomically; `Chain.load` reads ``model.json``. If matplotlib or jinja2 is missing, a warning replaces
         the report. Streams that are unrelated give no model. An older file in the folder that is not written again is
         removed.
@@ -293,7 +293,8 @@ class Diagnosis:
         if self.scene is not None:
             self.scene.save(folder / SCENE)
         else:
-            (folder / SCENE).unlink(missing_ok=True)
+            for name in (SCENE, Path(SCENE).with_suffix(".xml")):
+                (folder / name).unlink(missing_ok=True)
         try:
             page = self.report()
         except MissingExtraError as error:

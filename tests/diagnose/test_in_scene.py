@@ -78,6 +78,11 @@ def test_a_wrong_friction_is_found_with_its_value_and_goes_into_the_scene(kept, 
     assert "follows positions" in found.not_testable["grip_force"]
     found.save(tmp_path / "diagnosis")
     again = Diagnosis.load(tmp_path / "diagnosis")
+    beside = tmp_path / "diagnosis" / "scene.toml"  # the user's own scene, in the same folder
+    beside.write_text("mine")
+    replace(found, scene=None).save(tmp_path / "diagnosis")
+    assert beside.read_text() == "mine"
+    assert not list((tmp_path / "diagnosis").glob("fitted_scene*"))
     assert again.scene_values == found.scene_values
     assert again.scene.gel == found.scene.gel
     page = (tmp_path / "diagnosis" / "report.html").read_text()
@@ -109,9 +114,9 @@ def test_in_the_shell_the_scene_is_a_file_and_a_better_one_is_written(tmp_path, 
     scene().save("scene.toml")
     words = ["diagnose", "recording.mcap", "--scene", "scene.toml", "--causes", "friction,axis_gain", "-o", "found"]
     assert main(words) == 0
-    assert paxisim.Scene.load("found/scene.toml").gel.friction == pytest.approx(0.7, abs=0.03)
+    assert paxisim.Scene.load("found/fitted_scene.toml").gel.friction == pytest.approx(0.7, abs=0.03)
     out, err = capsys.readouterr()
-    assert "scene.toml: the scene with the values that were found" in out
+    assert "fitted_scene.toml: the scene with the values that were found" in out
     assert "replaying" in err
     assert main([*words[:-1], "other", "--scene", "missing.toml"]) == 2
     assert main(["diagnose", "recording.mcap", "--causes", "friction", "-o", "third"]) == 2
