@@ -10,6 +10,7 @@ themselves are the simulated one. No formula of the pad is one that a diagnosis 
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -55,4 +56,8 @@ def main(out: Path, unit: int = 7, episodes: int = 8) -> None:
 
 
 if __name__ == "__main__":
-    tyro.cli(main)
+    try:
+        tyro.cli(main)
+    except (paxisim.PaxisimError, OSError) as error:
+        print(f"reference_robot: error: {error}", file=sys.stderr)
+        sys.exit(2)

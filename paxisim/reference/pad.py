@@ -52,7 +52,7 @@ class MagneticPad:
             seed: Its number.
 
         Raises:
-            InvalidValueError: The layout is not a flat grid.
+            InvalidValueError: The layout is not a flat grid, or the seed is not a whole number of 0 or more.
         """
         self.layout, self.seed = layout, seed
         nominal = PadParameters.for_layout(layout) if parameters is None else parameters

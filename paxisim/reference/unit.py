@@ -54,8 +54,10 @@ def make_unit(layout: TaxelLayout, nominal: PadParameters, seed: int | None) -> 
     """The unit of that number, or with None the nominal design, and its own parameters.
 
     Raises:
-        InvalidValueError: The layout is not a flat grid.
+        InvalidValueError: The layout is not a flat grid, or the seed is not a whole number of 0 or more.
     """
+    if seed is not None and (not isinstance(seed, (int, np.integer)) or seed < 0):
+        raise InvalidValueError(f"the number of a unit must be a whole number of 0 or more, got {seed!r}")
     if not layout.is_grid:
         raise InvalidValueError("a magnetic pad needs a flat grid of taxels: a curved gel is another problem")
     spread = None if seed is None else Spread(np.random.default_rng(seed))

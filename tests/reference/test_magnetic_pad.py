@@ -175,6 +175,9 @@ def test_torch_gives_what_numpy_gives():
 def test_what_cannot_be_built_is_refused():
     with pytest.raises(InvalidValueError, match="flat grid"):
         MagneticPad(TaxelLayout(1, 3, (1e-3, 1e-3), positions=np.eye(3) * 1e-3))
+    for number in (-1, 1.5):
+        with pytest.raises(InvalidValueError, match="whole number of 0 or more"):
+            MagneticPad.unit(LAYOUT, number)
     with pytest.raises(InvalidValueError, match="magnet_depth must be less"):
         PadParameters(magnet_depth=4e-3)
     with pytest.raises(InvalidValueError, match="poisson must be"):
