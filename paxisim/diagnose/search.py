@@ -216,12 +216,9 @@ class Search:
         begun = len(self._shown(chosen)) < AFRESH
         doubtful = [names for names in sets if begun and self._falls_short(chosen, names, promised)]
         each(self._begun_afresh, doubtful, self._jobs)
-        for names in self._by_merit(sets):
-            if self.objective(names) >= self.objective(chosen):
-                continue
-            if all(self.evidence(names, n).kept for n in names if n not in chosen):
-                return names
-        return chosen
+        better = [names for names in sets if self.objective(names) < self.objective(chosen)]
+        kept = [names for names in better if all(self.evidence(names, n).kept for n in names if n not in chosen)]
+        return next(iter(self._by_merit(kept)), chosen)
 
     def _exchanged(self, chosen: tuple[str, ...]) -> tuple[str, ...]:
         """With each cause replaced by another that leaves less."""

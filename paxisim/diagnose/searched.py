@@ -23,7 +23,7 @@ from paxisim.diagnose.problem import Problem, problem_of
 from paxisim.diagnose.reading import ReadOff, read_off
 from paxisim.diagnose.repeats import settled
 from paxisim.diagnose.report.unrelated import CLOCKS, unrelated
-from paxisim.diagnose.rules import Rules
+from paxisim.diagnose.rules import IN_SCENE, Rules
 from paxisim.diagnose.search import PREDICTS, Search
 from paxisim.diagnose.vocabulary import cause, known_causes
 from paxisim.recording import Recording
@@ -95,7 +95,7 @@ def searched(
     begun = begin(recording, causes, responses, tell)
     if isinstance(begun, Diagnosis):
         return begun
-    search = search_of(begun.off, begun.wanted, Rules(), jobs, tell)
+    search = search_of(begun.off, begun.wanted, jobs, tell)
     it = explained(begun.off, search, seed, jobs, tell)
     return Searched(**vars(begun), it=it)
 
@@ -155,9 +155,10 @@ class Explained:
 
 
 def search_of(
-    off: ReadOff, wanted: Sequence[Cause], rules: Rules, jobs: int, tell: Callable[[str, float], None]
+    off: ReadOff, wanted: Sequence[Cause], jobs: int, tell: Callable[[str, float], None], rules: Rules | None = None
 ) -> Search:
     """The search for causes in what the checks have left."""
+    rules = rules or (Rules() if off.problem.scene is None else IN_SCENE)
     known = (*CAUSES, MEAN_POSE, IMPRATIO)
     nuisances = [item for item in known if item.nuisance and item not in wanted and not item.barred(off.raw)]
     searched = [item for item in (*wanted, *nuisances) if item.read is None]

@@ -25,7 +25,6 @@ from paxisim.diagnose.inside.study import Study
 from paxisim.diagnose.model import Model
 from paxisim.diagnose.problem import FloatArray, Problem
 from paxisim.diagnose.report.streams import InScene
-from paxisim.diagnose.rules import Rules
 from paxisim.diagnose.searched import Begun, Searched, begin, search_of, searched
 from paxisim.recording import Recording
 from paxisim.scene.changed import changed
@@ -87,7 +86,7 @@ def in_scene(
         begun = begin(_simulated(recording, study), causes, study.responses(), tell)
         if isinstance(begun, Diagnosis):
             return begun
-        first = search_of(begun.off, begun.wanted, Rules(), jobs, _part(tell, SCREENED, FIRST))
+        first = search_of(begun.off, begun.wanted, jobs, _part(tell, SCREENED, FIRST))
         fit = first.fit(first.run())
         values = _values(fit, begun.off.problem, study)
         study.move(_poses(begun, study, _read_by(first.fitter, fit)))
