@@ -19,6 +19,7 @@ from paxisim.diagnose.blocks import in_blocks
 from paxisim.diagnose.counting import Counting
 from paxisim.diagnose.directions import Directions, directions_of
 from paxisim.diagnose.dither import dither_of
+from paxisim.diagnose.inside.deviations import Deviations
 from paxisim.diagnose.inside.responses import Responses
 from paxisim.diagnose.noise import REPLAYED, FloatArray, Tolerance, noise_of, step_of, tolerated
 from paxisim.diagnose.pieces import Pieces, in_one_piece
@@ -387,13 +388,23 @@ class Problem:
         return self.weigh(self.measured - self.read(prediction))
 
     def weigh(self, difference: FloatArray) -> FloatArray:
-        """A difference of tensors in units of the noise, freed of what a zero that follows `curves` explains."""
+        """A difference of tensors in units of the noise, freed of what a zero that follows `curves` explains.
+
+        In a scene it is also freed of what the poses of single episodes explain.
+        """
         if self.curves is None:
-            return difference * self.weight
-        zero = self.zero_of(difference).reshape(len(self.curves), -1)
-        weighed = difference - (self.curves.T @ zero).reshape(difference.shape)
-        weighed *= self.weight
-        return weighed
+            weighed = difference * self.weight
+        else:
+            zero = self.zero_of(difference).reshape(len(self.curves), -1)
+            weighed = difference - (self.curves.T @ zero).reshape(difference.shape)
+            weighed *= self.weight
+        return weighed if self._deviations is None else self._deviations.removed(weighed)
+
+    @cached_property
+    def _deviations(self) -> Deviations | None:
+        if self.scene is None or not self.scene.of("object_pose") or len(self.episodes) < 2:
+            return None
+        return Deviations(self.scene, self.weight, self.episodes)
 
 
 def at_rest(simulated: FloatArray, peak: float) -> NDArray[np.bool_]:

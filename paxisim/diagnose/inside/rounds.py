@@ -1,8 +1,10 @@
 """Rounds: replays and searches in turn, by which causes inside a scene are found beside those of the sensor.
 
-1. The pose of the object in each episode is fitted and taken out (`poses.py`), from replays with other poses.
-2. Each other number of the scene is replayed at a few values around its nominal one (`study.py`).
-3. The search sees what the numbers do as causes like any other (`diagnose/causes/scene.py`).
+1. The pose of the object in each episode is fitted (`poses.py`), beside all numbers of the scene, from replays in which
+   each of them is moved a little.
+2. Each number is replayed at a few values around its nominal one (`study.py`).
+3. The search sees what the numbers do as causes like any other (`diagnose/causes/scene.py`), in residuals from which is
+   taken what poses still explain (`deviations.py`).
 4. For the causes that it found, replays near their fitted values take the place of the first ones, the poses are fitted
    again, now as the sensor reads them, and the search is repeated.
 """
@@ -76,7 +78,7 @@ def in_scene(
     closings = {episode.number: episode.closing for episode in episodes}
     with Replays(scene, recording, closings, jobs=jobs, folder=folder) as replays:
         study = Study(replays)
-        study.screen_poses(_part(tell, 0.0, PLACED))
+        study.glance(_part(tell, 0.0, PLACED))
         for _ in range(PLACINGS):
             begun = begin(_simulated(recording, study), causes, study.responses(), tell)
             if isinstance(begun, Diagnosis):

@@ -15,8 +15,8 @@ from paxisim.scene.replays import Replays
 
 SCREENED = (-2.0, 2.0)
 """Steps from its nominal value at which each number is replayed before the search."""
-POSES = (-1.0, 1.0)
-"""The same of the objects' poses."""
+GLANCE, POSES = (1.0,), (-1.0, 1.0)
+"""The same before the poses of single episodes are known, and of these poses."""
 NEAR = (-0.5, 0.0, 0.5)
 """Steps from its fitted value, after it."""
 
@@ -46,19 +46,26 @@ class Study:
         self.unstable: dict[str, str] = {}
         self._changes: dict[SceneParameter, dict[float, NDArray[np.float32]]] = {}
 
-    def screen_poses(self, tell: Tell) -> None:
-        """Replay the motion with the objects moved to either side."""
-        self._screen([item for item in self.parameters.values() if item.group == "object_pose"], tell)
+    def glance(self, tell: Tell) -> None:
+        """Replay the motion with each number moved a little, the objects' poses to either side."""
+        self._screen(
+            list(self.parameters.values()), lambda item: POSES if item.group == "object_pose" else GLANCE, tell
+        )
 
     def screen(self, tell: Tell) -> None:
-        """Replay it with each other number moved to either side."""
-        self._screen([item for item in self.parameters.values() if item.group != "object_pose"], tell)
+        """Replay it with each number but poses moved to either side, in the place of earlier replays."""
+        others = [item for item in self.parameters.values() if item.group != "object_pose"]
+        for item in others:
+            self._changes.pop(item, None)
+        self._screen(others, lambda item: SCREENED, tell)
 
-    def _screen(self, parameters: Sequence[SceneParameter], tell: Tell) -> None:
+    def _screen(
+        self, parameters: Sequence[SceneParameter], steps: Callable[[SceneParameter], Sequence[float]], tell: Tell
+    ) -> None:
         for first in range(0, len(parameters), TOGETHER):
             some = parameters[first : first + TOGETHER]
             tell(f"replaying with another {some[0].name}", first / len(parameters))
-            self._replay({item: [item.nominal + steps * item.step for steps in _screened(item)] for item in some})
+            self._replay({item: [item.nominal + by * item.step for by in steps(item)] for item in some})
 
     def _replay(self, wanted: Mapping[SceneParameter, list[float]]) -> None:
         """Add replays at some values of numbers, one number at a time."""
@@ -124,8 +131,3 @@ class Study:
                 own[item] = value + own.get(item, 0.0)
             out[number] = own
         return out
-
-
-def _screened(item: SceneParameter) -> tuple[float, ...]:
-    """The steps; a pose is also an episode's own, which is smaller."""
-    return POSES if item.group == "object_pose" else SCREENED
