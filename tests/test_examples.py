@@ -36,7 +36,7 @@ def in_shell(script, folder):
 
 @pytest.mark.real_time
 def test_the_joints_of_a_simulated_arm_are_recorded_beside_its_sensor(tmp_path):
-    page = (ROOT / "docs" / "streams.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "guides" / "streams.md").read_text(encoding="utf-8")
     (block,) = [block for block in re.findall(r"```bash\n(.*?)```", page, re.DOTALL) if "simulated_arm.py" in block]
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
         free.bind(("127.0.0.1", 0))

@@ -22,6 +22,7 @@ from paxisim.cli.convert import convert
 from paxisim.cli.demo import demo
 from paxisim.cli.diagnose import diagnose
 from paxisim.cli.emulate import emulate
+from paxisim.cli.example import example
 from paxisim.cli.info import info
 from paxisim.cli.live import live
 from paxisim.cli.output import PrintableOutput, printable
@@ -37,6 +38,7 @@ from paxisim.errors import PaxisimError
 
 VERBS = {
     "demo": demo,
+    "example": example,
     "sensors": sensors,
     "pad": pad,
     "attach": attach,
@@ -69,7 +71,7 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"paxisim {__version__}")
         return 0
     try:
-        verb = _parse(arguments)
+        verb = parse(arguments)
         with contextlib.redirect_stdout(PrintableOutput(sys.stdout)):
             verb()
             sys.stdout.flush()
@@ -86,7 +88,7 @@ def main(arguments: list[str] | None = None) -> int:
     return 0
 
 
-def _parse(arguments: list[str] | None) -> Callable[[], None]:
+def parse(arguments: list[str] | None) -> Callable[[], None]:
     """The verb with its options, ready to be called.
 
     Raises:

@@ -7,6 +7,7 @@ compilation or `set_surface` after it. A cube keeps its back; a thicker one stan
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -62,7 +63,7 @@ def _area_means(values: NDArray[np.floating], bins: int) -> NDArray[np.floating]
     return np.diff(at_edges, axis=0) / (len(values) / bins)
 
 
-def conform(layout: TaxelLayout, mesh, *, max_angle: float = 75.0) -> TaxelLayout:
+def conform(layout: TaxelLayout, mesh: Any, *, max_angle: float = 75.0) -> TaxelLayout:
     """The layout laid onto a curved surface: taxels projected along z, each facing along the surface's normal.
 
     Args:

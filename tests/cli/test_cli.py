@@ -176,8 +176,8 @@ def test_overwriting_is_asked_for():
         (["attach", "gripper.xml", *GRID, "--mount", "hand quat=0,0,0,0", "-o", "a.xml"], "quat must not be zero"),
         (["view", "gripper.xml"], "no pads|no display|window"),
         (["demo", "--squeeze", "inf"], "--squeeze must lie between"),
-        (["grip"], "demo, sensors, pad"),
-        ([], "demo, sensors, pad"),
+        (["grip"], "demo, example, sensors, pad"),
+        ([], "demo, example, sensors, pad"),
     ],
 )
 def test_bad_input_is_one_line_and_status_2(words, says, capsys, folder):
@@ -225,3 +225,18 @@ def test_a_folder_without_permission_is_one_line(capsys, folder):
     folder.chmod(0o500)
     assert main(["pad", *GRID, "-o", "a.xml"]) == 2
     assert "cannot write a.xml: Permission denied" in capsys.readouterr().err
+
+
+def test_example_writes_a_gripper_that_attach_takes_and_a_recording_that_can_be_diagnosed(capsys, folder):
+    assert main(["example", "gripper"]) == 0
+    assert main(["attach", "my_gripper.xml", *GRID, "-o", "out.xml"]) == 0
+    assert main(["example", "recording"]) == 0
+    recording = paxisim.Recording.load("paired.mcap")
+    ratio = recording.measured[:, :, 2].sum() / recording.simulated[:, :, 2].sum()
+    assert ratio == pytest.approx(0.9, abs=0.005)
+
+    before = {path: path.read_bytes() for path in folder.iterdir()}
+    assert main(["example", "gripper"]) == main(["example", "recording"]) == 2
+    assert main(["example", "recording", "-o", "recording.csv"]) == 2
+    assert main(["example", "gripper", "-o", "gripper.txt"]) == 2
+    assert {path: path.read_bytes() for path in folder.iterdir()} == before
