@@ -84,6 +84,13 @@ def test_commands_are_ones_that_there_are(page):
                 assert (ROOT / word).exists(), line
 
 
+@pytest.mark.parametrize("page", TEXTS, ids=lambda page: str(page.relative_to(ROOT)))
+def test_files_of_the_repository_that_a_page_names_exist(page):
+    text = page.read_text(encoding="utf-8")
+    named = re.findall(r"`((?:benchmarks|docs|examples|tests|paxisim|integrations)/[\w./-]+)`", text)
+    assert [name for name in named if not (ROOT / name).exists()] == []
+
+
 @pytest.mark.parametrize("page", [page for page in TEXTS if page.parent == ROOT], ids=lambda page: page.name)
 def test_links_of_the_pages_outside_the_site_lead_somewhere(page):
     """Those inside are checked by the build of the site."""
