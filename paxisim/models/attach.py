@@ -16,7 +16,7 @@ from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.layout import TaxelLayout
 from paxisim.models import names
 from paxisim.models.gel import Gel
-from paxisim.models.load import compile_spec, load_spec, one_line
+from paxisim.models.load import compile_spec, compile_whole, load_spec, one_line
 from paxisim.models.mount import Mount
 from paxisim.models.pad import Pad, numbers
 from paxisim.models.pads import Pads, find_pads
@@ -139,7 +139,10 @@ def attach(
 
         is_file = isinstance(gripper, Path) or (isinstance(gripper, str) and not gripper.lstrip().startswith("<"))
         mounts, report = choose_mounts(spec, str(gripper) if is_file else "")
-    chosen = tuple(mounts)
+    chosen = (mounts,) if isinstance(mounts, Mount) else tuple(mounts)
+    for mount in chosen:
+        if not isinstance(mount, Mount):
+            raise InvalidValueError(f"mounts must be paxisim.Mount, got {mount!r:.80}")
     if not chosen:
         raise InvalidValueError("expected at least one mount, got none")
     bodies = {body.name: body for body in spec.bodies}
@@ -165,7 +168,16 @@ def attach(
     # one order for `bind` and for `find_pads` in a saved file, or a policy could meet its pads swapped
     order = sorted(range(len(chosen)), key=lambda i: model.body(pad_names[i]).id)
     mounts, pad_names = tuple(chosen[i] for i in order), tuple(pad_names[i] for i in order)
+    _warn_of_mounts(spec, pad_names, mounts)
     return TactileGripper(spec, mounts, pad_names, pad.gel, pad.layout, report)
+
+
+def _warn_of_mounts(spec: mujoco.MjSpec, pad_names: tuple[str, ...], mounts: tuple[Mount, ...]) -> None:
+    from paxisim.models.mount_checks import doubts
+
+    model = compile_whole(spec, "the gripper with pads")
+    for doubt in doubts(model, find_pads(model, names=pad_names), mounts):
+        warnings.warn(doubt, stacklevel=3)
 
 
 def _as_pad(sensor: Pad | TaxelLayout | str) -> Pad:
@@ -173,6 +185,8 @@ def _as_pad(sensor: Pad | TaxelLayout | str) -> Pad:
         return sensor
     if isinstance(sensor, TaxelLayout):
         return Pad(sensor)
+    if not isinstance(sensor, str):
+        raise InvalidValueError(f"expected a Pad, a TaxelLayout or the name of a sensor, got {type(sensor).__name__}")
     product = find_sensor(sensor)
     return Pad(product.layout, mass=product.mass)
 

@@ -89,7 +89,7 @@ def conform(layout: TaxelLayout, mesh: Any, *, max_angle: float = 75.0) -> Taxel
             raise InvalidValueError(f"cannot read the mesh {mesh}: {error}") from error
     if not len(getattr(mesh, "faces", ())):
         raise InvalidValueError("the mesh has no triangles")
-    depth, triangles = _first_facing(layout.positions[:, :2], mesh)
+    depth, triangles = first_facing(layout.positions[:, :2], mesh)
     if np.any(triangles < 0):
         missed = int(np.argmin(triangles))
         row, col = divmod(missed, layout.cols)
@@ -109,7 +109,7 @@ def conform(layout: TaxelLayout, mesh: Any, *, max_angle: float = 75.0) -> Taxel
     return TaxelLayout(layout.rows, layout.cols, layout.pitch, positions, normals, layout.vendor_order)
 
 
-def _first_facing(points: NDArray[np.floating], mesh) -> tuple[NDArray[np.floating], NDArray[np.int64]]:
+def first_facing(points: NDArray[np.floating], mesh) -> tuple[NDArray[np.floating], NDArray[np.int64]]:
     """Where rays along +z through ``(N, 2)`` points first meet a triangle that faces them.
 
     Returns:
