@@ -99,6 +99,15 @@ def test_links_of_the_pages_outside_the_site_lead_somewhere(page):
     assert [target for target in local if not (ROOT / target).exists()] == []
 
 
+def test_the_page_of_examples_shows_those_there_are():
+    text = (DOCS / "examples.md").read_text(encoding="utf-8")
+    shown = re.findall(r'^--8<-- "examples/(\w+\.py)"$', text, re.MULTILINE)
+    assert len(shown) >= 7
+    assert all((ROOT / "examples" / name).is_file() for name in shown)
+    named = set(re.findall(r"`(\w+\.(?:py|ipynb))`", text))
+    assert named == {path.name for path in (ROOT / "examples").iterdir() if path.suffix in (".py", ".ipynb")}
+
+
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
