@@ -24,7 +24,7 @@ GAINS = RNG.normal(size=(3, 15)) * np.array([[20.0], [20.0], [10.0]])  # uT/N of
 
 
 def load(time: np.ndarray) -> np.ndarray:
-    """``(T, 3)`` newtons: presses of up to 8 N that drag to and fro."""
+    """``(T, 3)`` newtons: presses of up to 8 N that drag back and forth."""
     press = 8 * np.clip(np.sin(2 * np.pi * 0.3 * time), 0, None) ** 2 * (1 + 0.3 * np.sin(0.2 * time))
     return np.stack([0.3 * press * np.sin(3.1 * time), 0.3 * press * np.sin(4.7 * time), press], axis=1)
 
