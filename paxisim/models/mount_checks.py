@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.layout import TaxelLayout
+from paxisim.models import names
 from paxisim.models.faces import shape_of
 from paxisim.models.mount import Mount
 from paxisim.models.pads import Pads
@@ -20,7 +21,7 @@ from paxisim.models.surface import first_facing
 
 LARGEST_PITCH = 0.05
 """No taxel is larger; what is beyond is a mistaken unit."""
-FAR = 0.02
+FAR = 0.1
 """A pad whose middle is further from its finger than this floats."""
 DEEP = 0.01
 """A taxel with the finger's surface further behind it than this hangs in the air."""
@@ -54,29 +55,40 @@ def doubts(model: mujoco.MjModel, pads: Pads, mounts: tuple[Mount, ...]) -> list
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     for pad, mount in enumerate(mounts):
-        finger = _finger(model, data, pads, pad)
+        finger = _finger(model, data, int(pads.bodies[pad]), mount)
         kind, how = ("", "") if finger is None else _on_finger(finger, pads.layouts[pad])
         if kind:
             found.setdefault(kind, []).append(f"{pads.names[pad]!r} on {mount.body!r}, {how}")
     for (first, second), depth in _overlaps(model, data, pads).items():
-        names = f"{pads.names[first]!r} and {pads.names[second]!r}"
-        found.setdefault(INSIDE, []).append(f"{names}, by {1e3 * depth:.1f} mm")
+        both = f"{pads.names[first]!r} and {pads.names[second]!r}"
+        found.setdefault(INSIDE, []).append(f"{both}, by {1e3 * depth:.1f} mm")
     return [f"{kind}: {'; '.join(where)}" for kind, where in found.items()]
 
 
-def _finger(model: mujoco.MjModel, data: mujoco.MjData, pads: Pads, pad: int) -> NDArray[np.float64] | None:
-    """``(n, 3, 3)`` triangles of the finger in the pad frame; None where it has no geom with a surface."""
-    body = int(pads.bodies[pad])
-    weld = int(model.body_weldid[body])
-    welded = np.flatnonzero(model.body_weldid == weld).tolist() if weld else _parents(model, body)
+def _finger(model: mujoco.MjModel, data: mujoco.MjData, pad: int, mount: Mount) -> NDArray[np.float64] | None:
+    """``(n, 3, 3)`` triangles of the finger under a pad's body, in the pad frame; None where it has no surface.
+
+    They are those of the geoms that touch something, and of those that did before the pad replaced them.
+    """
+    weld = int(model.body_weldid[pad])
+    welded = np.flatnonzero(model.body_weldid == weld).tolist() if weld else _parents(model, pad)
+    touches = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
+    for which in mount.replaces:
+        geom = model.body(mount.body).geomadr[0] + which if isinstance(which, int) else model.geom(which).id
+        touches[geom] = True
+    own = [body for body in welded if not _is_pad(model, body)]
     triangles = []
-    for geom in np.flatnonzero(np.isin(model.geom_bodyid, welded) & ~np.isin(model.geom_bodyid, pads.bodies)):
+    for geom in np.flatnonzero(touches & np.isin(model.geom_bodyid, own)):
         shape = shape_of(model, int(geom))
         if shape is not None:
             vertices, faces = shape
             world = vertices @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
-            triangles.append(((world - data.xpos[body]) @ data.xmat[body].reshape(3, 3))[faces])
+            triangles.append(((world - data.xpos[pad]) @ data.xmat[pad].reshape(3, 3))[faces])
     return np.concatenate(triangles) if triangles else None
+
+
+def _is_pad(model: mujoco.MjModel, body: int) -> bool:
+    return mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, names.gel(model.body(body).name)) >= 0
 
 
 def _parents(model: mujoco.MjModel, body: int) -> list[int]:
@@ -102,6 +114,8 @@ def _on_finger(finger: NDArray[np.float64], layout: TaxelLayout) -> tuple[str, s
     depth, triangle = first_facing(looked_at[:, :2], mesh)
     behind = depth - looked_at[:, 2]
     hangs = (triangle < 0) | (behind > DEEP)
+    if hangs.all():  # it sits on something that is not drawn
+        return "", ""
     if hangs.mean() > SHARE:
         height, width = (1e3 * length for length in layout.size)
         return LARGE, f"{hangs.mean():.0%} of its {height:.3g} x {width:.3g} mm in the air"
