@@ -115,7 +115,8 @@ def attach(
     child body of its mount's body, with its own mass. Collision geoms it replaces are switched off, and the explicit
     contact pairs that name them removed; it takes over their contact bits, less those with which pads would meet each
     other, and the body's contact exclusions. MuJoCo's touch sensors count the contacts of one body, not those of a pad
-    on it: they stay, but there is a warning of those on a body that gets a pad.
+    on it: they stay, but there is a warning of those on a body that gets a pad. There is also a warning of what can
+    hardly be meant: pads inside one another, larger than their finger, far from it, or curved on a flat one.
 
     Args:
         gripper: A spec (left unchanged), an MJCF file or MJCF text.

@@ -24,13 +24,13 @@ def load_spec(model: mujoco.MjSpec | str | Path) -> mujoco.MjSpec:
     Raises:
         InvalidValueError: Not one of these, there is no such file, or MuJoCo cannot parse it.
     """
-    if isinstance(model, mujoco.MjSpec):
-        return model.copy()
     if not isinstance(model, (str, Path)):
-        raise InvalidValueError(
-            f"expected an MjSpec, the path of an MJCF file or its text, got {type(model).__name__}"
-            + ("; give what it was compiled from" if isinstance(model, mujoco.MjModel) else "")
-        )
+        if not isinstance(model, mujoco.MjSpec):
+            raise InvalidValueError(
+                f"expected an MjSpec, the path of an MJCF file or its text, got {type(model).__name__}"
+                + ("; give what it was compiled from" if isinstance(model, mujoco.MjModel) else "")
+            )
+        return model.copy()
     if isinstance(model, str) and model.lstrip().startswith("<"):
         source, parse, argument = "the XML text", mujoco.MjSpec.from_string, model
     else:

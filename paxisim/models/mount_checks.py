@@ -143,11 +143,11 @@ def _overlaps(model: mujoco.MjModel, data: mujoco.MjData, pads: Pads) -> dict[tu
 
 def _overlap(model: mujoco.MjModel, data: mujoco.MjData, pads: Pads, first: int, second: int) -> float:
     """How far the taxels of one pad reach into those of another; 0 where they do not."""
-    from scipy.spatial import cKDTree
+    from scipy.spatial import KDTree
 
     geoms = [pads.geoms[pad] for pad in (first, second)]
     reach = float(sum(model.geom_rbound[some].max() for some in geoms))
-    trees = [cKDTree(data.geom_xpos[some]) for some in geoms]
+    trees = [KDTree(data.geom_xpos[some]) for some in geoms]
     close = [(i, j) for i, others in enumerate(trees[0].query_ball_tree(trees[1], reach)) for j in others]
     near = [(int(geoms[0][i]), int(geoms[1][j])) for i, j in close]
     return max((-mujoco.mj_geomDistance(model, data, a, b, reach, None) for a, b in near), default=0.0)
