@@ -125,7 +125,7 @@ def named(rows: Sequence[Change], task: Task) -> list[tuple[str, ...]]:
         for row in rows:
             folds = tuple(getattr(row.rules, name) for name in OF_FOLDS)
             if folds not in searches:
-                searches[folds] = search_of(off, wanted, row.rules, 1, silently)
+                searches[folds] = search_of(off, wanted, 1, silently, row.rules)
             search = copy.copy(searches[folds])  # with the fits that the rows before have made
             causes = [
                 replace(item, **{name: factor * getattr(item, name) for name, factor in row.factors})

@@ -81,6 +81,9 @@ if TYPE_CHECKING:
     from paxisim.scene.drive import Drive as Drive
     from paxisim.scene.drive import ObjectStart as ObjectStart
     from paxisim.scene.parameters import SceneParameter as SceneParameter
+    from paxisim.scene.ranges import SceneDraw as SceneDraw
+    from paxisim.scene.ranges import SceneRanges as SceneRanges
+    from paxisim.scene.ranges import SceneVariation as SceneVariation
     from paxisim.scene.scene import Scene as Scene
     from paxisim.sensors import Sensor as Sensor
     from paxisim.sensors import known_sensors as known_sensors
@@ -143,6 +146,7 @@ _HOMES = {
     "paxisim.scene.agreement": ("Agreement", "compare_streams"),
     "paxisim.scene.drive": ("Drive", "ObjectStart"),
     "paxisim.scene.parameters": ("SceneParameter",),
+    "paxisim.scene.ranges": ("SceneDraw", "SceneRanges", "SceneVariation"),
     "paxisim.scene.scene": ("Scene",),
     "paxisim.sensors": ("Sensor", "known_sensors", "sensor"),
     "paxisim.viz.calibration": ("plot_calibration", "plot_presses"),

@@ -20,7 +20,7 @@ from paxisim.diagnose.counting import Counting
 from paxisim.diagnose.directions import Directions, directions_of
 from paxisim.diagnose.dither import dither_of
 from paxisim.diagnose.inside.responses import Responses
-from paxisim.diagnose.noise import FloatArray, Tolerance, noise_of, step_of, tolerated
+from paxisim.diagnose.noise import REPLAYED, FloatArray, Tolerance, noise_of, step_of, tolerated
 from paxisim.diagnose.pieces import Pieces, in_one_piece
 from paxisim.errors import InvalidValueError
 from paxisim.logs.aligned import episode_spans
@@ -70,6 +70,8 @@ class Problem:
         calibrated: Whether the channels were calibrated to a load, by `paxisim.calibrate_readout`.
         tolerance: Errors that need no explanation.
         scene: What changes of the scene do to the simulated stream; None if the scene is not known.
+        excused: Energy of the errors that a replay in that scene may have, per number that is compared, in units of
+            the noise.
     """
 
     measured: FloatArray
@@ -96,6 +98,7 @@ class Problem:
     aligned: bool = False
     tolerance: Tolerance = field(default_factory=Tolerance)
     scene: Responses | None = None
+    excused: float = 0.0
 
     @cached_property
     def weight(self) -> FloatArray:
@@ -415,8 +418,12 @@ def showing(gain: FloatArray) -> NDArray[np.bool_]:
     return np.abs(gain) > 1e-2 * np.abs(gain).max()
 
 
-def problem_of(recording: Recording) -> Problem:
+def problem_of(recording: Recording, scene: Responses | None = None) -> Problem:
     """A recording made ready.
+
+    Args:
+        recording: Both streams.
+        scene: What changes of the scene do to the simulated one; None if the scene is not known.
 
     Raises:
         InvalidValueError: A stream is missing or holds NaN.
@@ -444,7 +451,8 @@ def problem_of(recording: Recording) -> Problem:
         alive, step, 0.0, clips=bool(measured[:, :, 2].min() >= 0),
         least=min(float(simulated.min()), 0.0), phase=phase, peaks=_peaks_of(simulated, peak), directions=directions,
         calibrated="readout" in recording.metadata, aligned="clocks_aligned_by" in recording.metadata,
-        tolerance=Tolerance(encoder=EncoderError.told_by(recording)),
+        tolerance=replace(Tolerance() if scene is None else REPLAYED, encoder=EncoderError.told_by(recording)),
+        scene=scene,
     )  # fmt: skip
     return with_noise(problem)
 
@@ -467,4 +475,5 @@ def with_noise(problem: Problem) -> Problem:
         raise InvalidValueError(
             "the noise of the recording is not finite: is a time, a force or a tolerance too large?"
         )
-    return replace(problem, sigma=sigma, dither=dither)
+    excused = 0.0 if problem.scene is None else float(np.mean((allowed / sigma**2)[:, alive]))
+    return replace(problem, sigma=sigma, dither=dither, excused=excused)

@@ -44,7 +44,7 @@ def _in_place(search: Search, names: tuple[str, ...], name: str) -> tuple[str, .
         worse = float((own.heldout - fit.heldout).sum())
         told = search.causes[name].misfit * fit.effects.get(name, 0.0)
         told += search.causes[other].misfit * own.effects.get(other, 0.0)
-        least = rules.material * search.problem.samples + told
+        least = search.material + told
         if worse < least + rules.tie * max(gain, 0.0) and search.evidence((*rest, other), other).kept:
             near[other] = worse
     return tuple(sorted(near, key=lambda n: near[n]))

@@ -15,6 +15,8 @@ class Rules:
     Attributes:
         material: Materiality: the share of the noise's energy that a cause must gain on held-out episodes. A smaller
             gain does not matter to a user. A cause's `price` multiplies it.
+        replayed: Share of the energy of the errors that a replay may have, which a cause must gain besides, where the
+            scene is given. Those errors last, unlike noise, so that many causes take up a little of them.
         consistency: The least z-score of a cause's gain over held-out episodes, their sum over the root of the sum of
             their squares. One episode that alone shows the cause has 1, and others that speak against it less.
         folds: Held-out folds at most: leave one out up to so many units.
@@ -35,6 +37,7 @@ class Rules:
     """
 
     material: float = 0.003
+    replayed: float = 0.15
     consistency: float = 0.95
     folds: int = 8
     few_episodes: int = 4
@@ -49,3 +52,7 @@ class Rules:
     near_miss: float = 0.6
     explains: float = 0.2
     visible: float = 2.0
+
+
+IN_SCENE = Rules(contest=8)
+"""Where the scene is given, whose causes are candidates, too."""

@@ -52,6 +52,7 @@ class Search:
         problem: The recording.
         folds: What is held out together.
         rules: What decides.
+        material: Energy that a cause must take away to matter.
     """
 
     def __init__(
@@ -60,6 +61,7 @@ class Search:
     ) -> None:  # fmt: skip
         """Nothing is fitted yet."""
         self.problem, self.folds, self.rules, self._jobs, self._tell = problem, folds, rules, jobs, tell
+        self.material = (rules.material + rules.replayed * problem.excused) * problem.samples
         self.causes = {c.name: c for c in causes}
         self.fitter = Fitter(problem, folds)
         self._fits: dict[frozenset[str], Fit] = {}
@@ -131,8 +133,7 @@ class Search:
         if exact:
             fit, without = self.exact(fit), self.exact(without)
         gain = without.heldout - fit.heldout
-        material = self.rules.material * self.problem.samples
-        needed = item.price * material
+        needed = item.price * self.material
         needed += sum(self.causes[n].misfit * energy for n, energy in fit.effects.items() if n != name)
         amount = np.inf
         if item.course is None:
@@ -156,9 +157,8 @@ class Search:
             names: The set.
             nuisances: Whether they must bring something, too.
         """
-        material = self.rules.material * self.problem.samples
         price = sum(self.causes[n].price for n in names if nuisances or not self.causes[n].nuisance)
-        return float(self.fit(names).heldout.sum()) + material * price
+        return float(self.fit(names).heldout.sum()) + self.material * price
 
     def near_misses(self, names: Sequence[str]) -> dict[str, float]:
         """Causes that were fitted beside a set and fall short, with what they gain as a share of what they must."""
@@ -191,7 +191,7 @@ class Search:
 
     def _candidates(self, names: Sequence[str], most: int) -> list[tuple[str, ...]]:
         """Causes that may be added: those fitted in closed form, and those that promise most."""
-        least = self.rules.promise * self.rules.material * self.problem.samples
+        least = self.rules.promise * self.material
         local = [n for n, c in self.causes.items() if n not in names and (c.local or c.course)]
         promising = [n for gain, n in self.ranked(names)[:most] if gain > least]
         return [(n,) for n in (*local, *promising)]
@@ -202,10 +202,9 @@ class Search:
             return []
         ranking = self._ranking(names)
         alone = {n: gain for gain, n in self.ranked(names)}
-        material = self.rules.material * self.problem.samples
         best = max(alone.values(), default=0.0)
         gains = [(ranking.gain([a, b]), (a, b)) for i, a in enumerate(alone) for b in list(alone)[i + 1 :]]
-        promising = sorted((g for g in gains if g[0] > best + material), reverse=True)
+        promising = sorted((g for g in gains if g[0] > best + self.material), reverse=True)
         return [pair for _, pair in promising[: self.rules.pairs]]
 
     def _added(self, chosen: tuple[str, ...]) -> tuple[str, ...]:
@@ -217,12 +216,9 @@ class Search:
         begun = len(self._shown(chosen)) < AFRESH
         doubtful = [names for names in sets if begun and self._falls_short(chosen, names, promised)]
         each(self._begun_afresh, doubtful, self._jobs)
-        for names in self._by_merit(sets):
-            if self.objective(names) >= self.objective(chosen):
-                continue
-            if all(self.evidence(names, n).kept for n in names if n not in chosen):
-                return names
-        return chosen
+        better = [names for names in sets if self.objective(names) < self.objective(chosen)]
+        kept = [names for names in better if all(self.evidence(names, n).kept for n in names if n not in chosen)]
+        return next(iter(self._by_merit(kept)), chosen)
 
     def _exchanged(self, chosen: tuple[str, ...]) -> tuple[str, ...]:
         """With each cause replaced by another that leaves less."""
@@ -249,7 +245,7 @@ class Search:
 
     def _by_merit(self, sets: Sequence[tuple[str, ...]]) -> list[tuple[str, ...]]:
         """Sets by what they leave; of those that leave as little as the best but for what is material, the simplest."""
-        least = min(map(self.objective, sets), default=0.0) + self.rules.material * self.problem.samples
+        least = min(map(self.objective, sets), default=0.0) + self.material
 
         def merit(names: tuple[str, ...]) -> tuple[float, float]:
             numbers = sum(len(self.causes[n].parameters(self.problem)) for n in names)
@@ -268,7 +264,7 @@ class Search:
         """Whether a fit gains much less than its new cause promised: another cause may hold its place."""
         promise = promised.get(names[-1], 0.0) if len(names) == len(chosen) + 1 else 0.0
         gain = float((self.fit(chosen).heldout - self.fit(names).heldout).sum())
-        return promise > self.rules.material * self.problem.samples and gain < self.rules.delivered * promise
+        return promise > self.material and gain < self.rules.delivered * promise
 
     def _begun_afresh(self, names: tuple[str, ...]) -> None:
         """Fit a set from its causes' own starts, the newest first, and keep the better fit."""

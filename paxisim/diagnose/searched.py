@@ -11,7 +11,7 @@ from paxisim.diagnose.adequacy import left_over
 from paxisim.diagnose.advice import NOT_ASKED
 from paxisim.diagnose.cause import Cause
 from paxisim.diagnose.causes import CAUSES
-from paxisim.diagnose.causes.scene import MEAN_POSE
+from paxisim.diagnose.causes.scene import IMPRATIO, MEAN_POSE
 from paxisim.diagnose.correspondence import aligned, correspondence_of
 from paxisim.diagnose.diagnosis import Diagnosis, Interval, LeftOver
 from paxisim.diagnose.explanation import Explanation, explanation_of
@@ -23,7 +23,7 @@ from paxisim.diagnose.problem import Problem, problem_of
 from paxisim.diagnose.reading import ReadOff, read_off
 from paxisim.diagnose.repeats import settled
 from paxisim.diagnose.report.unrelated import CLOCKS, unrelated
-from paxisim.diagnose.rules import Rules
+from paxisim.diagnose.rules import IN_SCENE, Rules
 from paxisim.diagnose.search import PREDICTS, Search
 from paxisim.diagnose.vocabulary import cause, known_causes
 from paxisim.recording import Recording
@@ -95,7 +95,7 @@ def searched(
     begun = begin(recording, causes, responses, tell)
     if isinstance(begun, Diagnosis):
         return begun
-    search = search_of(begun.off, begun.wanted, Rules(), jobs, tell)
+    search = search_of(begun.off, begun.wanted, jobs, tell)
     it = explained(begun.off, search, seed, jobs, tell)
     return Searched(**vars(begun), it=it)
 
@@ -133,7 +133,7 @@ def _problem(recording: Recording, responses: Responses | None) -> Problem:
         return problem_of(recording)
     frames = np.rint(recording.covariates[FRAME]).astype(np.intp)
     others = {name: values for name, values in recording.covariates.items() if name != FRAME}
-    return replace(problem_of(replace(recording, covariates=others)), scene=responses.select(frames))
+    return problem_of(replace(recording, covariates=others), responses.select(frames))
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,10 +155,11 @@ class Explained:
 
 
 def search_of(
-    off: ReadOff, wanted: Sequence[Cause], rules: Rules, jobs: int, tell: Callable[[str, float], None]
+    off: ReadOff, wanted: Sequence[Cause], jobs: int, tell: Callable[[str, float], None], rules: Rules | None = None
 ) -> Search:
     """The search for causes in what the checks have left."""
-    known = (*CAUSES, MEAN_POSE)
+    rules = rules or (Rules() if off.problem.scene is None else IN_SCENE)
+    known = (*CAUSES, MEAN_POSE, IMPRATIO)
     nuisances = [item for item in known if item.nuisance and item not in wanted and not item.barred(off.raw)]
     searched = [item for item in (*wanted, *nuisances) if item.read is None]
     return Search(off.problem, searched, folds_of(off.problem, searched, rules), rules, jobs, tell)

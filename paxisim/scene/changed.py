@@ -80,6 +80,8 @@ def _model(scene: Scene, values: Values) -> str:
     for body in {item.target for item in values if item.group == "object_pose"}:
         own = {item.index: v for item, v in values.items() if item.group == "object_pose" and item.target == body}
         _place(spec, model, body, [own.get(k, 0.0) for k in range(6)])
+    for value in (v for item, v in values.items() if item.group == "impratio"):
+        spec.option.impratio = value
     for value in (v for item, v in values.items() if item.group == "grip_force"):
         for actuator in spec.actuators:
             actuator.gainprm, actuator.biasprm = actuator.gainprm * value, actuator.biasprm * value

@@ -29,6 +29,7 @@ Group = Literal[
     "object_size",
     "object_pose",
     "joint_offset",
+    "impratio",
 ]
 BUMPS = ((2, 0), (1, 1), (0, 2), (3, 0), (2, 1), (1, 2), (0, 3))
 """Half waves along the rows and along the columns of the cosines that make up a pad's surface: bowls and saddles, then
@@ -100,7 +101,9 @@ def _listed(scene: Scene, rig: Rig) -> list[SceneParameter]:
     if scene.mode in ("force", "servo"):
         words = "what the actuators exert, as a multiple of what they are told to"
         out.append(_ratio("grip_force", words, (0.2, 5.0), (0.15, 0.06)))
-    return [*out, *_of_pads(rig.pads), *_of_objects(rig), *_of_joints(scene, rig)]
+    words = "MuJoCo's impratio: how slowly contacts creep under shear"
+    impratio = _ratio("impratio", words, (0.2, 5.0), (0.2, 0.2), float(rig.model.opt.impratio))
+    return [*out, *_of_pads(rig.pads), *_of_objects(rig), *_of_joints(scene, rig), impratio]
 
 
 def _ratio(

@@ -48,7 +48,7 @@ def test_an_indenter_has_these_numbers():
     found = bench().parameters()
     assert {item.group for item in found.values()} == {
         "friction", "gel_stiffness", "mount_offset", "mount_tilt", "surface", "object_size", "object_pose",
-        "joint_offset",
+        "joint_offset", "impratio",
     }  # fmt: skip
     assert all(item.low < item.nominal < item.high for item in found.values())
     assert found["friction"].nominal == bench().gel.friction

@@ -20,6 +20,7 @@ FIRST = -10.0
 """Place in the chain: before all that a sensor does."""
 MISFIT = 0.02
 """Share of a scene cause's gain that its form may leave: a real object and a real gel are not those of a scene."""
+_UNSEEN = "no replay shows what it does: see the warnings"
 _MISSING = {
     "grip_force": "in this mode the scene follows positions, whatever force that takes",
     "object_size": "the scene has no object: a movable body that carries no pad",
@@ -60,8 +61,7 @@ def _scene_cause(group: Group, excites: str, words: str, picture: str, price: fl
             return "it is in the scene, which the diagnosis was not given"
         if problem.scene.of(group):
             return ""
-        failed = group in problem.scene.failed
-        return "no replay shows what it does: see the warnings" if failed else _MISSING[group]
+        return _UNSEEN if group in problem.scene.failed else _MISSING.get(group, _UNSEEN)
 
     return Cause(
         group,
@@ -119,3 +119,12 @@ MEAN_POSE = Cause(
     barred=_no_pose,
 )
 """What the poses of a few episodes have in common by chance, so that no cause is named for it."""
+
+IMPRATIO = replace(
+    _scene_cause("impratio", "varied", "MuJoCo's contacts creep under shear, at a rate that no gel has.", "plain"),
+    free=lambda problem: tuple(replace(n, spread=2 * n.scale) for n in _numbers(problem, "impratio")),
+    nuisance=True,
+    tacit=True,
+    misfit=0.0,
+)
+"""How slowly contacts creep: a solver setting that changes what is simulated, and for which no cause is named."""

@@ -1,7 +1,8 @@
 """Poses: where the object was in its holder in each episode, which no two grasps repeat.
 
 They are a nuisance: what differs between episodes is fitted and taken out, their mean is a cause of its own
-(`object_pose`) and stays. Other causes are not fitted beside them: poses would run along the valley that both share.
+(`object_pose`) and stays. Causes are not fitted beside them, but for a gain of each axis: poses would run along
+the valley that both share.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from paxisim.scene.parameters import SceneParameter
 
 MOST = 3.0
 """Spreads by which an episode may differ from the mean."""
+TURNS = 5  # of poses and gains
 _REMEMBERED = 10.0  # samples that share their error: a model is wrong for longer than a frame
 
 Poses = Mapping[int, Mapping[SceneParameter, float]]
@@ -48,26 +50,42 @@ def fitted_poses(
     own = thin.at_compared(problem.at_thinned(episode))
     known = np.unique(own)
 
-    def weighed(change: FloatArray) -> FloatArray:
-        return rows.weigh(change).reshape(len(rows.time), -1)
-
-    residual = weighed(rows.measured - rows.read(base))  # of a model that was found, or of the bare simulation
-    columns, target = [], []
+    target = rows.weigh(rows.measured - rows.read(base) + base)
+    simulated = rows.weigh(base)
+    columns, centre = [], []
     for one in numbers:
         spread = SPREAD[one.parameter.unit]
-        moved = weighed(predict(thin.simulated + thin.scene.slope(one) * spread) - base)
+        moved = rows.weigh(predict(thin.simulated + thin.scene.slope(one) * spread) - base)
         for number in known:
-            columns.append((moved * (own == number)[:, None]).ravel())
-            target.append(-before.get(int(number), {}).get(one.parameter, 0.0) / spread)
-    matrix = np.stack(columns)
-    error = max(1.0, float(np.mean(residual**2))) * _REMEMBERED
-    right = matrix @ residual.ravel() + error * np.array(target)
-    amounts = np.linalg.solve(matrix @ matrix.T + error * np.eye(len(matrix)), right).reshape(len(numbers), -1)
+            columns.append(np.where(np.reshape(own == number, (-1, 1, 1, 1, 1)), moved, 0.0))
+            centre.append(-before.get(int(number), {}).get(one.parameter, 0.0) / spread)
+    steps = _steps(target, simulated, np.stack(columns), np.array(centre)).reshape(len(numbers), -1)
     out: dict[int, dict[SceneParameter, float]] = {int(number): {} for number in known}
-    for one, steps in zip(numbers, amounts, strict=True):
+    for one, own_steps in zip(numbers, steps, strict=True):
         item, spread = one.parameter, SPREAD[one.parameter.unit]
-        poses = np.array([before.get(int(n), {}).get(item, 0.0) for n in known]) + steps * spread
+        poses = np.array([before.get(int(n), {}).get(item, 0.0) for n in known]) + own_steps * spread
         poses = np.clip(poses - poses.mean(), -MOST * spread, MOST * spread)
         for number, pose in zip(known, poses, strict=True):
             out[int(number)][item] = float(pose)
     return out
+
+
+def _steps(target: FloatArray, simulated: FloatArray, columns: FloatArray, centre: FloatArray) -> FloatArray:
+    """``(columns,)`` shares of columns that explain a target best, beside a gain for each axis that is nobody's pose.
+
+    Args:
+        target: ``(T, pads, 3, rows, cols)`` what is measured.
+        simulated: The same, to which the columns are added.
+        columns: ``(columns, T, pads, 3, rows, cols)``.
+        centre: ``(columns,)`` where shares are expected, with a standard deviation of 1.
+    """
+    steps = np.zeros(len(columns))
+    gram = np.einsum("ctpkij,dtpkij->kcd", columns, columns, optimize=True)
+    for _ in range(TURNS):
+        fitted = simulated + np.tensordot(steps, columns, 1)
+        gain = np.sum(target * fitted, (0, 1, 3, 4)) / np.maximum(np.sum(fitted**2, (0, 1, 3, 4)), 1e-12)
+        left = target - gain[:, None, None] * fitted
+        error = max(1.0, float(np.mean(left**2))) * _REMEMBERED
+        right = np.einsum("k,ctpkij,tpkij->c", gain, columns, target - gain[:, None, None] * simulated, optimize=True)
+        steps = np.linalg.solve(np.tensordot(gain**2, gram, 1) + error * np.eye(len(steps)), right + error * centre)
+    return steps

@@ -68,35 +68,29 @@ class Responses:
             values: Of its numbers, in the units of `SHOWN`.
         """
         numbers = self.of(group)
-        shape = numbers[0].changes.shape[2:]
-        total = np.zeros((len(self.rows), *shape))
-        for one, value in zip(numbers, values, strict=True):
-            for share, changes in self._between(one, float(value) / SHOWN[one.parameter.unit][1]):
-                total += share * changes
-        return total
+        pairs = zip(numbers, values, strict=True)
+        shares = np.concatenate([_shares(one, float(value) / SHOWN[one.parameter.unit][1]) for one, value in pairs])
+        total = shares.astype(np.float32) @ self._stack(group)
+        return total.reshape(len(self.rows), *numbers[0].changes.shape[2:]).astype(np.float64)
+
+    def _stack(self, group: str) -> NDArray[np.float32]:
+        """``(values, numbers of the stream)`` the replays of a cause."""
+        if group not in self._taken:
+            whole = np.concatenate([one.changes[:, self.rows] for one in self.of(group)])
+            self._taken[group] = whole.reshape(len(whole), -1)
+        return self._taken[group]
 
     def slope(self, one: Response) -> FloatArray:
         """``(T, pads, 3, rows, cols)`` N, what a number adds for each of its unit near the nominal value."""
-        taken, nominal = self._at_rows(one), one.parameter.nominal
+        nominal = one.parameter.nominal
         below, above = np.flatnonzero(one.values < nominal), np.flatnonzero(one.values > nominal)
         sides = [*below[-1:], *above[:1]]
-        return np.mean([taken[k] / (one.values[k] - nominal) for k in sides], axis=0, dtype=np.float64)
+        return np.mean([one.changes[k, self.rows] / (one.values[k] - nominal) for k in sides], axis=0, dtype=np.float64)
 
-    def _at_rows(self, one: Response) -> NDArray[np.float32]:
-        name = one.parameter.name
-        if name not in self._taken:
-            self._taken[name] = one.changes[:, self.rows]
-        return self._taken[name]
 
-    def _between(self, one: Response, value: float) -> list[tuple[float, NDArray[np.float32]]]:
-        """The replays that a value lies between, or is beyond, with their shares; the nominal one adds nothing."""
-        nominal = one.parameter.nominal
-        if value == nominal:
-            return []
-        taken = self._at_rows(one)
-        known = np.sort(np.append(one.values, nominal))
-        right = int(np.clip(np.searchsorted(known, value), 1, len(known) - 1))
-        low, high = known[right - 1], known[right]
-        share = (value - low) / (high - low)
-        pairs = [(1 - share, low), (share, high)]
-        return [(s, taken[int(np.flatnonzero(one.values == at)[0])]) for s, at in pairs if at != nominal and s]
+def _shares(one: Response, value: float) -> FloatArray:
+    """``(values,)`` of the two replays that a value lies between, or is beyond; the nominal one adds nothing."""
+    known = np.sort(np.append(one.values, one.parameter.nominal))
+    right = int(np.clip(np.searchsorted(known, value), 1, len(known) - 1))
+    share = (value - known[right - 1]) / (known[right] - known[right - 1])
+    return np.where(one.values == known[right - 1], 1 - share, np.where(one.values == known[right], share, 0.0))

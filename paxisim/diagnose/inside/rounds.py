@@ -1,7 +1,7 @@
 """Rounds: replays and searches in turn, by which causes inside a scene are found beside those of the sensor.
 
-1. Each number of the scene is replayed at a few values around its nominal one (`study.py`).
-2. The pose of the object in each episode is fitted and taken out (`poses.py`).
+1. The pose of the object in each episode is fitted and taken out (`poses.py`), from replays with other poses.
+2. Each other number of the scene is replayed at a few values around its nominal one (`study.py`).
 3. The search sees what the numbers do as causes like any other (`diagnose/causes/scene.py`).
 4. For the causes that it found, replays near their fitted values take the place of the first ones, the poses are fitted
    again, now as the sensor reads them, and the search is repeated.
@@ -16,21 +16,24 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from paxisim.diagnose.causes.scene import MEAN_POSE
 from paxisim.diagnose.diagnosis import Diagnosis
+from paxisim.diagnose.fitting import Fit, Fitter
 from paxisim.diagnose.inside.poses import Poses, fitted_poses
 from paxisim.diagnose.inside.responses import SHOWN
 from paxisim.diagnose.inside.study import Study
 from paxisim.diagnose.model import Model
 from paxisim.diagnose.problem import FloatArray, Problem
 from paxisim.diagnose.report.streams import InScene
-from paxisim.diagnose.searched import Begun, Searched, begin, searched
+from paxisim.diagnose.searched import Begun, Searched, begin, search_of, searched
 from paxisim.recording import Recording
 from paxisim.scene.changed import changed
+from paxisim.scene.parameters import SceneParameter
 from paxisim.scene.replays import Replays
 from paxisim.scene.scene import Scene
 
-ROUNDS = 2  # searches
-SCREENED, FIRST = 0.35, 0.6  # of the work, when the replays and the first search are done
+PLACINGS = 2  # times that poses are fitted before anything else
+PLACED, SCREENED, FIRST = 0.1, 0.35, 0.6  # of the work, when the poses, the replays and the first search are done
 
 Tell = Callable[[str, float], None]
 
@@ -73,43 +76,44 @@ def in_scene(
     closings = {episode.number: episode.closing for episode in episodes}
     with Replays(scene, recording, closings, jobs=jobs, folder=folder) as replays:
         study = Study(replays)
-        study.screen(lambda stage, share: tell(stage, SCREENED * share))
+        study.screen_poses(_part(tell, 0.0, PLACED))
+        for _ in range(PLACINGS):
+            begun = begin(_simulated(recording, study), causes, study.responses(), tell)
+            if isinstance(begun, Diagnosis):
+                return begun
+            study.move(_poses(begun, study, begun.off.problem.thinned.at_compared))
+        study.screen(_part(tell, PLACED, SCREENED))
         begun = begin(_simulated(recording, study), causes, study.responses(), tell)
         if isinstance(begun, Diagnosis):
             return begun
-        study.move(_poses(begun, study, lambda x: begun.off.problem.thinned.at_compared(x)))
-        found = searched(_simulated(recording, study), causes, study.responses(), seed, jobs, _part(tell, 0))
-        for number in range(1, ROUNDS):
-            if isinstance(found, Diagnosis):
-                return found
-            values = _values(found, study)
-            study.move(_poses(found, study, _read_by(found)))
-            study.refine(values)
-            found = searched(_simulated(recording, study), causes, study.responses(), seed, jobs, _part(tell, number))
-        if isinstance(found, Diagnosis):
-            return found
-        return _result(found, study, scene)
+        first = search_of(begun.off, begun.wanted, jobs, _part(tell, SCREENED, FIRST))
+        fit = first.fit(first.run())
+        values = _values(fit, begun.off.problem, study)
+        study.move(_poses(begun, study, _read_by(first.fitter, fit)))
+        study.refine(values)
+        last = _part(tell, FIRST, 1.0)
+        found = searched(_simulated(recording, study), causes, study.responses(), seed, jobs, last)
+        return found if isinstance(found, Diagnosis) else _result(found, study, scene)
 
 
 def _simulated(recording: Recording, study: Study) -> Recording:
     return replace(recording, simulated=study.base)
 
 
-def _part(tell: Tell, number: int) -> Tell:
+def _part(tell: Tell, start: float, end: float) -> Tell:
     """The shares of one of the searches, the rest of the work being what it is after the last."""
-    ends = (SCREENED, FIRST, 1.0)
-    start, end = ends[number], ends[number + 1]
     return lambda stage, share: tell(stage, start + (end - start) * share)
 
 
-def _values(found: Searched, study: Study) -> dict[str, float]:
-    """The scene's numbers that were fitted, in SI units."""
-    shown = [named.values for named in found.it.found.named if named.cause.change is not None]
-    return {
-        name: float(value) / SHOWN[study.parameters[name].unit][1]  # type: ignore[arg-type]
-        for values in shown
-        for name, value in values.items()
+def _values(fit: Fit, problem: Problem, study: Study) -> dict[str, float]:
+    """The scene's numbers that were fitted, in SI units, without what poses have in common by chance."""
+    shown = {
+        number.name: float(value)
+        for cause in fit.causes
+        if cause.change is not None and cause is not MEAN_POSE
+        for number, value in zip(cause.parameters(problem), fit.whole.values[cause.name], strict=True)
     }
+    return {name: value / SHOWN[study.parameters[name].unit][1] for name, value in shown.items()}
 
 
 def _poses(begun: Begun, study: Study, predict: Callable[[FloatArray], FloatArray]) -> Poses:
@@ -119,11 +123,9 @@ def _poses(begun: Begun, study: Study, predict: Callable[[FloatArray], FloatArra
     return fitted_poses(problem, predict, episode, study.poses)
 
 
-def _read_by(found: Searched) -> Callable[[FloatArray], FloatArray]:
+def _read_by(fitter: Fitter, fit: Fit) -> Callable[[FloatArray], FloatArray]:
     """What the model that was found makes of forces that are simulated in the thinned frames."""
-    fit, fitter = found.it.found.fit, found.it.found.search.fitter
-    thin: Problem = found.off.problem.thinned
-    rows = fitter.rows(fit.causes, fit.shapes)
+    thin, rows = fitter.problem, fitter.rows(fit.causes, fit.shapes)
 
     def read(simulated: FloatArray) -> FloatArray:
         own = Model(replace(thin, simulated=simulated), fit.causes, rows)
@@ -132,11 +134,17 @@ def _read_by(found: Searched) -> Callable[[FloatArray], FloatArray]:
     return read
 
 
+def _matters(item: SceneParameter, value: float, named: Sequence[str]) -> bool:
+    """Whether a number is of a cause that is named, or a setting of the solver that is far from the scene's."""
+    return item.group in named or (item.group == "impratio" and abs(value - item.nominal) > item.material)
+
+
 def _result(found: Searched, study: Study, scene: Scene) -> FoundInScene:
-    values = _values(found, study)
+    fitted = _values(found.it.found.fit, found.off.problem, study)
+    groups = [named.name for named in found.it.found.named if named.cause.change is not None]
+    values = {name: v for name, v in fitted.items() if _matters(study.parameters[name], v, groups)}
     assert found.raw.scene is not None
     rows = found.raw.scene.rows
-    groups = dict.fromkeys(study.parameters[name].group for name in values)
 
     def simulated(names: Sequence[str]) -> NDArray[np.float32]:
         return study.fitted({name: values[name] for name in names})[rows]

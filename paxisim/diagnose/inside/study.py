@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,8 @@ from paxisim.scene.replays import Replays
 
 SCREENED = (-2.0, 2.0)
 """Steps from its nominal value at which each number is replayed before the search."""
+POSES = (-1.0, 1.0)
+"""The same of the objects' poses."""
 NEAR = (-0.5, 0.0, 0.5)
 """Steps from its fitted value, after it."""
 
@@ -44,9 +46,15 @@ class Study:
         self.unstable: dict[str, str] = {}
         self._changes: dict[SceneParameter, dict[float, NDArray[np.float32]]] = {}
 
+    def screen_poses(self, tell: Tell) -> None:
+        """Replay the motion with the objects moved to either side."""
+        self._screen([item for item in self.parameters.values() if item.group == "object_pose"], tell)
+
     def screen(self, tell: Tell) -> None:
-        """Replay the motion with each number moved to either side."""
-        parameters = list(self.parameters.values())
+        """Replay it with each other number moved to either side."""
+        self._screen([item for item in self.parameters.values() if item.group != "object_pose"], tell)
+
+    def _screen(self, parameters: Sequence[SceneParameter], tell: Tell) -> None:
         for first in range(0, len(parameters), TOGETHER):
             some = parameters[first : first + TOGETHER]
             tell(f"replaying with another {some[0].name}", first / len(parameters))
@@ -119,5 +127,5 @@ class Study:
 
 
 def _screened(item: SceneParameter) -> tuple[float, ...]:
-    """The steps; a pose is also an episode's own, so that small ones count."""
-    return (*SCREENED, *NEAR) if item.group == "object_pose" else SCREENED
+    """The steps; a pose is also an episode's own, which is smaller."""
+    return POSES if item.group == "object_pose" else SCREENED
