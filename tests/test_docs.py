@@ -116,6 +116,7 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.mark.timeout(300)
 @pytest.mark.parametrize("name", RUN)
 def test_the_python_of_a_page_prints_what_it_says(name, folder):
     for module in RUN[name]:

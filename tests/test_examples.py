@@ -41,7 +41,7 @@ def printed(folder, script, *words):
     path = os.pathsep.join([str(Path(paxisim.__file__).parents[1]), *filter(None, [os.environ.get("PYTHONPATH")])])
     done = subprocess.run(
         [sys.executable, "-W", "error", str(ROOT / "examples" / script), *words],
-        cwd=folder, env=os.environ | {"PYTHONPATH": path}, capture_output=True, text=True, timeout=170,
+        cwd=folder, env=os.environ | {"PYTHONPATH": path}, capture_output=True, text=True, timeout=280,
     )  # fmt: skip
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
@@ -82,7 +82,7 @@ def test_the_gymnasium_environment_keeps_its_contract_and_draws_another_sensor_a
     assert "episode 1" in printed(tmp_path, "gcs_in_gymnasium.py")
 
 
-@pytest.mark.timeout(180)
+@pytest.mark.timeout(300)
 def test_training_by_touch_gets_better(tmp_path):
     pytest.importorskip("stable_baselines3")
     out = printed(tmp_path, "sb3_minimal.py", "--steps", "2000")
@@ -104,7 +104,7 @@ def test_record_and_live_makes_files_that_hold_the_presses(tmp_path):
     assert len(paxisim.Recording.load(tmp_path / "press.parquet")) >= len(recording)
 
 
-@pytest.mark.timeout(180)
+@pytest.mark.timeout(300)
 def test_replay_and_diagnose_finds_what_is_hidden(tmp_path):
     for module in ("sklearn", "jinja2"):
         pytest.importorskip(module)
@@ -134,19 +134,19 @@ def test_a_notebook_is_kept_without_its_outputs(notebook):
     assert all(cell["outputs"] == [] and cell["execution_count"] is None for cell in code)
 
 
-@pytest.mark.timeout(240)
+@pytest.mark.timeout(300)
 @pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.name)
 def test_a_notebook_runs(notebook, tmp_path):
     for module in ("nbclient", "ipykernel", "matplotlib", "sklearn", "jinja2"):
         pytest.importorskip(module)
     code = (
         "import sys, nbformat; from nbclient import NotebookClient; "
-        "NotebookClient(nbformat.read(sys.argv[1], 4), timeout=200).execute()"
+        "NotebookClient(nbformat.read(sys.argv[1], 4), timeout=250).execute()"
     )
     path = os.pathsep.join([str(Path(paxisim.__file__).parents[1]), *filter(None, [os.environ.get("PYTHONPATH")])])
     done = subprocess.run(
         [sys.executable, "-c", code, str(notebook)],
-        cwd=tmp_path, env=os.environ | {"PYTHONPATH": path}, capture_output=True, text=True, timeout=220,
+        cwd=tmp_path, env=os.environ | {"PYTHONPATH": path}, capture_output=True, text=True, timeout=280,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr[-3000:]
 

@@ -24,7 +24,7 @@ def blocks():
 
 
 @pytest.mark.real_time
-@pytest.mark.timeout(240)
+@pytest.mark.timeout(300)
 @pytest.mark.filterwarnings("ignore::paxisim.UnverifiedProfileWarning")
 def test_it_runs_as_printed(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
