@@ -29,6 +29,8 @@ UNEVEN = 2e-3
 """How far a curved pad may leave the surface that it lies on."""
 SHARE = 0.25
 """Of the taxels that may hang in the air, or leave the surface: the rim of a round finger does."""
+DEPTH = 0.1e-3
+"""How far pads must reach into one another: side by side they touch."""
 LOOKED_AT = 200
 """Taxels that are looked at, of a pad that has more."""
 
@@ -137,7 +139,7 @@ def _overlaps(model: mujoco.MjModel, data: mujoco.MjData, pads: Pads) -> dict[tu
             data.qpos[address[one]] = model.jnt_range[limited[one], end]
         mujoco.mj_kinematics(model, data)
         deep = {pair: min(depth, _overlap(model, data, pads, *pair)) for pair, depth in deep.items()}
-        deep = {pair: depth for pair, depth in deep.items() if depth > 0}
+        deep = {pair: depth for pair, depth in deep.items() if depth > DEPTH}
     return deep
 
 

@@ -81,6 +81,15 @@ def test_pads_inside_one_another_on_one_finger():
     assert "'left_finger_pad' and 'upper_pad'" in warning
 
 
+def test_pads_side_by_side_are_not_inside_one_another():
+    wide = GRIPPER.replace('size="0.004 0.012 0.014"', 'size="0.004 0.03 0.014"')
+    both = [
+        paxisim.Mount("left_finger", (0, y, -0.019), **FLAT, replaces=("left_fingertip",), name=name)
+        for name, y in (("near", -0.006), ("far", 0.006))
+    ]
+    assert said(wide, paxisim.TaxelLayout(3, 3, (4e-3, 4e-3)), both) == []
+
+
 def test_pads_that_meet_where_the_gripper_is_closed_are_meant():
     closed = GRIPPER.replace('pos="-0.05 0 -0.05"', 'pos="-0.0005 0 -0.05"').replace('"0 0.04"', '"-0.04 0"')
     closed = closed.replace('pos="0.05 0 -0.05"', 'pos="0.0005 0 -0.05"')
