@@ -66,7 +66,7 @@ class GaussianBump:
             raise InvalidValueError(f"depth_is must be 'thickness' or 'recess', got {self.depth_is!r}")
 
     @classmethod
-    def sample(cls, layout: TaxelLayout, rng: np.random.Generator, **fixed) -> GaussianBump:
+    def sample(cls, layout: TaxelLayout, rng: np.random.Generator, **fixed: Any) -> GaussianBump:
         """Draw a bump as the paper does: the centre uniform over the grid, the deviations from U(1, 3) (Table I).
 
         Args:

@@ -22,6 +22,8 @@ from paxisim.errors import InvalidValueError
 
 MAX_TAXELS = 1_000_000
 """Far beyond any sensor; a mistaken number would fill the memory."""
+MAX_PITCH = 1.0
+"""Metres, far beyond any sensor: what is more was meant in another unit."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,8 +42,9 @@ class TaxelLayout:
             vendor's flat readings list them. Default: row-major.
 
     Raises:
-        InvalidValueError: A count below one, more than `MAX_TAXELS`, a pitch that is not positive and finite, positions
-            or normals of the wrong shape, a normal of zero length, or an order that is no permutation.
+        InvalidValueError: A count below one, more than `MAX_TAXELS`, a pitch that is not positive, finite and at most
+            `MAX_PITCH`, positions or normals of the wrong shape, a normal of zero length, or an order that is no
+            permutation.
     """
 
     rows: int
@@ -67,6 +70,11 @@ class TaxelLayout:
             pitch = (np.nan, np.nan)
         if not all(np.isfinite(p) and p > 0 for p in pitch):
             raise InvalidValueError(f"pitch must be two positive finite lengths in m, got {self.pitch!r}")
+        if max(pitch) > MAX_PITCH:
+            raise InvalidValueError(
+                f"pitch must be in m, got {self.pitch!r}: taxels of {max(pitch):g} m; were millimetres meant, "
+                f"{tuple(float(f'{1e-3 * p:.6g}') for p in pitch)}?"
+            )
         object.__setattr__(self, "pitch", pitch)
         positions = self.positions if self.positions is not None else self._grid_positions()
         normals = self.normals if self.normals is not None else np.tile([0.0, 0.0, -1.0], (self.taxels, 1))

@@ -10,7 +10,7 @@ import pytest
 
 import paxisim
 
-PAGE = Path(__file__).parents[1] / "docs" / "add-a-board.md"
+PAGE = Path(__file__).parents[1] / "docs" / "how-to" / "add-a-board.md"
 
 pytest.importorskip("serial")
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-PAGE = Path(__file__).parents[1] / "docs" / "add-a-cause.md"
+PAGE = Path(__file__).parents[1] / "docs" / "how-to" / "add-a-cause.md"
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ from paxisim.cli import main
 from paxisim.hw.emulator import Emulator
 from paxisim.recording import Recording
 
-PAGE = Path(__file__).parents[1] / "docs" / "calibrate.md"
+PAGE = Path(__file__).parents[1] / "docs" / "guides" / "calibrate.md"
 
 
 @pytest.mark.real_time

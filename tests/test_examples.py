@@ -1,5 +1,6 @@
-"""The examples run as the pages print them."""
+"""The examples run as they are, and as the pages print them."""
 
+import json
 import os
 import re
 import runpy
@@ -18,6 +19,7 @@ pytest.importorskip("termios")  # the emulator is a pseudo-terminal
 import paxisim
 
 ROOT = Path(__file__).parents[1]
+NOTEBOOKS = sorted((ROOT / "examples").glob("*.ipynb"))
 
 
 def in_shell(script, folder):
@@ -34,9 +36,124 @@ def in_shell(script, folder):
     )
 
 
+def printed(folder, script, *words):
+    """What an example prints that is run in a folder of its own, where a warning is an error."""
+    path = os.pathsep.join([str(Path(paxisim.__file__).parents[1]), *filter(None, [os.environ.get("PYTHONPATH")])])
+    done = subprocess.run(
+        [sys.executable, "-W", "error", str(ROOT / "examples" / script), *words],
+        cwd=folder, env=os.environ | {"PYTHONPATH": path}, capture_output=True, text=True, timeout=280,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def test_hello_pad_reads_the_weight(tmp_path):
+    pytest.importorskip("matplotlib")
+    out = printed(tmp_path, "hello_pad.py")
+    weight, read = map(float, re.search(r"weight ([\d.]+) N, read ([\d.]+) N", out).groups())
+    assert read == pytest.approx(weight, rel=0.01)
+    assert (tmp_path / "hello_pad.png").exists()
+
+
+def test_custom_gripper_presses_with_its_torque(tmp_path):
+    pytest.importorskip("matplotlib")
+    out = printed(tmp_path, "custom_gripper.py")
+    read = [float(force) for force in re.findall(r"normal force ([\d.]+) N", out)]
+    assert read == pytest.approx([0.5 / 0.074] * 3, rel=0.1), "torque over the way from the hinge to the pad"
+    assert (tmp_path / "custom_gripper.png").exists()
+
+
+def test_the_gymnasium_environment_keeps_its_contract_and_draws_another_sensor_an_episode(tmp_path):
+    pytest.importorskip("gymnasium")
+    from gymnasium.utils.env_checker import check_env
+
+    example = runpy.run_path(str(ROOT / "examples" / "gcs_in_gymnasium.py"))
+    check_env(example["Squeeze"](), skip_render_check=True)
+    env = example["make_env"]()
+    readings = []
+    for seed in (0, 1, 0):
+        env.reset(seed=seed)
+        for _ in range(5):
+            observation, *_, info = env.step(np.zeros(1, np.float32))
+        assert info["pressed"] == pytest.approx(5.0, rel=0.02), "half of the range of 10 N"
+        readings.append(observation["tactile"])
+    assert np.abs(readings[0] - readings[1]).max() > 0.1
+    np.testing.assert_array_equal(readings[0], readings[2])
+    assert "episode 1" in printed(tmp_path, "gcs_in_gymnasium.py")
+
+
+@pytest.mark.timeout(300)
+def test_training_by_touch_gets_better(tmp_path):
+    pytest.importorskip("stable_baselines3")
+    out = printed(tmp_path, "sb3_minimal.py", "--steps", "2000")
+    before, after = map(float, re.search(r"(-[\d.]+) before, (-[\d.]+) after 2000", out).groups())
+    assert after > before + 1
+
+
+@pytest.mark.real_time
+def test_record_and_live_makes_files_that_hold_the_presses(tmp_path):
+    for module in ("pyarrow", "rerun"):
+        pytest.importorskip(module)
+    printed(tmp_path, "record_and_live.py")
+    recording = paxisim.Recording.load(tmp_path / "press.mcap").select(known=True)
+    total = recording.measured.sum(axis=(-2, -1))[:, 0, 2]
+    assert recording.duration == pytest.approx(3, abs=0.3)
+    assert total.max() > 50
+    assert total.min() < 5
+    assert (tmp_path / "press.rrd").exists()
+    assert len(paxisim.Recording.load(tmp_path / "press.parquet")) >= len(recording)
+
+
+@pytest.mark.timeout(300)
+def test_replay_and_diagnose_finds_what_is_hidden(tmp_path):
+    for module in ("sklearn", "jinja2"):
+        pytest.importorskip(module)
+    out = printed(tmp_path, "replay_and_diagnose.py")
+    assert "The replay met what was measured." in out
+    found = paxisim.diagnose.Diagnosis.load(tmp_path / "diagnosis")
+    assert {cause.name for cause in found.causes} == {"axis_gain", "creep"}
+    before, after = map(float, re.search(r"seen: ([\d.]+) N, through the model ([\d.]+) N", out).groups())
+    assert after < 0.5 * before
+
+
+@pytest.mark.real_time
+def test_a_field_sensor_reads_newtons(tmp_path):
+    pytest.importorskip("matplotlib")
+    out = printed(tmp_path, "calibrate_field_sensor.py")
+    (pushed, read) = (
+        np.array(text.split(), float) for text in re.search(r"with \[(.*?)\] N, read \[(.*?)\]", out).groups()
+    )
+    np.testing.assert_allclose(read, pushed, atol=0.1)
+
+
+@pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.name)
+def test_a_notebook_is_kept_without_its_outputs(notebook):
+    cells = json.loads(notebook.read_text(encoding="utf-8"))["cells"]
+    code = [cell for cell in cells if cell["cell_type"] == "code"]
+    assert len(code) >= 5
+    assert all(cell["outputs"] == [] and cell["execution_count"] is None for cell in code)
+
+
+@pytest.mark.timeout(300)
+@pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.name)
+def test_a_notebook_runs(notebook, tmp_path):
+    for module in ("nbclient", "ipykernel", "matplotlib", "sklearn", "jinja2"):
+        pytest.importorskip(module)
+    code = (
+        "import sys, nbformat; from nbclient import NotebookClient; "
+        "NotebookClient(nbformat.read(sys.argv[1], 4), timeout=250).execute()"
+    )
+    path = os.pathsep.join([str(Path(paxisim.__file__).parents[1]), *filter(None, [os.environ.get("PYTHONPATH")])])
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(notebook)],
+        cwd=tmp_path, env=os.environ | {"PYTHONPATH": path}, capture_output=True, text=True, timeout=280,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr[-3000:]
+
+
 @pytest.mark.real_time
 def test_the_joints_of_a_simulated_arm_are_recorded_beside_its_sensor(tmp_path):
-    page = (ROOT / "docs" / "streams.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "guides" / "streams.md").read_text(encoding="utf-8")
     (block,) = [block for block in re.findall(r"```bash\n(.*?)```", page, re.DOTALL) if "simulated_arm.py" in block]
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
         free.bind(("127.0.0.1", 0))

@@ -6,11 +6,9 @@ import contextlib
 import functools
 import io
 import os
-import shutil
 import sys
-import textwrap
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from typing import Annotated, Any, Union
 
 import tyro
@@ -22,6 +20,8 @@ from paxisim.cli.convert import convert
 from paxisim.cli.demo import demo
 from paxisim.cli.diagnose import diagnose
 from paxisim.cli.emulate import emulate
+from paxisim.cli.example import example
+from paxisim.cli.help import arranged, misuse, sentence
 from paxisim.cli.info import info
 from paxisim.cli.live import live
 from paxisim.cli.output import PrintableOutput, printable
@@ -37,6 +37,7 @@ from paxisim.errors import PaxisimError
 
 VERBS = {
     "demo": demo,
+    "example": example,
     "sensors": sensors,
     "pad": pad,
     "attach": attach,
@@ -51,8 +52,14 @@ VERBS = {
     "replay": replay,
     "diagnose": diagnose,
 }
-SCENE_VERBS = {"init": scene_init, "make": scene_make}
-SENSOR_VERBS = {"check": sensor_check, "quality": sensor_quality, "profiles": sensor_profiles}
+# verbs that are followed by another
+GROUPS = {
+    "scene": ({"init": scene_init, "make": scene_make}, "Write the scene of a recording, or a ready-made one."),
+    "sensor": (
+        {"check": sensor_check, "quality": sensor_quality, "profiles": sensor_profiles},
+        "Check a real sensor, measure its quality, list profiles.",
+    ),
+}
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -69,15 +76,17 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"paxisim {__version__}")
         return 0
     try:
-        verb = _parse(arguments)
+        verb = parse(arguments)
         with contextlib.redirect_stdout(PrintableOutput(sys.stdout)):
             verb()
             sys.stdout.flush()
     except BrokenPipeError:  # who reads the output has seen enough, as `head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    except (PaxisimError, OSError) as error:
+    except PaxisimError as error:
         return _complain(str(error))
+    except OSError as error:
+        return _complain(sentence(error))
     except KeyboardInterrupt:
         print("paxisim: interrupted", file=sys.stderr)
         return 130
@@ -86,75 +95,66 @@ def main(arguments: list[str] | None = None) -> int:
     return 0
 
 
-def _parse(arguments: list[str] | None) -> Callable[[], None]:
+def parse(arguments: list[str] | None) -> Callable[[], None]:
     """The verb with its options, ready to be called.
 
     Raises:
         SystemExit: Help was asked for and given (0), or the words do not parse (a sentence that says why).
     """
+    words = sys.argv[1:] if arguments is None else arguments
     said, helped = io.StringIO(), io.StringIO()
     try:
         with contextlib.redirect_stderr(said), contextlib.redirect_stdout(helped):
             return tyro.extras.subcommand_cli_from_dict(
-                {name: _deferred(verb) for name, verb in VERBS.items()}
-                | {
-                    "scene": _group(SCENE_VERBS, "Begin the scene of a recording, or write a ready-made one."),
-                    "sensor": _group(SENSOR_VERBS, "Check a real sensor, measure how good it is, list profiles."),
-                },
+                {name: _deferred(verb, name in words) for name, verb in VERBS.items()}
+                | {name: _group(verbs, description, words) for name, (verbs, description) in GROUPS.items()},
                 prog="paxisim",
                 description="Magnet-based tactile sensors in MuJoCo. `paxisim VERB --help` explains a verb, "
-                "`paxisim --version` says which version this is.",
-                args=arguments,
+                "`paxisim --version` prints the version.",
+                args=words,
                 sort_subcommands=False,
                 config=(tyro.conf.FlagCreatePairsOff, tyro.conf.OmitSubcommandPrefixes, tyro.conf.OmitArgPrefixes),
             )
     except SystemExit as stop:
         if stop.code in (0, None):
-            print(_wrapped(helped.getvalue()))
+            print(arranged(helped.getvalue()))
             raise
-        raise SystemExit(_first_paragraphs(said.getvalue())) from None
+        known = {**dict.fromkeys(VERBS, ()), **{name: tuple(verbs) for name, (verbs, _) in GROUPS.items()}}
+        raise SystemExit(misuse(said.getvalue(), words, known)) from None
 
 
-def _deferred(verb: Callable[..., None]) -> Callable[..., Callable[[], None]]:
-    """Has the options of `verb`, but only returns the call: parsing and running fail differently."""
+def _deferred(verb: Callable[..., None], explained: bool) -> Callable[..., Callable[[], None]]:
+    """Has the options of `verb`, but only returns the call: parsing and running fail differently.
+
+    Args:
+        verb: The verb.
+        explained: Whether its whole text is wanted; a list of verbs has a line for each.
+    """
 
     @functools.wraps(verb)
     def bind(*args, **options) -> Callable[[], None]:
         return functools.partial(verb, *args, **options)
 
+    if not explained:
+        bind.__doc__ = (verb.__doc__ or "").partition("\n\n")[0]
     return bind
 
 
-def _group(verbs: dict[str, Callable[..., None]], description: str) -> Callable[..., Callable[[], None]]:
+def _group(
+    verbs: Mapping[str, Callable[..., None]], description: str, words: Sequence[str]
+) -> Callable[..., Callable[[], None]]:
     """A verb that is followed by one of `verbs`."""
 
     def pick(verb):
         return verb
 
-    choices = tuple(Annotated[Any, tyro.conf.subcommand(n, constructor=_deferred(v))] for n, v in verbs.items())
+    choices = tuple(
+        Annotated[Any, tyro.conf.subcommand(name, constructor=_deferred(verb, name in words))]
+        for name, verb in verbs.items()
+    )
     pick.__annotations__["verb"] = Union[choices]  # noqa: UP007
     pick.__doc__ = description
     return pick
-
-
-def _wrapped(text: str) -> str:
-    """Lines no longer than the terminal; tyro wraps its boxes but not a verb's description."""
-    width = shutil.get_terminal_size().columns
-    return "\n".join(textwrap.fill(line, width) if len(line) > width else line for line in text.rstrip().splitlines())
-
-
-def _first_paragraphs(boxed: str) -> str:
-    """What tyro says in a box, without the box and its rules: what is wrong, and what there is instead."""
-    paragraphs: list[list[str]] = [[]]
-    for line in boxed.splitlines()[1:]:
-        text = line.strip("│╭╮╰╯ \n")
-        if text.startswith(("For full helptext", "Got errors")):
-            break
-        if text.strip("─- "):
-            paragraphs[-1] += text.split()
-        elif paragraphs[-1]:
-            paragraphs.append([])
-    return "; ".join(" ".join(words).removesuffix(".") for words in paragraphs[:2] if words) + "; see paxisim --help"
 
 
 def _complain(message: str) -> int:

@@ -31,8 +31,8 @@ def attach(
 ) -> None:
     """Put tactile pads on a gripper and write the result as MJCF.
 
-    Grippers that robosuite ships are known by their file name. For any other, the pads go where its fingers meet
-    when its actuators close; what was done is printed and drawn.
+    Grippers that robosuite ships are known by their file name. For any other gripper, the pads go where its fingers
+    meet when its actuators close. The command prints what it did and draws a picture.
 
     For example:
 
@@ -40,12 +40,12 @@ def attach(
 
     Args:
         gripper: The gripper's MJCF file.
-        taxels: Which taxels.
-        output: The MJCF file to write, .xml.
-        mount: Where a pad goes, once for each pad, as
-            'BODY pos-mm=X,Y,Z quat=W,X,Y,Z replaces=GEOM,GEOM name=NAME'; what was chosen is printed in this form.
-        picture: Where to draw the gripper with its pads; default: beside the output, as .png.
-        thickness_mm: Thickness of the taxel cubes in mm.
+        taxels: The pad's taxels.
+        output: Output MJCF file, .xml.
+        mount: Mount of a pad, once for each pad, in the form that this command prints:
+            'BODY pos-mm=X,Y,Z quat=W,X,Y,Z replaces=GEOM,GEOM name=NAME'.
+        picture: Picture of the gripper with its pads, .png; default: beside the output.
+        thickness_mm: Thickness of the taxels in mm.
         sensors: MuJoCo sensors to embed; paxisim's own reader needs none.
         force: Overwrite the outputs if they exist.
     """

@@ -22,26 +22,26 @@ def calibrate(
     max_delay: float = 0.5,
     force: bool = False,
 ) -> None:
-    """Calibrate a sensor whose channels are not in newtons, such as microtesla, with a load cell beside it.
+    """Calibrate a sensor whose channels are not in newtons, against a load cell recorded beside it.
 
-    Each channel gets a gain for each load, and all one delay; the load is also fitted to all channels together. Tables
-    of both with their held-out errors are printed, and two pictures drawn beside the output, as .png and
+    Each channel gets a gain per load, and all channels share one delay. The load is also fitted to all channels
+    together. The command prints both tables with held-out errors, and draws two pictures beside the output, .png and
     .residuals.png.
 
-    An output that ends in .json is a calibration, to be applied live by --calibration of record and live. Any other is
-    the recording in newtons with the loads as its simulation, ready for `paxisim diagnose`.
+    An output ending in .json is a calibration, which --calibration of record and live applies. Any other output is the
+    recording in newtons with the loads as its simulation, ready for `paxisim diagnose`.
 
     For example:
 
     paxisim calibrate raw.mcap --loads Fx=cell_x Fy=cell_y Fz=cell_z -o sensor.json
 
     Args:
-        recording: An .mcap, .npz or .csv file with the channels as its measured tensors and the loads as covariates.
-        loads: The covariates that hold the load, in N and N m, up to six: as names, or as COMPONENT=NAME with the
-            components Fx, Fy, Fz, Tx, Ty and Tz. A covariate with 3 or 6 values per sample holds them in this order.
-        output: The calibration to write, .json, or the calibrated recording, .mcap or .npz.
+        recording: Recording with the channels as measured tensors and the loads as covariates (.mcap, .npz, .csv).
+        loads: Covariates that hold the load in N and N m, up to six: names, or COMPONENT=NAME with the components Fx,
+            Fy, Fz, Tx, Ty and Tz. A covariate with 3 or 6 values per sample holds them in this order.
+        output: Output: a calibration (.json) or the calibrated recording (.mcap, .npz).
         degree: 1 for straight lines, 2 or 3 for polynomials of each load.
-        quadratic: Fit the load to products of the channels as well; look whether the held-out error falls.
+        quadratic: Fit the load to products of the channels as well. Use it if the held-out error falls.
         max_delay: Largest delay between loads and channels to search, in seconds, of either sign.
         force: Overwrite the outputs if they exist.
     """

@@ -32,10 +32,10 @@ def convert(
     action: tuple[str, ...] = (),
     force: bool = False,
 ) -> None:
-    """Write a recording as Parquet, npz or MCAP, by the suffix of the output, or as a LeRobotDataset.
+    """Convert a recording to Parquet, npz or MCAP (by the suffix of the output), or to a LeRobotDataset.
 
-    Streams at other times than the measured tensors are interpolated between their own samples, never beyond them.
-    Parquet has a column a number: tactile.PAD.ROW_COL.AXIS, timestamp, frame_index, episode_index ...
+    Streams with their own clock are interpolated between their samples, never beyond them. Parquet stores one column
+    per value: tactile.PAD.ROW_COL.AXIS, timestamp, frame_index, episode_index and so on.
 
     For example:
 
@@ -46,24 +46,24 @@ def convert(
     paxisim convert press.mcap --lerobot press-lerobot --task "press the ball"
 
     Args:
-        recording: An .mcap, .npz, .parquet or .hdf5 file (robosuite, robomimic), a board's or a plain .csv, or the
-            folder of a LeRobotDataset (v3).
-        output: The file to write: .parquet, .npz or .mcap.
-        align: How streams at other times are interpolated.
-        missing: Where a stream is not known: write NaN, or leave the sample out. In a LeRobotDataset, what follows a
-            frame that is left out is an episode of its own.
-        profile: For a board's CSV: the sensor's profile, by its name or file; it says the taxels' order and signs.
-        pads: Only these pads, by their names in the file.
-        streams: Files with more streams of the same motion, such as joint positions: an .mcap of ROS 2 or with JSON,
-            a .csv, LeRobot's .parquet or folder, an .hdf5.
-        lerobot: Write a LeRobotDataset (v3.0) into this new folder: observation.tactile.PAD, observation.state, action.
-        task: For LeRobot: what is done, in words; default: the recording's own task, if it has one.
-        fps: For LeRobot: frames a second; default: the recording's rate, rounded. A recording that is not as regular
-            is resampled.
-        state: For LeRobot: the covariates of observation.state; default: every one that is a number or a row of
-            numbers and not in action.
-        action: For LeRobot: the covariates of action; default: action, actions and action.NAME.
-        force: Overwrite the output file if it exists; a folder never is.
+        recording: Recording: .mcap, .npz, .parquet, .csv or .hdf5 (robosuite, robomimic), or the folder of a
+            LeRobotDataset (v3).
+        output: Output file: .parquet, .npz or .mcap.
+        align: Interpolation of streams with their own clock.
+        missing: What to do with unknown values: write NaN, or drop the sample. In a LeRobotDataset, an episode ends at
+            a dropped frame.
+        profile: Profile of the sensor (name or file), for a CSV file of a board. It holds the order and signs of the
+            taxels.
+        pads: Pads to keep, by their names in the file; default: all.
+        streams: Files with more streams of the same motion, such as joint positions: .mcap of ROS 2 or with JSON, .csv,
+            .hdf5, LeRobot's .parquet or folder.
+        lerobot: Write a LeRobotDataset (v3.0) into this new folder.
+        task: Task of the LeRobotDataset, in words; default: the recording's own.
+        fps: Frames per second of the LeRobotDataset; default: the recording's rate, rounded. An irregular recording is
+            resampled.
+        state: Covariates of observation.state; default: all numbers and rows of numbers that are not in action.
+        action: Covariates of action; default: action, actions and action.NAME.
+        force: Overwrite the output file if it exists. A folder is never overwritten.
     """
     from paxisim.errors import InvalidValueError
     from paxisim.recording import Recording

@@ -31,15 +31,19 @@ def demo(
     output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None,
     force: bool = False,
 ) -> None:
-    """Squeeze a peg between two pads, compare what they read with the known load, and draw it.
+    """Squeeze a peg between two pads, compare the tensor with the known load, and draw it.
 
-    Two pads of the paper's sensor, pooled to 6x5 and each with a random bump, go onto a two-finger gripper that
-    holds a 60 g peg. At rest each pad must read the squeeze, and both together the peg's weight.
+    Two pads of the paper's sensor, pooled to 6x5 and each with a random bump, sit on a two-finger gripper that holds a
+    60 g peg. At rest each pad must read the squeeze, and both together the peg's weight.
+
+    For example:
+
+    paxisim demo --squeeze 12 -o squeeze.png
 
     Args:
         squeeze: Force of each finger in N, up to 20.
-        seed: Seed of the two pads' bumps.
-        output: Where to write the picture; default: paxisim-demo.png, or the next free name.
+        seed: Random seed of the pads' bumps.
+        output: Output picture, .png; default: paxisim-demo.png, or the next free name.
         force: Overwrite the output if it exists.
     """
     from importlib.resources import files

@@ -32,13 +32,13 @@ def diagnose(
 ) -> None:
     """Diagnose what the simulation gets wrong and why.
 
-    The recording contains the measured tensors and the simulated tensors of the same motion. The command writes
-    report.html, the report with pictures; diagnosis.json, all figures; and model.json, the extended sensor model. The
-    exit status is 1, and there is no model, if the two streams are not of the same motion.
+    The recording contains the measured and the simulated tensors of the same motion. The command writes report.html,
+    the report with pictures; diagnosis.json, all figures; and model.json, the extended sensor model. If the two streams
+    are not of the same motion, the exit status is 1 and there is no model.
 
-    With the scene that the recorded streams move, causes inside the scene are looked for, too, such as friction or
-    where a pad sits: the motion is replayed with other values of the scene's numbers. The recording then needs no
-    simulated tensors. fitted_scene.toml and fitted_scene.xml are the scene with the values that were found.
+    With --scene it also searches for causes inside the scene, such as friction or the place of a pad, by replaying the
+    motion with other values of the scene's parameters. The recording then needs no simulated tensors.
+    fitted_scene.toml and fitted_scene.xml are the scene with the fitted values.
 
     For example:
 
@@ -47,9 +47,9 @@ def diagnose(
     paxisim diagnose recording.mcap --scene scene.toml -o diagnosis/ --jobs 2
 
     Args:
-        recording: An .mcap, .npz or .csv file with measured and simulated tensors.
-        output: The folder to write to; created if needed, but its parent folder must exist.
-        scene: The scene's TOML file, as `paxisim replay` takes it.
+        recording: Recording with measured and simulated tensors (.mcap, .npz, .csv).
+        output: Output folder; created if missing, but its parent must exist.
+        scene: Scene file, .toml, as `paxisim replay` takes it.
         causes: Causes to search for, separated by commas; default: all. Those of the sensor are axis_gain,
             taxel_gain, offset, drift, stiffening, poisson, crosstalk, axis_coupling, rotation, layout, creep,
             hysteresis, low_pass, latency, saturation, dead_band, quantisation, dead_taxels, swapped_taxels,

@@ -29,30 +29,30 @@ def emulate(
     seed: int = 0,
     seconds: float = math.inf,
 ) -> None:
-    """Be a sensor: open a port that speaks a profile's protocol byte for byte.
+    """Emulate a sensor on a port that speaks a profile's protocol byte for byte.
 
-    The first line printed is the name of the port, to be opened by any driver as a serial port. Runs until Ctrl-C
-    or SIGTERM, which end it with status 0, as does the end of --seconds. For Linux; not tried on macOS.
+    The first line printed is the name of the port, which any driver opens as a serial port. Runs until Ctrl-C, SIGTERM
+    or the end of --seconds, with status 0. For Linux; not tried on macOS.
 
     For example:
 
-    paxisim emulate --profile gen2-box-120 --signal press.mcap --link my-sensor
+    paxisim emulate --profile gen2-box-120 --link my-sensor
 
     Args:
-        profile: The profile's name or file.
-        signal: What the pads feel: 'demo' (a press that drags), a recording (.mcap, .npz, .csv), a MuJoCo scene with
-            pads (.xml), run in real time, or MODULE:FUNCTION, a function of the seconds that gives
-            (pads, 3, rows, cols) newtons, or microtesla where that is the profile's unit.
-        reference: Let the pads be those of a manufactured sensor from first principles, as unit:7, or unit:7+memory
-            with a gel that creeps: what they feel is the signal, in newtons; what they say is what such a unit makes
-            of it.
-        link: A symbolic link to make to the port.
-        fault: Faults of the line, as NAME=NUMBER with commas: drop, flip, garble (probability of each byte), split,
-            merge, stall, status (of each message), stall_seconds, noise (bytes at power-on), unplug_after (messages).
-        rate_hz: Readings a second; default: the profile's.
-        gate: Components below so many counts read 0; default: 2 on GEN3 boards, as on real parts, else 0.
-        seed: Seed of the faults.
-        seconds: How long to run.
+        profile: Profile of the sensor: a name or a file.
+        signal: Forces on the pads: 'demo' (a press that drags), a recording (.mcap, .npz, .csv), a MuJoCo scene with
+            pads that runs in real time (.xml), or MODULE:FUNCTION, a function of the seconds that returns (pads, 3,
+            rows, cols) in the profile's unit.
+        reference: Read the signal through a magnetic pad from first principles, such as unit:7, or unit:7+memory for a
+            gel that creeps.
+        link: Symbolic link to the port.
+        fault: Faults of the line, as NAME=NUMBER separated by commas: drop, flip, garble (probability per byte), split,
+            merge, stall, status (probability per message), stall_seconds, noise (bytes at power-on), unplug_after
+            (messages).
+        rate_hz: Readings per second; default: the profile's.
+        gate: Components below this number of counts read 0; default: 2 on GEN3 boards, as on real parts, else 0.
+        seed: Random seed of the faults.
+        seconds: Duration in seconds.
     """
     import paxisim
     from paxisim.hw.emulator import Emulator

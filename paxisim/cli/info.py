@@ -21,9 +21,13 @@ _EARLIEST = 946_684_800 * 10**9
 def info(recording: Annotated[Path, tyro.conf.Positional]) -> None:
     """Describe a recording: its streams, rates, gaps, episodes, ranges and pads.
 
+    For example:
+
+    paxisim info press.mcap
+
     Args:
-        recording: An .mcap, .npz, .parquet or .hdf5 file (robosuite, robomimic), a board's or a plain .csv, or the
-            folder of a LeRobotDataset (v3).
+        recording: Recording: .mcap, .npz, .parquet, .csv or .hdf5 (robosuite, robomimic), or the folder of a
+            LeRobotDataset (v3).
     """
     from paxisim.logs.align import describe_bursts
     from paxisim.logs.aligned import unit_of

@@ -25,21 +25,29 @@ def live(
     calibration: Path | None = None,
     force: bool = False,
 ) -> None:
-    """Show pads as they are read: a sensor, a recording, or a MuJoCo scene.
+    """Show a sensor, a recording or a MuJoCo scene in Rerun's viewer.
 
-    Rerun's viewer draws the taxels where they sit, normal force as colour and shear as arrows, and plots each pad's
-    total force and the rate; where a recording has a simulated tensor too, that and the difference. Ctrl-C ends it.
+    The viewer draws the taxels where they sit, with normal force as colour and shear as arrows, and plots each pad's
+    total force and the rate. For a recording with a simulated tensor it also shows that and the difference. Ctrl-C ends
+    it.
+
+    For example:
+
+    paxisim live press.mcap --save press.rrd
+
+    paxisim live /dev/ttyACM0 --profile gen2-box-120
 
     Args:
-        source: A serial port (needs --profile), a recording (.mcap, .npz, .csv) or a scene with pads (.xml).
-        profile: What hangs on the port: a profile's name or file.
-        save: Write an .rrd file for Rerun instead of opening its viewer; needs no display. A recording, and a
-            scene with --seconds, are then drawn as fast as can be, all of it.
-        seconds: Stop after so many.
-        vmax: Normal force (N, or the sensor's unit) of full red; default: the largest of the recording, or of late.
-        fps: Readings drawn a second at most, where they come in real time.
-        calibration: A file that `paxisim calibrate` wrote: show newtons of a sensor that measures something else.
-        force: Overwrite the file.
+        source: Serial port (needs --profile), recording (.mcap, .npz, .csv) or scene with pads (.xml).
+        profile: Profile of the sensor on the port: a name or a file.
+        save: Write an .rrd file for Rerun instead of opening the viewer; needs no display. A recording, and a scene
+            with --seconds, are then drawn completely and as fast as possible.
+        seconds: Duration in seconds.
+        vmax: Normal force (N, or the sensor's unit) of full red; default: the largest of the recording, or of the last
+            seconds.
+        fps: Largest number of readings drawn per second, in real time.
+        calibration: Calibration that `paxisim calibrate` wrote, for a sensor that does not measure newtons.
+        force: Overwrite the output file if it exists.
     """
     from paxisim.logs.atomic import whole_file
     from paxisim.viz.live import LiveView

@@ -20,7 +20,7 @@ def pad(
     sensors: Literal["none", "contact", "touch_grid"] = "none",
     force: bool = False,
 ) -> None:
-    """Write one pad as an MJCF file that MuJoCo loads by itself.
+    """Write one pad as an MJCF file that MuJoCo loads on its own.
 
     For example:
 
@@ -29,10 +29,10 @@ def pad(
     paxisim pad --rows 6 --cols 5 --pitch-mm 4.35,4.52 -o pad.xml
 
     Args:
-        taxels: Which taxels.
-        output: The MJCF file to write, .xml; default: standard output.
-        name: Name of the pad, the first part of every name in the file.
-        thickness_mm: Thickness of the taxel cubes in mm.
+        taxels: The pad's taxels.
+        output: Output MJCF file, .xml; default: standard output.
+        name: Name of the pad, with which every name in the file begins.
+        thickness_mm: Thickness of the taxels in mm.
         sensors: MuJoCo sensors to embed; paxisim's own reader needs none.
         force: Overwrite the output if it exists.
     """

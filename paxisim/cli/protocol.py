@@ -24,11 +24,10 @@ def protocol(
     stop_n: float | None = None,
     force: bool = False,
 ) -> None:
-    """Write a motion for a robot or a stage to follow while its sensor is recorded, as JSON.
+    """Write a motion, as JSON, that a robot or a stage follows while its sensor is recorded.
 
-    It holds times and positions, the episode of each, the speed that is not exceeded, the force at which to stop, and
-    what each part is for. `paxisim replay press.json --scene press.toml` rehearses it in a scene of `paxisim scene
-    make`.
+    The file holds times and positions by episode, the largest speed, the force at which to stop, and the purpose of
+    each part. `paxisim replay press.json --scene press.toml` rehearses it in a scene of `paxisim scene make`.
 
     For example:
 
@@ -36,11 +35,12 @@ def protocol(
 
     Args:
         name: press (an indenter on one pad), regrasp (two pads and a peg), open-close (a gripper without contact).
-        taxels: The pad that is pressed; default: as large as paxini-gen1-l4629.
-        output: The JSON file to write.
-        depth_mm: How deep it presses at most; default: 1.5 for press, 0.4 into each pad for regrasp.
-        stop_n: Total normal force (N) on a pad at which the robot must stop; default: 20, 25 or 2.
-        force: Overwrite the file.
+        taxels: The pad that is pressed; default: the size of paxini-gen1-l4629.
+        output: Output JSON file.
+        depth_mm: Largest depth in mm; default: 1.5 for press, 0.4 into each pad for regrasp.
+        stop_n: Total normal force (N) on a pad at which the robot must stop; default: 20 (press), 25 (regrasp) or 2
+            (open-close).
+        force: Overwrite the output if it exists.
     """
     from paxisim.protocols.ready import protocol as ready_made
 

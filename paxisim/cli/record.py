@@ -33,28 +33,31 @@ def record(
     stream: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
     force: bool = False,
 ) -> None:
-    """Record a sensor, and numbers from elsewhere beside it, into an MCAP file.
+    """Record a sensor, and other streams beside it, into an MCAP file.
 
-    Everything is written as it comes: a crash costs the last second, and the file opens. Ctrl-C ends a recording;
-    Enter, on a terminal, begins a new episode.
+    Samples are written as they arrive: after a crash the file still opens and lacks at most the last second. Ctrl-C
+    ends a recording. On a terminal, Enter begins a new episode.
 
     For example:
+
+    paxisim record /dev/ttyACM0 --profile gen2-box-120 --seconds 30 -o press.mcap
 
     my_robot | paxisim record /dev/ttyACM0 --profile gen2-box-120 -o press.mcap --csv -
 
     Args:
-        port: The serial port; several make one tensor.
-        profile: The sensor's profile: a name or a TOML file.
-        output: The file; default: paxisim-DATE-TIME.mcap.
-        seconds: How long to record; default: until Ctrl-C.
-        reconnect: Seconds for which a port that went away is waited for.
-        calibration: A file that `paxisim calibrate` wrote, to record newtons of a sensor that measures something else.
-        csv: '-' records numbers from standard input: a line with the columns' names, then a line a sample. A column
-            'time' holds Unix seconds; without it the time is that of arrival, and the program must flush each line.
-        udp: Record JSON objects of numbers, e.g. {"gripper": 0.04}, sent to this UDP port of 127.0.0.1; may be given
-            several times. A key 'time' holds Unix seconds.
-        stream: Record what a Python function returns, polled, as module:function@HZ; may be given several times.
-        force: Overwrite the file if it exists, once the sensor is open.
+        port: Serial port of the sensor; several ports make one tensor.
+        profile: Profile of the sensor: a name or a TOML file.
+        output: Output file; default: paxisim-DATE-TIME.mcap.
+        seconds: Duration in seconds; default: until Ctrl-C.
+        reconnect: Seconds to wait for a port that disappeared.
+        calibration: Calibration that `paxisim calibrate` wrote, for a sensor that does not measure newtons.
+        csv: '-' records numbers from standard input: one line with the columns' names, then one line per sample. A
+            column 'time' holds Unix seconds; without it the time of arrival counts, so the program must flush each
+            line.
+        udp: UDP port of 127.0.0.1 on which to record JSON objects of numbers, such as {"gripper": 0.04}. A key 'time'
+            holds Unix seconds.
+        stream: Python function to poll and record, as module:function@HZ.
+        force: Overwrite the output if it exists, once the sensor is open.
     """
     from paxisim.hw.capture import capture
     from paxisim.hw.device import open_sensor

@@ -27,22 +27,24 @@ def replay(
 ) -> None:
     """Replay a recorded motion in MuJoCo and write measured and simulated forces side by side.
 
-    The scene says which recorded streams move what; `paxisim scene init` begins one. Finished episodes are kept beside
-    the output until it is written: after a kill, the same command goes on where it stopped. The output contains scene
-    and MJCF as well. A protocol is rehearsed: simulated as a robot would record it.
+    The scene states which recorded stream moves what; `paxisim scene init` writes a first version. Finished episodes
+    are kept beside the output until it is complete, so the same command resumes after a kill. The output also contains
+    the scene and its MJCF. A protocol is rehearsed: simulated as a robot would record it.
 
     For example:
 
     paxisim replay press.mcap --scene press.toml -o paired.mcap
 
     Args:
-        recording: An .mcap, .npz or .csv file with the streams that drive the scene, or a .json of `paxisim protocol`.
-        scene: The scene's TOML file.
-        output: The file to write, .mcap or .npz.
-        mode: How the motion is followed, instead of what the scene says: exact poses, exact poses with a closing fitted
-            to the measured force or to its course alone, the model's servos, or recorded forces.
-        mean: Simulate the mean force since the sample before, as a sensor that averages.
-        jobs: Episodes to simulate at the same time.
+        recording: Recording with the streams that drive the scene (.mcap, .npz, .csv), or a .json of `paxisim
+            protocol`.
+        scene: Scene file, .toml.
+        output: Output file, .mcap or .npz.
+        mode: How the motion is followed; default: as the scene states. kinematic: exact poses. fitted, shape: exact
+            poses with a closing fitted to the measured force, or to its time course alone. servo: the model's
+            actuators. force: recorded forces.
+        mean: Simulate the mean force since the previous sample, as of a sensor that averages.
+        jobs: Number of episodes to simulate in parallel.
         force: Overwrite the output if it exists.
     """
     from dataclasses import replace

@@ -19,20 +19,20 @@ def scene_init(
     output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None,
     force: bool = False,
 ) -> None:
-    """Begin the scene of a recording: which streams move what in a model with pads.
+    """Write a first version of a recording's scene: which stream moves what in a model with pads.
 
-    Names of streams and joints, ranges and encoder steps are compared. What could not be found out is printed, and
-    stands at the top of the file.
+    The command compares names, ranges and encoder steps of streams and joints. It prints what you should check, and
+    writes it at the top of the file.
 
     For example:
 
-    paxisim scene init gripper.xml --recording squeeze.mcap
+    paxisim scene init gripper.xml --recording squeeze.mcap -o squeeze.toml
 
     Args:
-        model: The MJCF file, with pads, as `paxisim attach` writes it.
-        recording: The recording that is to be replayed.
-        output: The file to write; default: beside the model, as .toml.
-        force: Overwrite the file if it exists.
+        model: MJCF file with pads, as `paxisim attach` writes it.
+        recording: Recording to be replayed.
+        output: Output file, .toml; default: beside the model.
+        force: Overwrite the output if it exists.
     """
     import os
 
@@ -76,7 +76,7 @@ def scene_make(
     *,
     force: bool = False,
 ) -> None:
-    """Write a ready-made scene, MJCF beside TOML: an indenter on one pad, a gripper in the air, or one with a peg.
+    """Write a ready-made scene: an indenter on one pad, a gripper in the air, or a gripper with a peg.
 
     For example:
 
@@ -84,8 +84,8 @@ def scene_make(
 
     Args:
         kind: indenter (streams x, y, depth), gripper or peg (stream opening).
-        taxels: Which taxels.
-        output: The TOML file to write; the MJCF lies beside it, as .xml.
+        taxels: The pad's taxels.
+        output: Output TOML file; the MJCF is written beside it, as .xml.
         force: Overwrite both if they exist.
     """
     from paxisim.scene import ready

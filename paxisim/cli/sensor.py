@@ -36,21 +36,21 @@ def sensor_check(
 ) -> None:
     """Find order, axes and signs of a real sensor by pressing it, and write them as a profile.
 
-    It says what to do, one step after another: press Enter, then do it. A step that was not felt clearly is asked for
-    again. Nothing is written before all steps are done and agree with one another; Ctrl-C leaves nothing behind.
+    The command asks for one step after another: press Enter, then do it. It repeats a step that it did not feel
+    clearly. It writes nothing before all steps are done and agree; Ctrl-C leaves nothing behind.
 
-    Of a board whose chips each measure the field (AnySkin, ReSkin, eFlesh) it finds which chips respond: their axes are
-    their own.
+    For a board of magnetometers (AnySkin, ReSkin, eFlesh) it finds which chips respond, since each chip has its own
+    axes.
 
     For example:
 
     paxisim sensor check /dev/ttyACM0 --profile gen2-box-120 -o my-sensor.toml
 
     Args:
-        port: The sensor's port.
-        profile: The profile that comes closest: a known name or a .toml file.
-        output: The profile to write, a .toml file.
-        seconds: How long each step is recorded.
+        port: Port of the sensor.
+        profile: The closest profile: a name or a .toml file.
+        output: Output profile, .toml.
+        seconds: Duration of each step in seconds.
         force: Overwrite the output if it exists.
     """
     from dataclasses import replace
@@ -174,17 +174,17 @@ def sensor_quality(
     seconds: float = 10.0,
     force: bool = False,
 ) -> None:
-    """Measure rate, jitter, noise and drift of a real sensor that rests untouched.
+    """Measure rate, jitter, noise and drift of an untouched real sensor.
 
     For example:
 
     paxisim sensor quality /dev/ttyACM0 --profile gen2-box-120 --seconds 60 -o quality.png
 
     Args:
-        port: The sensor's port.
-        profile: A known name or a .toml file.
-        output: Where to draw it; default: a table only.
-        seconds: How long to record. Drift wants minutes.
+        port: Port of the sensor.
+        profile: Profile of the sensor: a name or a .toml file.
+        output: Output picture, .png; default: a table only.
+        seconds: Duration in seconds. Drift takes minutes to show.
         force: Overwrite the output if it exists.
     """
     from paxisim.hw.device import open_sensor
@@ -211,14 +211,14 @@ def sensor_quality(
 
 
 def sensor_profiles(name: Annotated[str | None, tyro.conf.Positional] = None) -> None:
-    """List the sensor profiles paxisim knows, or print one as a file to start from.
+    """List the known sensor profiles, or print one as a file to start from.
 
     For example:
 
     paxisim sensor profiles gen2-box-120 > my-sensor.toml
 
     Args:
-        name: The profile to print.
+        name: Profile to print.
     """
     from paxisim.hw.profile import load_profile
     from paxisim.hw.profile_file import format_profiles, profile_toml

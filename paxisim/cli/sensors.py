@@ -4,10 +4,14 @@ from __future__ import annotations
 
 
 def sensors(*, sources: bool = False) -> None:
-    """List the sensor products paxisim knows.
+    """List the known sensor products.
+
+    For example:
+
+    paxisim sensors --sources
 
     Args:
-        sources: Also say where each figure comes from.
+        sources: Also state where each figure comes from.
     """
     import textwrap
 

@@ -13,18 +13,18 @@ from paxisim.layout import TaxelLayout
 
 @dataclass
 class Taxels:
-    """Which taxels: either a product of the catalogue or any grid."""
+    """A product of the catalogue, or any grid."""
 
     sensor: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None
-    """A product by its name in `paxisim sensors`, e.g. paxini-gen1-l4629."""
+    """Product, by its name in `paxisim sensors`, such as paxini-gen1-l4629."""
     pool: int = 1
-    """Make one taxel of each POOL x POOL; 2 turns the paper's 12x10 pad into its 6x5."""
+    """Merge POOL x POOL taxels into one; 2 turns the paper's 12x10 pad into its 6x5."""
     rows: Annotated[int | None, tyro.conf.arg(metavar="INT")] = None
-    """Rows of a grid, along the pad's y."""
+    """Number of rows of a grid, along the pad's y."""
     cols: Annotated[int | None, tyro.conf.arg(metavar="INT")] = None
-    """Columns of a grid, along the pad's x."""
+    """Number of columns of a grid, along the pad's x."""
     pitch_mm: Annotated[str | None, tyro.conf.arg(metavar="MM[,MM]")] = None
-    """Pitch of a grid in mm, as ROW,COLUMN or one number for both, e.g. 4.35,4.52."""
+    """Pitch of a grid in mm: one number, or ROW,COLUMN such as 4.35,4.52."""
 
     def layout(self) -> TaxelLayout:
         """The layout.

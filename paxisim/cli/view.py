@@ -9,13 +9,17 @@ import tyro
 
 
 def view(model: Annotated[Path, tyro.conf.Positional]) -> None:
-    """Open a model with pads in MuJoCo's viewer, its taxels coloured by force.
+    """Open a model with pads in MuJoCo's viewer, with its taxels coloured by force.
 
-    Pads show the redder, the harder they are pressed. Drag objects with the mouse (double click, then Ctrl and
-    the right button) to press them.
+    Taxels turn red where they are pressed. Drag objects with the mouse (double click, then Ctrl and the right button)
+    to press them.
+
+    For example:
+
+    paxisim view tactile_gripper.xml
 
     Args:
-        model: An MJCF file with pads, as `paxisim attach` writes it.
+        model: MJCF file with pads, as `paxisim attach` writes it.
     """
     from paxisim.models.load import compile_spec, load_spec
     from paxisim.viz.view import view as open_viewer

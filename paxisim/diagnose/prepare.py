@@ -40,7 +40,8 @@ def prepare(recording: Recording) -> tuple[Recording, tuple[str, ...]]:
         raise InvalidValueError(
             f"the channels are in {recording.unit}, but a diagnosis compares forces in newtons. Record a load cell "
             "beside the sensor and run: paxisim calibrate RECORDING --loads Fz=NAME -o calibrated.mcap, where NAME is "
-            f"the covariate with its force (there are: {loads}); then diagnose calibrated.mcap. See docs/calibrate.md"
+            f"the covariate with its force (there are: {loads}); then diagnose calibrated.mcap. "
+            "See docs/guides/calibrate.md"
         )
     for name, other in (
         ("simulated", "replay the recorded motion in the simulation"),
@@ -171,7 +172,7 @@ def _check_signals(recording: Recording, warnings: list[str]) -> None:
             f"measured is {ratio:.3g} times simulated: both must be in newtons. Convert millinewtons or counts by "
             "their factor, for example 0.1 N per count. If the channels are no forces but, say, microtesla, record a "
             "load cell beside the sensor and run: paxisim calibrate RECORDING --loads Fz=NAME -o calibrated.mcap, "
-            "where NAME is the covariate with its force. See docs/calibrate.md"
+            "where NAME is the covariate with its force. See docs/guides/calibrate.md"
         )
     peak = peak_of(recording.simulated)
     if not _FORCES[0] <= peak <= _FORCES[1]:

@@ -333,8 +333,9 @@ class Emulator:
                 f"a link is made to the file of a serial port, but profile {self.profile.name!r} has an address, "
                 f"{target}: open that"
             )
-        if self._link.exists() and not self._link.is_symlink():
-            raise OutputExistsError(f"{self._link} exists and is no link: remove it or choose another name")
+        to_port = self._link.is_symlink() and os.readlink(self._link).startswith("/dev/")
+        if self._link.exists() and not to_port:
+            raise OutputExistsError(f"{self._link} exists and is no link to a port: remove it or choose another name")
         new = self._link.with_name(f".{self._link.name}.{os.getpid()}")
         new.unlink(missing_ok=True)
         new.symlink_to(target)

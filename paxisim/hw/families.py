@@ -1,7 +1,7 @@
 """Families of boards: one table, and nothing else that lists them.
 
 A family is a protocol. To add one, write its driver (a `paxisim.hw.board.Board`) and its emulation (a
-`paxisim.hw.emulation.board.EmulatedBoard`), and add a row here: `docs/add-a-board.md`.
+`paxisim.hw.emulation.board.EmulatedBoard`), and add a row here: `docs/how-to/add-a-board.md`.
 """
 
 from __future__ import annotations

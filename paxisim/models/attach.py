@@ -16,7 +16,7 @@ from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.layout import TaxelLayout
 from paxisim.models import names
 from paxisim.models.gel import Gel
-from paxisim.models.load import compile_spec, load_spec, one_line
+from paxisim.models.load import compile_spec, compile_whole, load_spec, one_line
 from paxisim.models.mount import Mount
 from paxisim.models.pad import Pad, numbers
 from paxisim.models.pads import Pads, find_pads
@@ -115,7 +115,8 @@ def attach(
     child body of its mount's body, with its own mass. Collision geoms it replaces are switched off, and the explicit
     contact pairs that name them removed; it takes over their contact bits, less those with which pads would meet each
     other, and the body's contact exclusions. MuJoCo's touch sensors count the contacts of one body, not those of a pad
-    on it: they stay, but there is a warning of those on a body that gets a pad.
+    on it: they stay, but there is a warning of those on a body that gets a pad. There is also a warning of what can
+    hardly be meant: pads inside one another, larger than their finger, far from it, or curved on a flat one.
 
     Args:
         gripper: A spec (left unchanged), an MJCF file or MJCF text.
@@ -139,7 +140,10 @@ def attach(
 
         is_file = isinstance(gripper, Path) or (isinstance(gripper, str) and not gripper.lstrip().startswith("<"))
         mounts, report = choose_mounts(spec, str(gripper) if is_file else "")
-    chosen = tuple(mounts)
+    chosen = (mounts,) if isinstance(mounts, Mount) else tuple(mounts)
+    for mount in chosen:
+        if not isinstance(mount, Mount):
+            raise InvalidValueError(f"mounts must be paxisim.Mount, got {mount!r:.80}")
     if not chosen:
         raise InvalidValueError("expected at least one mount, got none")
     bodies = {body.name: body for body in spec.bodies}
@@ -165,7 +169,16 @@ def attach(
     # one order for `bind` and for `find_pads` in a saved file, or a policy could meet its pads swapped
     order = sorted(range(len(chosen)), key=lambda i: model.body(pad_names[i]).id)
     mounts, pad_names = tuple(chosen[i] for i in order), tuple(pad_names[i] for i in order)
+    _warn_of_mounts(spec, pad_names, mounts)
     return TactileGripper(spec, mounts, pad_names, pad.gel, pad.layout, report)
+
+
+def _warn_of_mounts(spec: mujoco.MjSpec, pad_names: tuple[str, ...], mounts: tuple[Mount, ...]) -> None:
+    from paxisim.models.mount_checks import doubts
+
+    model = compile_whole(spec, "the gripper with pads")
+    for doubt in doubts(model, find_pads(model, names=pad_names), mounts):
+        warnings.warn(doubt, stacklevel=3)
 
 
 def _as_pad(sensor: Pad | TaxelLayout | str) -> Pad:
@@ -173,6 +186,8 @@ def _as_pad(sensor: Pad | TaxelLayout | str) -> Pad:
         return sensor
     if isinstance(sensor, TaxelLayout):
         return Pad(sensor)
+    if not isinstance(sensor, str):
+        raise InvalidValueError(f"expected a Pad, a TaxelLayout or the name of a sensor, got {type(sensor).__name__}")
     product = find_sensor(sensor)
     return Pad(product.layout, mass=product.mass)
 

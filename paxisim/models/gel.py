@@ -116,10 +116,14 @@ class Gel:
             pads: Its pads, from `find_pads` or `attach(...).bind(model)`.
 
         Raises:
-            InvalidValueError: The relaxation time is too short for the model's time step.
+            InvalidValueError: The relaxation time is too short for the model's time step, or the pads are those of
+                another model.
         """
         import mujoco
 
+        from paxisim.models.pads import check_pads
+
+        check_pads(model, pads)
         shortest = _STEPS_PER_RELAXATION * model.opt.timestep
         if self.relaxation < shortest * (1 - 1e-9):
             raise InvalidValueError(

@@ -22,9 +22,14 @@ def load_spec(model: mujoco.MjSpec | str | Path) -> mujoco.MjSpec:
         The spec. One from a file still finds its meshes when compiled.
 
     Raises:
-        InvalidValueError: There is no such file, or MuJoCo cannot parse it.
+        InvalidValueError: Not one of these, there is no such file, or MuJoCo cannot parse it.
     """
     if not isinstance(model, (str, Path)):
+        if not isinstance(model, mujoco.MjSpec):
+            raise InvalidValueError(
+                f"expected an MjSpec, the path of an MJCF file or its text, got {type(model).__name__}"
+                + ("; give what it was compiled from" if isinstance(model, mujoco.MjModel) else "")
+            )
         return model.copy()
     if isinstance(model, str) and model.lstrip().startswith("<"):
         source, parse, argument = "the XML text", mujoco.MjSpec.from_string, model

@@ -57,6 +57,22 @@ class Pads:
         return len(self.names)
 
 
+def check_pads(model: mujoco.MjModel, pads: Pads) -> None:
+    """Raise unless these are pads of this model, whose ids would else be those of other geoms.
+
+    Raises:
+        InvalidValueError: They are not, or are no `Pads`.
+    """
+    if not isinstance(model, mujoco.MjModel):
+        raise InvalidValueError(f"expected a compiled mujoco.MjModel, got {type(model).__name__}")
+    if not isinstance(pads, Pads):
+        raise InvalidValueError(f"expected the pads that find_pads or bind give, got {type(pads).__name__}")
+    for name, geoms in zip(pads.names, pads.geoms, strict=True):
+        ends = {int(geoms[0]): (0, 0), int(geoms[-1]): (pads.layout.rows - 1, pads.layout.cols - 1)}
+        if any(geom >= model.ngeom or model.geom(geom).name != names.taxel(name, *ends[geom]) for geom in ends):
+            raise InvalidValueError(f"the pad {name!r} is not one of this model: paxisim.find_pads(model) gives those")
+
+
 def find_pads(model: mujoco.MjModel, *, prefix: str = "", names: tuple[str, ...] | list[str] | None = None) -> Pads:
     """Find the pads of a compiled model, also of one that was saved and loaded again.
 
@@ -173,10 +189,11 @@ def set_surface(model: mujoco.MjModel, pads: Pads, heights: NDArray[np.floating]
         heights: Thickness of the cubes (m), ``(pads, rows, cols)`` or ``(rows, cols)`` for all pads.
 
     Raises:
-        InvalidValueError: Heights of another shape, not finite or not positive.
+        InvalidValueError: Heights of another shape, not finite or not positive; or pads of another model.
     """
     from paxisim.models.pad import check_heights
 
+    check_pads(model, pads)
     heights = check_heights(heights, pads.layout)
     pads_shape = (len(pads), pads.layout.rows, pads.layout.cols)
     if heights.ndim > 2 and heights.shape != pads_shape:

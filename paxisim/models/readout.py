@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError
-from paxisim.models.pads import Pads
+from paxisim.models.pads import Pads, check_pads
 
 _ELLIPTIC = int(mujoco.mjtCone.mjCONE_ELLIPTIC)
 _THREE = np.int32(3).tobytes()
@@ -33,7 +33,11 @@ class TactileReadout:
         Args:
             model: The compiled model. Its cone may be changed later.
             pads: Its pads.
+
+        Raises:
+            InvalidValueError: The pads are those of another model.
         """
+        check_pads(model, pads)
         self._model = model
         self._pads = pads
         # a bin for x, y and z of each taxel, and three more for all other geoms and for -1, which stands in the

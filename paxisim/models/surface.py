@@ -7,6 +7,7 @@ compilation or `set_surface` after it. A cube keeps its back; a thicker one stan
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -62,7 +63,7 @@ def _area_means(values: NDArray[np.floating], bins: int) -> NDArray[np.floating]
     return np.diff(at_edges, axis=0) / (len(values) / bins)
 
 
-def conform(layout: TaxelLayout, mesh, *, max_angle: float = 75.0) -> TaxelLayout:
+def conform(layout: TaxelLayout, mesh: Any, *, max_angle: float = 75.0) -> TaxelLayout:
     """The layout laid onto a curved surface: taxels projected along z, each facing along the surface's normal.
 
     Args:
@@ -88,7 +89,7 @@ def conform(layout: TaxelLayout, mesh, *, max_angle: float = 75.0) -> TaxelLayou
             raise InvalidValueError(f"cannot read the mesh {mesh}: {error}") from error
     if not len(getattr(mesh, "faces", ())):
         raise InvalidValueError("the mesh has no triangles")
-    depth, triangles = _first_facing(layout.positions[:, :2], mesh)
+    depth, triangles = first_facing(layout.positions[:, :2], mesh)
     if np.any(triangles < 0):
         missed = int(np.argmin(triangles))
         row, col = divmod(missed, layout.cols)
@@ -108,7 +109,7 @@ def conform(layout: TaxelLayout, mesh, *, max_angle: float = 75.0) -> TaxelLayou
     return TaxelLayout(layout.rows, layout.cols, layout.pitch, positions, normals, layout.vendor_order)
 
 
-def _first_facing(points: NDArray[np.floating], mesh) -> tuple[NDArray[np.floating], NDArray[np.int64]]:
+def first_facing(points: NDArray[np.floating], mesh) -> tuple[NDArray[np.floating], NDArray[np.int64]]:
     """Where rays along +z through ``(N, 2)`` points first meet a triangle that faces them.
 
     Returns:

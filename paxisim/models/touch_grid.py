@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from paxisim.errors import InvalidValueError, UnsupportedError
 from paxisim.layout import TaxelLayout
 from paxisim.models import names
-from paxisim.models.pads import Pads
+from paxisim.models.pads import Pads, check_pads
 
 PLUGIN = "mujoco.sensor.touch_grid"
 GAP = 50e-6
@@ -87,6 +87,7 @@ class TouchGridReadout:
             UnsupportedError: The plugin would sort forces into the wrong taxels: no flat grid, or contiguous
                 cubes.
         """
+        check_pads(model, pads)
         self._model, self._pads = model, pads
         self._slices = [self._sensor(pad) for pad in pads.names]
         for pad, layout, geoms in zip(pads.names, pads.layouts, pads.geoms, strict=True):

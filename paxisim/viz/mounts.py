@@ -20,13 +20,16 @@ if TYPE_CHECKING:
 _VIEWS = ((20, -60), (15, 30), (75, -90))  # elevation and azimuth (deg)
 _LIGHT = np.array([0.4, -0.5, 0.77])
 _GREY, _RED = np.array([0.72, 0.74, 0.78]), np.array([0.85, 0.2, 0.18])
+_ARROW, _NUMBER = 0.02, 0.026  # m, how far an arrow and a pad's number stand out
+_SQUARE = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+_CIRCLE = np.stack([np.cos(np.linspace(0, 2 * np.pi, 16)), np.sin(np.linspace(0, 2 * np.pi, 16))], axis=1)
 
 
 def plot_mounts(gripper: TactileGripper, qpos: NDArray[np.floating] | None = None) -> Figure:
     """Draw a gripper from three sides: its geoms grey (meshes as the hulls MuJoCo collides), its pads red.
 
-    A pad that looks away from the viewer is drawn as a dashed outline through what hides it. An arrow leaves each
-    pad along its outward normal; the white taxel is row 0, column 0.
+    Each taxel that faces the viewer is drawn where it is, on top of what hides it. A pad that looks away altogether is
+    a dashed outline. An arrow leaves each pad along its outward normal; the white taxel is row 0, column 0.
 
     Args:
         gripper: The gripper with pads, from `attach`.
@@ -51,22 +54,27 @@ def plot_mounts(gripper: TactileGripper, qpos: NDArray[np.floating] | None = Non
     triangles = _triangles(model, data, pads)
     figure = Figure(figsize=(12, 5), layout="constrained")
     for index, (elevation, azimuth) in enumerate(_VIEWS):
-        ax: Any = figure.add_subplot(1, len(_VIEWS), index + 1, projection="3d", computed_zorder=False)
-        ax.view_init(elevation, azimuth)
-        ax.set_proj_type("ortho")
+        ax: Any = figure.add_subplot(1, len(_VIEWS), index + 1)
         ax.set_axis_off()
-        _draw_gripper(ax, triangles)
-        angles = np.radians([elevation, azimuth])
-        towards = np.array(
-            [np.cos(angles[0]) * np.cos(angles[1]), np.cos(angles[0]) * np.sin(angles[1]), np.sin(angles[0])]
-        )
+        ax.set_aspect("equal")
+        view = _view(*np.radians([elevation, azimuth]))
+        _draw_gripper(ax, triangles, view)
         for pad in range(len(pads)):
-            _draw_pad(ax, model, data, pads, pad, towards)
+            _draw_pad(ax, model, data, pads, pad, view)
+        ax.margins(0.04)
+        ax.autoscale_view()
     numbered = ", ".join(f"{i + 1} {name}" for i, name in enumerate(pads.names))
     figure.suptitle(
         f"{pads.layout.rows}x{pads.layout.cols} taxels on {numbered}", fontsize=9, wrap=True, parse_math=False
     )
     return figure
+
+
+def _view(elevation: float, azimuth: float) -> NDArray[np.floating]:
+    """``(3, 3)`` rows: to the right, up and towards the viewer, who looks at the world from these angles (rad)."""
+    towards = np.array([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)])
+    right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
+    return np.stack([right, np.cross(towards, right), towards])
 
 
 def _open_pose(gripper: TactileGripper) -> NDArray[np.floating]:
@@ -79,7 +87,7 @@ def _open_pose(gripper: TactileGripper) -> NDArray[np.floating]:
 
 def _triangles(model: mujoco.MjModel, data: mujoco.MjData, pads: Pads) -> NDArray[np.floating]:
     """``(n, 3, 3)`` corners (m, world frame) of everything but the pads."""
-    triangles = []
+    triangles = [np.zeros((0, 3, 3))]
     for geom in range(model.ngeom):
         shape = None if int(model.geom_bodyid[geom]) in pads.bodies else shape_of(model, geom)
         if shape is not None:
@@ -88,41 +96,49 @@ def _triangles(model: mujoco.MjModel, data: mujoco.MjData, pads: Pads) -> NDArra
     return np.concatenate(triangles)
 
 
-def _draw_gripper(ax: Any, triangles: NDArray[np.floating]) -> None:
-    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+def _draw_gripper(ax: Any, triangles: NDArray[np.floating], view: NDArray[np.floating]) -> None:
+    from matplotlib.collections import PolyCollection
 
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-20)
-    colors = _GREY * (0.65 + 0.35 * np.clip(normals @ _LIGHT, 0, 1))[:, None]
-    ax.add_collection3d(Poly3DCollection(triangles, facecolors=colors, edgecolors="none", zorder=1))
-    low, high = triangles.reshape(-1, 3).min(axis=0), triangles.reshape(-1, 3).max(axis=0)
-    for axis in range(3):
-        getattr(ax, f"set_{'xyz'[axis]}lim")(low[axis], high[axis])
-    ax.set_box_aspect(high - low, zoom=1.25)
+    # those that look away are hidden, and of the others the nearer ones are drawn later
+    seen = np.flatnonzero(normals @ view[2] > 0)
+    seen = seen[np.argsort((triangles[seen] @ view[2]).mean(axis=1))]
+    colors = _GREY * (0.65 + 0.35 * np.clip(normals[seen] @ _LIGHT, 0, 1))[:, None]
+    flat = triangles[seen] @ view[:2].T
+    ax.add_collection(PolyCollection(list(flat), facecolors=colors, edgecolors=colors, linewidths=0.3, zorder=1))
 
 
 def _draw_pad(
-    ax: Any, model: mujoco.MjModel, data: mujoco.MjData, pads: Pads, pad: int, towards: NDArray[np.floating]
+    ax: Any, model: mujoco.MjModel, data: mujoco.MjData, pads: Pads, pad: int, view: NDArray[np.floating]
 ) -> None:
-    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+    from matplotlib.collections import PolyCollection
+    from scipy.spatial import ConvexHull
 
-    geoms, body = pads.geoms[pad], pads.bodies[pad]
-    # the outward face of a cube is at -z
-    face = np.array([[-1, -1, -1], [1, -1, -1], [1, 1, -1], [-1, 1, -1]]) * model.geom_size[geoms][:, None]
-    corners = face @ data.geom_xmat[geoms].reshape(-1, 3, 3).transpose(0, 2, 1) + data.geom_xpos[geoms][:, None]
-    outward = -data.xmat[body].reshape(3, 3)[:, 2]
-    if outward @ towards > 0:
-        colors = np.tile(_RED, (len(geoms), 1))
-        colors[0] = 1.0
-        taxels = Poly3DCollection(corners, facecolors=colors, edgecolors="white", linewidths=0.4, zorder=2)
+    geoms = pads.geoms[pad]
+    size, axes = model.geom_size[geoms], data.geom_xmat[geoms].reshape(-1, 3, 3)
+    # the outward face of a cube is at -z; a sphere is a disc
+    is_sphere = int(model.geom_type[geoms[0]]) == int(mujoco.mjtGeom.mjGEOM_SPHERE)
+    outline, half = (_CIRCLE, size[:, [0, 0, 0]]) if is_sphere else (_SQUARE, size)
+    face = np.concatenate([outline, np.full((len(outline), 1), 0.0 if is_sphere else -1.0)], axis=1) * half[:, None]
+    corners = face @ axes.transpose(0, 2, 1) + data.geom_xpos[geoms][:, None]
+    facing = -axes[:, :, 2] @ view[2]
+    colors = np.tile(_RED, (len(geoms), 1))
+    colors[0] = 1.0
+    flat = corners @ view[:2].T
+    if facing.max() > 0:
+        seen = np.flatnonzero(facing > 0)
+        seen = seen[np.argsort((corners[seen] @ view[2]).mean(axis=1))]
+        style = {"facecolors": colors[seen], "edgecolors": "white", "linewidths": 0.4}
+        taxels = PolyCollection(list(flat[seen]), zorder=2, **style)
     else:
-        rows, cols = pads.layout.rows, pads.layout.cols
-        grid = corners.reshape(rows, cols, 4, 3)
-        outline = np.array([[grid[0, 0, 0], grid[0, -1, 1], grid[-1, -1, 2], grid[-1, 0, 3]]])
-        taxels = Poly3DCollection(
-            outline, facecolors=(0, 0, 0, 0), edgecolors=[_RED], linestyles="dashed", linewidths=1, zorder=2
-        )
-    ax.add_collection3d(taxels)
-    origin, tip = corners.mean(axis=(0, 1)), corners.mean(axis=(0, 1)) + 0.02 * outward
-    ax.plot(*np.stack([origin, tip], axis=1), color=_RED, linewidth=1.5, zorder=3)
-    ax.text(*(origin + 0.026 * outward), str(pad + 1), fontsize=9, color=_RED, ha="center", va="center", zorder=4)
+        points = flat.reshape(-1, 2)
+        hull = points[ConvexHull(points, qhull_options="QJ").vertices]
+        style = {"facecolors": (0, 0, 0, 0), "edgecolors": [_RED], "linestyles": "dashed", "linewidths": 1}
+        taxels = PolyCollection([hull], zorder=2, **style)
+    ax.add_collection(taxels)
+    outward = -data.xmat[pads.bodies[pad]].reshape(3, 3)[:, 2]
+    middle = corners.mean(axis=(0, 1))
+    arrow, number = np.array([middle, middle + _ARROW * outward]) @ view[:2].T, view[:2] @ (middle + _NUMBER * outward)
+    ax.plot(*arrow.T, color=_RED, linewidth=1.5, zorder=3)
+    ax.text(*number, str(pad + 1), fontsize=9, color=_RED, ha="center", va="center", zorder=4)

@@ -2,6 +2,7 @@
 
 import os
 import re
+import shlex
 import subprocess
 import sys
 from importlib.resources import files
@@ -11,7 +12,8 @@ import mujoco
 import pytest
 
 import paxisim
-from paxisim.cli import main
+from paxisim.cli import GROUPS, main, parse
+from paxisim.cli import VERBS as VERBS_ALONE
 from paxisim.cli.mounts import format_mount, parse_mount
 from paxisim.models.grippers import mounts_for, robosuite_gripper_path
 
@@ -176,8 +178,8 @@ def test_overwriting_is_asked_for():
         (["attach", "gripper.xml", *GRID, "--mount", "hand quat=0,0,0,0", "-o", "a.xml"], "quat must not be zero"),
         (["view", "gripper.xml"], "no pads|no display|window"),
         (["demo", "--squeeze", "inf"], "--squeeze must lie between"),
-        (["grip"], "demo, sensors, pad"),
-        ([], "demo, sensors, pad"),
+        (["grip"], "demo, example, sensors, pad"),
+        ([], "demo, example, sensors, pad"),
     ],
 )
 def test_bad_input_is_one_line_and_status_2(words, says, capsys, folder):
@@ -225,3 +227,79 @@ def test_a_folder_without_permission_is_one_line(capsys, folder):
     folder.chmod(0o500)
     assert main(["pad", *GRID, "-o", "a.xml"]) == 2
     assert "cannot write a.xml: Permission denied" in capsys.readouterr().err
+
+
+def test_example_writes_a_gripper_that_attach_takes_and_a_recording_that_can_be_diagnosed(capsys, folder):
+    assert main(["example", "gripper"]) == 0
+    assert main(["attach", "my_gripper.xml", *GRID, "-o", "out.xml"]) == 0
+    assert main(["example", "recording"]) == 0
+    recording = paxisim.Recording.load("paired.mcap")
+    ratio = recording.measured[:, :, 2].sum() / recording.simulated[:, :, 2].sum()
+    assert ratio == pytest.approx(0.9, abs=0.005)
+
+    before = {path: path.read_bytes() for path in folder.iterdir()}
+    assert main(["example", "gripper"]) == main(["example", "recording"]) == 2
+    assert main(["example", "recording", "-o", "recording.csv"]) == 2
+    assert main(["example", "gripper", "-o", "gripper.txt"]) == 2
+    assert {path: path.read_bytes() for path in folder.iterdir()} == before
+
+
+VERBS = [[verb] for verb in VERBS_ALONE] + [[group, verb] for group, (verbs, _) in GROUPS.items() for verb in verbs]
+
+
+@pytest.mark.parametrize("verb", VERBS, ids=" ".join)
+def test_the_help_of_a_verb_ends_with_examples_that_parse(verb, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    assert main([*verb, "--help"]) == 0
+    text = capsys.readouterr().out
+    assert max(map(len, text.splitlines())) <= 80
+    *_, examples = re.split(r"^Examples?:\n", text, flags=re.MULTILINE)
+    assert examples != text
+    for line in examples.replace("\\\n", " ").splitlines():
+        words = shlex.split((line.partition(" | ")[2] or line).partition(" > ")[0])
+        assert words[: 1 + len(verb)] == ["paxisim", *verb]
+        assert callable(parse(words[1:])), line
+
+
+def test_the_list_of_verbs_has_a_sentence_for_each(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    assert main(["--help"]) == 0
+    text = capsys.readouterr().out
+    assert all(re.search(rf"^ +• {verb} +[A-Z]", text, re.MULTILINE) for verb in (*VERBS_ALONE, *GROUPS))
+    assert "Example" not in text
+    assert len(text.splitlines()) < 50
+
+
+@pytest.mark.parametrize(
+    ("words", "asked"),
+    [
+        (["atach"], "paxisim --help"),
+        (["attach"], "paxisim attach --help"),
+        (["attach", "--fource"], "paxisim attach --help"),
+        (["scene"], "paxisim scene --help"),
+        (["scene", "mak"], "paxisim scene --help"),
+        (["scene", "make"], "paxisim scene make --help"),
+    ],
+)
+def test_words_that_do_not_parse_point_to_the_help(words, asked, capsys):
+    assert main(words) == 2
+    assert capsys.readouterr().err.endswith(f"see {asked}\n")
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["info", "none.mcap"],
+        ["diagnose", "none.mcap", "-o", "found"],
+        ["replay", "none.mcap", "--scene", "none.toml", "-o", "out.mcap"],
+        ["calibrate", "none.csv", "--loads", "load", "-o", "out.json"],
+        ["live", "none.mcap", "--save", "a.rrd"],
+    ],
+    ids=lambda words: words[0],
+)
+def test_a_file_that_is_not_there_is_a_sentence(words, capsys, folder):
+    before = sorted(folder.iterdir())
+    assert main(words) == 2
+    error = capsys.readouterr().err
+    assert re.fullmatch(r"paxisim: error: no such file or folder: none\.\w+\n", error), error
+    assert sorted(folder.iterdir()) == before

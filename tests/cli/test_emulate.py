@@ -180,13 +180,15 @@ def test_a_function_is_called():
         (["--seed", "-1"], "seed"),
         (["--seconds", "nan"], "--seconds must be"),
         (["--link", "no/such/folder/pad"], "folder does not exist"),
-        (["--link", "text.npz"], "is no link"),
+        (["--link", "text.npz"], "is no link to a port"),
+        (["--link", "my-link"], "is no link to a port"),
     ],
 )
 def test_bad_input_is_one_line_and_status_2(words, says, capsys, folder):
     for name in ("text.npz", "text.xml"):
         Path(name).write_text("some text")
     Path("bare.xml").write_text("<mujoco/>")
+    Path("my-link").symlink_to("text.npz")
     Path("broken.py").write_text("def press(:")
     profile = [] if "--profile" in words else ["--profile", GRID]
     assert main(["emulate", "--seconds", "0", *profile, *words]) == 2
@@ -194,6 +196,7 @@ def test_bad_input_is_one_line_and_status_2(words, says, capsys, folder):
     assert re.search(says, said.err), said.err
     assert said.err.count("\n") == 1
     assert said.out == ""
+    assert Path("my-link").resolve() == Path("text.npz").resolve(), "a link of the user's own stays"
 
 
 def test_pads_of_another_shape_are_refused(scene, capsys):

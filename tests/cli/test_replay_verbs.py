@@ -193,7 +193,7 @@ def test_a_rehearsal_that_would_be_stopped_says_so(made, protocol, capsys):
 
 def test_the_page_s_lines_about_protocols_run(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    page = (Path(__file__).parents[2] / "docs" / "replay.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[2] / "docs" / "guides" / "replay.md").read_text(encoding="utf-8")
     section = page.split("## A motion to record")[1]
     write, make, rehearse = section.split("```bash\n")[1].split("```")[0].splitlines()
     for line in (write, make):

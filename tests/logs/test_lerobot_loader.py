@@ -19,7 +19,7 @@ from paxisim.recording import Recording
 
 PYTHON = os.environ.get("PAXISIM_LEROBOT_PYTHON")
 PROGRAM = Path(__file__).with_name("lerobot_loader.py")
-PAGE = Path(__file__).parents[2] / "docs/lerobot.md"
+PAGE = Path(__file__).parents[2] / "docs/guides/lerobot.md"
 PROFILE = "gen3-highspeed-mc-m2020"
 
 pytestmark = [

@@ -200,6 +200,7 @@ def test_quaternions_are_normalised_and_mounts_have_their_bodys_name():
     assert hash(mount) == hash(Mount("tip", (1.0, 2.0, 3.0), (0, 0, 0, 1), ("a", 1)))
 
 
+@pytest.mark.filterwarnings("ignore:pads")  # its mounts are no places for a pad
 def test_replaced_geoms_are_off_and_others_are_not(bare, model):
     def collides(which):
         return bool(which.contype[0] or which.conaffinity[0])
@@ -407,6 +408,7 @@ def test_a_model_without_the_pads_cannot_be_bound(bare):
         gripper.bind(gripper.compile(), prefix="x_")
 
 
+@pytest.mark.filterwarnings("ignore:pads")  # its mounts are no places for a pad
 def test_fusestatic_does_not_swallow_the_pads():
     for inner, body in (("", "finger"), ("<body name='tip'><geom name='g' size='0.01'/></body>", "tip")):
         text = f"""<mujoco><compiler fusestatic='true'/><worldbody><body name='finger'>

@@ -94,7 +94,7 @@ def test_a_recording_that_was_not_replayed_holds_no_scene():
 
 
 def test_the_scene_on_the_page_of_replay_is_one(tmp_path):
-    page = (Path(__file__).parents[2] / "docs" / "replay.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[2] / "docs" / "guides" / "replay.md").read_text(encoding="utf-8")
     path = tmp_path / "squeeze.toml"
     path.write_text(page.split("```toml\n")[1].split("```")[0], encoding="utf-8")
     scene = Scene.load(path)
@@ -103,7 +103,7 @@ def test_the_scene_on_the_page_of_replay_is_one(tmp_path):
 
 
 def test_the_table_of_modes_on_the_page_is_that_of_the_code():
-    page = (Path(__file__).parents[2] / "docs" / "replay.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[2] / "docs" / "guides" / "replay.md").read_text(encoding="utf-8")
     for name, mode in MODES.items():
         row = page.split(f"| `{name}` |")[1].splitlines()[0]
         assert row.strip(" |").endswith(", ".join(f"`{cause}`" for cause in mode.not_testable))

@@ -1,10 +1,11 @@
 """The picture of a gripper with its pads."""
 
+import io
 from importlib.resources import files
 
 import numpy as np
 import pytest
-from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+from matplotlib.collections import PolyCollection
 
 import paxisim
 
@@ -14,7 +15,7 @@ ALWAYS_FLAT = "<mujoco><worldbody><body name='tool'><geom size='.02 .02 .01' typ
 
 def pads_drawn(ax):
     """Collections in front of the gripper: one a pad."""
-    return [c for c in ax.collections if isinstance(c, Poly3DCollection) and c.get_zorder() == 2]
+    return [c for c in ax.collections if isinstance(c, PolyCollection) and c.get_zorder() == 2]
 
 
 def test_every_view_shows_every_pad_and_its_number():
@@ -44,3 +45,45 @@ def test_without_matplotlib_the_extra_is_named(monkeypatch):
     gripper = paxisim.attach(GRIPPER, paxisim.TaxelLayout(4, 3, 0.005))
     with pytest.raises(paxisim.MissingExtraError, match=r"paxisim\[viz\]"):
         paxisim.plot_mounts(gripper)
+
+
+def drawn(ax):
+    """Corners of all that is drawn, and where the pads' numbers stand."""
+    paths = [path.vertices for c in ax.collections for path in c.get_paths()]
+    return np.concatenate([*paths, *(line.get_xydata() for line in ax.lines)])
+
+
+@pytest.mark.robosuite
+@pytest.mark.filterwarnings("ignore:.*is not sound MJCF")
+@pytest.mark.parametrize("name", ["inspire_right", "robotiq_s", "panda"])
+def test_the_whole_hand_is_in_the_picture(name):
+    gripper = paxisim.attach(paxisim.robosuite_gripper_path(name), paxisim.TaxelLayout(4, 3, 4e-3))
+    figure = paxisim.plot_mounts(gripper)
+    figure.savefig(io.BytesIO())  # lays it out
+    for ax in figure.axes:
+        inside = ax.transAxes.inverted().transform(ax.transData.transform(drawn(ax)))
+        assert inside.min() >= 0
+        assert inside.max() <= 1
+        assert np.ptp(inside, axis=0).max() > 0.8, "and fills it"
+
+
+def test_a_curved_pad_is_drawn_taxel_by_taxel():
+    finger = """<mujoco><worldbody><body name="finger">
+      <geom name="tip" type="cylinder" size="0.02 0.03" euler="90 0 0"/>
+    </body></worldbody></mujoco>"""
+    mount = paxisim.Mount("finger", (0, 0, 0.02), (0, 1, 0, 0), ("tip",))
+    curved = paxisim.conform(paxisim.TaxelLayout(4, 6, (6e-3, 6e-3)), paxisim.finger_surface(finger, mount))
+    as_list = paxisim.TaxelLayout(1, 24, (6e-3, 6e-3), curved.positions, curved.normals)  # as PaXini's fingertips
+    for layout in (curved, as_list):
+        (above,) = pads_drawn(paxisim.plot_mounts(paxisim.attach(finger, layout, [mount])).axes[2])
+        heights = np.array([np.ptp(path.vertices, axis=0).min() for path in above.get_paths()])
+        assert len(heights) == 24, "all face a viewer above"
+        assert heights.max() > 1.3 * heights.min(), "those at the rim are seen from the side"
+
+
+def test_spheres_are_drawn_as_large_as_they_are():
+    pad = paxisim.Pad(paxisim.TaxelLayout(2, 2, 0.01), thickness=4e-3, taxels="spheres")
+    mount = paxisim.Mount("tool", pos=(0, 0, 0.01), quat=(0, 1, 0, 0), replaces=(0,))
+    (taxels,) = pads_drawn(paxisim.plot_mounts(paxisim.attach(ALWAYS_FLAT, pad, [mount])).axes[2])
+    widths = [np.ptp(path.vertices[:, 0]) for path in taxels.get_paths()]
+    assert widths == pytest.approx([4e-3] * 4, rel=0.02)

@@ -1,0 +1,73 @@
+"""``paxisim example``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import tyro
+
+from paxisim.cli.output import check_output, write_output
+from paxisim.errors import InvalidValueError
+
+if TYPE_CHECKING:
+    from paxisim.recording import Recording
+
+_NAMES = {"gripper": "my_gripper.xml", "recording": "paired.mcap"}
+GAIN, DELAY = 0.9, 0.04  # of normal force, and s: what is wrong with the sensor of the example
+
+
+def example(
+    kind: Annotated[Literal["gripper", "recording"], tyro.conf.Positional],
+    *,
+    output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"], metavar="PATH")] = None,
+    force: bool = False,
+) -> None:
+    """Write a file to try the other verbs with: a gripper, or a recording to diagnose.
+
+    The gripper is a small parallel gripper without pads, for `paxisim attach`. The recording holds a simulated stream
+    and a measured one, from a made-up sensor that reads 10 % too little normal force, 40 ms late.
+
+    For example:
+
+    paxisim example gripper
+
+    paxisim example recording -o paired.mcap
+
+    Args:
+        kind: What to write.
+        output: The file to write; default: my_gripper.xml or paired.mcap.
+        force: Overwrite the output if it exists.
+    """
+    path = Path(_NAMES[kind]) if output is None else output
+    if kind == "gripper":
+        from importlib.resources import files
+
+        check_output(path, force, ".xml")
+        write_output(path, files("paxisim").joinpath("data/two_finger_gripper.xml").read_text(encoding="utf-8"), force)
+        print(f"{path}: a parallel gripper without pads; next: paxisim attach {path} --help")
+        return
+    if path.suffix.lower() not in (".mcap", ".npz"):
+        raise InvalidValueError(f"the output must end in .mcap or .npz, got {path}")
+    check_output(path, force)
+    made = example_recording()
+    made.save(path)
+    print(f"{path}: {made}\nnext: paxisim diagnose {path} -o diagnosis/")
+
+
+def example_recording() -> Recording:
+    """A minute of presses that drag on two pads: simulated, and as a sensor with errors measures them."""
+    import numpy as np
+
+    import paxisim
+    from paxisim.augment import AxisGain, Latency
+
+    rng = np.random.default_rng(0)
+    time = np.arange(0, 60, 0.05)
+    load = np.clip(6 * np.sin(1.3 * time) * np.sin(0.21 * time), 0, None)  # N, presses, harder and softer
+    drag = np.stack([0.3 * np.sin(2.1 * time), 0.3 * np.cos(1.7 * time), np.ones_like(time)], axis=1)
+    simulated = load[:, None, None, None, None] * drag[:, None, :, None, None] * rng.uniform(0.2, 1, (2, 1, 6, 5))
+    sensor = paxisim.Chain([AxisGain((1.0, 1.0, GAIN)), Latency(DELAY)])
+    measured = sensor.run(simulated, time) + rng.normal(0, 0.03, simulated.shape)
+    layout = paxisim.sensor("paxini-gen1-l4629").layout.pool(2, 2)
+    return paxisim.Recording(time=time, measured=measured, simulated=simulated, layout=layout, pads=("left", "right"))

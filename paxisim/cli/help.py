@@ -1,0 +1,81 @@
+"""What the shell says about itself: a verb's help with its examples at the end, and errors as sentences."""
+
+from __future__ import annotations
+
+import errno
+import os
+import re
+import shutil
+import textwrap
+from collections.abc import Collection, Mapping, Sequence
+
+_EXAMPLES = "For example:"
+_ALL_VERBS = "usage: paxisim [-h] {"
+_BOXES = (" positional arguments", " options", " subcommands")  # how tyro's help goes on after the description
+
+
+def arranged(text: str) -> str:
+    """A verb's help for a terminal: no line longer than it, and the examples of its description at the end.
+
+    Args:
+        text: As tyro prints it; it wraps its boxes, but not a description.
+    """
+    width = shutil.get_terminal_size().columns
+    lines = text.rstrip().splitlines() or [""]
+    if lines[0].startswith(_ALL_VERBS):  # which tyro breaks in the middle of a name
+        lines[: lines.index("")] = [f"{_ALL_VERBS[:-1]}VERB ..."]
+    examples: list[str] = []
+    if _EXAMPLES in lines:
+        begin = lines.index(_EXAMPLES)
+        end = next((i for i in range(begin, len(lines)) if lines[i].startswith(_BOXES)), len(lines))
+        examples = [line for line in lines[begin + 1 : end] if line]
+        lines = lines[:begin] + lines[end:]
+    wrapped = [textwrap.fill(line, width) if len(line) > width else line for line in lines]
+    if examples:
+        wrapped += ["", "Example:" if len(examples) == 1 else "Examples:"]
+        wrapped += [_command(line, width) for line in examples]
+    return "\n".join(wrapped)
+
+
+def _command(line: str, width: int) -> str:
+    """An example, indented and broken before its options, so that it can be copied."""
+    lines = [""]
+    for part in re.split(r" (?=-\w|--)", line):
+        if lines[-1] and len(lines[-1]) + len(part) > width - 10:
+            lines.append("")
+        lines[-1] += f" {part}" if lines[-1] else part
+    return " \\\n    ".join(lines).join(["  ", ""])
+
+
+def misuse(boxed: str, words: Sequence[str], verbs: Mapping[str, Collection[str]]) -> str:
+    """Why words did not parse, and whose help says more.
+
+    Args:
+        boxed: What tyro says, in a box.
+        words: Those after ``paxisim``.
+        verbs: The verbs there are, each with those that may follow it.
+    """
+    paragraphs: list[list[str]] = [[]]
+    for line in boxed.splitlines()[1:]:
+        text = line.strip("│╭╮╰╯ \n")
+        if text.startswith(("For full helptext", "Got errors")):
+            break
+        if text.strip("─- "):
+            paragraphs[-1] += text.split()
+        elif paragraphs[-1]:
+            paragraphs.append([])
+    said = "; ".join(" ".join(words).removesuffix(".") for words in paragraphs[:2] if words)
+    asked = ["paxisim"]
+    if words and words[0] in verbs:
+        asked.append(words[0])
+        asked += [word for word in words[1:2] if word in verbs[words[0]]]
+    return f"{said}; see {' '.join(asked)} --help"
+
+
+def sentence(error: OSError) -> str:
+    """What the system says of a file, as a sentence."""
+    if error.errno is None:
+        return str(error)
+    what = "no such file or folder" if error.errno == errno.ENOENT else os.strerror(error.errno).lower()
+    names = [os.fspath(name) for name in (error.filename, error.filename2) if isinstance(name, (str, os.PathLike))]
+    return f"{what}: {' -> '.join(names)}" if names else what

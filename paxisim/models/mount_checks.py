@@ -1,0 +1,155 @@
+"""Mounts that can hardly be meant: pads inside one another, beyond their finger, far from it, or of a mistaken unit.
+
+The finger of a pad is the body that it is mounted on together with the bodies welded to it, or, where it does not move,
+the bodies above it. MuJoCo's hulls stand for meshes. Lengths in m.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from paxisim.layout import TaxelLayout
+from paxisim.models import names
+from paxisim.models.faces import shape_of
+from paxisim.models.mount import Mount
+from paxisim.models.pads import Pads
+from paxisim.models.surface import first_facing
+
+LARGEST_PITCH = 0.05
+"""No taxel is larger; what is beyond is a mistaken unit."""
+FAR = 0.1
+"""A pad whose middle is further from its finger than this floats."""
+DEEP = 0.01
+"""A taxel with the finger's surface further behind it than this hangs in the air."""
+UNEVEN = 2e-3
+"""How far a curved pad may leave the surface that it lies on."""
+SHARE = 0.25
+"""Of the taxels that may hang in the air, or leave the surface: the rim of a round finger does."""
+DEPTH = 0.1e-3
+"""How far pads must reach into one another: side by side they touch."""
+LOOKED_AT = 200
+"""Taxels that are looked at, of a pad that has more."""
+
+AWAY = "pads away from the body they are mounted on (a mount's pos is in m, in the frame of its body)"
+LARGE = "pads larger than what they sit on"
+CURVED = "curved pads that do not follow the surface they sit on (paxisim.conform lays a pad onto a finger)"
+INSIDE = "pads inside one another (use smaller pads or other mounts)"
+HUGE = "taxels larger than those of any sensor (lengths are in m)"
+_OF_ONE_NUMBER = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
+
+
+def doubts(model: mujoco.MjModel, pads: Pads, mounts: tuple[Mount, ...]) -> list[str]:
+    """A sentence for each kind of thing that can hardly be meant.
+
+    Args:
+        model: Compiled with all its bodies and geoms, also those that touch nothing.
+        pads: Its pads.
+        mounts: Of each pad.
+    """
+    height, width = (1e3 * length for length in pads.layout.pitch)
+    found: dict[str, list[str]] = {}
+    if max(height, width) > 1e3 * LARGEST_PITCH:
+        found[HUGE] = [f"{height:g} x {width:g} mm"]
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    for pad, mount in enumerate(mounts):
+        finger = _finger(model, data, int(pads.bodies[pad]), mount)
+        kind, how = ("", "") if finger is None else _on_finger(finger, pads.layouts[pad])
+        if kind:
+            found.setdefault(kind, []).append(f"{pads.names[pad]!r} on {mount.body!r}, {how}")
+    for (first, second), depth in _overlaps(model, data, pads).items():
+        both = f"{pads.names[first]!r} and {pads.names[second]!r}"
+        found.setdefault(INSIDE, []).append(f"{both}, by {1e3 * depth:.1f} mm")
+    return [f"{kind}: {'; '.join(where)}" for kind, where in found.items()]
+
+
+def _finger(model: mujoco.MjModel, data: mujoco.MjData, pad: int, mount: Mount) -> NDArray[np.float64] | None:
+    """``(n, 3, 3)`` triangles of the finger under a pad's body, in the pad frame; None where it has no surface.
+
+    They are those of the geoms that touch something, and of those that did before the pad replaced them.
+    """
+    weld = int(model.body_weldid[pad])
+    welded = np.flatnonzero(model.body_weldid == weld).tolist() if weld else _parents(model, pad)
+    touches = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
+    for which in mount.replaces:
+        geom = model.body(mount.body).geomadr[0] + which if isinstance(which, int) else model.geom(which).id
+        touches[geom] = True
+    own = [body for body in welded if not _is_pad(model, body)]
+    triangles = []
+    for geom in np.flatnonzero(touches & np.isin(model.geom_bodyid, own)):
+        shape = shape_of(model, int(geom))
+        if shape is not None:
+            vertices, faces = shape
+            world = vertices @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
+            triangles.append(((world - data.xpos[pad]) @ data.xmat[pad].reshape(3, 3))[faces])
+    return np.concatenate(triangles) if triangles else None
+
+
+def _is_pad(model: mujoco.MjModel, body: int) -> bool:
+    return mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, names.gel(model.body(body).name)) >= 0
+
+
+def _parents(model: mujoco.MjModel, body: int) -> list[int]:
+    """The bodies above one, up to the world, to which what stands beside it is welded too."""
+    found = []
+    while body := int(model.body_parentid[body]):
+        found.append(body)
+    return found
+
+
+def _on_finger(finger: NDArray[np.float64], layout: TaxelLayout) -> tuple[str, str]:
+    """What is wrong with how a pad sits on its finger, and how much; empty if nothing is."""
+    import trimesh
+
+    mesh = trimesh.Trimesh(finger.reshape(-1, 3), np.arange(3 * len(finger)).reshape(-1, 3), process=False)
+    middle = layout.positions.mean(axis=0)
+    offsets = middle - trimesh.triangles.closest_point(finger, np.tile(middle, (len(finger), 1)))
+    distances = np.linalg.norm(offsets, axis=1)
+    nearest = int(distances.argmin())
+    if distances[nearest] > FAR and offsets[nearest] @ mesh.face_normals[nearest] > 0:  # not inside the finger
+        return AWAY, f"{1e3 * distances[nearest]:.0f} mm"
+    looked_at = layout.positions[np.unique(np.linspace(0, layout.taxels - 1, LOOKED_AT).astype(int))]
+    depth, triangle = first_facing(looked_at[:, :2], mesh)
+    behind = depth - looked_at[:, 2]
+    hangs = (triangle < 0) | (behind > DEEP)
+    if hangs.all():  # it sits on something that is not drawn
+        return "", ""
+    if hangs.mean() > SHARE:
+        height, width = (1e3 * length for length in layout.size)
+        return LARGE, f"{hangs.mean():.0%} of its {height:.3g} x {width:.3g} mm in the air"
+    leaves = behind[~hangs].max() - behind[~hangs]  # the outermost taxel lies on the surface
+    if not layout.is_grid and (leaves > UNEVEN).mean() > SHARE:
+        return CURVED, f"by up to {1e3 * leaves.max():.1f} mm"
+    return "", ""
+
+
+def _overlaps(model: mujoco.MjModel, data: mujoco.MjData, pads: Pads) -> dict[tuple[int, int], float]:
+    """How far pads reach into one another, of those that do wherever the joints are: fingers that close may touch."""
+    limited = np.flatnonzero(model.jnt_limited)
+    address = model.jnt_qposadr[limited]
+    deep: dict[tuple[int, int], float] = dict.fromkeys(combinations(range(len(pads)), 2), np.inf)
+    for end in (None, 0, 1):
+        data.qpos[:] = model.qpos0
+        if end is not None:
+            one = np.isin(model.jnt_type[limited], _OF_ONE_NUMBER)
+            data.qpos[address[one]] = model.jnt_range[limited[one], end]
+        mujoco.mj_kinematics(model, data)
+        deep = {pair: min(depth, _overlap(model, data, pads, *pair)) for pair, depth in deep.items()}
+        deep = {pair: depth for pair, depth in deep.items() if depth > DEPTH}
+    return deep
+
+
+def _overlap(model: mujoco.MjModel, data: mujoco.MjData, pads: Pads, first: int, second: int) -> float:
+    """How far the taxels of one pad reach into those of another; 0 where they do not."""
+    from scipy.spatial import KDTree
+
+    geoms = [pads.geoms[pad] for pad in (first, second)]
+    reach = float(sum(model.geom_rbound[some].max() for some in geoms))
+    trees = [KDTree(data.geom_xpos[some]) for some in geoms]
+    close = [(i, j) for i, others in enumerate(trees[0].query_ball_tree(trees[1], reach)) for j in others]
+    near = [(int(geoms[0][i]), int(geoms[1][j])) for i, j in close]
+    return max((-mujoco.mj_geomDistance(model, data, a, b, reach, None) for a, b in near), default=0.0)
