@@ -55,15 +55,15 @@ class NativeScene(Scene):
         tendons = [(vector, {"armature": value}) for value, vector in zip(values, vectors.T, strict=True)]
         for row, friction, damping in zip(arm.rates, arm.friction, arm.damping, strict=True):
             tendons.append((row, {"frictionloss": friction, "damping": damping}))
-        values, vectors = np.linalg.eigh(arm.impedance)
-        stiffness = values * self.parameters.kp
+        self._impedance, vectors = np.linalg.eigh(arm.impedance)
         tendons += [(vector, {}) for vector in vectors.T]
+        self._friction = arm.friction
         self._towards = np.array([row for row, _ in tendons[-6:]])
         spec = self._spec(gripper, tendons)
         to_spheres(spec, bare, pads)
         self._model = spec.compile()
         self._data = mujoco.MjData(self._model)
-        self._servo(stiffness)
+        self.tune(1.0, 1.0)
         self._find("grip_site", _FINGERS)
         self._measure(pads, gripper.gel)
 
@@ -101,12 +101,13 @@ class NativeScene(Scene):
             mujoco.mj_step(model, data)
             data.qpos[self._peg_qpos], data.qvel[self._peg_dofs] = home, 0
 
-    def _servo(self, stiffness: NDArray[np.floating]) -> None:
-        """The controller: a critically damped spring on each of the last six tendons."""
-        model = self._model
-        model.actuator_gainprm[:6, 0] = stiffness
-        model.actuator_biasprm[:6, 1] = -stiffness
-        model.actuator_biasprm[:6, 2] = -2 * stiffness / np.sqrt(self.parameters.kp)
+    def tune(self, stiffness: float, friction: float) -> None:
+        """See `Scene.tune`. The controller is a critically damped spring on each of the last six tendons."""
+        model, kp = self._model, stiffness * self.parameters.kp
+        model.tendon_frictionloss[6:13] = friction * self._friction
+        model.actuator_gainprm[:6, 0] = kp * self._impedance
+        model.actuator_biasprm[:6, 1] = -kp * self._impedance
+        model.actuator_biasprm[:6, 2] = -2 * np.sqrt(kp) * self._impedance
 
     def _measure(self, pads: paxisim.Pads, gel: paxisim.Gel) -> None:
         model, data = self._model, self._data

@@ -66,6 +66,8 @@ class InsertionScene(Scene, ManipulationEnv):
             hard_reset=False,
             seed=seed,
         )
+        model, _ = self.model_and_data
+        self._friction = model.dof_frictionloss[self.arm_dofs].copy()
 
     @property
     def model_and_data(self) -> tuple[mujoco.MjModel, mujoco.MjData]:
@@ -79,6 +81,14 @@ class InsertionScene(Scene, ManipulationEnv):
     def move(self, position: NDArray[np.floating]) -> None:
         """See `Scene.move`."""
         self.step(self.goal(position))
+
+    def tune(self, stiffness: float, friction: float) -> None:
+        """See `Scene.tune`."""
+        model, _ = self.model_and_data
+        model.dof_frictionloss[self.arm_dofs] = friction * self._friction
+        controller = self.robots[0].composite_controller.part_controllers["right"]
+        controller.kp[:] = stiffness * self.parameters.kp
+        controller.kd[:] = 2 * np.sqrt(controller.kp)
 
     def reach(self, goal: NDArray[np.floating]) -> NDArray[np.floating]:
         """Joint angles that bring the grip site to a position, pointing straight down; the arm is put there."""

@@ -61,6 +61,19 @@ def draw(seed: int, *, field: bool = True) -> paxisim.Chain:
     return paxisim.Chain([member for _, member in kept], [name for name, _ in kept])
 
 
+def unit(name: str, layout: paxisim.TaxelLayout) -> paxisim.Chain:
+    """A unit of paxisim's magnetic pad that was zeroed while the gripper was open, read in counts of 0.1 N.
+
+    Args:
+        name: ``"unit:N"``, as `paxisim.reference_sensor` takes it.
+        layout: Of the pads.
+
+    Raises:
+        InvalidValueError: The name is none of a unit.
+    """
+    return paxisim.Chain([paxisim.reference_sensor(name)(layout, zeroed_at=OPEN), augment.Firmware()])
+
+
 def surrogate(seed: int = 1, *, field: bool = True, out: Path | None = None) -> None:
     """Draw a surrogate of a real sensor, for ``evaluate --sensor``.
 

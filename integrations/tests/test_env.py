@@ -49,7 +49,9 @@ def test_episodes_begin_where_the_paper_says(env):
         peg, tip = observation[PRIVILEGED][:6], observation[PRIVILEGED][6:]
         bottom = peg[:3] - [0, 0, env.parameters.hole_depth]
         assert np.all((bottom > low - 1e-3) & (bottom < high + 1e-3)), f"seed {seed}: {bottom}"
-        assert np.abs(np.concatenate([peg[3:], tip[3:]])).max() < 0.02, "upright, and pointing straight down"
+        assert np.abs(tip[3:]).max() < 0.02, "pointing straight down"
+        assert abs(peg[4]) < env.parameters.grasp_lean + 0.02
+        assert np.abs(peg[[3, 5]]).max() < 0.02, "it leans about the way the fingers close alone"
         total = env.scene.tactile.read().sum(axis=(-2, -1))
         assert np.all(total[:, 2] > 10), "both pads are pressed"
         assert observation in env.observation_space
@@ -211,7 +213,8 @@ def test_bad_input():
 
 
 def test_other_parameters_make_another_task():
-    made = InsertionEnv("SX-2mm", parameters=Parameters(start=((0, 0.01, 0.01), (0, 0.01, 0.01)), grasp_offset=(0, 0)))
+    start = ((0, 0.01, 0.01), (0, 0.01, 0.01))
+    made = InsertionEnv("SX-2mm", parameters=Parameters(start=start, grasp_offset=(0, 0, 0), grasp_lean=0))
     observation, _ = made.reset(seed=0)
     np.testing.assert_allclose(observation[PRIVILEGED][:3], [0, 0.01, 0.03], atol=3e-4)
     np.testing.assert_allclose(observation[PRIVILEGED][6:8], [0, 0.01], atol=3e-4)

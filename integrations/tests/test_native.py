@@ -31,7 +31,7 @@ def scenes():
 
 def placed(scene, *, holding):
     """The fingertip's place after a new start, with the peg in its fingers or far from them."""
-    scene.place(START, np.zeros(2))
+    scene.place(START)
     model, data = scene.model_and_data
     data.xfrc_applied[:] = 0
     home = scene.fingertip[0]
@@ -153,10 +153,10 @@ def test_what_the_taxels_feel_of_a_held_peg(scenes, wrench, leans, bumps):
 def test_a_surface_beyond_the_compiled_one_loses_no_contacts(scenes):
     _, native = scenes
     high = np.full((2, 6, 5), 3.5e-3)
-    native.place(START, np.zeros(2), high)
+    native.place(START, surface=high)
     assert native.model_and_data[1].ncon == 60
     high[:, :3] = 1e-3
-    native.place(START, np.zeros(2), high)
+    native.place(START, surface=high)
     normal = native.tactile.read()[:, 2]
     assert normal[:, :3].max() == 0
     assert normal[:, 3:].min() > 0.5

@@ -116,6 +116,7 @@ def test_a_run_is_evaluated_and_tabulated(killed, tmp_path, capsys):
     evaluate(killed, trials=1, sensor=tmp_path / "poisson.model", out=tmp_path)
     found = [Result.load(path) for path in sorted(tmp_path.glob("*.json"))]
     assert [result.sensor for result in found] == ["sim", "surrogate poisson"]
+    assert found[0].training["cpu_seconds"] > 1
     replace(found[0], method="GCS+O", success_rate=0.25).save(tmp_path)
     assert {(r.task, r.method, r.seed, r.trials) for r in found} == {("SY-2mm", "GCS", 0, 1)}
     assert found[0].versions == versions()
@@ -127,6 +128,30 @@ def test_a_run_is_evaluated_and_tabulated(killed, tmp_path, capsys):
     assert f"| GCS | 1.00 /  | 0.90 /  | 0.84 /  | 0.98 /  | 0.98 /  | 0.76 / {rate} |" in shown
     assert "| GCS+O |  /  |  /  |  /  |  /  |  /  |  / 0.25 |" in shown, "a method that the paper has not"
     assert "Paper's real robot / our surrogate poisson" in shown
+
+
+def test_a_transfer_and_drawn_actions(killed, tmp_path, capsys):
+    evaluate(killed, trials=3, transfer=True, out=tmp_path)
+    evaluate(killed, trials=1, drawn=True, out=tmp_path)
+    drawn, transfer = (Result.load(path) for path in sorted(tmp_path.glob("*.json")))
+    assert (drawn.sensor, drawn.parts, transfer.sensor) == ("sim, drawn actions", {}, "transfer")
+    assert {kind: total for kind, (_, total) in transfer.parts.items()} == {
+        "zeroed in the grasp": 2,
+        "zeroed while open": 1,
+    }
+    assert sum(solved for solved, _ in transfer.parts.values()) == 3 * transfer.success_rate
+    capsys.readouterr()
+    table(tmp_path)
+    assert "Paper's real robot / our transfer" in capsys.readouterr().out
+    run = Run.open(killed)
+    env = run.insertion_env()
+    policy, (observation, _) = run.policy(env), env.reset(seed=1)
+    likely = [policy.act(observation) for _ in range(2)]
+    np.testing.assert_array_equal(*likely)
+    assert np.abs(policy.act(observation, deterministic=False) - likely[0]).max() > 1e-3
+    env.close()
+    assert command(evaluate, ["--run", str(killed), "--drawn", "--transfer"]) == 2
+    assert "one of --sensor, --transfer and --drawn" in capsys.readouterr().err
 
 
 def test_one_s_own_results_are_tabulated_with_those_of_the_package(tmp_path, monkeypatch, capsys):
@@ -271,7 +296,7 @@ def test_environments_in_processes_of_their_own(tmp_path):
 
 def test_a_short_training_is_better_than_chance(tmp_path):
     """With the peg above the hole it is to learn to push down, gently: blind, in the native engine, for robosuite's."""
-    above = Parameters(start=((0, -5e-4, 2e-3), (0, 5e-4, 4e-3)), grasp_offset=(0, 0))
+    above = Parameters(start=((0, -5e-4, 2e-3), (0, 5e-4, 4e-3)), grasp_offset=(0, 0, 0), grasp_lean=0)
     run = Run(tmp_path, "SX-2mm", "NT", envs=2, buffer=SIZE, engine="native", updates=0.5, parameters=above)
     run.create()
     envs = run.make_envs()
