@@ -9,16 +9,19 @@ from typing import Any
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from paxisim_robosuite import TactileGripper, TactileSim, fast_controller
+from paxisim_robosuite import TactileGripper, fast_controller
 from robosuite.environments.manipulation.manipulation_env import ManipulationEnv
 from robosuite.models.arenas import TableArena
 from robosuite.models.tasks import ManipulationTask
 
+import paxisim
+
+from .pads import GRIPPER, ScenePads
 from .reward import reward_terms, weighted
 from .scene import HALF_OPEN, SIDES, TABLE_HEIGHT, TABLE_SIZE, Scene, add_objects
 from .tasks import Parameters, Task
 
-GRIPPERS = {True: "PaxiPandaGripper", False: "PandaGripper"}
+GRIPPERS = {True: GRIPPER, False: "PandaGripper"}
 
 
 class InsertionScene(Scene, ManipulationEnv):
@@ -204,7 +207,7 @@ class InsertionScene(Scene, ManipulationEnv):
         model, data = self.model_and_data
         gripper = self.robots[0].gripper["right"]
         if isinstance(gripper, TactileGripper):
-            self.tactile = TactileSim(self.sim, gripper)
+            self.tactile = ScenePads(model, data, paxisim.find_pads(model, prefix=gripper.naming_prefix))
             self._find_fingertips(data.xpos[self.tactile.pads.bodies])
         else:
             named = gripper.important_geoms

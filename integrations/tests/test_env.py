@@ -133,7 +133,7 @@ def test_what_each_method_sees(method):
     observation, _ = made.reset(seed=0)
     shape = shapes.get(method, (120, 6, 5))
     assert observation["tactile"].shape == shape if shape else "tactile" not in observation
-    heights = made.scene.model_and_data[0].geom_size[made.scene.tactile.pads.geoms, 2]
+    heights = made.scene.model_and_data[0].geom_size[made.scene.tactile.pads.geoms, 0]
     flat = np.ptp(heights) < 1e-9
     assert flat == (not method.startswith("GCS") or method == "GCS w/o G")
     raw = made.scene.tactile.read()
@@ -159,7 +159,7 @@ def test_a_surrogate_sensor_takes_the_place_of_what_the_method_draws(tmp_path):
     raw = 0.5 * made.scene.tactile.read()
     assert np.abs(raw - before).max() > 0.01, "the peg stands on the base"
     assert np.abs(made.reading - raw).max() > 1e-3, "the low-pass remembers"
-    assert np.ptp(made.scene.model_and_data[0].geom_size[made.scene.tactile.pads.geoms, 2]) < 1e-9
+    assert np.ptp(made.scene.model_and_data[0].geom_size[made.scene.tactile.pads.geoms, 0]) < 1e-9
     made.close()
 
 

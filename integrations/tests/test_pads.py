@@ -3,13 +3,13 @@
 import mujoco
 import numpy as np
 import pytest
-from paxisim_insertion.sphere_pads import SpherePads, to_spheres
+from paxisim_insertion.pads import PAD, ScenePads
+from paxisim_robosuite.gripper import DEFAULT_SENSOR
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
 import paxisim
 
-PAD = paxisim.Pad(paxisim.sensor("paxini-gen1-l4629").layout.pool(2, 2))
 RADIUS = 15e-3
 LOAD = 8.0
 """Newtons, under which no spring is pressed so far that the gel stiffens."""
@@ -32,27 +32,18 @@ SCENE = """
 """
 
 
-def felt(kind, balls):
+def felt(kind, pad):
     """Normal forces of the taxels (N) of a pad on which an object lies with `LOAD`."""
     spec = mujoco.MjSpec.from_string(SCENE.format(OBJECTS[kind]))
-    spec.attach(mujoco.MjSpec.from_string(PAD.to_xml()), frame=spec.frame("pad"), prefix="")
+    spec.attach(mujoco.MjSpec.from_string(pad.to_xml()), frame=spec.frame("pad"), prefix="")
     model = spec.compile()
-    pads = paxisim.find_pads(model)
-    if balls:
-        to_spheres(spec, model, pads)
-        model = spec.compile()
     data = mujoco.MjData(model)
     model.opt.gravity[:] = 0
-    if balls:
-        read = SpherePads(model, data, pads, PAD.gel).read
-    else:
-        model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_MULTICCD)  # as robosuite's scene does
-        PAD.gel.apply(model, pads)
-        readout = paxisim.TactileReadout(model, pads)
-        read = lambda: readout.read(data)  # noqa: E731
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_MULTICCD)  # as the scenes do
+    tactile = ScenePads(model, data, paxisim.find_pads(model))
     data.qfrc_applied[0] = LOAD
     mujoco.mj_step(model, data, 400)
-    return read()[0, 2]
+    return tactile.read()[0, 2]
 
 
 def of_springs(kind):
@@ -75,12 +66,12 @@ def of_springs(kind):
 
 @pytest.mark.parametrize("kind", OBJECTS)
 def test_balls_feel_what_a_bed_of_springs_feels(kind):
-    expected, found = of_springs(kind), felt(kind, balls=True)
+    expected, found = of_springs(kind), felt(kind, PAD)
     assert found.sum() == pytest.approx(LOAD, rel=1e-3)
     assert np.abs(found - expected).sum() < 0.03 * LOAD
 
 
 def test_cubes_feel_a_round_object_worse():
-    """Why the engines differ on RY-2mm: a cube makes one contact there, for which the gel is too soft."""
-    expected, found = of_springs("round"), felt("round", balls=False)
+    """Why these tasks have balls: a cube makes one contact there, for which the gel is too soft."""
+    expected, found = of_springs("round"), felt("round", DEFAULT_SENSOR)
     assert np.abs(found - expected).sum() > 0.1 * LOAD
