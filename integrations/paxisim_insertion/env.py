@@ -161,6 +161,11 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         """``(pads, 3, rows, cols)`` newtons: the newest reading, after the chain and before the encoding."""
         return self._force
 
+    @property
+    def raw(self) -> NDArray[np.float32]:
+        """``(pads, 3, rows, cols)`` newtons: the newest reading, before the chain."""
+        return self._raw
+
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, NDArray[np.float32]], dict[str, Any]]:

@@ -9,13 +9,12 @@ from functools import partial
 from pathlib import Path
 
 import torch
-from scipy.stats import binomtest
 
 import paxisim
 
 from .env import InsertionEnv
 from .gap import Gap
-from .results import DRAWN, IN_SIMULATION, OUT, TRANSFER, Result
+from .results import DRAWN, IN_SIMULATION, OUT, TRANSFER, Result, interval_of
 from .run import Run, versions
 from .shell import command
 from .surrogate import unit
@@ -102,12 +101,6 @@ def surrogate_of(sensor: str) -> paxisim.Chain | Callable[[paxisim.TaxelLayout],
     name = sensor.removeprefix("reference:")
     paxisim.reference_sensor(name)  # says what is wrong with it before there is an environment
     return partial(unit, name)
-
-
-def interval_of(successes: int, trials: int) -> tuple[float, float]:
-    """Wilson's 95 % interval of a success rate."""
-    low, high = binomtest(successes, trials).proportion_ci(method="wilson")
-    return float(low), float(high)
 
 
 def succeeds(env: InsertionEnv, trained: Trained, seed: int, *, drawn: bool = False) -> bool:

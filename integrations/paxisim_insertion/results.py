@@ -7,6 +7,8 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+from scipy.stats import binomtest
+
 import paxisim
 
 RESULTS = Path(__file__).parent / "results"
@@ -40,6 +42,12 @@ def file_of(task: str, method: str, sensor: str, seed: int) -> str:
 
 def _plain(name: str) -> str:
     return name.replace(" ", "-").replace("/", "").replace(",", "")
+
+
+def interval_of(successes: int, trials: int) -> tuple[float, float]:
+    """Wilson's 95 % interval of a success rate."""
+    low, high = binomtest(successes, trials).proportion_ci(method="wilson")
+    return float(low), float(high)
 
 
 @dataclass(frozen=True)
