@@ -193,7 +193,7 @@ def test_an_unknown_engine():
 
 
 @pytest.mark.parametrize("name", ["SX-2mm_GCS_0", "SX-2mm_DT_0", "SY-2mm_GCS_0", "SY-2mm_DT_0"])
-def test_policies_that_robosuite_taught_succeed_as_often_in_the_native_engine(name):
+def test_policies_succeed_as_often_in_the_native_engine_as_in_robosuite_s(name):
     run = Run.open(POLICIES / name, other_versions=True)
     result = Result.load(RESULTS / f"{name[:-2]}_sim_{run.seed}.json")
     env = run.insertion_env(engine="native", terminate_on_success=True)
