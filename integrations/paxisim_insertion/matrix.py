@@ -139,22 +139,26 @@ class Matrix:
         log = self._runs / f"{folder_of(cell.task, cell.method, cell.seed)}.log"
         began = time.monotonic()
         print(f"{cell}: begins, see {log}", flush=True)
-        for words in cell.commands(self._runs, self._out):
-            with log.open("a", encoding="utf-8") as told:
-                status = subprocess.call(
-                    [sys.executable, "-m", f"paxisim_insertion.{words[0]}", *words[1:]],
-                    stdout=told,
-                    stderr=subprocess.STDOUT,
-                )
-            if status:
-                break
+        try:
+            wrong = self._do(cell, log)
+        except (paxisim.PaxisimError, OSError) as error:
+            wrong = f"failed: {error}"
         with self._lock:
             self._done += cell.steps
             self._seconds += time.monotonic() - began
             hours = self._seconds / self._done * (self._steps - self._done) / self._jobs / 3600
-            outcome = f"{words[0]} failed, see {log}" if status else "finished"
+            outcome = wrong or "finished"
             print(f"{cell}: {outcome}; {self._done} of {self._steps} steps, {hours:.1f} h left", flush=True)
-        return not status
+        return wrong is None
+
+    def _do(self, cell: Cell, log: Path) -> str | None:
+        """Do what is left of a cell, and say what went wrong."""
+        for words in cell.commands(self._runs, self._out):
+            arguments = [sys.executable, "-m", f"paxisim_insertion.{words[0]}", *words[1:]]
+            with log.open("a", encoding="utf-8") as told:
+                if subprocess.call(arguments, stdout=told, stderr=subprocess.STDOUT):
+                    return f"{words[0]} failed, see {log}"
+        return None
 
 
 def matrix(
