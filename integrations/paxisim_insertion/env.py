@@ -61,6 +61,7 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         method: The method.
         terminates: Whether the first success ends an episode.
         sensor: The chain in place of what is drawn, None for none; another may be set between episodes.
+        surface: Heights ``(pads, rows, cols)`` (m) of that sensor's taxels, None for flat ones; likewise.
         gap: How the robot differs from the simulated one.
     """
 
@@ -114,6 +115,7 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         if not (sensor is None or isinstance(sensor, paxisim.Chain)):
             sensor = sensor(self._layout)
         self.sensor: paxisim.Chain | None = sensor
+        self.surface: NDArray[np.floating] | None = None
         self.gap = gap
         self._drawn_gap: DrawnGap | None = None
         self._history = self.method.history(self.task, self._layout)
@@ -190,7 +192,9 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         bottom = rng.uniform(low, high)
         grasp = Grasp.draw(rng, self.parameters)
         draw = self._draw
-        surface = draw.sample_surface(rng, layout=self._layout, pads=self._pads)
+        surface = self.surface
+        if surface is None or self.sensor is None:
+            surface = draw.sample_surface(rng, layout=self._layout, pads=self._pads)
         chain = self.sensor or draw.sample(rng, layout=self._layout, pads=self._pads)
         self.scene.place(bottom, grasp, surface)
         if self.gap is not None:

@@ -59,11 +59,13 @@ def evaluate(
     kinds: dict[str, list[bool]] = {}
     try:
         trained = this.policy(env)
-        turns = sensors(env.layout) if transfer else [("all", chain if chain is None else env.sensor)]
+        turns = sensors(env.layout) if transfer else []
         for trial in range(trials):
-            kind, env.sensor = turns[trial % len(turns)]
+            if turns:
+                stand_in = turns[trial % len(turns)]
+                env.sensor, env.surface = stand_in.chain, stand_in.surface
             succeeded = succeeds(env, trained, FIRST_SEED + trial, drawn=drawn)
-            kinds.setdefault(kind, []).append(succeeded)
+            kinds.setdefault(stand_in.kind if turns else "all", []).append(succeeded)
     finally:
         env.close()
     successes = sum(sum(found) for found in kinds.values())

@@ -108,15 +108,23 @@ def test_a_gap_that_is_none(values, told):
 def test_sensors_of_a_transfer():
     env = InsertionEnv("SX-2mm", "DT", engine="native")
     turns = sensors(env.layout)
-    kinds = [kind for kind, _ in turns]
+    kinds = [stand_in.kind for stand_in in turns]
     assert {kind: kinds.count(kind) for kind in kinds} == {
         "zeroed in the grasp": 10,
         "zeroed while open": 10,
         "magnetic pad": 5,
     }
     readings = []
-    for _, env.sensor in turns:
+    for stand_in in turns:
+        env.sensor, env.surface = stand_in.chain, stand_in.surface
         env.reset(seed=0)
         readings.append(env.reading)
+        heights = stand_in.surface.reshape(2, -1)
+        np.testing.assert_allclose(heights.mean(axis=1), 1e-3)
+        assert np.all((np.ptp(heights, axis=1) >= 0.1e-3 - 1e-9) & (np.ptp(heights, axis=1) <= 0.3e-3 + 1e-9))
+        rows, columns = (np.abs(np.diff(stand_in.surface, axis=axis)).max() for axis in (1, 2))
+        assert max(rows, columns) < 0.2e-3, "slow waves"
+        lowest = env.scene.model_and_data[0].geom_size[env.scene.tactile.pads.geoms, 0]
+        np.testing.assert_allclose(2 * lowest - 3e-3, heights, atol=1e-9)
     apart = [np.abs(a - b).max() for index, a in enumerate(readings) for b in readings[:index]]
     assert min(apart) > 0.05, "no two read alike"
