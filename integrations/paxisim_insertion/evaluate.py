@@ -61,11 +61,11 @@ def evaluate(
         trained = this.policy(env)
         turns = sensors(env.layout) if transfer else []
         for trial in range(trials):
+            kind = IN_SIMULATION
             if turns:
                 stand_in = turns[trial % len(turns)]
-                env.sensor, env.surface = stand_in.chain, stand_in.surface
-            succeeded = succeeds(env, trained, FIRST_SEED + trial, drawn=drawn)
-            kinds.setdefault(stand_in.kind if turns else "all", []).append(succeeded)
+                kind, env.sensor, env.surface = stand_in.kind, stand_in.chain, stand_in.surface
+            kinds.setdefault(kind, []).append(succeeds(env, trained, FIRST_SEED + trial, drawn=drawn))
     finally:
         env.close()
     successes = sum(sum(found) for found in kinds.values())

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.stats import fisher_exact
@@ -121,7 +122,8 @@ def _print_differences(found: list[Result]) -> None:
                     continue
                 count = PAPER_TRIALS[sensor]
                 theirs = round(rate * count)
-                p = fisher_exact([[good, trials - good], [theirs, count - theirs]]).pvalue
+                test: Any = fisher_exact([[good, trials - good], [theirs, count - theirs]])
+                p = float(test[1])
                 if p < SIGNIFICANT:
                     print(f"- {sensor}, {task} {method}: {rate:.2f} / {_rate(good, trials)}, p = {p:.2g}")
 

@@ -67,6 +67,7 @@ class InsertionVectorEnv(VectorEnv):
         dict[str, Any],
     ]:
         """Move for 50 ms."""
+        observation: Any
         observation, reward, done, ended = self._many.step(np.asarray(actions))
         succeeded = np.array([info["is_success"] for info in ended])
         infos = self._told(succeeded & ~done)
