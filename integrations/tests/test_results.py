@@ -10,6 +10,7 @@ from paxisim_insertion.curve import read_curve, write_curve
 from paxisim_insertion.interpret import interpret, touches
 from paxisim_insertion.pictures import pictures
 from paxisim_insertion.results import Result, file_of
+from paxisim_insertion.run import Run
 from paxisim_insertion.shell import command
 from paxisim_insertion.table import table
 
@@ -122,11 +123,12 @@ def test_what_the_pads_feel_on_either_rim(task):
     env.close()
 
 
-def test_an_interpretation_in_the_shell(capsys):
+def test_an_interpretation_in_the_shell(tmp_path, capsys):
     words = ["--run", str(POLICIES / "SX-2mm_GCS_0"), "--trials", "2", "--other-versions"]
     assert command(interpret, words) == 0
     shown = capsys.readouterr().out
     assert "steps on a rim in 2 episodes" in shown
     assert command(interpret, [*words[:2], "--trials", "0"]) == 2
-    assert command(interpret, ["--run", str(POLICIES / "SQ-2mm_GCS_0"), "--other-versions"]) == 2
+    Run(tmp_path, "SQ-2mm", "GCS").create()
+    assert command(interpret, ["--run", str(tmp_path)]) == 2
     assert "expected a run on SX-2mm or SY-2mm" in capsys.readouterr().err
