@@ -90,6 +90,8 @@ def _print(title: str, paper: Mapping[str, tuple[float | None, ...]], found: lis
     print(f"\n{title}\n\n| method | {' | '.join(TASKS)} | mean |\n|{'---|' * (2 + len(TASKS))}")
     for method, rates in paper.items():
         ours = [pooled(found, task, method, sensor) for task in TASKS]
+        if not any(trials for _, trials in ours) and not any(rate is not None for rate in rates):
+            continue
         cells = [
             f"{_number(rate)} / {_rate(*counts)}".rstrip() if rate is not None or counts[1] else ""
             for rate, counts in zip(rates, ours, strict=True)
