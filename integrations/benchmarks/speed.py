@@ -67,7 +67,7 @@ def insertion(task: str) -> dict[str, Callable[[], object]]:
     robot = scenes["robosuite"].robots[0]
     scenes["robosuite"]._pre_action = lambda action, policy_step=False: robot.control(action, policy_step)
     for scene in scenes.values():
-        scene.place(np.array([0.005, 0.005, 0.01]), np.zeros(2))
+        scene.place(np.array([0.005, 0.005, 0.01]))
     env = InsertionEnv(task, "GCS")
     env.reset(seed=0)
     steps = {name: lambda scene=scene: scene.step(scene.goal(scene.fingertip[0])) for name, scene in scenes.items()}

@@ -18,7 +18,10 @@ from .tasks import Task as Task
 def _register() -> None:
     for name in TASKS:
         gymnasium.register(
-            f"paxisim/{name}-v0", entry_point="paxisim_insertion.env:InsertionEnv", kwargs={"task": name}
+            f"paxisim/{name}-v0",
+            entry_point="paxisim_insertion.env:InsertionEnv",
+            vector_entry_point="paxisim_insertion.vector:InsertionVectorEnv",
+            kwargs={"task": name},
         )
 
 

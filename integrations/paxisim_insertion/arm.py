@@ -48,7 +48,7 @@ def measure_arm(parameters: Parameters) -> Arm:
     Over the tasks' workspace an entry of its inertia changes by a few percent.
     """
     scene = InsertionScene(TASKS["SX-2mm"], parameters)
-    scene.place(np.mean(parameters.start, axis=0), np.zeros(2))
+    scene.place(np.mean(parameters.start, axis=0))
     model, data = scene.model_and_data
     dofs = scene.arm_dofs
     mujoco.mj_forward(model, data)

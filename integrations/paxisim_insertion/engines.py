@@ -12,8 +12,9 @@ import paxisim
 
 from .arm import measure_arm
 from .env import ENGINES, PRIVILEGED, InsertionEnv
-from .evaluate import FIRST_SEED, interval_of, succeeds
+from .evaluate import FIRST_SEED, succeeds
 from .expert import expert_action
+from .results import interval_of
 from .run import Run
 from .shell import command
 from .tasks import TASKS, Parameters

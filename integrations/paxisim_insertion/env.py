@@ -13,13 +13,14 @@ from numpy.typing import NDArray
 
 import paxisim
 
+from .gap import DrawnGap, Gap
 from .methods import find_method
 from .native_scene import NativeScene
 from .poses import PRIVILEGED as PRIVILEGED
 from .poses import observed_poses
 from .reward import reward_terms, weighted
 from .robosuite_scene import InsertionScene
-from .scene import Scene
+from .scene import Grasp, Scene
 from .tasks import Parameters, find_task
 
 CONTROL_DT = 0.05
@@ -59,6 +60,9 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         task: The task.
         method: The method.
         terminates: Whether the first success ends an episode.
+        sensor: The chain in place of what is drawn, None for none; another may be set between episodes.
+        surface: Heights ``(pads, rows, cols)`` (m) of that sensor's taxels, None for flat ones; likewise.
+        gap: How the robot differs from the simulated one.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 20}  # noqa: RUF012 - gymnasium's own name and type
@@ -72,6 +76,7 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         gcs: paxisim.GCS | None = None,
         sensor: paxisim.Chain | Callable[[paxisim.TaxelLayout], paxisim.Chain] | None = None,
         parameters: Parameters | None = None,
+        gap: Gap | None = None,
         terminate_on_success: bool = False,
         render_mode: str | None = None,
     ) -> None:
@@ -80,12 +85,13 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         Args:
             task: Name of a task.
             method: Name of a method.
-            engine: What moves the hand: ``"robosuite"``, the reference, or ``"native"``, about ten times as fast.
+            engine: What moves the hand: ``"robosuite"``, the reference, or ``"native"``, four to five times as fast.
             gcs: What is drawn for each episode, such as ``paxisim.GCS.around(diagnosis.model, diagnosis.intervals)``.
                 Default: what the method draws.
             sensor: A surrogate of a real sensor: the simulator's readings pass through it, in place of what is drawn
                 for each episode; the surface stays flat. A function makes the chain for the pads' layout.
             parameters: What the paper leaves open.
+            gap: How the robot differs from the simulated one, for an evaluation. Default: not at all.
             terminate_on_success: End the episode with the first success, as an evaluation may.
             render_mode: ``"rgb_array"`` or None.
 
@@ -109,6 +115,9 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         if not (sensor is None or isinstance(sensor, paxisim.Chain)):
             sensor = sensor(self._layout)
         self.sensor: paxisim.Chain | None = sensor
+        self.surface: NDArray[np.floating] | None = None
+        self.gap = gap
+        self._drawn_gap: DrawnGap | None = None
         self._history = self.method.history(self.task, self._layout)
         shape = self._history.encoding.shape(self._pads, self._history.k)
         entries: Any = {"p": _pose_space(1), PRIVILEGED: _pose_space(2)}
@@ -154,6 +163,11 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         """``(pads, 3, rows, cols)`` newtons: the newest reading, after the chain and before the encoding."""
         return self._force
 
+    @property
+    def raw(self) -> NDArray[np.float32]:
+        """``(pads, 3, rows, cols)`` newtons: the newest reading, before the chain."""
+        return self._raw
+
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, NDArray[np.float32]], dict[str, Any]]:
@@ -176,11 +190,16 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         rng = self.np_random
         low, high = self.parameters.start
         bottom = rng.uniform(low, high)
-        grasp = rng.uniform(-1, 1, 2) * self.parameters.grasp_offset
+        grasp = Grasp.draw(rng, self.parameters)
         draw = self._draw
-        surface = draw.sample_surface(rng, layout=self._layout, pads=self._pads)
+        surface = self.surface
+        if surface is None or self.sensor is None:
+            surface = draw.sample_surface(rng, layout=self._layout, pads=self._pads)
         chain = self.sensor or draw.sample(rng, layout=self._layout, pads=self._pads)
         self.scene.place(bottom, grasp, surface)
+        if self.gap is not None:
+            drawn = self._drawn_gap = self.gap.draw(rng)
+            self.scene.tune(drawn.stiffness, drawn.friction)
         self._home = self.scene.fingertip[0]
         return chain
 
@@ -242,6 +261,8 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
 
     def _observe(self) -> dict[str, NDArray[np.float32]]:
         observation = observed_poses(self.scene, *self.scene.fingertip, *self.scene.peg)
+        if self._drawn_gap is not None and not self.task.hole_is_hidden:
+            observation["p"] = self._drawn_gap.believed(observation["p"], self.np_random)
         if "tactile" in self.observation_space.spaces:
             observation["tactile"] = self._history.read()
         if RAW in self.observation_space.spaces:

@@ -5,18 +5,21 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 
-from scipy.stats import binomtest
+import torch
 
 import paxisim
 
 from .env import InsertionEnv
-from .results import IN_SIMULATION, OUT, Result
+from .gap import Gap
+from .results import DRAWN, IN_SIMULATION, OUT, TRANSFER, Result, interval_of
 from .run import Run, versions
 from .shell import command
-from .surrogate import OPEN
+from .surrogate import unit
 from .trained import Trained
+from .transfer import sensors
 
 FIRST_SEED = 1_000_000
 """Of the evaluation's episodes, which no training run uses."""
@@ -27,6 +30,8 @@ def evaluate(
     *,
     trials: int = 50,
     sensor: str | Path | None = None,
+    transfer: bool = False,
+    drawn: bool = False,
     out: Path = OUT,
     other_versions: bool = False,
 ) -> None:
@@ -38,24 +43,40 @@ def evaluate(
         sensor: A surrogate of a real sensor: a chain that paxisim saved, or reference:unit:N for the N-th unit of
             paxisim's magnetic pad, with +memory for a gel that creeps and +neighbour for the other pad's magnets.
             Default: what the method is trained with.
+        transfer: Spread the episodes over 25 sensors that no training has seen, on a robot whose p_t is noisy and whose
+            controller and joints are off, see Gap.
+        drawn: Draw the actions, as in training, instead of taking the most likely ones.
         out: Folder of the result; .table looks there, too.
         other_versions: Evaluate although the software's versions are not the run's.
     """
     if trials < 1:
         raise paxisim.InvalidValueError(f"expected at least one trial, got {trials}")
+    if transfer + drawn + (sensor is not None) > 1:
+        raise paxisim.InvalidValueError("expected one of --sensor, --transfer and --drawn")
     this = Run.open(run, other_versions=other_versions)
     chain = None if sensor is None else surrogate_of(str(sensor))
-    env = this.insertion_env(sensor=chain, terminate_on_success=True)
+    env = this.insertion_env(sensor=chain, gap=Gap() if transfer else None, terminate_on_success=True)
+    kinds: dict[str, list[bool]] = {}
     try:
         trained = this.policy(env)
-        successes = sum(succeeds(env, trained, FIRST_SEED + trial) for trial in range(trials))
+        turns = sensors(env.layout) if transfer else []
+        for trial in range(trials):
+            kind = IN_SIMULATION
+            if turns:
+                stand_in = turns[trial % len(turns)]
+                kind, env.sensor, env.surface = stand_in.kind, stand_in.chain, stand_in.surface
+            kinds.setdefault(kind, []).append(succeeds(env, trained, FIRST_SEED + trial, drawn=drawn))
     finally:
         env.close()
-    name = IN_SIMULATION if sensor is None else f"surrogate {Path(str(sensor).replace(':', '-')).stem}"
+    successes = sum(sum(found) for found in kinds.values())
+    name = TRANSFER if transfer else DRAWN if drawn else IN_SIMULATION
+    if sensor is not None:
+        name = f"surrogate {Path(str(sensor).replace(':', '-')).stem}"
     interval = interval_of(successes, trials)
     training = {
         "steps": trained.steps,
         "updates": trained.updates,
+        "cpu_seconds": round(trained.seconds),
         "envs": this.envs,
         "engine": this.engine,
         "batch": this.batch,
@@ -64,7 +85,9 @@ def evaluate(
         "parameters": asdict(this.parameters),
         "model": [] if this.diagnosis is None else list(this.diagnosis.model.names),
     }
-    result = Result(this.task, this.name, name, this.seed, trials, successes / trials, interval, versions(), training)
+    parts = {kind: (sum(found), len(found)) for kind, found in kinds.items()} if transfer else {}
+    rate = successes / trials
+    result = Result(this.task, this.name, name, this.seed, trials, rate, interval, versions(), training, parts)
     path = result.save(out)
     print(f"{this.task} {this.name} {name}: {successes} of {trials}, {interval[0]:.2f} to {interval[1]:.2f}; {path}")
 
@@ -77,26 +100,18 @@ def surrogate_of(sensor: str) -> paxisim.Chain | Callable[[paxisim.TaxelLayout],
     """
     if not sensor.startswith("reference:"):
         return paxisim.Chain.load(sensor)
-    make = paxisim.reference_sensor(sensor.removeprefix("reference:"))
-
-    def unit(layout: paxisim.TaxelLayout) -> paxisim.Chain:
-        return paxisim.Chain([make(layout, zeroed_at=OPEN), paxisim.augment.Firmware()])
-
-    return unit
+    name = sensor.removeprefix("reference:")
+    paxisim.reference_sensor(name)  # says what is wrong with it before there is an environment
+    return partial(unit, name)
 
 
-def interval_of(successes: int, trials: int) -> tuple[float, float]:
-    """Wilson's 95 % interval of a success rate."""
-    low, high = binomtest(successes, trials).proportion_ci(method="wilson")
-    return float(low), float(high)
-
-
-def succeeds(env: InsertionEnv, trained: Trained, seed: int) -> bool:
-    """Whether the policy's most likely actions solve the episode of this seed."""
+def succeeds(env: InsertionEnv, trained: Trained, seed: int, *, drawn: bool = False) -> bool:
+    """Whether the policy's most likely actions, or drawn ones, solve the episode of this seed."""
+    torch.manual_seed(seed)
     observation, info = env.reset(seed=seed)
     terminated = truncated = False
     while not (terminated or truncated):
-        observation, _, terminated, truncated, info = env.step(trained.act(observation))
+        observation, _, terminated, truncated, info = env.step(trained.act(observation, deterministic=not drawn))
     return bool(info["is_success"])
 
 

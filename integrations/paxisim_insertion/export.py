@@ -8,12 +8,13 @@ from pathlib import Path
 
 import paxisim
 
+from .curve import read_curve, write_curve
 from .run import Run
 from .shell import command
 
 
 def export(run: Path, *, out: Path, other_versions: bool = False) -> None:
-    """Write what acting needs of a run, about a megabyte, to a folder that evaluate and play take as a run.
+    """Write what acting needs of a run, about a megabyte, and its learning curve; evaluate and play take it as a run.
 
     Args:
         run: Folder of the run.
@@ -30,6 +31,7 @@ def export(run: Path, *, out: Path, other_versions: bool = False) -> None:
         env.close()
     out.mkdir(parents=True)
     shutil.copyfile(run / "run.json", out / "run.json")
+    write_curve(out, read_curve(run))
     print(trained.save(out))
 
 

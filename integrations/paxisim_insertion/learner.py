@@ -53,16 +53,23 @@ def make_model(run: Run, env: VecEnv, device: str = "auto") -> SAC:
     return model
 
 
-def average_of(run: Run, model: SAC) -> Average:
-    """The average of the actors that a training had so far, the newest of which is that of `model`."""
+def average_of(run: Run, model: SAC) -> tuple[Average, float]:
+    """The average of the actors that a training had so far, the newest of which is that of `model`.
+
+    Returns:
+        The average, and the CPU seconds of the training until then.
+    """
+    seconds = 0.0
     average = Average(model.actor)
     path = run.folder / ACTOR
     if path.exists():
         try:
-            average.actor.load_state_dict(torch.load(path, map_location=model.device, weights_only=True)["actor"])
+            found = torch.load(path, map_location=model.device, weights_only=True)
+            average.actor.load_state_dict(found["actor"])
+            seconds = float(found.get("seconds", 0.0))
         except NOT_WEIGHTS as error:
             raise paxisim.InvalidValueError(f"{path} does not fit the environment: {error}") from error
-    return average
+    return average, seconds
 
 
 def _go_on(run: Run, model: SAC) -> None:

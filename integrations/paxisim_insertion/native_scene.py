@@ -3,8 +3,8 @@
 The hand slides along x, y, z and turns about them. What the arm adds is linear in the fingertip's velocity and so a
 matter of fixed tendons: the 6x6 inertia of the arm is the armature of six, along its eigenvectors; the friction of the
 seven joints that of seven; and the impedance of robosuite's controller, which acts on position and rotation apart, is
-the force of actuators on three and three. Pads have one ball a taxel in place of a cube. Everything else, the gripper,
-the peg, its base and the table, is what robosuite's scene has.
+the force of actuators on three and three. Everything else, the gripper with its pads, the peg, its base and the table,
+is what robosuite's scene has.
 """
 
 from __future__ import annotations
@@ -14,13 +14,12 @@ import xml.etree.ElementTree as ET
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from paxisim_robosuite.gripper import DEFAULT_SENSOR
 
 import paxisim
 
 from .arm import measure_arm
+from .pads import PAD, ScenePads
 from .scene import HALF_OPEN, SIDES, TABLE_HEIGHT, TABLE_SIZE, Scene, add_objects, text
-from .sphere_pads import SpherePads, to_spheres
 from .tasks import Parameters, Task
 
 TIMESTEP = 5e-3
@@ -46,26 +45,23 @@ class NativeScene(Scene):
         """
         self.task, self.parameters = task, parameters or Parameters()
         self.nominal = _DOWN
-        gripper = paxisim.attach(paxisim.robosuite_gripper_path("panda"), DEFAULT_SENSOR)
+        gripper = paxisim.attach(paxisim.robosuite_gripper_path("panda"), PAD)
         bare = self._spec(gripper, []).compile()
-        pads = gripper.bind(bare)
         arm = measure_arm(self.parameters)
         # the gripper is there itself, and its inertia among the arm's
         values, vectors = np.linalg.eigh(arm.inertia - _inertia(bare))
         tendons = [(vector, {"armature": value}) for value, vector in zip(values, vectors.T, strict=True)]
         for row, friction, damping in zip(arm.rates, arm.friction, arm.damping, strict=True):
             tendons.append((row, {"frictionloss": friction, "damping": damping}))
-        values, vectors = np.linalg.eigh(arm.impedance)
-        stiffness = values * self.parameters.kp
+        self._impedance, vectors = np.linalg.eigh(arm.impedance)
         tendons += [(vector, {}) for vector in vectors.T]
+        self._friction = arm.friction
         self._towards = np.array([row for row, _ in tendons[-6:]])
-        spec = self._spec(gripper, tendons)
-        to_spheres(spec, bare, pads)
-        self._model = spec.compile()
+        self._model = self._spec(gripper, tendons).compile()
         self._data = mujoco.MjData(self._model)
-        self._servo(stiffness)
+        self.tune(1.0, 1.0)
         self._find("grip_site", _FINGERS)
-        self._measure(pads, gripper.gel)
+        self._measure(gripper.bind(self._model))
 
     @property
     def model_and_data(self) -> tuple[mujoco.MjModel, mujoco.MjData]:
@@ -101,18 +97,19 @@ class NativeScene(Scene):
             mujoco.mj_step(model, data)
             data.qpos[self._peg_qpos], data.qvel[self._peg_dofs] = home, 0
 
-    def _servo(self, stiffness: NDArray[np.floating]) -> None:
-        """The controller: a critically damped spring on each of the last six tendons."""
-        model = self._model
-        model.actuator_gainprm[:6, 0] = stiffness
-        model.actuator_biasprm[:6, 1] = -stiffness
-        model.actuator_biasprm[:6, 2] = -2 * stiffness / np.sqrt(self.parameters.kp)
+    def tune(self, stiffness: float, friction: float) -> None:
+        """See `Scene.tune`. The controller is a critically damped spring on each of the last six tendons."""
+        model, kp = self._model, stiffness * self.parameters.kp
+        model.tendon_frictionloss[6:13] = friction * self._friction
+        model.actuator_gainprm[:6, 0] = kp * self._impedance
+        model.actuator_biasprm[:6, 1] = -kp * self._impedance
+        model.actuator_biasprm[:6, 2] = -2 * np.sqrt(kp) * self._impedance
 
-    def _measure(self, pads: paxisim.Pads, gel: paxisim.Gel) -> None:
+    def _measure(self, pads: paxisim.Pads) -> None:
         model, data = self._model, self._data
         self._data.qpos[self._fingers] = HALF_OPEN * SIDES
         mujoco.mj_kinematics(model, data)
-        self.tactile = SpherePads(model, data, pads, gel)
+        self.tactile = ScenePads(model, data, pads)
         self._find_fingertips(data.xpos[pads.bodies])
         self._set_grip([model.actuator(f"gripper_{name}").id for name in _FINGERS])
 
@@ -121,7 +118,7 @@ class NativeScene(Scene):
         gripper: paxisim.TactileGripper,
         tendons: list[tuple[NDArray[np.floating], dict[str, float]]],
     ) -> mujoco.MjSpec:
-        """The scene with cubes for taxels, and with tendons: what they make of the hand's six joints, and how."""
+        """The scene with tendons: what they make of the hand's six joints, and how."""
         root = ET.Element("mujoco")
         ET.SubElement(root, "compiler", angle="radian")
         ET.SubElement(root, "option", timestep=str(TIMESTEP), cone="elliptic", impratio="20", tolerance="1e-8")

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import io
 import sys
+from collections.abc import Iterator
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +18,12 @@ from .env import InsertionEnv
 from .expert import expert_action
 from .run import Run
 from .shell import command
+from .trained import Trained
 
 HEIGHT = 480
 """Of the film (pixels), that of the scene's picture."""
+
+SUFFIXES = (".mp4", ".gif", ".webp")
 
 LARGEST_NORMAL, LARGEST_SHEAR = 3.0, 2.0
 """Newtons of a taxel at the ends of the film's colour scale and arrows: a grip of 30 N is 1 N a taxel."""
@@ -39,12 +44,12 @@ def play(
         task: Name of the task, for the expert.
         run: Folder of a run; its policy plays the run's task.
         seed: Of the episode.
-        out: The film, MP4.
+        out: The film, MP4; or, half as high, an animated GIF or WebP.
         force: Overwrite it.
         other_versions: Play although the software's versions are not the run's.
     """
-    import cv2  # robosuite brings it
-
+    if out.suffix.lower() not in SUFFIXES:
+        raise paxisim.InvalidValueError(f"a film's name ends with one of {', '.join(SUFFIXES)}, got {out}")
     if out.exists() and not force:
         raise paxisim.OutputExistsError(f"{out} exists already: name another, or pass --force")
     trained = None
@@ -55,23 +60,45 @@ def play(
         this = Run.open(run, other_versions=other_versions)
         env = this.insertion_env(**shown)
         trained = this.policy(env)
-    observation, info = env.reset(seed=seed)
-    film = None
+    succeeded: list[bool] = []
     try:
-        terminated = truncated = False
-        while not (terminated or truncated):
-            picture = frame(env)
-            if film is None:
-                size = (picture.shape[1], picture.shape[0])
-                film = cv2.VideoWriter(str(out), cv2.VideoWriter.fourcc(*"mp4v"), env.metadata["render_fps"], size)
-            film.write(cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))
-            action = expert_action(env) if trained is None else trained.act(observation)
-            observation, _, terminated, truncated, info = env.step(action)
+        write_film(out, episode(env, trained, seed, succeeded), env.metadata["render_fps"])
     finally:
-        if film is not None:
-            film.release()
         env.close()
-    print(f"{env.task.name} seed {seed}: {'inserted' if info['is_success'] else 'not inserted'}; {out}")
+    print(f"{env.task.name} seed {seed}: {'inserted' if any(succeeded) else 'not inserted'}; {out}")
+
+
+def episode(
+    env: InsertionEnv, trained: Trained | None, seed: int, succeeded: list[bool]
+) -> Iterator[NDArray[np.uint8]]:
+    """The pictures of an episode, and after each step whether it has succeeded."""
+    observation, _ = env.reset(seed=seed)
+    terminated = truncated = False
+    while not (terminated or truncated):
+        yield frame(env)
+        action = expert_action(env) if trained is None else trained.act(observation)
+        observation, _, terminated, truncated, info = env.step(action)
+        succeeded.append(bool(info["is_success"]))
+    yield frame(env)
+
+
+def write_film(path: Path, pictures: Iterator[NDArray[np.uint8]], rate: float) -> None:
+    """Write pictures ``(height, width, 3)``, so many a second, in the form that the file's name says."""
+    import cv2  # robosuite brings it
+    from PIL import Image
+
+    first = next(pictures)
+    height, width, _ = first.shape
+    if path.suffix.lower() != ".mp4":
+        small = (Image.fromarray(cv2.resize(each, (width // 2, height // 2))) for each in chain([first], pictures))
+        next(small).save(path, save_all=True, append_images=small, duration=round(1000 / rate), loop=0, quality=60)
+        return
+    film = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), rate, (width, height))
+    try:
+        for picture in chain([first], pictures):
+            film.write(cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))
+    finally:
+        film.release()
 
 
 def frame(env: InsertionEnv) -> NDArray[np.uint8]:

@@ -9,16 +9,19 @@ from typing import Any
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from paxisim_robosuite import TactileGripper, TactileSim, fast_controller
+from paxisim_robosuite import TactileGripper, fast_controller
 from robosuite.environments.manipulation.manipulation_env import ManipulationEnv
 from robosuite.models.arenas import TableArena
 from robosuite.models.tasks import ManipulationTask
 
+import paxisim
+
+from .pads import GRIPPER, ScenePads
 from .reward import reward_terms, weighted
 from .scene import HALF_OPEN, SIDES, TABLE_HEIGHT, TABLE_SIZE, Scene, add_objects
 from .tasks import Parameters, Task
 
-GRIPPERS = {True: "PaxiPandaGripper", False: "PandaGripper"}
+GRIPPERS = {True: GRIPPER, False: "PandaGripper"}
 
 
 class InsertionScene(Scene, ManipulationEnv):
@@ -66,6 +69,8 @@ class InsertionScene(Scene, ManipulationEnv):
             hard_reset=False,
             seed=seed,
         )
+        model, _ = self.model_and_data
+        self._friction = model.dof_frictionloss[self.arm_dofs].copy()
 
     @property
     def model_and_data(self) -> tuple[mujoco.MjModel, mujoco.MjData]:
@@ -79,6 +84,14 @@ class InsertionScene(Scene, ManipulationEnv):
     def move(self, position: NDArray[np.floating]) -> None:
         """See `Scene.move`."""
         self.step(self.goal(position))
+
+    def tune(self, stiffness: float, friction: float) -> None:
+        """See `Scene.tune`."""
+        model, _ = self.model_and_data
+        model.dof_frictionloss[self.arm_dofs] = friction * self._friction
+        controller = self.robots[0].composite_controller.part_controllers["right"]
+        controller.kp[:] = stiffness * self.parameters.kp
+        controller.kd[:] = 2 * np.sqrt(controller.kp)
 
     def reach(self, goal: NDArray[np.floating]) -> NDArray[np.floating]:
         """Joint angles that bring the grip site to a position, pointing straight down; the arm is put there."""
@@ -194,7 +207,7 @@ class InsertionScene(Scene, ManipulationEnv):
         model, data = self.model_and_data
         gripper = self.robots[0].gripper["right"]
         if isinstance(gripper, TactileGripper):
-            self.tactile = TactileSim(self.sim, gripper)
+            self.tactile = ScenePads(model, data, paxisim.find_pads(model, prefix=gripper.naming_prefix))
             self._find_fingertips(data.xpos[self.tactile.pads.bodies])
         else:
             named = gripper.important_geoms

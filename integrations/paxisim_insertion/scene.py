@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 import mujoco
@@ -26,6 +27,30 @@ SIDES = np.array([1.0, -1.0])
 _PINNED, _FREE = 0.1, 0.2  # seconds: the fingers close on a peg that is held in place, then it is let go
 _OPEN = 0.5e-3  # m between handle and fingers before they close; a bump of the surface is up to 0.2 mm
 _PEG_COLOUR, _BASE_COLOUR = "0.85 0.45 0.2 1", "0.3 0.45 0.65 1"
+
+
+@dataclass(frozen=True)
+class Grasp:
+    """How the fingers hold the handle.
+
+    Attributes:
+        offset: ``(3,)`` of the fingers' middle from the middle of the handle (m), along x, y and z of the world; the
+            fingers close along y.
+        lean: Rotation of the peg (rad) about y.
+    """
+
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    lean: float = 0.0
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator, parameters: Parameters) -> Grasp:
+        """A grasp within what the parameters allow."""
+        x, y, z = rng.uniform(-1, 1, 3) * parameters.grasp_offset
+        return cls((x, y, z), rng.uniform(-1, 1) * parameters.grasp_lean)
+
+
+CENTRED = Grasp()
+"""The handle upright in the middle of the fingers."""
 
 
 class PadsInScene(Protocol):
@@ -65,6 +90,15 @@ class Scene:
         """Let 50 ms pass while the fingertip is drawn to a position (m, world), pointing straight down."""
         raise NotImplementedError
 
+    def tune(self, stiffness: float, friction: float) -> None:
+        """Multiply what controller and joints have by factors, until the next episode begins.
+
+        Args:
+            stiffness: Of the controller; its damping ratio stays.
+            friction: Dry friction of the joints.
+        """
+        raise NotImplementedError
+
     def _begin(self, grip: NDArray[np.floating]) -> None:
         """Reset the simulation and put the fingertip to a position (m, world), at rest."""
         raise NotImplementedError
@@ -76,25 +110,32 @@ class Scene:
     def place(
         self,
         bottom: NDArray[np.floating],
-        grasp: NDArray[np.floating],
+        grasp: Grasp = CENTRED,
         surface: NDArray[np.floating] | None = None,
     ) -> None:
         """Begin an episode: put the peg in its place and close the fingers on it.
 
         Args:
-            bottom: ``(3,)`` the peg's bottom from the middle of the hole's upper edge (m).
-            grasp: ``(2,)`` offset of the fingers from the middle of the handle, along x and z (m).
+            bottom: ``(3,)`` the middle of the peg's bottom from the middle of the hole's upper edge (m).
+            grasp: How the fingers hold the handle.
             surface: ``(pads, rows, cols)`` heights of the taxels (m); default: as they are.
         """
         if self.tactile is not None and surface is not None:
             self.tactile.set_surface(surface)
         peg = self.hole_top + bottom
         handle = self.parameters.peg_length + self.parameters.handle_height / 2
-        grip = peg + [grasp[0], 0.0, handle + grasp[1]] - self._tip_to_grip
+        half = grasp.lean / 2
+        middle = peg + handle * np.array([np.sin(grasp.lean), 0.0, np.cos(grasp.lean)])
+        grip = middle + grasp.offset - self._tip_to_grip
         self._begin(grip)
-        _, data = self.model_and_data
-        data.qpos[self._fingers] = (self._closed + self.parameters.handle_size / 2 + _OPEN) * SIDES
-        data.qpos[self._peg_qpos] = [*peg, 1, 0, 0, 0]
+        self.tune(1.0, 1.0)
+        model, data = self.model_and_data
+        # the fingers meet in the middle of the handle, wherever that is to the hand
+        aside = -grasp.offset[1] * self._finger_directions
+        stiffness = -model.actuator_biasprm[self._grippers, 1]
+        model.actuator_biasprm[self._grippers, 0] = stiffness * aside
+        data.qpos[self._fingers] = (self._closed + self.parameters.handle_size / 2 + _OPEN) * SIDES + aside
+        data.qpos[self._peg_qpos] = [*peg, np.cos(half), 0, np.sin(half), 0]
         data.qvel[:] = 0
         self._settle(grip, _PINNED, pinned=True)
         self._settle(grip, _FREE, pinned=False)
@@ -147,7 +188,8 @@ class Scene:
         first, dof = int(joint.qposadr[0]), int(joint.dofadr[0])
         self._peg_qpos, self._peg_dofs = slice(first, first + 7), slice(dof, dof + 6)
         self._grip = model.site(grip_site).id
-        self._fingers = np.array([int(model.joint(name).qposadr[0]) for name in fingers])
+        self._finger_joints = np.array([model.joint(name).id for name in fingers])
+        self._fingers = model.jnt_qposadr[self._finger_joints]
 
     def _find_fingertips(self, faces: NDArray[np.floating], thickness: float = 0.0) -> None:
         """Where the fingers touch: the vector from the grip site to there, and their joints when they meet.
@@ -156,6 +198,8 @@ class Scene:
             faces: ``(2, 3)`` positions (m, world) of the fingers' faces while they are `HALF_OPEN`.
             thickness: Of what there is between these positions and the surfaces, both together (m).
         """
+        _, data = self.model_and_data
+        self._finger_directions = np.sign(data.xaxis[self._finger_joints, 1])
         position, rotation = self.fingertip
         apart = float(np.linalg.norm(faces[0] - faces[1])) - thickness
         self._closed = HALF_OPEN - apart / 2
@@ -165,6 +209,7 @@ class Scene:
     def _set_grip(self, actuators: Any) -> None:
         """Let the fingers, which are springs drawn to where they meet, hold the handle with the force that is asked."""
         model, _ = self.model_and_data
+        self._grippers = np.asarray(actuators)
         force = self.parameters.grip_force
         stiffness = force / (self._closed + self.parameters.handle_size / 2)
         model.actuator_gainprm[actuators, 0] = stiffness

@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 import paxisim
 from paxisim import augment
@@ -22,6 +23,9 @@ OPEN = 0.08
 """Opening (m) at which the sensor is zeroed, the Panda gripper's largest."""
 
 FIELD = "interference"
+FLAT = 1e-3
+"""Height (m) of the taxels of a flat pad."""
+
 COUNT = 0.1
 """Newtons a count, as PaXini's pads report them."""
 
@@ -59,6 +63,37 @@ def draw(seed: int, *, field: bool = True) -> paxisim.Chain:
     )
     kept = [(name, member) for name, member in zip(chain.names, chain.members, strict=True) if field or name != FIELD]
     return paxisim.Chain([member for _, member in kept], [name for name, _ in kept])
+
+
+def uneven(seed: int, layout: paxisim.TaxelLayout) -> NDArray[np.floating]:
+    """Heights ``(pads, rows, cols)`` (m) of a surrogate's taxels: slow waves, 0.1 to 0.3 mm from lowest to highest.
+
+    GCS draws a single bump or dent a pad, lower along its edges.
+    """
+    rng = np.random.default_rng([seed, 1])
+    row, col = np.meshgrid(np.linspace(-1, 1, layout.rows), np.linspace(-1, 1, layout.cols), indexing="ij")
+    heights = np.empty((PADS, layout.rows, layout.cols))
+    for pad in heights:
+        waves = rng.uniform(-1, 1, (3, 2)) * np.pi
+        pad[:] = sum(
+            np.cos(x * row + y * col + phase) for (x, y), phase in zip(waves, rng.uniform(0, 6.3, 3), strict=True)
+        )
+        pad *= rng.uniform(0.1e-3, 0.3e-3) / np.ptp(pad)
+        pad += FLAT - pad.mean()
+    return heights
+
+
+def unit(name: str, layout: paxisim.TaxelLayout) -> paxisim.Chain:
+    """A unit of paxisim's magnetic pad that was zeroed while the gripper was open, read in counts of 0.1 N.
+
+    Args:
+        name: ``"unit:N"``, as `paxisim.reference_sensor` takes it.
+        layout: Of the pads.
+
+    Raises:
+        InvalidValueError: The name is none of a unit.
+    """
+    return paxisim.Chain([paxisim.reference_sensor(name)(layout, zeroed_at=OPEN), augment.Firmware()])
 
 
 def surrogate(seed: int = 1, *, field: bool = True, out: Path | None = None) -> None:

@@ -5,10 +5,12 @@ from __future__ import annotations
 import sys
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from scipy.stats import fisher_exact
 
-from .results import IN_SIMULATION, OUT, RESULTS, Result
+from .results import DRAWN, IN_SIMULATION, OUT, RESULTS, TRANSFER, Result, interval_of
 from .shell import command
 from .tasks import TASKS
 
@@ -30,7 +32,7 @@ TABLE_2_REAL = {
     "DT": (0.6, 0.2, 0.1, 0.3, 0.4, 0.1),
     "GCS": (0.9, 0.8, 0.9, 0.6, 0.9, 0.7),
 }
-"""The paper's success rates on the real robot. Ours on a surrogate are to be compared among each other only."""
+"""The paper's success rates on the real robot. Ours are of surrogates, to be compared among each other only."""
 
 ABLATION_REAL = {
     "GCS": (None, None, 0.9, None, 0.9, 0.7),
@@ -40,33 +42,121 @@ ABLATION_REAL = {
 }
 """The paper's ablation, on the real robot."""
 
+PAPER_TRIALS = {IN_SIMULATION: 50, TRANSFER: 10}
+"""Episodes of each of the paper's figures."""
+
+SIGNIFICANT = 0.05
+"""Figures with a smaller p of Fisher's exact test are said to differ."""
+
 
 def table(results: Path | None = None) -> None:
-    """Print the tables: the paper's figure, a stroke, ours, the mean over seeds; nothing where there is none.
+    """Print the tables: the paper's figure, a stroke, ours of all seeds with its 95 % interval.
 
     Args:
         results: Folder of the results. Default: those that come with the package, and those in ./results, of which one
             of the same task, method, sensor and seed takes the other's place.
     """
-    folders = (RESULTS, OUT) if results is None else (results,)
+    found = read_results(results)
+    more = {r.method: (None,) * len(TASKS) for r in found if r.method not in {**TABLE_2_SIM, **ABLATION_REAL}}
+    ablated = {method: (None,) * len(TASKS) for method in ABLATION_REAL if method not in TABLE_2_SIM}
+    _print("Simulation (paper / ours)", {**TABLE_2_SIM, **ablated, **more}, found, IN_SIMULATION)
+    if any(result.sensor == DRAWN for result in found):
+        _print("Simulation, actions drawn (paper / ours)", {"NT": TABLE_2_SIM["NT"]}, found, DRAWN)
+    _print("Paper's real robot / our transfer to surrogates", {**TABLE_2_REAL, **more}, found, TRANSFER)
+    _print("Ablation: paper's real robot / our transfer", ABLATION_REAL, found, TRANSFER)
+    _print_kinds(found)
+    for sensor in sorted({result.sensor for result in found} - {IN_SIMULATION, DRAWN, TRANSFER}):
+        tried = {result.method for result in found if result.sensor == sensor}
+        paper = {method: rates for method, rates in {**TABLE_2_REAL, **ablated, **more}.items() if method in tried}
+        _print(f"Paper's real robot / our {sensor}", paper, found, sensor)
+    _print_differences(found)
+    _print_cost(found)
+
+
+def read_results(folder: Path | None) -> list[Result]:
+    """The results of a folder, or those of the package and of ./results, see `table`."""
+    folders = (RESULTS, OUT) if folder is None else (folder,)
     paths = {path.name: path for folder in folders for path in sorted(folder.glob("*.json"))}
-    found = [Result.load(path) for _, path in sorted(paths.items())]
-    surrogates = sorted({result.sensor for result in found} - {IN_SIMULATION})
-    more = {r.method: (None,) * len(TASKS) for r in found if r.method not in TABLE_2_SIM}
-    _print("Simulation (paper / ours)", {**TABLE_2_SIM, **more}, found, IN_SIMULATION)
-    for sensor in surrogates or ["surrogate"]:
-        _print(f"Paper's real robot / our {sensor}", {**TABLE_2_REAL, **more}, found, sensor)
-        _print(f"Ablation: paper's real robot / our {sensor}", ABLATION_REAL, found, sensor)
+    return [Result.load(path) for _, path in sorted(paths.items())]
+
+
+def pooled(found: list[Result], task: str, method: str, sensor: str) -> tuple[int, int]:
+    """Successes and episodes of all seeds."""
+    these = [r for r in found if (r.task, r.method, r.sensor) == (task, method, sensor)]
+    return sum(round(r.success_rate * r.trials) for r in these), sum(r.trials for r in these)
 
 
 def _print(title: str, paper: Mapping[str, tuple[float | None, ...]], found: list[Result], sensor: str) -> None:
-    print(f"\n{title}\n\n| method | {' | '.join(TASKS)} |\n|{'---|' * (1 + len(TASKS))}")
+    print(f"\n{title}\n\n| method | {' | '.join(TASKS)} | mean |\n|{'---|' * (2 + len(TASKS))}")
     for method, rates in paper.items():
+        ours = [pooled(found, task, method, sensor) for task in TASKS]
+        if not any(trials for _, trials in ours) and not any(rate is not None for rate in rates):
+            continue
+        cells = [
+            f"{_number(rate)} / {_rate(*counts)}".rstrip() if rate is not None or counts[1] else ""
+            for rate, counts in zip(rates, ours, strict=True)
+        ]
+        both = (_mean(list(rates)), _mean([good / trials if trials else None for good, trials in ours]))
+        mean = " / ".join(map(_number, both)).rstrip() if any(value is not None for value in both) else ""
+        print(f"| {method} | {' | '.join(cells)} | {mean} |")
+
+
+def _print_kinds(found: list[Result]) -> None:
+    """The transfer by kind of sensor, all tasks of a method together."""
+    these = [result for result in found if result.sensor == TRANSFER]
+    kinds = list(dict.fromkeys(kind for result in these for kind in result.parts))
+    if not kinds:
+        return
+    print(f"\nTransfer, all tasks, by kind of sensor\n\n| method | {' | '.join(kinds)} |\n|{'---|' * (1 + len(kinds))}")
+    for method in dict.fromkeys(result.method for result in these):
+        counts = np.array([[r.parts.get(kind, (0, 0)) for kind in kinds] for r in these if r.method == method])
+        print(f"| {method} | {' | '.join(_rate(*total) for total in counts.sum(axis=0).tolist())} |")
+
+
+def _print_differences(found: list[Result]) -> None:
+    print(f"\nWhere ours differs from the paper's (Fisher's exact test, p < {SIGNIFICANT:g})\n")
+    papers = ((IN_SIMULATION, TABLE_2_SIM), (TRANSFER, {**ABLATION_REAL, **TABLE_2_REAL}))
+    for sensor, paper in papers:
+        for method, rates in paper.items():
+            for task, rate in zip(TASKS, rates, strict=True):
+                good, trials = pooled(found, task, method, sensor)
+                if rate is None or not trials:
+                    continue
+                count = PAPER_TRIALS[sensor]
+                theirs = round(rate * count)
+                test: Any = fisher_exact([[good, trials - good], [theirs, count - theirs]])
+                p = float(test[1])
+                if p < SIGNIFICANT:
+                    print(f"- {sensor}, {task} {method}: {rate:.2f} / {_rate(good, trials)}, p = {p:.2g}")
+
+
+def _print_cost(found: list[Result]) -> None:
+    """CPU time of a training, the mean over seeds."""
+    print(f"\nCPU minutes of a training\n\n| method | {' | '.join(TASKS)} |\n|{'---|' * (1 + len(TASKS))}")
+    trained = [r for r in found if r.sensor == IN_SIMULATION and r.training.get("cpu_seconds")]
+    for method in dict.fromkeys(result.method for result in trained):
         cells = []
-        for task, rate in zip(TASKS, rates, strict=True):
-            ours = [r.success_rate for r in found if (r.task, r.method, r.sensor) == (task, method, sensor)]
-            cells.append(f"{'' if rate is None else f'{rate:.2f}'} / {f'{np.mean(ours):.2f}' if ours else ''}")
+        for task in TASKS:
+            minutes = [r.training["cpu_seconds"] / 60 for r in trained if (r.task, r.method) == (task, method)]
+            cells.append(f"{np.mean(minutes):.0f}" if minutes else "")
         print(f"| {method} | {' | '.join(cells)} |")
+
+
+def _mean(rates: list[float | None]) -> float | None:
+    """The mean, where there is one of each task."""
+    values = [rate for rate in rates if rate is not None]
+    return float(np.mean(values)) if len(values) == len(rates) else None
+
+
+def _number(rate: float | None) -> str:
+    return "" if rate is None else f"{rate:.2f}"
+
+
+def _rate(good: int, trials: int) -> str:
+    if not trials:
+        return ""
+    low, high = interval_of(good, trials)
+    return f"{good / trials:.2f} ({low:.2f} to {high:.2f})"
 
 
 if __name__ == "__main__":

@@ -82,8 +82,12 @@ class Parameters:
         base_size: Width of the square base.
         floor: Thickness of the base below the hole.
         friction: Sliding friction between peg and base. Between handle and pads it is the gel's.
-        grasp_offset: Largest offset of the handle between the fingers, along the fingers' width and along their
-            length: the paper says "randomly placed".
+        grasp_offset: Largest offset of the fingers from the middle of the handle, along their width (x), the way they
+            close (y) and their length (z): the paper says "randomly placed". Coupled fingers, as the Panda's, centre
+            a handle between them; what is left along y is how unevenly they are mounted.
+        grasp_lean: How far (rad) the peg leans at most when it is grasped, about the axis along which the fingers
+            close: flat fingers straighten it about the others. Leaning like this it takes up less than half of the
+            smallest clearance, that of SQ-1mm, over the depth that counts as success.
         start: The box, from the middle of the hole's upper edge, in which the peg's bottom begins: lower and upper
             corner. Where the paper prints [1.5 cm, 1.5 cm] for y, [-1.5 cm, 1.5 cm] is meant.
         engage_depth: How far below the base's upper face the peg's bottom must be for the peg to count as engaged:
@@ -111,7 +115,8 @@ class Parameters:
     base_size: float = 100e-3
     floor: float = 10e-3
     friction: float = 0.3
-    grasp_offset: tuple[float, float] = (3e-3, 3e-3)
+    grasp_offset: tuple[float, float, float] = (3e-3, 1e-3, 3e-3)
+    grasp_lean: float = 0.03
     start: tuple[tuple[float, float, float], tuple[float, float, float]] = (
         (-15e-3, -15e-3, 5e-3),
         (15e-3, 15e-3, 20e-3),
@@ -127,10 +132,15 @@ class Parameters:
         """Check the values."""
         for item in fields(self):
             value = getattr(self, item.name)
-            if item.name not in ("grasp_offset", "start") and not 0 < value < float("inf"):
+            may_be_none = item.name in ("grasp_offset", "grasp_lean", "start")
+            if not may_be_none and not 0 < value < float("inf"):
                 raise paxisim.InvalidValueError(f"{item.name} must be positive and finite, got {value!r}")
-        if min(self.grasp_offset) < 0:
-            raise paxisim.InvalidValueError(f"grasp_offset must not be negative, got {self.grasp_offset}")
+        if len(self.grasp_offset) != 3 or not all(0 <= value < float("inf") for value in self.grasp_offset):
+            raise paxisim.InvalidValueError(
+                f"grasp_offset must be three lengths that are not negative, got {self.grasp_offset}"
+            )
+        if not 0 <= self.grasp_lean < float("inf"):
+            raise paxisim.InvalidValueError(f"grasp_lean must not be negative, got {self.grasp_lean!r}")
         low, high = self.start
         if any(a > b for a, b in zip(low, high, strict=True)) or low[2] < 0:
             raise paxisim.InvalidValueError(

@@ -19,6 +19,7 @@ import paxisim
 
 from .learner import average_of, make_model
 from .redraw import can_redraw
+from .results import RUNS, folder_of
 from .run import BUFFER, REWARD_SCALE, Run
 from .shell import command
 from .tasks import Parameters
@@ -77,8 +78,7 @@ def train(
         threads: Threads of torch and of the native engine.
         device: Torch's device.
     """
-    name = f"{task}_{method}_{seed}" + ("" if model is None else "_fitted")
-    folder = out or Path("runs") / name.replace(" ", "-").replace("/", "")
+    folder = out or RUNS / (folder_of(task, method, seed) + ("" if model is None else "_fitted"))
     if resume:
         run = Run.open(folder, other_versions=other_versions)
         steps = run.steps if steps is None else steps
@@ -152,13 +152,15 @@ class Progress(BaseCallback):
         self._run, self._sac, self._steps, self._save_every = run, model, steps, save_every
         self._saved = self._began = time.monotonic()
         self._first = 0
-        self._average, self._averaged = average_of(run, model), model._n_updates
+        self._average, seconds = average_of(run, model)
+        self._averaged, self._cpu_began = model._n_updates, time.process_time() - seconds
 
     def save(self) -> None:
         """Save the model and the average of its actors."""
         self._take_in()
         self._run.save(self._sac)
-        save_actor(self._run.folder, self._average.actor, self._sac.num_timesteps, self._sac._n_updates)
+        seconds = time.process_time() - self._cpu_began
+        save_actor(self._run.folder, self._average.actor, self._sac.num_timesteps, self._sac._n_updates, seconds)
 
     def _on_training_start(self) -> None:
         self._first = self.num_timesteps

@@ -51,11 +51,13 @@ class Trained:
         policy: stable-baselines3's policy; of one that was loaded from `ACTOR` the critic means nothing.
         steps: Environment steps of its training.
         updates: Updates of its training.
+        seconds: CPU seconds of its training; 0 if that is not known.
     """
 
     policy: AsymmetricPolicy
     steps: int
     updates: int
+    seconds: float = 0.0
 
     @classmethod
     def of(cls, model: SAC) -> Trained:
@@ -69,7 +71,7 @@ class Trained:
 
     def save(self, folder: Path) -> Path:
         """Write the actor to `ACTOR` in a folder, whole or not at all."""
-        return save_actor(folder, self.policy.actor, self.steps, self.updates)
+        return save_actor(folder, self.policy.actor, self.steps, self.updates, self.seconds)
 
     @classmethod
     def load(cls, folder: Path, env: InsertionEnv) -> Trained:
@@ -102,11 +104,11 @@ class Trained:
         return _fitted(path, env, read)
 
 
-def save_actor(folder: Path, actor: nn.Module, steps: int, updates: int) -> Path:
+def save_actor(folder: Path, actor: nn.Module, steps: int, updates: int, seconds: float) -> Path:
     """Write an actor, and what its training cost, to `ACTOR` in a folder, whole or not at all."""
     path = folder / ACTOR
     new = path.with_suffix(".new")
-    torch.save({"steps": steps, "updates": updates, "actor": actor.state_dict()}, new)
+    torch.save({"steps": steps, "updates": updates, "seconds": seconds, "actor": actor.state_dict()}, new)
     os.replace(new, path)
     return path
 
@@ -128,7 +130,8 @@ def _fitted(path: Path, env: InsertionEnv, read: Callable[[], dict[str, Any]]) -
     try:
         found = read()
         policy.actor.load_state_dict(found["actor"])
-        return Trained(policy, int(found["steps"]), int(found["updates"]))
+        seconds = float(found.get("seconds", 0.0))
+        return Trained(policy, int(found["steps"]), int(found["updates"]), seconds)
     except NOT_WEIGHTS as error:
         raise paxisim.InvalidValueError(
             f"{path} is no actor for {env.observation_space}; perhaps of a run of another layout, k or task: {error}"

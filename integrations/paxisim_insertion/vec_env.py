@@ -36,17 +36,17 @@ class InsertionVecEnv(VecEnv):
         """Take environments that are alike.
 
         Args:
-            envs: Of the native engine, without a sensor; they do not end with success.
+            envs: Of the native engine, without sensor and gap; they do not end with success.
             reward_scale: What the reward is multiplied by; the returns in ``infos`` are not.
             threads: Of the physics.
 
         Raises:
-            InvalidValueError: There is none, or one of another engine, with a sensor or that ends with success.
+            InvalidValueError: There is none, or one of another engine, with sensor or gap or that ends with success.
         """
         if not envs or not all(isinstance(env.scene, NativeScene) for env in envs):
             raise paxisim.InvalidValueError("expected at least one environment, all with engine='native'")
-        if any(env.sensor is not None or env.terminates for env in envs):
-            raise paxisim.InvalidValueError("expected environments without sensor= and terminate_on_success=")
+        if any(env.sensor is not None or env.gap is not None or env.terminates for env in envs):
+            raise paxisim.InvalidValueError("expected environments without sensor=, gap= and terminate_on_success=")
         self.envs = list(envs)
         count, first = len(envs), envs[0]
         self._scale, self._axes = reward_scale, list(first.task.axes)

@@ -49,7 +49,9 @@ def test_episodes_begin_where_the_paper_says(env):
         peg, tip = observation[PRIVILEGED][:6], observation[PRIVILEGED][6:]
         bottom = peg[:3] - [0, 0, env.parameters.hole_depth]
         assert np.all((bottom > low - 1e-3) & (bottom < high + 1e-3)), f"seed {seed}: {bottom}"
-        assert np.abs(np.concatenate([peg[3:], tip[3:]])).max() < 0.02, "upright, and pointing straight down"
+        assert np.abs(tip[3:]).max() < 0.02, "pointing straight down"
+        assert abs(peg[4]) < env.parameters.grasp_lean + 0.02
+        assert np.abs(peg[[3, 5]]).max() < 0.02, "it leans about the way the fingers close alone"
         total = env.scene.tactile.read().sum(axis=(-2, -1))
         assert np.all(total[:, 2] > 10), "both pads are pressed"
         assert observation in env.observation_space
@@ -131,7 +133,7 @@ def test_what_each_method_sees(method):
     observation, _ = made.reset(seed=0)
     shape = shapes.get(method, (120, 6, 5))
     assert observation["tactile"].shape == shape if shape else "tactile" not in observation
-    heights = made.scene.model_and_data[0].geom_size[made.scene.tactile.pads.geoms, 2]
+    heights = made.scene.model_and_data[0].geom_size[made.scene.tactile.pads.geoms, 0]
     flat = np.ptp(heights) < 1e-9
     assert flat == (not method.startswith("GCS") or method == "GCS w/o G")
     raw = made.scene.tactile.read()
@@ -157,7 +159,7 @@ def test_a_surrogate_sensor_takes_the_place_of_what_the_method_draws(tmp_path):
     raw = 0.5 * made.scene.tactile.read()
     assert np.abs(raw - before).max() > 0.01, "the peg stands on the base"
     assert np.abs(made.reading - raw).max() > 1e-3, "the low-pass remembers"
-    assert np.ptp(made.scene.model_and_data[0].geom_size[made.scene.tactile.pads.geoms, 2]) < 1e-9
+    assert np.ptp(made.scene.model_and_data[0].geom_size[made.scene.tactile.pads.geoms, 0]) < 1e-9
     made.close()
 
 
@@ -211,7 +213,8 @@ def test_bad_input():
 
 
 def test_other_parameters_make_another_task():
-    made = InsertionEnv("SX-2mm", parameters=Parameters(start=((0, 0.01, 0.01), (0, 0.01, 0.01)), grasp_offset=(0, 0)))
+    start = ((0, 0.01, 0.01), (0, 0.01, 0.01))
+    made = InsertionEnv("SX-2mm", parameters=Parameters(start=start, grasp_offset=(0, 0, 0), grasp_lean=0))
     observation, _ = made.reset(seed=0)
     np.testing.assert_allclose(observation[PRIVILEGED][:3], [0, 0.01, 0.03], atol=3e-4)
     np.testing.assert_allclose(observation[PRIVILEGED][6:8], [0, 0.01], atol=3e-4)

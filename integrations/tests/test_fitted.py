@@ -52,7 +52,7 @@ def test_an_environment_draws_from_the_gcs_that_is_given(diagnosed):
         own = env.unwrapped
         drawn.append(gains(own.reading, own.scene.tactile.read()))
         assert np.all((drawn[-1] >= low - 1e-5) & (drawn[-1] <= high + 1e-5)), drawn[-1]
-        heights = own.scene.model_and_data[0].geom_size[own.scene.tactile.pads.geoms, 2]
+        heights = own.scene.model_and_data[0].geom_size[own.scene.tactile.pads.geoms, 0]
         assert np.ptp(heights) > 1e-5, "the surface is drawn as in GCS"
     np.testing.assert_allclose(drawn[0], GAIN, atol=0.02)
     assert np.abs(drawn[0] - drawn[1]).max() > 1e-5

@@ -83,7 +83,9 @@ def test_the_tasks_are_the_papers():
     [
         ({"peg_size": 0.0}, "peg_size must be positive"),
         ({"friction": float("nan")}, "friction must be positive"),
-        ({"grasp_offset": (-1e-3, 0.0)}, "grasp_offset must not be negative"),
+        ({"grasp_offset": (-1e-3, 0.0, 0.0)}, "grasp_offset must be three lengths"),
+        ({"grasp_offset": (1e-3, 0.0)}, "grasp_offset must be three lengths"),
+        ({"grasp_lean": -0.1}, "grasp_lean must not be negative"),
         ({"start": ((0.0, 0.0, 0.02), (0.0, 0.0, 0.01))}, "start must be"),
         ({"peg_length": 0.01}, "shallower"),
         ({"success_depth": 0.02}, "deeper than success_depth"),

@@ -1,9 +1,11 @@
 """Many native environments as one: each is what it is by itself, its episodes are as stable-baselines3 wants them."""
 
+import gymnasium
 import numpy as np
 import pytest
 from paxisim_insertion import InsertionEnv
 from paxisim_insertion.vec_env import InsertionVecEnv, stack_chains
+from paxisim_insertion.vector import InsertionVectorEnv
 
 import paxisim
 from paxisim import augment
@@ -90,3 +92,45 @@ def test_environments_of_another_engine():
         InsertionVecEnv([InsertionEnv("SX-2mm", "DT")])
     with pytest.raises(paxisim.InvalidValueError, match="without sensor="):
         made("SX-2mm", "DT", 1, terminate_on_success=True)
+
+
+def test_the_same_as_gymnasium_takes_them():
+    """Against gymnasium's own vector of single environments, over the end of an episode."""
+    many = gymnasium.make_vec("paxisim/SX-2mm-v0", num_envs=2, method="GCS", threads=2)
+    assert isinstance(many, InsertionVectorEnv)
+    own = gymnasium.make_vec(
+        "paxisim/SX-2mm-v0",
+        num_envs=2,
+        vectorization_mode="sync",
+        vector_kwargs={"autoreset_mode": gymnasium.vector.AutoresetMode.SAME_STEP},
+        method="GCS",
+        engine="native",
+    )
+    assert many.observation_space == own.observation_space
+    assert many.action_space == own.action_space
+    (found, told), (expected, _) = many.reset(seed=[3, 8]), own.reset(seed=[3, 8])
+    assert not told["is_success"].any()
+    rng = np.random.default_rng(1)
+    for _ in range(122):
+        for name, value in expected.items():
+            np.testing.assert_allclose(found[name], value, atol=1e-5, err_msg=name)
+        actions = rng.normal(0, 0.3, (2, 2)).astype(np.float32)
+        found, *rest, infos = many.step(actions)
+        expected, *own_rest, own_infos = own.step(actions)
+        for value, other in zip(rest, own_rest, strict=True):
+            np.testing.assert_allclose(value, other, rtol=1e-4)
+        assert ("final_obs" in infos) == ("final_obs" in own_infos)
+        if "final_obs" in infos:
+            for last, own_last in zip(infos["final_obs"], own_infos["final_obs"], strict=True):
+                np.testing.assert_allclose(last["tactile"], own_last["tactile"], atol=1e-5)
+            np.testing.assert_array_equal(infos["final_info"]["is_success"], own_infos["final_info"]["is_success"])
+        np.testing.assert_array_equal(infos["is_success"], own_infos["is_success"])
+    again, _ = many.reset(seed=3)
+    first, _ = own.reset(seed=[3, 4])
+    np.testing.assert_allclose(again["tactile"], first["tactile"], atol=1e-5)
+    many.close()
+    own.close()
+    with pytest.raises(paxisim.InvalidValueError, match="expected 2 seeds"):
+        many.reset(seed=[1])
+    with pytest.raises(paxisim.InvalidValueError, match="no render_mode"):
+        gymnasium.make_vec("paxisim/SX-2mm-v0", num_envs=1, render_mode="rgb_array")

@@ -1,0 +1,106 @@
+"""``python -m paxisim_insertion.pictures --policies integrations/policies``: learning curves, and the table."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import paxisim
+
+from .curve import read_curve
+from .results import IN_SIMULATION, TRANSFER, Result
+from .run import Run
+from .shell import command
+from .table import ABLATION_REAL, TABLE_2_REAL, TABLE_2_SIM, pooled, read_results
+from .tasks import TASKS
+
+
+def pictures(
+    *,
+    policies: Path | None = None,
+    results: Path | None = None,
+    out: Path = Path("."),
+    other_versions: bool = False,
+) -> None:
+    """Draw learning.png, a panel of learning curves for each task, and table.png, the paper's table beside ours.
+
+    Args:
+        policies: Folder of runs or of exported actors, for the curves. Default: no curves.
+        results: Folder of results, for the table. Default: those that come with the package, and those in ./results.
+        out: Folder of the pictures.
+        other_versions: Go on although the software's versions are not the runs'.
+    """
+    import matplotlib
+
+    matplotlib.use("Agg")
+    found = read_results(results)
+    out.mkdir(parents=True, exist_ok=True)
+    if policies is not None:
+        folders = sorted(path.parent for path in policies.glob("*/run.json"))
+        if not folders:
+            raise paxisim.InvalidValueError(f"{policies} has no folders of runs or of exported actors")
+        runs = [Run.open(folder, other_versions=other_versions) for folder in folders]
+        _save(draw_curves(runs), out / "learning.png")
+    _save(draw_table(found), out / "table.png")
+
+
+def draw_curves(runs: list[Run]) -> Any:
+    """A figure with a panel for each task and a line for each run, in its method's colour."""
+    from matplotlib.figure import Figure
+
+    figure = Figure((11, 6), layout="constrained")
+    axes = figure.subplots(2, 3, sharey=True).reshape(-1)
+    methods = list(dict.fromkeys([*TABLE_2_SIM, *ABLATION_REAL, *(run.name for run in runs)]))
+    for axis, task in zip(axes, TASKS, strict=True):
+        for run in (run for run in runs if run.task == task):
+            points = np.array(read_curve(run.folder)).reshape(-1, 2)
+            number = methods.index(run.name)
+            label = run.name if run.seed == 0 else None
+            axis.plot(points[:, 0] / 1e3, points[:, 1], color=f"C{number % 10}", lw=1.2, label=label)
+        axis.set(title=task, xlabel="steps (thousands)", ylim=(0, 1))
+        axis.grid(alpha=0.3)
+        if axis.get_legend_handles_labels()[1]:
+            axis.legend(fontsize=7)
+    for axis in axes[::3]:
+        axis.set_ylabel("success, last 100 episodes")
+    return figure
+
+
+def draw_table(found: list[Result]) -> Any:
+    """A figure of four tables of coloured cells: the paper's and ours, in simulation and on robot or surrogates."""
+    from matplotlib.figure import Figure
+
+    real = {**TABLE_2_REAL, **{name: rates for name, rates in ABLATION_REAL.items() if name not in TABLE_2_REAL}}
+    figure = Figure((13, 7), layout="constrained")
+    axes = figure.subplots(2, 2)
+    for row, paper, sensor, titles in (
+        (axes[0], TABLE_2_SIM, IN_SIMULATION, ("the paper, simulation", "ours, simulation")),
+        (axes[1], real, TRANSFER, ("the paper, real robot", "ours, transfer to surrogates")),
+    ):
+        ours = [[_share(*pooled(found, task, method, sensor)) for task in TASKS] for method in paper]
+        theirs = [[np.nan if rate is None else rate for rate in rates] for rates in paper.values()]
+        for axis, values, title in zip(row, (theirs, ours), titles, strict=True):
+            axis.imshow(values, vmin=0, vmax=1, cmap="RdYlGn", aspect="auto")
+            axis.set_xticks(range(len(TASKS)), list(TASKS))
+            axis.set_yticks(range(len(paper)), list(paper))
+            axis.set_title(title)
+            for (y, x), value in np.ndenumerate(np.array(values)):
+                if np.isfinite(value):
+                    axis.text(x, y, f"{value:.2f}", ha="center", va="center")
+    return figure
+
+
+def _share(good: int, trials: int) -> float:
+    return good / trials if trials else np.nan
+
+
+def _save(figure: Any, path: Path) -> None:
+    figure.savefig(path, dpi=90)
+    print(path)
+
+
+if __name__ == "__main__":
+    sys.exit(command(pictures))
