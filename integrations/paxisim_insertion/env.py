@@ -77,6 +77,7 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         sensor: paxisim.Chain | Callable[[paxisim.TaxelLayout], paxisim.Chain] | None = None,
         parameters: Parameters | None = None,
         gap: Gap | None = None,
+        ranges: paxisim.SceneRanges | None = None,
         terminate_on_success: bool = False,
         render_mode: str | None = None,
     ) -> None:
@@ -92,11 +93,14 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
                 for each episode; the surface stays flat. A function makes the chain for the pads' layout.
             parameters: What the paper leaves open.
             gap: How the robot differs from the simulated one, for an evaluation. Default: not at all.
+            ranges: What is drawn of friction, stiffness, mounts and surfaces for each episode, such as
+                ``paxisim.SceneRanges.around(diagnosis)``; with a sensor or a gap nothing is. Default: nothing.
             terminate_on_success: End the episode with the first success, as an evaluation may.
             render_mode: ``"rgb_array"`` or None.
 
         Raises:
             UnknownNameError: There is no such task, method or engine.
+            UnsupportedError: Ranges of a scene with another number of pads.
             InvalidValueError: Another render mode, or chains that do not fit the pads or need another covariate than
                 ``gripper_opening`` (m).
         """
@@ -112,6 +116,7 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         assert self.scene.tactile is not None
         self._tactile = self.scene.tactile
         self._layout, self._pads = self._tactile.pads.layout, len(self._tactile.pads)
+        self._variation = self._tactile.vary(ranges or paxisim.SceneRanges())
         if not (sensor is None or isinstance(sensor, paxisim.Chain)):
             sensor = sensor(self._layout)
         self.sensor: paxisim.Chain | None = sensor
@@ -196,6 +201,8 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         if surface is None or self.sensor is None:
             surface = draw.sample_surface(rng, layout=self._layout, pads=self._pads)
         chain = self.sensor or draw.sample(rng, layout=self._layout, pads=self._pads)
+        if self.sensor is None and self.gap is None:
+            surface = surface + self._variation.draw(rng).heights
         self.scene.place(bottom, grasp, surface)
         if self.gap is not None:
             drawn = self._drawn_gap = self.gap.draw(rng)

@@ -36,6 +36,10 @@ class ScenePads:
         PAD.gel.apply(model, pads)
         self._readout = paxisim.TactileReadout(model, pads)
 
+    def vary(self, ranges: paxisim.SceneRanges) -> paxisim.SceneVariation:
+        """What draws friction, stiffness and mounts of the pads within ranges."""
+        return ranges.vary(self._model, self.pads, PAD.gel)
+
     def set_surface(self, heights: NDArray[np.floating]) -> None:
         """Give the taxels new heights, ``(pads, rows, cols)`` m, as those of cubes; takes effect at the next step."""
         paxisim.set_surface(self._model, self.pads, heights + _BEHIND)

@@ -204,6 +204,8 @@ class InsertionScene(Scene, ManipulationEnv):
         mujoco.mju_quat2Vel(self._nominal_vector, quat, 1.0)
 
     def _find_pads(self) -> None:
+        if self.tactile is not None:  # a reset keeps the model, and what was drawn for its pads
+            return
         model, data = self.model_and_data
         gripper = self.robots[0].gripper["right"]
         if isinstance(gripper, TactileGripper):

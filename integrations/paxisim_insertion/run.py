@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import platform
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -77,6 +78,7 @@ class Run:
         parameters: What the paper leaves open.
         diagnosis: What was found of a sensor, whose model is drawn within its intervals for each episode, in place of
             what the method draws.
+        ranges: What it found in the scene, drawn for each episode, too.
 
     Raises:
         InvalidValueError: A number that is not positive.
@@ -98,6 +100,7 @@ class Run:
     temperature: float = 1.0
     parameters: Parameters = Parameters()  # noqa: RUF009 - frozen
     diagnosis: paxisim.diagnose.Diagnosis | None = None
+    ranges: paxisim.SceneRanges = paxisim.SceneRanges()  # noqa: RUF009 - frozen
 
     def __post_init__(self) -> None:
         """Check the values."""
@@ -160,10 +163,10 @@ class Run:
             made_with = found.pop("versions")
             values = found.pop("parameters")
             values = {key: _tuples(value) for key, value in values.items()}
-            told = found.pop("diagnosis", None)
+            told, drawn = found.pop("diagnosis", None), found.pop("ranges", {})
             found.setdefault("updates", 1 / found["envs"])  # of a run that is older than the choice
             diagnosis = None if told is None else paxisim.diagnose.Diagnosis.from_json(json.dumps(told))
-            run = cls(folder, parameters=Parameters(**values), diagnosis=diagnosis, **found)
+            run = cls(folder, parameters=Parameters(**values), diagnosis=diagnosis, ranges=_ranges(**drawn), **found)
         except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
             raise paxisim.InvalidValueError(f"{path} is not a run of this version: {error}") from error
         here = versions()
@@ -183,7 +186,9 @@ class Run:
 
     def insertion_env(self, **options: Any) -> InsertionEnv:
         """The run's environment as it is, with more options of `InsertionEnv`."""
-        return InsertionEnv(self.task, self.method, gcs=self.gcs, parameters=self.parameters, **options)
+        return InsertionEnv(
+            self.task, self.method, gcs=self.gcs, ranges=self.ranges, parameters=self.parameters, **options
+        )
 
     def make_env(self, index: int = 0) -> Env:
         """One of the run's environments, seeded; what it logs is not scaled."""
@@ -228,7 +233,14 @@ class Run:
     def _identity(self) -> dict[str, Any]:
         own = {name: getattr(self, name) for name in _FIELDS}
         found = None if self.diagnosis is None else json.loads(self.diagnosis.to_json())
-        return {**own, "parameters": asdict(self.parameters), "diagnosis": found}
+        return {**own, "parameters": asdict(self.parameters), "diagnosis": found, "ranges": asdict(self.ranges)}
+
+
+def _ranges(
+    parameters: Sequence[dict[str, Any]] = (), intervals: Sequence[Any] = (), pads: Sequence[str] = ()
+) -> paxisim.SceneRanges:
+    known = tuple(paxisim.SceneParameter(**item) for item in parameters)
+    return paxisim.SceneRanges(known, _tuples(list(intervals)), tuple(pads))
 
 
 def _tuples(value: Any) -> Any:

@@ -58,6 +58,10 @@ class PadsInScene(Protocol):
 
     pads: paxisim.Pads
 
+    def vary(self, ranges: paxisim.SceneRanges) -> paxisim.SceneVariation:
+        """What draws friction, stiffness and mounts of the pads within ranges."""
+        ...
+
     def set_surface(self, heights: NDArray[np.floating]) -> None:
         """Give the taxels new heights, ``(pads, rows, cols)`` m."""
 

@@ -70,8 +70,9 @@ def train(
         other_versions: Go on although the software's versions are not the run's.
         save_every: Seconds between two saved models; of what was experienced nothing is lost.
         buffer: Transitions in the replay buffer.
-        model: Folder of a diagnosis of a sensor, as paxisim diagnose writes it. Its model, drawn within its intervals,
-            takes the place of what the method draws for each episode.
+        model: Folder of a diagnosis, as paxisim diagnose writes it. Its model of the sensor, drawn within its
+            intervals, takes the place of what the method draws for each episode. What it found in the scene is drawn
+            as well.
         redraw: Draw GCS anew for each sample of the replay buffer too; the paper draws once an episode. A model with
             memory, such as creep, or that needs the gripper's opening is drawn once an episode in any case.
         parameters: What the paper leaves open.
@@ -100,6 +101,7 @@ def train(
             temperature=temperature,
             parameters=parameters,
             diagnosis=found,
+            ranges=paxisim.SceneRanges() if found is None else paxisim.SceneRanges.around(found),
         )
         run = replace(run, redraw=redraw and can_redraw(run.gcs))
         if found is not None:
@@ -135,7 +137,7 @@ def load_diagnosis(folder: Path) -> paxisim.diagnose.Diagnosis:
     if folder.is_file():
         raise paxisim.InvalidValueError(f"expected the folder of a diagnosis, got the file {folder}")
     found = paxisim.diagnose.Diagnosis.load(folder)
-    if not len(found.model):
+    if not len(found.model) and not found.scene_values:
         raise paxisim.InvalidValueError(
             f"the diagnosis in {folder} names no cause (its verdict is {found.verdict}), so there is no model to train "
             "on: leave out --model"

@@ -4,6 +4,7 @@ import dataclasses
 import json
 
 import gymnasium
+import mujoco
 import numpy as np
 import pytest
 from paxisim_insertion import InsertionEnv
@@ -15,6 +16,7 @@ from paxisim_insertion.shell import command
 from paxisim_insertion.train import train
 
 import paxisim
+from paxisim.scene import ready
 
 GAIN = np.array([1.0, 1.0, 0.8])
 
@@ -151,3 +153,57 @@ def test_what_is_no_model_is_said_in_one_line(diagnosed, tmp_path, capsys):
     assert "expected the folder of a diagnosis, got the file" in said(diagnosed / "model.json")
     assert "No such file" in said(tmp_path / "none")
     assert "does not fit a tensor of shape (2, 3, 6, 5)" in said(tmp_path / "wide")
+
+
+def found_in_scene(folder, found):
+    """A diagnosis that also found a friction, and where the second pad of a gripper sits; saved."""
+    scene = ready.gripper(paxisim.TaxelLayout(6, 5, (26.1e-3 / 6, 22.6e-3 / 5)), peg=True)
+    _, second = paxisim.find_pads(mujoco.MjModel.from_xml_string(scene.mjcf)).names
+    values = {"friction": 0.6, f"mount_offset_x_{second}": 1e-3}
+    own = [("friction", "1", (0.6, 0.5, 0.7)), (f"mount_offset_x_{second}", "mm", (1.0, 1.0, 1.0))]
+    causes = [
+        paxisim.diagnose.FoundCause(
+            name.split("_x")[0],
+            (paxisim.diagnose.FittedParameter(name, unit, paxisim.diagnose.Interval(*ends)),),
+            paxisim.diagnose.Interval(0.3),
+            (),
+            "seen",
+        )
+        for name, unit, ends in own
+    ]
+    scene = scene.with_parameters(**values)
+    dataclasses.replace(found, causes=(*found.causes, *causes), scene=scene, scene_values=values).save(folder)
+
+
+@pytest.mark.parametrize("engine", ["native", "robosuite"])
+def test_what_a_diagnosis_found_in_the_scene_is_drawn_for_each_episode(diagnosed, tmp_path, engine):
+    found_in_scene(tmp_path, paxisim.diagnose.Diagnosis.load(diagnosed))
+    ranges = paxisim.SceneRanges.around(paxisim.diagnose.Diagnosis.load(tmp_path))
+    env = InsertionEnv("SX-2mm", "DT", engine=engine, ranges=ranges)
+    model, _ = env.scene.model_and_data
+    pads = env.scene.tactile.pads
+    before = model.body_pos[pads.bodies].copy()
+    frictions = []
+    for seed in (0, 1, 0):
+        env.reset(seed=seed)
+        frictions.append(float(model.geom_friction[pads.geoms, 0].mean()))
+        moved = np.linalg.norm(model.body_pos[pads.bodies] - before, axis=1)
+        np.testing.assert_allclose(moved, [0.0, 1e-3], atol=1e-9)
+    assert min(frictions) >= 0.5
+    assert max(frictions) <= 0.7
+    assert frictions[0] == frictions[2] != frictions[1]
+    env.close()
+
+
+def test_a_training_keeps_what_was_found_in_the_scene_and_a_test_of_another_robot_has_none_of_it(diagnosed, tmp_path):
+    found_in_scene(tmp_path / "found", paxisim.diagnose.Diagnosis.load(diagnosed))
+    words = ["--envs", "1", "--buffer", "100", "--device", "cpu", "--steps", "3", "--out", str(tmp_path / "run")]
+    assert command(train, ["--model", str(tmp_path / "found"), *words]) == 0
+    run = Run.open(tmp_path / "run")
+    assert run.ranges == paxisim.SceneRanges.around(paxisim.diagnose.Diagnosis.load(tmp_path / "found"))
+    env = run.insertion_env(sensor=paxisim.Chain([]))
+    model, _ = env.scene.model_and_data
+    before = model.geom_friction.copy()
+    env.reset(seed=0)
+    np.testing.assert_array_equal(model.geom_friction, before)
+    env.close()

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from paxisim.errors import InvalidValueError, UnknownNameError, UnsupportedError
+from paxisim.errors import InvalidValueError, UnsupportedError
 from paxisim.models.gel import Gel
 from paxisim.models.pads import Pads
 from paxisim.scene.parameters import SceneParameter, height_map
@@ -38,6 +38,7 @@ class SceneRanges:
     Attributes:
         parameters: The parameters.
         intervals: ``(low, high)`` for each, in its SI unit.
+        pads: Names of the recorded scene's pads, in the order of a reading's ``pads`` axis.
 
     Raises:
         InvalidValueError: Bounds that are not finite or not in order.
@@ -45,6 +46,7 @@ class SceneRanges:
 
     parameters: tuple[SceneParameter, ...] = ()
     intervals: tuple[tuple[float, float], ...] = ()
+    pads: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Check the intervals."""
@@ -61,7 +63,11 @@ class SceneRanges:
         """
         if diagnosis.scene is None:
             return SceneRanges()
-        known = diagnosis.scene.parameters()
+        from paxisim.scene.parameters import parameters_of
+        from paxisim.scene.rig import build_rig
+
+        rig = build_rig(diagnosis.scene)
+        known = parameters_of(diagnosis.scene, rig)
         parameters, intervals = [], []
         for cause in diagnosis.causes:
             for fitted in cause.parameters:
@@ -70,7 +76,7 @@ class SceneRanges:
                     ends = (value.value if end is None else end for end in (value.low, value.high))
                     parameters.append(known[fitted.name])
                     intervals.append(tuple(si * end for end in ends))
-        return SceneRanges(tuple(parameters), tuple(intervals))
+        return SceneRanges(tuple(parameters), tuple(intervals), rig.pads.names)
 
     def sample(self, rng: np.random.Generator) -> dict[str, float]:
         """Values by name, each uniform over its range.
@@ -85,7 +91,8 @@ class SceneRanges:
         """Prepare a model whose pads are to be varied.
 
         Friction, stiffness, mounts and surfaces belong to the pads and are written into the model. What belongs to the
-        scene that was recorded, an object's size or pose and a drive's zero, is not; `SceneDraw.values` has it.
+        scene that was recorded, an object's size or pose, a drive's zero and the grip force, is not; `SceneDraw.values`
+        has it. Pads correspond by their place in a reading, whatever their names.
 
         Args:
             model: Any compiled model with pads; it is changed by each draw.
@@ -93,7 +100,8 @@ class SceneRanges:
             gel: Their gel; default: the default gel.
 
         Raises:
-            UnknownNameError: A range is of a pad that is not among them.
+            UnsupportedError: A range is of a mount or a surface, and the recorded scene has another number of pads or
+                taxels on no grid.
         """
         return SceneVariation(self, model, pads, gel or Gel())
 
@@ -126,8 +134,11 @@ class SceneVariation:
         self._position = model.body_pos[pads.bodies].copy()
         self._turn = model.body_quat[pads.bodies].copy()
         for item in ranges.parameters:
-            if item.group in ("mount_offset", "mount_tilt", "surface") and item.target not in pads.names:
-                raise UnknownNameError("pad of this model", item.target, pads.names)
+            if item.group in ("mount_offset", "mount_tilt", "surface") and len(pads) != len(ranges.pads):
+                raise UnsupportedError(
+                    f"{item.name} belongs to one of the {len(ranges.pads)} pads of the recorded scene, but this model "
+                    f"has {len(pads)}"
+                )
             if item.group == "surface" and not pads.layout.is_grid:
                 raise UnsupportedError(f"{item.name} is a height map of a grid of taxels, which these pads are not")
 
@@ -145,7 +156,7 @@ class SceneVariation:
         if any(item.group in ("friction", "gel_stiffness") for item in of):
             gel.apply(self._model, self._pads)
         heights = np.zeros((len(self._pads), self._pads.layout.rows, self._pads.layout.cols))
-        for number, pad in enumerate(self._pads.names):
+        for number, pad in enumerate(self.ranges.pads[: len(self._pads)]):
             own = {group: self._of_pad(of, pad, group) for group in ("mount_offset", "mount_tilt", "surface")}
             self._mount(number, own["mount_offset"], own["mount_tilt"])
             heights[number] = height_map(self._pads.layout, own["surface"])

@@ -16,7 +16,7 @@ LEFT, RIGHT = paxisim.find_pads(mujoco.MjModel.from_xml_string(GRIPPER.mjcf)).na
 
 def ranges(**ends):
     """Ranges of some parameters of the gripper."""
-    return paxisim.SceneRanges(tuple(KNOWN[name] for name in ends), tuple(ends.values()))
+    return paxisim.SceneRanges(tuple(KNOWN[name] for name in ends), tuple(ends.values()), (LEFT, RIGHT))
 
 
 def compiled(scene):
@@ -101,5 +101,5 @@ def test_bad_ranges_and_pads_that_are_not_there_are_named():
             ranges(friction=ends)
     one = ready.indenter(LAYOUT)
     model, pads = compiled(one)
-    with pytest.raises(paxisim.UnknownNameError, match=LEFT):
+    with pytest.raises(paxisim.UnsupportedError, match="one of the 2 pads of the recorded scene, but this model has 1"):
         ranges(**{f"mount_offset_x_{LEFT}": (0.0, 1e-3)}).vary(model, pads)
