@@ -93,8 +93,8 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
                 for each episode; the surface stays flat. A function makes the chain for the pads' layout.
             parameters: What the paper leaves open.
             gap: How the robot differs from the simulated one, for an evaluation. Default: not at all.
-            ranges: What is drawn of friction, stiffness, mounts and surfaces for each episode, such as
-                ``paxisim.SceneRanges.around(diagnosis)``; with a sensor or a gap nothing is. Default: nothing.
+            ranges: What is drawn of the pads' friction, stiffness, mounts and surfaces for each episode that has
+                neither sensor nor gap. Default: nothing.
             terminate_on_success: End the episode with the first success, as an evaluation may.
             render_mode: ``"rgb_array"`` or None.
 

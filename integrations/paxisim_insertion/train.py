@@ -85,7 +85,10 @@ def train(
         steps = run.steps if steps is None else steps
     else:
         steps = STEPS if steps is None else steps
-        found = None if model is None else load_diagnosis(model)
+        found, ranges = None, paxisim.SceneRanges()
+        if model is not None:
+            found = load_diagnosis(model)
+            ranges = paxisim.SceneRanges.around(found.scene, found.scene_intervals)
         run = Run(
             folder,
             task,
@@ -101,7 +104,7 @@ def train(
             temperature=temperature,
             parameters=parameters,
             diagnosis=found,
-            ranges=paxisim.SceneRanges() if found is None else paxisim.SceneRanges.around(found),
+            ranges=ranges,
         )
         run = replace(run, redraw=redraw and can_redraw(run.gcs))
         if found is not None:

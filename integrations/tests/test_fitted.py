@@ -4,7 +4,6 @@ import dataclasses
 import json
 
 import gymnasium
-import mujoco
 import numpy as np
 import pytest
 from paxisim_insertion import InsertionEnv
@@ -16,7 +15,6 @@ from paxisim_insertion.shell import command
 from paxisim_insertion.train import train
 
 import paxisim
-from paxisim.scene import ready
 
 GAIN = np.array([1.0, 1.0, 0.8])
 
@@ -157,10 +155,13 @@ def test_what_is_no_model_is_said_in_one_line(diagnosed, tmp_path, capsys):
 
 def found_in_scene(folder, found):
     """A diagnosis that also found a friction, and where the second pad of a gripper sits; saved."""
-    scene = ready.gripper(paxisim.TaxelLayout(6, 5, (26.1e-3 / 6, 22.6e-3 / 5)), peg=True)
-    _, second = paxisim.find_pads(mujoco.MjModel.from_xml_string(scene.mjcf)).names
-    values = {"friction": 0.6, f"mount_offset_x_{second}": 1e-3}
-    own = [("friction", "1", (0.6, 0.5, 0.7)), (f"mount_offset_x_{second}", "mm", (1.0, 1.0, 1.0))]
+    fingers = """<mujoco><worldbody><body name="fixed"/><body name="moves" pos="0 0 0.1"><joint name="z" type="slide"
+    axis="0 0 1"/><geom type="box" size="0.02 0.02 0.01" mass="0.1"/></body></worldbody></mujoco>"""
+    mounts = [paxisim.Mount("fixed", name="first"), paxisim.Mount("moves", (0.0, 0.0, 0.01), name="second")]
+    made = paxisim.attach(fingers, paxisim.TaxelLayout(6, 5, 4e-3), mounts)
+    scene = paxisim.Scene(made.to_xml(), (paxisim.Drive("z", joint="z", unit="m"),))
+    values = {"friction": 0.6, "mount_offset_x_second_pad": 1e-3}
+    own = [("friction", "1", (0.6, 0.5, 0.7)), ("mount_offset_x_second_pad", "mm", (1.0, 1.0, 1.0))]
     causes = [
         paxisim.diagnose.FoundCause(
             name.split("_x")[0],
@@ -178,7 +179,8 @@ def found_in_scene(folder, found):
 @pytest.mark.parametrize("engine", ["native", "robosuite"])
 def test_what_a_diagnosis_found_in_the_scene_is_drawn_for_each_episode(diagnosed, tmp_path, engine):
     found_in_scene(tmp_path, paxisim.diagnose.Diagnosis.load(diagnosed))
-    ranges = paxisim.SceneRanges.around(paxisim.diagnose.Diagnosis.load(tmp_path))
+    loaded = paxisim.diagnose.Diagnosis.load(tmp_path)
+    ranges = paxisim.SceneRanges.around(loaded.scene, loaded.scene_intervals)
     env = InsertionEnv("SX-2mm", "DT", engine=engine, ranges=ranges)
     model, _ = env.scene.model_and_data
     pads = env.scene.tactile.pads
@@ -200,7 +202,8 @@ def test_a_training_keeps_what_was_found_in_the_scene_and_a_test_of_another_robo
     words = ["--envs", "1", "--buffer", "100", "--device", "cpu", "--steps", "3", "--out", str(tmp_path / "run")]
     assert command(train, ["--model", str(tmp_path / "found"), *words]) == 0
     run = Run.open(tmp_path / "run")
-    assert run.ranges == paxisim.SceneRanges.around(paxisim.diagnose.Diagnosis.load(tmp_path / "found"))
+    loaded = paxisim.diagnose.Diagnosis.load(tmp_path / "found")
+    assert run.ranges == paxisim.SceneRanges.around(loaded.scene, loaded.scene_intervals)
     env = run.insertion_env(sensor=paxisim.Chain([]))
     model, _ = env.scene.model_and_data
     before = model.geom_friction.copy()

@@ -12,6 +12,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from paxisim.augment.chain import Chain
+from paxisim.diagnose.inside.responses import SHOWN
 from paxisim.diagnose.report.streams import Streams
 from paxisim.diagnose.report.text import text_of
 from paxisim.errors import InvalidValueError, MissingExtraError, PaxisimError
@@ -208,6 +209,19 @@ class Diagnosis:
     scene: Scene | None = field(default=None, repr=False, compare=False)
     scene_values: Mapping[str, float] = field(default_factory=dict)
     streams: Streams | None = field(default=None, repr=False, compare=False)
+
+    @property
+    def scene_intervals(self) -> dict[str, tuple[float, float]]:
+        """90 % intervals of the scene's numbers by name, in SI units, for `paxisim.SceneRanges.around`.
+
+        A number without an interval has its value at both ends.
+        """
+        found = {}
+        for parameter in (p for cause in self.causes for p in cause.parameters if p.name in self.scene_values):
+            value, times = parameter.value, next(t for unit, t in SHOWN.values() if unit == parameter.unit)
+            low, high = (value.value if end is None else end for end in (value.low, value.high))
+            found[parameter.name] = (low / times, high / times)
+        return found
 
     def to_json(self) -> str:
         """The diagnosis as JSON; non-finite numbers become null."""

@@ -11,15 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from paxisim.errors import InvalidValueError, UnsupportedError
+from paxisim.errors import InvalidValueError, UnknownNameError, UnsupportedError
 from paxisim.models.gel import Gel
 from paxisim.models.pads import Pads
 from paxisim.scene.parameters import SceneParameter, height_map
 
 if TYPE_CHECKING:
-    from paxisim.diagnose import Diagnosis
+    from paxisim.scene.scene import Scene
 
-_SI = {"mm": 1e-3, "deg": np.pi / 180, "1": 1.0}  # SI units in one of the units of a diagnosis
 _OF_PADS = ("friction", "gel_stiffness", "mount_offset", "mount_tilt", "surface")
 
 
@@ -29,7 +28,7 @@ class SceneRanges:
 
     Example:
         ```python
-        ranges = paxisim.SceneRanges.around(diagnosis)
+        ranges = paxisim.SceneRanges.around(diagnosis.scene, diagnosis.scene_intervals)
         variation = ranges.vary(model, pads, gel)  # once
         drawn = variation.draw(rng)  # for each episode
         paxisim.set_surface(model, pads, heights + drawn.heights)
@@ -55,28 +54,28 @@ class SceneRanges:
                 raise InvalidValueError(f"the range of {item.name} must be finite and in order, got {low!r}, {high!r}")
 
     @staticmethod
-    def around(diagnosis: Diagnosis) -> SceneRanges:
-        """The 90 % intervals of the scene parameters that a diagnosis found, or its values where there is no interval.
+    def around(scene: Scene | None, intervals: Mapping[str, tuple[float, float]]) -> SceneRanges:
+        """The ranges that a diagnosis leaves of the parameters that it found.
 
         Args:
-            diagnosis: Made with a scene. One that found nothing in it gives no ranges.
+            scene: The scene that it found, ``diagnosis.scene``; without one there are no ranges.
+            intervals: ``(low, high)`` by name, in SI units, as ``diagnosis.scene_intervals``.
+
+        Raises:
+            UnknownNameError: The scene has no such parameter.
         """
-        if diagnosis.scene is None:
-            return SceneRanges()
         from paxisim.scene.parameters import parameters_of
         from paxisim.scene.rig import build_rig
 
-        rig = build_rig(diagnosis.scene)
-        known = parameters_of(diagnosis.scene, rig)
-        parameters, intervals = [], []
-        for cause in diagnosis.causes:
-            for fitted in cause.parameters:
-                if fitted.name in known and fitted.name in diagnosis.scene_values:
-                    value, si = fitted.value, _SI[fitted.unit]
-                    ends = (value.value if end is None else end for end in (value.low, value.high))
-                    parameters.append(known[fitted.name])
-                    intervals.append(tuple(si * end for end in ends))
-        return SceneRanges(tuple(parameters), tuple(intervals), rig.pads.names)
+        if scene is None or not intervals:
+            return SceneRanges()
+        rig = build_rig(scene)
+        known = parameters_of(scene, rig)
+        unknown = next((name for name in intervals if name not in known), None)
+        if unknown is not None:
+            raise UnknownNameError("parameter of a scene", unknown, known)
+        ends = tuple((float(low), float(high)) for low, high in intervals.values())
+        return SceneRanges(tuple(known[name] for name in intervals), ends, rig.pads.names)
 
     def sample(self, rng: np.random.Generator) -> dict[str, float]:
         """Values by name, each uniform over its range.
