@@ -32,6 +32,7 @@ LEVELS = {
     "_lazy": 0,
     "errors": 0,
     "layout": 0,
+    "parallel": 0,
     "bump": 1,
     "sensors": 1,
     "logs": 1,

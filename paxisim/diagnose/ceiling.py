@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from paxisim.diagnose.each import each
 from paxisim.diagnose.problem import FloatArray, Problem
 from paxisim.errors import MissingExtraError
+from paxisim.parallel import parallel_map
 
 CHANNELS = 12  # per axis
 ROWS = 12_000  # training samples per axis
@@ -82,7 +82,7 @@ def _left(problem: Problem, inputs: FloatArray, wanted: FloatArray, seed: int, j
                     left[number] = np.sum((true - guess) ** 2) / np.sum(true**2)
 
     folds = [list(held) for _, held in KFold(min(FOLDS, count)).split(np.arange(count))] if count > 1 else [[0]]
-    each(judge, folds, jobs)
+    parallel_map(judge, folds, jobs)
     return left
 
 

@@ -12,7 +12,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from paxisim.augment.chain import Chain
-from paxisim.diagnose.inside.responses import SHOWN
+from paxisim.diagnose.inside.responses import in_si
 from paxisim.diagnose.report.streams import Streams
 from paxisim.diagnose.report.text import text_of
 from paxisim.errors import InvalidValueError, MissingExtraError, PaxisimError
@@ -39,6 +39,11 @@ class Interval:
     value: float
     low: float | None = None
     high: float | None = None
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Lower and upper end, or the estimate at both where there is no interval."""
+        return (self.value, self.value) if self.low is None or self.high is None else (self.low, self.high)
 
     def __str__(self) -> str:
         """``0.12 [0.10, 0.14]``."""
@@ -216,12 +221,8 @@ class Diagnosis:
 
         A number without an interval has its value at both ends.
         """
-        found = {}
-        for parameter in (p for cause in self.causes for p in cause.parameters if p.name in self.scene_values):
-            value, times = parameter.value, next(t for unit, t in SHOWN.values() if unit == parameter.unit)
-            low, high = (value.value if end is None else end for end in (value.low, value.high))
-            found[parameter.name] = (low / times, high / times)
-        return found
+        fitted = (p for cause in self.causes for p in cause.parameters)
+        return {p.name: in_si(p.unit, p.value.ends) for p in fitted if p.name in self.scene_values}
 
     def to_json(self) -> str:
         """The diagnosis as JSON; non-finite numbers become null."""

@@ -11,13 +11,13 @@ from paxisim import augment
 from paxisim.augment.transform import Transform
 from paxisim.diagnose.cause import Cause
 from paxisim.diagnose.causes import CAUSES
-from paxisim.diagnose.each import each
 from paxisim.diagnose.fitting import Fit, Part, with_curves
 from paxisim.diagnose.folds import Folds
 from paxisim.diagnose.model import Model, in_order
 from paxisim.diagnose.problem import FloatArray, Problem
 from paxisim.diagnose.reading import ReadOff, read_off
 from paxisim.diagnose.search import Evidence, Search
+from paxisim.parallel import parallel_map
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,7 +155,7 @@ def heldout_of(problem: Problem, folds: Folds, fit: Fit, jobs: int = 1) -> Float
         mine = fold == number
         out[mine] = predicted(problem, fit.causes, fit.folds[number], fit.constant)[mine]
 
-    each(fill, range(len(fit.folds)), jobs)
+    parallel_map(fill, range(len(fit.folds)), jobs)
     return out
 
 

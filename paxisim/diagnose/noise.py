@@ -36,10 +36,6 @@ class Tolerance:
     encoder: EncoderError | None = None
 
 
-REPLAYED = Tolerance(gain=0.02, time=0.003, place=0.04)
-"""What a replay in a scene may be off by: its time steps and the cubes or spheres of its pad are coarse."""
-
-
 def noise_of(
     measured: FloatArray,
     simulated: FloatArray,

@@ -21,7 +21,7 @@ from paxisim.diagnose.directions import Directions, directions_of
 from paxisim.diagnose.dither import dither_of
 from paxisim.diagnose.inside.deviations import Deviations
 from paxisim.diagnose.inside.responses import Responses
-from paxisim.diagnose.noise import REPLAYED, FloatArray, Tolerance, noise_of, step_of, tolerated
+from paxisim.diagnose.noise import FloatArray, Tolerance, noise_of, step_of, tolerated
 from paxisim.diagnose.pieces import Pieces, in_one_piece
 from paxisim.errors import InvalidValueError
 from paxisim.logs.aligned import episode_spans
@@ -402,9 +402,7 @@ class Problem:
 
     @cached_property
     def _deviations(self) -> Deviations | None:
-        if self.scene is None or not self.scene.of("object_pose") or len(self.episodes) < 2:
-            return None
-        return Deviations(self.scene, self.weight, self.episodes)
+        return None if self.scene is None else Deviations.of(self.scene, self.weight, self.episodes)
 
 
 def at_rest(simulated: FloatArray, peak: float) -> NDArray[np.bool_]:
@@ -429,12 +427,13 @@ def showing(gain: FloatArray) -> NDArray[np.bool_]:
     return np.abs(gain) > 1e-2 * np.abs(gain).max()
 
 
-def problem_of(recording: Recording, scene: Responses | None = None) -> Problem:
+def problem_of(recording: Recording, scene: Responses | None = None, tolerance: Tolerance | None = None) -> Problem:
     """A recording made ready.
 
     Args:
         recording: Both streams.
         scene: What changes of the scene do to the simulated one; None if the scene is not known.
+        tolerance: Errors that need no explanation.
 
     Raises:
         InvalidValueError: A stream is missing or holds NaN.
@@ -462,7 +461,7 @@ def problem_of(recording: Recording, scene: Responses | None = None) -> Problem:
         alive, step, 0.0, clips=bool(measured[:, :, 2].min() >= 0),
         least=min(float(simulated.min()), 0.0), phase=phase, peaks=_peaks_of(simulated, peak), directions=directions,
         calibrated="readout" in recording.metadata, aligned="clocks_aligned_by" in recording.metadata,
-        tolerance=replace(Tolerance() if scene is None else REPLAYED, encoder=EncoderError.told_by(recording)),
+        tolerance=replace(tolerance or Tolerance(), encoder=EncoderError.told_by(recording)),
         scene=scene,
     )  # fmt: skip
     return with_noise(problem)

@@ -52,7 +52,3 @@ class Rules:
     near_miss: float = 0.6
     explains: float = 0.2
     visible: float = 2.0
-
-
-IN_SCENE = Rules(contest=8)
-"""Where the scene is given, whose causes are candidates, too."""

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from paxisim.diagnose.cause import Cause, courses_of
-from paxisim.diagnose.each import each
 from paxisim.diagnose.fitting import Fit, Fitter
 from paxisim.diagnose.folds import Folds
 from paxisim.diagnose.problem import FloatArray, Problem
 from paxisim.diagnose.ranking import Ranking
 from paxisim.diagnose.rules import Rules
+from paxisim.parallel import parallel_map
 
 AFRESH = 2  # causes, from which on no fit is repeated from the causes' own starts
 SEARCHED, PREDICTS = 0.45, 0.8  # of the work, when the search and the predictions of held-out episodes are done
@@ -215,7 +215,7 @@ class Search:
         promised = {name: gain for gain, name in self.ranked(chosen)}
         begun = len(self._shown(chosen)) < AFRESH
         doubtful = [names for names in sets if begun and self._falls_short(chosen, names, promised)]
-        each(self._begun_afresh, doubtful, self._jobs)
+        parallel_map(self._begun_afresh, doubtful, self._jobs)
         better = [names for names in sets if self.objective(names) < self.objective(chosen)]
         kept = [names for names in better if all(self.evidence(names, n).kept for n in names if n not in chosen)]
         return next(iter(self._by_merit(kept)), chosen)
@@ -236,7 +236,7 @@ class Search:
         """Without the causes that fail the test, the weakest first."""
         while True:
             if exact:  # each is many fits
-                each(self.exact, [self.without(chosen, name) for name in self._shown(chosen)], self._jobs)
+                parallel_map(self.exact, [self.without(chosen, name) for name in self._shown(chosen)], self._jobs)
             failed = [e for n in self._shown(chosen) if not (e := self.evidence(chosen, n, exact)).kept]
             if not failed:
                 return chosen
@@ -273,7 +273,7 @@ class Search:
             self._fits[frozenset(names)] = again
 
     def _fit_all(self, sets: Sequence[tuple[str, ...]], start: Fit) -> None:
-        each(lambda names: self.fit(names, start), sets, self._jobs)
+        parallel_map(lambda names: self.fit(names, start), sets, self._jobs)
 
 
 def owned_constant(problem: Problem, fit: Fit) -> FloatArray:

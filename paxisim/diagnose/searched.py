@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-
-import numpy as np
+from dataclasses import dataclass
 
 from paxisim.diagnose.adequacy import left_over
 from paxisim.diagnose.advice import NOT_ASKED
@@ -17,21 +15,20 @@ from paxisim.diagnose.diagnosis import Diagnosis, Interval, LeftOver
 from paxisim.diagnose.explanation import Explanation, explanation_of
 from paxisim.diagnose.folds import effects, folds_of
 from paxisim.diagnose.heldout import SquaredErrors, affected_gains_of, explained_share, squares_of
+from paxisim.diagnose.inside.prepared import RULES, problem_with, with_frames
 from paxisim.diagnose.inside.responses import Responses
 from paxisim.diagnose.prepare import prepare
-from paxisim.diagnose.problem import Problem, problem_of
+from paxisim.diagnose.problem import Problem
 from paxisim.diagnose.reading import ReadOff, read_off
 from paxisim.diagnose.repeats import settled
 from paxisim.diagnose.report.unrelated import CLOCKS, unrelated
-from paxisim.diagnose.rules import IN_SCENE, Rules
+from paxisim.diagnose.rules import Rules
 from paxisim.diagnose.search import PREDICTS, Search
 from paxisim.diagnose.vocabulary import cause, known_causes
 from paxisim.recording import Recording
 from paxisim.scene.modes import hidden_by_replay
 
 CLEAR = 2.0  # times its limit, that left-over structure must reach to be clear
-FRAME = "frame of the replay"
-"""Covariate by which frames are known again after some were dropped."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +106,7 @@ def begin(
     """Check a recording and read off what needs no search; see `searched`."""
     tell("checking the recording", 0.0)
     if responses is not None:
-        recording = recording.with_covariate(FRAME, np.arange(len(recording)))
+        recording = with_frames(recording)
     recording, warnings = prepare(recording)
     match = correspondence_of(recording, replayed=responses is not None)
     if match.why:
@@ -118,22 +115,14 @@ def begin(
         recording, warnings = aligned(recording, match.shift), (*warnings, CLOCKS.format(match.shift))
 
     tell("reading layout, rounding and dead taxels", 0.02)
-    raw = _problem(recording, responses)
+    raw = problem_with(recording, responses)
     wanted, not_searched = wanted_of(raw, causes, hidden_by_replay(recording))
     off = read_off(raw, wanted)
     recording, unsettled, note = settled(recording, off.problem.alive)
     if unsettled:
-        raw = _problem(recording, responses)
+        raw = problem_with(recording, responses)
         off = read_off(raw, wanted)
     return Begun(recording, (*warnings, *note), unsettled, tuple(wanted), not_searched, raw, off)
-
-
-def _problem(recording: Recording, responses: Responses | None) -> Problem:
-    if responses is None:
-        return problem_of(recording)
-    frames = np.rint(recording.covariates[FRAME]).astype(np.intp)
-    others = {name: values for name, values in recording.covariates.items() if name != FRAME}
-    return problem_of(replace(recording, covariates=others), responses.select(frames))
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,7 +147,7 @@ def search_of(
     off: ReadOff, wanted: Sequence[Cause], jobs: int, tell: Callable[[str, float], None], rules: Rules | None = None
 ) -> Search:
     """The search for causes in what the checks have left."""
-    rules = rules or (Rules() if off.problem.scene is None else IN_SCENE)
+    rules = rules or (Rules() if off.problem.scene is None else RULES)
     known = (*CAUSES, MEAN_POSE, IMPRATIO)
     nuisances = [item for item in known if item.nuisance and item not in wanted and not item.barred(off.raw)]
     searched = [item for item in (*wanted, *nuisances) if item.read is None]

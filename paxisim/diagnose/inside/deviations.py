@@ -33,12 +33,17 @@ class Deviations:
             weight: ``(T, pads, 3, rows, cols)`` what a residual is multiplied by.
             episodes: The samples of each episode.
         """
-        slopes = [scene.slope(one) * SPREAD[one.parameter.unit] * weight for one in scene.of("object_pose")]
+        slopes = [scene.slope(one) * SPREAD[one.parameter.unit] * weight for one in scene.poses]
         self._columns = [np.stack([s[span].ravel() for s in slopes]) for span in episodes]
         self._episodes = tuple(episodes)
         eye = REMEMBERED * np.eye(len(slopes))
         self._inverses = np.linalg.inv(np.stack([own @ own.T + eye for own in self._columns]))
         self._common = np.linalg.inv(self._inverses.sum(axis=0))
+
+    @classmethod
+    def of(cls, scene: Responses, weight: FloatArray, episodes: Sequence[slice]) -> Deviations | None:
+        """The same, or None where there is no object, or but one episode."""
+        return cls(scene, weight, episodes) if scene.poses and len(episodes) > 1 else None
 
     def removed(self, residual: FloatArray) -> FloatArray:
         """``(T, pads, 3, rows, cols)`` a weighed residual without them."""

@@ -42,7 +42,7 @@ def fitted_poses(
         before: The poses so far.
     """
     assert problem.scene is not None
-    numbers = problem.scene.of("object_pose")
+    numbers = problem.scene.poses
     if not numbers:
         return {}
     thin = problem.thinned

@@ -16,6 +16,13 @@ FloatArray = NDArray[np.float64]
 SHOWN: Mapping[str, tuple[str, float]] = {"m": ("mm", 1e3), "rad": ("deg", degrees(1)), "1": ("1", 1.0)}
 """By SI unit the one in which numbers of a scene are fitted and reported, and how many of it one SI unit is."""
 
+
+def in_si(unit: str, values: tuple[float, float]) -> tuple[float, float]:
+    """Values in one of the units in which numbers of a scene are shown, in its SI unit."""
+    times = next(times for shown, times in SHOWN.values() if shown == unit)
+    return values[0] / times, values[1] / times
+
+
 SPREAD: Mapping[str, float] = {"m": 0.2e-3, "rad": radians(0.5)}
 """Standard deviation of a pose from one episode to another: that of a grasp on a stage or a gripper (ours)."""
 
@@ -59,6 +66,11 @@ class Responses:
     def of(self, group: str) -> list[Response]:
         """The numbers of a cause."""
         return [one for one in self.each if one.parameter.group == group]
+
+    @property
+    def poses(self) -> list[Response]:
+        """The numbers of the objects' poses."""
+        return self.of("object_pose")
 
     def change(self, group: str, values: Sequence[float]) -> FloatArray:
         """``(T, pads, 3, rows, cols)`` N, what a cause adds to the simulated stream.

@@ -1,4 +1,4 @@
-"""Each: a parallel map over threads."""
+"""A parallel map over threads."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ _Item = TypeVar("_Item")
 _Made = TypeVar("_Made")
 
 
-def each(work: Callable[[_Item], _Made], items: Iterable[_Item], jobs: int) -> list[_Made]:
+def parallel_map(work: Callable[[_Item], _Made], items: Iterable[_Item], jobs: int) -> list[_Made]:
     """The result of `work` for each item, in order, using up to `jobs` threads.
 
     Threads are sufficient because numpy releases the global interpreter lock while it computes. Items do not wait for
