@@ -86,7 +86,7 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         Args:
             task: Name of a task.
             method: Name of a method.
-            engine: What moves the hand: ``"robosuite"``, the reference, or ``"native"``, four to five times as fast.
+            engine: What moves the hand: ``"robosuite"``, the reference, or ``"native"``, about four times as fast.
             gcs: What is drawn for each episode, such as ``paxisim.GCS.around(diagnosis.model, diagnosis.intervals)``.
                 Default: what the method draws.
             sensor: A surrogate of a real sensor: the simulator's readings pass through it, in place of what is drawn
