@@ -8,17 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.diagnose.inside.poses import Poses
-from paxisim.diagnose.inside.responses import Response, Responses
+from paxisim.diagnose.inside.responses import Centre, Response, Responses
 from paxisim.errors import PaxisimError
 from paxisim.scene.parameters import SceneParameter
-from paxisim.scene.replays import Replays
+from paxisim.scene.replays import Replays, Values
 
 SCREENED = (-2.0, 2.0)
 """Steps from its nominal value at which each number is replayed before the search."""
 GLANCE, POSES = (1.0,), (-1.0, 1.0)
 """The same before the poses of single episodes are known, and of these poses."""
-NEAR = (-0.5, 0.0, 0.5)
-"""Steps from its fitted value, after it."""
+NEAR = (-0.5, 0.5)
+"""Steps from its fitted value, after it, the other numbers of its cause having theirs."""
 
 TOGETHER = 4
 """Numbers that are replayed at once: as many as keep the processes busy, and few enough to tell how far it is."""
@@ -45,6 +45,7 @@ class Study:
         self.poses: Poses = {}
         self.unstable: dict[str, str] = {}
         self._changes: dict[SceneParameter, dict[float, NDArray[np.float32]]] = {}
+        self._centres: dict[str, tuple[Values, NDArray[np.float32]]] = {}
 
     def glance(self, tell: Tell) -> None:
         """Replay the motion with each number moved a little, the objects' poses to either side."""
@@ -67,16 +68,18 @@ class Study:
             tell(f"replaying with another {some[0].name}", first / len(parameters))
             self._replay({item: [item.nominal + by * item.step for by in steps(item)] for item in some})
 
-    def _replay(self, wanted: Mapping[SceneParameter, list[float]]) -> None:
-        """Add replays at some values of numbers, one number at a time."""
+    def _replay(self, wanted: Mapping[SceneParameter, list[float]], centre: Values | None = None) -> None:
+        """Add replays at some values of numbers, one number at a time, from nominal values or from a centre."""
         clipped = {item: {float(np.clip(v, item.low, item.high)) for v in values} for item, values in wanted.items()}
-        pairs = [(item, value) for item, values in clipped.items() for value in sorted(values - {item.nominal})]
-        made = self.replays.run_sets([self._with_poses({item: value}) for item, value in pairs])
-        for (item, value), force in zip(pairs, made, strict=True):
+        middle = {item: item.nominal for item in wanted} | dict(centre or {})
+        pairs = [(item, v) for item, values in clipped.items() for v in sorted(values - {middle[item]})]
+        sets = [self._with_poses({**(centre or {}), item: value}) for item, value in pairs]
+        base = self.base if centre is None else self.replays.run_each(self._with_poses(centre))
+        for (item, value), force in zip(pairs, self.replays.run_sets(sets), strict=True):
             if isinstance(force, PaxisimError):
                 self.unstable[item.name] = f"the replay fails at {item.name} = {value:.4g}: {force}"
             else:
-                self._changes.setdefault(item, {})[value] = force - self.base
+                self._changes.setdefault(item, {})[value] = force - base
 
     def move(self, poses: Poses) -> None:
         """Take up poses of the objects.
@@ -93,26 +96,30 @@ class Study:
         Args:
             values: By name.
         """
-        wanted = {}
-        for name, value in values.items():
-            item = self.parameters[name]
-            around = [value + steps * item.step for steps in NEAR]
-            ends = min(*around, item.nominal), max(*around, item.nominal)
-            beyond = [item.nominal + steps * item.step for steps in (SCREENED[0], SCREENED[-1])]
-            wanted[item] = [*around, *(v for v in beyond if not ends[0] <= v <= ends[1])]
-            self._changes.pop(item, None)
-        self._replay(wanted)
+        for group in dict.fromkeys(self.parameters[name].group for name in values):
+            numbers = [item for item in self.parameters.values() if item.group == group and item.name in values]
+            centre = {item: float(np.clip(values[item.name], item.low, item.high)) for item in numbers}
+            self._centres[group] = centre, self.replays.run_each(self._with_poses(centre)) - self.base
+            for item in numbers:
+                self._changes.pop(item, None)
+            self._replay({item: [value + by * item.step for by in NEAR] for item, value in centre.items()}, centre)
 
     def responses(self) -> Responses:
         """What the numbers do."""
-        each = []
+        each, middles = [], {item: v for own, _ in self._centres.values() for item, v in own.items()}
         for item in self.parameters.values():
             known = self._changes.get(item)
             if known and item.name not in self.unstable:
-                values = sorted(known)
-                each.append(Response(item, np.array(values), np.stack([known[v] for v in values])))
+                at = sorted(known)
+                middle = middles.get(item, item.nominal)
+                each.append(Response(item, middle, np.array(at), np.stack([known[v] for v in at])))
+        kept = {one.parameter for one in each}
+        centres = {
+            group: Centre(np.array([v for item, v in own.items() if item in kept]), change)
+            for group, (own, change) in self._centres.items()
+        }
         failed = frozenset(self.parameters[name].group for name in self.unstable)
-        return Responses(tuple(each), np.arange(len(self.base)), failed)
+        return Responses(tuple(each), np.arange(len(self.base)), centres, failed)
 
     def fitted(self, values: Mapping[str, float]) -> NDArray[np.float32]:
         """``(T, pads, 3, rows, cols)`` N, the scene with the fitted values, all at once.
