@@ -18,8 +18,9 @@ from paxisim.scene.parameters import Group
 
 FIRST = -10.0
 """Place in the chain: before all that a sensor does."""
-MISFIT = 0.02
-"""Share of a scene cause's gain that its form may leave: a real object and a real gel are not those of a scene."""
+MISFIT = 0.1
+"""Share of a scene cause's effect that its form may leave: a real object and a real gel are not those of a scene, and
+between the replays its effect is straight."""
 _UNSEEN = "no replay shows what it does: see the warnings"
 _MISSING = {
     "grip_force": "in this mode the scene follows positions, whatever force that takes",
