@@ -46,7 +46,8 @@ def fit(recording: paxisim.Recording, scene: paxisim.Scene, replays: Path) -> Fi
     recording = replay.paired([replay.run(number) for number in replay.episodes])
     with Replays(scene, recording, folder=replays) as made:
         study = Study(made)
-        study.screen(lambda stage, share: None)
+        study.glance(lambda stage, share: None)  # the poses
+        study.screen(lambda stage, share: None)  # all others
         responses = study.responses().select(np.arange(0, len(recording), EVERY))
     assert recording.measured is not None
     lacking = (recording.measured - study.base)[::EVERY].astype(np.float64)
