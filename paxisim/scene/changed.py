@@ -92,12 +92,14 @@ def _model(scene: Scene, values: Values) -> str:
 def _mount(spec: mujoco.MjSpec, model: mujoco.MjModel, pad: str, group: str, vector: list[float]) -> None:
     """Move or turn a pad's body, by a vector in the pad's own frame."""
     body = spec.body(pad)
-    turn = _of_frames(body).inv() * _rotation(model.body_quat[model.body(pad).id])  # what the spec has is within frames
+    turn = _of_frames(body).inv() * rotation_of(
+        model.body_quat[model.body(pad).id]
+    )  # what the spec has is within frames
     if group == "mount_offset":
         body.pos = body.pos + turn.apply(vector)
     else:
         body.alt.type = _QUATERNION
-        body.quat = _quaternion(turn * Rotation.from_rotvec(vector))
+        body.quat = quaternion_of(turn * Rotation.from_rotvec(vector))
 
 
 def _bump(spec: mujoco.MjSpec, model: mujoco.MjModel, pads: Pads, pad: str, heights: Mapping[int, float]) -> None:
@@ -108,7 +110,7 @@ def _bump(spec: mujoco.MjSpec, model: mujoco.MjModel, pads: Pads, pad: str, heig
     half_more = np.maximum(more.ravel() / 2, -0.9 * half)  # a taxel does not vanish
     for number, now, added in zip(geoms, half, half_more, strict=True):
         geom = spec.geom(model.geom(int(number)).name)
-        inward = _rotation(model.geom_quat[number]).as_matrix()[:, 2]
+        inward = rotation_of(model.geom_quat[number]).as_matrix()[:, 2]
         geom.pos = model.geom_pos[number] - inward * added
         place = 0 if geom.type == mujoco.mjtGeom.mjGEOM_SPHERE else 2
         geom.size = np.where(np.arange(3) == place, now + added, model.geom_size[number])
@@ -152,7 +154,7 @@ def _place(spec: mujoco.MjSpec, model: mujoco.MjModel, name: str, pose: list[flo
     body = spec.body(name)
     _keep_inertia(body, model)
     turn = Rotation.from_rotvec(pose[3:])
-    frame = body.add_frame(pos=pose[:3], quat=_quaternion(turn))
+    frame = body.add_frame(pos=pose[:3], quat=quaternion_of(turn))
     for part in [*body.frames, *body.geoms, *body.bodies, *body.sites]:
         if part.frame is None and part != frame:
             part.set_frame(frame)
@@ -162,13 +164,15 @@ def _of_frames(body: mujoco.MjsBody) -> Rotation:
     """How the frames that a body is defined in are turned."""
     turn, frame = Rotation.identity(), body.frame
     while frame is not None:
-        turn, frame = _rotation(frame.quat) * turn, frame.frame
+        turn, frame = rotation_of(frame.quat) * turn, frame.frame
     return turn
 
 
-def _rotation(quat: np.ndarray) -> Rotation:
+def rotation_of(quat: np.ndarray) -> Rotation:
+    """The rotation of a quaternion as MuJoCo has it, w first."""
     return Rotation.from_quat(np.roll(quat, -1))
 
 
-def _quaternion(turn: Rotation) -> np.ndarray:
+def quaternion_of(turn: Rotation) -> np.ndarray:
+    """``(4,)`` the quaternion of a rotation as MuJoCo has it, w first."""
     return np.roll(turn.as_quat(), 1)

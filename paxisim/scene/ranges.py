@@ -14,7 +14,9 @@ from scipy.spatial.transform import Rotation
 from paxisim.errors import InvalidValueError, UnknownNameError, UnsupportedError
 from paxisim.models.gel import Gel
 from paxisim.models.pads import Pads
-from paxisim.scene.parameters import SceneParameter, height_map
+from paxisim.scene.changed import quaternion_of, rotation_of
+from paxisim.scene.parameters import SceneParameter, height_map, parameters_of
+from paxisim.scene.rig import build_rig
 
 if TYPE_CHECKING:
     from paxisim.scene.scene import Scene
@@ -64,9 +66,6 @@ class SceneRanges:
         Raises:
             UnknownNameError: The scene has no such parameter.
         """
-        from paxisim.scene.parameters import parameters_of
-        from paxisim.scene.rig import build_rig
-
         if scene is None or not intervals:
             return SceneRanges()
         rig = build_rig(scene)
@@ -168,7 +167,7 @@ class SceneVariation:
         """Move and turn a pad in its own frame, from where the model had it."""
         if not offset and not tilt:
             return
-        body, turn = self._pads.bodies[number], Rotation.from_quat(np.roll(self._turn[number], -1))
+        body, turn = self._pads.bodies[number], rotation_of(self._turn[number])
         self._model.body_pos[body] = self._position[number] + turn.apply([offset.get(0, 0.0), offset.get(1, 0.0), 0.0])
         turned = turn * Rotation.from_rotvec([tilt.get(0, 0.0), tilt.get(1, 0.0), 0.0])
-        self._model.body_quat[body] = np.roll(turned.as_quat(), 1)
+        self._model.body_quat[body] = quaternion_of(turned)

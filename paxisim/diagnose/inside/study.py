@@ -49,24 +49,22 @@ class Study:
 
     def glance(self, tell: Tell) -> None:
         """Replay the motion with each number moved a little, the objects' poses to either side."""
-        self._screen(
-            list(self.parameters.values()), lambda item: POSES if item.group == "object_pose" else GLANCE, tell
-        )
+        poses = {item: POSES for item in self.parameters.values() if item.group == "object_pose"}
+        self._screen(dict.fromkeys(self.parameters.values(), GLANCE) | poses, tell)
 
     def screen(self, tell: Tell) -> None:
         """Replay it with each number but poses moved to either side, in the place of earlier replays."""
         others = [item for item in self.parameters.values() if item.group != "object_pose"]
         for item in others:
             self._changes.pop(item, None)
-        self._screen(others, lambda item: SCREENED, tell)
+        self._screen(dict.fromkeys(others, SCREENED), tell)
 
-    def _screen(
-        self, parameters: Sequence[SceneParameter], steps: Callable[[SceneParameter], Sequence[float]], tell: Tell
-    ) -> None:
+    def _screen(self, steps: Mapping[SceneParameter, Sequence[float]], tell: Tell) -> None:
+        parameters = list(steps)
         for first in range(0, len(parameters), TOGETHER):
             some = parameters[first : first + TOGETHER]
             tell(f"replaying with another {some[0].name}", first / len(parameters))
-            self._replay({item: [item.nominal + by * item.step for by in steps(item)] for item in some})
+            self._replay({item: [item.nominal + by * item.step for by in steps[item]] for item in some})
 
     def _replay(self, wanted: Mapping[SceneParameter, list[float]], centre: Values | None = None) -> None:
         """Add replays at some values of numbers, one number at a time, from nominal values or from a centre."""
