@@ -16,10 +16,10 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy
 import json
 import sys
 import time
+import traceback
 import warnings
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
-from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Literal
@@ -131,7 +131,12 @@ def main(
     done = {(one.cause, one.beside, one.seed) for one in outcomes}
     left = [task for task in tasks if task not in done]
     with ProcessPoolExecutor(jobs) as pool, out.open("a") as file:
-        for one in pool.map(partial(solve, sensor=sensor, replays=replays), left):
+        running = {pool.submit(solve, task, sensor, replays): task for task in left}
+        for future in as_completed(running):
+            if future.exception() is not None:  # the others go on, and the next run tries this one again
+                print(f"{running[future]} failed:", *traceback.format_exception(future.exception()), flush=True)
+                continue
+            one = future.result()
             file.write(json.dumps(asdict(one)) + "\n")
             file.flush()
             outcomes.append(one)

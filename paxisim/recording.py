@@ -10,11 +10,12 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from paxisim._renamed import warn_renamed
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
-from paxisim.logs.aligned import Aligned, CountsToForce, Method, episode_starts, rate_of, unit_of
 from paxisim.logs.checks import check_fields
 from paxisim.logs.concatenate import concatenate
+from paxisim.logs.recording_arrays import CountsToForce, Method, RecordingArrays, episode_starts, rate_of, unit_of
 from paxisim.logs.retime import at_rate, at_times_of
 from paxisim.logs.select import select, take
 
@@ -54,7 +55,7 @@ class Recording:
 
     def __post_init__(self) -> None:
         """Convert the arrays, check that they fit each other and fill in the defaults."""
-        for name, value in vars(check_fields(self.to_aligned())).items():
+        for name, value in vars(check_fields(self.to_arrays())).items():
             object.__setattr__(self, name, value)
 
     def _starts(self) -> NDArray[np.intp]:
@@ -118,7 +119,7 @@ class Recording:
                 )
             samples = array
         try:
-            taken = take(self.to_aligned(), samples)
+            taken = take(self.to_arrays(), samples)
         except IndexError as error:
             raise InvalidValueError(f"no such samples in a recording of {len(self)}: {error}") from error
         if not len(taken.time):
@@ -152,7 +153,7 @@ class Recording:
             InvalidValueError: There is no such episode, no pad is named, a pad is named twice, or no sample is left.
             UnknownNameError: There is no such pad or covariate.
         """
-        return Recording(**vars(select(self.to_aligned(), episodes, pads, covariates, known)))
+        return Recording(**vars(select(self.to_arrays(), episodes, pads, covariates, known)))
 
     def with_simulated(self, simulated: NDArray[np.floating], **metadata: Any) -> Recording:
         """The recording with another simulated tensor; nothing else is copied.
@@ -190,7 +191,7 @@ class Recording:
                 `time` for a recording of several episodes whose clocks each start anew.
         """
         if time is not None:
-            values = at_times_of(self.to_aligned(), name, values, time, align, max_gap)
+            values = at_times_of(self.to_arrays(), name, values, time, align, max_gap)
         return replace(self, covariates={**self.covariates, name: values})
 
     def pool(self, rows: int, cols: int) -> Recording:
@@ -223,7 +224,7 @@ class Recording:
             InvalidValueError: A rate that is not above 0, or no such method.
             UnknownNameError: `align` names a stream that is not there.
         """
-        return Recording(**vars(at_rate(self.to_aligned(), rate, align, max_gap)))
+        return Recording(**vars(at_rate(self.to_arrays(), rate, align, max_gap)))
 
     @classmethod
     def concatenate(cls, recordings: Iterable[Recording]) -> Recording:
@@ -238,7 +239,7 @@ class Recording:
         Raises:
             InvalidValueError: There is none, or they differ; the message says in what.
         """
-        parts = [part.to_aligned() for part in recordings]
+        parts = [part.to_arrays() for part in recordings]
         if not parts:
             raise InvalidValueError("there is nothing to concatenate: expected at least one recording")
         return cls(**vars(concatenate(parts)))
@@ -288,13 +289,13 @@ class Recording:
             MissingExtraError: What reads such a file is not installed.
             FileNotFoundError: There is no such file.
         """
-        from paxisim.logs.load import load_aligned
+        from paxisim.logs.load import load_arrays
 
         if missing not in ("nan", "drop"):
             raise InvalidValueError(f"missing must be 'nan' or 'drop', got {missing!r}")
         wanted = None if pads is None else (pads,) if isinstance(pads, str) else tuple(pads)
         others = [streams] if isinstance(streams, (str, Path)) else streams
-        found = load_aligned(
+        found = load_arrays(
             Path(path),
             align=align,
             max_gap=max_gap,
@@ -318,10 +319,15 @@ class Recording:
             InvalidValueError: Another suffix, no such folder, metadata that JSON cannot hold, an infinite value.
             OSError: The file cannot be written.
         """
-        from paxisim.logs.load import save_aligned
+        from paxisim.logs.load import save_arrays
 
-        save_aligned(Path(path), self.to_aligned())
+        save_arrays(Path(path), self.to_arrays())
 
-    def to_aligned(self) -> Aligned:
+    def to_arrays(self) -> RecordingArrays:
         """The bare arrays, as `paxisim.logs` takes them; nothing is copied."""
-        return Aligned(**vars(self))
+        return RecordingArrays(**vars(self))
+
+    def to_aligned(self) -> RecordingArrays:
+        """Old name of `to_arrays`."""
+        warn_renamed("Recording.to_aligned", "Recording.to_arrays")
+        return self.to_arrays()

@@ -29,8 +29,9 @@ HEAVY = OPTIONAL | {"mujoco", "numpy", "scipy", "lxml", "tyro", "mcap", "orjson"
 
 # imports run one way, towards the lower number; parts with the same number do not import one another
 LEVELS = {
-    "_lazy": 0,
+    "_renamed": 0,
     "errors": 0,
+    "files": 0.5,
     "layout": 0,
     "parallel": 0,
     "bump": 1,
@@ -50,7 +51,7 @@ LEVELS = {
     "cli": 4,
     "__main__": 5,
 }
-ANYWHERE = {"errors", "_version"}
+ANYWHERE = {"errors", "_version", "_renamed"}
 
 
 def modules_after(code: str) -> set[str]:

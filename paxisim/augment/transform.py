@@ -23,7 +23,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from paxisim.augment.parameter import (
+from paxisim._renamed import warn_renamed
+from paxisim.augment.parameter_spec import (
     AXES,
     Parameter,
     as_like,
@@ -46,7 +47,8 @@ STAGES = ("gel", "magnets", "electronics", "firmware")
 class Transform:
     """Base of the transforms; see the module's text for the shapes and the three ways to apply one.
 
-    Subclasses are frozen dataclasses. Those without memory implement `apply`, those with one derive from `Memory`.
+    Subclasses are frozen dataclasses. Stateless ones implement `apply`; those with a state derive from
+    `StatefulTransform`.
 
     Attributes:
         stage: Where in the physical chain it belongs, one of `STAGES`.
@@ -198,7 +200,7 @@ class Transform:
 
         return tuple(choose(new, old) for new, old in zip(self.initial_state(x, covariates), state, strict=True))
 
-    def fit(self, name: str, x: Any) -> Any:
+    def broadcast_parameter(self, name: str, x: Any) -> Any:
         """Parameter `name` as an array that broadcasts against frame `x`.
 
         Raises:
@@ -213,7 +215,7 @@ class Transform:
             )
         return lifted
 
-    def fit_covariate(self, name: str, covariates: Covariates, x: Any) -> Any:
+    def broadcast_covariate(self, name: str, covariates: Covariates, x: Any) -> Any:
         """Covariate `name` as an array that broadcasts against frame `x`.
 
         Args:
@@ -235,6 +237,16 @@ class Transform:
                 f"tensor of shape {tuple(x.shape)}"
             )
         return lifted
+
+    def fit(self, name: str, x: Any) -> Any:
+        """Old name of `broadcast_parameter`."""
+        warn_renamed("Transform.fit", "Transform.broadcast_parameter")
+        return self.broadcast_parameter(name, x)
+
+    def fit_covariate(self, name: str, covariates: Covariates, x: Any) -> Any:
+        """Old name of `broadcast_covariate`."""
+        warn_renamed("Transform.fit_covariate", "Transform.broadcast_covariate")
+        return self.broadcast_covariate(name, covariates, x)
 
     def _covariate(self, name: str, covariates: Covariates) -> Any:
         """The values of a covariate, or of one number of it; None if there is none."""
@@ -273,7 +285,7 @@ class Transform:
 _DT = Parameter(unit="s", low=0.0)
 
 
-class Memory(Transform):
+class StatefulTransform(Transform):
     """Base of the transforms with memory: they implement `initial_state` and `advance`.
 
     A frame that goes into a state is to be copied with `keep`.

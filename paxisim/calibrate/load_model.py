@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from paxisim.calibrate.fit import blocks_of, least_ridge
 from paxisim.calibrate.lagged import MOST, Array, block_sums
+from paxisim.calibrate.linear import LinearCalibration
 from paxisim.calibrate.loads import Load, values_of
-from paxisim.calibrate.readout import Readout
 from paxisim.errors import InvalidValueError
 from paxisim.recording import Recording
 
@@ -20,7 +20,7 @@ MOST_SQUARED = 48
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LoadModel:
-    """Estimates the load from all channels at once, where a `Readout` gives one estimate for each channel.
+    """Estimates the load from all channels at once, where a `LinearCalibration` gives one estimate for each channel.
 
     Attributes:
         loads: The components of the load.
@@ -62,7 +62,7 @@ class LoadModel:
         return "\n".join(lines)
 
 
-def fit_load_model(recording: Recording, readout: Readout, *, quadratic: bool = False) -> LoadModel:
+def fit_load_model(recording: Recording, readout: LinearCalibration, *, quadratic: bool = False) -> LoadModel:
     """Fit the load to all channels that a readout uses; the regularisation is chosen on held-out presses.
 
     Args:

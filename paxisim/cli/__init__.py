@@ -18,6 +18,7 @@ from paxisim.cli.attach import attach
 from paxisim.cli.calibrate import calibrate
 from paxisim.cli.convert import convert
 from paxisim.cli.demo import demo
+from paxisim.cli.device import device_check, device_profiles, device_quality
 from paxisim.cli.diagnose import diagnose
 from paxisim.cli.emulate import emulate
 from paxisim.cli.example import example
@@ -30,7 +31,6 @@ from paxisim.cli.protocol import protocol
 from paxisim.cli.record import record
 from paxisim.cli.replay import replay
 from paxisim.cli.scene import scene_init, scene_make
-from paxisim.cli.sensor import sensor_check, sensor_profiles, sensor_quality
 from paxisim.cli.sensors import sensors
 from paxisim.cli.view import view
 from paxisim.errors import PaxisimError
@@ -55,11 +55,12 @@ VERBS = {
 # verbs that are followed by another
 GROUPS = {
     "scene": ({"init": scene_init, "make": scene_make}, "Write the scene of a recording, or a ready-made one."),
-    "sensor": (
-        {"check": sensor_check, "quality": sensor_quality, "profiles": sensor_profiles},
+    "device": (
+        {"check": device_check, "quality": device_quality, "profiles": device_profiles},
         "Check a real sensor, measure its quality, list profiles.",
     ),
 }
+OLD_VERBS = {"sensor": "device"}  # old names, which work for one release
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -102,6 +103,10 @@ def parse(arguments: list[str] | None) -> Callable[[], None]:
         SystemExit: Help was asked for and given (0), or the words do not parse (a sentence that says why).
     """
     words = sys.argv[1:] if arguments is None else arguments
+    if words and words[0] in OLD_VERBS:
+        old, new = words[0], OLD_VERBS[words[0]]
+        warnings.warn(f"`paxisim {old}` is now `paxisim {new}`; the old verb goes with the next release", stacklevel=2)
+        words = [new, *words[1:]]
     said, helped = io.StringIO(), io.StringIO()
     try:
         with contextlib.redirect_stderr(said), contextlib.redirect_stdout(helped):

@@ -12,41 +12,14 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from paxisim._lazy import lazy
+import lazy_loader
 
 if TYPE_CHECKING:
-    from paxisim.diagnose.cause import Cause as Cause
-    from paxisim.diagnose.cause import Free as Free
-    from paxisim.diagnose.diagnosis import Diagnosis as Diagnosis
-    from paxisim.diagnose.diagnosis import FittedParameter as FittedParameter
-    from paxisim.diagnose.diagnosis import FoundCause as FoundCause
-    from paxisim.diagnose.diagnosis import HeldOut as HeldOut
-    from paxisim.diagnose.diagnosis import Interval as Interval
-    from paxisim.diagnose.diagnosis import LeftOver as LeftOver
-    from paxisim.diagnose.diagnosis import Place as Place
-    from paxisim.diagnose.diagnosis import Symptoms as Symptoms
-    from paxisim.diagnose.run import diagnose as diagnose
-    from paxisim.diagnose.vocabulary import known_causes as known_causes
-    from paxisim.diagnose.vocabulary import register_cause as register_cause
+    from paxisim.diagnose.diagnosis import Diagnosis
     from paxisim.recording import Recording
     from paxisim.scene.scene import Scene
 
-_HOMES = {
-    "paxisim.diagnose.cause": ("Cause", "Free"),
-    "paxisim.diagnose.vocabulary": ("known_causes", "register_cause"),
-    "paxisim.diagnose.diagnosis": (
-        "Diagnosis",
-        "FittedParameter",
-        "FoundCause",
-        "HeldOut",
-        "Interval",
-        "LeftOver",
-        "Place",
-        "Symptoms",
-    ),
-    "paxisim.diagnose.run": ("diagnose",),
-}
-__getattr__, __dir__, __all__ = lazy(__name__, _HOMES)
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
 
 class _Callable(ModuleType):

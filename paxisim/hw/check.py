@@ -1,4 +1,4 @@
-"""The logic of ``paxisim sensor check``: from presses at known places to the profile that explains them.
+"""The logic of ``paxisim device check``: from presses at known places to the profile that explains them.
 
 `check_steps` says what to ask of the user, `feel` judges what was recorded during one step, `conclude` compares all
 steps with the profile and corrects it. Nothing here reads a terminal or a device: force comes in as arrays

@@ -10,12 +10,12 @@ from collections.abc import Callable, Iterator, Sequence
 from types import TracebackType
 
 from paxisim.errors import DeviceError, DeviceTimeoutError, InvalidValueError
-from paxisim.hw.align import Aligner
 from paxisim.hw.board import Board
 from paxisim.hw.calibrated import SensorCalibration
 from paxisim.hw.clock import Clock, SystemClock
 from paxisim.hw.families import board_class, open_port
 from paxisim.hw.frame import Frame
+from paxisim.hw.frame_joiner import FrameJoiner
 from paxisim.hw.frame_queue import FrameQueue
 from paxisim.hw.profile import Profile, as_profile
 from paxisim.hw.reader import Reader
@@ -98,7 +98,7 @@ class TactileSensor:
     One that nobody holds any more is closed as a file is, with a ResourceWarning. Do not rely on it: a traceback or the
     output of a notebook may hold it still, and with it the port.
 
-    Several ports make one tensor: see `paxisim.hw.align.Aligner` for which frames go together.
+    Several ports make one tensor: see `paxisim.hw.frame_joiner.FrameJoiner` for which frames go together.
 
     Attributes:
         profile: Which part it is, and how its bytes become the tensor.
@@ -122,8 +122,8 @@ class TactileSensor:
         names = [slot.name for slot in profile.slots]
         self.pads = tuple(names if len(ports) == 1 else (f"{name}{i}" for i in range(len(ports)) for name in names))
         self._queue = FrameQueue(queue)
-        self._aligner = Aligner(len(ports))
-        self._aligning = threading.Lock()
+        self._joiner = FrameJoiner(len(ports))
+        self._joining = threading.Lock()
         self._closed = False
         self._has_warned = False
         self._readers = [
@@ -222,8 +222,8 @@ class TactileSensor:
         self._check_open()
         for done in [reader.zero(software) for reader in self._readers]:
             done.result()
-        with self._aligning:
-            self._aligner.clear()
+        with self._joining:
+            self._joiner.clear()
             self._queue.clear()
         self._has_warned = False
 
@@ -288,13 +288,13 @@ class TactileSensor:
 
     def _sink(self, port: int) -> Callable[[Frame], None]:
         """Where the frames of that port go."""
-        queue, aligner, aligning = self._queue, self._aligner, self._aligning
+        queue, joiner, joining = self._queue, self._joiner, self._joining
         if len(self.ports) == 1:
             return queue.put
 
         def put(frame: Frame) -> None:
-            with aligning:
-                for joined in aligner.push(port, frame):
+            with joining:
+                for joined in joiner.push(port, frame):
                     queue.put(joined)
 
         return put

@@ -10,10 +10,10 @@ import orjson
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
 from paxisim.logs import schemas
-from paxisim.logs.aligned import Aligned
+from paxisim.logs.recording_arrays import RecordingArrays
 
 
-def about_text(recording: Aligned) -> str:
+def about_text(recording: RecordingArrays) -> str:
     """The text.
 
     Raises:
@@ -60,7 +60,7 @@ def checked_metadata(path: Path, metadata: dict[str, Any]) -> None:
 
 
 def read_about(path: Path, about: Any) -> dict[str, Any]:
-    """The fields ``layout``, ``pads`` and ``metadata`` of an `Aligned`, from what the text holds.
+    """The fields ``layout``, ``pads`` and ``metadata`` of a `RecordingArrays`, from what the text holds.
 
     Raises:
         InvalidValueError: It is not such a text; `path` is for the message.

@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError
-from paxisim.logs.aligned import Aligned, episode_starts
+from paxisim.logs.recording_arrays import RecordingArrays, episode_starts
 
 INDEX_COLUMNS = ("timestamp", "time", "episode_index", "frame_index", "index")
 _NOT_COVARIATES = (*INDEX_COLUMNS, "task_index")
@@ -38,7 +38,7 @@ _SPARSE = 100  # an array of which fewer than one in so many components has a co
 _COMPONENT = re.compile(r"(.+)\.(\d{1,9}(?:_\d{1,9}){0,15})")
 
 
-def to_columns(recording: Aligned) -> dict[str, NDArray[np.generic]]:
+def to_columns(recording: RecordingArrays) -> dict[str, NDArray[np.generic]]:
     """The columns, each ``(T,)`` and a view where it can be one.
 
     Raises:
@@ -67,7 +67,7 @@ def to_columns(recording: Aligned) -> dict[str, NDArray[np.generic]]:
     return columns
 
 
-def from_columns(columns: Mapping[str, NDArray[Any]]) -> Aligned:
+def from_columns(columns: Mapping[str, NDArray[Any]]) -> RecordingArrays:
     """The arrays of a table; the inverse of `to_columns`. Index columns but one of the times may be missing.
 
     Raises:
@@ -87,7 +87,7 @@ def from_columns(columns: Mapping[str, NDArray[Any]]) -> Aligned:
     )
 
 
-def streams_from_columns(columns: Mapping[str, NDArray[Any]]) -> Aligned:
+def streams_from_columns(columns: Mapping[str, NDArray[Any]]) -> RecordingArrays:
     """Time, episodes and covariates of a table, which may have no taxels; a column ``(T, n)`` is a covariate.
 
     Raises:
@@ -110,7 +110,7 @@ def streams_from_columns(columns: Mapping[str, NDArray[Any]]) -> Aligned:
         else:
             covariates.setdefault(name, {})[()] = values
     episode: Any = columns.get("episode_index")  # checked and converted by `Recording`
-    return Aligned(
+    return RecordingArrays(
         time=time, covariates={name: _array(name, parts) for name, parts in covariates.items()} | whole, episode=episode
     )
 

@@ -17,12 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError
-from paxisim.logs.aligned import Aligned, Method, episode_spans, episode_starts, rate_of
+from paxisim.logs.recording_arrays import Method, RecordingArrays, episode_spans, episode_starts, rate_of
 from paxisim.logs.retime import at_rate
 from paxisim.logs.select import known_samples, take
 
 
-def frame_rate(recording: Aligned, fps: int | None) -> int:
+def frame_rate(recording: RecordingArrays, fps: int | None) -> int:
     """Frames a second of the dataset; `fps`, if it is given.
 
     Raises:
@@ -43,7 +43,9 @@ def frame_rate(recording: Aligned, fps: int | None) -> int:
     return round(rate)
 
 
-def on_frames(recording: Aligned, fps: int, align: Method = "linear", drop: bool = False) -> tuple[Aligned, bool]:
+def on_frames(
+    recording: RecordingArrays, fps: int, align: Method = "linear", drop: bool = False
+) -> tuple[RecordingArrays, bool]:
     """The recording with a sample a frame, and whether it was resampled; its fields must have been checked.
 
     Args:
@@ -70,7 +72,7 @@ def _is_regular(time: NDArray[np.float64], fps: int) -> bool:
     return np.array_equal(np.round((time - time[0]) * fps), np.arange(len(time)))
 
 
-def _without_unknown(frames: Aligned) -> Aligned:
+def _without_unknown(frames: RecordingArrays) -> RecordingArrays:
     assert frames.episode is not None
     known = known_samples(frames)
     if not known.any():
@@ -85,7 +87,7 @@ def _without_unknown(frames: Aligned) -> Aligned:
     return left
 
 
-def _renumbered(left: Aligned, episode: NDArray[np.integer]) -> dict[str, Any]:
+def _renumbered(left: RecordingArrays, episode: NDArray[np.integer]) -> dict[str, Any]:
     """The metadata, in which ``tasks`` is by the new numbers of the episodes."""
     metadata = dict(left.metadata)
     tasks = metadata.get("tasks")

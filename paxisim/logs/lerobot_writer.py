@@ -21,22 +21,22 @@ from typing import Any
 import numpy as np
 
 from paxisim.errors import InvalidValueError
+from paxisim.files import whole_folder
 from paxisim.logs.about import about_text
-from paxisim.logs.aligned import Aligned, Method, episode_spans, rate_of
-from paxisim.logs.atomic import whole_folder
 from paxisim.logs.lerobot_features import Feature, features_of
 from paxisim.logs.lerobot_frames import frame_rate, on_frames
 from paxisim.logs.lerobot_meta import ABOUT, INDICES, INFO
 from paxisim.logs.lerobot_stats import feature_stats
 from paxisim.logs.lerobot_tables import CHUNK_FILES, FILE, FILE_MEGABYTES, write_episodes, write_frames, write_tasks
 from paxisim.logs.parquet import require_pyarrow
+from paxisim.logs.recording_arrays import Method, RecordingArrays, episode_spans, rate_of
 
 VERSION = "v3.0"
 
 
 def write_lerobot(
     path: Path,
-    recording: Aligned,
+    recording: RecordingArrays,
     *,
     fps: int | None = None,
     task: str | None = None,
@@ -49,7 +49,7 @@ def write_lerobot(
 
     Args:
         path: The folder, which must not exist yet.
-        recording: A recording whose fields were checked, as `paxisim.Recording.to_aligned` gives it.
+        recording: A recording whose fields were checked, as `paxisim.Recording.to_arrays` gives it.
         fps: Frames a second; default: the recording's rate, rounded. See `paxisim.logs.lerobot_frames`.
         task: What is done, in words; default: ``task`` or, by episode, ``tasks`` in the metadata, or nothing.
         state: Covariates that make up ``observation.state``. See `paxisim.logs.lerobot_features`.
@@ -100,7 +100,7 @@ def write_lerobot(
     return f"LeRobotDataset {VERSION}, {counts}, {names}"
 
 
-def _task(frames: Aligned, episode: int, given: str | None) -> str:
+def _task(frames: RecordingArrays, episode: int, given: str | None) -> str:
     if given is not None:
         return given
     by_episode = frames.metadata.get("tasks")

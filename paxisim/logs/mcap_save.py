@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError
+from paxisim.files import whole_file
 from paxisim.logs import schemas
-from paxisim.logs.aligned import Aligned, episode_starts
-from paxisim.logs.atomic import whole_file
 from paxisim.logs.mcap_writer import LogWriter
+from paxisim.logs.recording_arrays import RecordingArrays, episode_starts
 
 
-def write_mcap(path: Path, recording: Aligned) -> None:
+def write_mcap(path: Path, recording: RecordingArrays) -> None:
     """Write every stream at the recording's times.
 
     Log time is ``metadata["start"]`` (Unix seconds, default 0) plus the recording's time. An episode whose time does
@@ -40,7 +40,7 @@ def write_mcap(path: Path, recording: Aligned) -> None:
                 log.write_at(schemas.COVARIATE + name, now, values[i])
 
 
-def log_times(recording: Aligned) -> tuple[NDArray[np.int64], list[int], list[int]]:
+def log_times(recording: RecordingArrays) -> tuple[NDArray[np.int64], list[int], list[int]]:
     """Each sample's log time (ns), the index of each episode's first sample, and the log time of each one's time 0.
 
     Raises:

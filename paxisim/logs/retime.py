@@ -11,13 +11,15 @@ from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError
 from paxisim.logs import schemas
-from paxisim.logs.align import check_max_gap, methods_by_name, resample
-from paxisim.logs.aligned import Aligned, Method, episode_spans
 from paxisim.logs.checks import numbers
+from paxisim.logs.recording_arrays import Method, RecordingArrays, episode_spans
+from paxisim.logs.resample import check_max_gap, methods_by_name, resample
 from paxisim.logs.stream import Stream
 
 
-def at_rate(recording: Aligned, rate: float, method: Method | Mapping[str, Method], max_gap: float | None) -> Aligned:
+def at_rate(
+    recording: RecordingArrays, rate: float, method: Method | Mapping[str, Method], max_gap: float | None
+) -> RecordingArrays:
     """See `paxisim.Recording.resample`; the recording must have its episodes' numbers."""
     if not 0 < rate <= 1e6:
         raise InvalidValueError(f"rate must be a number of samples a second, above 0 and up to 1e6, got {rate!r}")
@@ -52,7 +54,7 @@ def at_rate(recording: Aligned, rate: float, method: Method | Mapping[str, Metho
 
 
 def at_times_of(
-    recording: Aligned, name: str, values: Any, time: Any, method: Method, max_gap: float | None
+    recording: RecordingArrays, name: str, values: Any, time: Any, method: Method, max_gap: float | None
 ) -> NDArray[np.float64]:
     """``(T, ...)``: the values, which were taken at other times ``(S,)``, at the recording's.
 

@@ -192,7 +192,7 @@ class Protocol:
             OSError: The file cannot be written.
             InvalidValueError: The path is a folder, or in none.
         """
-        from paxisim.logs.atomic import whole_file
+        from paxisim.files import whole_file
         from paxisim.protocols.text import format_protocol
 
         with whole_file(Path(path)) as temporary:
@@ -207,7 +207,7 @@ class Protocol:
             UnknownNameError: A motion that there is not.
             FileNotFoundError: There is no such file.
         """
-        from paxisim.logs.atomic import parse_file
+        from paxisim.files import parse_file
         from paxisim.protocols.text import parse_protocol
 
         return parse_file(Path(path), parse_protocol)

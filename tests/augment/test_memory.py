@@ -14,7 +14,7 @@ from paxisim.augment.hysteresis import Hysteresis
 from paxisim.augment.latency import Latency
 from paxisim.augment.low_pass import LowPass
 from paxisim.augment.noise import RandomWalk, WhiteNoise
-from paxisim.augment.parameter import parameters
+from paxisim.augment.parameter_spec import parameters
 from paxisim.augment.sample_and_hold import SampleAndHold
 
 DETERMINISTIC = [

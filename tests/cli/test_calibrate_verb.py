@@ -42,7 +42,7 @@ def test_one_command_from_raw_channels_to_a_calibrated_recording(capsys):
 
 
 def test_a_table_of_raw_channels_and_loads_will_do():
-    columns = to_columns(Recording.load("raw.mcap").to_aligned())
+    columns = to_columns(Recording.load("raw.mcap").to_arrays())
     rows = np.column_stack(list(columns.values()))
     np.savetxt("raw.csv", rows, delimiter=",", header=",".join(columns), comments="")
     assert main(["calibrate", "raw.csv", "--loads", *NAMES, "-o", "calibrated.npz", "--degree", "2"]) == 0

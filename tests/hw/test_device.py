@@ -19,8 +19,8 @@ from paxisim.errors import (
     UnsupportedError,
 )
 from paxisim.hw import device, reader
-from paxisim.hw.align import STALE
 from paxisim.hw.device import TactileSensor, ZeroInDoubtWarning, open_sensor
+from paxisim.hw.frame_joiner import STALE
 from paxisim.hw.profile import UnverifiedProfileWarning
 from paxisim.hw.profile_file import profile_toml
 

@@ -227,7 +227,7 @@ def test_the_verbs_keep_and_print_the_unit(tmp_path: Path, capsys: pytest.Captur
     path = tmp_path / "skin.mcap"
     with Emulator(profile, press(profile)) as emulator:
         assert main(["record", emulator.port, "--profile", "anyskin", "--seconds", "1", "-o", str(path)]) == 0
-        assert main(["sensor", "quality", emulator.port, "--profile", "anyskin", "--seconds", "1"]) == 0
+        assert main(["device", "quality", emulator.port, "--profile", "anyskin", "--seconds", "1"]) == 0
         said = capsys.readouterr().out
         assert "uT/min" in said
     recording = paxisim.Recording.load(path)

@@ -215,7 +215,7 @@ DATASET = ("data/chunk-000/file-000.parquet", "meta/info.json", "meta/paxisim.js
 
 def lerobot_bases(folder: Path) -> list[bytes]:
     """The files of a dataset, each behind its number, which stays as it is."""
-    write_lerobot(folder / "dataset", recording().to_aligned(), task="press")
+    write_lerobot(folder / "dataset", recording().to_arrays(), task="press")
     return [bytes([i]) + (folder / "dataset" / name).read_bytes() for i, name in enumerate(DATASET)]
 
 

@@ -16,7 +16,7 @@ from paxisim.layout import TaxelLayout
 from paxisim.models.pad import Pad
 from paxisim.models.pads import find_pads
 from paxisim.models.readout import TactileReadout
-from paxisim.models.surface import conform, flat, measured
+from paxisim.models.surface import conform, flat, heights_from_map
 
 repeatable = settings(derandomize=True, deadline=None, max_examples=40)
 
@@ -174,19 +174,19 @@ def test_a_bump_builds():
 
 @pytest.mark.parametrize("shape", [(6, 5), (12, 10), (600, 500), (7, 9), (13, 6)])
 def test_a_constant_map_is_flat(shape):
-    np.testing.assert_allclose(measured(POOLED, np.full(shape, 3.7)), 1e-3, atol=1e-12)
-    np.testing.assert_allclose(measured(POOLED, np.zeros(shape), thickness=2e-3), 2e-3, atol=1e-12)
+    np.testing.assert_allclose(heights_from_map(POOLED, np.full(shape, 3.7)), 1e-3, atol=1e-12)
+    np.testing.assert_allclose(heights_from_map(POOLED, np.zeros(shape), thickness=2e-3), 2e-3, atol=1e-12)
 
 
 def test_a_map_of_the_grids_own_size_is_taken_as_it_is():
     heights = np.random.default_rng(0).uniform(0, 0.4e-3, (6, 5))
-    np.testing.assert_allclose(measured(POOLED, heights), heights - heights.mean() + 1e-3, atol=1e-15)
+    np.testing.assert_allclose(heights_from_map(POOLED, heights), heights - heights.mean() + 1e-3, atol=1e-15)
 
 
 def test_a_finer_map_is_averaged_over_each_taxel():
     heights = np.random.default_rng(0).uniform(0, 0.4e-3, (12, 15))
     blocks = heights.reshape(6, 2, 5, 3).mean(axis=(1, 3))
-    np.testing.assert_allclose(measured(POOLED, heights), blocks - blocks.mean() + 1e-3, atol=1e-15)
+    np.testing.assert_allclose(heights_from_map(POOLED, heights), blocks - blocks.mean() + 1e-3, atol=1e-15)
 
 
 @repeatable
@@ -197,7 +197,7 @@ def test_areas_are_averaged_exactly_also_where_samples_straddle_taxels(rows, col
     # every sample split into rows x cols equal parts: then the taxels are whole numbers of parts
     parts = np.repeat(np.repeat(height_map, rows, axis=0), cols, axis=1)
     mean = parts.reshape(rows, rows + more_rows, cols, cols + more_cols).mean(axis=(1, 3))
-    result = measured(layout, height_map, thickness=1.5e-3)
+    result = heights_from_map(layout, height_map, thickness=1.5e-3)
     np.testing.assert_allclose(result, mean - mean.mean() + 1.5e-3, atol=1e-12)
     assert result.mean() == pytest.approx(1.5e-3)
 
@@ -205,27 +205,27 @@ def test_areas_are_averaged_exactly_also_where_samples_straddle_taxels(rows, col
 def test_a_measured_peak_stands_out_where_it_was_measured():
     height_map = np.zeros((60, 50))
     height_map[5, 45] = 0.05  # first row, last column
-    heights = measured(POOLED, height_map)
+    heights = heights_from_map(POOLED, height_map)
     assert np.unravel_index(heights.argmax(), heights.shape) == (0, 4)
 
 
 def test_bad_maps():
     with pytest.raises(InvalidValueError, match=r"a height map of at least 6x5, got shape \(5, 5\)"):
-        measured(POOLED, np.zeros((5, 5)))
+        heights_from_map(POOLED, np.zeros((5, 5)))
     with pytest.raises(InvalidValueError, match=r"got shape \(6, 4\)"):
-        measured(POOLED, np.zeros((6, 4)))
+        heights_from_map(POOLED, np.zeros((6, 4)))
     with pytest.raises(InvalidValueError, match=r"got shape \(30,\)"):
-        measured(POOLED, np.zeros(30))
+        heights_from_map(POOLED, np.zeros(30))
     with pytest.raises(InvalidValueError, match=r"got shape \(6, 5, 1\)"):
-        measured(POOLED, np.zeros((6, 5, 1)))
+        heights_from_map(POOLED, np.zeros((6, 5, 1)))
     holes = np.zeros((6, 5))
     holes[2, 2] = np.nan
     with pytest.raises(InvalidValueError, match="must be finite: fill the holes"):
-        measured(POOLED, holes)
+        heights_from_map(POOLED, holes)
     steps = np.zeros((6, 5))
     steps[0, 0] = -1.5e-3
     with pytest.raises(InvalidValueError, match=r"spans 1\.5 mm, more than cubes of 1 mm can show"):
-        measured(POOLED, steps)
+        heights_from_map(POOLED, steps)
 
 
 # a curved finger: meshes in the pad frame, their front towards -z

@@ -1,4 +1,4 @@
-"""Readout: what the channels of a sensor say of a load, when they are not in newtons."""
+"""LinearCalibration: what the channels of a sensor say of a load, when they are not in newtons."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from paxisim.calibrate.loads import Excitation, Load, values_of
 from paxisim.errors import InvalidValueError
-from paxisim.logs.aligned import episode_spans
+from paxisim.logs.recording_arrays import episode_spans
 from paxisim.presses import FEW, find_presses
 from paxisim.recording import Recording
 
@@ -20,7 +20,7 @@ AXES = "xyz"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Readout:
+class LinearCalibration:
     """Response of each channel to a load: an offset, and for each load a gain, or a polynomial of higher degree.
 
     The unit of the channels is not that of a force; it may be microtesla, counts or farad. Divided by `scale`, a
@@ -164,7 +164,7 @@ class Readout:
         """What it holds, in a line."""
         names = ", ".join(load.name for load in self.loads)
         return (
-            f"Readout({int(self.used.sum())} of {self.used.size} channels from {names}, "
+            f"LinearCalibration({int(self.used.sum())} of {self.used.size} channels from {names}, "
             f"degree {len(self.coefficients)}, delay {1e3 * self.delay:.1f} ms)"
         )
 

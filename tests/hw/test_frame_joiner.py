@@ -2,8 +2,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from paxisim.hw.align import KEPT, MAX_AGE, STALE, Aligner
 from paxisim.hw.frame import Frame
+from paxisim.hw.frame_joiner import KEPT, MAX_AGE, STALE, FrameJoiner
 
 
 def frame(time: float, value: float = 0.0, *, status: int = 0, resultant: bool = True, late: float = 0.0) -> Frame:
@@ -19,84 +19,84 @@ def values(joined: Frame) -> list[float]:
 
 
 def test_frames_nearest_in_time_go_together() -> None:
-    aligner = Aligner(2)
-    assert aligner.push(1, frame(0.98, 1)) == []
-    assert aligner.push(0, frame(1.00, 10)) == []
-    (joined,) = aligner.push(1, frame(1.01, 2, late=0.5))
+    joiner = FrameJoiner(2)
+    assert joiner.push(1, frame(0.98, 1)) == []
+    assert joiner.push(0, frame(1.00, 10)) == []
+    (joined,) = joiner.push(1, frame(1.01, 2, late=0.5))
     assert values(joined) == [10, 2]
     assert joined.force.shape == (2, 3, 2, 2)
     assert joined.force.dtype == np.float32
     assert (joined.time, joined.arrival, joined.sequence, joined.status) == (1.00, 1.51, 0, (0, 0))
     assert joined.resultant is not None
     np.testing.assert_array_equal(joined.resultant, [[10, 10, 10], [2, 2, 2]])
-    aligner.push(1, frame(1.03, 3))
-    aligner.push(0, frame(1.05, 11))
-    (joined,) = aligner.push(1, frame(1.09, 4))
+    joiner.push(1, frame(1.03, 3))
+    joiner.push(0, frame(1.05, 11))
+    (joined,) = joiner.push(1, frame(1.09, 4))
     assert values(joined) == [11, 3]
     assert joined.sequence == 1
 
 
 def test_nothing_is_joined_before_every_port_has_sent() -> None:
-    aligner = Aligner(3)
-    assert aligner.push(1, frame(0.9)) == []
-    assert [aligner.push(0, frame(1 + i / 10)) for i in range(5)] == [[]] * 5
-    assert [j.time for j in aligner.push(2, frame(2.0))] == []  # port 1 may still send a nearer one
-    (joined,) = aligner.push(1, frame(2.0))
+    joiner = FrameJoiner(3)
+    assert joiner.push(1, frame(0.9)) == []
+    assert [joiner.push(0, frame(1 + i / 10)) for i in range(5)] == [[]] * 5
+    assert [j.time for j in joiner.push(2, frame(2.0))] == []  # port 1 may still send a nearer one
+    (joined,) = joiner.push(1, frame(2.0))
     assert joined.time == 1.4
 
 
 def test_a_frame_waits_no_longer_than_until_the_next_one() -> None:
-    aligner = Aligner(2)
-    aligner.push(1, frame(1.0, 7))
-    aligner.push(0, frame(1.1, 1))
-    (joined,) = aligner.push(0, frame(1.2, 2))
+    joiner = FrameJoiner(2)
+    joiner.push(1, frame(1.0, 7))
+    joiner.push(0, frame(1.1, 1))
+    (joined,) = joiner.push(0, frame(1.2, 2))
     assert (joined.time, values(joined), joined.status) == (1.1, [1, 7], (0, 0))
 
 
 def test_a_port_that_is_ahead_completes_a_frame_at_once() -> None:
-    aligner = Aligner(2)
-    aligner.push(1, frame(1.0, 1))
-    aligner.push(1, frame(2.0, 2))
-    (joined,) = aligner.push(0, frame(1.9, 5))
+    joiner = FrameJoiner(2)
+    joiner.push(1, frame(1.0, 1))
+    joiner.push(1, frame(2.0, 2))
+    (joined,) = joiner.push(0, frame(1.9, 5))
     assert values(joined) == [5, 2]
-    aligner.push(0, frame(2.1, 6))
+    joiner.push(0, frame(2.1, 6))
     # the one that waited, and the new one, for which port 1 is far ahead
-    aligner.push(1, frame(9.0, 3))
-    assert [values(j) for j in aligner.push(0, frame(8.9, 7))] == [[7, 3]]
+    joiner.push(1, frame(9.0, 3))
+    assert [values(j) for j in joiner.push(0, frame(8.9, 7))] == [[7, 3]]
 
 
 def test_a_port_that_fell_silent_is_marked_and_its_last_frame_kept() -> None:
-    aligner = Aligner(2)
-    aligner.push(1, frame(1.0, 7, status=3))
-    got = [joined for i in range(1, 30) for joined in aligner.push(0, frame(1 + i / 50, i, status=1))]
+    joiner = FrameJoiner(2)
+    joiner.push(1, frame(1.0, 7, status=3))
+    got = [joined for i in range(1, 30) for joined in joiner.push(0, frame(1 + i / 50, i, status=1))]
     assert [values(joined) for joined in got] == [[i, 7] for i in range(1, 29)]
     for i, joined in enumerate(got, 1):
         assert joined.status == (1, 3 if i / 50 <= MAX_AGE else STALE)
-    (back,) = aligner.push(1, frame(1.6, 8))
+    (back,) = joiner.push(1, frame(1.6, 8))
     assert back.status == (1, 0)
 
 
 def test_a_resultant_that_one_port_lacks() -> None:
-    aligner = Aligner(2)
-    aligner.push(1, frame(1.0, resultant=False))
-    assert aligner.push(0, frame(1.0))[0].resultant is None
+    joiner = FrameJoiner(2)
+    joiner.push(1, frame(1.0, resultant=False))
+    assert joiner.push(0, frame(1.0))[0].resultant is None
 
 
 def test_clear() -> None:
-    aligner = Aligner(2)
-    aligner.push(1, frame(1.0))
-    aligner.push(0, frame(1.1))
-    aligner.clear()
-    assert aligner.push(0, frame(1.2)) == []
-    assert aligner.push(0, frame(1.3)) == []
+    joiner = FrameJoiner(2)
+    joiner.push(1, frame(1.0))
+    joiner.push(0, frame(1.1))
+    joiner.clear()
+    assert joiner.push(0, frame(1.2)) == []
+    assert joiner.push(0, frame(1.3)) == []
 
 
 def test_a_silent_first_port_makes_nothing_grow() -> None:
-    aligner = Aligner(2)
+    joiner = FrameJoiner(2)
     for i in range(10 * KEPT):
-        assert aligner.push(1, frame(i / 100, i)) == []
-    assert len(aligner._others[0]) == KEPT
-    (joined,) = aligner.push(0, frame(10 * KEPT / 100 - 0.5, 1))
+        assert joiner.push(1, frame(i / 100, i)) == []
+    assert len(joiner._others[0]) == KEPT
+    (joined,) = joiner.push(0, frame(10 * KEPT / 100 - 0.5, 1))
     assert abs(values(joined)[1] / 100 - joined.time) < 0.01
 
 
@@ -113,8 +113,8 @@ def test_steady_ports_give_each_frame_of_the_first_with_the_nearest_of_the_other
     events = sorted(
         (time + delays[port], port, time) for port, measured in enumerate(times) for time in measured.tolist()
     )
-    aligner = Aligner(len(periods))
-    got = [joined for _, port, time in events for joined in aligner.push(port, frame(time, time))]
+    joiner = FrameJoiner(len(periods))
+    got = [joined for _, port, time in events for joined in joiner.push(port, frame(time, time))]
     assert [joined.sequence for joined in got] == list(range(len(got)))
     # each once, in order, but for those before all ports have sent and the last, which may still wait
     begun = max(measured[0] for measured in times)
@@ -131,14 +131,14 @@ def test_steady_ports_give_each_frame_of_the_first_with_the_nearest_of_the_other
 
 
 def test_frames_that_waited_for_a_stalled_host_go_together_as_they_were_measured() -> None:
-    aligner = Aligner(2)
-    aligner.push(1, frame(0.9, 0))
+    joiner = FrameJoiner(2)
+    joiner.push(1, frame(0.9, 0))
     joined = []
     for port in (0, 1):
         for i in range(60):
             time = 1 + 0.01 * i + 0.004 * port
-            joined += aligner.push(port, frame(time, i, late=1.7 - time))
-    joined += aligner.push(0, frame(1.8, 60))
+            joined += joiner.push(port, frame(time, i, late=1.7 - time))
+    joined += joiner.push(0, frame(1.8, 60))
     assert [values(one) for one in joined] == [[i, i] for i in range(60)]
     assert {one.status for one in joined} == {(0, 0)}
     assert [one.sequence for one in joined] == list(range(60))

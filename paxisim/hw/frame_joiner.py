@@ -1,4 +1,4 @@
-"""Aligner: the frames of several ports as one tensor."""
+"""FrameJoiner: the frames of several ports as one tensor."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ KEPT = 256
 """Frames kept of each port, for one that paces a hundred times slower than the others send."""
 
 
-class Aligner:
+class FrameJoiner:
     """Joins the frames of several ports, their pads one after another. No I/O, no clock; not safe for several threads.
 
     The first port paces: each of its frames gives one joined frame, with its `time`. To it comes from each other port

@@ -1,0 +1,13 @@
+from .cause import Cause as Cause
+from .cause import Free as Free
+from .diagnosis import Diagnosis as Diagnosis
+from .diagnosis import FittedParameter as FittedParameter
+from .diagnosis import FoundCause as FoundCause
+from .diagnosis import HeldOut as HeldOut
+from .diagnosis import Interval as Interval
+from .diagnosis import LeftOver as LeftOver
+from .diagnosis import Place as Place
+from .diagnosis import Symptoms as Symptoms
+from .run import diagnose as diagnose
+from .vocabulary import known_causes as known_causes
+from .vocabulary import register_cause as register_cause
