@@ -84,7 +84,7 @@ def solve(task: tuple[str, str, int], sensor: str, replays: Path) -> Outcome:
         beside_it = fit(drawn.recording, drawn.scene, Path(own))
     values = {p.name: p.value for c in found.causes for p in c.parameters}
     known = [(values[n], v * SHOWN[parameters[n].unit][1]) for n, v in drawn.values.items() if n in values]
-    within = sum(i.low is not None and i.high is not None and i.low <= v <= i.high for i, v in known)
+    within = sum(bool(i.low is not None and i.high is not None and i.low <= v <= i.high) for i, v in known)
     ends = [(*beside_it.intervals[n], v) for n, v in drawn.values.items()]
     return Outcome(
         cause,
@@ -96,7 +96,7 @@ def solve(task: tuple[str, str, int], sensor: str, replays: Path) -> Outcome:
         found.verdict,
         round(seconds, 1),
         list(beside_it.named),
-        [sum(low <= v <= high for low, high, v in ends), len(ends)],
+        [sum(bool(low <= v <= high) for low, high, v in ends), len(ends)],
     )
 
 

@@ -209,3 +209,15 @@ def test_the_page_that_adds_a_sensor_does_so(tmp_path):
 
     (tmp_path / "acme.toml").write_text(profile, encoding="utf-8")
     assert paxisim.load_profile(tmp_path / "acme.toml").layout.shape == (3, 4, 6)
+
+
+def test_the_page_on_the_architecture_names_every_part():
+    page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    named = {name.rstrip("/") for name in re.findall(r"^\| `([\w/.]+)`", page, re.M)}
+    parts = {path for folder in ("paxisim", "integrations") for path in (ROOT / folder).iterdir()}
+    there = {
+        path.relative_to(ROOT).as_posix()
+        for path in parts
+        if (path / "__init__.py").exists() or (path.suffix == ".py" and not path.name.startswith("_"))
+    }
+    assert named == there

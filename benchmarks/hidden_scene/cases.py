@@ -37,7 +37,7 @@ class Case:
     scene: paxisim.Scene
 
 
-def case(cause: str, seed: int, *, sensor: str = "chain", beside: str = "") -> Case:
+def case(cause: str, seed: int, *, sensor: str = "chain", beside: str = "", episodes: int = motion.EPISODES) -> Case:
     """Draw a case.
 
     Args:
@@ -45,11 +45,12 @@ def case(cause: str, seed: int, *, sensor: str = "chain", beside: str = "") -> C
         seed: Random seed.
         sensor: ``"chain"`` or ``"reference"``: what reads the forces.
         beside: A cause of the sensor that is wrong, too: ``"axis_gain"``, ``"latency"`` or ``"creep"``.
+        episodes: Number of episodes, of 6 s each.
     """
     rng = np.random.default_rng([seed, 7, CAUSES.index(cause) + 1 if cause else 0, len(beside)])
     truth, values = _wrong(cause, rng)
     by_force = cause == "grip_force"
-    commands = motion.episodes(np.random.default_rng([seed % 4, 11, by_force]), by_force)
+    commands = motion.episodes(np.random.default_rng([seed % 4, 11, by_force]), by_force, episodes)
     time, force, streams, episode = bench.run(truth, commands, by_force, rng)
     extra = _sensor_fault(beside, rng)
     reading = _read(extra, force, time, episode, sensor, seed, rng)
