@@ -1,4 +1,4 @@
-"""The public names: a change to this list is a change to what users rely on."""
+"""The public names: users rely on them, so a change to this list changes the API."""
 
 import ast
 import inspect
@@ -188,7 +188,7 @@ def test_every_public_name_is_documented_under_its_own_name(name):
     thing = getattr(paxisim, name)
     assert thing.__name__ == name
     assert inspect.getdoc(thing), f"{name} has no docstring"
-    assert not inspect.getdoc(thing).startswith(f"{name}("), "the docstring that dataclasses make up says nothing"
+    assert not inspect.getdoc(thing).startswith(f"{name}("), "the generated docstring of a dataclass says nothing"
 
 
 @pytest.mark.parametrize("name", DEFINED)
@@ -217,8 +217,8 @@ def test_type_checkers_see_the_names_that_are_imported_lazily():
             if isinstance(statement, ast.ImportFrom) and statement.module.startswith("paxisim."):
                 for alias in statement.names:
                     if alias.name == "lazy":
-                        alias.asname = "lazy"  # not for users
-                    assert alias.asname == alias.name, "without `as` a type checker takes the name for private"
+                        alias.asname = "lazy"  # not public
+                    assert alias.asname == alias.name, "without `as` a type checker treats the name as private"
                     for_checkers[alias.name] = statement.module
     del for_checkers["__version__"], for_checkers["lazy"]
     assert for_checkers == {name: home for home, names in paxisim._HOMES.items() for name in names}
@@ -234,7 +234,7 @@ def test_a_public_name_is_what_its_home_defines():
 
 
 def test_no_public_name_is_that_of_a_module():
-    """Whatever imports such a module would put it in the place of the name."""
+    """Importing such a module would replace the name in the package."""
     modules = {module.name for module in pkgutil.iter_modules(paxisim.__path__)}
     assert modules.isdisjoint(DEFINED)
 
