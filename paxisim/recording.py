@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
-from paxisim.logs.aligned import Aligned, CountsToForce, Method, episode_starts, rate_of, unit_of
+from paxisim.logs.recording_arrays import RecordingArrays, CountsToForce, Method, episode_starts, rate_of, unit_of
 from paxisim.logs.checks import check_fields
 from paxisim.logs.concatenate import concatenate
 from paxisim.logs.retime import at_rate, at_times_of
@@ -53,7 +53,7 @@ class Recording:
 
     def __post_init__(self) -> None:
         """Convert the arrays, check that they are consistent and fill in the defaults."""
-        for name, value in vars(check_fields(self.to_aligned())).items():
+        for name, value in vars(check_fields(self.to_arrays())).items():
             object.__setattr__(self, name, value)
 
     def _starts(self) -> NDArray[np.intp]:
@@ -117,7 +117,7 @@ class Recording:
                 )
             samples = array
         try:
-            taken = take(self.to_aligned(), samples)
+            taken = take(self.to_arrays(), samples)
         except IndexError as error:
             raise InvalidValueError(f"no such samples in a recording of {len(self)}: {error}") from error
         if not len(taken.time):
@@ -151,7 +151,7 @@ class Recording:
             InvalidValueError: There is no such episode, no pad is named, a pad is named twice, or no sample is left.
             UnknownNameError: There is no such pad or covariate.
         """
-        return Recording(**vars(select(self.to_aligned(), episodes, pads, covariates, known)))
+        return Recording(**vars(select(self.to_arrays(), episodes, pads, covariates, known)))
 
     def with_simulated(self, simulated: NDArray[np.floating], **metadata: Any) -> Recording:
         """Return the recording with another simulated tensor; nothing else is copied.
@@ -189,7 +189,7 @@ class Recording:
                 `time` is given for a recording of several episodes whose clocks each restart.
         """
         if time is not None:
-            values = at_times_of(self.to_aligned(), name, values, time, align, max_gap)
+            values = at_times_of(self.to_arrays(), name, values, time, align, max_gap)
         return replace(self, covariates={**self.covariates, name: values})
 
     def pool(self, rows: int, cols: int) -> Recording:
@@ -222,7 +222,7 @@ class Recording:
             InvalidValueError: The rate is not above 0, or there is no such method.
             UnknownNameError: `align` names a stream that does not exist.
         """
-        return Recording(**vars(at_rate(self.to_aligned(), rate, align, max_gap)))
+        return Recording(**vars(at_rate(self.to_arrays(), rate, align, max_gap)))
 
     @classmethod
     def concatenate(cls, recordings: Iterable[Recording]) -> Recording:
@@ -237,7 +237,7 @@ class Recording:
         Raises:
             InvalidValueError: There is no recording, or they differ; the message says how.
         """
-        parts = [part.to_aligned() for part in recordings]
+        parts = [part.to_arrays() for part in recordings]
         if not parts:
             raise InvalidValueError("there is nothing to concatenate: expected at least one recording")
         return cls(**vars(concatenate(parts)))
@@ -288,13 +288,13 @@ class Recording:
             MissingExtraError: The package that reads this format is not installed.
             FileNotFoundError: There is no such file.
         """
-        from paxisim.logs.load import load_aligned
+        from paxisim.logs.load import load_arrays
 
         if missing not in ("nan", "drop"):
             raise InvalidValueError(f"missing must be 'nan' or 'drop', got {missing!r}")
         wanted = None if pads is None else (pads,) if isinstance(pads, str) else tuple(pads)
         others = [streams] if isinstance(streams, (str, Path)) else streams
-        found = load_aligned(
+        found = load_arrays(
             Path(path),
             align=align,
             max_gap=max_gap,
@@ -319,10 +319,10 @@ class Recording:
                 or a value is infinite.
             OSError: The file cannot be written.
         """
-        from paxisim.logs.load import save_aligned
+        from paxisim.logs.load import save_arrays
 
-        save_aligned(Path(path), self.to_aligned())
+        save_arrays(Path(path), self.to_arrays())
 
-    def to_aligned(self) -> Aligned:
+    def to_arrays(self) -> RecordingArrays:
         """Return the plain arrays in the form that `paxisim.logs` uses, without copying."""
-        return Aligned(**vars(self))
+        return RecordingArrays(**vars(self))

@@ -1,4 +1,4 @@
-"""Readout of sensors whose channels are not in newtons."""
+"""LinearCalibration of sensors whose channels are not in newtons."""
 
 import dataclasses
 import sys

@@ -1,4 +1,4 @@
-"""Readout of a sensor under several loads, with a delay between the streams."""
+"""LinearCalibration of a sensor under several loads, with a delay between the streams."""
 
 import dataclasses
 import json

@@ -13,7 +13,7 @@ from paxisim.augment.chain import Chain
 from paxisim.augment.gcs import GCS, PAPER_LAYOUT, uniform
 from paxisim.augment.hysteresis import Hysteresis
 from paxisim.augment.latency import Latency
-from paxisim.augment.parameter import as_like, namespace, parameters
+from paxisim.augment.parameter_spec import as_like, namespace, parameters
 from paxisim.augment.transform import Transform
 from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.layout import TaxelLayout

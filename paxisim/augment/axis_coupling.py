@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from paxisim.augment.parameter import as_like, namespace, parameter
+from paxisim.augment.parameter_spec import as_like, namespace, parameter
 from paxisim.augment.transform import Covariates, Transform
 from paxisim.errors import InvalidValueError
 

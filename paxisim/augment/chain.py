@@ -16,11 +16,11 @@ from typing import Any
 
 import numpy as np
 
-from paxisim.augment.parameter import is_torch
+from paxisim.augment.parameter_spec import is_torch
 from paxisim.augment.transform import STAGES, Covariates, State, Transform
 from paxisim.errors import InvalidValueError, PaxisimError, UnknownNameError
 from paxisim.layout import TaxelLayout
-from paxisim.logs.atomic import parse_file, whole_file
+from paxisim.files import parse_file, whole_file
 from paxisim.logs.text import parse_json
 
 FORMAT = "paxisim-chain/1"

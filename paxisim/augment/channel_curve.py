@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from paxisim.augment.modes import each_mode
-from paxisim.augment.parameter import Parameter, as_like, check, is_torch, namespace, parameter
+from paxisim.augment.parameter_spec import Parameter, as_like, check, is_torch, namespace, parameter
 from paxisim.augment.transform import Covariates, Transform
 
 
@@ -55,8 +55,8 @@ class ChannelCurve(Transform):
     def apply(self, x: Any, covariates: Covariates) -> Any:
         """See `Transform.apply`."""
         xp = namespace(x)
-        low, high = self.fit("low", x), self.fit("high", x)
-        error = self.fit("error", each_mode(x))
+        low, high = self.broadcast_parameter("low", x), self.broadcast_parameter("high", x)
+        error = self.broadcast_parameter("error", each_mode(x))
         return x + xp.sum(error * hats(x, low, high, error.shape[-5]), axis=-5)
 
 

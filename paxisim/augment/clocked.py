@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from paxisim.augment.parameter import namespace
-from paxisim.augment.transform import Covariates, Memory, State
+from paxisim.augment.parameter_spec import namespace
+from paxisim.augment.transform import Covariates, StatefulTransform, State
 
 
-class Clocked(Memory):
+class Clocked(StatefulTransform):
     """Base of transforms whose only memory is the time since the first frame.
 
     The time is kept in float64, because float32 would lose a hundredth of a second after a day.
@@ -20,7 +20,7 @@ class Clocked(Memory):
         return (xp.zeros_like(x[..., :1, :1, :1, :1], dtype=xp.float64),)
 
     def advance(self, x: Any, state: State, dt: Any, covariates: Covariates) -> tuple[Any, State]:
-        """See `Memory.advance`."""
+        """See `StatefulTransform.advance`."""
         xp = namespace(x)
         elapsed = state[0] + xp.astype(dt, xp.float64)
         return self.at(x, xp.astype(elapsed, x.dtype), covariates), (elapsed,)

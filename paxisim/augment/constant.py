@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from paxisim.augment.parameter import is_torch
+from paxisim.augment.parameter_spec import is_torch
 from paxisim.layout import TaxelLayout
 
 

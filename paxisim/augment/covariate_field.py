@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from paxisim.augment.modes import each_mode
-from paxisim.augment.parameter import as_like, namespace, parameter
+from paxisim.augment.parameter_spec import as_like, namespace, parameter
 from paxisim.augment.transform import Covariates, Transform
 from paxisim.errors import InvalidValueError
 
@@ -65,11 +65,11 @@ class CovariateField(Transform):
     def apply(self, x: Any, covariates: Covariates) -> Any:
         """See `Transform.apply`."""
         xp = namespace(x)
-        lifted = [self.fit_covariate(n, covariates, x) - m for n, m in zip(self.covariates, self.middle, strict=True)]
+        lifted = [self.broadcast_covariate(n, covariates, x) - m for n, m in zip(self.covariates, self.middle, strict=True)]
         away = xp.stack([one[..., 0, 0, 0, 0] for one in xp.broadcast_arrays(*lifted)], axis=-1)
         u = away @ as_like(np.asarray(self.directions).T, x)
         modes = xp.concat([u, u * u - 1], axis=-1)
-        amounts = self.fit("amounts", each_mode(x))
+        amounts = self.broadcast_parameter("amounts", each_mode(x))
         if amounts.ndim > 5:  # each member of the batch has its own
             return x + xp.sum(modes[..., None, None, None, None] * amounts, axis=-5)
         amounts = xp.broadcast_to(amounts, (amounts.shape[0], *x.shape[-4:]))

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from paxisim.augment.low_pass import lag, lag_sequence
 from paxisim.augment.modes import check_modes, each_mode, over_modes
-from paxisim.augment.parameter import namespace, parameter
-from paxisim.augment.transform import Covariates, Memory, State, keep
+from paxisim.augment.parameter_spec import namespace, parameter
+from paxisim.augment.transform import Covariates, StatefulTransform, State, keep
 
 
 @dataclass(frozen=True, eq=False)
-class Creep(Memory):
+class Creep(StatefulTransform):
     """The reading follows a load at once and then creeps on, as a sum of M relaxation modes (a Prony series).
 
     ::
@@ -67,11 +67,11 @@ class Creep(Memory):
         return (keep(x), namespace(x).zeros_like(over_modes(self, x, "amplitude", "tau")))
 
     def advance(self, x: Any, state: State, dt: Any, covariates: Covariates) -> tuple[Any, State]:
-        """See `Memory.advance`."""
+        """See `StatefulTransform.advance`."""
         before, ahead = state
         frame = each_mode(x)
-        ahead = lag(each_mode(x - before), ahead, self.fit("tau", frame), each_mode(dt))
-        y = x + namespace(x).sum(self.fit("amplitude", frame) * (frame + ahead), axis=-5)
+        ahead = lag(each_mode(x - before), ahead, self.broadcast_parameter("tau", frame), each_mode(dt))
+        y = x + namespace(x).sum(self.broadcast_parameter("amplitude", frame) * (frame + ahead), axis=-5)
         return y, (keep(x), ahead)
 
     def sweep(self, x: NDArray[np.floating], steps: NDArray[np.float64]) -> NDArray[np.floating] | None:

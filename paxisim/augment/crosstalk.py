@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.augment.constant import constant, layout_text, read_layout
-from paxisim.augment.parameter import namespace, parameter
+from paxisim.augment.parameter_spec import namespace, parameter
 from paxisim.augment.transform import Covariates, Transform
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
@@ -76,15 +76,15 @@ class Crosstalk(Transform):
             )
         distance, near, beyond = (constant(_distances, (rows, cols, self._positions), x)[part] for part in range(3))
         # without the last dimension of a parameter the weights are (*batch, 1, N, N)
-        length, far = self.fit("length", x)[..., 0], self.fit("far", x)[..., 0]
+        length, far = self.broadcast_parameter("length", x)[..., 0], self.broadcast_parameter("far", x)[..., 0]
         weights = xp.exp((1 - distance) / length) * (near + far * beyond)
         force = xp.reshape(x, (*x.shape[:-2], rows * cols))
         if weights.ndim == 3:  # shared by the whole batch: a single matrix product
             gained = xp.reshape(xp.reshape(force, (-1, rows * cols)) @ weights[0], force.shape)
         else:
             gained = force @ weights
-        exchanged = gained - self.fit("taken", x)[..., 0] * force * xp.sum(weights, axis=-1)[..., None, :]
-        return x + self.fit("strength", x) * xp.reshape(exchanged, (*exchanged.shape[:-1], rows, cols))
+        exchanged = gained - self.broadcast_parameter("taken", x)[..., 0] * force * xp.sum(weights, axis=-1)[..., None, :]
+        return x + self.broadcast_parameter("strength", x) * xp.reshape(exchanged, (*exchanged.shape[:-1], rows, cols))
 
 
 def _distances(rows: int, cols: int, positions: str | None) -> NDArray[np.floating]:

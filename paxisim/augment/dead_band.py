@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from paxisim.augment.parameter import is_torch, namespace, parameter
+from paxisim.augment.parameter_spec import is_torch, namespace, parameter
 from paxisim.augment.transform import Covariates, Transform
 
 
@@ -40,8 +40,8 @@ class DeadBand(Transform):
     def apply(self, x: Any, covariates: Covariates) -> Any:
         """See `Transform.apply`."""
         xp = namespace(x)
-        width, zero = self.fit("width", x), xp.zeros_like(x[..., :1, :1])
-        taken, reach = self.fit("shrink", x) * width, self.fit("edge", x) * width
+        width, zero = self.broadcast_parameter("width", x), xp.zeros_like(x[..., :1, :1])
+        taken, reach = self.broadcast_parameter("shrink", x) * width, self.broadcast_parameter("edge", x) * width
         negative, size = x < 0, xp.abs(x)
         outside = xp.where(negative, x + taken, x - taken)
         hard = xp.where(size < width, zero, outside)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from paxisim.augment.parameter import namespace, parameter
+from paxisim.augment.parameter_spec import namespace, parameter
 from paxisim.augment.transform import Covariates, Transform
 
 
@@ -31,5 +31,5 @@ class DeadTaxels(Transform):
     def apply(self, x: Any, covariates: Covariates) -> Any:
         """See `Transform.apply`."""
         xp = namespace(x)
-        read = xp.where(self.fit("stuck", x) > 0.5, self.fit("value", x), x)
-        return xp.where(self.fit("dead", x) > 0.5, xp.zeros_like(read), read)
+        read = xp.where(self.broadcast_parameter("stuck", x) > 0.5, self.broadcast_parameter("value", x), x)
+        return xp.where(self.broadcast_parameter("dead", x) > 0.5, xp.zeros_like(read), read)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 from paxisim.augment.clocked import Clocked
-from paxisim.augment.parameter import namespace, parameter
+from paxisim.augment.parameter_spec import namespace, parameter
 from paxisim.augment.transform import Covariates
 
 
@@ -50,12 +50,12 @@ class Drift(Clocked):
     def at(self, x: Any, time: Any, covariates: Covariates) -> Any:
         """See `Clocked.at`."""
         xp = namespace(x)
-        t = self.fit("start", x) + time
-        tau = self.fit("tau", x)
+        t = self.broadcast_parameter("start", x) + time
+        tau = self.broadcast_parameter("tau", x)
         takes_time = tau > 1e-30 * t  # else the division would be by zero or nearly zero
         warm = -xp.expm1(-t / xp.where(takes_time, tau, xp.ones_like(t)))
         warm = xp.where(takes_time, warm, xp.ones_like(t))
-        return x + self.fit("rate", x) * t + self.fit("amplitude", x) * warm
+        return x + self.broadcast_parameter("rate", x) * t + self.broadcast_parameter("amplitude", x) * warm
 
     def later(self, seconds: float) -> Drift:
         """See `Clocked.later`."""

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
 from paxisim.augment.constant import constant, layout_text, read_layout
-from paxisim.augment.parameter import is_floating, namespace
+from paxisim.augment.parameter_spec import is_floating, namespace
 from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.layout import TaxelLayout
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from paxisim.augment.clocked import Clocked
 from paxisim.augment.dead_taxels import DeadTaxels
-from paxisim.augment.parameter import namespace, parameter
+from paxisim.augment.parameter_spec import namespace, parameter
 from paxisim.augment.transform import Covariates
 
 
@@ -49,7 +49,7 @@ class FailingTaxels(Clocked, DeadTaxels):
 
     def at(self, x: Any, time: Any, covariates: Covariates) -> Any:
         """See `Clocked.at`."""
-        return namespace(x).where(time >= self.fit("since", x), self.apply(x, covariates), x)
+        return namespace(x).where(time >= self.broadcast_parameter("since", x), self.apply(x, covariates), x)
 
     def later(self, seconds: float) -> FailingTaxels:
         """See `Clocked.later`."""

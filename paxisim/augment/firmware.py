@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.augment.constant import constant
-from paxisim.augment.parameter import namespace, parameter
+from paxisim.augment.parameter_spec import namespace, parameter
 from paxisim.augment.quantisation import straight_through
 from paxisim.augment.transform import Covariates, Transform
 
@@ -50,13 +50,13 @@ class Firmware(Transform):
     def apply(self, x: Any, covariates: Covariates) -> Any:
         """See `Transform.apply`."""
         xp = namespace(x)
-        step = self.fit("resolution", x)
+        step = self.broadcast_parameter("resolution", x)
         is_normal = constant(_is_normal, (), x) > 0
-        shear = self.fit("shear_counts", x)
+        shear = self.broadcast_parameter("shear_counts", x)
         least = xp.where(is_normal, xp.zeros_like(shear), -shear)
-        most = xp.where(is_normal, self.fit("normal_counts", x), shear - 1)
+        most = xp.where(is_normal, self.broadcast_parameter("normal_counts", x), shear - 1)
         counts = xp.round(x / step)
-        counts = xp.where(xp.abs(counts) < self.fit("gate_counts", x), xp.zeros_like(counts), counts)
+        counts = xp.where(xp.abs(counts) < self.broadcast_parameter("gate_counts", x), xp.zeros_like(counts), counts)
         y = xp.minimum(xp.maximum(counts, least), most) * step
         return straight_through(y, xp.minimum(xp.maximum(x, least * step), most * step))
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from paxisim.augment.parameter import parameter
+from paxisim.augment.parameter_spec import parameter
 from paxisim.augment.transform import Covariates, Transform
 
 
@@ -24,7 +24,7 @@ class AxisGain(Transform):
 
     def apply(self, x: Any, covariates: Covariates) -> Any:
         """See `Transform.apply`."""
-        return x * self.fit("gain", x)
+        return x * self.broadcast_parameter("gain", x)
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,7 @@ class PadAxisGain(Transform):
 
     def apply(self, x: Any, covariates: Covariates) -> Any:
         """See `Transform.apply`."""
-        return x * self.fit("gain", x)
+        return x * self.broadcast_parameter("gain", x)
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,4 +57,4 @@ class TaxelGain(Transform):
 
     def apply(self, x: Any, covariates: Covariates) -> Any:
         """See `Transform.apply`."""
-        return x * self.fit("gain", x)
+        return x * self.broadcast_parameter("gain", x)

@@ -8,7 +8,7 @@ from typing import Any, Literal
 from array_api_compat import device
 
 from paxisim.augment.encodings import Encoding
-from paxisim.augment.parameter import namespace
+from paxisim.augment.parameter_spec import namespace
 from paxisim.errors import InvalidValueError
 
 

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.augment.modes import check_modes, each_mode, over_modes
-from paxisim.augment.parameter import Parameter, check, is_torch, namespace, parameter
-from paxisim.augment.transform import Covariates, Memory, State
+from paxisim.augment.parameter_spec import Parameter, check, is_torch, namespace, parameter
+from paxisim.augment.transform import Covariates, StatefulTransform, State
 
 
 @dataclass(frozen=True, eq=False)
-class Hysteresis(Memory):
+class Hysteresis(StatefulTransform):
     """A share of the load passes through M play operators (backlashes): a Prandtl-Ishlinskii model.
 
     ::
@@ -71,10 +71,10 @@ class Hysteresis(Memory):
         return (self._play(each_mode(x), virgin),)
 
     def advance(self, x: Any, state: State, dt: Any, covariates: Covariates) -> tuple[Any, State]:
-        """See `Memory.advance`."""
+        """See `StatefulTransform.advance`."""
         frame = each_mode(x)
         play = self._play(frame, state[0])
-        return x + namespace(x).sum(self.fit("weight", frame) * (play - frame), axis=-5), (play,)
+        return x + namespace(x).sum(self.broadcast_parameter("weight", frame) * (play - frame), axis=-5), (play,)
 
     def sweep(self, x: NDArray[np.floating], steps: NDArray[np.float64]) -> NDArray[np.floating] | None:
         """See `Transform.sweep`."""
@@ -99,5 +99,5 @@ class Hysteresis(Memory):
 
     def _play(self, frame: Any, play: Any) -> Any:
         xp = namespace(frame)
-        radius = self.fit("radius", frame)
+        radius = self.broadcast_parameter("radius", frame)
         return xp.maximum(frame - radius, xp.minimum(frame + radius, play))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from paxisim.augment.constant import constant
 from paxisim.augment.modes import each_mode
-from paxisim.augment.parameter import namespace, parameter
+from paxisim.augment.parameter_spec import namespace, parameter
 from paxisim.augment.transform import Covariates, Transform
 from paxisim.errors import InvalidValueError
 
@@ -52,20 +52,20 @@ class Interference(Transform):
 
     def apply(self, x: Any, covariates: Covariates) -> Any:
         """See `Transform.apply`."""
-        c = self.fit_covariate(self.covariate, covariates, x)
-        d = c - self.fit("zeroed_at", x)
+        c = self.broadcast_covariate(self.covariate, covariates, x)
+        d = c - self.broadcast_parameter("zeroed_at", x)
         return x + d * (self._at_taxels("linear", x) + d * self._at_taxels("quadratic", x))
 
     def _at_taxels(self, name: str, x: Any) -> Any:
         """Coefficients of each taxel, ``(..., pads, 3, rows, cols)``."""
-        rise = self.fit(f"{name}_rise", each_mode(x))
+        rise = self.broadcast_parameter(f"{name}_rise", each_mode(x))
         if rise.shape[-5] != 2:
             raise InvalidValueError(
                 f"{self.name}: {name}_rise of shape {tuple(np.shape(getattr(self, f'{name}_rise')))} does not fit a "
                 f"tensor of shape {tuple(x.shape)}: it must be (..., 2, pads, 3), along rows and along columns"
             )
         places = constant(_places, (int(x.shape[-2]), int(x.shape[-1])), x)
-        return self.fit(name, x) + namespace(x).sum(rise * places, axis=-5)
+        return self.broadcast_parameter(name, x) + namespace(x).sum(rise * places, axis=-5)
 
 
 def _places(rows: int, cols: int) -> NDArray[np.float64]:

@@ -10,14 +10,14 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from paxisim.augment.parameter import as_like, can_look, is_torch, namespace, parameter
+from paxisim.augment.parameter_spec import as_like, can_look, is_torch, namespace, parameter
 from paxisim.augment.random_numbers import SEEDS, check_seed, no_draws, uniform
-from paxisim.augment.transform import Covariates, Memory, State
+from paxisim.augment.transform import Covariates, StatefulTransform, State
 from paxisim.errors import InvalidValueError
 
 
 @dataclass(frozen=True, eq=False)
-class Latency(Memory):
+class Latency(StatefulTransform):
     """A delayed reading: ``y(t) = x(t - d)``, ``d = delay + jitter u``, with u uniform in (-1, 1) for each frame.
 
     Causes are the conversion, the bus and the operating system's buffers. x is interpolated linearly between frames, so
@@ -96,14 +96,14 @@ class Latency(Memory):
         xp = namespace(x)
         frames = xp.concat([_slot(x)] * self.capacity, axis=-5)
         ages = xp.zeros_like(frames[..., :1, :1, :1, :1])
-        longest = xp.zeros_like(x[..., :1, :1, :1, :1]) + self.fit("delay", x) + self.fit("jitter", x)
+        longest = xp.zeros_like(x[..., :1, :1, :1, :1]) + self.broadcast_parameter("delay", x) + self.broadcast_parameter("jitter", x)
         return (frames, ages, longest, no_draws(x))
 
     def advance(self, x: Any, state: State, dt: Any, covariates: Covariates) -> tuple[Any, State]:
-        """See `Memory.advance`."""
+        """See `StatefulTransform.advance`."""
         xp = namespace(x)
         frames, ages, last, count = state
-        delay, jitter = self.fit("delay", x), self.fit("jitter", x)
+        delay, jitter = self.broadcast_parameter("delay", x), self.broadcast_parameter("jitter", x)
         late = delay
         if not isinstance(self.jitter, float) or self.jitter:  # skipping the draw halves the time of a small frame
             late = delay + jitter * (2 * uniform(self.seed, count, x, _JITTER) - 1)

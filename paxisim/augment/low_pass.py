@@ -9,14 +9,14 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from paxisim.augment.parameter import namespace, parameter
-from paxisim.augment.transform import Covariates, Memory, State, keep
+from paxisim.augment.parameter_spec import namespace, parameter
+from paxisim.augment.transform import Covariates, StatefulTransform, State, keep
 
 _LARGE = 2_000  # numbers in a frame above which the overhead of one call per frame is negligible
 
 
 @dataclass(frozen=True, eq=False)
-class LowPass(Memory):
+class LowPass(StatefulTransform):
     """A first-order low-pass filter: ``tau dy/dt = x - y``, without filtering if tau = 0.
 
     The input is assumed to be piecewise linear between frames (first-order hold), for which the step below is exact at
@@ -35,9 +35,9 @@ class LowPass(Memory):
         return (keep(x), namespace(x).zeros_like(x))
 
     def advance(self, x: Any, state: State, dt: Any, covariates: Covariates) -> tuple[Any, State]:
-        """See `Memory.advance`."""
+        """See `StatefulTransform.advance`."""
         before, ahead = state
-        ahead = lag(x - before, ahead, self.fit("tau", x), dt)
+        ahead = lag(x - before, ahead, self.broadcast_parameter("tau", x), dt)
         return x + ahead, (keep(x), ahead)
 
     def sweep(self, x: NDArray[np.floating], steps: NDArray[np.float64]) -> NDArray[np.floating] | None:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from paxisim.augment.parameter import as_like, namespace
+from paxisim.augment.parameter_spec import as_like, namespace
 from paxisim.augment.transform import Transform
 from paxisim.errors import InvalidValueError
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from paxisim.augment.parameter import namespace, parameter
+from paxisim.augment.parameter_spec import namespace, parameter
 from paxisim.augment.random_numbers import SEEDS, check_seed, no_draws, normal
-from paxisim.augment.transform import Covariates, Memory, State
+from paxisim.augment.transform import Covariates, StatefulTransform, State
 
 
 @dataclass(frozen=True, eq=False)
-class WhiteNoise(Memory):
+class WhiteNoise(StatefulTransform):
     """White noise, drawn anew for each frame: ``y = x + sigma n``, with independent standard normal n.
 
     It models thermal noise of the Hall sensors and their amplifiers. `sigma` is the standard deviation of a delivered
@@ -57,13 +57,13 @@ class WhiteNoise(Memory):
         return (no_draws(x),)
 
     def advance(self, x: Any, state: State, dt: Any, covariates: Covariates) -> tuple[Any, State]:
-        """See `Memory.advance`."""
+        """See `StatefulTransform.advance`."""
         (count,) = state
-        return x + self.fit("sigma", x) * normal(self.seed, count, x, _WHITE), (count + 1,)
+        return x + self.broadcast_parameter("sigma", x) * normal(self.seed, count, x, _WHITE), (count + 1,)
 
 
 @dataclass(frozen=True, eq=False)
-class RandomWalk(Memory):
+class RandomWalk(StatefulTransform):
     """A zero that follows a random walk: ``y = x + b``, ``b <- b + sigma sqrt(dt) n``, with standard normal n.
 
     b is zero in the first frame and has variance ``sigma^2 t`` at time t, whatever the time steps; it does not change
@@ -106,9 +106,9 @@ class RandomWalk(Memory):
         return (namespace(x).zeros_like(x), no_draws(x))
 
     def advance(self, x: Any, state: State, dt: Any, covariates: Covariates) -> tuple[Any, State]:
-        """See `Memory.advance`."""
+        """See `StatefulTransform.advance`."""
         b, count = state
-        deviation = self.fit("sigma", x) * namespace(x).sqrt(dt)
+        deviation = self.broadcast_parameter("sigma", x) * namespace(x).sqrt(dt)
         b = b + deviation * normal(self.seed, count, x, _WALK)
         return x + b, (b, count + 1)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from paxisim.augment.parameter import parameter
+from paxisim.augment.parameter_spec import parameter
 from paxisim.augment.transform import Covariates, Transform
 
 
@@ -26,4 +26,4 @@ class Offset(Transform):
 
     def apply(self, x: Any, covariates: Covariates) -> Any:
         """See `Transform.apply`."""
-        return x + self.fit("value", x)
+        return x + self.broadcast_parameter("value", x)

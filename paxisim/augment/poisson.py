@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.augment.constant import constant, layout_text, read_layout
-from paxisim.augment.parameter import namespace, parameter
+from paxisim.augment.parameter_spec import namespace, parameter
 from paxisim.augment.transform import Covariates, Transform
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
@@ -84,7 +84,7 @@ class Poisson(Transform):
                 f"Poisson: layout has {self.layout.rows}x{self.layout.cols} taxels, the tensor {rows}x{cols}"
             )
         kernel = constant(_kernel, (rows, cols, float(self.reach), float(self.falloff), self._positions), x)
-        cx, cy = self.fit("cx", x), self.fit("cy", x)
+        cx, cy = self.broadcast_parameter("cx", x), self.broadcast_parameter("cy", x)
         lead = x.shape[:-3]
         if not self._is_flat:
             push = xp.reshape(xp.reshape(x, (-1, 3 * rows * cols)) @ kernel, (*lead, 2, 3, rows, cols))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from paxisim.augment.parameter import is_torch, namespace, parameter
+from paxisim.augment.parameter_spec import is_torch, namespace, parameter
 from paxisim.augment.transform import Covariates, Transform
 
 
@@ -30,7 +30,7 @@ class Quantisation(Transform):
     def apply(self, x: Any, covariates: Covariates) -> Any:
         """See `Transform.apply`."""
         xp = namespace(x)
-        step = self.fit("resolution", x)
+        step = self.broadcast_parameter("resolution", x)
         stepped = xp.round(x / xp.where(step > 0, step, xp.ones_like(step))) * step
         return straight_through(xp.where(step > 0, stepped, x), x)
 

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from paxisim.augment.parameter import as_like, is_torch, namespace
+from paxisim.augment.parameter_spec import as_like, is_torch, namespace
 from paxisim.errors import InvalidValueError
 
 SEEDS = 2**32

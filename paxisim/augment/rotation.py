@@ -10,7 +10,7 @@ import numpy as np
 
 from paxisim.augment.axis_coupling import mix_axes
 from paxisim.augment.constant import constant
-from paxisim.augment.parameter import namespace, parameter
+from paxisim.augment.parameter_spec import namespace, parameter
 from paxisim.augment.transform import Covariates, Transform
 
 
@@ -34,7 +34,7 @@ class Rotation(Transform):
     def apply(self, x: Any, covariates: Covariates) -> Any:
         """See `Transform.apply`."""
         # R^T is the rotation by the negative vector
-        return mix_axes(rotation_matrix(-self.fit("angles", x)[..., 0, 0]), x)
+        return mix_axes(rotation_matrix(-self.broadcast_parameter("angles", x)[..., 0, 0]), x)
 
 
 def rotation_matrix(vector: Any) -> Any:

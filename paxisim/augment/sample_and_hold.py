@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from paxisim.augment.parameter import namespace, parameter
-from paxisim.augment.transform import Covariates, Memory, State, keep
+from paxisim.augment.parameter_spec import namespace, parameter
+from paxisim.augment.transform import Covariates, StatefulTransform, State, keep
 
 
 @dataclass(frozen=True, eq=False)
-class SampleAndHold(Memory):
+class SampleAndHold(StatefulTransform):
     """The reading at the device's last tick up to t: ``y(t) = x(t_n)``, with ``t_n = (n + phase) / rate``.
 
     A device that samples more slowly than it is read returns the same frame several times; one that samples faster is
@@ -44,14 +44,14 @@ class SampleAndHold(Memory):
 
     def initial_state(self, x: Any, covariates: Covariates | None = None) -> State:
         """Return the previous frame, the held frame and the periods since the last tick, ``(*batch, 1, 1, 1, 1)``."""
-        since = namespace(x).zeros_like(x[..., :1, :1, :1, :1]) + 1 - self.fit("phase", x)
+        since = namespace(x).zeros_like(x[..., :1, :1, :1, :1]) + 1 - self.broadcast_parameter("phase", x)
         return (keep(x), keep(x), since)
 
     def advance(self, x: Any, state: State, dt: Any, covariates: Covariates) -> tuple[Any, State]:
-        """See `Memory.advance`."""
+        """See `StatefulTransform.advance`."""
         xp = namespace(x)
         before, held, since = state
-        rate = self.fit("rate", x)
+        rate = self.broadcast_parameter("rate", x)
         periods = dt * rate
         since = since + periods
         nearest = xp.round(since)

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from paxisim.augment.parameter import namespace, parameter
+from paxisim.augment.parameter_spec import namespace, parameter
 from paxisim.augment.transform import Covariates, Transform
 
 
@@ -41,11 +41,11 @@ class Saturation(Transform):
         """See `Transform.apply`."""
         xp = namespace(x)
         sign = xp.where(x < 0, -xp.ones_like(x), xp.ones_like(x))
-        limit = xp.where(x < 0, -self.fit("limit_low", x), self.fit("limit_high", x))
+        limit = xp.where(x < 0, -self.broadcast_parameter("limit_low", x), self.broadcast_parameter("limit_high", x))
         clipped = xp.minimum(sign * x, limit)
         # remove infinities: they would make the gradient of the branch that is not taken nan
         finite = xp.where(xp.isfinite(limit), limit, xp.zeros_like(limit))
-        width = self.fit("softness", x) * finite
+        width = self.broadcast_parameter("softness", x) * finite
         knee = finite - width
         excess = sign * x - knee
         soft = (excess > 0) & (width > 0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from paxisim.augment.parameter import is_torch, namespace
+from paxisim.augment.parameter_spec import is_torch, namespace
 from paxisim.augment.transform import Covariates, Transform
 from paxisim.errors import InvalidValueError
 

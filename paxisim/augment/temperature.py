@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from paxisim.augment.parameter import parameter
+from paxisim.augment.parameter_spec import parameter
 from paxisim.augment.transform import Covariates, Transform
 
 
@@ -34,5 +34,5 @@ class TemperatureDrift(Transform):
 
     def apply(self, x: Any, covariates: Covariates) -> Any:
         """See `Transform.apply`."""
-        warmer = self.fit_covariate(self.covariate, covariates, x) - self.fit("reference", x)
-        return x * (1 + self.fit("gain", x) * warmer) + self.fit("offset", x) * warmer
+        warmer = self.broadcast_covariate(self.covariate, covariates, x) - self.broadcast_parameter("reference", x)
+        return x * (1 + self.broadcast_parameter("gain", x) * warmer) + self.broadcast_parameter("offset", x) * warmer

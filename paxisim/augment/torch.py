@@ -29,7 +29,7 @@ from typing import Any, Literal
 
 from paxisim.augment import chain as chains
 from paxisim.augment import gcs as paper
-from paxisim.augment.parameter import parameters
+from paxisim.augment.parameter_spec import parameters
 from paxisim.errors import InvalidValueError, MissingExtraError, UnknownNameError
 from paxisim.layout import TaxelLayout
 

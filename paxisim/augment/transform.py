@@ -23,7 +23,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from paxisim.augment.parameter import (
+from paxisim.augment.parameter_spec import (
     AXES,
     Parameter,
     as_like,
@@ -46,7 +46,7 @@ STAGES = ("gel", "magnets", "electronics", "firmware")
 class Transform:
     """Base class of the transforms; the module docstring describes the shapes and the three ways to apply one.
 
-    Subclasses are frozen dataclasses. Those without memory implement `apply`; those with memory derive from `Memory`.
+    Subclasses are frozen dataclasses. Those without memory implement `apply`; those with memory derive from `StatefulTransform`.
 
     Attributes:
         stage: Position in the physical chain, one of `STAGES`.
@@ -199,7 +199,7 @@ class Transform:
 
         return tuple(choose(new, old) for new, old in zip(self.initial_state(x, covariates), state, strict=True))
 
-    def fit(self, name: str, x: Any) -> Any:
+    def broadcast_parameter(self, name: str, x: Any) -> Any:
         """Return parameter `name` as an array that broadcasts against frame `x`.
 
         Raises:
@@ -214,7 +214,7 @@ class Transform:
             )
         return lifted
 
-    def fit_covariate(self, name: str, covariates: Covariates, x: Any) -> Any:
+    def broadcast_covariate(self, name: str, covariates: Covariates, x: Any) -> Any:
         """Return covariate `name` as an array that broadcasts against frame `x`.
 
         Args:
@@ -274,7 +274,7 @@ class Transform:
 _DT = Parameter(unit="s", low=0.0)
 
 
-class Memory(Transform):
+class StatefulTransform(Transform):
     """Base class of transforms with memory, which implement `initial_state` and `advance`.
 
     Copy a frame with `keep` before storing it in a state.

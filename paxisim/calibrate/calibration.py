@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from paxisim.calibrate.fit import calibrate_readout
 from paxisim.calibrate.load_model import LoadModel, fit_load_model
 from paxisim.calibrate.loads import COMPONENTS, MOST, Excitation, Load
-from paxisim.calibrate.readout import Readout
+from paxisim.calibrate.linear import LinearCalibration
 from paxisim.errors import InvalidValueError
-from paxisim.logs.atomic import parse_file, whole_file
+from paxisim.files import parse_file, whole_file
 from paxisim.logs.document import finite
 from paxisim.logs.text import parse_json
 from paxisim.recording import Recording
@@ -36,12 +36,12 @@ class Calibration:
         profile: Name of the profile that the sensor was recorded with; empty if the recording does not contain it.
     """
 
-    readout: Readout
+    readout: LinearCalibration
     model: LoadModel
     profile: str = ""
 
     def to_force(self, channels: NDArray[np.floating]) -> NDArray[np.float32]:
-        """Convert ``(..., pads, 3, rows, cols)`` channels to newtons, each separately; see `Readout.to_force`."""
+        """Convert ``(..., pads, 3, rows, cols)`` channels to newtons, each separately; see `LinearCalibration.to_force`."""
         return self.readout.to_force(channels).astype(np.float32)
 
     def total_force(self, channels: NDArray[np.floating]) -> NDArray[np.float32] | None:
@@ -176,7 +176,7 @@ def _document(value: Any) -> Any:
     return value.tolist() if isinstance(value, (np.ndarray, np.generic)) else value
 
 
-def _readout(document: dict[str, Any]) -> Readout:
+def _readout(document: dict[str, Any]) -> LinearCalibration:
     loads = _loads(document["loads"])
     offset = _numbers(document, "offset", None)
     if offset.ndim != 4 or offset.shape[1] != 3:
@@ -184,7 +184,7 @@ def _readout(document: dict[str, Any]) -> Readout:
     shape, count = offset.shape, len(loads)
     found = document["excitation"]
     degree = len(document["coefficients"])
-    return Readout(
+    return LinearCalibration(
         loads,
         _numbers(document, "coefficients", (degree, count, *shape)),
         offset,

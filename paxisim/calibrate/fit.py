@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from paxisim.calibrate.delay import LEAST, Delay, fit_delay, half_width
 from paxisim.calibrate.lagged import Array, Lagged, Sums
 from paxisim.calibrate.loads import Excitation, Load, excitation_of, find_loads, values_of
-from paxisim.calibrate.readout import Readout
+from paxisim.calibrate.linear import LinearCalibration
 from paxisim.errors import InvalidValueError
 from paxisim.presses import find_presses
 from paxisim.recording import Recording
@@ -31,7 +31,7 @@ def calibrate_readout(
     *,
     degree: int = 1,
     max_delay: float = 0.5,
-) -> Readout:
+) -> LinearCalibration:
     """Fit the readout of a sensor whose channels are not in newtons, using loads measured by a reference.
 
     Least squares gives each channel an offset and a gain for each load. All channels lag the loads by one common delay;
@@ -124,7 +124,7 @@ def _readout(
     loads: tuple[Load, ...],
     excitation: Excitation,
     recording: Recording,
-) -> Readout:
+) -> LinearCalibration:
     """Fit the readout at a delay; held-out errors and intervals use the delays fitted without each block."""
     is_late = not delay.interval[0] <= 0 <= delay.interval[1]
     value = delay.value if is_late else 0.0
@@ -149,7 +149,7 @@ def _readout(
     gain_error[excitation.excited] = half_width(np.stack(replicates))
     coefficients = np.zeros((lagged.degree, len(loads), used.size))
     offset, coefficients[:, excitation.excited] = lagged.polynomial(fitted)
-    return Readout(
+    return LinearCalibration(
         loads,
         np.where(used, coefficients, 0.0).reshape(lagged.degree, *size),
         np.where(used, offset, lagged.level).reshape(shape),
@@ -175,7 +175,7 @@ def least_ridge(sums: Sums) -> float:
     return RIDGES[best] if gained.mean() > gained.std(ddof=1) / np.sqrt(len(gained)) else 0.0
 
 
-def _warn(readout: Readout, delay: Delay) -> None:
+def _warn(readout: LinearCalibration, delay: Delay) -> None:
     found = readout.excitation
     for k, load in enumerate(readout.loads):
         if not found.excited[k]:

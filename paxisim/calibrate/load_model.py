@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from paxisim.calibrate.fit import blocks_of, least_ridge
 from paxisim.calibrate.lagged import MOST, Array, block_sums
 from paxisim.calibrate.loads import Load, values_of
-from paxisim.calibrate.readout import Readout
+from paxisim.calibrate.linear import LinearCalibration
 from paxisim.errors import InvalidValueError
 from paxisim.recording import Recording
 
@@ -20,7 +20,7 @@ MOST_SQUARED = 48
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LoadModel:
-    """Estimate of the load from all channels at once; a `Readout` gives one estimate per channel instead.
+    """Estimate of the load from all channels at once; a `LinearCalibration` gives one estimate per channel instead.
 
     Attributes:
         loads: Components of the load.
@@ -62,12 +62,12 @@ class LoadModel:
         return "\n".join(lines)
 
 
-def fit_load_model(recording: Recording, readout: Readout, *, quadratic: bool = False) -> LoadModel:
+def fit_load_model(recording: Recording, readout: LinearCalibration, *, quadratic: bool = False) -> LoadModel:
     """Fit the load to all channels that a readout uses; held-out blocks choose the regularisation.
 
     Args:
         recording: The recording that the readout was fitted to, with the loads in its covariates.
-        readout: Readout that provides the used channels and the delay.
+        readout: LinearCalibration that provides the used channels and the delay.
         quadratic: Whether to add squares and products of the channels. With few presses, the held-out error shows
             whether they help.
 

@@ -1,4 +1,4 @@
-"""Readout: the response of a sensor's channels to a load, for channels that are not in newtons."""
+"""LinearCalibration: the response of a sensor's channels to a load, for channels that are not in newtons."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from paxisim.calibrate.loads import Excitation, Load, values_of
 from paxisim.errors import InvalidValueError
-from paxisim.logs.aligned import episode_spans
+from paxisim.logs.recording_arrays import episode_spans
 from paxisim.presses import FEW, find_presses
 from paxisim.recording import Recording
 
@@ -20,7 +20,7 @@ AXES = "xyz"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Readout:
+class LinearCalibration:
     """Response of each channel to a load: an offset, and a gain or a polynomial of higher degree for each load.
 
     The channels are not in a unit of force, but for example in microtesla, counts or farads. After subtracting `offset`
@@ -165,7 +165,7 @@ class Readout:
         """One-line summary."""
         names = ", ".join(load.name for load in self.loads)
         return (
-            f"Readout({int(self.used.sum())} of {self.used.size} channels from {names}, "
+            f"LinearCalibration({int(self.used.sum())} of {self.used.size} channels from {names}, "
             f"degree {len(self.coefficients)}, delay {1e3 * self.delay:.1f} ms)"
         )
 

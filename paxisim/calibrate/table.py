@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from paxisim.calibrate.readout import Readout
+    from paxisim.calibrate.linear import LinearCalibration
 
 MOST = 30
 """Maximum number of listed channels; if there are more, those with the most unexplained variance are listed."""
@@ -15,12 +15,12 @@ MOST_WITH_ERRORS = 3
 """Maximum number of loads for which gains are listed with their intervals."""
 
 
-def table_of(readout: Readout) -> str:
+def table_of(readout: LinearCalibration) -> str:
     """Return the delay, the loads and the channels of a readout as a text table."""
     return "\n".join([*_delay(readout), "", *_loads(readout), "", *_channels(readout)])
 
 
-def _delay(readout: Readout) -> list[str]:
+def _delay(readout: LinearCalibration) -> list[str]:
     low, high = (1e3 * end for end in readout.delay_interval)
     if low <= 0 <= high:
         lines = [f"delay: none, 95% interval {low:.1f} to {high:.1f} ms"]
@@ -30,7 +30,7 @@ def _delay(readout: Readout) -> list[str]:
     return [*lines, f"held out in turn: {readout.blocks} blocks; regularisation (ridge): {readout.ridge:g}"]
 
 
-def _loads(readout: Readout) -> list[str]:
+def _loads(readout: LinearCalibration) -> list[str]:
     width = max(4, *(len(load.name) for load in readout.loads))
     lines = [f"{'load':{width}}  {'changes by':>14}  {'by itself':>9}"]
     found = readout.excitation
@@ -41,7 +41,7 @@ def _loads(readout: Readout) -> list[str]:
     return lines
 
 
-def _channels(readout: Readout) -> list[str]:
+def _channels(readout: LinearCalibration) -> list[str]:
     unit = readout.unit or "units"
     count, few = int(readout.used.sum()), len(readout.loads) <= MOST_WITH_ERRORS
     width = 17 if few else 10

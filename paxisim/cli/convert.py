@@ -98,7 +98,7 @@ def convert(
     if lerobot is not None:
         from paxisim.logs.lerobot_writer import write_lerobot
 
-        said = write_lerobot(lerobot, loaded.to_aligned(), align=align, drop=missing == "drop", **for_lerobot)
+        said = write_lerobot(lerobot, loaded.to_arrays(), align=align, drop=missing == "drop", **for_lerobot)
     else:
         assert output is not None
         _write_file(output, loaded)
@@ -121,7 +121,7 @@ def _check_file(output: Path, force: bool, not_for_it: list[str]) -> None:
 
 
 def _check_dataset(folder: Path) -> None:
-    from paxisim.logs.atomic import refuse_existing
+    from paxisim.files import refuse_existing
     from paxisim.logs.parquet import require_pyarrow
 
     refuse_existing(folder)
@@ -133,6 +133,6 @@ def _write_file(output: Path, recording: Recording) -> None:
     if output.suffix.lower() == ".parquet":
         from paxisim.logs.parquet import write_parquet
 
-        write_parquet(output, recording.to_aligned())
+        write_parquet(output, recording.to_arrays())
     else:
         recording.save(output)

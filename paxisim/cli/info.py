@@ -29,8 +29,8 @@ def info(recording: Annotated[Path, tyro.conf.Positional]) -> None:
         recording: Recording: .mcap, .npz, .parquet, .csv or .hdf5 (robosuite, robomimic).
             Or the folder of a LeRobotDataset (v3).
     """
-    from paxisim.logs.align import describe_bursts
-    from paxisim.logs.aligned import unit_of
+    from paxisim.logs.resample import describe_bursts
+    from paxisim.logs.recording_arrays import unit_of
     from paxisim.logs.describe import HEADER, describe_episodes, describe_stream
 
     progress(f"reading {recording}")
@@ -71,7 +71,7 @@ def _read(path: Path) -> Log:
     from paxisim.logs.describe import log_of
     from paxisim.recording import Recording
 
-    return log_of(Recording.load(path).to_aligned())
+    return log_of(Recording.load(path).to_arrays())
 
 
 def _about(log: Log) -> list[str]:

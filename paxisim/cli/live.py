@@ -49,7 +49,7 @@ def live(
         calibration: Calibration file of `paxisim calibrate`, for a sensor that does not measure newtons.
         force: Overwrite the output file if it exists.
     """
-    from paxisim.logs.atomic import whole_file
+    from paxisim.files import whole_file
     from paxisim.viz.live import LiveView
     from paxisim.viz.live_drawing import import_rerun, need_display
     from paxisim.viz.live_sources import RECORDINGS, open_source

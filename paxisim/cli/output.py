@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 from paxisim.errors import InvalidValueError, OutputExistsError
-from paxisim.logs.atomic import whole_file
+from paxisim.files import whole_file
 
 if TYPE_CHECKING:
     from paxisim.calibrate.calibration import Calibration

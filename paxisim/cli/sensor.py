@@ -1,4 +1,4 @@
-"""The ``paxisim sensor check``, ``paxisim sensor quality`` and ``paxisim sensor profiles`` commands."""
+"""The ``paxisim device check``, ``paxisim device quality`` and ``paxisim device profiles`` commands."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _LATE = 0.1  # s; frames from before the start of a step may arrive this late
 _PATIENCE = 5.0  # s; longest wait for a frame
 
 
-def sensor_check(
+def device_check(
     port: Annotated[str, tyro.conf.Positional],
     profile: str,
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])],
@@ -44,7 +44,7 @@ def sensor_check(
 
     For example:
 
-    paxisim sensor check /dev/ttyACM0 --profile gen2-box-120 -o my-sensor.toml
+    paxisim device check /dev/ttyACM0 --profile gen2-box-120 -o my-sensor.toml
 
     Args:
         port: Port of the sensor.
@@ -92,7 +92,7 @@ def sensor_check(
                 except InvalidValueError as error:
                     print(f"     {error}. Again:")
     day = datetime.now().astimezone().date().isoformat()
-    verified = f"paxisim sensor check, {day}" + (f", {said}" if said else "")
+    verified = f"paxisim device check, {day}" + (f", {said}" if said else "")
     result = check.conclude(believed, touches, verified)
     named = replace(result.profile, name=output.stem.lower())
     write_output(output, profile_toml(named), force)
@@ -166,7 +166,7 @@ def _record(sensor: TactileSensor, seconds: float, live: bool) -> list[Frame]:
     return frames
 
 
-def sensor_quality(
+def device_quality(
     port: Annotated[str, tyro.conf.Positional],
     profile: str,
     output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None,
@@ -178,7 +178,7 @@ def sensor_quality(
 
     For example:
 
-    paxisim sensor quality /dev/ttyACM0 --profile gen2-box-120 --seconds 60 -o quality.png
+    paxisim device quality /dev/ttyACM0 --profile gen2-box-120 --seconds 60 -o quality.png
 
     Args:
         port: Port of the sensor.
@@ -210,12 +210,12 @@ def sensor_quality(
         print(f"picture: {output}")
 
 
-def sensor_profiles(name: Annotated[str | None, tyro.conf.Positional] = None) -> None:
+def device_profiles(name: Annotated[str | None, tyro.conf.Positional] = None) -> None:
     """List the known sensor profiles, or print one as the start of your own.
 
     For example:
 
-    paxisim sensor profiles gen2-box-120 > my-sensor.toml
+    paxisim device profiles gen2-box-120 > my-sensor.toml
 
     Args:
         name: Name of the profile to print; default: list all.

@@ -14,7 +14,7 @@ from scipy.optimize import minimize_scalar
 
 from paxisim.diagnose.noise import FloatArray
 from paxisim.diagnose.pieces import in_one_piece
-from paxisim.logs.aligned import episode_spans
+from paxisim.logs.recording_arrays import episode_spans
 from paxisim.recording import Recording
 
 LONGEST = 15.0  # s, largest clock offset

@@ -16,7 +16,7 @@ from paxisim.diagnose.inside.responses import in_si
 from paxisim.diagnose.report.streams import Streams
 from paxisim.diagnose.report.text import text_of
 from paxisim.errors import InvalidValueError, MissingExtraError, PaxisimError
-from paxisim.logs.atomic import parse_file, whole_file
+from paxisim.files import parse_file, whole_file
 from paxisim.logs.document import built, finite
 from paxisim.scene.scene import Scene
 

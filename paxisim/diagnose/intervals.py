@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from paxisim.augment.chain import Chain
-from paxisim.augment.parameter import parameters
+from paxisim.augment.parameter_spec import parameters
 from paxisim.augment.transform import Transform
 from paxisim.diagnose.cause import courses_of
 from paxisim.diagnose.diagnosis import FittedParameter, Interval

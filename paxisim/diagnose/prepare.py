@@ -8,7 +8,7 @@ import numpy as np
 
 from paxisim.diagnose.problem import peak_of
 from paxisim.errors import InvalidValueError
-from paxisim.logs.aligned import episode_spans, episode_starts
+from paxisim.logs.recording_arrays import episode_spans, episode_starts
 from paxisim.logs.stopped import stopped_in_words
 from paxisim.presses import find_presses
 from paxisim.recording import Recording

@@ -24,7 +24,7 @@ from paxisim.diagnose.inside.responses import Responses
 from paxisim.diagnose.noise import FloatArray, Tolerance, noise_of, step_of, tolerated
 from paxisim.diagnose.pieces import Pieces, in_one_piece
 from paxisim.errors import InvalidValueError
-from paxisim.logs.aligned import episode_spans
+from paxisim.logs.recording_arrays import episode_spans
 from paxisim.recording import Recording
 from paxisim.scene.encoder import EncoderError
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from paxisim.diagnose.diagnosis import LeftOver
 from paxisim.diagnose.problem import FloatArray, Problem
-from paxisim.logs.aligned import episode_spans
+from paxisim.logs.recording_arrays import episode_spans
 from paxisim.recording import Recording
 
 ALIKE = 0.15  # relative difference in load up to which two episodes repeat the same motion

@@ -1,4 +1,4 @@
-"""Aligner: joins the frames of several ports into one tensor."""
+"""FrameJoiner: joins the frames of several ports into one tensor."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ KEPT = 256
 """Frames kept per port; enough if the pacing port is a hundred times slower than the others."""
 
 
-class Aligner:
+class FrameJoiner:
     """Joins the frames of several ports, with their pads one after another. No I/O, no clock; not thread-safe.
 
     The first port sets the pace: each of its frames yields one joined frame with the same `time`. Every other port

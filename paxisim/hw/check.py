@@ -1,4 +1,4 @@
-"""Logic of ``paxisim sensor check``: infer the profile of a sensor from presses at known places.
+"""Logic of ``paxisim device check``: infer the profile of a sensor from presses at known places.
 
 `check_steps` lists what to ask of the user, `feel` evaluates the recording of one step, and `conclude` compares all
 steps with the profile and corrects it. Nothing here reads a terminal or a device. Force is passed as arrays

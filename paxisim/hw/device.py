@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from types import TracebackType
 
 from paxisim.errors import DeviceError, DeviceTimeoutError, InvalidValueError
-from paxisim.hw.align import Aligner
+from paxisim.hw.frame_joiner import FrameJoiner
 from paxisim.hw.board import Board
 from paxisim.hw.calibrated import SensorCalibration
 from paxisim.hw.clock import Clock, SystemClock
@@ -98,7 +98,7 @@ class TactileSensor:
     A sensor without references is closed with a ResourceWarning, as a file is. Do not rely on this: a traceback or the
     output of a notebook may still hold a reference, and with it the port.
 
-    Several ports form one tensor: see `paxisim.hw.align.Aligner` for how frames are matched.
+    Several ports form one tensor: see `paxisim.hw.frame_joiner.FrameJoiner` for how frames are matched.
 
     Attributes:
         profile: Profile that says which part it is and how its bytes become the tensor.
@@ -122,8 +122,8 @@ class TactileSensor:
         names = [slot.name for slot in profile.slots]
         self.pads = tuple(names if len(ports) == 1 else (f"{name}{i}" for i in range(len(ports)) for name in names))
         self._queue = FrameQueue(queue)
-        self._aligner = Aligner(len(ports))
-        self._aligning = threading.Lock()
+        self._joiner = FrameJoiner(len(ports))
+        self._joining = threading.Lock()
         self._closed = False
         self._has_warned = False
         self._readers = [
@@ -222,8 +222,8 @@ class TactileSensor:
         self._check_open()
         for done in [reader.zero(software) for reader in self._readers]:
             done.result()
-        with self._aligning:
-            self._aligner.clear()
+        with self._joining:
+            self._joiner.clear()
             self._queue.clear()
         self._has_warned = False
 
@@ -288,7 +288,7 @@ class TactileSensor:
 
     def _sink(self, port: int) -> Callable[[Frame], None]:
         """Return the function that takes the frames of `port`."""
-        queue, aligner, aligning = self._queue, self._aligner, self._aligning
+        queue, joiner, joining = self._queue, self._joiner, self._joining
         if len(self.ports) == 1:
             return queue.put
 

@@ -196,7 +196,7 @@ class Profile:
         if not self.verified:
             warnings.warn(
                 f"profile {self.name!r} was never tried on a device: order, axes and signs may be wrong; "
-                "`paxisim sensor check` finds them and writes a profile",
+                "`paxisim device check` finds them and writes a profile",
                 UnverifiedProfileWarning,
                 stacklevel=3,
             )
@@ -251,7 +251,7 @@ def load_profile(name: str | os.PathLike[str]) -> Profile:
         mode = 5
 
         [sources]                         # source of any figure
-        rate = "measured with paxisim sensor quality"
+        rate = "measured with paxisim device quality"
 
     Args:
         name: A name from `known_profiles`, in upper or lower case, or the path of a ``.toml`` file that holds one

@@ -89,7 +89,7 @@ def format_profiles() -> str:
     rows.insert(1, tuple("-" * width for width in widths))
     lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
     lines += ["", *(f"{alias} is {name}" for alias, name in _shipped()["aliases"].items())]
-    lines += ["verified: tried on a device; try yours with `paxisim sensor check`"]
+    lines += ["verified: tried on a device; try yours with `paxisim device check`"]
     return "\n".join(lines)
 
 

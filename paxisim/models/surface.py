@@ -24,7 +24,7 @@ def flat(layout: TaxelLayout, thickness: float = 1e-3) -> NDArray[np.floating]:
     return np.full((layout.rows, layout.cols), float(thickness))
 
 
-def measured(layout: TaxelLayout, height_map: ArrayLike, thickness: float = 1e-3) -> NDArray[np.floating]:
+def heights_from_map(layout: TaxelLayout, height_map: ArrayLike, thickness: float = 1e-3) -> NDArray[np.floating]:
     """Return cube thickness (m), ``(rows, cols)``, from a measured height map of the sensing surface.
 
     Args:

@@ -192,7 +192,7 @@ class Protocol:
             OSError: The file cannot be written.
             InvalidValueError: The path is a folder, or its folder does not exist.
         """
-        from paxisim.logs.atomic import whole_file
+        from paxisim.files import whole_file
         from paxisim.protocols.text import format_protocol
 
         with whole_file(Path(path)) as temporary:
@@ -207,7 +207,7 @@ class Protocol:
             UnknownNameError: There is no such motion.
             FileNotFoundError: There is no such file.
         """
-        from paxisim.logs.atomic import parse_file
+        from paxisim.files import parse_file
         from paxisim.protocols.text import parse_protocol
 
         return parse_file(Path(path), parse_protocol)

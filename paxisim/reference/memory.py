@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from paxisim.augment.parameter import lift, namespace
+from paxisim.augment.parameter_spec import lift, namespace
 from paxisim.reference.parameters import GelMemory
 
 State = tuple[Any, Any, Any]

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
-from paxisim.augment.parameter import namespace
+from paxisim.augment.parameter_spec import namespace
 from paxisim.errors import InvalidValueError
 from paxisim.reference.dipoles import field
 from paxisim.reference.stack import as_kind

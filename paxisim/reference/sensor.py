@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from paxisim.augment.parameter import namespace
+from paxisim.augment.parameter_spec import namespace
 from paxisim.augment.transform import Covariates, State, Transform
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
@@ -84,7 +84,7 @@ class MagneticSensor(Transform):
         stack, facing = self._stack(x.shape[-4])
         if facing is None:
             return stack.joined(stack.read(stack.change(stack.split(x))), x)
-        xp, opening = namespace(x), self.fit_covariate(self.covariate, covariates, x)
+        xp, opening = namespace(x), self.broadcast_covariate(self.covariate, covariates, x)
         batch = np.broadcast_shapes(tuple(opening.shape[:-4]), tuple(x.shape[:-4]))
         opening = xp.broadcast_to(opening[..., 0, 0, 0, 0], batch)
         x = xp.broadcast_to(x, (*batch, *x.shape[-4:]))

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.calibrate.loads import values_of
-from paxisim.calibrate.readout import AXES, Readout
+from paxisim.calibrate.linear import AXES, LinearCalibration
 from paxisim.errors import InvalidValueError, MissingExtraError
 from paxisim.presses import FEW, Presses, find_presses
 from paxisim.recording import Recording
@@ -42,7 +42,7 @@ def plot_presses(presses: Presses) -> Figure:
     return figure
 
 
-def plot_calibration(readout: Readout, recording: Recording) -> Figure:
+def plot_calibration(readout: LinearCalibration, recording: Recording) -> Figure:
     """Plot a calibration: the cuts, the held-out error of each channel, and the least and best explained channels.
 
     Args:
@@ -125,7 +125,7 @@ def _draw_presses(axes: NDArray[np.object_], presses: Presses) -> None:
     axes[1].set_xlabel("time (s)", color=_INK)
 
 
-def _draw_errors(ax: Axes, readout: Readout) -> None:
+def _draw_errors(ax: Axes, readout: LinearCalibration) -> None:
     """Draw the unexplained share of each channel as bars by axis, and unused channels as crosses at the top."""
     left = np.clip(1 - readout.explained, 1e-6, 1.0)
     pads, _, rows, cols = readout.used.shape
@@ -153,7 +153,7 @@ def _draw_errors(ax: Axes, readout: Readout) -> None:
 
 
 def _draw_channel(
-    ax: Axes, elapsed: NDArray[np.float64], readout: Readout, applied: Recording, at: tuple[int, ...], what: str
+    ax: Axes, elapsed: NDArray[np.float64], readout: LinearCalibration, applied: Recording, at: tuple[int, ...], what: str
 ) -> None:
     assert applied.measured is not None
     assert applied.simulated is not None

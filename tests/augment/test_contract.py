@@ -22,14 +22,14 @@ from transform_examples import EXAMPLES, FRAME
 
 from paxisim.augment.chain import Chain, _known_transforms
 from paxisim.augment.clocked import Clocked
-from paxisim.augment.parameter import parameters
-from paxisim.augment.transform import STAGES, Memory, Transform
+from paxisim.augment.parameter_spec import parameters
+from paxisim.augment.transform import STAGES, StatefulTransform, Transform
 from paxisim.errors import InvalidValueError, UnknownNameError
 
 KINDS = {
     name: kind
     for name, kind in _known_transforms().items()
-    if kind.__module__.startswith("paxisim.augment.") and kind not in (Memory, Clocked)
+    if kind.__module__.startswith("paxisim.augment.") and kind not in (StatefulTransform, Clocked)
 }
 NAMES = sorted(KINDS)
 TIME = np.array([0.0, 0.011, 0.011, 0.06, 0.2, 0.213])

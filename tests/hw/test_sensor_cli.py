@@ -1,4 +1,4 @@
-"""``paxisim sensor``: the guided check and the measurement of quality against the emulator, and what they refuse."""
+"""``paxisim device``: the guided check and the measurement of quality against the emulator, and what they refuse."""
 
 import io
 import re
@@ -11,7 +11,7 @@ from person import person
 
 pytest.importorskip("serial")
 
-from paxisim.cli.sensor import sensor_check, sensor_profiles, sensor_quality
+from paxisim.cli.device import device_check, device_profiles, device_quality
 from paxisim.errors import InvalidValueError, OutputExistsError, PaxisimError, UnknownNameError
 from paxisim.hw.check import check_steps
 from paxisim.hw.emulator import Emulator
@@ -85,7 +85,7 @@ def run_check(monkeypatch, user: User, believed: Profile, output="mine.toml", **
     Path("believed.toml").write_text(profile_toml(believed), encoding="utf-8")
     monkeypatch.setattr("sys.stdin", user)
     with Emulator(user.true, user.feel) as emulator:
-        sensor_check(emulator.port, "believed.toml", Path(output), seconds=SECONDS, **options)
+        device_check(emulator.port, "believed.toml", Path(output), seconds=SECONDS, **options)
 
 
 BELIEVED = [
@@ -104,7 +104,7 @@ def test_the_check_writes_the_profile_of_the_sensor_that_is_there(monkeypatch, c
     assert found.wire_layout == true.wire_layout
     assert (found.axes, found.slots, found.settings) == (true.axes, true.slots, true.settings)
     assert found.name == "mine"
-    assert found.verified.startswith("paxisim sensor check, 20")
+    assert found.verified.startswith("paxisim device check, 20")
     said = capsys.readouterr().out
     order = "left and right must be exchanged" if believed.has_positions else "order: cannot be determined"
     assert order in said
@@ -154,7 +154,7 @@ def test_a_field_sensor_is_checked_for_chips_that_respond(monkeypatch, capsys):
     assert "left and right" not in said
     found = load_profile("mine.toml")
     assert replace(found, name="anyskin", verified="") == believed
-    assert found.verified.startswith("paxisim sensor check")
+    assert found.verified.startswith("paxisim device check")
 
     dead, user = 3, User(believed, believed)
     user.feel = feel
@@ -201,17 +201,17 @@ def test_stopping_half_way_leaves_nothing_behind(monkeypatch, folder, stop):
 
 def test_bad_arguments_are_refused_before_anything_is_opened():
     with pytest.raises(InvalidValueError, match=r"must be a \.toml file"):
-        sensor_check("nowhere", "gen2-box-120", Path("mine.txt"))
+        device_check("nowhere", "gen2-box-120", Path("mine.txt"))
     Path("mine.toml").write_text("precious")
     with pytest.raises(OutputExistsError):
-        sensor_check("nowhere", "gen2-box-120", Path("mine.toml"))
+        device_check("nowhere", "gen2-box-120", Path("mine.toml"))
     assert Path("mine.toml").read_text() == "precious"
     with pytest.raises(UnknownNameError):
-        sensor_check("nowhere", "gen2-box-121", Path("new.toml"))
+        device_check("nowhere", "gen2-box-121", Path("new.toml"))
     with pytest.raises(PaxisimError, match="nowhere"):
-        sensor_check("nowhere", "gen2-box-120", Path("new.toml"))
+        device_check("nowhere", "gen2-box-120", Path("new.toml"))
     with pytest.raises(InvalidValueError, match="--seconds"):
-        sensor_quality("nowhere", "gen2-box-120", seconds=0)
+        device_quality("nowhere", "gen2-box-120", seconds=0)
     assert not Path("new.toml").exists()
 
 
@@ -220,7 +220,7 @@ def test_quality_prints_a_table_and_draws(capsys):
     profile = load_profile("gen3-highspeed-mc-m2020")
     rng = np.random.default_rng(0)
     with Emulator(profile, lambda t: rng.normal(0.5, 0.1, (1, 3, 3, 3)), gate=0) as emulator:
-        sensor_quality(emulator.port, profile.name, Path("quality.png"), seconds=SECONDS)
+        device_quality(emulator.port, profile.name, Path("quality.png"), seconds=SECONDS)
     said = capsys.readouterr().out
     frames = re.search(r"frames +(\d+) in", said)
     assert frames
@@ -233,10 +233,10 @@ def test_quality_prints_a_table_and_draws(capsys):
 
 
 def test_profiles_are_listed_and_one_is_a_file_to_start_from(capsys):
-    sensor_profiles()
+    device_profiles()
     said = capsys.readouterr().out
     assert all(name in said for name in known_profiles())
     assert max(map(len, said.splitlines())) <= 80
-    sensor_profiles("gen2-box-120")
+    device_profiles("gen2-box-120")
     Path("copy.toml").write_text(capsys.readouterr().out, encoding="utf-8")
     assert load_profile("copy.toml") == load_profile("gen2-box-120")

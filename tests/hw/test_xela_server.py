@@ -325,7 +325,7 @@ def test_the_verbs_read_a_server(tmp_path: Path, capsys: pytest.CaptureFixture[s
     path = tmp_path / "uskin.mcap"
     with Emulator(profile, press(profile)) as emulator:
         assert main(["record", emulator.port, "--profile", "xela-uspa44", "--seconds", "1", "-o", str(path)]) == 0
-        assert main(["sensor", "quality", emulator.port, "--profile", "xela-uspa44", "--seconds", "1"]) == 0
+        assert main(["device", "quality", emulator.port, "--profile", "xela-uspa44", "--seconds", "1"]) == 0
         assert "counts/min" in capsys.readouterr().out
     assert paxisim.Recording.load(path).unit == "counts"
     assert main(["emulate", "--profile", "xela-uspa44", "--signal", str(path), "--seconds", "0"]) == 0
