@@ -1,4 +1,4 @@
-"""A fixture that times two things in turn, and the table of ratios at the end of the run."""
+"""A fixture that times several functions alternately, and the table of ratios at the end of the run."""
 
 import platform
 import time
@@ -14,7 +14,7 @@ ROWS = pytest.StashKey[list]()
 
 @dataclass
 class Row:
-    """A line of the table; `target` is the largest value wanted, if any."""
+    """A row of the table; `target` is the upper bound for `value`, if any."""
 
     what: str
     value: float
@@ -22,7 +22,7 @@ class Row:
     unit: str = ""
 
     def __str__(self) -> str:
-        """The line."""
+        """Return the row as text."""
         value = f"{self.value:.3g}{self.unit}"
         if self.target is None:
             return f"{self.what:<70} {value:>9}"
@@ -32,13 +32,19 @@ class Row:
 
 @dataclass
 class Comparison:
-    """Times code in turns, so that a busy machine slows all of it alike."""
+    """Times functions alternately, so that a busy machine slows all of them equally."""
 
     benchmark: object
     rows: list[Row]
 
     def time(self, main: Callable, others: dict[str, Callable], rounds: int) -> dict[str, np.ndarray]:
-        """Seconds of each round: `main`'s under "main" (it is what pytest-benchmark reports), the others before it."""
+        """Return the seconds of each round by name.
+
+        Args:
+            main: Function that pytest-benchmark reports; its times are under "main".
+            others: Functions by name, which run before `main` in every round.
+            rounds: Number of rounds.
+        """
         seconds = {name: [] for name in others}
 
         def run_others():
@@ -49,12 +55,12 @@ class Comparison:
 
         self.benchmark.pedantic(main, setup=run_others, rounds=rounds, warmup_rounds=2)
         if self.benchmark.stats is None:
-            pytest.skip("pytest-benchmark is disabled, as it is under xdist: run with -n0")
+            pytest.skip("pytest-benchmark is disabled, e.g. by xdist: run with -n0")
         seconds["main"] = self.benchmark.stats.stats.data
         return {name: np.array(values[-rounds:]) for name, values in seconds.items()}
 
     def report(self, what: str, value: float, target: float | None = None, unit: str = "") -> None:
-        """Add a line to the table. A missed target is shown, not raised: timings depend on the machine."""
+        """Add a row to the table. A missed target is shown but raises no error, since timings depend on the machine."""
         self.rows.append(Row(what, float(value), target, unit))
         self.benchmark.extra_info[what] = float(value)
 

@@ -1,21 +1,24 @@
-"""What decoders make of damaged bytes: ``python benchmarks/damaged_streams.py``.
+"""Behaviour of the decoders on damaged byte streams: ``python benchmarks/damaged_streams.py``.
 
-Ten million bytes a family and kind of damage. Every frame has a number in it, so that each can be told from all others;
-half of them are at rest but for that number, half carry random counts. The kinds:
+Each family and kind of damage gets ten million bytes. Every frame contains a unique number. Half of the frames are at
+rest apart from that number; the others carry random counts. The kinds of damage are:
 
-- noise: garbage of 1 to 300 random bytes between the frames;
-- changed: two bytes in a thousand replaced by others;
-- lost: after 1000 bytes on average, 1 to 4 are missing.
+- noise: 1 to 300 random bytes between the frames;
+- changed: two in a thousand bytes replaced by others;
+- lost: 1 to 4 bytes missing, after 1000 bytes on average.
 
-Counted are frames that were never sent (wrong) and undamaged ones that did not come (missed), and of both those that
-nobody could have told: a frame with changed bytes whose check byte fits by chance, or that has none (collisions); and
-where what would tell is missing (undecidable): bytes were lost at the end of a frame and in the head of the next one,
-or noise follows a frame that ends, alone or with the first byte of the noise, in the two bytes that begin a head, or a
-round of the hand board, which has no check byte, that holds such two bytes in its last block.
+The table counts frames that were never sent (wrong) and undamaged frames that did not arrive (missed). Some of either
+are impossible to detect and are counted separately:
 
-A burst of the magnetometer board has neither head nor check byte: it is known by the end of the one before it and by
-its own. So noise between bursts is not tried, and a burst beside a damaged one counts among those that nobody could
-have told. XELA's server is behind TCP, which damages nothing.
+- collisions: a frame with changed bytes whose check byte matches by chance, or that has no check byte;
+- undecidable: the distinguishing bytes are missing. Either bytes were lost both at the end of a frame and in the head
+  of the next one; or noise follows a frame that ends, alone or together with the first byte of the noise, in the two
+  bytes that begin a head; or a round of the hand board, which has no check byte, contains these two bytes in its last
+  block.
+
+A burst of the magnetometer board has neither head nor check byte; it is recognised by the end of the previous burst
+and by its own. Noise between bursts is therefore not tested, and a missed burst next to a damaged one counts as
+undecidable. XELA's server is not included: it sends over TCP, which damages nothing.
 """
 
 from __future__ import annotations
@@ -39,40 +42,40 @@ KINDS = ("noise", "changed", "lost")
 
 
 def push(data: bytes) -> Any:
-    """A push of the high-speed board."""
+    """Make a push of the high-speed board."""
     return high_speed.Push(0, data)
 
 
 def converter_reply(data: bytes) -> Any:
-    """A reading of the serial converter."""
+    """Make a reading of the serial converter."""
     return serial_converter.Reply(1, serial_converter.READ, 1008, len(data), 0, data)
 
 
 def box_reply(data: bytes) -> Any:
-    """A reading of the control box."""
+    """Make a reading of the control box."""
     return control_box.Reply(*control_box.READ, control_box.Region(1008, data).encode())
 
 
 def hand_round(data: bytes) -> Any:
-    """A round of the hand board; what is undocumented in it stays 0."""
+    """Make a round of the hand board; its undocumented bytes stay 0."""
     return hand_board.Round(tuple(hand_board.Block(data[i : i + 45]) for i in range(0, 180, 45)))
 
 
 def burst(data: bytes) -> Any:
-    """A burst of five chips, in whole steps of a tenth of a microtesla."""
+    """Make a burst of five chips, in multiples of a tenth of a microtesla."""
     return magnetometer_board.Burst((np.frombuffer(data, "<i2").reshape(5, 4) * 0.1).astype(np.float32))
 
 
 @dataclass(frozen=True)
 class Family:
-    """How to make a frame of a family's readings, from so many bytes, and how to find it.
+    """How to make and decode a frame of a family's readings.
 
     Attributes:
-        make: The frame of some data.
-        size: Bytes of these data.
-        decoder: What finds it.
-        kinds: The kinds of damage that are tried.
-        by_neighbours: Whether it is known by what stands before and behind it.
+        make: Function that makes a frame from data.
+        size: Number of bytes of data.
+        decoder: Function that makes the decoder.
+        kinds: Kinds of damage to test.
+        by_neighbours: Whether a frame is recognised by its neighbours.
     """
 
     make: Callable[[bytes], Any]
@@ -99,7 +102,7 @@ FAMILIES = {
 
 @dataclass(frozen=True)
 class Result:
-    """What came of one stream; see the module."""
+    """Result of decoding one stream; see the module."""
 
     bytes: int
     sent: int
@@ -114,12 +117,12 @@ class Result:
 
     @property
     def faults(self) -> int:
-        """Wrong and missed frames that could have been told."""
+        """Number of wrong and missed frames that were detectable."""
         return self.wrong - self.collisions - self.undecidable + self.missed - self.missed_undecidable
 
 
 def make_frames(family: Family, rng: np.random.Generator, count: int) -> list[bytes]:
-    """Frames of which no two are alike."""
+    """Make frames that are all different."""
     frames = []
     for number in range(count):
         data = bytearray(rng.bytes(family.size) if number % 2 else family.size)
@@ -131,7 +134,12 @@ def make_frames(family: Family, rng: np.random.Generator, count: int) -> list[by
 def damage(
     frames: list[bytes], kind: str, rng: np.random.Generator
 ) -> tuple[list[bytes], NDArray[np.bool_], set[bytes], list[int]]:
-    """What leaves for each frame, which frames are whole, what changed frames look like, and where bytes were lost."""
+    """Damage a stream of frames.
+
+    Returns:
+        The bytes left of each frame, which frames are undamaged, the contents of changed frames, and the numbers of the
+        frames that lost bytes of their head.
+    """
     whole = np.ones(len(frames), dtype=bool)
     if kind == "noise":
         return [frame + rng.bytes(int(rng.integers(1, 301))) for frame in frames], whole, set(), []
@@ -157,13 +165,13 @@ def damage(
 
 
 def measure(name: str, kind: str, size: int, seed: int = 0) -> Result:
-    """Send about `size` bytes of one family through its decoder.
+    """Pass about `size` bytes of one family through its decoder.
 
     Args:
-        name: The family.
+        name: Name of the family.
         kind: One of `KINDS`.
-        size: Bytes.
-        seed: Of frames and damage.
+        size: Approximate number of bytes.
+        seed: Random seed of frames and damage.
     """
     family, rng = FAMILIES[name], np.random.default_rng(seed)
     each = len(family.make(bytes(family.size)).encode()) + 150 * (kind == "noise")
@@ -178,12 +186,12 @@ def measure(name: str, kind: str, size: int, seed: int = 0) -> Result:
     seconds = time.process_time() - start
     came = [message.encode() for message in found]
     wrong, set_came = set(came) - set(frames), set(came)
-    # the frame before a missing head, completed by the bytes behind it
+    # the frame before a missing head, completed by the bytes after it
     joined = {(parts[i - 1] + parts[i])[: len(frames[i])] for i in headless if i}
     missed = [i for i in np.flatnonzero(whole).tolist() if frames[i] not in set_came]
-    # where the head of a next frame stands in a frame, or begins there
+    # the last bytes of a frame that may contain the beginning of another head
     last = 50 if name == "hand-board" else 2
-    # the first frame has none before it
+    # the first frame has no predecessor
     beside = np.concatenate([[True], ~whole[:-1]]) | np.concatenate([~whole[1:], [False]])
     tails = [parts[i][len(frames[i]) - last : len(frames[i]) + 1] for i in missed]
     return Result(
@@ -201,11 +209,11 @@ def measure(name: str, kind: str, size: int, seed: int = 0) -> Result:
 
 
 def main(size: int = 10_000_000, seed: int = 0) -> int:
-    """Print the table; status 1 where a wrong or a missed frame could have been told.
+    """Print the table; return status 1 if any wrong or missed frame was detectable.
 
     Args:
-        size: Bytes a family and kind.
-        seed: Of frames and damage.
+        size: Number of bytes per family and kind of damage.
+        seed: Random seed of frames and damage.
     """
     print("family             damage     frames  damaged  missed  wrong  collisions  undecidable  most held    MB/s")
     good = True

@@ -1,12 +1,13 @@
-"""What a diagnosis makes of a real sensor: ``python benchmarks/eflesh.py FOLDER``.
+"""Diagnosis of a real sensor: ``python benchmarks/eflesh.py FOLDER``.
 
 FOLDER holds two recordings of eFlesh, ``press_1`` and ``press_2`` (see `paxisim.logs.eflesh`). The linear readout of
-the load cell and everything else is fitted to the first; the second is what all are judged on, in the channels' unit::
+the load cell and all other models are fitted to the first recording and judged on the second, in the channels' unit::
 
     NRMSE = sqrt(sum (measured - predicted)^2 / sum measured^2)    over all samples and channels of press_2
 
-The last columns take the linear readout's error as 1, and give the error without the first cycles of the judged
-recording, in which the sensor had not settled. ``--reverse`` fits to the second recording and judges on the first.
+The last columns give the error relative to that of the linear readout, and the error without the first cycles of the
+judged recording, in which the sensor had not settled. ``--reverse`` fits to the second recording and judges on the
+first.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy is imported
 
 import numpy as np
 
@@ -26,7 +27,7 @@ import paxisim
 from paxisim.diagnose.prepare import prepare
 from paxisim.diagnose.repeats import settled
 
-LAGS = (1, 2, 4, 8, 16, 32)  # samples that the black box may look back
+LAGS = (1, 2, 4, 8, 16, 32)  # samples that the black box looks back
 
 
 def main() -> None:
@@ -63,14 +64,14 @@ def main() -> None:
         return value
 
     def apart(model: Callable, start: int = 0) -> np.ndarray:
-        """Channel by channel, of the load."""
+        """Predict each channel separately from the load."""
         load, later = first.covariates["load"], second.covariates["load"]
         flat = first.measured.reshape(len(first), -1).astype(np.float64)
         return np.stack([model(load[start:], c[start:], later) for c in flat.T], axis=1).reshape(measured.shape)
 
     print(f"{'':<46} {'NRMSE':>8} {'ratio':>7}")
     row("linear readout", readout.to_channels(held.simulated))
-    row("cubic of the load, a channel each", apart(lambda x, y, z: np.polyval(np.polyfit(x, y, 3), z)))
+    row("cubic of the load for each channel", apart(lambda x, y, z: np.polyval(np.polyfit(x, y, 3), z)))
     row("the same, settled cycles only", apart(lambda x, y, z: np.polyval(np.polyfit(x, y, 3), z), start))
     row("black box (boosting on the load's past)", apart(lambda x, y, z: _boost(x, y, z, arguments.seed)))
     row("the same, settled cycles only", apart(lambda x, y, z: _boost(x, y, z, arguments.seed), start))
@@ -81,7 +82,7 @@ def main() -> None:
     seconds = time.perf_counter() - begin
     last = row("extended model", readout.to_channels(found.model.run(held.simulated.astype(float), held.time)))
     print(
-        f"\n{found}\n\nThe parts of the gain, in the order of the causes; each set is fitted anew to press_{numbers[0]}"
+        f"\n{found}\n\nContributions to the gain, in the order of the causes, each set refitted to press_{numbers[0]}"
     )
     before = row("linear readout", readout.to_channels(held.simulated))
     before = row("+ settled cycles only", apart(lambda x, y, z: np.polyval(np.polyfit(x, y, 1), z), start), before)
@@ -96,7 +97,7 @@ def main() -> None:
 
 
 def unsettled(recording: paxisim.Recording) -> int:
-    """How many samples of a recording come before the sensor has settled."""
+    """Return how many samples of a recording precede the sensor's settling."""
     cut = prepare(recording)[0]
     return len(cut) - len(settled(cut, np.ones(cut.measured.shape[1:], dtype=bool))[0])
 

@@ -1,7 +1,7 @@
-"""How well a calibrated sensor says the load: ``python benchmarks/eflesh_loads.py FOLDER``.
+"""Accuracy of the load estimated by a calibrated sensor: ``python benchmarks/eflesh_loads.py FOLDER``.
 
-FOLDER holds two recordings of eFlesh, ``press_1`` and ``press_2`` (see `paxisim.logs.eflesh`). A calibration is fitted
-to one and says the load of the other, from all channels together, by a linear and by a quadratic fit.
+FOLDER holds two recordings of eFlesh, ``press_1`` and ``press_2`` (see `paxisim.logs.eflesh`). A linear and a quadratic
+calibration are fitted to one recording and estimate the load of the other from all channels together.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ def main(folder: tyro.conf.Positional[Path]) -> None:
     """Print the table.
 
     Args:
-        folder: With press_1 and press_2.
+        folder: Folder with press_1 and press_2.
     """
     warnings.simplefilter("ignore")
     presses = [paxisim.Recording.load(folder / f"press_{n}.sensor.csv") for n in (1, 2)]
-    print("fitted to  judged on  fit        error, held out of the first  error on the other")
+    print("fitted to  judged on  fit         held-out error on the first  error on the other")
     for first, other in ((0, 1), (1, 0)):
         for quadratic in (False, True):
             fitted = paxisim.calibrate_sensor(presses[first], "load", quadratic=quadratic)

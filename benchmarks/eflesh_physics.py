@@ -1,10 +1,11 @@
-"""A real sensor by magnets that move: ``python benchmarks/eflesh_physics.py FOLDER``.
+"""Prediction of a real sensor with a model of moving magnets: ``python benchmarks/eflesh_physics.py FOLDER``.
 
 FOLDER holds two recordings of eFlesh, ``press_1`` and ``press_2`` (see `paxisim.logs.eflesh`): four disc magnets of
 N52, 3/8 by 1/8 inch, in a printed lattice above five magnetometers. The parts of `paxisim.reference` predict all
-fifteen channels from the load: the lattice gives way as a neo-Hookean rod, each magnet follows it by a share of its own
-and tilts, and each magnetometer, turned in its plane by an angle of its own, reads the sum of four dipoles. All these
-are fitted to one recording from several starts, and judged on the other, beside the readouts of `calibrate_readout`::
+fifteen channels from the load. The lattice is compressed like a neo-Hookean rod. Each magnet follows it by its own
+share and tilts. Each magnetometer is rotated in its plane by its own angle and reads the sum of four dipoles. These
+parameters are fitted to one recording from several starts and judged on the other, next to the readouts of
+`calibrate_readout`::
 
     NRMSE = sqrt(sum (measured - predicted)^2 / sum measured^2)    over all samples and channels
 """
@@ -26,18 +27,18 @@ from paxisim.reference.parameters import VACUUM
 from paxisim.reference.stiffening import finite_share
 
 MOMENT = 1.45 * math.pi / 4 * 9.525e-3**2 * 3.175e-3 / VACUUM
-"""Of a magnet (A m^2): grade N52 has 1.43 to 1.48 T."""
+"""Moment of a magnet (A m^2); grade N52 has a remanence of 1.43 to 1.48 T."""
 HEIGHT = 10e-3
-"""Of the lattice (m), for the scale of its strain."""
+"""Height of the lattice (m), which sets the scale of its strain."""
 BOARD = np.array([[0, 0, 0], [-7, 0, 0], [7, 0, 0], [0, 7, 0], [0, -7, 0]]) * 1e-3
-"""Magnetometers (m), centre, left, right, up and down, 7 mm apart as on AnySkin's board; a stand-in."""
+"""Assumed positions of the magnetometers (m): centre, left, right, up and down, 7 mm apart as on AnySkin's board."""
 MAGNETS = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * 6e-3
-STRIDE = 12  # samples of the fit
+STRIDE = 12  # the fit uses every 12th sample
 STARTS = 12
 
 
 def predicted(values: np.ndarray, load: np.ndarray) -> np.ndarray:
-    """``(T, 15)`` change of the flux (uT) under a load ``(T,)`` (N)."""
+    """Return the ``(T, 15)`` change of the flux (uT) under a load ``(T,)`` (N)."""
     stiffness, angle = np.exp(values[0]), values[1:6]
     place, tilt, follow, lean = np.split(values[6:], [12, 20, 32])
     place, follow = place.reshape(4, 3) * 1e-3, follow.reshape(4, 3)
@@ -59,7 +60,7 @@ def predicted(values: np.ndarray, load: np.ndarray) -> np.ndarray:
 
 
 def fit(load: np.ndarray, channels: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """The best values of several starts, and each channel's offset."""
+    """Return the best values of several starts, and each channel's offset."""
     load, channels = load[::STRIDE], channels[::STRIDE]
     scale = channels.std(axis=0)
 
@@ -85,8 +86,8 @@ def main(folder: tyro.conf.Positional[Path], seed: int = 0) -> None:
     """Print the table.
 
     Args:
-        folder: With press_1 and press_2.
-        seed: Of the starts.
+        folder: Folder with press_1 and press_2.
+        seed: Random seed of the starts.
     """
     warnings.simplefilter("ignore")
     presses = [paxisim.Recording.load(folder / f"press_{n}.sensor.csv") for n in (1, 2)]

@@ -1,9 +1,9 @@
-"""How long a fit takes, over `scipy.optimize.least_squares` on the same residual.
+"""Duration of a fit compared with `scipy.optimize.least_squares` on the same residual.
 
     python benchmarks/fit_speed.py
 
-Both begin with the same values. Their times, the ratio and the energies at which they end are printed for three sets of
-causes, on recordings with those causes made by `tests/hidden`.
+Both start from the same values. The script prints their times, the ratio and the final energies for three sets of
+causes, on recordings with these causes made by `tests/hidden`.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import sys
 import time
 from pathlib import Path
 
-os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy: one thread for each
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy is imported: one thread for both
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 import numpy as np

@@ -1,6 +1,6 @@
-"""What the C and S of GCS cost on a GPU, relative to a copy of the tensor there. Skips where there is no CUDA.
+"""Cost of the C and S of GCS on a GPU, relative to a copy of the tensor on the device. Skipped without CUDA.
 
-65,536 frames of two 6x5 pads, each with parameters of its own. Timed with CUDA events, after a warm-up, median of 100.
+65,536 frames of two 6x5 pads, each with its own parameters. Timed with CUDA events after a warm-up; median of 100.
 
     python benchmarks/gpu_augment.py
 """
@@ -13,11 +13,11 @@ from collections.abc import Callable
 from paxisim.augment.gcs import GCS
 
 FRAMES = 65_536
-TARGET = 3.0  # copies
+TARGET = 3.0  # in multiples of the time of a copy
 
 
 def milliseconds(work: Callable[[], object], rounds: int = 100) -> float:
-    """Median time on the device."""
+    """Return the median time on the device."""
     import torch
 
     for _ in range(10):
@@ -39,7 +39,7 @@ def main() -> None:
         print("skipped: torch is not installed")
         return
     if not torch.cuda.is_available():
-        print("skipped: there is no CUDA device")
+        print("skipped: no CUDA device was found")
         return
     device = torch.device("cuda", torch.cuda.current_device())
     chain = GCS().sample(device, (FRAMES,))
@@ -53,11 +53,11 @@ def main() -> None:
     for name, work in {"eager": chain, "compiled": compiled}.items():
         ratio = milliseconds(lambda work=work: work(force)) / copy
         print(f"C and S / copy, {name:9} {ratio:6.2f}   target {TARGET:g}: {'met' if ratio <= TARGET else 'NOT MET'}")
-    # parameters are drawn on the device, and nothing waits for it
+    # check that parameters are drawn on the device and that nothing synchronises with it
     torch.cuda.set_sync_debug_mode("error")
     GCS().sample(device, (FRAMES,))(force)
     torch.cuda.set_sync_debug_mode("default")
-    print(f"largest difference of compiled from eager: {error:.1e} N; sampling and applying wait for nothing")
+    print(f"largest difference between compiled and eager: {error:.1e} N; sampling and applying do not synchronise")
 
 
 if __name__ == "__main__":

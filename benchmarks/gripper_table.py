@@ -1,9 +1,9 @@
-"""Do the taxels of every gripper sum to what the held object needs? Prints the table in the documentation.
+"""Force balance of a held object on every gripper; prints the table in the documentation.
 
 For each gripper that robosuite ships: attach pads of 4x3 taxels, close the gripper on an object, load the object
 with a force, wait until it rests, and compare the sum over all taxels of all pads with the force that keeps the
-object in place. Parallel grippers hold a free box by nothing but their pads, the wiping tool carries a plate.
-Hands and grippers whose fingers yield press on a piece with a plate for each pad; springs of known force carry it.
+object in place. Parallel grippers hold a free box with nothing but their pads, and the wiping tool carries a plate.
+Hands and grippers with compliant fingers press on an object with one plate per pad, carried by springs of known force.
 
     python benchmarks/gripper_table.py
 """
@@ -29,12 +29,12 @@ from paxisim.models.pads import find_pads
 from paxisim.models.readout import TactileReadout
 
 ROWS, COLS = 4, 3
-LOAD = (0.3, -0.4, -0.5)  # N, world frame, on top of the weight
+LOAD = (0.3, -0.4, -0.5)  # N, world frame, in addition to the weight
 MASS = 0.1  # kg
-GEL = Gel(modulus=1e6)  # ten times the default, as some pads are small
-GRIP = 2.0  # N; the gripper closes until every pad is pressed with this
+GEL = Gel(modulus=1e6)  # ten times the default, since some pads are small
+GRIP = 2.0  # N; the gripper closes until the force on every pad exceeds this
 STIFFNESS, DAMPING = 2e4, 80  # N/m and N s/m of each of the three slides that carry an object
-# frame of the stroke at which the object is put between the pads; the others begin open
+# frame of the stroke at which the object is placed between the pads; other grippers start open
 START = {"bd": 25, "fourier_left": 15, "fourier_right": 15, "inspire_left": 10, "inspire_right": 10}
 HANDS = ("fourier_left", "fourier_right", "inspire_left", "inspire_right")
 CARRIED = (
@@ -43,7 +43,7 @@ CARRIED = (
     "robotiq_140",
     "robotiq_85",
     "robotiq_s",
-)  # their fingers yield: springs carry the object
+)  # compliant fingers: springs carry the object
 
 
 @dataclass(frozen=True)
@@ -52,10 +52,10 @@ class Balance:
 
     Attributes:
         taxels: ``(3,)`` force of all taxels of all pads on the object.
-        needed: ``(3,)`` the force that keeps it in place: minus its weight, the load and the springs.
+        needed: ``(3,)`` force that keeps the object in place: minus the sum of weight, load and spring force.
         pressed: ``(pads,)`` normal force on each pad.
-        others: Contacts of the object with anything but taxels.
-        speed: Its speed (m/s).
+        others: Number of contacts of the object with anything but taxels.
+        speed: Speed of the object (m/s), its largest component.
     """
 
     taxels: np.ndarray
@@ -66,16 +66,16 @@ class Balance:
 
     @property
     def error(self) -> float:
-        """Distance between the two forces, relative to the needed one."""
+        """Distance between the two forces, relative to the magnitude of the needed force."""
         return float(np.linalg.norm(self.taxels - self.needed) / np.linalg.norm(self.needed))
 
 
 def hold(name: str, mounts: tuple[Mount, ...] | None = None) -> Balance:
-    """Let a gripper hold an object and balance the forces.
+    """Let a gripper hold an object, and return the balance of forces.
 
     Args:
-        name: The gripper, one of `known_grippers()`.
-        mounts: Where its pads go; default: the known mounts.
+        name: Name of the gripper, one of `known_grippers()`.
+        mounts: Mounts of its pads; default: the known mounts.
     """
     gripper = known_gripper(name)
     layout = TaxelLayout(ROWS, COLS, (gripper.face_mm[0] * 1e-3 / ROWS, gripper.face_mm[1] * 1e-3 / COLS))
@@ -84,7 +84,7 @@ def hold(name: str, mounts: tuple[Mount, ...] | None = None) -> Balance:
     spec, frame = tactile.spec, START.get(name, 0)
     _add_object(spec, name, tactile.compile(), stroke, frame)
     _carry(spec)
-    if name in HANDS:  # their weak servos would sag under their heavy links
+    if name in HANDS:  # otherwise the heavy links would make the weak servos sag
         for body in spec.bodies:
             body.gravcomp = float(body.name != "object")
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
@@ -96,10 +96,10 @@ def hold(name: str, mounts: tuple[Mount, ...] | None = None) -> Balance:
 
 
 def _carry(spec: mujoco.MjSpec) -> None:
-    """Put the gripper on an all but immovable slide.
+    """Put the gripper on a nearly immovable slide.
 
-    On the end of an arm, MuJoCo lets no body collide with its parent; fixed to the world, the base would push the
-    fingers aside.
+    On the end of an arm, MuJoCo excludes collisions between a body and its parent. If the base were fixed to the world,
+    it would collide with the fingers and push them aside.
     """
     root = spec.worldbody.first_body()
     root.add_joint(
@@ -108,7 +108,7 @@ def _carry(spec: mujoco.MjSpec) -> None:
 
 
 def _add_object(spec: mujoco.MjSpec, name: str, model: mujoco.MjModel, stroke: Stroke | None, frame: int) -> None:
-    """Put the object between the open pads."""
+    """Place the object between the open pads."""
     pads = find_pads(model)
     if stroke is None:
         data = mujoco.MjData(model)
@@ -163,14 +163,14 @@ class _Simulation:
         return self._balance()
 
     def _close(self, free: bool) -> None:
-        """Close until every pad is pressed; a free object is held in place until the first touches it."""
+        """Close until every pad is pressed; a free object is held in place until the first pad presses on it."""
         model, data = self.model, self.data
         if self.stroke is None:
             return
         data.qpos[1 : 1 + self.stroke.qpos.shape[1]] = self.stroke.qpos[self.frame]
         data.ctrl[:] = data.actuator_length if self.frame else self.stroke.open_ctrl
         mujoco.mj_forward(model, data)
-        # begin without force: the servos of some hands push even where they should be
+        # start without force: the servos of some hands push even at their target position
         start = data.ctrl - (data.actuator_force / model.actuator_gainprm[:, 0] if self.frame else 0)
         home = data.qpos[self.first :].copy()
         for alpha in np.linspace(0, 1, 2000):
@@ -211,7 +211,7 @@ class _Simulation:
 
 
 def agreement(name: str) -> str:
-    """How the mounts that `find_mounts` proposes differ from the known ones."""
+    """Return how many of the known mounts agree with the proposals of `find_mounts`, as text."""
     try:
         found = {mount.name: mount for mount in find_mounts(robosuite_gripper_path(name)).mounts}
     except InvalidValueError:
@@ -223,7 +223,7 @@ def agreement(name: str) -> str:
 
 
 def difference(a: Mount, b: Mount) -> tuple[float, float]:
-    """Distance (m) and angle (rad) between two mounts on one body."""
+    """Return the distance (m) and the angle (rad) between two mounts on one body."""
     cosine = min(1.0, abs(float(np.dot(a.quat, b.quat))))
     return float(np.linalg.norm(np.subtract(a.pos, b.pos))), 2 * float(np.arccos(cosine))
 

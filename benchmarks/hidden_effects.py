@@ -1,25 +1,25 @@
-"""How often a hidden effect is named, and what else a diagnosis is worth.
+"""Rates at which a diagnosis names hidden effects, and other measures of its quality.
 
     python benchmarks/hidden_effects.py --singles 100 --pairs 60 --triples 40 --nulls 100 --outsiders 40 --jobs 2
 
 Recordings are made by `tests/hidden/practice`, which shares no code with the diagnosis, or by another generator:
 
-- ``--generator exam``: by `tests/hidden/exam`, which no diagnosis was built with: singles, pairs, nulls and outsiders.
-  Its misses are looked at once at most: from then on it is one more generator to practise with.
-- ``--misses``: what was named where, cause by cause and miss by miss.
+- ``--generator exam``: use `tests/hidden/exam`, which no diagnosis was developed on: singles, pairs, nulls and
+  outsiders. Once its misses have been inspected, it is only another practice generator.
 
-With ``practice`` alone:
+For ``practice`` only:
 
 - ``--poor N``: motions of one slow speed, diagnosed, recorded again as advised, and diagnosed again.
-- ``--nested N``: the first N of each kind are diagnosed once more without two episodes that judge the model.
-- ``--cost``: seconds and memory against length and number of taxels.
+- ``--nested N``: diagnose the first N cases of each kind once more without two episodes, and judge the model on these.
+- ``--cost``: time and memory against the length of a recording and its number of taxels.
 
-With both:
+For both generators:
 
-- ``--json FILE``: each case is kept as a line of JSON; started again, what is in FILE is not done again.
-- ``--case single:17``: one case, in words, with what was hidden.
+- ``--misses``: list what was named, by cause and for each miss.
+- ``--json FILE``: store each case as a line of JSON; cases already in FILE are not run again.
+- ``--case single:17``: show one case as text, including what was hidden.
 
-Case number n of a kind is the same whatever the counts are.
+Case number n of a kind is the same for any counts.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
-os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy: one thread for each job
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy is imported: one thread per job
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 import numpy as np
@@ -44,7 +44,7 @@ from hidden_table.tasks import GENERATORS, IN_EXAM, KINDS, Outcome, Task, read_o
 
 
 def kept(path: Path | None, code: str) -> list[Outcome]:
-    """The outcomes that a file holds; a last line that was cut off is not one."""
+    """Return the outcomes stored in a file, ignoring an incomplete last line."""
     if path is None or not path.exists():
         return []
     out = []
@@ -53,18 +53,18 @@ def kept(path: Path | None, code: str) -> list[Outcome]:
             break
         row = json.loads(line)
         if row.pop("version") != code:
-            raise SystemExit(f"{path} holds results of another version of the code: give another file to --json")
+            raise SystemExit(f"{path} contains results of another version of the code: pass another file to --json")
         out.append(read_outcome(row))
     return out
 
 
 def run(wanted: Sequence[Task], nested: int, jobs: int, path: Path | None) -> list[Outcome]:
-    """All outcomes, those that `path` holds not done again; on an interrupt those that are done."""
+    """Return all outcomes, reusing those in `path`; after an interrupt, return those completed."""
     code = version(wanted[0].generator)
     done = {o.task: o for o in kept(path, code)}
     outcomes = [done[task] for task in wanted if task in done]
     left = [task for task in wanted if task not in done]
-    if path is not None and path.exists():  # without a line that was cut off
+    if path is not None and path.exists():  # removes an incomplete last line
         path.write_text("".join(json.dumps({"version": code, **o.as_row()}) + "\n" for o in done.values()))
     with ProcessPoolExecutor(jobs) as pool:
         try:
@@ -76,14 +76,14 @@ def run(wanted: Sequence[Task], nested: int, jobs: int, path: Path | None) -> li
                         file.write(json.dumps({"version": code, **outcome.as_row()}) + "\n")
                 print(f"\r{len(outcomes)}/{len(wanted)}", end="", file=sys.stderr, flush=True)
         except (KeyboardInterrupt, BrokenProcessPool) as error:
-            print(f"{type(error).__name__}: {len(outcomes)} of {len(wanted)} cases are in the table")
+            print(f"{type(error).__name__}: the table contains {len(outcomes)} of {len(wanted)} cases")
             pool.shutdown(wait=False, cancel_futures=True)
     print(file=sys.stderr)
     return sorted(outcomes, key=lambda o: o.task.seed)
 
 
 def show(task: Task) -> None:
-    """One case, in words."""
+    """Print one case as text."""
     case = made(task)
     rate = 1 / np.median(np.diff(case.time))
     print(f"{task.name}: {' + '.join(task.true) or 'nothing'} hidden, {dict(task.options)}, seed {case.seed}")
@@ -92,7 +92,7 @@ def show(task: Task) -> None:
     print(diagnosis)
     print(f"\n{seconds:.1f} s")
     for name, (error, inside, count) in compared(case, diagnosis).items() if task.generator == "practice" else ():
-        print(f"{name}: error {error:.1%}, {inside} of {count} intervals hold the truth")
+        print(f"{name}: error {error:.1%}, {inside} of {count} intervals contain the true value")
 
 
 def main() -> None:
@@ -101,14 +101,14 @@ def main() -> None:
     for kind in KINDS:
         plural = "" if kind == "poor" else "s"
         parser.add_argument(f"--{kind}{plural}", dest=kind, type=int, default=0, help=f"number of {kind} cases")
-    parser.add_argument("--generator", choices=GENERATORS, default="practice", help="of the recordings")
+    parser.add_argument("--generator", choices=GENERATORS, default="practice", help="generator of the recordings")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=1, help="processes")
-    parser.add_argument("--family", choices=("development", "final", "both"), default="both", help="of motions")
-    parser.add_argument("--nested", type=int, default=0, help="cases of each kind to be judged by unseen episodes too")
-    parser.add_argument("--json", type=Path, help="file of JSON lines to keep the cases in")
-    parser.add_argument("--case", help="one case, such as single:17, in words")
-    parser.add_argument("--misses", action="store_true", help="what was named where, and each miss")
+    parser.add_argument("--family", choices=("development", "final", "both"), default="both", help="family of motions")
+    parser.add_argument("--nested", type=int, default=0, help="cases of each kind to judge on unseen episodes as well")
+    parser.add_argument("--json", type=Path, help="file of JSON lines that stores the cases")
+    parser.add_argument("--case", help="show one case, such as single:17, as text")
+    parser.add_argument("--misses", action="store_true", help="list what was named by cause, and each miss")
     parser.add_argument("--cost", action="store_true", help="measure time and memory against size")
     arguments = parser.parse_args()
     counts = {kind: getattr(arguments, kind) for kind in KINDS}
@@ -116,12 +116,12 @@ def main() -> None:
         beyond = [f"--{name}" for name in ("nested", "cost") if getattr(arguments, name)]
         beyond += [f"--{kind}" for kind in KINDS if counts[kind] and kind not in IN_EXAM]
         if beyond:
-            parser.error(f"{', '.join(beyond)}: not with --generator exam")
+            parser.error(f"{', '.join(beyond)}: not available with --generator exam")
     if arguments.case:
         kind, _, number = arguments.case.partition(":")
         kinds = IN_EXAM if arguments.generator == "exam" else KINDS
         if kind not in kinds or not number.isdigit():
-            parser.error(f"--case takes KIND:NUMBER with one of {', '.join(kinds)}, got {arguments.case!r}")
+            parser.error(f"--case expects KIND:NUMBER, with KIND one of {', '.join(kinds)}, got {arguments.case!r}")
         show(tasks(arguments.generator, {kind: int(number) + 1}, arguments.seed, arguments.family)[-1])
         return
     wanted = tasks(arguments.generator, counts, arguments.seed, arguments.family)

@@ -1,16 +1,18 @@
-"""What a diagnosis says of known effects in real recordings: ``python benchmarks/injections.py FOLDER``.
+"""Diagnosis of known effects injected into real recordings: ``python benchmarks/injections.py FOLDER``.
 
-FOLDER holds two recordings of eFlesh, ``press_1`` and ``press_2`` (see `paxisim.logs.eflesh`). Their channels, as
-forces of a pad of 1x5 taxels, are the measured stream (`injected.real`). The simulation is a smooth regression of the
-same signal, which predicts each press from the others: what it leaves is what the sensor does not repeat. Then:
+FOLDER holds two recordings of eFlesh, ``press_1`` and ``press_2`` (see `paxisim.logs.eflesh`). Their channels, treated
+as forces of a pad of 1x5 taxels, are the measured stream (`injected.real`). The simulation is a smooth regression of
+the same signal that predicts each press from the others, so its residual is the part that the sensor does not repeat.
+The cases are:
 
-- **injected**: one effect each, in numpy code of its own, is put on the real signal (`injected.cases`).
-- **null**: the real signal as it is.
+- **injected**: a single effect, implemented separately in numpy, is applied to the real signal (`injected.cases`).
+- **null**: the unchanged real signal.
 - **broken**: streams that do not correspond (`injected.broken`).
 
-What counts as right is in `injected.judge`. ``--kinds`` prints a row a kind, ``--misses`` what was said where it was
-wrong: who looks at the misses of a seed has used it up for judging. ``--write CASES`` writes the cases to a folder,
-and ``--read CASES`` diagnoses those of a folder, with any version of the package on the path.
+`injected.judge` defines which answers count as right. ``--kinds`` prints one row per kind. ``--misses`` prints the
+wrong answers; once the misses of a seed have been inspected, that seed is no longer suitable for judging.
+``--write CASES`` writes the cases to a folder, and ``--read CASES`` diagnoses the cases of a folder with whatever
+version of the package is on the path.
 """
 
 from __future__ import annotations
@@ -24,7 +26,7 @@ from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 
-os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy: one thread for each job
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy is imported: one thread per job
 
 from injected.broken import broken
 from injected.cases import EFFECTS, Case, Source, injected, nulls
@@ -36,7 +38,7 @@ import paxisim
 
 
 def cases_of(folder: Path, seed: int, effects: int, empty: int, with_broken: bool) -> list[Case]:
-    """All cases of a seed, and on stderr what the regressions leave."""
+    """Return all cases of a seed, and print the residuals of the regressions to stderr."""
     source = Source(folder)
     for number, real in enumerate(source.both):
         for name in regressions():
@@ -51,7 +53,7 @@ def cases_of(folder: Path, seed: int, effects: int, empty: int, with_broken: boo
 
 
 def engine() -> str:
-    """A digest of the code that is judged."""
+    """Return a digest of the code under test."""
     root, digest = Path(paxisim.__file__).parent, hashlib.sha256()
     for path in sorted([*(root / "diagnose").rglob("*.py"), *(root / "augment").rglob("*.py")]):
         digest.update(str(path.relative_to(root)).encode() + path.read_bytes())
@@ -59,12 +61,12 @@ def engine() -> str:
 
 
 def run(paths: Sequence[Path], jobs: int, kept: Path | None) -> list[Outcome]:
-    """All outcomes in the order of `paths`; those that `kept` holds are not done again."""
+    """Return all outcomes in the order of `paths`, reusing those stored in `kept`."""
     code, done = engine(), {}
     if kept is not None and kept.exists():
         lines = [line for line in kept.read_text().splitlines(keepends=True) if line.endswith("\n")]
         done = {outcome.name: outcome for outcome in (from_line(line, code) for line in lines)}
-        kept.write_text("".join(lines))  # without a line that was cut off
+        kept.write_text("".join(lines))  # removes an incomplete last line
     names = [path.stem.replace("-", ":") for path in paths]
     left = [path for path, name in zip(paths, names, strict=True) if name not in done]
     with ProcessPoolExecutor(jobs) as pool:
@@ -81,19 +83,19 @@ def run(paths: Sequence[Path], jobs: int, kept: Path | None) -> list[Outcome]:
 def main() -> None:
     """Parse the arguments, run the cases and print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", type=Path, nargs="?", help="with press_1 and press_2")
+    parser.add_argument("folder", type=Path, nargs="?", help="folder with press_1 and press_2")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--effects", type=int, default=2 * len(EFFECTS), help="number of injected effects")
     parser.add_argument("--nulls", type=int, default=10, help="number of nulls")
-    parser.add_argument("--no-broken", action="store_true", help="leave out the streams that do not correspond")
+    parser.add_argument("--no-broken", action="store_true", help="omit the streams that do not correspond")
     parser.add_argument("--jobs", type=int, default=1, help="processes")
-    parser.add_argument("--json", type=Path, help="file of JSON lines to keep the outcomes in")
-    parser.add_argument("--list", action="store_true", help="list the cases and diagnose none")
-    parser.add_argument("--case", help="one case, such as injected:3, in words")
-    parser.add_argument("--kinds", action="store_true", help="a row for each kind")
-    parser.add_argument("--misses", action="store_true", help="what was said where it was wrong")
+    parser.add_argument("--json", type=Path, help="file of JSON lines that stores the outcomes")
+    parser.add_argument("--list", action="store_true", help="list the cases without diagnosing them")
+    parser.add_argument("--case", help="show one case, such as injected:3, as text")
+    parser.add_argument("--kinds", action="store_true", help="print one row per kind")
+    parser.add_argument("--misses", action="store_true", help="print the wrong answers")
     parser.add_argument(
-        "--write", type=Path, metavar="CASES", help="write the cases to a new folder, and diagnose none"
+        "--write", type=Path, metavar="CASES", help="write the cases to a folder without diagnosing them"
     )
     parser.add_argument("--read", type=Path, metavar="CASES", help="diagnose the cases of a folder instead")
     arguments = parser.parse_args()

@@ -1,7 +1,7 @@
-"""The live view's rate, what it takes of a core, and whether its reader feels it. Two 12x10 pads, into an .rrd file.
+"""Rate and CPU share of the live view, and its effect on the reader's latency. Two 12x10 pads, into an .rrd file.
 
-A process of its own writes a reading into a pipe 100 times a second, with the time; the reader, which blocks on the
-pipe as a driver does on its port, says how late it got it, with and without a view in the same process.
+A separate process writes a timestamp into a pipe 100 times per second. The reader blocks on the pipe, as a driver does
+on its port, and measures the latency, with and without a view in the same process.
 
     python benchmarks/live_rate.py
 """
@@ -36,7 +36,7 @@ for _ in range({int(HZ * SECONDS)}):
 
 
 def readings(count: int) -> np.ndarray:
-    """A press that comes and goes on half of the taxels, with shear: ``(count, 2, 3, 12, 10)`` newtons."""
+    """Make ``(count, 2, 3, 12, 10)`` newtons: a periodic press on half of the taxels, with shear."""
     force = np.zeros((2, 3, 12, 10), dtype=np.float32)
     force[:, :, 3:9] = np.random.default_rng(0).uniform(-1, 1, (2, 3, 6, 10))
     force[:, 2] = np.abs(force[:, 2]) * 5
@@ -44,7 +44,7 @@ def readings(count: int) -> np.ndarray:
 
 
 def fastest(folder: Path, both: bool) -> str:
-    """Every reading drawn, one after another."""
+    """Draw every reading in order, and return rate and size as text."""
     forces = readings(1000)
     tensors = ("measured", "simulated") if both else ("measured",)
     path = folder / "fastest.rrd"
@@ -54,11 +54,11 @@ def fastest(folder: Path, both: bool) -> str:
             view.show(i / HZ, force, 0.9 * force if both else None, wait=True)
     seconds = time.perf_counter() - start
     size = path.stat().st_size / len(forces) / 1e3
-    return f"{view.drawn / seconds:6.0f} drawn a second, {size:5.1f} kB each"
+    return f"{view.drawn / seconds:6.0f} drawn per second, {size:5.1f} kB each"
 
 
 def latency(show: Callable[[float, np.ndarray], None]) -> str:
-    """How late the reader gets what was written (ms), and what the process takes of a core meanwhile."""
+    """Measure the reader's latency (ms) and the process's share of a core, and return both as text."""
     forces = readings(int(HZ * SECONDS))
     late = []
     with subprocess.Popen([sys.executable, "-c", WRITER], stdout=subprocess.PIPE) as writer:
@@ -83,8 +83,8 @@ def main() -> None:
     print(f"rerun {rerun.__version__}, numpy {np.__version__}, Python {sys.version.split()[0]}")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        print(f"as fast as can be, measured        {fastest(folder, both=False)}")
-        print(f"as fast as can be, with simulated  {fastest(folder, both=True)}")
+        print(f"full speed, measured               {fastest(folder, both=False)}")
+        print(f"full speed, with simulated         {fastest(folder, both=True)}")
         print(f"reader alone at {HZ:g} Hz            {latency(lambda at, force: None)}")
         for both in (False, True):
             tensors = ("measured", "simulated") if both else ("measured",)

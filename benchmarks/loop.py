@@ -1,9 +1,9 @@
-"""The loop's diagnosis on drawn sensors: ``python benchmarks/loop.py``.
+"""Diagnosis in the sim-to-real loop, on randomly drawn sensors: ``python benchmarks/loop.py``.
 
 The arm of ``examples/simulated_arm.py`` presses for 46 s, without the port and the clock of the example. Its sensor has
-a gain of 0.6 to 1.3 and a creep of 8 to 25 % with a time constant of 0.5 to 3 s, both drawn; it reads noisy counts of
-0.1 N, and the arm's joints have encoder steps. The recording is replayed, pooled to 3x2 taxels, and its first 32 s
-are diagnosed with all causes; the rest is held out.
+a random gain of 0.6 to 1.3 and a random creep of 8 to 25 % with a time constant of 0.5 to 3 s. The sensor reads noisy
+counts of 0.1 N, and the arm's joints have encoder steps. The recording is replayed and pooled to 3x2 taxels. Its first
+32 s are diagnosed with all causes; the rest is held out.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import tempfile
 import warnings
 from pathlib import Path
 
-os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy is imported
 
 import numpy as np
 import tyro
@@ -27,7 +27,7 @@ DIAGNOSED, SECONDS, RATE = 32, 46, 25
 
 
 def paired(sensor: paxisim.Chain) -> paxisim.Recording:
-    """What the arm's sensor reads, and the replay of its joints."""
+    """Return the arm's sensor readings paired with the replay of its joints."""
     example = runpy.run_path(str(EXAMPLE))
     arm = example["Arm"](sensor)
     time = np.arange(1, RATE * SECONDS + 1) / RATE
@@ -56,8 +56,8 @@ def main(sensors: int = 10, seed: int = 0) -> None:
     """Print a row for each sensor.
 
     Args:
-        sensors: How many are drawn.
-        seed: Of the sensors.
+        sensors: Number of sensors to draw.
+        seed: Random seed of the sensors.
     """
     warnings.simplefilter("ignore")
     rng, exact = np.random.default_rng(seed), 0
@@ -74,7 +74,7 @@ def main(sensors: int = 10, seed: int = 0) -> None:
         named = sorted(cause.name for cause in found.causes)
         exact += named == ["axis_gain", "creep"]
         print(f"{gain:5.2f}  {creep:4.0%} {tau:8.1f}     {before:.3f} -> {after:.3f}    {', '.join(named)}", flush=True)
-    print(f"both named and nothing else: {exact} of {sensors}")
+    print(f"exactly both named: {exact} of {sensors}")
 
 
 if __name__ == "__main__":

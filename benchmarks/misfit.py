@@ -1,10 +1,11 @@
-"""How far the form of each cause is from what may be hidden: what the `misfit` of a cause is chosen by.
+"""Misfit of each cause's form on the forms of hidden effects; the basis for choosing the `misfit` of each cause.
 
     python benchmarks/misfit.py --jobs 2
 
-Each form of each effect of `tests/hidden/practice` is recorded three times, and the cause is fitted to it alone, beside
-an offset. What the fit leaves above what the effect itself would leave, put on the same simulation, is printed as a
-share of the energy of what the fitted cause does; below 0 the fit has also taken some of the noise and the tolerances.
+Each form of each effect in `tests/hidden/practice` is recorded three times, and the corresponding cause is fitted to
+it together with an offset. The script prints the residual energy of the fit in excess of the residual that the effect
+itself would leave on the same simulation, as a share of the fitted effect's energy. A negative value means that the fit
+has also absorbed some of the noise and the tolerances.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy: one thread for each job
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy is imported: one thread per job
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 import numpy as np
@@ -37,7 +38,7 @@ SEED = 100
 
 @dataclass(frozen=True)
 class Hidden:
-    """An effect to be hidden and fitted."""
+    """An effect to hide and fit."""
 
     name: str
     form: str
@@ -45,7 +46,7 @@ class Hidden:
 
 
 def left(hidden: Hidden) -> tuple[float, float]:
-    """The share that the form leaves, and the effect's energy as a share of the noise's."""
+    """Return the share that the form leaves, and the effect's energy as a share of the noise energy."""
     case = make(
         (hidden.name,), seed=hidden.seed, family=("development", "final")[hidden.seed % 2], ideal=True,
         strength=STRENGTH, rows=4, cols=3, rate=30, forms={hidden.name: hidden.form},
@@ -61,15 +62,15 @@ def left(hidden: Hidden) -> tuple[float, float]:
 
 
 def main() -> None:
-    """Fit all forms and print what they leave."""
+    """Fit all forms and print the shares that they leave."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--jobs", type=int, default=1, help="processes")
-    parser.add_argument("--recordings", type=int, default=3, help="of each form")
+    parser.add_argument("--recordings", type=int, default=3, help="number of recordings per form")
     arguments = parser.parse_args()
     fitted = [n for n in EFFECTS if cause(n).read is None and n != "offset"]
     forms = [(name, form) for name in fitted for form in EFFECTS[name].forms]
     todo = [Hidden(*pair, SEED + k) for pair in forms for k in range(arguments.recordings)]
-    print(f"{'cause':<14}{'misfit':>8}  {'form':<18}{'left by each recording':>30}{'effect / noise':>18}")
+    print(f"{'cause':<14}{'misfit':>8}  {'form':<18}{'left in each recording':>30}{'effect / noise':>18}")
     with ProcessPoolExecutor(arguments.jobs) as pool:
         found = dict(zip(todo, pool.map(left, todo), strict=True))
     for name, form in forms:

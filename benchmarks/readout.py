@@ -1,8 +1,9 @@
-"""How well a readout is recovered, and how it predicts a real sensor: ``python benchmarks/readout.py [FOLDER]``.
+"""Recovery of a readout, and its prediction of a real sensor: ``python benchmarks/readout.py [FOLDER]``.
 
-First, a synthetic sensor of 15 channels under three loads, with a delay of 30 ms (`tests/load_rig.py`): how many of the
-delays and gains lie in their 95 % intervals. Then, with FOLDER, two recordings of eFlesh: everything is fitted to one
-and judged on the other, by the root of the summed squares of the error over those of the readings.
+The first table is for a synthetic sensor of 15 channels under three loads, with a delay of 30 ms (`tests/load_rig.py`):
+how many of the delays and gains lie in their 95 % intervals. The second, printed if FOLDER is given, is for two
+recordings of eFlesh: all models are fitted to one and judged on the other, by the root of the error's summed squares
+divided by the summed squares of the readings.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import os
 import sys
 from pathlib import Path
 
-os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy is imported
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 import numpy as np
@@ -58,7 +59,7 @@ def _recover(name: str, how: dict, seeds: int) -> None:
 
 def _predict(folder: Path) -> None:
     presses = [paxisim.Recording.load(folder / f"press_{n}.sensor.csv", missing="drop") for n in (1, 2)]
-    print(f"\n{'':<32} {'1 to 2':>8} {'2 to 1':>8} {'2 to 1, without its first 3 presses':>36}")
+    print(f"\n{'':<32} {'1 to 2':>8} {'2 to 1':>8} {'2 to 1, without the first 3 presses':>36}")
     ways = [(presses[0], presses[1]), (presses[1], presses[0])]
     rows = {"cubic for each channel, no delay": [_cubic(*way) for way in ways]}
     for degree in (1, 2, 3):

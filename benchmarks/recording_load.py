@@ -1,8 +1,8 @@
-"""How long a recording of 20 minutes takes to load, and how much memory: ``python benchmarks/recording_load.py``.
+"""Time and memory to load a recording of 20 minutes: ``python benchmarks/recording_load.py``.
 
-Two pads of 12x10 taxels at 100 Hz: 120,000 messages of 720 numbers. Once with what a board gives, counts of 0.1 N with
-most taxels unloaded, and once with random float32 numbers of full length. The floor is what reading the bytes and
-decompressing the chunks costs. Loading runs in a process of its own, whose peak memory is what the system counted.
+The recording has two pads of 12x10 taxels at 100 Hz: 120,000 messages of 720 numbers. It holds either values as from a
+board, counts of 0.1 N with most taxels unloaded, or random float32 numbers. The lower bound is the cost of reading the
+bytes and decompressing the chunks. Loading runs in a separate process, whose peak memory the system reports.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ SAMPLES = 120_000
 
 
 def write(path: Path, kind: str) -> float:
-    """Make the file; the microseconds that a message took."""
+    """Write the file, and return the microseconds per message."""
     rng = np.random.default_rng(0)
     layout = TaxelLayout(12, 10, (26.1e-3 / 12, 22.6e-3 / 10))
     blocks = []
@@ -45,7 +45,7 @@ def write(path: Path, kind: str) -> float:
 
 
 def load(path: Path) -> None:
-    """Load the file and print what it took, as JSON."""
+    """Load the file, and print time and memory as JSON."""
     begin, begin_cpu = time.perf_counter(), time.process_time()
     recording = Recording.load(path)
     seconds, cpu = time.perf_counter() - begin, time.process_time() - begin_cpu
@@ -55,7 +55,7 @@ def load(path: Path) -> None:
 
 
 def floor(path: Path) -> float:
-    """CPU seconds to read the bytes and decompress the chunks."""
+    """Return the CPU seconds needed to read the bytes and decompress the chunks."""
     from mcap.records import Chunk
     from mcap.stream_reader import StreamReader, get_chunk_data_stream
 
@@ -71,7 +71,7 @@ if __name__ == "__main__":
     if len(sys.argv) > 1:
         load(Path(sys.argv[1]))
         sys.exit()
-    print("numbers   file MB  write us/msg  load s  its CPU s  peak MiB  read+decompress CPU s  ratio")
+    print("numbers   file MB  write us/msg  load s load CPU s  peak MiB  read+decompress CPU s  ratio")
     for kind in ("counts", "float32"):
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "long.mcap"

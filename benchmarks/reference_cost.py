@@ -1,8 +1,8 @@
-"""What a magnetic pad costs beside a fixed chain of GCS: ``python benchmarks/reference_cost.py``.
+"""Cost of a magnetic pad compared with a fixed GCS chain: ``python benchmarks/reference_cost.py``.
 
-Two pads are read, frame by frame and in batches of 256, in float32 on one thread, without and with the gel's memory and
-the neighbour's magnets: processor time, the best of 50 rounds. Printed, too, is how long a unit takes to make, the
-first of its layout and one more.
+Two pads are read frame by frame and in batches of 256, in float32 on one thread, with and without the gel's memory and
+the neighbour's magnets. The times are processor times, the best of 50 rounds. The script also prints how long it takes
+to make the first unit of a layout and a further one.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import os
 import time
 from collections.abc import Callable
 
-os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy is imported
 
 import numpy as np
 
@@ -24,11 +24,11 @@ ROUNDS = 50
 
 
 def best(call: Callable[[], object], count: int) -> float:
-    """Microseconds of a call, the best of some rounds of `count` calls."""
+    """Return the microseconds of a call, the best of `ROUNDS` rounds of `count` calls."""
     call()
     times = []
     for _ in range(ROUNDS):
-        start = time.process_time()  # not what other processes take
+        start = time.process_time()  # excludes the time of other processes
         for _ in range(count):
             call()
         times.append((time.process_time() - start) / count)
@@ -36,13 +36,13 @@ def best(call: Callable[[], object], count: int) -> float:
 
 
 def stepped(transform: paxisim.augment.Transform, force: np.ndarray, count: int) -> float:
-    """Microseconds of a step of a stream, or of a batch of streams."""
+    """Return the microseconds of a step of a stream, or of a batch of streams."""
     state = transform.initial_state(force, OPENING)
     return best(lambda: transform.step(force, state, 0.02, OPENING), count)
 
 
 def seconds(call: Callable[[], object]) -> float:
-    """Of one call."""
+    """Return the processor seconds of one call."""
     start = time.process_time()
     call()
     return time.process_time() - start
@@ -53,7 +53,7 @@ def main() -> None:
     rng = np.random.default_rng(0)
     for layout in LAYOUTS:
         first, more = (seconds(lambda seed=seed, at=layout: paxisim.MagneticPad.unit(at, seed)) for seed in (0, 1))
-        print(f"{layout.rows}x{layout.cols}: the first unit takes {first:.2f} s, one more {more:.3f} s")
+        print(f"{layout.rows}x{layout.cols}: the first unit takes {first:.2f} s, a further one {more:.3f} s")
     print(f"{'pads':<10}{'frames':>6}  {'sensor':<24}{'magnetic pads':>14}{'GCS chain':>12}{'ratio':>8}")
     for layout in LAYOUTS:
         chain = paxisim.GCS().sample(rng, layout=layout)

@@ -1,13 +1,14 @@
-"""What a diagnosis says of magnetic pads from first principles: ``python benchmarks/reference_diagnosis.py``.
+"""Diagnosis of magnetic pads from first principles: ``python benchmarks/reference_diagnosis.py``.
 
-The indenter scene follows the protocol ``press``. A manufactured unit of `paxisim.MagneticPad`, with the noise of its
-Hall sensors and counts of 0.1 N, is the measured stream, and the forces on the pad are the simulated one. Half of the
-episodes are diagnosed, the others are held out. Printed are the causes and the error (N, root of the mean square of a
-taxel and axis) on held-out motion: of the simulation, of the extended model, and of the model of the unit before, which
-is another unit of the same type.
+The indenter scene follows the protocol ``press``. The measured stream comes from a manufactured unit of
+`paxisim.MagneticPad`, with the noise of its Hall sensors and counts of 0.1 N; the simulated stream holds the forces on
+the pad. Half of the episodes are diagnosed, and the others are held out. The script prints the causes and the error on
+held-out motion (N, root mean square per taxel and axis) of the simulation, of the extended model, and of the model of
+the previous unit, which is another unit of the same type.
 
-With ``--model-of 2`` only that unit is diagnosed. Printed is what its model is worth on the others, as it is, with an
-offset of each taxel and axis fitted on their first half, and with a gain, too: what has to be calibrated anew.
+With ``--model-of 2`` only that unit is diagnosed. The script then prints the errors of its model on all units: without
+changes, with an offset per taxel and axis fitted to the diagnosed half of the episodes, and with a gain as well. The
+differences show what has to be calibrated for each unit.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import os
 import warnings
 from dataclasses import replace
 
-os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy is imported
 
 import numpy as np
 import tyro
@@ -32,26 +33,26 @@ COUNT = 0.1  # N
 
 
 def motion() -> paxisim.Recording:
-    """The protocol as the simulation feels it."""
+    """Return the protocol with the forces that the simulation computes."""
     scene = ready.indenter(LAYOUT)
     return scene.simulate(press(stop_force=60.0).unrecorded(scene)).resample(RATE).select(known=True)
 
 
 def measured(unit: int, force: np.ndarray) -> np.ndarray:
-    """What a unit's board reports, in its counts."""
+    """Return a unit's readings, rounded to its counts."""
     pad = MagneticPad.unit(LAYOUT, unit)
     readings = pad.measure(force[:, 0].astype(np.float64), np.random.default_rng(unit))
     return (COUNT * np.rint(readings / COUNT)).astype(np.float32)[:, None]
 
 
 def said(model: paxisim.Chain, recording: paxisim.Recording) -> np.ndarray:
-    """What a model makes of the simulated stream."""
+    """Return a model's prediction from the simulated stream."""
     parts = [model.run(part.simulated.astype(np.float64), part.time) for part in recording.episodes()]
     return np.concatenate(parts)
 
 
 def rms(error: np.ndarray) -> float:
-    """Root of the mean square."""
+    """Return the root mean square."""
     return float(np.sqrt(np.mean(error**2)))
 
 
@@ -59,9 +60,9 @@ def main(units: int = 6, jobs: int = 1, model_of: int | None = None) -> None:
     """Print a row for each unit.
 
     Args:
-        units: How many, from number 0 on.
-        jobs: Processes of a diagnosis.
-        model_of: Diagnose this unit only, and try its model on the others.
+        units: Number of units, from number 0 on.
+        jobs: Number of processes per diagnosis.
+        model_of: Diagnose only this unit, and apply its model to all units.
     """
     warnings.simplefilter("ignore")
     felt = motion()
@@ -80,16 +81,14 @@ def main(units: int = 6, jobs: int = 1, model_of: int | None = None) -> None:
         seen, held = halves(unit)
         found = paxisim.diagnose(seen, jobs=jobs)
         errors = [rms(held.measured - said(model, held)) for model in (paxisim.Chain(), found.model)]
-        other = (
-            "" if before is None else f", by the model of unit {unit - 1} {rms(held.measured - said(before, held)):.4f}"
-        )
+        other = "" if before is None else f", model of unit {unit - 1} {rms(held.measured - said(before, held)):.4f}"
         before = found.model
         names = ", ".join(cause.name for cause in found.causes)
         print(f"unit {unit}: {errors[0]:.4f} -> {errors[1]:.4f} N{other}; {found.verdict}: {names}", flush=True)
 
 
 def transfer(model: paxisim.Chain, units: list[tuple[paxisim.Recording, paxisim.Recording]]) -> None:
-    """Print what a model is worth on units that it was not made for."""
+    """Print the errors of a model on several units."""
     print(f"model: {', '.join(model.names)}")
     for unit, (seen, held) in enumerate(units):
         first, second = said(model, seen), said(model, held)
@@ -99,7 +98,7 @@ def transfer(model: paxisim.Chain, units: list[tuple[paxisim.Recording, paxisim.
         scaled = seen.measured.mean(axis=0) + gain * (second - first.mean(axis=0))
         errors = [rms(held.measured - guess) for guess in (held.simulated, second, second + offset, scaled)]
         print(
-            "unit {}: simulation {:.4f} N, model {:.4f}, with its own offsets {:.4f}, and gains {:.4f}".format(
+            "unit {}: simulation {:.4f} N, model {:.4f}, with own offsets {:.4f}, with own gains too {:.4f}".format(
                 unit, *errors
             )
         )

@@ -1,9 +1,10 @@
-"""What GCS brings against a magnetic pad from first principles: ``python benchmarks/reference_pad.py``.
+"""Error of GCS against a magnetic pad from first principles: ``python benchmarks/reference_pad.py``.
 
-The paper holds a square peg without other contact and gives the mean squared error of a taxel between simulation and
-real sensor: 0.68 for the raw simulation, 0.11 for the best of five draws of GCS. Here two flat pads of 6x5 taxels hold
-a box, and manufactured units of `paxisim.MagneticSensor` stand for the real sensor. They feel the forces of the flat
-pads. Printed are the errors of each unit in N^2, the mean over taxels and axes, and their ratio.
+The paper holds a square peg without other contact and reports the mean squared error of a taxel between simulation and
+real sensor: 0.68 for the raw simulation, 0.11 for the best of five draws of GCS. In this benchmark, two flat pads of
+6x5 taxels hold a box, and manufactured units of `paxisim.MagneticSensor` take the place of the real sensor. They sense
+the forces of the flat pads. The script prints each unit's errors in N^2, averaged over taxels and axes, and the ratio
+of the mean errors.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import paxisim
 from paxisim.scene import ready
 
 LAYOUT = paxisim.TaxelLayout(6, 5, (26.1e-3 / 6, 22.6e-3 / 5))
-GRIP = 8.0  # N, of each finger
+GRIP = 8.0  # N, per finger
 DRAWS = 5
 
 
@@ -24,14 +25,14 @@ class Hold:
     """Two pads that hold a box of 24 x 18 mm."""
 
     def __init__(self) -> None:
-        """Compile."""
+        """Compile the model."""
         self._model = mujoco.MjModel.from_xml_string(str(ready.gripper(LAYOUT, peg=True).mjcf))
         self._pads = paxisim.find_pads(self._model)
         paxisim.Gel().apply(self._model, self._pads)
         self._readout = paxisim.TactileReadout(self._model, self._pads)
 
     def force(self, surface: np.ndarray | None = None) -> np.ndarray:
-        """``(2, 3, 6, 5)`` newtons once it is held, with pads of that surface or flat ones."""
+        """Return ``(2, 3, 6, 5)`` newtons once the box is held, with pads of the given surface or flat pads."""
         if surface is not None:
             paxisim.set_surface(self._model, self._pads, surface)
         data = mujoco.MjData(self._model)
@@ -47,12 +48,12 @@ def main(units: int = 20, seed: int = 0) -> None:
     """Print the table.
 
     Args:
-        units: Manufactured sensors.
-        seed: Of the draws of GCS.
+        units: Number of manufactured sensors.
+        seed: Random seed of the GCS draws.
     """
     hold, gcs = Hold(), paxisim.GCS()
     flat = hold.force()
-    print(f"held by {flat[:, 2].sum(axis=(1, 2)).round(2)} N; units read of it:")
+    print(f"held with {flat[:, 2].sum(axis=(1, 2)).round(2)} N; the units read:")
     rng, errors = np.random.default_rng(seed), []
     for unit in range(units):
         real = paxisim.MagneticSensor(LAYOUT, unit)(flat)
@@ -70,7 +71,7 @@ def main(units: int = 20, seed: int = 0) -> None:
         )
     raw, drawn = np.mean(errors, axis=0)
     print(f"mean: raw {raw:.3f} N^2, GCS {drawn:.3f} N^2, ratio {drawn / raw:.2f} (paper: 0.68, 0.11, ratio 0.16)")
-    print(f"GCS is nearer than raw for {sum(d < r for r, d in errors)} of {units} units")
+    print(f"GCS is closer than raw for {sum(d < r for r, d in errors)} of {units} units")
 
 
 if __name__ == "__main__":

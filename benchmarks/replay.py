@@ -1,15 +1,15 @@
-"""How well and how fast a recorded motion is replayed, and what a diagnosis then names.
+"""Accuracy and speed of replaying a recorded motion, and the causes that a diagnosis then names.
 
     python benchmarks/replay.py [--rigs 10] [--first 0] [--deep] [--exact]
 
-An indenter on one pad of 6x5 taxels with a gel of 600 kPa is moved by servos in MuJoCo: that is the real stage. In each
-of six episodes it presses to a depth drawn from 0.8 to 1.4 mm, at two places drawn within 3 x 4 mm of the middle. Its
-joints are recorded in encoder steps of 0.05 mm at 100 Hz, its sensor reads 0.8 of the force 80 ms late, with 0.02 N of
-noise. The recording is replayed in the default mode, whose forces are compared with those of the stage, and diagnosed.
-With --exact it is also diagnosed against the stage's own forces, which an exact replay would give.
+The real stage is an indenter in MuJoCo, moved by servos, on one pad of 6x5 taxels with a gel of 600 kPa. In each of six
+episodes it presses to a depth drawn from 0.8 to 1.4 mm, at two places drawn within 3 x 4 mm of the centre. Its joints
+are recorded in encoder steps of 0.05 mm at 100 Hz. Its sensor reads 0.8 of the force, 80 ms late, with 0.02 N of noise.
+The recording is replayed in the default mode and diagnosed, and the forces of the replay are compared with those of the
+stage. With --exact it is also diagnosed against the stage's own forces, which an exact replay would give.
 
-The deep rigs press to 1.8 to 2.1 mm, where the gel is so stiff that half an encoder step is worth a tenth of the force
-and more.
+The deep rigs press to 1.8 to 2.1 mm, where the gel is so stiff that half an encoder step corresponds to a tenth of the
+force or more.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ GEL = paxisim.Gel(modulus=600e3)
 
 
 def rig(seed: int, depths: tuple[float, float] = SHALLOW) -> tuple[paxisim.Recording, np.ndarray]:
-    """A recording of the stage, and the forces on its pad; `depths` (m) are the least and the greatest of a press."""
+    """Return a recording of the stage and the forces on its pad; `depths` (m) bound the depth of a press."""
     rng = np.random.default_rng(seed)
     parts, forces = [], []
     for number in range(EPISODES):
@@ -51,7 +51,7 @@ def rig(seed: int, depths: tuple[float, float] = SHALLOW) -> tuple[paxisim.Recor
 
 
 def _stage() -> str:
-    """The indenter's MJCF with stiff servos that carry the ball: neither its weight nor the contact moves it much."""
+    """Return the indenter's MJCF with stiff servos, so that neither weight nor contact displaces the ball much."""
     mjcf = with_servos(ready.indenter(LAYOUT)).replace('kp="20000" kv="400"', 'kp="100000" kv="900"')
     return mjcf.replace('<body name="ball"', '<body name="ball" gravcomp="1"')
 
@@ -61,19 +61,19 @@ def _rest(streams: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 
 def named(recording: paxisim.Recording) -> str:
-    """Verdict and causes, in words."""
-    sys.modules.update(dict.fromkeys(("sklearn", "sklearn.ensemble")))  # no black box: slow, and it names nothing
+    """Return the verdict and the names of the causes as text."""
+    sys.modules.update(dict.fromkeys(("sklearn", "sklearn.ensemble")))  # skip the black box: slow, and names nothing
     found = paxisim.diagnose(recording)
     return f"{found.verdict}: {', '.join(sorted(cause.name for cause in found.causes)) or 'nothing'}"
 
 
 def main() -> None:
-    """Print a line for each rig."""
+    """Print one line per rig."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--rigs", type=int, default=10, help="how many are drawn")
-    parser.add_argument("--first", type=int, default=0, help="seed of the first; the others follow")
-    parser.add_argument("--deep", action="store_true", help="press to where the gel is stiff")
-    parser.add_argument("--exact", action="store_true", help="also diagnose what an exact replay would give")
+    parser.add_argument("--rigs", type=int, default=10, help="number of rigs to draw")
+    parser.add_argument("--first", type=int, default=0, help="random seed of the first rig; the seeds are consecutive")
+    parser.add_argument("--deep", action="store_true", help="press to depths at which the gel is stiff")
+    parser.add_argument("--exact", action="store_true", help="also diagnose the result of an exact replay")
     arguments = parser.parse_args()
     scene = ready.indenter(LAYOUT)
     hits = dict.fromkeys(["replayed", "exact"] if arguments.exact else ["replayed"], 0)
@@ -85,7 +85,7 @@ def main() -> None:
         off = total(paired.simulated).max() / total(force).max() - 1
         said = any("encoder" in note for note in paired.metadata["replay"]["notes"])
         print(
-            f"rig {seed}: peak of {total(force).max():.1f} N {off:+.1%}{' (said)' if said else ''}; "
+            f"rig {seed}: peak of {total(force).max():.1f} N {off:+.1%}{' (reported)' if said else ''}; "
             f"{len(given.time) / 100:.0f} s replayed in {seconds:.1f} s",
             flush=True,
         )
@@ -95,7 +95,7 @@ def main() -> None:
             hits[name] += words.endswith(": axis_gain, latency")
             print(f"  {name}: {words}", flush=True)
     for name, count in hits.items():
-        print(f"{name}: axis_gain and latency, and nothing else, in {count} of {arguments.rigs}")
+        print(f"{name}: exactly axis_gain and latency in {count} of {arguments.rigs}")
 
 
 if __name__ == "__main__":

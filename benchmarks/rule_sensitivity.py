@@ -1,16 +1,16 @@
-"""How much the rates depend on each constant that decides what is named.
+"""Sensitivity of the rates to each constant that decides which causes are named.
 
     python benchmarks/rule_sensitivity.py --singles 38 --pairs 24 --nulls 20 --jobs 2
 
-Each constant of `paxisim.diagnose.rules.Rules` is halved and doubled, a share up to the bounds that it has; so are all
-causes' misfits and all their prices. Every time the same cases of `tests/hidden/practice` are diagnosed, with pads of
-4x3 taxels and eight episodes of 6 s at 20 Hz. A row says how many singles and pairs are named exactly and how many
-nulls have a false name, with the 90 % Wilson interval of each rate, and which rate has left the interval that it has
-with the constants as they are.
+Each constant of `paxisim.diagnose.rules.Rules` is halved and doubled, within its bounds if it is a share. The misfits
+of all causes and the prices of all causes are varied likewise. The same cases of `tests/hidden/practice` are diagnosed
+every time, with pads of 4x3 taxels and eight episodes of 6 s at 20 Hz. A row shows how many singles and pairs are named
+exactly and how many nulls have a false name, each with the 90 % Wilson interval of its rate. It also shows which rates
+leave the interval that they have with the unchanged constants.
 
-The rows of a case share their fits, but for those whose constants decide what is held out; so a row shows how the
-decision changes, not how a fit would end that another search had begun elsewhere. ``--only material consistency`` makes
-a few of the rows, ``--list`` names them.
+The rows of a case share their fits, except for rows whose constants decide what is held out. A row therefore shows how
+the decision changes, but not where the fits of a different search would end. ``--only material consistency`` computes
+only some rows; ``--list`` prints their names.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from pathlib import Path
 
-os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy: one thread for each job
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy is imported: one thread per job
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 from hidden_table.solve import made, recording
@@ -45,21 +45,21 @@ BASELINE = "as they are"
 OF_FOLDS = ("folds", "few_episodes", "lone", "gap")
 OF_CAUSES = ("misfit", "price")
 SHARES = frozenset({"explains", "lone", "near_miss", "promise", "tie"})
-"""Rules that are shares: at 1 they would ask for all there is, or for more."""
+"""Rules that are shares; at 1 or more they would require the whole or more."""
 MOST_SHARE = 0.99
 LEAST = {"folds": 2, "few_episodes": 2, "contest": 1, "pairs": 0, "most": 1}
-LEVEL = 0.9  # of the intervals
+LEVEL = 0.9  # confidence level of the intervals
 SMALL = {"rows": 4, "cols": 3, "duration": 6.0, "rate": 20}
 
 
 @dataclass(frozen=True)
 class Change:
-    """What is decided otherwise.
+    """A row of the table: a change of the constants.
 
     Attributes:
-        name: Of the row.
-        rules: The rules.
-        factors: By attribute of the causes, what it is multiplied by in all of them.
+        name: Name of the row.
+        rules: The rules with the change.
+        factors: Pairs of a cause attribute and the factor that multiplies it in all causes.
     """
 
     name: str
@@ -69,30 +69,30 @@ class Change:
 
 @dataclass(frozen=True)
 class Rate:
-    """How often something was so among cases of a kind."""
+    """Number of hits among the cases of one kind."""
 
     hits: int
     cases: int
 
     @property
     def value(self) -> float:
-        """The share."""
+        """Share of hits."""
         return self.hits / self.cases
 
     @property
     def interval(self) -> tuple[float, float]:
-        """By Wilson."""
+        """Wilson interval of the rate."""
         found = binomtest(self.hits, self.cases).proportion_ci(LEVEL, method="wilson")
         return float(found.low), float(found.high)
 
     def shown(self) -> str:
-        """As a cell of the table."""
+        """Return the rate as a cell of the table."""
         low, high = self.interval
         return f"{self.hits:3d}/{self.cases:<3d} {self.value:4.0%} ({low:3.0%} to {high:4.0%})"
 
 
 def changes() -> list[Change]:
-    """The rows: the constants as they are, and each halved and doubled."""
+    """Return the rows: the unchanged constants, and each constant halved and doubled."""
     rows = [Change(BASELINE)]
     for about in fields(Rules):
         value = getattr(Rules(), about.name)
@@ -106,14 +106,14 @@ def changes() -> list[Change]:
 
 
 def scaled(name: str, value: float, factor: float) -> float:
-    """A rule times a factor, as far as it may go."""
+    """Return a rule times a factor, limited to its bounds."""
     if isinstance(value, int):
         return max(round(value * factor), LEAST.get(name, 1))
     return min(value * factor, MOST_SHARE) if name in SHARES else value * factor
 
 
 def named(rows: Sequence[Change], task: Task) -> list[tuple[str, ...]]:
-    """The causes that are named in a case, by row."""
+    """Return the causes named in a case, by row."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         recorded, _ = prepare(recording(made(task)))
@@ -126,7 +126,7 @@ def named(rows: Sequence[Change], task: Task) -> list[tuple[str, ...]]:
             folds = tuple(getattr(row.rules, name) for name in OF_FOLDS)
             if folds not in searches:
                 searches[folds] = search_of(off, wanted, 1, silently, row.rules)
-            search = copy.copy(searches[folds])  # with the fits that the rows before have made
+            search = copy.copy(searches[folds])  # keeps the fits of the previous rows
             causes = [
                 replace(item, **{name: factor * getattr(item, name) for name, factor in row.factors})
                 for item in searches[folds].causes.values()
@@ -138,11 +138,11 @@ def named(rows: Sequence[Change], task: Task) -> list[tuple[str, ...]]:
 
 
 def silently(stage: str, share: float) -> None:
-    """Say nothing of progress."""
+    """Ignore reports of progress."""
 
 
 def rates(tasks: Sequence[Task], answers: Sequence[tuple[str, ...]]) -> dict[str, Rate]:
-    """By kind of case: exact ones of singles and pairs, those with a false name of nulls."""
+    """Return rates by kind of case: exact singles and pairs, and nulls with a false name."""
     out = {}
     for kind in KINDS:
         own = [(t, a) for t, a in zip(tasks, answers, strict=True) if t.kind == kind]
@@ -153,20 +153,22 @@ def rates(tasks: Sequence[Task], answers: Sequence[tuple[str, ...]]) -> dict[str
 
 
 def left(now: Mapping[str, Rate], before: Mapping[str, Rate]) -> list[str]:
-    """The rates that are not within the interval that they had."""
+    """Return the rates that are outside their interval of before."""
     return [KINDS[k] for k in now if not before[k].interval[0] <= now[k].value <= before[k].interval[1]]
 
 
 def main() -> None:
-    """Parse the arguments, diagnose and print a row for each constant."""
+    """Parse the arguments, diagnose the cases, and print a row for each change of a constant."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--singles", type=int, default=38, help="cases with one effect")
-    parser.add_argument("--pairs", type=int, default=24, help="cases with two")
-    parser.add_argument("--nulls", type=int, default=12, help="cases with none")
+    parser.add_argument("--singles", type=int, default=38, help="number of cases with one effect")
+    parser.add_argument("--pairs", type=int, default=24, help="number of cases with two effects")
+    parser.add_argument("--nulls", type=int, default=12, help="number of cases without an effect")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=1, help="processes")
-    parser.add_argument("--only", nargs="+", metavar="WORD", help="rows whose names begin with one of these words")
-    parser.add_argument("--list", action="store_true", help="print the names of the rows")
+    parser.add_argument(
+        "--only", nargs="+", metavar="WORD", help="compute only rows whose names begin with one of these words"
+    )
+    parser.add_argument("--list", action="store_true", help="print the names of the rows and exit")
     arguments = parser.parse_args()
     rows = [row for row in changes() if row.name == BASELINE or row.name.startswith(tuple(arguments.only or ("",)))]
     if arguments.list:

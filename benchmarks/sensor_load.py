@@ -1,9 +1,10 @@
-"""Does the driver keep up with sensors at the line's full rate, and what does it cost?
+"""Whether the driver keeps up with sensors at the line's full rate, and its CPU load.
 
-Two pads of 12x10 taxels on two of PaXini's boards, an AnySkin, and four uSkin patches of 4x4 behind XELA's server.
+The sensors are two pads of 12x10 taxels on two of PaXini's boards, an AnySkin, and four uSkin patches of 4x4 behind
+XELA's server.
 
-The emulator runs in a process of its own, so the CPU share is that of the driver alone: reading, checking, turning
-into newtons, and a consumer that takes every frame.
+The emulator runs in a separate process, so the measured CPU share covers only the driver (reading, checking and
+conversion to newtons) and a consumer that takes every frame.
 
     python benchmarks/sensor_load.py --seconds 60
 """
@@ -30,12 +31,12 @@ SKIN = dataclasses.replace(load_profile("anyskin"), verified="on the emulator")
 USKIN = dataclasses.replace(
     load_profile("xela-uspa44"), verified="on the emulator", slots=tuple(Slot(f"pad{i}", i) for i in range(1, 5))
 )
-# a message for each pad: it selects a port and reads total and taxels in one go
+# per pad: select a port, then read total and taxels with one request
 BOX_BYTES = 2 * (17 + 17 + 6 + 30 + 360)
 STREAM_BYTES = 7 + 2 * (6 + 360)
 BURST_BYTES = 16 * 5 + 2
 BEYOND = 1e6
-"""A rate far beyond the line: what leaves is what the line carries (Hz)."""
+"""A rate far beyond the line's capacity, so that the line limits the stream (Hz)."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -43,9 +44,9 @@ class Case:
     """One sensor.
 
     Attributes:
-        profile: Its profile.
-        limit: Frames a second that its line carries, or its server sends (Hz).
-        rate: The emulator's (Hz); None: whenever it is asked.
+        profile: The sensor's profile.
+        limit: Maximum frame rate of its line, or frame rate of its server (Hz).
+        rate: The emulator's rate (Hz); None: a new measurement for each request.
     """
 
     profile: Profile
@@ -54,7 +55,7 @@ class Case:
 
 
 CASES = {
-    # it hangs on USB, where its baud rate means nothing
+    # connected by USB, where the baud rate has no effect
     "control-box": Case(PAPER, USB_SPEED / BOX_BYTES, None),
     "high-speed": Case(
         dataclasses.replace(
@@ -70,7 +71,7 @@ CPU_TARGET = 0.08
 
 
 def emulate(case: Case) -> None:
-    """Be the sensor until stdin closes, then say how many bytes nobody fetched."""
+    """Emulate the sensor until stdin closes, then print how many bytes nobody read."""
     with Emulator(case.profile, press(case.profile), rate=case.rate) as emulator:
         print(emulator.port, flush=True)
         sys.stdin.read()
@@ -78,7 +79,7 @@ def emulate(case: Case) -> None:
 
 
 def measure(name: str, seconds: float) -> bool:
-    """Print one case; whether it met its targets."""
+    """Measure and print one case; return whether it met its targets."""
     case = CASES[name]
     command = [sys.executable, __file__, "--emulate-case", name]
     process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
@@ -113,8 +114,8 @@ def main(seconds: float = 60.0, emulate_case: str = "") -> int:
     """Run all cases.
 
     Args:
-        seconds: How long each is measured.
-        emulate_case: Be the emulator of that case instead.
+        seconds: Duration of each measurement (s).
+        emulate_case: Emulate the sensor of this case instead.
     """
     if emulate_case:
         emulate(CASES[emulate_case])

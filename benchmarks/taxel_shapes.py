@@ -1,15 +1,15 @@
-"""How far taxels that are boxes or spheres are from a fine bed of springs: ``python benchmarks/taxel_shapes.py``.
+"""Deviation of box and sphere taxels from a fine bed of springs: ``python benchmarks/taxel_shapes.py``.
 
-A pad of 21 x 21 mm and a gel of 400 kPa is pressed by 0.5 to 1 mm at six places, by objects of four shapes. The forces
-on 6x6 taxels are compared with those of 24x24 spheres, summed over each taxel. Printed are the sum of the normal force
-as a share of the bed's, and the error of a taxel as a share of the bed's root mean square.
+Objects of four shapes press a pad of 21 x 21 mm with a gel of 400 kPa by 0.5 to 1 mm at six places. The bed consists of
+24x24 spheres. All forces are summed over 6x6 blocks and compared with those of the bed. The script prints the total
+normal force as a share of the bed's, and the error of a block as a share of the bed's root mean square.
 """
 
 from __future__ import annotations
 
 import os
 
-os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy is imported
 
 import mujoco
 import numpy as np
@@ -28,7 +28,7 @@ PADS = (("boxes", 6), ("boxes", 12), ("spheres", 6), ("spheres", 12))
 
 
 def pressed(kind: str, count: int, shape: str, place: tuple[float, float, float]) -> NDArray[np.float64]:
-    """``(6, 6)`` normal forces (N) on blocks of taxels."""
+    """Return the ``(6, 6)`` normal forces (N) on blocks of taxels."""
     geom, half = SHAPES[shape]
     x, y, depth = place
     text = f"""

@@ -1,7 +1,7 @@
-"""What the C and S of GCS cost, as ratios of times measured in turns in one run. `pytest benchmarks -n0`.
+"""Cost of the C and S of GCS, as ratios of times measured alternately in one run. Run with `pytest benchmarks -n0`.
 
-A batch has parameters for each environment, as in training. "Cold" is with batches that come from memory and not from
-the processor's caches, as do those of a replay buffer. One thread, except for numpy's products of matrices.
+A batch has parameters for each environment, as in training. "Cold" batches come from memory instead of the processor's
+caches, like those of a replay buffer. All run on one thread, except for numpy's matrix products.
 """
 
 import itertools
@@ -18,8 +18,8 @@ from paxisim.models.readout import TactileReadout
 
 LAYOUT = PAPER.pool(2, 2)
 FRAMES = 4096
-COPIES = 6  # the target: the time of so many copies of the tensor
-COLD = 32  # batches in turn, more than caches hold
+COPIES = 6  # the target, in multiples of the time to copy the tensor
+COLD = 32  # number of batches used in turn, more than the caches hold
 
 
 def batches(count):
@@ -57,7 +57,7 @@ def test_batch_numpy(compare, cold):
 @pytest.mark.parametrize("compiled", [False, True], ids=["eager", "compiled"])
 def test_batch_torch(compare, compiled, cold):
     torch = pytest.importorskip("torch")
-    torch.set_num_threads(1)  # as numpy's; on a busy machine threads that wait for one another say nothing
+    torch.set_num_threads(1)  # as for numpy; threads that wait for one another on a busy machine distort the timing
     chain = GCS().sample(torch.Generator().manual_seed(1), (FRAMES,), layout=LAYOUT)
     xs = itertools.cycle(list(torch.from_numpy(batches(COLD if cold else 1))))
     apply = chain
@@ -65,17 +65,17 @@ def test_batch_torch(compare, compiled, cold):
         apply = torch.compile(lambda x: chain(x), fullgraph=True)
         try:
             with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # of torch about itself
+                warnings.simplefilter("ignore")  # torch's internal warnings
                 apply(next(xs))
         except Exception as error:
-            pytest.skip(f"torch.compile does not work here, it needs a C++ compiler: {type(error).__name__}")
+            pytest.skip(f"torch.compile does not work here; it needs a C++ compiler: {type(error).__name__}")
     times = compare.time(lambda: apply(next(xs)), {"copy": lambda: next(xs).clone()}, rounds=100)
     how = f"torch CPU{' compiled' if compiled else ''}{', cold' if cold else ''}"
     compare.report(f"C and S of {FRAMES} frames / copy, {how}", median_ratio(times["main"], times["copy"]), COPIES)
 
 
 def loop_over_taxels(force, chain, environment):
-    """C and S of one frame as one would write them down, ``(pads, 3, rows, cols)`` nested lists."""
+    """Compute C and S of one frame in plain Python, on ``(pads, 3, rows, cols)`` nested lists."""
     cx, cy = float(chain["poisson"].cx[environment]), float(chain["poisson"].cy[environment])
     axis, taxel = chain["axis_gain"].gain[environment].tolist(), chain["taxel_gain"].gain[environment].tolist()
     near = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j]

@@ -1,4 +1,4 @@
-"""What pads cost, as ratios of times measured in turns in one run. `pytest benchmarks -n0`.
+"""Cost of pads, as ratios of times measured alternately in one run. Run with `pytest benchmarks -n0`.
 
 The scene is a box peg squeezed by two pads: about 240 contacts with 6x5 taxels, 960 with 12x10.
 """
@@ -22,9 +22,9 @@ from paxisim.models.surface import GaussianBump
 
 PAPER = TaxelLayout(12, 10, (26.1e-3 / 12, 22.6e-3 / 10))
 LAYOUTS = [pytest.param(PAPER.pool(2, 2), 0.25, id="6x5"), pytest.param(PAPER, 0.15, id="12x10")]
-SUBSTEPS = 25  # of 2 ms, for control at 20 Hz
+SUBSTEPS = 25  # steps of 2 ms per control step at 20 Hz
 
-# the pads face each other along x, their rows run down
+# the pads face each other along x, with rows running downwards
 PEG = """
 <mujoco>
   <option timestep="0.002" cone="elliptic" impratio="10"/>
@@ -51,7 +51,7 @@ PEG = """
 
 
 def squeezed_peg(layout, sensors=None):
-    """Model, pads and data after half a second of squeezing with 5 N."""
+    """Return model, pads and data after half a second of squeezing with 5 N."""
     gripper = attach(PEG, Pad(layout, sensors=sensors), [Mount("left"), Mount("right")])
     model = gripper.compile()
     pads = gripper.bind(model)
@@ -65,7 +65,7 @@ def squeezed_peg(layout, sensors=None):
 
 
 def median_ratio(main, other) -> float:
-    """Of times taken next to each other."""
+    """Return the median ratio of times taken in the same round."""
     return float(np.median(main / other))
 
 
@@ -91,7 +91,7 @@ def test_read(compare, layout, target):
 @pytest.mark.parametrize("sensors", ["touch_grid", "contact"])
 @pytest.mark.parametrize("layout", [param.values[0] for param in LAYOUTS], ids=["6x5", "12x10"])
 def test_control_step(compare, layout, sensors):
-    """One read a control step, against what sensors in the model add to its substeps."""
+    """Compare one read per control step with the time that sensors in the model add to its substeps."""
     model, pads, data = squeezed_peg(layout)
     readout = TactileReadout(model, pads)
     reads, count = many_reads(readout, data)
@@ -114,13 +114,13 @@ def test_control_step(compare, layout, sensors):
     size = f"{layout.rows}x{layout.cols}"
     what = f"what {sensors} sensors add to {SUBSTEPS} substeps, {size}"
     compare.report(f"read / {what}", np.median(times["main"]) / count / added, 0.1)
-    # after milliseconds of physics the caches hold nothing of Python and numpy
+    # milliseconds of physics evict Python and numpy from the caches
     in_loop = np.median(times["loop"] - times["steps"])
     compare.report(f"  the same, measured in the control loop, {size}", in_loop / added, 0.1)
 
 
 def test_set_surface(compare):
-    """A new bump for an episode, against compiling the model again."""
+    """Compare setting a new bump for an episode with compiling the model again."""
     model, pads, _ = squeezed_peg(PAPER)
     rng = np.random.default_rng(0)
     heights = GaussianBump.sample(PAPER, rng).heights(PAPER)
@@ -131,7 +131,7 @@ def test_set_surface(compare):
         gripper.bind(gripper.compile())
 
     times = compare.time(lambda: set_surface(model, pads, heights), {"recompile": recompile}, rounds=20)
-    compare.report("set_surface / building anew, two pads of 12x10", median_ratio(times["main"], times["recompile"]))
+    compare.report("set_surface / compiling anew, two pads of 12x10", median_ratio(times["main"], times["recompile"]))
 
 
 def test_build_64x64(compare):
@@ -149,7 +149,7 @@ def test_build_64x64(compare):
     ("statement", "target"), [("import paxisim", 1.3), ("from paxisim import TactileReadout, attach, find_pads", None)]
 )
 def test_import(compare, statement, target):
-    """In a fresh process."""
+    """Measure an import in a fresh process."""
 
     def run(code):
         return lambda: subprocess.run([sys.executable, "-c", code], check=True, cwd=Path(__file__).parents[1])

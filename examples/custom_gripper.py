@@ -1,6 +1,6 @@
-"""Pads on a gripper that paxisim has never seen: find the mounts, check them, squeeze something.
+"""Pads on a gripper that paxisim does not know: find the mounts, check them, and squeeze an object.
 
-The gripper is a hand of three fingers on hinges, written below as MJCF; put your own file in its place. Needs the extra
+The gripper is a hand with three fingers on hinges, given below as MJCF; replace it with your own file. Needs the extra
 viz:
 
     python examples/custom_gripper.py
@@ -38,14 +38,14 @@ TORQUE = 0.5  # Nm
 
 
 def main() -> None:
-    """Attach the pads, draw them, squeeze a ball, read."""
+    """Attach the pads, draw them, squeeze a ball and read the forces."""
     layout = paxisim.TaxelLayout(rows=4, cols=4, pitch=(5e-3, 5e-3))
     found = paxisim.find_mounts(HAND)
-    print(found.report)  # read it: this is where the pads go, and why
+    print(found.report)  # read it: it says where the pads go, and why
     hand = paxisim.attach(HAND, paxisim.Pad(layout, thickness=3e-3, taxels="spheres"), found.mounts)
     paxisim.plot_mounts(hand).savefig("custom_gripper.png")
 
-    # a fixed ball between the fingers; on a robot you would attach hand.spec to an arm instead
+    # a fixed ball between the fingers; for a robot, attach hand.spec to an arm instead
     ball = hand.spec.worldbody.add_body(name="ball", pos=[0, 0, -0.09])
     ball.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[0.025, 0, 0])
     model = hand.compile()

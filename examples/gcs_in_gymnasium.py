@@ -1,7 +1,7 @@
 """A tactile gymnasium environment with the paper's GCS: uneven pads, and a random sensor in every episode.
 
-The environment squeezes a peg in MuJoCo with the force that the agent asks for. G, the uneven surface, is part of it:
-each episode sets new heights of the taxels. C and S, the sensor, are a wrapper. Needs the extra train:
+The environment squeezes a peg in MuJoCo with the force that the agent sets. G, the uneven surface, is part of the
+environment: each episode sets new heights of the taxels. C and S, the sensor, are a wrapper. Needs the extra train:
 
     python examples/gcs_in_gymnasium.py
 """
@@ -20,9 +20,9 @@ import paxisim
 from paxisim.augment.gym import TactileTransform
 
 LAYOUT = paxisim.TaxelLayout(3, 3, (8.7e-3, 7.5e-3))
-WANTED = 7.0  # N, of each finger
-LONGEST = 20  # steps of an episode
-SUBSTEPS = 25  # of 2 ms
+WANTED = 7.0  # N per finger
+LONGEST = 20  # steps per episode
+SUBSTEPS = 25  # physics steps of 2 ms per step
 
 
 class Squeeze(gymnasium.Env):
@@ -32,7 +32,7 @@ class Squeeze(gymnasium.Env):
     action_space = spaces.Box(-1.0, 1.0, (1,), np.float32)
 
     def __init__(self) -> None:
-        """Build the scene once; episodes change it in place."""
+        """Build the scene; episodes change it in place."""
         gripper = paxisim.attach(files("paxisim").joinpath("data/two_finger_gripper.xml").read_text(), LAYOUT)
         scene = gripper.spec
         scene.option.cone, scene.option.impratio = mujoco.mjtCone.mjCONE_ELLIPTIC, 10
@@ -50,7 +50,7 @@ class Squeeze(gymnasium.Env):
         heights = self.gcs.sample_surface(self.np_random, layout=LAYOUT)
         paxisim.set_surface(self.model, self.pads, heights)
         mujoco.mj_resetData(self.model, self.data)
-        self.data.qpos[:] = 0.03  # the fingers begin near the peg
+        self.data.qpos[:] = 0.03  # start with the fingers near the peg
         self.steps = 0
         self.grip(1.0)
         return {"tactile": self.readout.read(self.data)}, {}
@@ -64,18 +64,18 @@ class Squeeze(gymnasium.Env):
         return {"tactile": force}, -abs(pressed - WANTED) / WANTED, False, self.steps >= LONGEST, {"pressed": pressed}
 
     def grip(self, newtons: float) -> None:
-        """Set the motor and let 50 ms pass."""
+        """Set the motor force (N) and simulate 50 ms."""
         self.data.ctrl[0] = newtons
         mujoco.mj_step(self.model, self.data, SUBSTEPS)
 
 
 def make_env() -> gymnasium.Env:
-    """The environment behind a random sensor: the tensor that a policy is trained on."""
+    """Return the environment with a random sensor; its tensor is the input of a policy."""
     return TactileTransform(Squeeze(), paxisim.GCS(), key="tactile", layout=LAYOUT)
 
 
 def main() -> None:
-    """Two episodes with the same grip: the sensor differs, the force does not."""
+    """Run two episodes with the same grip: the sensor differs, the force does not."""
     env = make_env()
     for seed in range(2):
         env.reset(seed=seed)

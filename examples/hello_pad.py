@@ -1,6 +1,6 @@
 """One pad, one box: the smallest program that reads a tactile tensor.
 
-A box of 100 g falls onto a pad that lies face up. At rest the pad reads the box's weight. Needs the extra viz:
+A box of 100 g falls onto a pad that lies face up. At rest, the pad reads the weight of the box. Needs the extra viz:
 
     python examples/hello_pad.py
 """
@@ -26,9 +26,9 @@ SCENE = """
 
 
 def main() -> None:
-    """Drop the box, read, draw."""
+    """Drop the box, read the tensor and draw it."""
     layout = paxisim.TaxelLayout(rows=6, cols=5, pitch=(4.35e-3, 4.52e-3))  # m
-    # the pad frame's z axis points into the pad, so half a turn about x lays it face up
+    # z of the pad frame points into the pad, so half a turn about x puts the pad face up
     tactile = paxisim.attach(SCENE, layout, [paxisim.Mount("table", quat=(0, 1, 0, 0))])
     model = tactile.compile()
     pads = tactile.bind(model)

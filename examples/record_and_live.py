@@ -1,7 +1,7 @@
-"""Record a sensor, look at the recording, and write it for the live view and for pandas.
+"""Record a sensor, read the recording, and convert it for the live view and for pandas.
 
-An emulator stands for the sensor: it speaks the protocol of PaXini's control box on a pseudo-terminal (Linux). With a
-sensor of your own, leave the emulator out and give its port. Needs the extras hw, live and parquet:
+An emulator replaces the sensor: it speaks the protocol of PaXini's control box on a pseudo-terminal (Linux). With your
+own sensor, leave out the emulator and use the sensor's port. Needs the extras hw, live and parquet:
 
     python examples/record_and_live.py
 """
@@ -21,10 +21,10 @@ SECONDS = 3.0
 
 
 def press(now: float) -> np.ndarray:
-    """What the emulated pad feels: a press a second, harder in the middle of the pad, that drags along x.
+    """Return the forces on the emulated pad: one press per second, hardest in the middle, that drags along x.
 
     Args:
-        now: Seconds since the emulator began.
+        now: Time since the emulator started (s).
 
     Returns:
         ``(1, 3, 12, 10)`` newtons.
@@ -36,11 +36,11 @@ def press(now: float) -> np.ndarray:
 
 def main() -> None:
     """Record, describe, convert."""
-    warnings.simplefilter("ignore", paxisim.UnverifiedProfileWarning)  # nobody has tried the profile on a device
+    warnings.simplefilter("ignore", paxisim.UnverifiedProfileWarning)  # no one has tried this profile on a device
     with paxisim.Emulator(PROFILE, press) as emulator, paxisim.open_sensor(emulator.port, PROFILE) as sensor:
         frame = sensor.read()
         print(f"one frame: {frame.force.shape} {frame.unit}, normal force {frame.force[0, 2].sum():.1f} N")
-        summary = capture(sensor, "press.mcap", seconds=SECONDS, overwrite=True)  # what `paxisim record` does
+        summary = capture(sensor, "press.mcap", seconds=SECONDS, overwrite=True)  # as `paxisim record` does
     print(f"{summary.path}: {summary.frames} frames at {summary.rate:.0f} Hz, {summary.dropped} dropped")
 
     recording = paxisim.Recording.load("press.mcap").select(known=True)

@@ -1,8 +1,8 @@
-"""A stage whose sensor is a magnetic pad from first principles: a recording to be diagnosed, without a robot.
+"""A stage with a magnetic pad computed from first principles: a recording to diagnose, without a robot.
 
-A ball presses and drags on one pad of 6x5 taxels in MuJoCo, along the motion of the protocol ``press``. What a
-manufactured unit of `paxisim.MagneticPad` reads of it, in counts of 0.1 N, is the measured stream; the forces
-themselves are the simulated one. No formula of the pad is one that a diagnosis fits.
+A ball presses and drags on one pad of 6x5 taxels in MuJoCo, along the motion of the protocol ``press``. The measured
+stream is the reading of a manufactured unit of `paxisim.MagneticPad`, in counts of 0.1 N; the simulated stream is the
+forces themselves. The diagnosis fits none of the formulas of the pad.
 
     python examples/reference_robot.py --unit 7 --out robot.mcap
     paxisim diagnose robot.mcap -o diagnosis
@@ -27,11 +27,11 @@ COUNT = 0.1  # N
 
 
 def recording(unit: int, episodes: int = 8) -> paxisim.Recording:
-    """What the unit of that number reads, beside the forces on it.
+    """Return the readings of a unit together with the forces on it.
 
     Args:
-        unit: Its number.
-        episodes: How many of the protocol's.
+        unit: Number of the unit.
+        episodes: Number of episodes of the protocol.
     """
     stage = ready.indenter(LAYOUT)
     motion = press(stop_force=60.0).unrecorded(stage)
@@ -46,9 +46,9 @@ def main(out: Path, unit: int = 7, episodes: int = 8) -> None:
     """Write the recording.
 
     Args:
-        out: The .mcap file to write.
+        out: Output file, .mcap.
         unit: Number of the manufactured unit.
-        episodes: How many episodes of the protocol, of eight.
+        episodes: Number of episodes of the protocol, up to eight.
     """
     made = recording(unit, episodes)
     made.save(out)

@@ -1,4 +1,4 @@
-"""Train with Stable-Baselines3 on a tactile observation with GCS: ten seconds on one core.
+"""Train with Stable-Baselines3 on tactile observations with GCS, in ten seconds on one core.
 
 PPO learns to hold a peg with 7 N by touch, in the environment of `gcs_in_gymnasium.py`. Needs the extra train:
 
@@ -27,10 +27,10 @@ def main(steps: int = 3000) -> tuple[float, float]:
     """Train, and evaluate before and after.
 
     Args:
-        steps: Environment steps.
+        steps: Number of environment steps.
 
     Returns:
-        Mean return of an episode before and after; 0 is perfect.
+        Mean return of an episode before and after training; 0 is perfect.
     """
     torch.set_num_threads(1)
     env = Monitor(gymnasium.wrappers.FlattenObservation(make_env()))

@@ -1,8 +1,8 @@
-"""A simulated arm that stands for a real one: its pad is a sensor on a serial port, its joints come over UDP.
+"""A simulated arm in place of a real one: its pad is a sensor on a serial port, its joint angles arrive over UDP.
 
-A planar arm of three joints presses a pad onto a ball, drags it, and lifts it again, in real time. What the pad feels
-is sent as a PX6AX board does it (profile gen2-box-120), on a pseudo-terminal. What the joints measure, in steps of an
-encoder, goes to a UDP port as JSON, as a robot's own program would send it. Record both from another shell:
+A planar arm with three joints presses a pad onto a ball, drags it, and lifts it again, in real time. The forces on the
+pad go to a pseudo-terminal, in the protocol of a PX6AX board (profile gen2-box-120). The joint angles, in steps of an
+encoder, go to a UDP port as JSON, as a robot's own program would send them. Record both from another shell:
 
     python examples/simulated_arm.py --link my-arm --udp 5005
     paxisim record my-arm --profile gen2-box-120 --udp 5005 --seconds 10 -o press.mcap
@@ -26,18 +26,18 @@ import paxisim
 
 PROFILE = "gen2-box-120"
 UPPER, LOWER = 0.3, 0.25  # m, lengths of the links
-ENCODER = 2 * np.pi / 2**16  # rad, a step of the joints' encoders
-RATE = 500.0  # Hz, of the physics and of what the sensor feels: faster than a board is read, so that no reading repeats
-EVERY = 5  # steps, a message with the joints: 100 Hz
-MODULUS = 2.4e6  # Pa, of the gel: firm, so that a taxel feels ten counts of 0.1 N
-MOVE, REST = 0.5, 1.0  # s, of going down or up, and between two presses
-# m and s: how deep one press after the other goes and how long it is held; short and long ones tell a creep from a gain
+ENCODER = 2 * np.pi / 2**16  # rad, step of the joint encoders
+RATE = 500.0  # Hz, of the physics and the sensor: faster than a board is read, so that no reading repeats
+EVERY = 5  # steps per message with the joint angles: 100 Hz
+MODULUS = 2.4e6  # Pa, of the gel: firm, so that a taxel reads ten counts of 0.1 N
+MOVE, REST = 0.5, 1.0  # s, duration of each move down or up, and pause between two presses
+# m and s: depth and hold time of each press; short and long holds distinguish creep from a gain
 PRESSES = ((1.2e-3, 2.5), (0.6e-3, 0.2), (1.6e-3, 0.2), (0.9e-3, 4.0), (1.4e-3, 1.0))
 ENDS = np.cumsum([2 * MOVE + hold + REST for _, hold in PRESSES])
-NOISE = 0.03  # N, of each reading of a taxel
+NOISE = 0.03  # N, standard deviation per taxel and reading
 JOINTS = ("shoulder", "elbow", "wrist")
 
-# the ball's top is at z = 0.03 m; the arm lies in the plane y = 0, and its hand points down
+# the top of the ball is at z = 0.03 m; the arm lies in the plane y = 0, and its hand points down
 ARM = f"""
 <mujoco model="simulated_arm">
   <option timestep="0.002" cone="elliptic" impratio="10" integrator="implicitfast"/>
@@ -72,14 +72,14 @@ ARM = f"""
 
 
 def press_at(seconds: float) -> tuple[int, float]:
-    """The number of the press at a time, and how long it has lasted (s)."""
+    """Return the number of the press at a time, and the time since its start (s)."""
     turns, rest = divmod(seconds, float(ENDS[-1]))
     number = int(np.searchsorted(ENDS, rest, side="right"))
     return int(turns) * len(PRESSES) + number, rest - (float(ENDS[number - 1]) if number else 0.0)
 
 
 def tip(seconds: float) -> tuple[float, float]:
-    """Where the hand is to be, x and z (m): down, along the ball, and up again."""
+    """Return the target position of the hand, x and z (m): down, along the ball, and up again."""
     number, into = press_at(seconds)
     depth, hold = PRESSES[number % len(PRESSES)]
     down = np.clip(min(into, 2 * MOVE + hold - into) / MOVE, 0, 1)
@@ -88,7 +88,7 @@ def tip(seconds: float) -> tuple[float, float]:
 
 
 def joint_angles(x: float, z: float) -> np.ndarray:
-    """Angles (rad) at which the hand is there and the pad is level; the elbow is up."""
+    """Return the joint angles (rad) for a position of the hand, with the pad level and the elbow up."""
     z = z - 0.2
     reach = x * x + z * z
     elbow = np.arccos((reach - UPPER**2 - LOWER**2) / (2 * UPPER * LOWER))
@@ -100,11 +100,11 @@ class Arm:
     """The arm in MuJoCo.
 
     Attributes:
-        force: ``(1, 3, 12, 10)`` newtons that the sensor reads.
+        force: Latest reading of the sensor (N), ``(1, 3, 12, 10)``.
     """
 
     def __init__(self, sensor: paxisim.Chain) -> None:
-        """Compile the arm with its pad, whose forces `sensor` turns into readings, and put it to its beginning."""
+        """Compile the arm with its pad, whose forces `sensor` converts to readings, and move it to its start pose."""
         layout = paxisim.load_profile(PROFILE).layout
         pad = paxisim.Pad(layout, gel=paxisim.Gel(modulus=MODULUS))
         tactile = paxisim.attach(ARM, pad, [paxisim.Mount("hand", name="tip")])
@@ -120,7 +120,7 @@ class Arm:
         self._rng = np.random.default_rng(0)
 
     def run_until(self, seconds: float) -> None:
-        """Step the physics up to that time, and read the sensor once."""
+        """Simulate up to a time, and read the sensor once."""
         before = self.data.time
         while self.data.time < seconds:
             self.data.ctrl[:] = joint_angles(*tip(self.data.time))
@@ -130,22 +130,22 @@ class Arm:
         self.force = read + self._rng.normal(0.0, NOISE, read.shape)
 
     def measured_joints(self) -> dict[str, float]:
-        """Angle (rad) of each joint by name, in steps of its encoder."""
+        """Return the angle (rad) of each joint by name, in steps of its encoder."""
         return {name: float(np.round(self.data.joint(name).qpos[0] / ENCODER) * ENCODER) for name in JOINTS}
 
 
 def main(
     link: Path, udp: int, seconds: float = float("inf"), scene: Path | None = None, sensor: Path | None = None
 ) -> None:
-    """Run the arm in real time; the first line printed is the sensor's port.
+    """Run the arm in real time; the first line of output is the port of the sensor.
 
     Args:
-        link: A symbolic link to make to the port.
-        udp: The port of 127.0.0.1 to which the joints' angles are sent.
-        seconds: How long to run; default: until Ctrl-C.
-        scene: Write the arm's MJCF with its pad to this file, for a replay.
-        sensor: A chain that paxisim saved: what the sensor makes of the forces on its pad, such as a gain and a creep
-            that a diagnosis is to find. Default: it reads them as they are.
+        link: Symbolic link to create to the port.
+        udp: UDP port on 127.0.0.1 to which the joint angles are sent.
+        seconds: Duration in seconds; default: until Ctrl-C.
+        scene: Output file for the MJCF of the arm with its pad, for a replay.
+        sensor: Saved chain from forces to readings, for example a gain and creep for a diagnosis to find.
+            Default: the sensor reads the forces unchanged.
     """
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     arm = Arm(paxisim.Chain() if sensor is None else paxisim.Chain.load(sensor))

@@ -1,4 +1,7 @@
-"""``python -m paxisim``, and what the installed command runs: light, so that Ctrl-C while the rest loads is caught."""
+"""Entry point of ``python -m paxisim`` and of the installed command.
+
+It imports the rest inside `main`, so that Ctrl-C during loading is caught.
+"""
 
 from __future__ import annotations
 
@@ -6,10 +9,10 @@ import sys
 
 
 def main() -> int:
-    """Run a verb, see `paxisim.cli.main`.
+    """Run a command, see `paxisim.cli.main`.
 
     Returns:
-        Its exit status; 130 after Ctrl-C.
+        Exit status of the command; 130 after Ctrl-C.
     """
     try:
         from paxisim.cli import main as run

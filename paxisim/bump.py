@@ -1,4 +1,4 @@
-"""GaussianBump: the uneven surface of the paper's GCS (its G), as heights of the taxels. No simulator."""
+"""GaussianBump: the uneven surface of the paper's GCS (its G), as taxel heights, independent of a simulator."""
 
 from __future__ import annotations
 
@@ -12,35 +12,35 @@ from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
 
 DEVIATION_RANGE = (1.0, 3.0)
-"""Range of the bump's deviations, in taxels (paper, Table I)."""
+"""Bounds of the bump's deviations, in taxels (paper, Table I)."""
 
 
 @dataclass(frozen=True)
 class GaussianBump:
     """The paper's surface: cube depth grows with the distance from a centre (Method, "Surface with Gaussian Bumps").
 
-    ``h = h_min + D / max(D) * (h_max - h_min)`` with
-    ``D = sqrt((g_x - x)^2 / s_x^2 + (g_y - y)^2 / s_y^2)``; then taxels on the grid's edge lose `boundary`.
+    The depth is ``h = h_min + D / max(D) * (h_max - h_min)`` with
+    ``D = sqrt((g_x - x)^2 / s_x^2 + (g_y - y)^2 / s_y^2)``, reduced by `boundary` for taxels on the grid's edge.
     Taxel (row, col) has ``x = col + 0.5, y = row + 0.5``, so that [0, cols] x [0, rows] is the paper's
-    domain (its [0, 5] x [0, 6] on the 6x5 grid) with the taxels centred in it. As D is divided by its maximum,
+    domain (its [0, 5] x [0, 6] on the 6x5 grid) with the taxels centred in it. Because D is divided by its maximum,
     only the ratio of the deviations matters.
 
     Attributes:
         center: ``(g_x, g_y)`` in taxels, x along the columns.
         deviation: ``(s_x, s_y)`` in taxels.
-        h_min: Depth at the centre (m). The paper leaves `h_min`, `h_max` and `boundary` open. Ours: 0.2 mm of
-            bump around its nominal 1 mm, of the order of the indentation of the default gel (0.3 mm under 5 N
-            on the paper's pad), so that a flat load reaches most taxels, very unevenly.
+        h_min: Depth at the centre (m). The paper does not specify `h_min`, `h_max` and `boundary`. Ours give a bump of
+            0.2 mm around its nominal 1 mm. This is of the order of the indentation of the default gel (0.3 mm under
+            5 N on the paper's pad), so a flat load reaches most taxels, very unevenly.
         h_max: Depth at the taxel furthest from the centre (m).
-        boundary: What edge taxels lose of their depth (m); half the bump, so that the edge reads less, as the paper
-            observes. Where the depth is a recess, the edge stands out by as much and reads more.
-        depth_is: What the paper's "depth" means: ``"thickness"`` of the cube (its cubes are W x H x D), so that
-            the centre is a dip, or ``"recess"``, so that the centre is a bump of the same range: a thickness of
-            ``h_min + h_max`` less the depth.
+        boundary: Depth subtracted from edge taxels (m). The default is half the bump, so that the edge reads less, as
+            the paper observes. If the depth is a recess, the edge protrudes by this amount instead and reads more.
+        depth_is: Meaning of the paper's "depth": ``"thickness"`` of the cube (its cubes are W x H x D), which makes the
+            centre a dip, or ``"recess"``, which makes the centre a bump of the same range, with a thickness of
+            ``h_min + h_max`` minus the depth.
 
     Raises:
-        InvalidValueError: A value that is not finite, a depth or deviation that is not positive, `h_max` below
-            `h_min`, a `boundary` outside ``[0, h_min)``, or an unknown reading of depth.
+        InvalidValueError: A value is not finite, a depth or deviation is not positive, `h_max` is below `h_min`,
+            `boundary` is outside ``[0, h_min)``, or `depth_is` is unknown.
     """
 
     center: tuple[float, float]
@@ -67,12 +67,12 @@ class GaussianBump:
 
     @classmethod
     def sample(cls, layout: TaxelLayout, rng: np.random.Generator, **fixed: Any) -> GaussianBump:
-        """Draw a bump as the paper does: the centre uniform over the grid, the deviations from U(1, 3) (Table I).
+        """Draw a bump as in the paper: the centre uniform over the grid, the deviations from U(1, 3) (Table I).
 
         Args:
-            layout: The taxels.
-            rng: Source of randomness.
-            **fixed: Fields to set instead, e.g. ``h_max=1.2e-3``.
+            layout: Layout of the taxels.
+            rng: Random number generator.
+            **fixed: Fields to fix instead of the drawn or default values, e.g. ``h_max=1.2e-3``.
         """
         drawn: dict[str, Any] = {
             "center": tuple(rng.uniform(0, [layout.cols, layout.rows])),
@@ -81,7 +81,7 @@ class GaussianBump:
         return cls(**(drawn | fixed))
 
     def heights(self, layout: TaxelLayout) -> NDArray[np.floating]:
-        """Cube thickness (m), ``(rows, cols)``.
+        """Return the cube thickness (m), ``(rows, cols)``.
 
         Layouts without a grid use their positions, in units of the pitch from the upper left corner, and have
         no boundary.
@@ -92,16 +92,16 @@ class GaussianBump:
 def bump_heights(
     bump: GaussianBump, layout: TaxelLayout, center: NDArray[np.floating], deviation: NDArray[np.floating]
 ) -> NDArray[np.floating]:
-    """Heights of many bumps that differ in centre and deviation and share all else with `bump`.
+    """Return the heights of many bumps with their own centres and deviations and the other fields of `bump`.
 
     Args:
-        bump: The depths.
-        layout: The taxels.
+        bump: Bump that gives the depths.
+        layout: Layout of the taxels.
         center: ``(..., 2)`` centres in taxels.
         deviation: ``(..., 2)`` deviations in taxels.
 
     Returns:
-        ``(..., rows, cols)`` m, as `GaussianBump.heights`.
+        ``(..., rows, cols)`` thickness (m), as from `GaussianBump.heights`.
     """
     is_grid = layout.rows > 1 and layout.cols > 1
     x, y = _taxel_coordinates(layout, is_grid)

@@ -1,6 +1,6 @@
-"""The errors paxisim raises: each says what was expected, what came, and what to do about it.
+"""Errors raised by paxisim; each message says what was expected, what was given and what to do.
 
-Every one inherits `PaxisimError` and the builtin that fits, so `except ValueError` works as well.
+Each error derives from `PaxisimError` and from the matching builtin exception, so `except ValueError` also works.
 """
 
 from __future__ import annotations
@@ -10,24 +10,24 @@ from collections.abc import Iterable
 
 
 class PaxisimError(Exception):
-    """Base of every error that paxisim raises on purpose."""
+    """Base class of all errors that paxisim raises deliberately."""
 
 
 class InvalidValueError(PaxisimError, ValueError):
-    """A value, shape or file that cannot be used as given."""
+    """A value, shape or file cannot be used as given."""
 
 
 class UnknownNameError(PaxisimError, LookupError):
-    """A name that is not among the known ones; the message offers the near matches."""
+    """A name is not among the known ones; the message suggests close matches."""
 
     def __init__(self, kind: str, name: str, known: Iterable[str], advice: str = "") -> None:
         """Build the message.
 
         Args:
-            kind: What the name should have named, e.g. ``"sensor"``.
-            name: The name that came.
-            known: The names there are.
-            advice: What else to do about it.
+            kind: Kind of object that the name refers to, e.g. ``"sensor"``.
+            name: The unknown name.
+            known: The known names.
+            advice: Further advice for the user.
         """
         known = sorted(known)
         in_lower_case = {n.lower(): n for n in known}
@@ -42,12 +42,12 @@ class UnknownNameError(PaxisimError, LookupError):
         self._made_of = (kind, name, known, advice)
 
     def advised(self, advice: str) -> UnknownNameError:
-        """The same error, with something else to do about it."""
+        """Return the same error with other advice."""
         kind, name, known, _ = self._made_of
         return UnknownNameError(kind, name, known, advice)
 
     def __reduce__(self) -> tuple[type[UnknownNameError], tuple[str, str, list[str], str]]:
-        """For copies and pickles, such as a pool of processes makes, which know only the message."""
+        """Copy and pickle by the arguments, because the default uses the message alone."""
         return type(self), self._made_of
 
 
@@ -58,41 +58,41 @@ class MissingExtraError(PaxisimError, ImportError):
         """Build the message.
 
         Args:
-            module: The module that could not be imported.
-            extra: The extra of paxisim that brings it.
-            purpose: What needs it, e.g. ``"plot_tactile"``.
+            module: Module that could not be imported.
+            extra: Extra of paxisim that installs it.
+            purpose: Name of the feature that needs it, e.g. ``"plot_tactile"``.
         """
         super().__init__(f"{purpose} needs {module}, which is not installed: pip install 'paxisim[{extra}]'")
         self._made_of = (module, extra, purpose)
 
     def __reduce__(self) -> tuple[type[MissingExtraError], tuple[str, str, str]]:
-        """For copies and pickles, such as a pool of processes makes, which know only the message."""
+        """Copy and pickle by the arguments, because the default uses the message alone."""
         return type(self), self._made_of
 
 
 class OutputExistsError(PaxisimError, FileExistsError):
-    """An output file exists already and overwriting was not asked for."""
+    """An output file already exists and overwriting was not requested."""
 
 
 class UnsupportedError(PaxisimError, RuntimeError):
-    """The request is sound but cannot be met here: a version, a geometry or a missing display."""
+    """A valid request cannot be met here, because of a version, a geometry or a missing display."""
 
 
 class DeviceError(PaxisimError, OSError):
-    """A sensor, or the line to it, does not do what it should."""
+    """A sensor, or the connection to it, does not work as expected."""
 
 
 class DeviceTimeoutError(DeviceError, TimeoutError):
-    """No answer, or no frame, within the time allowed."""
+    """No response or frame arrived within the timeout."""
 
 
 class PortNotFoundError(DeviceError, FileNotFoundError):
-    """There is no such port, or it went away."""
+    """The port does not exist or has disappeared."""
 
 
 class PortAccessError(DeviceError, PermissionError):
-    """The port is there but may not be opened: no permission, or another program has it."""
+    """The port exists but cannot be opened: permission is missing, or another program uses it."""
 
 
 class ProtocolError(DeviceError):
-    """Bytes arrive, but they are not what this profile's board sends."""
+    """Bytes arrive, but they do not match the protocol of this profile's board."""

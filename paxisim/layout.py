@@ -1,13 +1,13 @@
-"""TaxelLayout: where a sensor's taxels sit, and the one place that knows how the force tensor is laid out.
+"""TaxelLayout: positions of a sensor's taxels and the layout of the force tensor.
 
 Shape conventions, used by every module of paxisim:
 
 - A reading is ``(..., pads, 3, rows, cols)`` float32 in newtons, or ``(..., 3, rows, cols)`` for one pad.
 - Axis order is x, y, z in the **pad frame**. Seen from outside, facing the sensing surface, row 0 is at the
-  top and column 0 at the left; x points right (columns grow), y points down (rows grow), z points away from
-  the viewer, into the pad. The frame is right-handed; its origin is the centre of the flat sensing surface.
-- A value is the force the object exerts on the pad: compression is positive z.
-- ``N = rows * cols`` taxels count row by row (row-major): taxel ``i`` is row ``i // cols``, column ``i % cols``.
+  top and column 0 at the left; x points right (increasing column), y points down (increasing row), z points away
+  from the viewer, into the pad. The frame is right-handed; its origin is the centre of the flat sensing surface.
+- A value is the force that the object exerts on the pad: compression is positive z.
+- ``N = rows * cols`` taxels are numbered in row-major order: taxel ``i`` is row ``i // cols``, column ``i % cols``.
 """
 
 from __future__ import annotations
@@ -21,30 +21,30 @@ from numpy.typing import ArrayLike, NDArray
 from paxisim.errors import InvalidValueError
 
 MAX_TAXELS = 1_000_000
-"""Far beyond any sensor; a mistaken number would fill the memory."""
+"""Maximum number of taxels, far beyond any sensor, so that a typing error cannot exhaust the memory."""
 MAX_PITCH = 1.0
-"""Metres, far beyond any sensor: what is more was meant in another unit."""
+"""Maximum pitch (m), far beyond any sensor; a larger value is probably in another unit."""
 
 
 @dataclass(frozen=True, eq=False)
 class TaxelLayout:
-    """The taxels of one pad: a grid of `rows` x `cols`, or any set of points as ``rows=1, cols=N``.
+    """The taxels of one pad: a grid of `rows` x `cols`, or an arbitrary set of points as ``rows=1, cols=N``.
 
     Attributes:
         rows: Number of rows, along y.
         cols: Number of columns, along x.
-        pitch: Size of a taxel (m) as (row pitch along y, column pitch along x). For explicit positions it is
-            the footprint of one taxel.
+        pitch: Size of a taxel (m) as (row pitch along y, column pitch along x). For explicit positions, the footprint
+            of one taxel.
         positions: ``(N, 3)`` taxel centres on the sensing surface (m, pad frame), row-major. Default: the
             flat grid, centred, at z = 0.
         normals: ``(N, 3)`` unit normals pointing **out of** the pad (pad frame). Default: ``(0, 0, -1)``.
-        vendor_order: Permutation of ``range(N)``: the row-major index of each taxel in the order in which the
-            vendor's flat readings list them. Default: row-major.
+        vendor_order: Permutation of ``range(N)``: the row-major index of each taxel, in the order of the vendor's flat
+            readings. Default: row-major.
 
     Raises:
-        InvalidValueError: A count below one, more than `MAX_TAXELS`, a pitch that is not positive, finite and at most
-            `MAX_PITCH`, positions or normals of the wrong shape, a normal of zero length, or an order that is no
-            permutation.
+        InvalidValueError: A count is below one, there are more than `MAX_TAXELS` taxels, the pitch is not positive,
+            finite and at most `MAX_PITCH`, positions or normals have the wrong shape, a normal has zero length, or
+            `vendor_order` is not a permutation.
     """
 
     rows: int
@@ -82,8 +82,8 @@ class TaxelLayout:
         normals = self._points("normals", normals)
         length = np.linalg.norm(normals, axis=1, keepdims=True)
         if np.any(length < 1e-9):
-            raise InvalidValueError(f"normals must have a length, taxel {int(length.argmin())} has none")
-        # one that has the length already keeps its digits, so that a copy is equal
+            raise InvalidValueError(f"normals must not have zero length, but that of taxel {int(length.argmin())} has")
+        # unit normals are kept bit for bit, so that a copy compares equal
         normals = np.where(np.abs(length - 1) < 1e-12, normals, normals / length)
         normals.setflags(write=False)
         object.__setattr__(self, "normals", normals)
@@ -101,7 +101,7 @@ class TaxelLayout:
 
     def _points(self, name: str, value: ArrayLike) -> NDArray[np.floating]:
         try:
-            points = np.array(value, dtype=np.float64) + 0.0  # no negative zeros, which equal zero but hash apart
+            points = np.array(value, dtype=np.float64) + 0.0  # no negative zeros, which equal zero but hash differently
         except (TypeError, ValueError) as error:
             raise InvalidValueError(f"{name} must be {self.taxels} points of three numbers") from error
         if points.shape != (self.taxels, 3):
@@ -114,7 +114,7 @@ class TaxelLayout:
         return points
 
     def __eq__(self, other: object) -> bool:
-        """Equal when every field is, arrays included."""
+        """Whether all fields are equal, arrays included."""
         if not isinstance(other, TaxelLayout):
             return NotImplemented
         mine = (self.rows, self.cols, self.pitch, self.vendor_order)
@@ -143,20 +143,21 @@ class TaxelLayout:
 
     @property
     def is_grid(self) -> bool:
-        """True for the flat regular grid, False where other positions or normals were given."""
+        """Whether the layout is the flat regular grid, without other positions or normals."""
         return np.array_equal(self.positions, self._grid_positions()) and bool(np.all(self.normals[:, 2] == -1))
 
     @property
     def size(self) -> tuple[float, float]:
-        """Extent of the pad (m) as (height along y, width along x), the outer taxels' footprints included."""
+        """Extent of the pad (m) as (height along y, width along x), including the footprints of the outer taxels."""
         span = np.ptp(self.positions[:, :2], axis=0)
         return (float(span[1] + self.pitch[0]), float(span[0] + self.pitch[1]))
 
     @property
     def frames(self) -> NDArray[np.floating]:
-        """``(N, 3, 3)`` taxel frames: columns are each taxel's x, y, z in the pad frame.
+        """Taxel frames ``(N, 3, 3)``: columns are each taxel's x, y, z axes in the pad frame.
 
-        z is the inward normal, x the pad's x (its y where the taxel faces along x) projected on the surface.
+        z is the inward normal. x is the pad's x projected onto the surface, or, for a taxel that faces along x, chosen
+        so that y is the projection of the pad's y.
         """
         z = -self.normals
         x = np.tile([1.0, 0.0, 0.0], (self.taxels, 1))
@@ -170,14 +171,14 @@ class TaxelLayout:
         return np.stack([x, np.cross(z, x), z], axis=-1)
 
     def pool(self, rows: int, cols: int) -> TaxelLayout:
-        """The coarser layout in which each block of `rows` x `cols` taxels is one taxel.
+        """Return the coarser layout in which each block of `rows` x `cols` taxels is one taxel.
 
         Args:
             rows: Taxels pooled along y; must divide `self.rows`.
             cols: Taxels pooled along x; must divide `self.cols`.
 
         Returns:
-            The pooled layout; a block sits at the mean of its members. The vendor's order does not survive.
+            The pooled layout; a block is placed at the mean of its taxels. The vendor's order is dropped.
 
         Raises:
             InvalidValueError: The block does not divide the grid.
@@ -196,16 +197,16 @@ class TaxelLayout:
         """Sum a reading over blocks of `rows` x `cols` taxels; the total force is conserved.
 
         Args:
-            force: ``(..., 3, self.rows, self.cols)``, numpy or torch, newtons.
+            force: ``(..., 3, self.rows, self.cols)`` forces (N), numpy or torch.
             rows: Taxels pooled along y.
             cols: Taxels pooled along x.
 
         Returns:
-            ``(..., 3, self.rows / rows, self.cols / cols)``, of the same kind and dtype, readable with
-            `self.pool(rows, cols)`.
+            ``(..., 3, self.rows / rows, self.cols / cols)`` forces (N), of the same array library and dtype, with the
+            layout `self.pool(rows, cols)`.
 
         Raises:
-            InvalidValueError: The block does not divide the grid, or `force` is not of this layout.
+            InvalidValueError: The block does not divide the grid, or `force` does not have this layout.
         """
         out_rows, out_cols = self._pooled_shape(rows, cols)
         self.check(force)
@@ -221,8 +222,8 @@ class TaxelLayout:
         """Raise unless `force` ends in this layout's shape.
 
         Args:
-            force: Anything with a ``shape``.
-            pads: If given, the number of pads expected in front of ``(3, rows, cols)``.
+            force: Any object with a ``shape``.
+            pads: Expected number of pads before ``(3, rows, cols)``. Default: not checked.
 
         Raises:
             InvalidValueError: The shape does not fit.
@@ -234,7 +235,7 @@ class TaxelLayout:
             raise InvalidValueError(f"expected a tensor of shape (..., {text}), got {shape}")
 
     def to_dict(self) -> dict[str, Any]:
-        """The layout as plain lists and numbers, for JSON; `from_dict` makes it again bit for bit."""
+        """Return the layout as plain lists and numbers for JSON, which `from_dict` restores bit for bit."""
         document: dict[str, Any] = {"rows": self.rows, "cols": self.cols, "pitch": list(self.pitch)}
         if not self.is_grid:
             document |= {"positions": self.positions.tolist(), "normals": self.normals.tolist()}
@@ -244,7 +245,7 @@ class TaxelLayout:
 
     @classmethod
     def from_dict(cls, document: dict[str, Any]) -> TaxelLayout:
-        """The layout that `to_dict` wrote.
+        """Return the layout that `to_dict` wrote.
 
         Raises:
             InvalidValueError: A field is missing, unknown or not usable.
@@ -259,12 +260,12 @@ class TaxelLayout:
             raise InvalidValueError(f"expected the fields of a TaxelLayout, got {sorted(document)}") from error
 
     def to_image(self, force: Any) -> Any:
-        """``(..., 3, rows, cols)`` -> ``(..., rows, cols, 3)``, a view; numpy or torch."""
+        """Convert ``(..., 3, rows, cols)`` to a view ``(..., rows, cols, 3)``; numpy or torch."""
         self.check(force)
         return _move_axis(force, -3, -1)
 
     def from_image(self, image: Any) -> Any:
-        """``(..., rows, cols, 3)`` -> ``(..., 3, rows, cols)``, a view; numpy or torch.
+        """Convert ``(..., rows, cols, 3)`` to a view ``(..., 3, rows, cols)``; numpy or torch.
 
         Raises:
             InvalidValueError: The shape does not fit.
@@ -276,7 +277,10 @@ class TaxelLayout:
         return _move_axis(image, -1, -3)
 
     def to_policy(self, history: Any) -> Any:
-        """``(..., history, pads, 3, rows, cols)``, oldest first -> ``(..., history * pads * 3, rows, cols)``."""
+        """Reshape a history of readings, oldest first, to a policy input.
+
+        ``(..., history, pads, 3, rows, cols)`` becomes ``(..., history * pads * 3, rows, cols)``.
+        """
         self.check(history)
         if len(history.shape) < 5:
             raise InvalidValueError(
@@ -285,10 +289,10 @@ class TaxelLayout:
         return history.reshape((*history.shape[:-5], -1, self.rows, self.cols))
 
     def from_policy(self, channels: Any, pads: int) -> Any:
-        """The inverse of `to_policy`: ``(..., C, rows, cols)`` -> ``(..., C / (3 pads), pads, 3, rows, cols)``.
+        """Invert `to_policy`: ``(..., C, rows, cols)`` to ``(..., C / (3 pads), pads, 3, rows, cols)``.
 
         Raises:
-            InvalidValueError: The shape does not fit, or C is no multiple of ``3 * pads``.
+            InvalidValueError: The shape does not fit, or C is not a multiple of ``3 * pads``.
         """
         shape = tuple(channels.shape)
         if pads < 1:
@@ -300,7 +304,7 @@ class TaxelLayout:
         return channels.reshape((*shape[:-3], -1, pads, *self.shape))
 
     def to_flat(self, force: Any) -> Any:
-        """``(..., 3, rows, cols)`` -> ``(..., 3 N)``: x, y, z of each taxel in the vendor's order."""
+        """Convert ``(..., 3, rows, cols)`` to ``(..., 3 N)``: x, y, z of each taxel in the vendor's order."""
         self.check(force)
         lead = tuple(force.shape[:-3])
         taxels = _move_axis(force.reshape((*lead, 3, self.taxels)), -2, -1)
@@ -309,10 +313,10 @@ class TaxelLayout:
         return taxels.reshape((*lead, 3 * self.taxels))
 
     def from_flat(self, values: Any) -> Any:
-        """The inverse of `to_flat`: ``(..., 3 N)`` in the vendor's order -> ``(..., 3, rows, cols)``.
+        """Invert `to_flat`: ``(..., 3 N)`` in the vendor's order to ``(..., 3, rows, cols)``.
 
         Raises:
-            InvalidValueError: The last axis is not 3 N long.
+            InvalidValueError: The last axis does not have length 3 N.
         """
         shape = tuple(values.shape)
         if not shape or shape[-1] != 3 * self.taxels:

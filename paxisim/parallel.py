@@ -11,10 +11,10 @@ _Made = TypeVar("_Made")
 
 
 def parallel_map(work: Callable[[_Item], _Made], items: Iterable[_Item], jobs: int) -> list[_Made]:
-    """The result of `work` for each item, in order, using up to `jobs` threads.
+    """Return the result of `work` for each item, in order, using up to `jobs` threads.
 
     Threads are sufficient because numpy releases the global interpreter lock while it computes. Items do not wait for
-    one another, so that a busy machine slows them down no more than proportionally.
+    each other, so a busy machine slows them down at most proportionally.
     """
     items = list(items)
     if jobs == 1 or len(items) < 2:

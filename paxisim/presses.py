@@ -1,4 +1,4 @@
-"""Presses: where a noisy load signal shows contact, and how a recording is cut into episodes between presses."""
+"""Presses: contacts found in a noisy load signal, and cuts between them that divide a recording into episodes."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ RISE = (3.0, 6.0)
 SHARE = (0.01, 0.03)
 """Lower and upper threshold above rest, as shares of the peak, for signals with little noise."""
 REST = 0.3
-"""Shortest rest (s) at which a recording is cut; a shorter one belongs to the press around it."""
+"""Minimum duration of a rest (s) at which a recording is cut; a shorter rest belongs to the surrounding press."""
 LEAST = 2.0
-"""Shortest episode (s)."""
+"""Minimum duration of an episode (s)."""
 FEW = 8
-"""Fewest samples in which presses are looked for."""
-_SHARE_AT_REST = 0.25  # of the peak: levels above are not considered as the rest level
+"""Minimum number of samples needed to find presses."""
+_SHARE_AT_REST = 0.25  # share of the range; the rest level is searched below it
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,17 +29,17 @@ class Presses:
     """Presses found in a load signal by hysteresis thresholding.
 
     A press is a stretch above the lower threshold that rises above the upper one at least once. The lower threshold
-    finds the whole press, the upper one keeps noise from counting as one.
+    captures the whole press; the upper one prevents noise from counting as a press.
 
     Attributes:
-        time: ``(T,)`` seconds.
+        time: ``(T,)`` times (s).
         load: ``(T,)`` magnitude of the load (N).
         rest: Load at rest (N): its most frequent low level.
         noise: Standard deviation of the load at rest (N), from the median absolute deviation.
         low: Lower threshold (N).
         high: Upper threshold (N).
-        spans: Samples of each press.
-        cuts: Samples at which a new episode begins, in the middle of a rest; without the first sample.
+        spans: Samples of each press, as slices.
+        cuts: Indices of the samples at which a new episode begins, in the middle of a rest; without the first sample.
     """
 
     time: NDArray[np.float64]
@@ -53,13 +53,13 @@ class Presses:
 
     @property
     def episode(self) -> NDArray[np.int64]:
-        """``(T,)`` number of the episode each sample belongs to."""
+        """Episode number of each sample, ``(T,)``."""
         episode = np.zeros(len(self.time), dtype=np.int64)
         episode[list(self.cuts)] = 1
         return np.cumsum(episode)
 
     def __repr__(self) -> str:
-        """What was found, in a line."""
+        """One-line summary."""
         count, pieces = len(self.spans), len(self.cuts) + 1
         return (
             f"{count} press{'es' * (count != 1)} in {pieces} episode{'s' * (pieces != 1)}: rest {self.rest:.3g} N, "
@@ -70,30 +70,32 @@ class Presses:
 def find_presses(time: ArrayLike, load: ArrayLike) -> Presses:
     """Find the presses in a load signal, and where to cut it into episodes.
 
-    The level at rest and its noise are estimated from the signal itself, so that a load cell with an offset or with
-    noise is cut as a clean one is. A slow drift of the zero larger than the thresholds is not followed.
+    The level at rest and its noise are estimated from the signal itself, so offset and noise of the load cell do not
+    affect the cuts. A slow drift of the zero that exceeds the thresholds is not tracked.
 
     Args:
-        time: ``(T,)`` seconds, not decreasing.
-        load: ``(T,)`` or ``(T, components)`` newtons, NaN where unknown. Of several components, the distance from
-            their values at rest counts.
+        time: ``(T,)`` times (s), not decreasing.
+        load: ``(T,)`` or ``(T, components)`` load (N), NaN where unknown. For several components, the distance from
+            their values at rest is used.
 
     Raises:
-        InvalidValueError: The shapes do not fit, fewer than 8 samples are known, or time runs back.
+        InvalidValueError: The shapes do not fit, fewer than 8 samples are known, or time runs backwards.
     """
     at, values = np.asarray(time, dtype=np.float64), np.asarray(load, dtype=np.float64)
     if values.ndim not in (1, 2) or at.shape != values.shape[:1]:
-        raise InvalidValueError(f"load must be (T,) or (T, components) as time is (T,), got {values.shape}, {at.shape}")
+        raise InvalidValueError(
+            f"load must be (T,) or (T, components) and time (T,), got {values.shape} and {at.shape}"
+        )
     if np.any(np.diff(at) < 0):
-        raise InvalidValueError("time must not run back; cut each episode of a recording by itself")
+        raise InvalidValueError("time must not run backwards; pass each episode of a recording separately")
     values = values.reshape(len(at), -1)
     known = np.isfinite(values).all(axis=1)
     if known.sum() < FEW:
-        raise InvalidValueError(f"presses are found in at least {FEW} known samples, got {int(known.sum())}")
+        raise InvalidValueError(f"finding presses needs at least {FEW} known samples, got {int(known.sum())}")
     size = np.full(len(at), np.nan)
     size[known] = values[known, 0] if values.shape[1] == 1 else _distance(values[known])
     if values.shape[1] == 1 and abs(size[known].min()) > size[known].max():
-        size = -size  # a load cell that reads pressing as negative
+        size = -size  # the load cell reads pressing as negative
     rest, noise = _at_rest(size[known])
     peak = float(np.quantile(size[known], 0.995)) - rest
     low, high = (rest + max(share * peak, rise * noise) for share, rise in zip(SHARE, RISE, strict=True))
@@ -102,19 +104,19 @@ def find_presses(time: ArrayLike, load: ArrayLike) -> Presses:
 
 
 def _distance(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """``(T,)`` distance of the components from their values where all together are smallest."""
+    """Return the distance of the components from their values at rest, ``(T,)``."""
     zero = np.median(values, axis=0)
-    for _ in range(5):  # the zero is read where the load is nearest to it, which depends on the zero
+    for _ in range(5):  # the zero is estimated from the samples nearest to it, which depend on the zero
         size = np.sqrt(np.sum((values - zero) ** 2, axis=1))
         zero = np.array([_mode(column) for column in values[size <= np.quantile(size, 0.5)].T])
     return np.sqrt(np.sum((values - zero) ** 2, axis=1))
 
 
 def _at_rest(load: NDArray[np.float64]) -> tuple[float, float]:
-    """Level and noise at rest.
+    """Return the level and the noise at rest.
 
-    The level is the mode of the lower part of the signal. The noise comes from the samples below it alone, since
-    those above it may belong to a press.
+    The level is the mode of the lower part of the signal. The noise is estimated only from the samples below it,
+    because those above it may belong to a press.
     """
     bottom, peak = np.quantile(load, [0.005, 0.995])
     rest = _mode(load[load <= bottom + _SHARE_AT_REST * (peak - bottom)])
@@ -126,7 +128,7 @@ def _at_rest(load: NDArray[np.float64]) -> tuple[float, float]:
 
 
 def _mode(values: NDArray[np.float64]) -> float:
-    """The half-sample mode: the densest half of the values, of its values the densest half, and so on."""
+    """Return the half-sample mode: the densest half of the values, then the densest half of those, and so on."""
     values = np.sort(values)
     while len(values) > 3:
         half = (len(values) + 1) // 2
@@ -136,7 +138,7 @@ def _mode(values: NDArray[np.float64]) -> float:
 
 
 def _between_rests(time: NDArray[np.float64], load: NDArray[np.float64], low: float, high: float) -> tuple[slice, ...]:
-    """Stretches above `low` that reach `high`; those separated by less than `REST` are one."""
+    """Return stretches above `low` that exceed `high`; stretches separated by less than `REST` are merged."""
     spans: list[slice] = []
     for start, stop in runs(load > low):
         if not np.nanmax(load[start:stop]) > high:
@@ -149,7 +151,7 @@ def _between_rests(time: NDArray[np.float64], load: NDArray[np.float64], low: fl
 
 
 def _cuts(time: NDArray[np.float64], spans: Sequence[slice]) -> tuple[int, ...]:
-    """Middles of the rests, such that no episode is shorter than `LEAST`."""
+    """Return the middles of the rests, leaving out cuts that would make an episode shorter than `LEAST`."""
     cuts = [0]
     for before, after in itertools.pairwise(spans):
         middle = (before.stop + after.start) // 2
@@ -161,6 +163,6 @@ def _cuts(time: NDArray[np.float64], spans: Sequence[slice]) -> tuple[int, ...]:
 
 
 def runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Start and stop of each stretch of True."""
+    """Return start and stop of each stretch of True."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(int), [0]])))
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]

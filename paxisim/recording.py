@@ -1,4 +1,4 @@
-"""Recording: what a sensor measured beside what the simulation of the same motion says, on one clock."""
+"""Recording: measured and simulated tactile data of the same motion, on one clock."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from paxisim._renamed import warn_renamed
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
+from paxisim.logs.recording_arrays import RecordingArrays, CountsToForce, Method, episode_starts, rate_of, unit_of
 from paxisim.logs.checks import check_fields
 from paxisim.logs.concatenate import concatenate
 from paxisim.logs.recording_arrays import CountsToForce, Method, RecordingArrays, episode_starts, rate_of, unit_of
@@ -24,24 +25,23 @@ from paxisim.logs.select import select, take
 class Recording:
     """Aligned arrays over one time axis.
 
-    NaN in a tensor or a covariate marks what is not known at that time. So it is with the forces and the resultant of a
-    pad that reported an error, or whose port had gone silent, when they were recorded.
+    NaN in a tensor or a covariate marks an unknown value. Examples are the forces and the resultant of a pad that
+    reported an error, or whose port had stopped responding, during recording.
 
     Attributes:
-        time: ``(T,)`` float64 seconds; not decreasing within an episode. A recording that was loaded counts from its
-            first sample, whose Unix time is ``metadata["start"]`` where it is known.
-        measured: ``(T, pads, 3, rows, cols)`` float32 newtons, or what `unit` says, or None.
-        simulated: The same for the simulation, or None; one of the two must be there.
+        time: ``(T,)`` float64 times (s), not decreasing within an episode. In a loaded recording, time counts from the
+            first sample, whose Unix time is ``metadata["start"]`` if known.
+        measured: ``(T, pads, 3, rows, cols)`` float32 measured tensor, in newtons or in `unit`, or None.
+        simulated: Simulated tensor of the same form, or None; at least one of the two is required.
         covariates: ``(T, ...)`` float64 arrays by name: gripper opening (m), temperature (degC), motor current (A) ...
-        episode: ``(T,)`` int, the number of the episode each sample belongs to; equal numbers are adjacent. Default:
-            one episode, 0.
-        layout: The pads' taxels. Default: a grid of the tensors' rows and columns with a pitch of 1 mm.
-        pads: The pads' names; default ``("pad0", "pad1", ...)``.
-        metadata: What else is known, as JSON can hold it: sensor, profile, versions; ``scene`` is the text of the
-            scene's MJCF.
+        episode: ``(T,)`` int episode number of each sample; equal numbers are adjacent. Default: one episode, 0.
+        layout: Layout of the pads' taxels. Default: a grid of the tensors' rows and columns with a pitch of 1 mm.
+        pads: Names of the pads. Default: ``("pad0", "pad1", ...)``.
+        metadata: Further JSON-compatible information: sensor, profile, versions; ``scene`` is the text of the scene's
+            MJCF.
 
     Raises:
-        InvalidValueError: Shapes that do not fit, no tensor or sample at all, a time that is not finite or runs back.
+        InvalidValueError: Shapes do not fit, there is no tensor or no sample, or time is not finite or runs backwards.
     """
 
     time: NDArray[np.float64]
@@ -54,7 +54,7 @@ class Recording:
     metadata: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Convert the arrays, check that they fit each other and fill in the defaults."""
+        """Convert the arrays, check that they are consistent and fill in the defaults."""
         for name, value in vars(check_fields(self.to_arrays())).items():
             object.__setattr__(self, name, value)
 
@@ -64,22 +64,22 @@ class Recording:
 
     @property
     def tensor(self) -> NDArray[np.float32]:
-        """``(T, pads, 3, rows, cols)``: `measured`, or `simulated` where nothing was measured."""
+        """Tensor ``(T, pads, 3, rows, cols)``: `measured`, or `simulated` if `measured` is None."""
         return self.measured if self.measured is not None else self.simulated  # type: ignore[return-value]
 
     @property
     def unit(self) -> str:
-        """Unit of `measured`, ``metadata["unit"]``: ``"N"`` unless it says otherwise, as ``"uT"`` or ``"counts"``."""
+        """Unit of `measured` from ``metadata["unit"]``, e.g. ``"uT"`` or ``"counts"``; ``"N"`` by default."""
         return unit_of(self.metadata)
 
     @property
     def rate(self) -> float:
-        """Samples a second: one over the median interval within the episodes; NaN where there is no interval."""
+        """Sampling rate (Hz): the inverse of the median interval within the episodes; NaN without an interval."""
         return rate_of(self.time, self.episode)
 
     @property
     def duration(self) -> float:
-        """Seconds from the first to the last sample, summed over the episodes."""
+        """Duration (s) from the first to the last sample, summed over the episodes."""
         starts = self._starts()
         ends = np.append(starts[1:], len(self)) - 1
         return float(np.sum(self.time[ends] - self.time[starts]))
@@ -89,7 +89,7 @@ class Recording:
         return len(self.time)
 
     def __repr__(self) -> str:
-        """What it holds, in a line."""
+        """One-line summary."""
         pads, episodes = len(self.pads), len(self._starts())
         streams = [name for name in ("measured", "simulated") if getattr(self, name) is not None]
         parts = [
@@ -105,17 +105,17 @@ class Recording:
         return f"Recording({', '.join(parts)})"
 
     def __getitem__(self, samples: slice | NDArray[np.bool_] | NDArray[np.integer]) -> Recording:
-        """The recording of those samples; a slice copies nothing.
+        """Return the recording of some samples; a slice does not copy.
 
         Raises:
-            InvalidValueError: No sample is left, there are no such samples, or an index is not a slice or array.
+            InvalidValueError: No sample is left, samples do not exist, or the index is neither a slice nor an array.
         """
         if not isinstance(samples, slice):
             array: NDArray[Any] = np.asarray(samples)
             if array.ndim != 1 or array.dtype.kind not in "biu":
                 raise InvalidValueError(
-                    "a recording is indexed by a slice, a (T,) mask or an array of whole numbers; "
-                    "for one sample write recording[i : i + 1]"
+                    "index a recording by a slice, a (T,) mask or an array of whole numbers; "
+                    "for one sample use recording[i : i + 1]"
                 )
             samples = array
         try:
@@ -123,11 +123,11 @@ class Recording:
         except IndexError as error:
             raise InvalidValueError(f"no such samples in a recording of {len(self)}: {error}") from error
         if not len(taken.time):
-            raise InvalidValueError("no sample is left, a recording needs at least one")
+            raise InvalidValueError("no sample is left: a recording needs at least one")
         return Recording(**vars(taken))
 
     def episodes(self) -> Iterator[Recording]:
-        """One recording for each episode, in order; nothing is copied."""
+        """Iterate over the episodes in order, each as a recording, without copying."""
         starts = self._starts()
         for start, end in zip(starts, [*starts[1:], len(self)], strict=True):
             yield self[start:end]
@@ -140,14 +140,14 @@ class Recording:
         covariates: str | Iterable[str] | None = None,
         known: bool = False,
     ) -> Recording:
-        """A part of the recording: some of its episodes, pads or covariates.
+        """Return a part of the recording: some of its episodes, pads or covariates.
 
         Args:
-            episodes: Numbers of the episodes to keep; their order stays that of the recording. Default: all.
-            pads: Names of the pads to keep, in this order. The covariate ``resultant`` follows them, where it has a
-                row a pad. Default: all.
-            covariates: Names of the covariates to keep; none, if it is empty. Default: all.
-            known: Keep only the samples at which no tensor and no covariate that is kept has a NaN.
+            episodes: Numbers of the episodes to keep, in the order of the recording. Default: all.
+            pads: Names of the pads to keep, in the given order. The covariate ``resultant`` is selected likewise if it
+                has one row per pad. Default: all.
+            covariates: Names of the covariates to keep; an empty iterable keeps none. Default: all.
+            known: Whether to keep only samples without a NaN in any kept tensor or covariate.
 
         Raises:
             InvalidValueError: There is no such episode, no pad is named, a pad is named twice, or no sample is left.
@@ -156,14 +156,14 @@ class Recording:
         return Recording(**vars(select(self.to_arrays(), episodes, pads, covariates, known)))
 
     def with_simulated(self, simulated: NDArray[np.floating], **metadata: Any) -> Recording:
-        """The recording with another simulated tensor; nothing else is copied.
+        """Return the recording with another simulated tensor; nothing else is copied.
 
         Args:
-            simulated: ``(T, pads, 3, rows, cols)`` newtons at the recording's times; NaN where it is not known.
-            metadata: Entries added to the recording's metadata, as ``scene`` (the text of the MJCF that was simulated).
+            simulated: ``(T, pads, 3, rows, cols)`` forces (N) at the recording's times; NaN where unknown.
+            metadata: Entries to add to the recording's metadata, e.g. ``scene`` (the text of the simulated MJCF).
 
         Raises:
-            InvalidValueError: It has another shape than `tensor`.
+            InvalidValueError: The shape differs from that of `tensor`.
         """
         return replace(self, simulated=simulated, metadata={**self.metadata, **metadata})
 
@@ -176,26 +176,26 @@ class Recording:
         align: Method = "linear",
         max_gap: float | None = None,
     ) -> Recording:
-        """The recording with one more covariate, or with another in the place of the one of that name.
+        """Return the recording with a covariate added, or replaced if the name exists.
 
         Args:
-            name: Its name.
-            values: ``(T, ...)`` at the recording's times, or ``(S, ...)`` at `time`.
-            time: ``(S,)`` seconds on the recording's clock, not decreasing. Unix times minus ``metadata["start"]`` are
-                on that of a recording that was loaded from a live one.
+            name: Name of the covariate.
+            values: ``(T, ...)`` values at the recording's times, or ``(S, ...)`` at `time`.
+            time: ``(S,)`` times (s) on the recording's clock, not decreasing. For a loaded live recording, these are
+                Unix times minus ``metadata["start"]``.
             align: How values at other times are interpolated, as in `load`.
             max_gap: As in `load`. The covariate is NaN in longer gaps, before its first sample and after its last.
 
         Raises:
-            InvalidValueError: Shapes that do not fit; a time that runs back or does not overlap with the recording's;
-                `time` for a recording of several episodes whose clocks each start anew.
+            InvalidValueError: Shapes do not fit; `time` runs backwards or does not overlap with the recording's; or
+                `time` is given for a recording of several episodes whose clocks each restart.
         """
         if time is not None:
             values = at_times_of(self.to_arrays(), name, values, time, align, max_gap)
         return replace(self, covariates={**self.covariates, name: values})
 
     def pool(self, rows: int, cols: int) -> Recording:
-        """The recording of a coarser sensor, of which each taxel is a block of `rows` x `cols` taxels; forces add up.
+        """Return the recording of a coarser sensor, which sums the forces of each block of `rows` x `cols` taxels.
 
         Raises:
             InvalidValueError: The block does not divide the grid.
@@ -210,34 +210,34 @@ class Recording:
     def resample(
         self, rate: float, *, align: Method | Mapping[str, Method] = "linear", max_gap: float | None = None
     ) -> Recording:
-        """The recording at a steady rate; each episode begins at the time of its first sample.
+        """Return the recording at a constant rate; each episode begins at the time of its first sample.
 
-        Values are taken between the neighbouring samples, not averaged: low-pass what holds faster changes first.
+        Values are interpolated between neighbouring samples, not averaged: low-pass filter fast streams first.
 
         Args:
-            rate: Samples a second.
-            align: How streams are interpolated: one method for all, or by name, as in `load`; here also
-                ``"measured"``.
+            rate: Sampling rate (Hz).
+            align: How streams are interpolated: one method for all, or one by stream name, as in `load`; here the
+                names include ``"measured"``.
             max_gap: As in `load`.
 
         Raises:
-            InvalidValueError: A rate that is not above 0, or no such method.
-            UnknownNameError: `align` names a stream that is not there.
+            InvalidValueError: The rate is not above 0, or there is no such method.
+            UnknownNameError: `align` names a stream that does not exist.
         """
         return Recording(**vars(at_rate(self.to_arrays(), rate, align, max_gap)))
 
     @classmethod
     def concatenate(cls, recordings: Iterable[Recording]) -> Recording:
-        """One recording of all episodes, in order; each keeps its own clock.
+        """Concatenate the episodes of several recordings, in order; each keeps its own clock.
 
-        Episodes keep their numbers where those differ, and are counted from 0 otherwise. The metadata is what all
-        recordings share, with the ``start`` of the first.
+        Episodes keep their numbers if these are unique, and are renumbered from 0 otherwise. The metadata contains the
+        entries that all recordings share, and the ``start`` of the first.
 
         Args:
-            recordings: At least one; with the same layout, pads, tensors and covariates.
+            recordings: At least one recording; all with the same layout, pads, tensors and covariates.
 
         Raises:
-            InvalidValueError: There is none, or they differ; the message says in what.
+            InvalidValueError: There is no recording, or they differ; the message says how.
         """
         parts = [part.to_arrays() for part in recordings]
         if not parts:
@@ -257,36 +257,37 @@ class Recording:
         profile: CountsToForce | None = None,
         streams: str | Path | Iterable[str | Path] = (),
     ) -> Recording:
-        """Read a file and bring its streams onto one time axis, that of the measured tensors.
+        """Read a file and align its streams to one time axis, that of the measured tensors.
 
-        An MCAP file is read as far as it is whole, so one that ends in a crash loads as well. Where it has no measured
-        tensors, the simulated ones give the time axis. A stream that has these very times is taken as it is; any
-        other is interpolated between its own neighbouring samples, never beyond its first and last.
+        An MCAP file is read as far as it is intact, so a file truncated by a crash still loads. If it has no measured
+        tensors, the simulated ones give the time axis. A stream with exactly these times is used unchanged; any other
+        is interpolated between its own neighbouring samples, never beyond its first and last.
 
         Args:
-            path: The file: ``.mcap``, ``.npz``, ``.csv`` (`paxisim.logs.csv`), ``.parquet`` (`paxisim.logs.parquet`) or
-                ``.hdf5`` of robosuite or robomimic (`paxisim.logs.hdf5`); or the folder of a LeRobotDataset
-                (`paxisim.logs.lerobot_reader`).
+            path: File to read: ``.mcap``, ``.npz``, ``.csv`` (`paxisim.logs.csv`), ``.parquet``
+                (`paxisim.logs.parquet`) or ``.hdf5`` of robosuite or robomimic (`paxisim.logs.hdf5`); or the folder of
+                a LeRobotDataset (`paxisim.logs.lerobot_reader`).
             align: How streams at other times are interpolated: ``"linear"``, ``"nearest"`` or ``"previous"`` (the last
-                value holds, as a command does); for all of them, or by name (``"simulated"`` or a covariate's name).
-            max_gap: Where the neighbouring samples of a stream are further apart than this (s), it is not known.
-                Default: five times the stream's own median interval; where its samples come many at once, as from a
-                program that buffers its output, five times that between the bursts, with a warning.
-            missing: What happens to samples at which a stream is not known: ``"nan"`` marks them, ``"drop"`` leaves
-                out the samples at which any tensor or covariate has a NaN.
-            layout: The pads' taxels, instead of what the file says. A CSV from a board does not say it: by default its
-                taxels are then one row in the order of the file.
-            pads: Only these pads, in this order, by their names in the file.
-            profile: How counts in a board's CSV become newtons, as `paxisim.hw.profile.load_profile` gives it; the
-                default is 0.1 N a count with no axis turned. Says the layout as well.
-            streams: Files whose streams of numbers, such as joint positions, are added as covariates: MCAP of ROS 2 or
+                value is held, as for a command); one method for all, or one by name (``"simulated"`` or a covariate's
+                name).
+            max_gap: Longest gap (s) between neighbouring samples of a stream that is interpolated; values in longer
+                gaps are unknown. Default: five times the stream's median interval. If the samples arrive in bursts, as
+                from a program that buffers its output, five times the interval between bursts, with a warning.
+            missing: How to treat unknown values: ``"nan"`` marks them, ``"drop"`` removes the samples at which any
+                tensor or covariate has a NaN.
+            layout: Layout of the pads' taxels, instead of that of the file. A CSV from a board contains no layout; by
+                default, its taxels form one row in the order of the file.
+            pads: Names of the pads to keep, as used in the file and in this order. Default: all.
+            profile: Conversion of the counts in a board's CSV to newtons, from `paxisim.hw.profile.load_profile`. It
+                also gives the layout. Default: 0.1 N per count, without changing any axis.
+            streams: Files whose numeric streams, such as joint positions, are added as covariates: MCAP of ROS 2 or
                 with JSON (`paxisim.logs.mcap_joints`), CSV, Parquet, HDF5, LeRobotDataset. `paxisim.logs.add_streams`
-                says how their time and the recording's belong together.
+                describes how their time is aligned with the recording's.
 
         Raises:
-            InvalidValueError: Not such a file; no tensors in it; measured and simulated, or the recording and a file of
-                `streams`, do not overlap in time.
-            MissingExtraError: What reads such a file is not installed.
+            InvalidValueError: The file has another format or no tensors; or measured and simulated, or the recording
+                and a file of `streams`, do not overlap in time.
+            MissingExtraError: The package that reads this format is not installed.
             FileNotFoundError: There is no such file.
         """
         from paxisim.logs.load import load_arrays
@@ -311,12 +312,13 @@ class Recording:
         return whole.select(pads=wanted, known=missing == "drop")
 
     def save(self, path: str | Path) -> None:
-        """Write an MCAP or npz file, by the suffix; an existing file is replaced, whole or not at all.
+        """Write an MCAP or npz file, depending on the suffix; an existing file is replaced atomically.
 
-        `load` gives equal arrays back, the tensors to the bit and the time to 1 ns.
+        `load` restores equal arrays, the tensors bit for bit and the time to 1 ns.
 
         Raises:
-            InvalidValueError: Another suffix, no such folder, metadata that JSON cannot hold, an infinite value.
+            InvalidValueError: The suffix is another, the folder does not exist, the metadata is not JSON-compatible,
+                or a value is infinite.
             OSError: The file cannot be written.
         """
         from paxisim.logs.load import save_arrays
@@ -324,10 +326,5 @@ class Recording:
         save_arrays(Path(path), self.to_arrays())
 
     def to_arrays(self) -> RecordingArrays:
-        """The bare arrays, as `paxisim.logs` takes them; nothing is copied."""
+        """Return the plain arrays in the form that `paxisim.logs` uses, without copying."""
         return RecordingArrays(**vars(self))
-
-    def to_aligned(self) -> RecordingArrays:
-        """Old name of `to_arrays`."""
-        warn_renamed("Recording.to_aligned", "Recording.to_arrays")
-        return self.to_arrays()

@@ -1,8 +1,8 @@
-"""The catalogue of sensor products: layout, rate, mass and ranges, each figure with its source.
+"""Catalogue of sensor products: layout, rate, mass and ranges, each figure with its source.
 
-The figures live in ``paxisim/data/sensors.toml``, read on first use. Curved sensors take their taxel
-positions from an optional package, and only when their layout is asked for: listing the catalogue needs numpy
-alone.
+The figures are in ``paxisim/data/sensors.toml``, which is read on first use. The taxel positions of curved sensors
+come from an optional package, which is needed only when their layout is requested; listing the catalogue needs only
+numpy.
 """
 
 from __future__ import annotations
@@ -29,24 +29,24 @@ else:
 
 @dataclass(frozen=True)
 class Sensor:
-    """One sensor product. What no public source states is None.
+    """One sensor product. Figures that no public source states are None.
 
     Attributes:
         name: Name in the catalogue, lower case.
-        maker: Company that makes it.
-        model: The maker's designation.
-        rows: Rows of taxels; 1 for a curved sensor.
-        cols: Columns of taxels; all of them for a curved sensor.
+        maker: Manufacturer.
+        model: The manufacturer's designation.
+        rows: Number of rows of taxels; 1 for a curved sensor.
+        cols: Number of columns of taxels; the number of taxels for a curved sensor.
         pitch: Size of a taxel (m) as (row pitch along y, column pitch along x); None for a curved sensor.
-        coordinates: ``"PACKAGE:PART"``, where a curved sensor's positions come from; None for a flat grid.
+        coordinates: Source of a curved sensor's positions, ``"PACKAGE:PART"``; None for a flat grid.
         rate: Readings per second (Hz).
         mass: Mass of one pad (kg).
         resolution: One count of a taxel's reading (N).
-        shear_range: Lowest and highest x or y force (N) that the reading of one taxel can express.
-        normal_range: The same for the z force (N).
-        notes: What to know before using it.
-        sources: For each figure, by attribute (``taxels`` for rows and cols, ``positions`` for coordinates),
-            where it comes from and what is said there.
+        shear_range: Lowest and highest x or y force (N) that one taxel can report.
+        normal_range: Lowest and highest z force (N) that one taxel can report.
+        notes: Remarks for users.
+        sources: Source of each figure and what it states, by attribute (``taxels`` for rows and cols, ``positions``
+            for coordinates).
     """
 
     name: str
@@ -66,16 +66,16 @@ class Sensor:
 
     @property
     def taxels(self) -> int:
-        """Number of taxels. No I/O."""
+        """Number of taxels; needs no I/O."""
         return self.rows * self.cols
 
     @cached_property
     def layout(self) -> TaxelLayout:
-        """Where the taxels sit; made on first use, which for a curved sensor reads its coordinates.
+        """Layout of the taxels, created on first use; for a curved sensor this reads its coordinates.
 
         Raises:
             MissingExtraError: The optional package with the coordinates is not installed.
-            UnsupportedError: That package does not have them as the catalogue expects.
+            UnsupportedError: That package does not have the coordinates that the catalogue expects.
         """
         if self.coordinates is not None:
             return surface_layout(_read_coordinates(self))
@@ -85,13 +85,13 @@ class Sensor:
 
 
 def sensor(name: str) -> Sensor:
-    """The product of that name.
+    """Return the sensor product with the given name.
 
     Args:
         name: A name from `known_sensors`, in any case, e.g. ``"paxini-gen1-l4629"``.
 
     Raises:
-        UnknownNameError: There is no such product; the message offers the near matches.
+        UnknownNameError: There is no such product; the message suggests close matches.
     """
     try:
         return _catalogue()[name.lower()]
@@ -100,12 +100,12 @@ def sensor(name: str) -> Sensor:
 
 
 def known_sensors() -> tuple[Sensor, ...]:
-    """All products, in the order of the data file. Needs no optional package."""
+    """Return all products, in the order of the data file; needs no optional package."""
     return tuple(_catalogue().values())
 
 
 def format_table() -> str:
-    """The catalogue as a plain text table, at most 80 columns wide, without a final newline."""
+    """Return the catalogue as a plain text table, at most 80 columns wide, without a final newline."""
     rows: list[tuple[str, ...]] = [("name", "model", "taxels", "pitch (mm)", "Hz")]
     for item in known_sensors():
         flat = item.pitch is not None
@@ -119,26 +119,26 @@ def format_table() -> str:
 
 
 def surface_layout(points: ArrayLike) -> TaxelLayout:
-    """The layout of taxels on a convex curved surface, from a vendor's table of points.
+    """Return the layout of taxels on a convex curved surface, from a vendor's table of points.
 
-    The table's frame is taken to be right-handed with x across the finger, y from its root to its tip and z
-    out of the surface, which is how the tables of PaXini's fingertips look. Turned about x by 180 degrees it
-    has the axes of the pad frame, tip at the top. The origin is the middle of the extent along x and y, at
-    the height of the outermost taxel, so no position has a negative z. The order of the table is kept.
+    The table's frame is assumed to be right-handed with x across the finger, y from its root to its tip and z
+    out of the surface, as in the tables of PaXini's fingertips. Rotated about x by 180 degrees, it has the axes of the
+    pad frame, with the tip at the top. The origin is the middle of the extent along x and y, at the height of the
+    outermost taxel, so no position has a negative z. The order of the table is kept.
 
-    The tables list no normals. Each is estimated from a sphere through the taxel that fits its six nearest
-    neighbours best: exact on planes and spheres, on an ellipsoid of a fingertip's size off by 4 degrees on
-    average and up to 17 at the rim. It points away from the middle of all points. The footprint is a square,
-    its side the median distance between nearest neighbours.
+    The tables contain no normals. Each normal is estimated from the sphere through the taxel that best fits its six
+    nearest neighbours. The estimate is exact on planes and spheres; on an ellipsoid of a fingertip's size, the error is
+    4 degrees on average and up to 17 at the rim. Normals point away from the middle of all points. The footprint is a
+    square whose side is the median distance between nearest neighbours.
 
     Args:
         points: ``(N, 3)`` taxel positions (mm, the table's frame); N at least 7.
 
     Returns:
-        A layout of one row and N columns.
+        Layout with one row and N columns.
 
     Raises:
-        InvalidValueError: The points have the wrong shape, or are too few or not finite.
+        InvalidValueError: The points have the wrong shape, are too few or are not finite.
     """
     table = np.asarray(points, dtype=np.float64)
     if table.ndim != 2 or table.shape[1] != 3 or len(table) < 7 or not np.all(np.isfinite(table)):
@@ -150,22 +150,22 @@ def surface_layout(points: ArrayLike) -> TaxelLayout:
     order = np.argsort(squared, axis=1)
     pitch = float(np.median(np.sqrt(np.take_along_axis(squared, order[:, 1:2], axis=1))))
     normals = _sphere_normals(positions, order[:, 1:7])
-    inside = positions.mean(axis=0) + [0.0, 0.0, 0.1 * pitch]  # so that a flat table has an inside, too
+    inside = positions.mean(axis=0) + [0.0, 0.0, 0.1 * pitch]  # so that a flat table also has an inside
     normals[np.sum((positions - inside) * normals, axis=1) < 0] *= -1
     return TaxelLayout(1, len(positions), (pitch, pitch), positions, normals)
 
 
 def _sphere_normals(positions: NDArray[np.float64], neighbours: NDArray[np.intp]) -> NDArray[np.float64]:
-    """Unit normals, of either sign, of spheres through the positions: ``n . q = c |q|^2`` at neighbours q."""
+    """Return unit normals, of either sign, of spheres through the positions: ``n . q = c |q|^2`` at neighbours q."""
     q = positions[neighbours] - positions[:, None]
     bulge = np.sum(q**2, axis=-1, keepdims=True)
-    # eliminate the curvature c; what is left over is smallest along the normal
+    # eliminate the curvature c; the remainder is smallest along the normal
     q = q - bulge * np.sum(bulge * q, axis=1, keepdims=True) / np.sum(bulge**2, axis=1, keepdims=True)
     return np.linalg.eigh(np.swapaxes(q, 1, 2) @ q)[1][..., 0]
 
 
 def _read_coordinates(item: Sensor) -> ArrayLike:
-    """The ``(N, 3)`` table of points (mm) that `item` names."""
+    """Read the table of points ``(N, 3)`` (mm) that `item` names."""
     package, _, part = str(item.coordinates).partition(":")
     if package != "paxini-sdk":
         raise UnsupportedError(f"sensor {item.name!r} has coordinates of an unknown kind: {item.coordinates!r}")
@@ -189,7 +189,7 @@ def _catalogue() -> dict[str, Sensor]:
 
 
 def _parse(name: str, entry: dict[str, Any]) -> Sensor:
-    """A product from its table in the data file, in SI units."""
+    """Create a product from its table in the data file, in SI units."""
     mass = entry.pop("mass_g", None)
     pitch = entry.pop("pitch_mm", None)
     shear, normal = entry.pop("shear_n", None), entry.pop("normal_n", None)

@@ -1,9 +1,9 @@
-"""What all tests share."""
+"""Settings shared by all tests."""
 
 import os
 import sys
 
-# before numpy is imported: the threads of several test processes would wait for one another
+# set before numpy is imported: the threads of parallel test processes would compete for the cores
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 
@@ -11,10 +11,10 @@ import pytest  # noqa: E402
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Try again what a stalled machine may fail, and leave out what needs robosuite where it cannot be installed."""
+    """Rerun tests that a stalled machine may fail, and skip robosuite tests where it cannot be installed."""
     for item in items:
         if item.get_closest_marker("real_time"):
-            # a machine that stands still for a second looks to a driver as a sensor that is silent
+            # if the machine stalls for a second, a driver considers the sensor silent
             item.add_marker(pytest.mark.flaky(reruns=2))
     if sys.version_info >= (3, 13):
         reason = "robosuite 1.5.2 needs numpy < 2, which has no wheels for Python 3.13"

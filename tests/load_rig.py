@@ -1,4 +1,4 @@
-"""A sensor under a six-axis load cell: no part of paxisim makes its readings."""
+"""A simulated sensor under a six-axis load cell, independent of paxisim's own models."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ _CHANNELS = 3 * ROWS * COLS
 
 
 def motion(seed, time):
-    """``(T, 3)`` newtons: presses of up to 11 N that drag to and fro at two speeds of their own."""
+    """``(T, 3)`` forces (N): presses of up to 11 N with shear that oscillates at two random frequencies."""
     rng = np.random.default_rng(1000 + seed)
     phase, speed = rng.uniform(0, 6, 3), rng.uniform(0.3, 1.2, 2)
     press = 8 * np.clip(np.sin(2 * np.pi * 0.3 * time + phase[0]), 0, None) ** 2 * (1 + 0.3 * np.sin(0.2 * time))
@@ -19,16 +19,16 @@ def motion(seed, time):
 
 
 def rig(seed=0, delay=0.03, seconds=60.0, rate=80.0, noise=0.02, load_noise=0.02, move=motion):
-    """A recording in microtesla with three loads, and the true gains ``(3, pads, 3, rows, cols)``.
+    """Return a recording in microtesla with three loads, and the true gains ``(3, pads, 3, rows, cols)``.
 
     Args:
-        seed: Of the sensor, the motion and the noise.
-        delay: Seconds by which the channels follow the loads.
-        seconds: Duration.
-        rate: Samples per second.
-        noise: Of each channel, relative to its standard deviation.
-        load_noise: Of each load (N).
-        move: The loads at given times, by seed.
+        seed: Random seed of the sensor, the motion and the noise.
+        delay: Delay (s) of the channels behind the loads.
+        seconds: Duration (s).
+        rate: Sampling rate (Hz).
+        noise: Noise of each channel, relative to its standard deviation.
+        load_noise: Noise of each load (N).
+        move: Function of seed and times that returns the loads.
     """
     rng = np.random.default_rng(seed)
     time = np.arange(0, seconds, 1 / rate)
@@ -43,5 +43,5 @@ def rig(seed=0, delay=0.03, seconds=60.0, rate=80.0, noise=0.02, load_noise=0.02
 
 
 def tensor(channels):
-    """``(n, 15)`` as ``(n, pads, 3, rows, cols)``."""
+    """Reshape ``(n, 15)`` to ``(n, pads, 3, rows, cols)``."""
     return np.moveaxis(channels.reshape(-1, COLS, 3), 1, 2)[:, None, :, None]

@@ -1,4 +1,4 @@
-"""The page that adds a family of boards runs as printed, and prints what it says."""
+"""The page on adding a board family runs as printed, with the printed output."""
 
 import os
 import re

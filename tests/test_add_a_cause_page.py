@@ -1,4 +1,4 @@
-"""The page that adds a cause runs as printed, and prints what it says."""
+"""The page on adding a cause runs as printed, with the printed output."""
 
 import re
 import subprocess
@@ -12,7 +12,7 @@ PAGE = Path(__file__).parents[1] / "docs" / "how-to" / "add-a-cause.md"
 
 @pytest.fixture(scope="module")
 def files():
-    """The code blocks of the page by the file name in their first line."""
+    """Code blocks of the page, by the file name in their first line."""
     blocks = re.findall(r"```python\n# (\S+)\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
     return dict(blocks)
 

@@ -1,4 +1,4 @@
-"""The readout of sensors whose channels are no newtons."""
+"""LinearCalibration of sensors whose channels are not in newtons."""
 
 import dataclasses
 import sys
@@ -95,4 +95,4 @@ def test_a_channel_that_is_not_used_takes_no_part_in_a_diagnosis():
     ready = paxisim.calibrate_readout(recording, "load").apply(recording)
     problem = problem_of(prepare(ready)[0])
     assert problem.alive.sum() == 14
-    assert problem.one_load  # a sensor of channels that are no forces: nothing is looked for that mixes them
+    assert problem.one_load  # the channels are not forces, so causes that mix them are not considered

@@ -1,4 +1,4 @@
-"""A real sensor, where the data is: calibrated on one recording of eFlesh, judged on the other, and the other way."""
+"""A real sensor, if the data is available: cross-validation between two recordings of eFlesh."""
 
 import os
 from pathlib import Path

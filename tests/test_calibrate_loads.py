@@ -1,4 +1,4 @@
-"""The readout of a sensor under several loads, with a delay between the streams."""
+"""LinearCalibration of a sensor under several loads, with a delay between the streams."""
 
 import dataclasses
 import json
@@ -44,14 +44,14 @@ def test_noise_of_the_load_cell_does_not_draw_the_delay_between_samples():
 
 
 def turning(seed, time):
-    """Shear that turns to the left, slower and faster, under a steady press that breathes."""
+    """Shear that rotates to the left at a varying speed, under a slowly varying press."""
     angle = 2 * np.pi * (0.8 * time + 0.5 * np.sin(0.9 * time + seed))
     size = 2 + np.sin(0.4 * time)
     return np.stack([size * np.cos(angle), size * np.sin(angle), 5 + np.sin(0.5 * time)], axis=1)
 
 
 def rotation_of(readout, true):
-    """Angle (rad) by which the fitted gains are turned in the plane of the shear."""
+    """Angle (rad) by which the fitted gains are rotated in the plane of the shear."""
     fitted, true = (values[:2].reshape(2, -1) for values in (readout.gain, true))
     mixing = fitted @ np.linalg.pinv(true)
     return np.arctan2(mixing[0, 1] - mixing[1, 0], mixing[0, 0] + mixing[1, 1])
@@ -87,7 +87,7 @@ def test_the_calibrated_recording_is_aligned_and_in_newtons():
     ready = readout.apply(recording)
     away = ready.measured - ready.simulated
     assert away.std() < 0.03 * ready.simulated.std()
-    later = rig(delay=0.1, seconds=90)[0]  # the same sensor, another half of the motion
+    later = rig(delay=0.1, seconds=90)[0]  # the same sensor, with the other half of the motion
     other = readout.apply(later[np.arange(len(later)) > 4800])
     assert (other.measured - other.simulated).std() < 0.03 * other.simulated.std()
     assert len(ready) == len(recording)
@@ -182,7 +182,7 @@ def test_regularisation_is_used_where_it_helps_on_held_out_data():
         warnings.simplefilter("ignore")
         readout = paxisim.calibrate_readout(noisy, NAMES, max_delay=0)
     assert readout.ridge > 0
-    assert np.abs(readout.gain.sum(axis=0) - 1).max() < 1  # unregularised ones reach tens
+    assert np.abs(readout.gain.sum(axis=0) - 1).max() < 1  # without regularisation it reaches tens
 
 
 def test_a_wrench_of_six_values_is_a_covariate_like_any_other():
@@ -211,7 +211,7 @@ def test_bad_loads():
     with pytest.raises(InvalidValueError, match="max_delay must be a time"):
         paxisim.calibrate_readout(recording, "Fz", max_delay=-1)
     still = dataclasses.replace(recording, time=np.zeros(len(recording)))
-    with pytest.raises(InvalidValueError, match="its own time stamp"):
+    with pytest.raises(InvalidValueError, match="its own timestamp"):
         paxisim.calibrate_readout(still, "Fz")
     readout = paxisim.calibrate_readout(recording, NAMES)
     other = dataclasses.replace(recording, covariates={"Fx": recording.covariates["Fx"]})

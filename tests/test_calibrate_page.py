@@ -1,4 +1,4 @@
-"""The page on calibration runs as printed."""
+"""The calibration page runs as printed."""
 
 import re
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Calibration: the load from all channels together, as a file that a sensor is opened with."""
+"""Calibration files: the load from all channels together, applied when a sensor is opened."""
 
 import json
 from dataclasses import replace
@@ -20,7 +20,7 @@ def calibration() -> paxisim.Calibration:
 
 
 def bent(recording: paxisim.Recording) -> paxisim.Recording:
-    """The same sensor with channels that bend as a magnet's field does."""
+    """The same sensor with channels that are nonlinear, like a magnet's field."""
     measured = recording.measured
     size = np.abs(measured).max(axis=0)
     return replace(recording, measured=measured * (1 + 0.6 * measured / size))
@@ -41,7 +41,7 @@ def test_all_channels_together_say_the_load_of_another_motion(calibration: paxis
 
 def test_a_quadratic_fit_helps_where_channels_bend_and_is_refused_for_many() -> None:
     straight = rig()[0]
-    # with more channels than loads the bends cancel in a sum of channels
+    # with more channels than loads, the nonlinearities cancel in a sum of channels
     few = replace(straight, measured=straight.measured[..., :1], layout=None)
     recording = bent(few)
     linear, quadratic = (paxisim.calibrate_sensor(recording, LOADS, quadratic=q).model for q in (False, True))
@@ -108,7 +108,7 @@ def test_the_total_force_is_of_one_pad(calibration: paxisim.Calibration) -> None
     np.testing.assert_allclose(total[0], calibration.model(recording.measured[at]), rtol=1e-5)
     one = paxisim.calibrate_sensor(recording, {"Fz": "Fz"})
     assert np.isnan(one.total_force(recording.measured[at])[0, :2]).all()
-    # a load cell of one axis, whatever it is called, is normal to the pad
+    # a single-axis load cell, whatever its name, is taken as normal to the pad
     named = replace(recording, covariates={"cell": recording.covariates["Fz"]})
     only = paxisim.calibrate_sensor(named, "cell")
     assert np.isfinite(only.total_force(recording.measured[at])[0]).tolist() == [False, False, True]
@@ -164,7 +164,7 @@ def test_a_sensor_is_opened_recorded_and_zeroed_in_newtons(calibration: paxisim.
         wrong = replace(calibration, readout=replace(calibration.readout, unit="counts"))
         wrong.save(path)
         assert main([*command, "-o", str(tmp_path / "no.mcap"), "--calibration", str(path)]) == 2
-        assert "of channels in counts, this sensor's are in uT" in capsys.readouterr().err
+        assert "of channels in counts, but this sensor's are in uT" in capsys.readouterr().err
     loaded = paxisim.Recording.load(output)
     assert loaded.unit == "N"
     assert loaded.metadata["calibrated_from"] == "uT"

@@ -1,4 +1,4 @@
-"""The documentation: every public name is in it, what it says to type exists, and its Python prints what it says."""
+"""The documentation: it covers every public name, its commands exist, and its Python prints the stated output."""
 
 import contextlib
 import io
@@ -22,7 +22,7 @@ DOCS = ROOT / "docs"
 PAGES = sorted(DOCS.rglob("*.md"))
 TEXTS = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *PAGES]
 
-# pages whose Python runs in order as printed, with what they need; the others have tests of their own
+# pages whose Python runs in order as printed, with the packages they need; other pages have their own tests
 RUN = {
     "getting-started.md": ("matplotlib",),
     "concepts/tensor.md": (),
@@ -38,19 +38,19 @@ RUN = {
 
 
 def blocks(page, *kinds):
-    """The fenced blocks of a page of these kinds, as (kind, text)."""
+    """Return the fenced blocks of these kinds on a page, as (kind, text)."""
     found = re.findall(r"^```(\w*)[^\n]*\n(.*?)^```", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
     return [(kind, text) for kind, text in found if kind in kinds]
 
 
 def commands(page, first):
-    """The commands of a page's shell blocks that begin with the word `first`, continued lines joined."""
+    """Return the commands in a page's shell blocks that begin with the word `first`, with continued lines joined."""
     lines = [line for _, text in blocks(page, "bash") for line in text.replace("\\\n", " ").splitlines()]
     return [line for line in lines if line.startswith(f"{first} ")]
 
 
 def reference():
-    """The names in the API reference."""
+    """Return the names in the API reference."""
     pages = [page.read_text(encoding="utf-8") for page in (DOCS / "api").glob("*.md")]
     names = [name for page in pages for name in re.findall(r"^::: (\S+)$", page, re.MULTILINE)]
     assert len(names) == len(set(names)), "a name has two entries"
@@ -68,7 +68,7 @@ def reference():
 def test_every_public_name_is_in_the_reference(package, names):
     known = reference()
     missing = sorted(name for name in names if f"{package}.{name}" not in known)
-    # the two that paxisim has from paxisim.augment stand there
+    # names that paxisim re-exports from paxisim.augment are documented there
     assert [n for n in missing if f"paxisim.augment.{n}" not in known] == []
 
 
@@ -93,7 +93,7 @@ def test_files_of_the_repository_that_a_page_names_exist(page):
 
 @pytest.mark.parametrize("page", [page for page in TEXTS if page.parent == ROOT], ids=lambda page: page.name)
 def test_links_of_the_pages_outside_the_site_lead_somewhere(page):
-    """Those inside are checked by the build of the site."""
+    """Links within the site are checked by the build of the site."""
     targets = re.findall(r"\]\(([^)#\s]+)", page.read_text(encoding="utf-8"))
     local = [target for target in targets if "://" not in target]
     assert [target for target in local if not (ROOT / target).exists()] == []
@@ -170,7 +170,7 @@ def in_process(folder, script, package=PACKAGE.parent):
 
 
 def python_files(page):
-    """The Python blocks of a page that begin with a comment with their file's name, and what each prints."""
+    """Return the Python blocks that begin with a comment naming their file, and the printed output of each."""
     found, name = {}, ""
     for kind, text in blocks(page, "python", "text"):
         if kind == "python":
@@ -191,7 +191,7 @@ def test_the_page_that_adds_a_transform_prints_what_it_says(tmp_path):
 
 
 def test_the_page_that_adds_a_sensor_does_so(tmp_path):
-    """In a copy of the package, to whose catalogue the page's entry is added."""
+    """Run it in a copy of the package with the page's entry added to the catalogue."""
     page = DOCS / "how-to" / "add-a-sensor.md"
     pages = python_files(page)
     for name, (code, _) in pages.items():

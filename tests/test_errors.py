@@ -1,4 +1,4 @@
-"""The errors: caught as paxisim's or as the builtin that fits, with messages that help."""
+"""Errors: they can be caught as paxisim's or as the matching builtin, and have helpful messages."""
 
 import copy
 import pickle
@@ -63,7 +63,7 @@ def test_errors_survive_the_way_back_from_another_process(error):
 )
 def test_unknown_names_come_with_the_near_ones(name, known, message):
     error = errors.UnknownNameError("body", name, known)
-    assert sorted(str(error).split()) == sorted(message.split()), "the near names may come in either order"
+    assert sorted(str(error).split()) == sorted(message.split()), "the similar names may come in any order"
 
 
 def test_at_most_three_near_names():

@@ -1,4 +1,4 @@
-"""The examples run as they are, and as the pages print them."""
+"""The examples run as they are and as printed on the pages."""
 
 import json
 import os
@@ -23,21 +23,21 @@ NOTEBOOKS = sorted((ROOT / "examples").glob("*.ipynb"))
 
 
 def in_shell(script, folder):
-    """Run a block of a page as a reader would who has the environment active, in a folder with the examples."""
+    """Run a block of a page like a reader with an active environment, in a folder with the examples."""
     (folder / "examples").symlink_to(ROOT / "examples")
     path = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])
     environment = os.environ | {
         "PATH": os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]]),
         "PYTHONPATH": path,
     }
-    script += "\nkill %1; wait"  # what it started in the background
+    script += "\nkill %1; wait"  # end the background jobs
     return subprocess.run(
         ["bash", "-mc", script], cwd=folder, env=environment, capture_output=True, text=True, timeout=100, check=False
     )
 
 
 def printed(folder, script, *words):
-    """What an example prints that is run in a folder of its own, where a warning is an error."""
+    """Run an example in a given folder, with warnings as errors, and return its output."""
     path = os.pathsep.join([str(Path(paxisim.__file__).parents[1]), *filter(None, [os.environ.get("PYTHONPATH")])])
     done = subprocess.run(
         [sys.executable, "-W", "error", str(ROOT / "examples" / script), *words],
@@ -59,7 +59,7 @@ def test_custom_gripper_presses_with_its_torque(tmp_path):
     pytest.importorskip("matplotlib")
     out = printed(tmp_path, "custom_gripper.py")
     read = [float(force) for force in re.findall(r"normal force ([\d.]+) N", out)]
-    assert read == pytest.approx([0.5 / 0.074] * 3, rel=0.1), "torque over the way from the hinge to the pad"
+    assert read == pytest.approx([0.5 / 0.074] * 3, rel=0.1), "torque over the distance from the hinge to the pad"
     assert (tmp_path / "custom_gripper.png").exists()
 
 
@@ -161,12 +161,12 @@ def test_the_joints_of_a_simulated_arm_are_recorded_beside_its_sensor(tmp_path):
     done = in_shell(block.replace("5005", str(port)), tmp_path)
     assert "press.mcap" in done.stdout, done.stdout + done.stderr
     (samples,) = re.findall(rf"UDP {port}: (\d+) samples", done.stdout)
-    assert int(samples) > 50 * 6, "a datagram of all joints at 100 Hz, or half of it where the machine is slow"
+    assert int(samples) > 50 * 6, "datagrams at 100 Hz, or half as many on a slow machine"
     assert "Traceback" not in done.stderr
 
     recording = paxisim.Recording.load(tmp_path / "press.mcap").select(known=True)
     assert recording.duration > 5
-    # the joints are those of the motion that was felt: the pad is loaded where they put it into the ball, else not
+    # the joints match the recorded forces: the pad is loaded if and only if they press it into the ball
     arm = runpy.run_path(str(ROOT / "examples" / "simulated_arm.py"))
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "arm.xml"))
     data = mujoco.MjData(model)
@@ -179,7 +179,7 @@ def test_the_joints_of_a_simulated_arm_are_recorded_beside_its_sensor(tmp_path):
     force = recording.measured.sum(axis=(-2, -1))[:, 0, 2]
     pressed = depth > 0.4e-3
     assert 0.3 < pressed.mean() < 0.9
-    # the sensor's readings are some ms late, in which the hand moves by tenths of a millimetre
+    # the readings lag by a few ms, during which the hand moves by tenths of a millimetre
     assert np.mean(force[pressed] > 1) > 0.9
     assert np.abs(force[depth < -3e-3]).max() < 0.2 * force.max(), "noise of 120 taxels"
     assert np.corrcoef(np.clip(depth, 0, None), force)[0, 1] > 0.9
@@ -211,7 +211,7 @@ def test_a_magnetic_unit_is_recorded_and_reads_what_no_simulation_says(tmp_path)
     assert len(np.unique(first.episode)) == 2
     np.testing.assert_array_equal(first.simulated, other.simulated)
     assert np.abs(first.measured - other.measured).max() > 0.1, "two units differ"
-    # it follows the force, and reads less of a broad press than what is there
+    # it follows the force, but reads too little of a broad press
     follows = np.corrcoef(first.measured.sum(axis=(1, 3, 4))[:, 2], first.simulated.sum(axis=(1, 3, 4))[:, 2])[0, 1]
     assert follows > 0.8
     done = subprocess.run(

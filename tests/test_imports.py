@@ -1,4 +1,4 @@
-"""What `import paxisim` costs, and which part of paxisim may import which."""
+"""The cost of `import paxisim`, and the allowed imports between parts of paxisim."""
 
 import ast
 import os
@@ -11,7 +11,7 @@ import pytest
 import paxisim
 
 PACKAGE = Path(paxisim.__file__).parent
-# what is heavy or optional; what a name needs is imported when that name is first used
+# heavy or optional packages, which are imported when a name that needs them is first used
 OPTIONAL = {
     "torch",
     "serial",
@@ -27,7 +27,7 @@ OPTIONAL = {
 }
 HEAVY = OPTIONAL | {"mujoco", "numpy", "scipy", "lxml", "tyro", "mcap", "orjson"}
 
-# imports run one way, towards the lower number; parts with the same number do not import one another
+# a part may only import parts with a lower number; parts with the same number do not import each other
 LEVELS = {
     "_renamed": 0,
     "errors": 0,
@@ -55,7 +55,7 @@ ANYWHERE = {"errors", "_version", "_renamed"}
 
 
 def modules_after(code: str) -> set[str]:
-    """Top-level names of the modules that a fresh interpreter has imported after running `code`."""
+    """Return the top-level names of the modules that a fresh interpreter imports when it runs `code`."""
     path = os.pathsep.join([str(PACKAGE.parent), *filter(None, [os.environ.get("PYTHONPATH")])])
     done = subprocess.run(
         [sys.executable, "-c", f"{code}\nimport sys\nprint(*sys.modules)"],
@@ -98,7 +98,7 @@ paxisim.TactileReadout(model, pads).read(data)
 
 
 def imported_from(path: Path) -> set[str]:
-    """The parts of paxisim that a file imports anywhere in it, inside functions and for type checkers included."""
+    """Return the parts of paxisim that a file imports, including imports in functions and for type checkers."""
     found = set()
     inside = (path.relative_to(PACKAGE) if path.is_relative_to(PACKAGE) else path).parts
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
@@ -107,7 +107,7 @@ def imported_from(path: Path) -> set[str]:
         elif isinstance(node, ast.ImportFrom):
             base = ["paxisim", *inside[: len(inside) - node.level]] if node.level else []
             module = ".".join([*base, *filter(None, [node.module])])
-            # `from paxisim import viz` imports a part, and `from paxisim import Pad` reaches back to the top
+            # `from paxisim import viz` imports a part; `from paxisim import Pad` imports the top-level package
             names = [f"{module}.{alias.name}" for alias in node.names] if module == "paxisim" else [module]
         else:
             continue
@@ -132,8 +132,8 @@ def test_the_files_are_found():
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.relative_to(PACKAGE).as_posix())
 def test_imports_run_one_way(path):
     part = part_of(path)
-    assert part in LEVELS, f"{part} has no place in the design yet"
-    # the command line is a user of the library, and may see it as one
+    assert part in LEVELS, f"{part} is missing in LEVELS"
+    # the command line may import the top-level package, like any user of the library
     for other in imported_from(path) - ANYWHERE - {part} - ({""} if part == "cli" else set()):
         assert other in LEVELS, f"{path.name} imports paxisim.{other}: import from the part that defines it"
         assert LEVELS[other] < LEVELS[part], f"{part} must not import {other}"
@@ -145,7 +145,7 @@ def module_of(path: Path) -> str:
 
 
 def modules_imported_by(path: Path, known: set[str], *, later: bool = False) -> set[str]:
-    """The modules of paxisim that a file imports, but not for type checkers alone; `later`: inside functions too."""
+    """Return the modules of paxisim that a file imports at runtime; with `later` also those in functions."""
     found, open_ = set(), [ast.parse(path.read_text(encoding="utf-8"))]
     while open_:
         node = open_.pop()
@@ -157,20 +157,20 @@ def modules_imported_by(path: Path, known: set[str], *, later: bool = False) -> 
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
-            assert not node.level, f"{path.name} imports relatively"
+            assert not node.level, f"{path.name} has a relative import"
             names = {f"{node.module}.{alias.name}" for alias in node.names}
             modules = names & known
             found |= modules | ({node.module} if len(modules) < len(names) else set())
     return found & known - {module_of(path)}
 
 
-# a package's own file hands out names of its modules, when they are used first; modules do not reach back to it
+# __init__ files import their modules lazily; the modules do not import their package
 MODULES = {module_of(path): path for path in FILES if path.name != "__init__.py"}
 PACKAGES = {module_of(path) for path in FILES if path.name == "__init__.py"}
 
 
 def circle_in(imports: dict[str, set[str]]) -> list[str]:
-    """Modules each of which imports the next, and the last one the first; empty if there are none."""
+    """Return modules that form an import cycle, in order; empty if there is none."""
     done: set[str] = set()
 
     def follow(name: str, way: list[str]) -> list[str]:
@@ -197,7 +197,7 @@ def test_no_module_needs_itself_to_be_imported():
 
 
 def test_the_modules_of_the_diagnosis_have_an_order():
-    """Imports inside functions count; a diagnosis alone may call for its report, which knows what a diagnosis is."""
+    """Imports in functions count. The only exception: a diagnosis may import its report, which imports it."""
     inside = {name for name in MODULES if name.startswith("paxisim.diagnose.")}
     imports = {name: modules_imported_by(MODULES[name], inside, later=True) for name in inside}
     imports["paxisim.diagnose.diagnosis"] -= {"paxisim.diagnose.report.page"}

@@ -1,4 +1,4 @@
-"""TaxelLayout: the convention of the force tensor, and every way into and out of it."""
+"""TaxelLayout: the convention of the force tensor, and conversions to and from it."""
 
 import copy
 import dataclasses
@@ -23,7 +23,7 @@ repeatable = settings(derandomize=True, deadline=None, max_examples=40)
 
 @pytest.fixture(params=["numpy", "torch"])
 def array(request):
-    """Makes an array of the library under test, and tells what came back from it."""
+    """Return a function that creates an array of the library under test."""
     if request.param == "numpy":
         return lambda values: np.array(values)
     torch = pytest.importorskip("torch")
@@ -89,7 +89,7 @@ def test_positions_and_normals_cannot_be_changed_in_place():
 
 
 def sphere(count=40, radius=8e-3, seed=1):
-    """Taxels all around a sphere: every direction a normal can have, the poles and the equator included."""
+    """Taxels all around a sphere, with normals in all directions, including the poles and the equator."""
     normals = np.random.default_rng(seed).normal(size=(count, 3))
     normals[:6] = np.vstack([np.eye(3), -np.eye(3)])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
@@ -126,7 +126,7 @@ def test_x_stays_right_and_y_down_as_a_surface_gets_steeper(tilt):
             normal = np.array([0, 0, -np.cos(angle)])
             normal[axis] = sign * np.sin(angle)
             frame = TaxelLayout(1, 1, 1e-3, [[0, 0, 0]], [normal]).frames[0]
-            assert frame[1 - axis, 1 - axis] == pytest.approx(1), "the axis it does not tilt about stays"
+            assert frame[1 - axis, 1 - axis] == pytest.approx(1), "the axis about which it tilts is unchanged"
             assert frame[axis, axis] == pytest.approx(np.cos(angle), abs=1e-12)
 
 
@@ -288,7 +288,7 @@ def test_flat_values_are_the_xyz_of_each_taxel_row_by_row(array):
 
 
 def test_flat_values_follow_the_vendors_order(array):
-    order = (4, 2, 0, 5, 3, 1)  # no permutation of order two: its inverse differs from it
+    order = (4, 2, 0, 5, 3, 1)  # not an involution: the inverse of this permutation differs from it
     layout = TaxelLayout(2, 3, 1e-3, vendor_order=order)
     force = reading(2, 3, 2, 3)
     flat = same_kind(layout.to_flat(array(force)), array(force))
@@ -316,7 +316,7 @@ def test_torch_gradients_pass_through():
     assert torch.equal(force.grad, torch.full_like(force, 3))
 
 
-# bad input: one line that says what was expected and what came
+# invalid input: one line that says what was expected and what was given
 
 
 @pytest.mark.parametrize("value", [0, -1, 2.5, float("nan"), float("inf"), "three", None, [1, 2]])
@@ -356,7 +356,7 @@ def test_bad_points(name):
 
 
 def test_a_normal_without_length():
-    with pytest.raises(InvalidValueError, match="normals must have a length, taxel 2 has none"):
+    with pytest.raises(InvalidValueError, match="normals must not have zero length, but that of taxel 2 has"):
         TaxelLayout(1, 3, 1e-3, normals=[[0, 0, -1], [0, 1, 0], [0, 0, 0]])
 
 

@@ -1,4 +1,4 @@
-"""The core of the loop: a recording is replayed, what is hidden in its sensor is named, and the model is used."""
+"""The core of the loop: replay a recording, name the hidden causes of its sensor, and use the model."""
 
 import sys
 from pathlib import Path
@@ -21,13 +21,13 @@ HIDDEN = paxisim.Chain([Creep((0.15,), (1.0,)), AxisGain((0.7, 0.7, 0.7))])
 
 @pytest.fixture(scope="module")
 def loop():
-    """The arm's motion, with what its sensor reads in counts of 0.1 N, and the replay of it."""
+    """The motion of the arm with its sensor's readings in counts of 0.1 N, and the replay."""
     return benchmark.paired(HIDDEN)
 
 
 @pytest.mark.timeout(300)
 def test_gain_and_creep_are_named_and_their_model_predicts_another_motion(loop, monkeypatch):
-    for name in ("sklearn", "sklearn.ensemble"):  # no black box: slow, and it names nothing
+    for name in ("sklearn", "sklearn.ensemble"):  # skip the black-box model: it is slow and names no causes
         monkeypatch.setitem(sys.modules, name, None)
     found = paxisim.diagnose(loop[loop.time < benchmark.DIAGNOSED])
     named = {cause.name: {p.name: p.value.value for p in cause.parameters} for cause in found.causes}

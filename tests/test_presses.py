@@ -1,4 +1,4 @@
-"""Presses in noisy load signals, and the cuts between them."""
+"""Presses in noisy load signals and the cuts between them."""
 
 import itertools
 import os
@@ -14,7 +14,7 @@ EFLESH = Path(os.environ.get("PAXISIM_EFLESH") or Path(paxisim.__file__).parents
 
 
 def pressed(seed, noise=0.1, rest=0.7, hold=False, pause=(1.0, 3.0), drift=0.0, rate=50):
-    """Time, load of eight presses of 10 to 34 N, and the samples of each press."""
+    """Return times, a load signal with eight presses of 10 to 34 N, and the samples of each press."""
     rng = np.random.default_rng(seed)
     parts, spans, at = [], [], 0
     for _ in range(8):
@@ -32,7 +32,7 @@ def pressed(seed, noise=0.1, rest=0.7, hold=False, pause=(1.0, 3.0), drift=0.0, 
     "how",
     [
         {"noise": 0.0},
-        {},  # rest at 2 % of the peak, 0.1 N of noise
+        {},  # defaults: rest at 2 % of the peak, 0.1 N of noise
         {"noise": 1.0},
         {"hold": True},
         {"rest": -3.0},
@@ -49,7 +49,7 @@ def test_each_press_is_found_and_the_cuts_lie_between(how):
         assert len(found.spans) == len(spans)
         assert len(found.cuts) == len(spans) - 1
         for own, (start, stop) in zip(found.spans, spans, strict=True):
-            assert start - 3 <= own.start < own.stop <= stop + 3  # noise does not begin a press
+            assert start - 3 <= own.start < own.stop <= stop + 3  # noise does not start a press
             assert own.stop - own.start > 0.5 * (stop - start)
         for cut, (before, after) in zip(found.cuts, itertools.pairwise(spans), strict=True):
             assert before[1] - 3 <= cut <= after[0] + 3

@@ -1,4 +1,4 @@
-"""The README runs as printed, in order, in an empty folder; its two commands that install are run by .ci/run."""
+"""The README runs as printed, in order, in an empty folder; .ci/run runs its two install commands."""
 
 import re
 import shlex
@@ -18,7 +18,7 @@ README = Path(__file__).parents[1] / "README.md"
 
 
 def blocks():
-    """The shell and Python blocks in order, but those that install."""
+    """Return the shell and Python blocks in order."""
     text = README.read_text(encoding="utf-8")
     return re.findall(r"^```(bash|python)\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
 
@@ -53,11 +53,11 @@ def test_it_runs_as_printed(tmp_path, monkeypatch):
     assert verbs == ["example", "attach", "emulate", "record", "info", "example", "diagnose"]
     force = scope["force"]
     assert force.shape == (2, 3, 6, 5)
-    assert force[:, 2].sum(axis=(-2, -1)) == pytest.approx([8, 8], rel=0.01), "what the comment says"
+    assert force[:, 2].sum(axis=(-2, -1)) == pytest.approx([8, 8], rel=0.01), "the value in the comment"
     assert scope["reading"].any()
     assert {path.name for path in tmp_path.iterdir()} >= {"tactile_gripper.png", "pads.png", "press.mcap", "diagnosis"}
 
-    # what it says of the diagnosis
+    # the README's statements about the diagnosis
     model, recording = scope["model"], scope["recording"]
     said = README.read_text(encoding="utf-8")
     assert list(model.names)[:2] == ["axis_gain", "latency"]

@@ -179,7 +179,7 @@ def test_with_covariate_of_another_clock():
     later = np.arange(0.05, 0.4, 0.01)
     joints = np.stack([later, -later], axis=1)
     found = recording.with_covariate("joints", joints, later).covariates["joints"]
-    assert np.isnan(found[[0, 4]]).all()  # before its first sample and after its last
+    assert np.isnan(found[[0, 4]]).all()  # before the first sample and after the last
     np.testing.assert_allclose(found[1:4, 0], TIME[1:4], atol=1e-12)
     np.testing.assert_allclose(found[1:4, 1], -TIME[1:4], atol=1e-12)
     held = recording.with_covariate("command", [1, 2], [0.0, 0.25], align="previous", max_gap=1.0)

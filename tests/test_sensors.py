@@ -1,4 +1,4 @@
-"""The catalogue: figures that fit together, a source for each, and layouts that need no optional package."""
+"""The catalogue: consistent figures, a source for each, and layouts that need no optional package."""
 
 import copy
 import importlib.util
@@ -18,7 +18,7 @@ FIGURES = ("pitch", "rate", "mass", "resolution", "shear_range", "normal_range")
 
 
 def dome(radii: tuple[float, float, float], spacing: float = 2.8) -> tuple[np.ndarray, np.ndarray]:
-    """Points on the upper half of an ellipsoid (mm, vendor's frame) and its outward normals there."""
+    """Return points on the upper half of an ellipsoid (mm, vendor's frame) and their outward normals."""
     unit = []
     for polar in np.linspace(0, np.pi / 2, 6):
         around = max(1, round(2 * np.pi * np.sin(polar) * float(np.mean(radii)) / spacing))
@@ -90,7 +90,7 @@ def test_figures_are_si_and_plausible(item: Sensor):
 def test_flat_layouts_match_the_counts(name: str):
     item = sensor(name)
     assert (item.layout.rows, item.layout.cols) == (item.rows, item.cols)
-    assert item.layout is item.layout  # made once
+    assert item.layout is item.layout  # cached
 
 
 def test_sensors_copy_pickle_and_hash():
@@ -112,7 +112,7 @@ def test_table_fits_a_terminal_and_lists_everything():
 @pytest.mark.parametrize("radii", [(8, 8, 8), (8, 14, 7), (15, 18, 9)])
 def test_surface_layout_on_a_dome(radii: tuple[float, float, float]):
     points, outward = dome(radii)
-    layout = surface_layout(points + [3.0, 40.0, -5.0])  # where the vendor's origin lies does not matter
+    layout = surface_layout(points + [3.0, 40.0, -5.0])  # the position of the vendor's origin does not matter
     assert layout.shape == (3, 1, len(points))
     position = layout.positions
     assert position[:, 2].min() == pytest.approx(0.0)

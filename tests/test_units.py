@@ -1,4 +1,4 @@
-"""A recording keeps its unit, and what needs newtons says so."""
+"""Recordings keep their unit, and functions that need newtons reject other units."""
 
 import numpy as np
 import pytest

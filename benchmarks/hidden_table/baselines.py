@@ -1,10 +1,10 @@
-"""Baselines: how causes are named without held-out selection, on the same effects, noise and tolerances.
+"""Baselines: selection of causes without held-out data, on the same effects, noise and tolerances.
 
-Each effect of the diagnosis' own vocabulary is made linear about the bare simulation. Layout, rounding and dead taxels
-are read off the data by the diagnosis' own checks, so that what differs is only how the rest is selected:
+Each effect of the diagnosis' own vocabulary is linearised about the bare simulation. Layout, rounding and dead taxels
+are read off the data by the diagnosis' own checks, so only the selection of the other causes differs:
 
-- forward selection by the Bayesian information criterion, samples taken to be independent;
-- all effects at once, those named whose joint Wald test has p < 0.01.
+- BIC: forward selection by the Bayesian information criterion, assuming independent samples;
+- Wald: a fit of all effects at once, naming causes whose joint Wald test has p < 0.01.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ class Linear:
     Attributes:
         read: Causes that were read off the data.
         owner: ``(D,)`` cause of each effect.
-        products: ``(episodes, D, D)`` of the effects.
-        projections: ``(episodes, D)`` of the effects with the residual.
-        energy: ``(episodes,)`` of the residual.
-        samples: Numbers compared.
+        products: ``(episodes, D, D)`` inner products of the effects.
+        projections: ``(episodes, D)`` inner products of the effects with the residual.
+        energy: ``(episodes,)`` energy of the residual.
+        samples: Number of values compared.
         before: Energy of the residual before anything was read off the data.
-        floor: Energy that the hidden effects themselves would leave, None if that is not known.
+        floor: Energy that the hidden effects themselves would leave; None if unknown.
     """
 
     read: tuple[str, ...]
@@ -54,11 +54,11 @@ class Linear:
 
 
 def baselines(recording: Recording, ideal: Floats | None) -> tuple[dict[str, tuple[str, ...]], dict[str, float | None]]:
-    """What each baseline names, and its held-out share of the headroom.
+    """Return the causes that each baseline names, and its held-out share of the headroom.
 
     Args:
-        recording: The case.
-        ideal: ``(T, pads, 3, rows, cols)`` what the hidden effects themselves make of the simulation (N).
+        recording: The recording of the case.
+        ideal: ``(T, pads, 3, rows, cols)`` result of applying the hidden effects to the simulation (N).
     """
     linear = linear_of(recording, ideal)
     named = dict(zip(BASELINES, (by_bic(linear), by_wald(linear)), strict=True))
@@ -67,7 +67,7 @@ def baselines(recording: Recording, ideal: Floats | None) -> tuple[dict[str, tup
 
 
 def linear_of(recording: Recording, ideal: Floats | None = None) -> Linear:
-    """The sums, episode by episode."""
+    """Compute the sums for each episode."""
     read, raw, problem = _read(recording)
     probes = [(c, values) for c in _searched(problem) for values in c.starts(problem)]
     shape = problem.simulated.shape[1:]
@@ -119,12 +119,12 @@ def linear_of(recording: Recording, ideal: Floats | None = None) -> Linear:
 
 
 def problem_effect(part: Problem, problem: Problem, item, values) -> Floats:  # type: ignore[no-untyped-def]
-    """``(T, pads, 3, rows, cols)`` what a probe changes of an episode (N)."""
+    """Return the ``(T, pads, 3, rows, cols)`` change that a probe makes to an episode (N)."""
     return part.run(item.make(values, problem), part.simulated) - part.simulated
 
 
 def by_bic(linear: Linear) -> tuple[str, ...]:
-    """Causes in the order in which the criterion takes them."""
+    """Return causes in the order in which the information criterion selects them."""
     a, b, energy = linear.products.sum(axis=0), linear.projections.sum(axis=0), float(linear.energy.sum())
     n = linear.samples
 
@@ -148,7 +148,7 @@ def by_bic(linear: Linear) -> tuple[str, ...]:
 
 
 def by_wald(linear: Linear) -> tuple[str, ...]:
-    """Causes whose numbers, all effects fitted at once, are jointly not 0."""
+    """Return causes whose coefficients, with all effects fitted at once, differ significantly from 0 jointly."""
     a, b = linear.products.sum(axis=0), linear.projections.sum(axis=0)
     scale = np.sqrt(np.maximum(np.diag(a), 1e-12))
     covariance = np.linalg.pinv(a / np.outer(scale, scale), rcond=1e-7, hermitian=True) / np.outer(scale, scale)
@@ -165,9 +165,9 @@ def by_wald(linear: Linear) -> tuple[str, ...]:
 
 
 def share_of(linear: Linear, causes: Sequence[str]) -> float | None:
-    """Held-out share of the headroom that these causes explain, fitted on all episodes but the one they are judged on.
+    """Return the share of the headroom that these causes explain in leave-one-episode-out cross-validation.
 
-    None where the headroom is not known or next to nothing.
+    None if the headroom is unknown or negligible.
     """
     if linear.floor is None or linear.before - linear.floor < 0.02 * linear.floor:
         return None
@@ -186,13 +186,13 @@ def _solved(a: Floats, b: Floats) -> Floats:
 
 
 def _searched(problem: Problem) -> list[Cause]:
-    """The causes that have starts and can be told: taxels' gains and zeros are summed apart."""
+    """Return the causes that can be fitted to this recording; gains and zeros of taxels are summed separately."""
     causes = [cause(name) for name in known_causes()]
     return [c for c in causes if not c.barred(problem) and (not c.covariate or c.covariate in problem.covariates)]
 
 
 def _read(recording: Recording) -> tuple[tuple[str, ...], Problem, Problem]:
-    """What is read off the data, the recording as it came, and what is left."""
+    """Return the causes read off the data, the problem before that, and the problem after it."""
     raw = problem_of(recording)
     off = read_off(raw, [cause(name) for name in known_causes() if not cause(name).barred(raw)])
     return tuple(off.readings), raw, off.problem

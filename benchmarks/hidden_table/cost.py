@@ -1,4 +1,4 @@
-"""Cost: seconds and memory of a diagnosis against the length of a recording and its number of taxels."""
+"""Cost: time and memory of a diagnosis against the length of a recording and its number of taxels."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ MEASURE = Path(__file__).with_name("measure.py")
 
 
 def costs(seed: int, jobs: int, sizes: tuple[tuple[int, int, int], ...] = SIZES) -> None:
-    """Print the curve, a fresh process for each size, so that each has its own memory."""
+    """Print the cost of each size, measured in a fresh process to separate the memory."""
     print(f"\ncost of a diagnosis: two pads at {RATE:.0f} Hz, {' and '.join(CAUSES)} hidden, jobs {jobs}")
     print("  rows x cols  minutes   samples  channels  seconds  memory (GB)  named")
     for rows, cols, minutes in sizes:
@@ -45,7 +45,7 @@ def costs(seed: int, jobs: int, sizes: tuple[tuple[int, int, int], ...] = SIZES)
 
 
 def write(path: Path, rows: int, cols: int, minutes: int, seed: int) -> None:
-    """Make a recording, eight episodes at a time, as the generator's 500 Hz of all of it would not fit in memory."""
+    """Write a recording, made eight episodes at a time; all of it at the generator's 500 Hz would exceed the memory."""
     case = make(CAUSES, seed=seed, rows=rows, cols=cols, strength=0.7, rate=RATE)
     parts, frames = [case], len(case.time)
     while frames < minutes * 60 * RATE:

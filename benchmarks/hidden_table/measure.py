@@ -1,4 +1,4 @@
-"""Measure: what the diagnosis of a recording takes, in a process of its own: ``measure.py FILE JOBS``."""
+"""Measure: time and memory of diagnosing a recording, in a separate process: ``measure.py FILE JOBS``."""
 
 import json
 import resource
@@ -12,7 +12,7 @@ from paxisim.recording import Recording
 
 
 def measure(path: str, jobs: int) -> None:
-    """Print it as JSON."""
+    """Diagnose the recording at `path`, and print time and memory as JSON."""
     with np.load(path) as file:
         data = {name: file[name] for name in file.files}
     covariates = {name: data[name] for name in data.keys() - {"time", "measured", "simulated", "episode"}}

@@ -1,4 +1,4 @@
-"""Misses: what was named where, cause by cause and case by case. Who looks at an exam's has a generator to practise."""
+"""Misses: what was named, by cause and by case. Once its misses are inspected, an exam is only a practice generator."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from hidden_table.tasks import Answer, Outcome, is_confidently_wrong
 
 
 def show_misses(outcomes: Sequence[Outcome]) -> None:
-    """Print the singles by cause, the other kinds by what sets their cases apart, and a line a miss."""
+    """Print the singles by cause, nulls and outsiders by group, and one line per miss."""
     singles = [o for o in outcomes if o.task.kind == "single"]
     if singles:
         _by_cause(singles)
@@ -20,7 +20,7 @@ def show_misses(outcomes: Sequence[Outcome]) -> None:
         for name in groups:
             print(f"  {kind} {name:<40} {hits[name]}/{groups[name]} right")
     misses = [o for o in outcomes if is_miss(o)]
-    print(f"\n{len(misses)} misses (again, in words: the same command with --case and the case's name)")
+    print(f"\n{len(misses)} misses (to see one as text, run the same command with --case and the name of the case)")
     for o in sorted(misses, key=lambda o: (not is_confidently_wrong(o.task, o.answer), -o.signal)):
         true = " + ".join(o.task.true) or "nothing"
         what = o.error.strip().splitlines()[-1] if o.error else said(o.answer)
@@ -29,14 +29,14 @@ def show_misses(outcomes: Sequence[Outcome]) -> None:
 
 
 def is_miss(outcome: Outcome) -> bool:
-    """Whether the answer is wrong; poor motions have a table of their own."""
+    """Whether the answer is wrong; poor motions have their own table."""
     if outcome.task.kind == "poor":
         return False
     return not outcome.flagged if outcome.task.kind == "outsider" else not outcome.exact
 
 
 def said(answer: Answer | None) -> str:
-    """A verdict and the names, with their rivals."""
+    """Return the verdict and the named causes with their rivals as text."""
     if answer is None:
         return "crash"
     named = [name + (f" (or {'/'.join(answer.rivals[name])})" if answer.rivals[name] else "") for name in answer.named]
@@ -48,7 +48,7 @@ def _group(outcome: Outcome) -> str:
 
 
 def _by_cause(singles: Sequence[Outcome]) -> None:
-    print("\nsingles by cause: exact, and what else was named; a case with several names counts in each")
+    print("\nsingles by cause: exact, and what else was named; a case with several names counts for each of them")
     for name in dict.fromkeys(o.task.true[0] for o in singles):
         own = [o for o in singles if o.task.true == (name,)]
         else_ = Counter(other for o in own if not o.exact for other in (o.named or ("nothing",)) if other != name)

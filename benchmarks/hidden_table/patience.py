@@ -1,4 +1,4 @@
-"""Patience: the processor time that a diagnosis may take."""
+"""Patience: a limit on the processor time of a diagnosis."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ PATIENCE = 600.0  # s of processor time
 
 @contextmanager
 def patience() -> Iterator[None]:
-    """End what takes more than `PATIENCE`: a search that does not end must not hold up the other cases.
+    """Interrupt the body after `PATIENCE`, so that an endless search does not block the other cases.
 
     Raises:
-        TimeoutError: It was ended.
+        TimeoutError: The body exceeded the limit.
     """
 
     def give_up(number: int, frame: object) -> None:

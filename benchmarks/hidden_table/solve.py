@@ -1,4 +1,4 @@
-"""Solve: a case is made, diagnosed, and compared with what was hidden in it."""
+"""Solve: make a case, diagnose it, and compare the answer with the hidden effects."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from hidden_table.tasks import STRONG, Answer, Outcome, Task
 from paxisim.diagnose.diagnosis import Diagnosis
 from paxisim.recording import Recording
 
-SLOW = 20.0  # Hz, of poor motions: what is advised takes minutes
-TRIES = 20  # to find a case in which poor motions show the effect at all
+SLOW = 20.0  # Hz, sampling rate of poor motions; low, since the advised motions take minutes
+TRIES = 20  # attempts to find a case in which poor motions show the effect at all
 
 
 def solve(task: Task, nested: bool = False) -> Outcome:
-    """Make a case and diagnose it; a crash is a miss, and the other cases still count.
+    """Make a case and diagnose it. A crash counts as a miss and does not stop the other cases.
 
     Args:
         task: The case.
-        nested: Whether to diagnose it once more without two episodes, and to judge the model on those.
+        nested: Whether to diagnose the case once more without two episodes and to judge the model on these.
     """
     case = made(task)
     weakest = min(case.signals.values(), default=case.signal)
@@ -40,7 +40,7 @@ def solve(task: Task, nested: bool = False) -> Outcome:
         return Outcome(task, case.signal, weakest, answer, share=share, memory=_memory())
     if task.kind == "poor":
         return _follow(task, case, answer)
-    from hidden_table.baselines import baselines  # an exam does without them
+    from hidden_table.baselines import baselines  # not needed for an exam
 
     named, shares = baselines(recording(case), case.ideal)
     return Outcome(
@@ -58,10 +58,10 @@ def solve(task: Task, nested: bool = False) -> Outcome:
 
 
 def made(task: Task) -> Case:
-    """The recording of a task.
+    """Make the case of a task.
 
-    Of poor motions the first in which the effect stands above the noise, if there is one: what cannot be seen at all
-    is another question.
+    For poor motions, this is the first of `TRIES` attempts in which the effect stands above the noise, if there is one;
+    otherwise the last. Effects that are not visible at all are a separate question.
     """
     make = importlib.import_module(f"hidden.{task.generator}.cases").make
     if task.kind != "poor":
@@ -74,15 +74,15 @@ def made(task: Task) -> Case:
 
 
 def recording(case: Case) -> Recording:
-    """A case as a user has it."""
+    """Return the recording of a case, without what only the generator knows."""
     return Recording(case.time, case.measured, case.simulated, case.covariates, case.episode)
 
 
 def diagnosed(case: Case) -> tuple[Diagnosis, float]:
-    """The diagnosis, and the seconds it took.
+    """Return the diagnosis and the seconds it took.
 
     Raises:
-        TimeoutError: It takes longer than `patience` has.
+        TimeoutError: The diagnosis exceeds the limit of `patience`.
     """
     begin = time.perf_counter()
     with patience():
@@ -91,7 +91,7 @@ def diagnosed(case: Case) -> tuple[Diagnosis, float]:
 
 
 def compared(case: Case, diagnosis: Diagnosis) -> dict[str, tuple[float, int, int]]:
-    """By cause that was hidden and named: error, intervals that hold the truth, intervals."""
+    """Return for each cause that was hidden and named: error, intervals that contain the true value, all intervals."""
     out = {}
     for found in diagnosis.causes:
         if found.name in case.causes:
@@ -117,7 +117,7 @@ def _answer(diagnosis: Diagnosis, seconds: float) -> Answer:
 
 
 def _nested(case: Case, seed: int) -> float | None:
-    """The share of the headroom that the model explains in two episodes which took no part in anything."""
+    """Return the share of the headroom that the model explains in two episodes that the diagnosis never saw."""
     assert case.ideal is not None
     load = np.abs(case.simulated).max(axis=(1, 2, 3, 4))
     pressed = [e for e in np.unique(case.episode)[1:] if load[case.episode == e].max() > 0.1 * load.max()]
@@ -136,7 +136,7 @@ def _nested(case: Case, seed: int) -> float | None:
 
 
 def _follow(task: Task, case: Case, answer: Answer) -> Outcome:
-    """Record what is advised with the same sensor, and diagnose both recordings together."""
+    """Record the advised motions with the same sensor, and diagnose both recordings together."""
     from paxisim.diagnose.advice import motions_of
 
     motions = motions_of(answer.advice)

@@ -1,6 +1,7 @@
-"""Table: rates with intervals beside what is asked for and beside the baselines, gains and errors.
+"""Table: rates with intervals next to their targets and the baselines, gains, and errors.
 
-Nothing here tells one cause from another unless the misses are asked for, see `misses`: so an exam can be taken again.
+Nothing here distinguishes one cause from another unless the misses are requested (see `misses`). An exam can therefore
+be repeated.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from hidden_table.tasks import BASELINES, STRONG, Answer, Outcome, by_rivals, is
 
 
 def wilson(hits: float, count: int) -> tuple[float, float]:
-    """The 95 % interval of a rate after Wilson."""
+    """Return the 95 % Wilson interval of a rate."""
     interval = binomtest(round(hits), count).proportion_ci(method="wilson")
     return float(interval.low), float(interval.high)
 
@@ -40,7 +41,7 @@ def _rates(
     target: str = "",
     other: Callable[[set[str], set[str]], bool] | None = None,
 ) -> None:
-    """A row: how often `hit` holds, and how often `other` (of the named and the true set) does of each baseline."""
+    """Print a row: how often `hit` holds, and how often `other` (of named and true set) holds for each baseline."""
     if not some:
         return
     hits = sum(map(hit, some))
@@ -58,7 +59,7 @@ def _rates(
 
 
 def table(outcomes: Sequence[Outcome], misses: bool = False) -> None:
-    """Print all of it, with the misses if they are asked for."""
+    """Print all tables, and the misses if requested."""
     kinds = {kind: [o for o in outcomes if o.task.kind == kind] for kind in Counter(o.task.kind for o in outcomes)}
     main = [o for o in outcomes if o.task.kind != "poor"]
     if main:
@@ -93,7 +94,7 @@ def _main(kinds: dict[str, list[Outcome]], main: Sequence[Outcome]) -> None:
     _rates("both of a pair named", pairs, lambda o: o.contained, ">= 97 %", contained)
     clear = [o for o in pairs if o.weakest > STRONG]
     _rates(f"exact pairs, each signal > {STRONG}", clear, lambda o: o.exact, "", exact)
-    _rates("both of those named", clear, lambda o: o.contained, "", contained)
+    _rates("both of such a pair named", clear, lambda o: o.contained, "", contained)
     _rates("exact triples", triples, lambda o: o.exact, ">= 65 %", exact)
     _rates("nulls with a false name", nulls, lambda o: bool(o.named), "<= 1 %", anything)
     _rates("nulls said to be unexplained", nulls, lambda o: o.flagged)
@@ -108,7 +109,7 @@ def _main(kinds: dict[str, list[Outcome]], main: Sequence[Outcome]) -> None:
         "<= 2 %",
         lambda named, true: bool(named) and named != true,
     )
-    print("\nnot counted above: right only if a cause is replaced by one of the rivals named for it")
+    print("\nnot counted above: right only if a cause is replaced by one of its named rivals")
     for kind in ("single", "pair", "triple"):
         _rates(f"{kind}s right among rivals", kinds.get(kind, []), lambda o: by_rivals(o.task, o.answer))
     crashes = sum(o.answer is None for o in main)
@@ -123,13 +124,13 @@ def _quantiles(values: Iterable[float | None]) -> str:
 
 
 def _gains(main: Sequence[Outcome]) -> None:
-    """Held-out gain as a share of the headroom, of the cases whose effect stands above the noise."""
+    """Print the held-out gain as a share of the headroom, for cases whose effect stands above the noise."""
     some = [o for o in main if o.signal > STRONG and o.task.kind in ("single", "pair", "triple") and o.answer]
     if not some:
         return
     answers = [o.answer for o in some if o.answer]
     print(f"\nheld-out gain as a share of the headroom, signal > {STRONG}: median, p10 (target 0.970, 0.900)")
-    print(f"  above the floor that the diagnosis reads    {_quantiles(a.explained for a in answers)}")
+    print(f"  above the diagnosis' own noise floor        {_quantiles(a.explained for a in answers)}")
     print(f"  above what the true effect leaves           {_quantiles(o.share for o in some)}")
     right = [o for o in some if o.exact]
     print(f"  the same, where the set is exact            {_quantiles(o.share for o in right)}")
@@ -137,43 +138,43 @@ def _gains(main: Sequence[Outcome]) -> None:
         shares = [o.baseline_shares[name] for o in some if name in o.baseline_shares]
         if shares:
             print(f"  {name + ', above what the true effect leaves':<43} {_quantiles(shares)}")
-    print(f"  black box, above the floor that is read     {_quantiles(a.ceiling for a in answers)}")
+    print(f"  black box, above the same noise floor       {_quantiles(a.ceiling for a in answers)}")
     nested = [o for o in some if o.nested is not None]
     if nested:
-        print("  two episodes that took no part in anything, above what the true effect leaves:")
-        print(f"    there                                     {_quantiles(o.nested for o in nested)}")
+        print("  two episodes that the diagnosis never saw, above what the true effect leaves:")
+        print(f"    on these episodes                         {_quantiles(o.nested for o in nested)}")
         print(f"    by the diagnosis' own folds, same cases   {_quantiles(o.share for o in nested)}")
 
 
 def _parameters(main: Sequence[Outcome]) -> None:
-    """Errors of what was named rightly, and how often the intervals hold the truth."""
+    """Print the errors of correctly named causes, and how often the intervals contain the true value."""
     rows = [(name, *values) for o in main for name, values in o.compared.items()]
     if not rows:
         return
     errors = np.array([row[1] for row in rows])
-    print(f"\nparameters of causes named rightly: median error {np.median(errors):.1%} (target <= 10 %)", end="")
+    print(f"\nparameters of correctly named causes: median error {np.median(errors):.1%} (target <= 10 %)", end="")
     with_intervals = [(inside, count) for _, _, inside, count in rows if count]
     if with_intervals:
         shares = [inside / count for inside, count in with_intervals]
         print(
-            f"; 90 % intervals hold the truth in {np.mean(shares):.1%} (target 85 to 95 %), mean over "
+            f"; 90 % intervals contain the true value in {np.mean(shares):.1%} (target 85 to 95 %), mean over "
             f"{len(shares)} causes found; {sum(i for i, _ in with_intervals)} of {sum(c for _, c in with_intervals)} "
             "parameters",
             end="",
         )
-    print("\n  cause          found   error: median     p90   intervals that hold the truth")
+    print("\n  cause          found   error: median     p90   intervals with the true value")
     for name in sorted({row[0] for row in rows}):
         own = [row for row in rows if row[0] == name]
         if own:
             own_errors = [row[1] for row in own]
             inside, count = sum(row[2] for row in own), sum(row[3] for row in own)
-            held = f"{inside}/{count} = {inside / count:.0%}" if count else "none is one figure of the hidden effect"
+            held = f"{inside}/{count} = {inside / count:.0%}" if count else "no counterpart in the hidden effect"
             high = np.quantile(own_errors, 0.9)
             print(f"  {name:<14} {len(own):>5} {np.median(own_errors):>14.1%} {high:>8.1%}   {held}")
 
 
 def _poor(poor: Sequence[Outcome], misses: bool) -> None:
-    """Of effects that one slow speed shows, and of those it does not."""
+    """Print the rates for poor motions, for effects that one slow speed shows and for those that it does not."""
     seen = [o for o in poor if o.signal > STRONG]
     hidden = [o for o in poor if o.signal <= STRONG]
 
@@ -186,9 +187,9 @@ def _poor(poor: Sequence[Outcome], misses: bool) -> None:
     _rates("false certainty", poor, lambda o: is_confidently_wrong(o.task, o.answer), "<= 0 %")
     _rates("following the advice: exact", seen, lambda o: is_exact(o.task, o.after), ">= 90 %")
     _rates("following the advice: false certainty", seen, lambda o: is_confidently_wrong(o.task, o.after), "<= 0 %")
-    print(f"of effects that these motions do not show ({len(hidden)})")
+    print(f"effects that these motions do not show ({len(hidden)})")
     _rates(
-        "said to be not testable, or named",
+        "reported as not testable, or named",
         hidden,
         lambda o: o.answer is not None and (o.task.true[0] in o.answer.not_testable or among(o.answer, o.task.true[0])),
     )
@@ -204,7 +205,7 @@ def _costs(outcomes: Sequence[Outcome]) -> None:
     seconds = [o.answer.seconds for o in outcomes if o.answer]
     if seconds:
         print(
-            f"\nseconds a diagnosis: median {np.median(seconds):.1f}, p90 {np.quantile(seconds, 0.9):.1f}, largest "
-            f"{max(seconds):.1f}; largest memory of a process, generator included, "
+            f"\nseconds per diagnosis: median {np.median(seconds):.1f}, p90 {np.quantile(seconds, 0.9):.1f}, largest "
+            f"{max(seconds):.1f}; largest memory of a process, including the generator, "
             f"{max(o.memory for o in outcomes):.2f} GB"
         )

@@ -1,4 +1,4 @@
-"""Tasks: which cases are made, and what is known of each when it is done."""
+"""Tasks: the cases to make, and their outcomes."""
 
 from __future__ import annotations
 
@@ -16,19 +16,20 @@ KINDS = {"single": 1, "pair": 2, "null": 3, "outsider": 4, "triple": 5, "poor": 
 IN_EXAM = ("single", "pair", "null", "outsider")
 NULLS = ({}, {"rho": 0.95}, {"coarse": True})
 BASELINES = ("BIC", "Wald")
-STRONG = 0.1  # of the noise's energy: an effect that stands above it must be named
+STRONG = 0.1  # share of the noise energy; an effect above it must be named
 
 
 @dataclass(frozen=True)
 class Task:
-    """A case to be made and diagnosed.
+    """A case to make and diagnose.
 
     Attributes:
-        kind: Of `KINDS`. number: within its kind.
-        true: What is hidden.
-        seed: Of the recording.
-        options: What else the generator is given, by name.
-        generator: Of `GENERATORS`.
+        kind: One of `KINDS`.
+        number: Number of the case within its kind.
+        true: The hidden effects.
+        seed: Random seed of the recording.
+        options: Further arguments of the generator, by name.
+        generator: One of `GENERATORS`.
     """
 
     kind: str
@@ -40,22 +41,24 @@ class Task:
 
     @property
     def name(self) -> str:
-        """What ``--case`` takes."""
+        """Name of the case, as used by ``--case``."""
         return f"{self.kind}:{self.number}"
 
 
 @dataclass(frozen=True)
 class Answer:
-    """What a diagnosis said.
+    """The answer of a diagnosis.
 
     Attributes:
-        verdict: As in `paxisim.Diagnosis`. named: causes. rivals: of each.
-        explained: Held-out share of the headroom, by the diagnosis' own noise floor.
-        ceiling: The same of the black box.
-        not_testable: Causes.
-        left_over: What structure was seen in what is left.
+        verdict: The verdict, as in `paxisim.Diagnosis`.
+        named: Named causes.
+        rivals: Rivals of each named cause.
+        explained: Held-out share of the headroom, given the diagnosis' own noise floor.
+        ceiling: The same for the black box.
+        not_testable: Causes that are not testable.
+        left_over: Structure found in the residual.
         advice: What to record next.
-        seconds: That it took.
+        seconds: Duration of the diagnosis (s).
     """
 
     verdict: str
@@ -71,21 +74,23 @@ class Answer:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a case.
+    """The outcome of a case.
 
     Attributes:
         task: The case.
-        signal: Energy of the effect over that of the noise.
-        weakest: The same of what the weakest of several hidden effects changes beside the others.
-        answer: Of the diagnosis; None if it crashed.
-        share: Held-out share of the headroom above what the hidden effect itself, put on the same simulation, leaves.
-        nested: The same on two episodes that the diagnosis never saw; None where that was not tried.
-        compared: By cause that was hidden and named: error, intervals that hold the truth, intervals.
-        baselines: By name of a baseline, what it named.
-        baseline_shares: By name of a baseline, its held-out share of the headroom.
-        motions: What was recorded next, for poor motions.
-        after: Of the diagnosis after that.
-        memory: Largest memory of the process so far, GB.
+        signal: Energy of the effect relative to the noise energy.
+        weakest: The same for the weakest of several hidden effects, by what it changes in addition to the others.
+        answer: Answer of the diagnosis; None if it crashed.
+        share: Held-out share of the headroom above the residual that the hidden effect itself leaves if applied to the
+            same simulation.
+        nested: The same on two episodes that the diagnosis never saw; None if not evaluated.
+        compared: For each cause that was hidden and named: error, number of intervals that contain the true value,
+            number of intervals.
+        baselines: Causes that each baseline named.
+        baseline_shares: Held-out share of the headroom of each baseline.
+        motions: Motions recorded next, for poor motions.
+        after: Answer of the diagnosis after these motions.
+        memory: Peak memory of the process so far (GB).
         error: Traceback of a crash.
     """
 
@@ -105,36 +110,36 @@ class Outcome:
 
     @property
     def named(self) -> tuple[str, ...]:
-        """The causes."""
+        """The named causes; empty after a crash."""
         return self.answer.named if self.answer else ()
 
     @property
     def exact(self) -> bool:
-        """Whether these and no others were named."""
+        """Whether exactly the hidden effects were named."""
         return is_exact(self.task, self.answer)
 
     @property
     def contained(self) -> bool:
-        """Whether all were named, others perhaps too."""
+        """Whether all hidden effects were named, possibly among others."""
         return self.answer is not None and set(self.task.true) <= set(self.named)
 
     @property
     def flagged(self) -> bool:
-        """Whether it was said that something is left which no cause explains."""
+        """Whether the verdict states that no cause explains part of the error."""
         return self.answer is not None and self.answer.verdict in ("partly_explained", "unexplained")
 
     def as_row(self) -> dict[str, Any]:
-        """As JSON holds it."""
+        """Return the outcome as a dictionary for JSON."""
         return asdict(self)
 
 
 def is_exact(task: Task, answer: Answer | None) -> bool:
-    """Whether what is hidden was named, and nothing else."""
+    """Whether exactly the hidden effects were named."""
     return answer is not None and set(answer.named) == set(task.true)
 
 
 def by_rivals(task: Task, answer: Answer | None) -> bool:
-    """Whether the set is wrong as it stands, and right with causes replaced by rivals that were named for them."""
+    """Whether the named set is wrong, but right if causes are replaced by rivals named for them."""
     if answer is None or is_exact(task, answer) or len(answer.named) != len(task.true):
         return False
     choices = [(name, *answer.rivals[name]) for name in answer.named]
@@ -142,12 +147,12 @@ def by_rivals(task: Task, answer: Answer | None) -> bool:
 
 
 def is_confidently_wrong(task: Task, answer: Answer | None) -> bool:
-    """Whether the wrong causes were said to explain all."""
+    """Whether the wrong causes were named with the verdict ``explained``."""
     return answer is not None and answer.verdict == "explained" and not is_exact(task, answer)
 
 
 def read_outcome(row: Mapping[str, Any]) -> Outcome:
-    """What `Outcome.as_row` gave."""
+    """Return the outcome stored by `Outcome.as_row`."""
 
     def answer(of: Mapping[str, Any] | None) -> Answer | None:
         if of is None:
@@ -172,20 +177,23 @@ def read_outcome(row: Mapping[str, Any]) -> Outcome:
 
 
 def tasks(generator: str, counts: Mapping[str, int], seed: int, family: str = "both") -> list[Task]:
-    """All cases that are asked for."""
+    """Return all requested cases."""
     return exam(counts, seed) if generator == "exam" else practice(counts, seed, family)
 
 
 def exam(counts: Mapping[str, int], seed: int) -> list[Task]:
-    """The questions of the exam, in its own order."""
-    from hidden.exam import tasks as questions  # only where it is asked for
+    """Return the cases of the exam, in its own order."""
+    from hidden.exam import tasks as questions  # imported only if requested
 
     asked = questions.tasks(*(counts.get(kind, 0) for kind in IN_EXAM), seed)
     return [Task(t.kind, t.number, tuple(t.causes), t.seed, tuple(sorted(t.options.items())), "exam") for t in asked]
 
 
 def practice(counts: Mapping[str, int], seed: int, family: str) -> list[Task]:
-    """Singles go through the causes in turn, sets are drawn; case number n of a kind is the same for any counts."""
+    """Return practice cases; case number n of a kind is the same for any counts.
+
+    Singles, poor motions and outsiders cycle through the effects; pairs and triples are drawn at random.
+    """
     from hidden.practice.effects import EFFECTS
     from hidden.practice.outsiders import LEARNT, OUTSIDERS
 
@@ -202,7 +210,7 @@ def practice(counts: Mapping[str, int], seed: int, family: str) -> list[Task]:
             else:
                 size = {"pair": 2, "triple": 3, "null": 0}[kind]
                 true = sorted(map(str, rng.choice(names, size, replace=False)))
-            # the cycle over the causes must not go in step with that over the families
+            # keeps the cycle over the causes out of step with the cycle over the families
             own = families[(number + number // len(names)) % len(families)] if kind != "poor" else "poor"
             options = {"family": own, **(NULLS[number % len(NULLS)] if kind == "null" else {})}
             own_seed = seed * 1_000_000 + place * 10_000 + number
@@ -211,7 +219,7 @@ def practice(counts: Mapping[str, int], seed: int, family: str) -> list[Task]:
 
 
 def version(generator: str) -> str:
-    """Of the code that a result depends on: results of different versions must not be mixed."""
+    """Return a digest of the code that a result depends on; results of different versions must not be mixed."""
     root = Path(__file__).parents[2]
     digest = hashlib.sha256()
     for folder in ("paxisim/diagnose", "paxisim/augment", f"tests/hidden/{generator}"):

@@ -1,8 +1,8 @@
-"""What the native engine gains: steps per CPU second over those of robosuite's, resets included, in one run.
+"""Speed of the native engine: steps per CPU second relative to robosuite's, including resets, in one run.
 
-``python integrations/benchmarks/native.py``. Rounds of whole episodes with two 6x5 pads, GCS and its history: as many
-native ones as a training has in one vectorised environment, then one of robosuite, on random actions. CPU
-seconds are those of all threads. The last line says what a training step costs.
+``python integrations/benchmarks/native.py``. Each round runs whole episodes with two 6x5 pads, GCS and its history, on
+random actions: as many native ones as in a training, in one vectorised environment, then one in robosuite. CPU seconds
+are summed over all threads. The last line shows the cost of a training step.
 """
 
 import logging
@@ -20,18 +20,18 @@ from paxisim_insertion.vec_env import InsertionVecEnv
 from stable_baselines3.common.logger import configure
 
 ROUNDS, ENVS = 5, 20
-DOWN = 0.2  # of the largest action, so that pegs come to stand on their bases
+DOWN = 0.2  # fraction of the largest action, so that pegs land on their bases
 
 
 def actions(rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
-    """Random actions that drift down."""
+    """Draw random actions with a downward drift."""
     drawn = rng.normal(0, 0.3, shape)
     drawn[..., -1] -= DOWN
     return np.clip(drawn, -1, 1)
 
 
 def robosuite_seconds(env: InsertionEnv, seed: int) -> float:
-    """CPU seconds of a step of an episode."""
+    """Return the CPU seconds per step of an episode."""
     rng, start = np.random.default_rng(seed), time.process_time()
     env.reset(seed=seed)
     for _ in range(env.task.max_steps):
@@ -40,7 +40,7 @@ def robosuite_seconds(env: InsertionEnv, seed: int) -> float:
 
 
 def native_seconds(env: InsertionVecEnv, seed: int) -> tuple[float, float]:
-    """CPU and wall seconds of a step of an environment; the episodes' ends and beginnings are in it."""
+    """Return the CPU and wall seconds per step of one environment, including the ends and starts of episodes."""
     rng, cpu, wall = np.random.default_rng(seed), time.process_time(), time.perf_counter()
     for _ in range(env.envs[0].task.max_steps):
         env.step(actions(rng, (env.num_envs, *env.action_space.shape)))
@@ -49,7 +49,7 @@ def native_seconds(env: InsertionVecEnv, seed: int) -> tuple[float, float]:
 
 
 def share_of_physics(env: InsertionVecEnv, seed: int) -> float:
-    """MuJoCo's share of a step's CPU time, without resets."""
+    """Return MuJoCo's share of the CPU time of a step, without resets."""
     rng, inside = np.random.default_rng(seed), 0.0
     env.reset()
 
@@ -74,7 +74,7 @@ def share_of_physics(env: InsertionVecEnv, seed: int) -> float:
 
 
 def training() -> None:
-    """Print what a step of a training costs, once it learns."""
+    """Print the cost of a training step, once learning has started."""
     torch.set_num_threads(1)
     with TemporaryDirectory() as folder:
         run = Run(Path(folder), "SX-2mm", "GCS", envs=ENVS, engine="native", batch=128, buffer=20_000)

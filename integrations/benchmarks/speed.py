@@ -1,8 +1,8 @@
-"""What the pads cost in robosuite, as ratios of steps per second measured in turns in one run.
+"""Cost of the pads in robosuite, as ratios of steps per second measured in alternation in one run.
 
 ``python integrations/benchmarks/speed.py``. Each round times every environment once, so that a busy machine slows all
-of them alike; the ratio is the median over the rounds. "robosuite" is its own gripper and controller, "fast" the same
-with `fast_controller`, and "pads" has the paper's pads as well: their forces, GCS and the history of 20 frames.
+of them equally; the ratio is the median over the rounds. "robosuite" uses robosuite's own gripper and controller,
+"fast" uses `fast_controller`, and "pads" adds the paper's pads: their forces, GCS and the history of 20 frames.
 """
 
 import logging
@@ -25,7 +25,7 @@ QUIET = {"has_renderer": False, "has_offscreen_renderer": False, "use_camera_obs
 
 
 def measured(steps: dict[str, Callable[[], object]]) -> dict[str, np.ndarray]:
-    """Seconds of a step, each round's, by name."""
+    """Return the seconds per step of each round, by name."""
     seconds: dict[str, list[float]] = {name: [] for name in steps}
     for _ in range(ROUNDS):
         for name, step in steps.items():
@@ -37,7 +37,7 @@ def measured(steps: dict[str, Callable[[], object]]) -> dict[str, np.ndarray]:
 
 
 def lift() -> dict[str, Callable[[], object]]:
-    """Lift, the gripper in the air."""
+    """Return the steps of Lift, with the gripper in the air."""
 
     def made(gripper: str, **more: object) -> object:
         options = {"robots": "Panda", "gripper_types": gripper, "hard_reset": False, "ignore_done": True, **QUIET}
@@ -55,7 +55,7 @@ def lift() -> dict[str, Callable[[], object]]:
 
 
 def insertion(task: str) -> dict[str, Callable[[], object]]:
-    """A peg held above its base."""
+    """Return the steps of a task, with the peg held above its base."""
     plain = load_composite_controller_config(robot="Panda")
     for part in plain["body_parts"].values():
         part.update(input_type="absolute", input_ref_frame="world")
@@ -63,7 +63,7 @@ def insertion(task: str) -> dict[str, Callable[[], object]]:
         "robosuite": InsertionScene(TASKS[task], tactile=False, controller=plain),
         "fast": InsertionScene(TASKS[task], tactile=False),
     }
-    # the scene drives the arm itself; this is robosuite's way
+    # the scene drives the arm itself; this restores robosuite's method
     robot = scenes["robosuite"].robots[0]
     scenes["robosuite"]._pre_action = lambda action, policy_step=False: robot.control(action, policy_step)
     for scene in scenes.values():
@@ -75,7 +75,7 @@ def insertion(task: str) -> dict[str, Callable[[], object]]:
 
 
 def scaling(task: str = "SX-2mm") -> None:
-    """Print steps per second of environments in processes of their own, over those of one; the largest of a few."""
+    """Print steps per second of environments in separate processes relative to one process; best of five."""
     cores = os.cpu_count() or 1
     best: dict[int, float] = {}
     with TemporaryDirectory() as folder:

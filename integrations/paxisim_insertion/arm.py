@@ -1,4 +1,4 @@
-"""Arm: what robosuite's Panda is to the thing that its fingertip pushes, as a few matrices."""
+"""Arm: the dynamics of robosuite's Panda at its fingertip, as a few matrices."""
 
 from __future__ import annotations
 
@@ -15,14 +15,13 @@ from .tasks import TASKS, Parameters
 
 @dataclass(frozen=True, eq=False)
 class Arm:
-    """An arm in one pose, seen from its fingertip.
+    """Dynamics of an arm in one pose, expressed at its fingertip.
 
-    Velocities of the fingertip are ``(6,)``, linear (m/s) and angular (rad/s), in the world.
+    Fingertip velocities are ``(6,)``, linear (m/s) and angular (rad/s), in the world frame.
 
     Attributes:
-        inertia: ``(6, 6)`` operational-space inertia at the fingertip (kg, kg m, kg m^2), the gripper included.
-        rates: ``(7, 6)`` speeds of the joints (rad/s) for a velocity of the fingertip, while the arm is pushed by
-            nothing but the fingertip.
+        inertia: ``(6, 6)`` operational-space inertia at the fingertip (kg, kg m, kg m^2), including the gripper.
+        rates: ``(7, 6)`` joint speeds (rad/s) per fingertip velocity, when nothing but the fingertip pushes the arm.
         friction: ``(7,)`` dry friction of the joints (N m).
         damping: ``(7,)`` viscous friction of the joints (N m s).
     """
@@ -34,7 +33,7 @@ class Arm:
 
     @property
     def impedance(self) -> NDArray[np.floating]:
-        """``(6, 6)`` the inertia that robosuite's controller multiplies errors by: position and rotation apart."""
+        """``(6, 6)`` inertia by which robosuite's controller multiplies errors: position and rotation decoupled."""
         mobility, apart = np.linalg.inv(self.inertia), np.zeros((6, 6))
         for part in (slice(0, 3), slice(3, 6)):
             apart[part, part] = np.linalg.inv(mobility[part, part])
@@ -43,9 +42,9 @@ class Arm:
 
 @cache
 def measure_arm(parameters: Parameters) -> Arm:
-    """The Panda of robosuite with its gripper, the fingertip where an episode begins on average.
+    """Measure robosuite's Panda with its gripper, the fingertip at the mean start of an episode.
 
-    Over the tasks' workspace an entry of its inertia changes by a few percent.
+    The entries of the inertia change by a few percent over the tasks' workspace.
     """
     scene = InsertionScene(TASKS["SX-2mm"], parameters)
     scene.place(np.mean(parameters.start, axis=0))

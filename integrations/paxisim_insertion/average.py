@@ -1,4 +1,4 @@
-"""Average: the actor that a training leaves, a running mean of those it had."""
+"""Average: a running mean of the actors of a training run, which is the actor that the run saves."""
 
 from __future__ import annotations
 
@@ -8,25 +8,25 @@ import torch
 from torch import nn
 
 SHARE = 0.005
-"""Of an update in the average, as in SAC's own target networks: it spans some two hundred updates."""
+"""Weight of an update in the average, as in SAC's target networks: the average spans about 200 updates."""
 
 
 class Average:
-    """A running mean of an actor's weights and of the statistics of its batch normalisation.
+    """A running mean of an actor's weights and of its batch normalisation statistics.
 
-    A policy that learns swings: within a hundred updates one of SX-2mm went from 19 of 20 episodes to 10 and back. What
-    such a training should leave is no matter of the update that it happens to end with.
+    A policy fluctuates while it learns: within a hundred updates one on SX-2mm went from 19 of 20 episodes to 10 and
+    back. The mean keeps the result of a training from depending on the update at which it happens to end.
 
     Attributes:
         actor: The mean, as an actor.
     """
 
     def __init__(self, actor: nn.Module) -> None:
-        """Begin with an actor as it is."""
+        """Start the mean at an actor."""
         self.actor = copy.deepcopy(actor).requires_grad_(False)
 
     def add(self, actor: nn.Module, updates: int) -> None:
-        """Take in an actor that has been updated so many times since the last."""
+        """Add an actor to the mean, with the number of updates since the last one."""
         share = 1 - (1 - SHARE) ** updates
         new = actor.state_dict()
         with torch.no_grad():

@@ -1,4 +1,4 @@
-"""Curve: how often a training succeeded, step by step."""
+"""Learning curves: success rate against training steps."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ from pathlib import Path
 import paxisim
 
 CURVE = "curve.csv"
-"""The file of a curve beside an exported actor."""
+"""File name of the curve of an exported actor."""
 
 _STEPS, _SUCCESS = "time/total_timesteps", "rollout/success_rate"  # stable-baselines3's names
 _POINTS = 200
 
 
 def read_curve(folder: Path) -> list[tuple[int, float]]:
-    """Steps of a training, and the success of its last 100 episodes then, with drawn actions.
+    """Read the steps of a training and the success rate of the last 100 episodes, with sampled actions, at each.
 
     Args:
-        folder: A run, whose logs are read, or what was exported of one.
+        folder: Folder of a run, whose logs are read, or of an exported actor.
 
     Returns:
-        In the order of steps; empty if nothing was logged.
+        Pairs of steps and success rate, ordered by steps; empty if nothing was logged.
 
     Raises:
-        InvalidValueError: A log is not one.
+        InvalidValueError: A file is not a training log.
     """
     points: dict[int, float] = {}
     logs = sorted(folder.glob("log_*/progress.csv"), key=lambda path: path.stat().st_mtime)
@@ -40,7 +40,7 @@ def read_curve(folder: Path) -> list[tuple[int, float]]:
 
 
 def write_curve(folder: Path, points: list[tuple[int, float]]) -> None:
-    """Write a curve, thinned out, for `read_curve`."""
+    """Write a curve, thinned to at most 200 points, for `read_curve`."""
     kept = points[:: -(-len(points) // _POINTS) or 1]
     with (folder / CURVE).open("w", encoding="utf-8", newline="") as lines:
         writer = csv.writer(lines, lineterminator="\n")

@@ -1,4 +1,4 @@
-"""``python -m paxisim_insertion.engines``: what the native engine changes, against robosuite's on the same seeds."""
+"""``python -m paxisim_insertion.engines``: compare the native engine with robosuite's on the same seeds."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .shell import command
 from .tasks import TASKS, Parameters
 
 NOISE = 0.3
-"""Deviation of what is added to the expert's actions, so that pegs also miss and slip."""
+"""Standard deviation of the noise added to the expert's actions, which makes pegs also miss and slip."""
 
 
 def engines(*, policies: Path | None = None, trials: int = 50, episodes: int = 5, other_versions: bool = False) -> None:
@@ -28,15 +28,15 @@ def engines(*, policies: Path | None = None, trials: int = 50, episodes: int = 5
 
     Args:
         policies: Folder of runs or exported actors. Default: no second table.
-        trials: Episodes of each policy and engine.
-        episodes: Episodes of each task in which the engines get the same actions, those of a noisy expert.
-        other_versions: Go on although the software's versions are not the runs'.
+        trials: Episodes per policy and engine.
+        episodes: Episodes per task in which both engines get the same actions, those of a noisy expert.
+        other_versions: Accept runs made with other software versions.
     """
     if trials < 1 or episodes < 1:
         raise paxisim.InvalidValueError(f"expected at least one trial and episode, got {trials} and {episodes}")
     folders = [] if policies is None else sorted(path.parent for path in policies.glob("*/run.json"))
     if policies is not None and not folders:
-        raise paxisim.InvalidValueError(f"{policies} has no folders of runs or of exported actors")
+        raise paxisim.InvalidValueError(f"{policies} has no folders of runs or exported actors")
     print(f"{pushes(Parameters())}\n")
     print("| task | taxels, L1: median | 95 % | peg (mm): median | 95 % | sum of a pad (N): median | 95 % |")
     print("|---|---|---|---|---|---|---|")
@@ -64,7 +64,7 @@ def engines(*, policies: Path | None = None, trials: int = 50, episodes: int = 5
 
 
 def pushes(parameters: Parameters) -> str:
-    """What the arm does with a full action of 1 cm straight down that an obstacle blocks."""
+    """Describe how the arm pushes when an obstacle blocks a full action of 1 cm straight down."""
     arm = measure_arm(parameters)
     x, z, coupled = arm.inertia[0, 0], arm.inertia[2, 2], arm.inertia[0, 2]
     stiffness = parameters.kp * arm.impedance[:3, :3]
@@ -72,16 +72,17 @@ def pushes(parameters: Parameters) -> str:
     free = 0.01 / np.linalg.inv(stiffness)[2, 2]
     return (
         f"robosuite's arm at its fingertip: {x:.1f} kg along x, {z:.1f} along z, {coupled:.1f} between them. A full "
-        f"action straight down pushes with {down:.0f} N down and {along:.0f} along x, or {free:.0f} N down once it slid"
+        f"action straight down pushes with {down:.0f} N down and {along:.0f} N along x, and with {free:.0f} N down "
+        "once it has slid"
     )
 
 
 def differences(task: str, seed: int) -> NDArray[np.floating]:
-    """How the engines differ in an episode of the same actions, what a policy without randomisation feels.
+    """Compare the engines over an episode of the same actions, with readings that are not randomised.
 
     Returns:
-        ``(3, steps)``: L1 norm of the taxels' difference over that of the reference; distance (mm) of the pegs;
-        largest difference (N) of the sums of a pad.
+        ``(3, steps)``: L1 norm of the taxels' difference relative to that of the reference; distance (mm) between the
+        pegs; largest difference (N) between the sums over a pad.
     """
     reference, native = (InsertionEnv(task, "DT", engine=engine) for engine in ("robosuite", "native"))
     rng = np.random.default_rng(seed)

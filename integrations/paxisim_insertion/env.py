@@ -25,44 +25,45 @@ from .tasks import Parameters, find_task
 
 CONTROL_DT = 0.05
 LARGEST_FORCE, LARGEST_POSE = 1e3, 10.0
-"""Bounds of the observation space (N; m and rad), beyond whatever occurs; checkers dislike infinite ones."""
+"""Finite bounds of the observation space (N; m and rad), larger than any value; checkers dislike infinite ones."""
 
 ENGINES: dict[str, type[NativeScene] | type[InsertionScene]] = {"robosuite": InsertionScene, "native": NativeScene}
-"""What moves the hand, by name."""
+"""Scenes by the name of the engine that moves the hand."""
 
 RAW = "raw"
-"""The entry that neither sees: the newest reading before the chain, for a replay buffer that draws its own chains."""
+"""Key of the newest reading before the chain, for a replay buffer that draws its own chains; no network sees it."""
 
 
 class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.float32]]):
-    """One task, seen as one method sees it.
+    """One task, with the observations of one method.
 
-    The action is the change of the fingertip's goal along the axes that are not frozen, in [-1, 1], times the task's
-    action scale; the goal starts from where the fingertip is. Rotation and the frozen axis stay as they began.
+    The action, in [-1, 1], times the task's action scale is the displacement of the fingertip's goal from the current
+    fingertip position, along the axes that are not frozen. Rotation and the frozen axis keep their initial values.
 
-    The observation:
+    The observation has these entries:
 
-    - ``"p"`` ``(6,)``: p_t, the fingertip's position (m) in the base's frame, and its rotation vector (rad) from
-      pointing straight down. Zeros where the hole is hidden.
+    - ``"p"`` ``(6,)``: p_t, the fingertip's position (m) in the base's frame, and its rotation vector (rad)
+      relative to pointing straight down. Zeros where the hole is hidden.
     - ``"tactile"``: the encoded history, see `paxisim.History`; absent for NT.
-    - ``"raw"`` ``(pads, 3, rows, cols)``: for a method that randomises, the newest reading before its chain, in
-      newtons. For the replay buffer only.
+    - ``"raw"`` ``(pads, 3, rows, cols)``: for methods that randomise, the newest reading before the chain, in newtons.
+      For the replay buffer only.
     - ``"privileged"`` ``(12,)``: position and rotation vector of the peg, then of the fingertip, in the base's frame.
       For the critic only.
 
-    The episode is truncated after the task's number of steps. It goes on after success, since the paper's bonus is a
-    term of every step's reward: an episode that ended with it would be worth less than one that hovers in the hole.
-    ``info["is_success"]`` tells whether the insertion has succeeded in this episode; ``info["reward_terms"]`` has the
-    reward's terms.
+    The episode is truncated after the task's number of steps. It continues after success because the paper's bonus is
+    part of every step's reward: an episode that ended with success would earn less than one that hovers in the hole.
+    ``info["is_success"]`` tells whether the insertion has succeeded in this episode; ``info["reward_terms"]`` holds the
+    terms of the reward.
 
     Attributes:
         scene: The hand, the peg and its base.
         task: The task.
         method: The method.
         terminates: Whether the first success ends an episode.
-        sensor: The chain in place of what is drawn, None for none; another may be set between episodes.
-        surface: Heights ``(pads, rows, cols)`` (m) of that sensor's taxels, None for flat ones; likewise.
-        gap: How the robot differs from the simulated one.
+        sensor: The chain that replaces the drawn one, or None; may be changed between episodes.
+        surface: Heights ``(pads, rows, cols)`` (m) of that sensor's taxels, None for flat pads; may be changed between
+            episodes.
+        gap: Differences between the robot and the simulated one; None for no differences.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 20}  # noqa: RUF012 - gymnasium's own name and type
@@ -86,23 +87,24 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         Args:
             task: Name of a task.
             method: Name of a method.
-            engine: What moves the hand: ``"robosuite"``, the reference, or ``"native"``, about four times as fast.
-            gcs: What is drawn for each episode, such as ``paxisim.GCS.around(diagnosis.model, diagnosis.intervals)``.
-                Default: what the method draws.
-            sensor: A surrogate of a real sensor: the simulator's readings pass through it, in place of what is drawn
-                for each episode; the surface stays flat. A function makes the chain for the pads' layout.
-            parameters: What the paper leaves open.
-            gap: How the robot differs from the simulated one, for an evaluation. Default: not at all.
-            ranges: What is drawn of the pads' friction, stiffness, mounts and surfaces for each episode that has
-                neither sensor nor gap. Default: nothing.
-            terminate_on_success: End the episode with the first success, as an evaluation may.
+            engine: Engine of the simulation: ``"robosuite"``, the reference, or ``"native"``, about four times as fast.
+            gcs: Randomisation drawn for each episode, such as
+                ``paxisim.GCS.around(diagnosis.model, diagnosis.intervals)``. Default: that of the method.
+            sensor: A surrogate of a real sensor: the simulator's readings pass through it instead of through a chain
+                drawn for each episode, and the surface stays flat. A function gets the pads' layout and returns the
+                chain.
+            parameters: Values that the paper does not specify.
+            gap: Differences between the robot and the simulated one, for an evaluation. Default: none.
+            ranges: Ranges of the pads' friction, stiffness, mounts and surfaces, drawn for each episode that has
+                neither a sensor nor a gap. Default: nothing is drawn.
+            terminate_on_success: End the episode with the first success, as an evaluation does.
             render_mode: ``"rgb_array"`` or None.
 
         Raises:
             UnknownNameError: There is no such task, method or engine.
-            UnsupportedError: Ranges of a scene with another number of pads.
-            InvalidValueError: Another render mode, or chains that do not fit the pads or need another covariate than
-                ``gripper_opening`` (m).
+            UnsupportedError: The ranges belong to a scene with another number of pads.
+            InvalidValueError: The render mode is not supported, or the chains do not fit the pads or need a covariate
+                other than ``gripper_opening`` (m).
         """
         self.task, self.method = find_task(task), find_method(method)
         self.gcs = self.method.gcs if gcs is None else gcs
@@ -144,7 +146,7 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
 
     @property
     def _draw(self) -> paxisim.GCS:
-        """What surfaces, and chains where there is no sensor, are drawn from."""
+        """Randomisation from which surfaces and, without a sensor, chains are drawn."""
         gcs = self.gcs if self.sensor is None else None
         return gcs or paxisim.GCS(geometry=False, convolution=False, scaling=False)
 
@@ -155,12 +157,12 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
 
     @property
     def history(self) -> paxisim.History:
-        """What the policy sees of the readings."""
+        """The encoded history of readings that the policy sees."""
         return self._history
 
     @property
     def layout(self) -> paxisim.TaxelLayout:
-        """The taxels of each pad."""
+        """Taxel layout of each pad."""
         return self._layout
 
     @property
@@ -176,7 +178,7 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, NDArray[np.float32]], dict[str, Any]]:
-        """Begin an episode: draw start, grasp, surface and chain, and close the fingers on the peg."""
+        """Begin an episode: draw its start, grasp, surface and chain, and close the fingers on the peg."""
         super().reset(seed=seed)
         self._chain = self.begin()
         self._steps, self._succeeded = 0, False
@@ -190,7 +192,7 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         """Draw an episode's start, grasp, surface and chain, and close the fingers on the peg.
 
         Returns:
-            What the readings of the episode pass through.
+            The chain through which the readings of the episode pass.
         """
         rng = self.np_random
         low, high = self.parameters.start
@@ -213,7 +215,7 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
     def step(
         self, action: NDArray[np.floating]
     ) -> tuple[dict[str, NDArray[np.float32]], float, bool, bool, dict[str, Any]]:
-        """Move for 50 ms."""
+        """Apply an action for 50 ms."""
         action = np.clip(np.asarray(action, dtype=float), -1, 1)
         goal = self._home.copy()
         goal[self._axes] = self.scene.fingertip[0][self._axes] + self.task.action_scale * action
@@ -228,10 +230,10 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         return self._observe(), weighted(terms), self.terminates and bool(state.success), truncated, info
 
     def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
-        """A picture ``(480, 640, 3)`` of the scene.
+        """Return a picture ``(480, 640, 3)`` of the scene.
 
         Raises:
-            UnsupportedError: MuJoCo cannot draw without a display here.
+            UnsupportedError: MuJoCo cannot render here, for example without a display.
         """
         if self.render_mode is None:
             return None
@@ -242,7 +244,7 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
                 renderer = self._renderer = mujoco.Renderer(model, 480, 640)
             except Exception as error:  # each OpenGL backend raises its own
                 raise paxisim.UnsupportedError(
-                    f"cannot draw the scene ({error}): without a display set MUJOCO_GL=egl or MUJOCO_GL=osmesa"
+                    f"cannot draw the scene ({error}): without a display, set MUJOCO_GL=egl or MUJOCO_GL=osmesa"
                 ) from error
         camera, options = mujoco.MjvCamera(), mujoco.MjvOption()
         camera.lookat, camera.distance = self.scene.hole_top + [0, 0, 0.03], 0.4

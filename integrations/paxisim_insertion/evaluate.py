@@ -1,4 +1,4 @@
-"""``python -m paxisim_insertion.evaluate --run runs/SX-2mm_GCS_0``: how often a policy succeeds, in robosuite."""
+"""``python -m paxisim_insertion.evaluate --run runs/SX-2mm_GCS_0``: success rate of a policy in robosuite."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from .trained import Trained
 from .transfer import sensors
 
 FIRST_SEED = 1_000_000
-"""Of the evaluation's episodes, which no training run uses."""
+"""First seed of the evaluation's episodes; no training run uses them."""
 
 
 def evaluate(
@@ -35,19 +35,19 @@ def evaluate(
     out: Path = OUT,
     other_versions: bool = False,
 ) -> None:
-    """Evaluate a run's newest policy on fixed episodes, and write the result.
+    """Evaluate a run's newest policy on fixed episodes and write the result.
 
     Args:
         run: Folder of the run.
-        trials: Episodes.
-        sensor: A surrogate of a real sensor: a chain that paxisim saved, or reference:unit:N for the N-th unit of
+        trials: Number of episodes.
+        sensor: A surrogate of a real sensor: a chain saved by paxisim, or reference:unit:N for the N-th unit of
             paxisim's magnetic pad, with +memory for a gel that creeps and +neighbour for the other pad's magnets.
-            Default: what the method is trained with.
-        transfer: Spread the episodes over 25 sensors that no training has seen, on a robot whose p_t is noisy and whose
-            controller and joints are off, see Gap.
-        drawn: Draw the actions, as in training, instead of taking the most likely ones.
-        out: Folder of the result; .table looks there, too.
-        other_versions: Evaluate although the software's versions are not the run's.
+            Default: the sensor that the method is trained with.
+        transfer: Spread the episodes over 25 sensors that no training has seen, on a robot with a noisy p_t and a
+            miscalibrated controller and joints, see Gap.
+        drawn: Sample the actions from the policy, as in training, instead of taking the most likely ones.
+        out: Output folder, which .table reads as well; created if missing.
+        other_versions: Accept a run made with other software versions.
     """
     if trials < 1:
         raise paxisim.InvalidValueError(f"expected at least one trial, got {trials}")
@@ -93,20 +93,20 @@ def evaluate(
 
 
 def surrogate_of(sensor: str) -> paxisim.Chain | Callable[[paxisim.TaxelLayout], paxisim.Chain]:
-    """The chain of a file, or what makes that of a unit of the magnetic pad, read in counts of 0.1 N.
+    """Load a chain from a file, or return a factory for a unit of the magnetic pad, read in counts of 0.1 N.
 
     Raises:
-        InvalidValueError: The file is no chain, or the text names no unit.
+        InvalidValueError: The file is not a chain, or the text does not name a unit.
     """
     if not sensor.startswith("reference:"):
         return paxisim.Chain.load(sensor)
     name = sensor.removeprefix("reference:")
-    paxisim.reference_sensor(name)  # says what is wrong with it before there is an environment
+    paxisim.reference_sensor(name)  # raises before an environment is built
     return partial(unit, name)
 
 
 def succeeds(env: InsertionEnv, trained: Trained, seed: int, *, drawn: bool = False) -> bool:
-    """Whether the policy's most likely actions, or drawn ones, solve the episode of this seed."""
+    """Return whether the policy, with its most likely or with sampled actions, solves the episode of this seed."""
     torch.manual_seed(seed)
     observation, info = env.reset(seed=seed)
     terminated = truncated = False

@@ -1,4 +1,4 @@
-"""A scripted expert that sees the poses: it shows that a task can be solved, and by how gentle a hand."""
+"""A scripted expert that sees the poses; it shows that a task can be solved with gentle motions."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from numpy.typing import NDArray
 
 from .env import InsertionEnv
 
-_GAIN = 0.7  # action scales to an action of 1; the controller then closes a gap in a quarter of a second
-_DOWN = 0.35  # of the largest action: a push of a few newtons, which the grip withstands
+_GAIN = 0.7  # distance, in action scales, that gives an action of 1; the controller then closes it within 0.25 s
+_DOWN = 0.35  # fraction of the largest action: it pushes with a few newtons, which the grip withstands
 
 
 def expert_action(env: InsertionEnv) -> NDArray[np.float32]:
-    """Above the hole: over its middle. There: straight down. The action of `env` that does this now."""
+    """Return the action that centres the peg above the hole or, once it is centred, moves it straight down."""
     task, parameters = env.task, env.parameters
     position, rotation = env.scene.peg
-    # a peg that leans is centred by its middle in the hole
+    # a leaning peg is centred by the middle of the section that goes into the hole
     apart = position + rotation @ [0, 0, parameters.hole_depth / 2] - env.scene.hole_top
     move = np.array([-apart[0], -apart[1], 0.0]) / (_GAIN * task.action_scale)
     if task.hole == "groove along x":

@@ -1,4 +1,4 @@
-"""``python -m paxisim_insertion.export --run runs/SX-2mm_GCS_0 --out policies/SX-2mm_GCS_0``: a run's actor alone."""
+"""``python -m paxisim_insertion.export --run runs/SX-2mm_GCS_0 --out policies/SX-2mm_GCS_0``: export a run's actor."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from .shell import command
 
 
 def export(run: Path, *, out: Path, other_versions: bool = False) -> None:
-    """Write what acting needs of a run, about a megabyte, and its learning curve; evaluate and play take it as a run.
+    """Write the actor of a run, about a megabyte, and its learning curve to a folder that evaluate and play accept.
 
     Args:
         run: Folder of the run.
-        out: The new folder.
-        other_versions: Go on although the software's versions are not the run's.
+        out: Output folder; must not exist.
+        other_versions: Accept a run made with other software versions.
     """
     this = Run.open(run, other_versions=other_versions)
     if out.exists():
-        raise paxisim.OutputExistsError(f"{out} exists already: name another")
+        raise paxisim.OutputExistsError(f"{out} exists already: choose another folder")
     env = this.insertion_env()
     try:
         trained = this.policy(env)

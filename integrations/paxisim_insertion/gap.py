@@ -1,4 +1,4 @@
-"""Gap: how a robot differs from the simulated one beside its sensor: in the poses it believes and in its controller."""
+"""Gap: differences between a real robot and the simulated one in measured poses and in the controller."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ import paxisim
 
 @dataclass(frozen=True)
 class Gap:
-    """What an evaluation draws anew for each episode, and no training sees.
+    """Ranges of robot errors, drawn for each episode of an evaluation and never seen in training.
 
     The paper blames the failures of a policy without touch on "pose tracking noise and OSC dynamics gap due to friction
-    in physical motors", and gives no figures. These are ours: a camera that finds the base's markers to about 1.5 mm
-    and a quarter of a degree, and an arm whose joints rub up to four times as much as robosuite's (0.1 N m each).
+    in physical motors" and gives no figures. The defaults are ours: a camera that locates the base's markers to about
+    1.5 mm and a quarter of a degree, and an arm with up to four times the joint friction of robosuite's (0.1 N m each).
 
     Attributes:
-        pose_offset: Largest error of p_t that stays for the episode, along each axis (m) and about each (rad).
-        pose_noise: Standard deviation of p_t's errors from step to step (m, rad).
-        stiffness: Least and most that the controller's stiffness is multiplied by; its damping ratio stays.
-        friction: Least and most that the dry friction of the joints is multiplied by.
+        pose_offset: Largest error of p_t that is constant over the episode, along each axis (m) and about each (rad).
+        pose_noise: Standard deviation of the errors of p_t from step to step (m, rad).
+        stiffness: Smallest and largest factor of the controller's stiffness; its damping ratio is unchanged.
+        friction: Smallest and largest factor of the joints' dry friction.
 
     Raises:
-        InvalidValueError: A negative number, or a range that is not in order.
+        InvalidValueError: A number is negative, or a range is not in order.
     """
 
     pose_offset: tuple[float, float] = (1.5e-3, 4e-3)
@@ -38,16 +38,14 @@ class Gap:
         for item in fields(self):
             value = getattr(self, item.name)
             if len(value) != 2 or not all(0 <= number < float("inf") for number in value):
-                raise paxisim.InvalidValueError(f"{item.name} must be two numbers that are not negative, got {value}")
+                raise paxisim.InvalidValueError(f"{item.name} must be two non-negative numbers, got {value}")
         for name in ("stiffness", "friction"):
             low, high = getattr(self, name)
             if low > high or low == 0:
-                raise paxisim.InvalidValueError(
-                    f"{name} must be the least and the most, both positive, got {low, high}"
-                )
+                raise paxisim.InvalidValueError(f"{name} must be a positive minimum and maximum, got {low, high}")
 
     def draw(self, rng: np.random.Generator) -> DrawnGap:
-        """The gap of one episode."""
+        """Draw the gap of one episode."""
         spread = np.repeat(self.pose_offset, 3)
         return DrawnGap(
             rng.uniform(-spread, spread),
@@ -62,8 +60,8 @@ class DrawnGap:
     """The gap of one episode.
 
     Attributes:
-        offset: ``(6,)`` what is added to p_t (m, rad).
-        noise: ``(6,)`` standard deviation of what is added at each step besides.
+        offset: ``(6,)`` constant error of p_t (m, rad).
+        noise: ``(6,)`` standard deviation of the additional error of p_t at each step (m, rad).
         stiffness: Factor of the controller's stiffness.
         friction: Factor of the joints' dry friction.
     """
@@ -74,5 +72,5 @@ class DrawnGap:
     friction: float
 
     def believed(self, pose: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.float32]:
-        """What is taken for a pose ``(6,)``."""
+        """Return the pose ``(6,)`` (m, rad) that the robot measures for a true pose."""
         return (pose + self.offset + self.noise * rng.standard_normal(6)).astype(np.float32)

@@ -1,7 +1,7 @@
 """Pegs and bases of the tasks as convex pieces, made with trimesh and written as MJCF.
 
-A piece is a trimesh primitive where it is a box or a cylinder, which MuJoCo collides exactly, else a convex mesh.
-The frame of a peg lies in the middle of its bottom, z up; the frame of a base in the middle of the hole's bottom.
+Boxes and cylinders are trimesh primitives, which MuJoCo collides exactly; all other pieces are convex meshes.
+The frame of a peg lies in the middle of its bottom, z up; the frame of a base lies in the middle of the hole's bottom.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 from .tasks import Parameters, Task
 
 SEGMENTS = 24
-"""Pieces around a round hole; its polygon has the hole's circle inscribed, so no peg of the stated size is blocked."""
+"""Pieces around a round hole; their polygon circumscribes the circle, so no peg of the stated size is blocked."""
 
 Pieces = list[trimesh.Trimesh]
 
 
 def peg_pieces(task: Task, parameters: Parameters) -> Pieces:
-    """Shaft and handle of a peg, in the peg's frame."""
+    """Return the shaft and the handle of a peg, in the peg's frame."""
     return [
         _prism(task.peg == "round", parameters.peg_size, 0.0, parameters.peg_length),
         _prism(
@@ -34,7 +34,7 @@ def peg_pieces(task: Task, parameters: Parameters) -> Pieces:
 
 
 def base_pieces(task: Task, parameters: Parameters) -> Pieces:
-    """Floor and walls of a base, in the base's frame. The hole is as wide as the peg and the clearance together."""
+    """Return the floor and walls of a base, in its frame. The hole is as wide as the peg plus the clearance."""
     width = parameters.peg_size + task.clearance
     half, depth = parameters.base_size / 2, parameters.hole_depth
     pieces: Pieces = [_box((-half, -half, -parameters.floor), (half, half, 0.0))]
@@ -50,27 +50,27 @@ def base_pieces(task: Task, parameters: Parameters) -> Pieces:
 
 
 def keypoints(parameters: Parameters) -> NDArray[np.floating]:
-    """``(8, 3)`` corners of the peg's bounding box (m, peg's frame). Inserted, they lie there in the base's frame."""
+    """Return the ``(8, 3)`` corners of the peg's bounding box (m): peg frame, or base frame when inserted."""
     half, top = parameters.peg_size / 2, parameters.peg_length
     return np.array([(x, y, z) for x in (-half, half) for y in (-half, half) for z in (0.0, top)])
 
 
 def contact_attributes(parameters: Parameters) -> dict[str, str]:
-    """Attributes of a geom that make printed plastic of it: a push of 20 N sinks in by less than a tenth of a mm."""
+    """Return geom attributes of printed plastic: a push of 20 N sinks in by less than a tenth of a millimetre."""
     return {"friction": f"{parameters.friction} 0.005 0.0001", "solref": "0.006 1", "solimp": "0.99 0.995 0.0005"}
 
 
 def to_mjcf(pieces: Pieces, name: str, rgba: str, **attributes: str) -> tuple[list[ET.Element], list[ET.Element]]:
-    """The pieces as MJCF.
+    """Convert pieces to MJCF.
 
     Args:
         pieces: Convex pieces in the frame of the body they belong to.
-        name: First part of the names of geoms and meshes.
-        rgba: Their colour.
+        name: Prefix of the names of geoms and meshes.
+        rgba: Colour of the geoms.
         **attributes: Further attributes of the geoms.
 
     Returns:
-        Geoms, for the body, and meshes, for the assets.
+        Geoms for the body and meshes for the assets.
     """
     geoms, meshes = [], []
     for index, piece in enumerate(pieces):
@@ -84,7 +84,7 @@ def to_mjcf(pieces: Pieces, name: str, rgba: str, **attributes: str) -> tuple[li
             size = np.array([piece.primitive.radius, piece.primitive.height], dtype=float) / [1, 2]
             shape |= {"type": "cylinder", "size": _numbers(size)}
         else:
-            # MuJoCo moves a mesh to its centre of mass and the geom with it, so that it stays where it was
+            # MuJoCo centres a mesh on its centre of mass and shifts the geom accordingly, so it needs no pos
             shape |= {"type": "mesh", "mesh": label}
             meshes.append(ET.Element("mesh", {"name": label, "vertex": _numbers(piece.vertices.reshape(-1))}))
         geoms.append(ET.Element("geom", shape))
@@ -104,7 +104,7 @@ def _box(low: tuple[float, float, float], high: tuple[float, float, float]) -> t
 
 
 def _ring(radius: float, half: float, depth: float) -> Pieces:
-    """Wedges between a round hole and the square around it."""
+    """Return the wedges between a round hole and the square around it."""
     angles = np.linspace(0, 2 * np.pi, SEGMENTS + 1)
     around = np.column_stack([np.cos(angles), np.sin(angles)])
     inner = around * radius / np.cos(np.pi / SEGMENTS)

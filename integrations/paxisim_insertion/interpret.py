@@ -1,8 +1,8 @@
-"""``python -m paxisim_insertion.interpret --run integrations/policies/SY-2mm_GCS_0``: what a policy makes of a touch.
+"""``python -m paxisim_insertion.interpret --run integrations/policies/SY-2mm_GCS_0``: how a policy reacts to touch.
 
-The paper's "Policy Interpretation": on SY-2mm the shear turns on both pads, in opposite senses, when the peg stands on
-one rim of the groove, and the other way round on the other; on SX-2mm the normal force shifts down on the pad of the
-side on which the peg stands. The policy then moves away from that rim.
+This reproduces the paper's "Policy Interpretation". On SY-2mm the shear rotates in opposite senses on the two pads when
+the peg stands on one rim of the groove, and the senses swap on the other rim. On SX-2mm the normal force shifts down on
+the pad on the side where the peg stands. The policy then moves away from that rim.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from .shell import command
 from .trained import Trained
 
 ON_RIM = 1.5e-3
-"""So near to the base's upper face (m) is the lowest corner of a peg that stands on a rim; the rim is under the peg."""
+"""Largest distance (m) from the base's upper face to the lowest corner of a peg that stands on a rim."""
 
 PUSHED = 1.0
-"""Least change (N) of the vertical force on both pads together, since the episode began, that is a contact."""
+"""Contact threshold: change (N) of the vertical force since the start of the episode, summed over both pads."""
 
 
 @dataclass(frozen=True)
@@ -34,10 +34,10 @@ class Touch:
     """A step in which the peg stands on a rim of the groove.
 
     Attributes:
-        aside: How far the peg is from the middle of the groove (m), along the axis that the policy moves along.
-        turn: ``(pads,)`` torque of the change of shear about the middle of each pad (N mm), counterclockwise to who
-            looks at the pad.
-        shift: ``(pads,)`` how far the centre of the normal force has moved up on each pad (mm).
+        aside: Offset of the peg from the middle of the groove (m), along the axis that the policy controls.
+        turn: ``(pads,)`` torque of the shear change about the middle of each pad (N mm), counterclockwise when facing
+            the pad.
+        shift: ``(pads,)`` upward displacement of the centre of the normal force on each pad (mm).
         action: The policy's action along that axis, in [-1, 1].
     """
 
@@ -48,12 +48,12 @@ class Touch:
 
 
 def interpret(run: Path, *, trials: int = 50, other_versions: bool = False) -> None:
-    """Print what the pads feel on either rim of the groove, and what the policy does then.
+    """Print what the pads measure on either rim of the groove, and how the policy reacts.
 
     Args:
         run: Folder of a run on SX-2mm or SY-2mm.
-        trials: Episodes, those of the evaluation.
-        other_versions: Go on although the software's versions are not the run's.
+        trials: Number of episodes; they are those of the evaluation.
+        other_versions: Accept a run made with other software versions.
     """
     if trials < 1:
         raise paxisim.InvalidValueError(f"expected at least one trial, got {trials}")
@@ -85,7 +85,7 @@ def interpret(run: Path, *, trials: int = 50, other_versions: bool = False) -> N
 
 
 def touches(env: InsertionEnv, trained: Trained, seed: int) -> list[Touch]:
-    """The steps of an episode in which the peg stands on a rim."""
+    """Return the steps of an episode in which the peg stands on a rim."""
     observation, _ = env.reset(seed=seed)
     axis, found = env.task.axes[0], []
     before = env.raw
@@ -115,7 +115,7 @@ def _touch(env: InsertionEnv, before: NDArray[np.float32], action: float, axis: 
     if not stands or abs(np.einsum("pan,pa->", change, ups)) < PUSHED:
         return None
     x, y, _ = env.layout.positions.T
-    turn = 1e3 * (y * change[:, 0] - x * change[:, 1]).sum(axis=-1)  # a pad's z points into it
+    turn = 1e3 * (y * change[:, 0] - x * change[:, 1]).sum(axis=-1)  # the z axis of a pad points into the pad
     heights = ups @ env.layout.positions.T
     middles = [(force[:, 2] * heights).sum(axis=-1) / force[:, 2].sum(axis=-1) for force in (now, then)]
     return Touch(aside, turn, 1e3 * (middles[0] - middles[1]), action)

@@ -1,4 +1,4 @@
-"""Learner: the SAC of a run, its first one or as it was when the run ended."""
+"""Learner: the SAC model of a run, new or restored from where the run ended."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from .trained import ACTOR, NOT_WEIGHTS, counts_of
 
 
 def make_model(run: Run, env: VecEnv, device: str = "auto") -> SAC:
-    """The run's newest model, or its first; its replay buffer is in the folder, with all that was seen.
+    """Restore the run's newest model, or create its first; the replay buffer is stored in the run's folder.
 
-    Of ``model.zip`` the weights, the optimisers' states and the counts are read, and none of its pickles: what else
-    a model is follows from the run.
+    Only the weights, the optimisers' states and the counts are read from ``model.zip``, and none of its pickles. The
+    rest of a model follows from the run's settings.
 
     Raises:
-        InvalidValueError: The model was made for other observations, as of another layout or k.
+        InvalidValueError: The model was made for other observations, such as those of another layout or k.
     """
-    # a step of all environments is one for SAC, which counts whole updates
+    # SAC counts a step of all environments as one, and makes whole numbers of updates
     due = run.updates * run.envs
     model = SAC(
         AsymmetricPolicy,
@@ -34,7 +34,7 @@ def make_model(run: Run, env: VecEnv, device: str = "auto") -> SAC:
         train_freq=max(1, round(1 / due)),
         gradient_steps=max(1, round(due)),
         ent_coef=f"auto_{run.temperature}",
-        policy_kwargs={"optimizer_kwargs": {"fused": True}},  # the same steps, in fewer passes over the weights
+        policy_kwargs={"optimizer_kwargs": {"fused": True}},  # same optimiser steps, fewer passes over the weights
         buffer_size=run.buffer,
         batch_size=run.batch,
         replay_buffer_class=HistoryReplayBuffer,
@@ -54,10 +54,10 @@ def make_model(run: Run, env: VecEnv, device: str = "auto") -> SAC:
 
 
 def average_of(run: Run, model: SAC) -> tuple[Average, float]:
-    """The average of the actors that a training had so far, the newest of which is that of `model`.
+    """Restore the average of a training's actors, or start a new one from the actor of `model`.
 
     Returns:
-        The average, and the CPU seconds of the training until then.
+        The average and the CPU seconds of the training so far.
     """
     seconds = 0.0
     average = Average(model.actor)
@@ -73,7 +73,7 @@ def average_of(run: Run, model: SAC) -> tuple[Average, float]:
 
 
 def _go_on(run: Run, model: SAC) -> None:
-    """Give a model what the newest one had learned and counted."""
+    """Restore the weights and counts of the newest model."""
     model.set_parameters(str(run.model_path), device=model.device)
     _, _, tensors = load_from_zip_file(run.model_path, device=model.device, load_data=False)
     assert isinstance(model.log_ent_coef, torch.Tensor)

@@ -1,4 +1,4 @@
-"""``python -m paxisim_insertion.matrix integrations/matrix.toml``: tasks x methods x seeds, trained and evaluated."""
+"""``python -m paxisim_insertion.matrix integrations/matrix.toml``: train and evaluate tasks x methods x seeds."""
 
 from __future__ import annotations
 
@@ -26,20 +26,20 @@ else:
     import tomli as tomllib  # pyright: ignore[reportMissingImports]
 
 EVALUATIONS = {IN_SIMULATION: [], TRANSFER: ["--transfer"]}
-"""What is evaluated of each cell, with the options that say so."""
+"""Evaluations of a cell, with their command-line options."""
 
 BLIND = {**EVALUATIONS, DRAWN: ["--drawn"]}
-"""The same of a method without touch, whose most likely action may be the same one all the time."""
+"""Evaluations for a method without touch, whose most likely action may never change."""
 
 
 @dataclass(frozen=True)
 class Cell:
-    """One training, and its evaluations.
+    """One training run and its evaluations.
 
     Attributes:
         task: Name of the task.
         method: Name of the method.
-        seed: Of the training.
+        seed: Random seed of the training.
         steps: Environment steps of the training.
     """
 
@@ -50,20 +50,20 @@ class Cell:
 
     @property
     def evaluations(self) -> dict[str, list[str]]:
-        """What is evaluated, with the options that say so."""
+        """Evaluations of this cell, with their command-line options."""
         return BLIND if find_method(self.method).encoding == "NT" else EVALUATIONS
 
     def has(self, sensor: str, out: Path) -> bool:
-        """Whether the training, all of it, was evaluated so."""
+        """Return whether the complete training was evaluated with this sensor."""
         path = out / file_of(self.task, self.method, sensor, self.seed)
         return path.exists() and Result.load(path).training["steps"] >= self.steps
 
     def is_finished(self, out: Path) -> bool:
-        """Whether all of its results are there."""
+        """Return whether all results of the cell exist."""
         return all(self.has(sensor, out) for sensor in self.evaluations)
 
     def commands(self, runs: Path, out: Path) -> Iterator[list[str]]:
-        """What is left to do, as commands that go on where they ended."""
+        """Yield the remaining commands; each continues where it stopped."""
         folder = runs / folder_of(self.task, self.method, self.seed)
         train = ["train", "--out", str(folder), "--steps", str(self.steps)]
         if (folder / "run.json").exists():
@@ -75,18 +75,18 @@ class Cell:
                 yield ["evaluate", "--run", str(folder), "--out", str(out), *options]
 
     def __str__(self) -> str:
-        """As messages name it."""
+        """Return the name of the cell in messages."""
         return f"{self.task} {self.method} seed {self.seed}"
 
 
 def read_cells(file: Path) -> list[Cell]:
-    """The cells of a TOML file, in its order, each once.
+    """Read the cells of a TOML file, in its order and without duplicates.
 
-    ``steps`` is a table of steps by task. Each ``[[cells]]`` has ``tasks``, ``methods`` and ``seeds``, lists of which
-    every combination is a cell, tasks changing first.
+    ``steps`` is a table of training steps by task. Each ``[[cells]]`` has the lists ``tasks``, ``methods`` and
+    ``seeds``; every combination is a cell, with tasks varying fastest.
 
     Raises:
-        InvalidValueError: It is no such file.
+        InvalidValueError: The file is not a matrix.
         UnknownNameError: There is no such task or method.
     """
     try:
@@ -98,7 +98,7 @@ def read_cells(file: Path) -> list[Cell]:
         cells = [cell for group in found["cells"] for cell in _combined(steps, **group)]
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
         raise paxisim.InvalidValueError(
-            f"{file} is not a matrix, which has [steps] and [[cells]] with tasks, methods and seeds: {error!r}"
+            f"{file} is not a matrix: expected [steps] and [[cells]] with tasks, methods and seeds: {error!r}"
         ) from error
     return list(dict.fromkeys(cells))
 
@@ -112,24 +112,24 @@ def _combined(steps: dict[str, int], *, tasks: list[str], methods: list[str], se
 
 def _whole(value: Any, least: int) -> int:
     if type(value) is not int or value < least:
-        raise ValueError(f"expected a whole number of at least {least}, got {value!r}")
+        raise ValueError(f"expected an integer of at least {least}, got {value!r}")
     return value
 
 
 class Matrix:
-    """The cells that are left, what has been done of them, and how long the rest may take."""
+    """The unfinished cells, their progress and the estimated remaining time."""
 
     def __init__(self, cells: list[Cell], runs: Path, out: Path, jobs: int) -> None:
-        """For cells that are not finished; logs and runs go to `runs`, results to `out`."""
+        """Take the unfinished cells; logs and runs go to `runs`, results to `out`."""
         self._cells, self._runs, self._out, self._jobs = cells, runs, out, jobs
         self._steps, self._done, self._seconds = sum(cell.steps for cell in cells), 0, 0.0
         self._lock = Lock()
 
     def run(self) -> list[Cell]:
-        """Work on all cells, several at a time.
+        """Train and evaluate all cells, several at a time.
 
         Returns:
-            Those that failed.
+            The cells that failed.
         """
         with ThreadPoolExecutor(self._jobs) as pool:
             succeeded = list(pool.map(self._work, self._cells))
@@ -138,7 +138,7 @@ class Matrix:
     def _work(self, cell: Cell) -> bool:
         log = self._runs / f"{folder_of(cell.task, cell.method, cell.seed)}.log"
         began = time.monotonic()
-        print(f"{cell}: begins, see {log}", flush=True)
+        print(f"{cell}: started, log in {log}", flush=True)
         try:
             wrong = self._do(cell, log)
         except (paxisim.PaxisimError, OSError) as error:
@@ -152,7 +152,7 @@ class Matrix:
         return wrong is None
 
     def _do(self, cell: Cell, log: Path) -> str | None:
-        """Do what is left of a cell, and say what went wrong."""
+        """Run the remaining commands of a cell; return an error message or None."""
         for words in cell.commands(self._runs, self._out):
             arguments = [sys.executable, "-m", f"paxisim_insertion.{words[0]}", *words[1:]]
             with log.open("a", encoding="utf-8") as told:
@@ -169,13 +169,13 @@ def matrix(
     runs: Path = RUNS,
     out: Path = OUT,
 ) -> None:
-    """Train and evaluate every cell of a file, and print the tables; begun again, it goes on where it ended.
+    """Train and evaluate every cell of a file and print the tables. A restarted command continues where it stopped.
 
     Args:
-        file: TOML with the steps of each task and lists of tasks, methods and seeds.
-        jobs: Cells at the same time, each a process; a core for each is what they need.
-        runs: Folder of the runs, and of a log for each.
-        out: Folder of the results. A cell whose results are there is not touched.
+        file: TOML file with the steps of each task and lists of tasks, methods and seeds.
+        jobs: Number of cells at a time, each in its own process; each process needs one core.
+        runs: Folder of the runs and their logs.
+        out: Folder of the results. A cell that has all its results is skipped.
     """
     if jobs < 1:
         raise paxisim.InvalidValueError(f"jobs must be at least 1, got {jobs}")

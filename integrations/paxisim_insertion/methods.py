@@ -1,4 +1,4 @@
-"""The paper's methods: what the policy sees of the pads, and what is randomised while it learns."""
+"""The paper's methods: tactile encodings and randomisation during training."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from paxisim import augment
 from .tasks import Task
 
 LARGEST_OFFSET = 0.5
-"""Newtons: 5 counts of a PaXini pad, the most that is taken for the field of the fingers over a gripper's travel."""
+"""Largest offset (N): 5 counts of a PaXini pad, an upper bound for the field of the fingers over a gripper's travel."""
 
 
 @dataclass(frozen=True)
 class Method:
-    """One column of the paper's comparison, or of its ablation.
+    """One method of the paper's comparison or of its ablation.
 
     Attributes:
-        name: The paper's name.
-        encoding: paxisim's name of the encoding.
-        gcs: What is drawn for each episode, None for the simulator's readings as they are on flat pads.
-        k: Frames of history; None for the encoding's own, which are the paper's.
+        name: Name of the method in the paper.
+        encoding: Name of the encoding in paxisim.
+        gcs: Randomisation drawn for each episode; None for unmodified readings of flat pads.
+        k: Number of frames in the history; None for the encoding's default, which is the paper's.
     """
 
     name: str
@@ -30,10 +30,10 @@ class Method:
     k: int | None = None
 
     def history(self, task: Task, layout: paxisim.TaxelLayout) -> paxisim.History:
-        """The history that a policy of this method sees on a task, with the paper's k for both."""
+        """Return the history that a policy of this method sees on a task, with the paper's k for both."""
         k = self.k
         if k is None and self.encoding == "GCS" and task.name == "SY-2mm":
-            k = 10  # appendix: works better there than 20
+            k = 10  # appendix: better than 20 on this task
         return paxisim.History(paxisim.encoding(self.encoding, layout), k)
 
 
@@ -53,11 +53,11 @@ METHODS: dict[str, Method] = {
         Method("GCS+O", "GCS", paxisim.GCS(augment.Ranges(offset=LARGEST_OFFSET))),
     )
 }
-"""The paper's methods and its ablations by name; CoP, which others have found to do well; GCS with offsets."""
+"""By name: the paper's methods and ablations, CoP, which others found to work well, and GCS with offsets."""
 
 
 def find_method(name: str) -> Method:
-    """The method of that name.
+    """Return a method by name.
 
     Raises:
         UnknownNameError: There is no such method.

@@ -1,10 +1,10 @@
-"""NativeScene: one task without robosuite: a hand that moves as the arm would move it, in plain MuJoCo.
+"""NativeScene: a task without robosuite, with a hand that moves as the arm would move it, in plain MuJoCo.
 
-The hand slides along x, y, z and turns about them. What the arm adds is linear in the fingertip's velocity and so a
-matter of fixed tendons: the 6x6 inertia of the arm is the armature of six, along its eigenvectors; the friction of the
-seven joints that of seven; and the impedance of robosuite's controller, which acts on position and rotation apart, is
-the force of actuators on three and three. Everything else, the gripper with its pads, the peg, its base and the table,
-is what robosuite's scene has.
+The hand slides along x, y and z and rotates about them. The arm's contribution is linear in the fingertip's velocity,
+so fixed tendons represent it. The 6x6 inertia of the arm is the armature of six tendons along its eigenvectors. The
+friction of the seven joints is the friction of seven more. The impedance of robosuite's controller, which acts on
+position and rotation separately, is the force of actuators on another three and three. Everything else is the same as
+in robosuite's scene: the gripper with its pads, the peg, its base and the table.
 """
 
 from __future__ import annotations
@@ -23,32 +23,32 @@ from .scene import HALF_OPEN, SIDES, TABLE_HEIGHT, TABLE_SIZE, Scene, add_object
 from .tasks import Parameters, Task
 
 TIMESTEP = 5e-3
-"""Seconds of a physics step; robosuite's are 2 ms."""
+"""Physics time step (s); robosuite's is 2 ms."""
 
 CONTROL_STEPS = round(0.05 / TIMESTEP)
 
 _AXES = {"x": "1 0 0", "y": "0 1 0", "z": "0 0 1", "roll": "1 0 0", "pitch": "0 1 0", "yaw": "0 0 1"}
 _DOWN = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])  # the fingertip's rotation
-_GRIP = np.array([0.0, 0.0, 0.097])  # of the gripper's grip site in its frame (m)
+_GRIP = np.array([0.0, 0.0, 0.097])  # position of the grip site in the gripper's frame (m)
 _FINGERS = ["finger_joint1", "finger_joint2"]
 
 
 class NativeScene(Scene):
-    """A hand with the arm's inertia, friction and controller holds a peg above its base."""
+    """A hand with the arm's inertia, friction and controller that holds a peg above its base."""
 
     def __init__(self, task: Task, parameters: Parameters | None = None) -> None:
         """Build the scene.
 
         Args:
             task: The task.
-            parameters: What the paper leaves open.
+            parameters: Values that the paper does not specify; default: ours.
         """
         self.task, self.parameters = task, parameters or Parameters()
         self.nominal = _DOWN
         gripper = paxisim.attach(paxisim.robosuite_gripper_path("panda"), PAD)
         bare = self._spec(gripper, []).compile()
         arm = measure_arm(self.parameters)
-        # the gripper is there itself, and its inertia among the arm's
+        # the arm's inertia includes the gripper, which the model has already
         values, vectors = np.linalg.eigh(arm.inertia - _inertia(bare))
         tendons = [(vector, {"armature": value}) for value, vector in zip(values, vectors.T, strict=True)]
         for row, friction, damping in zip(arm.rates, arm.friction, arm.damping, strict=True):
@@ -69,11 +69,11 @@ class NativeScene(Scene):
         return self._model, self._data
 
     def aim(self, position: NDArray[np.floating]) -> None:
-        """Draw the fingertip to a position (m, world), pointing straight down, from the next physics step on."""
+        """Pull the fingertip towards a position (m, world), pointing straight down, from the next physics step on."""
         self._data.ctrl[:6] = self._towards[:, :3] @ (position - self.base)
 
     def advance(self) -> None:
-        """Let 50 ms pass. Other threads of Python run in the meantime."""
+        """Simulate 50 ms. Other Python threads can run in the meantime."""
         mujoco.mj_step(self._model, self._data, CONTROL_STEPS)
 
     def move(self, position: NDArray[np.floating]) -> None:
@@ -118,7 +118,7 @@ class NativeScene(Scene):
         gripper: paxisim.TactileGripper,
         tendons: list[tuple[NDArray[np.floating], dict[str, float]]],
     ) -> mujoco.MjSpec:
-        """The scene with tendons: what they make of the hand's six joints, and how."""
+        """Build the scene with tendons, each given by its coefficients on the hand's six joints and its attributes."""
         root = ET.Element("mujoco")
         ET.SubElement(root, "compiler", angle="radian")
         ET.SubElement(root, "option", timestep=str(TIMESTEP), cone="elliptic", impratio="20", tolerance="1e-8")
@@ -145,7 +145,7 @@ class NativeScene(Scene):
 
 
 def _add_gripper(spec: mujoco.MjSpec, gripper: mujoco.MjSpec) -> None:
-    """Put the gripper on the hand, its grip site where the hand's joints are, without weight or sensors."""
+    """Attach the gripper to the hand, its grip site at the hand's joints, without weight or sensors."""
     own, quat = np.zeros(9), np.zeros(4)
     mujoco.mju_quat2Mat(own, gripper.body("right_gripper").quat)
     mujoco.mju_mat2Quat(quat, (_DOWN @ own.reshape(3, 3).T).reshape(-1))
@@ -157,7 +157,7 @@ def _add_gripper(spec: mujoco.MjSpec, gripper: mujoco.MjSpec) -> None:
 
 
 def _inertia(model: mujoco.MjModel) -> NDArray[np.floating]:
-    """``(6, 6)`` inertia of the hand's six joints, which come first, with the fingers half open."""
+    """Return the ``(6, 6)`` inertia of the hand's six joints, which come first, with the fingers half open."""
     data = mujoco.MjData(model)
     for name, side in zip(_FINGERS, SIDES, strict=True):
         data.joint(name).qpos = HALF_OPEN * side

@@ -1,4 +1,4 @@
-"""The pads of both engines: the paper's sensor with a ball for each taxel, which makes one contact and not four."""
+"""The pads of both engines: the paper's sensor with balls for taxels, which make one contact instead of four."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from paxisim_robosuite.gripper import DEFAULT_SENSOR
 import paxisim
 
 PAD = replace(DEFAULT_SENSOR, taxels="spheres", thickness=4e-3, mass=2e-3)
-"""A grip of 30 N presses the gel in by more than 1 mm, and a ball can be pressed in by its radius: 2 mm here."""
+"""The pad of both scenes. A grip of 30 N indents the gel by more than 1 mm; balls allow their radius, here 2 mm."""
 
 GRIPPER = "PaxiInsertionGripper"
-"""robosuite's name of the Panda's gripper with these pads."""
+"""Name under which the Panda gripper with these pads is registered in robosuite."""
 
-_BEHIND = PAD.thickness - DEFAULT_SENSOR.thickness  # m that a ball reaches behind the cube that it stands for
+_BEHIND = PAD.thickness - DEFAULT_SENSOR.thickness  # m by which a ball reaches behind the cube that it replaces
 
 register(GRIPPER, "PandaGripper", PAD)
 
@@ -31,19 +31,19 @@ class ScenePads:
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, pads: paxisim.Pads) -> None:
-        """Give the pads of a model their gel; the model's contact parameters of the taxels are set."""
+        """Apply the gel to the pads of a model; this sets the contact parameters of the taxels."""
         self._model, self._data, self.pads = model, data, pads
         PAD.gel.apply(model, pads)
         self._readout = paxisim.TactileReadout(model, pads)
 
     def vary(self, ranges: paxisim.SceneRanges) -> paxisim.SceneVariation:
-        """What draws friction, stiffness and mounts of the pads within ranges."""
+        """Return a variation that draws friction, stiffness and mounts of the pads within ranges."""
         return ranges.vary(self._model, self.pads, PAD.gel)
 
     def set_surface(self, heights: NDArray[np.floating]) -> None:
-        """Give the taxels new heights, ``(pads, rows, cols)`` m, as those of cubes; takes effect at the next step."""
+        """Set the heights of the taxels, ``(pads, rows, cols)`` m, as for cubes; takes effect at the next step."""
         paxisim.set_surface(self._model, self.pads, heights + _BEHIND)
 
     def read(self) -> NDArray[np.float32]:
-        """``(pads, 3, rows, cols)`` float32 newtons: what the pads felt at the last physics step."""
+        """Return the forces at the last physics step, ``(pads, 3, rows, cols)`` float32 newtons."""
         return self._readout.read(self._data)

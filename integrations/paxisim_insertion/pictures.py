@@ -1,4 +1,4 @@
-"""``python -m paxisim_insertion.pictures --policies integrations/policies``: learning curves, and the table."""
+"""``python -m paxisim_insertion.pictures --policies integrations/policies``: figures of learning curves and results."""
 
 from __future__ import annotations
 
@@ -25,13 +25,14 @@ def pictures(
     out: Path = Path("."),
     other_versions: bool = False,
 ) -> None:
-    """Draw learning.png, a panel of learning curves for each task, and table.png, the paper's table beside ours.
+    """Draw learning.png, the learning curves of each task, and table.png, the paper's results beside ours.
 
     Args:
-        policies: Folder of runs or of exported actors, for the curves. Default: no curves.
-        results: Folder of results, for the table. Default: those that come with the package, and those in ./results.
-        out: Folder of the pictures.
-        other_versions: Go on although the software's versions are not the runs'.
+        policies: Folder of runs or exported actors, for the curves. Default: no curves.
+        results: Folder of results, for the table. Default: the results that come with the package and those in
+            ./results.
+        out: Output folder; created if missing.
+        other_versions: Accept runs made with other software versions.
     """
     import matplotlib
 
@@ -41,14 +42,14 @@ def pictures(
     if policies is not None:
         folders = sorted(path.parent for path in policies.glob("*/run.json"))
         if not folders:
-            raise paxisim.InvalidValueError(f"{policies} has no folders of runs or of exported actors")
+            raise paxisim.InvalidValueError(f"{policies} has no folders of runs or exported actors")
         runs = [Run.open(folder, other_versions=other_versions) for folder in folders]
         _save(draw_curves(runs), out / "learning.png")
     _save(draw_table(found), out / "table.png")
 
 
 def draw_curves(runs: list[Run]) -> Any:
-    """A figure with a panel for each task and a line for each run, in its method's colour."""
+    """Return a figure with one panel per task and one line per run, coloured by method."""
     from matplotlib.figure import Figure
 
     figure = Figure((11, 6), layout="constrained")
@@ -70,7 +71,7 @@ def draw_curves(runs: list[Run]) -> Any:
 
 
 def draw_table(found: list[Result]) -> Any:
-    """A figure of four tables of coloured cells: the paper's and ours, in simulation and on robot or surrogates."""
+    """Return a figure of four coloured tables: the paper's results and ours, in simulation and after transfer."""
     from matplotlib.figure import Figure
 
     real = {**TABLE_2_REAL, **{name: rates for name, rates in ABLATION_REAL.items() if name not in TABLE_2_REAL}}

@@ -1,4 +1,4 @@
-"""``python -m paxisim_insertion.play --task SX-2mm``: a film of an episode, what the pads feel beside the scene."""
+"""``python -m paxisim_insertion.play --task SX-2mm``: film an episode, with the pads' readings beside the scene."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from .shell import command
 from .trained import Trained
 
 HEIGHT = 480
-"""Of the film (pixels), that of the scene's picture."""
+"""Height (pixels) of the film and of the picture of the scene."""
 
 SUFFIXES = (".mp4", ".gif", ".webp")
 
 LARGEST_NORMAL, LARGEST_SHEAR = 3.0, 2.0
-"""Newtons of a taxel at the ends of the film's colour scale and arrows: a grip of 30 N is 1 N a taxel."""
+"""Forces (N per taxel) at the ends of the colour scale and of the arrow scale; a grip of 30 N is 1 N per taxel."""
 
 
 def play(
@@ -42,16 +42,16 @@ def play(
 
     Args:
         task: Name of the task, for the expert.
-        run: Folder of a run; its policy plays the run's task.
-        seed: Of the episode.
-        out: The film, MP4; or, half as high, an animated GIF or WebP.
-        force: Overwrite it.
-        other_versions: Play although the software's versions are not the run's.
+        run: Folder of a run; its policy plays the task of the run. Default: the expert plays.
+        seed: Random seed of the episode.
+        out: Output file: an MP4 film, or an animated GIF or WebP of half the height.
+        force: Overwrite an existing file.
+        other_versions: Accept a run made with other software versions.
     """
     if out.suffix.lower() not in SUFFIXES:
-        raise paxisim.InvalidValueError(f"a film's name ends with one of {', '.join(SUFFIXES)}, got {out}")
+        raise paxisim.InvalidValueError(f"expected a file name that ends with one of {', '.join(SUFFIXES)}, got {out}")
     if out.exists() and not force:
-        raise paxisim.OutputExistsError(f"{out} exists already: name another, or pass --force")
+        raise paxisim.OutputExistsError(f"{out} exists already: choose another file, or pass --force")
     trained = None
     shown: dict[str, Any] = {"terminate_on_success": True, "render_mode": "rgb_array"}
     if run is None:
@@ -71,7 +71,7 @@ def play(
 def episode(
     env: InsertionEnv, trained: Trained | None, seed: int, succeeded: list[bool]
 ) -> Iterator[NDArray[np.uint8]]:
-    """The pictures of an episode, and after each step whether it has succeeded."""
+    """Yield the pictures of an episode; after each step, append to `succeeded` whether the peg is inserted."""
     observation, _ = env.reset(seed=seed)
     terminated = truncated = False
     while not (terminated or truncated):
@@ -83,8 +83,8 @@ def episode(
 
 
 def write_film(path: Path, pictures: Iterator[NDArray[np.uint8]], rate: float) -> None:
-    """Write pictures ``(height, width, 3)``, so many a second, in the form that the file's name says."""
-    import cv2  # robosuite brings it
+    """Write pictures ``(height, width, 3)`` at `rate` frames per second, in the format of the file's suffix."""
+    import cv2  # installed with robosuite
     from PIL import Image
 
     first = next(pictures)
@@ -102,7 +102,7 @@ def write_film(path: Path, pictures: Iterator[NDArray[np.uint8]], rate: float) -
 
 
 def frame(env: InsertionEnv) -> NDArray[np.uint8]:
-    """The scene and, right of it, the pads' newest reading, ``(480, width, 3)``."""
+    """Return a picture ``(480, width, 3)`` of the scene with the pads' newest reading to its right."""
     import cv2
 
     scene = env.render()
@@ -113,7 +113,7 @@ def frame(env: InsertionEnv) -> NDArray[np.uint8]:
     figure.savefig(drawn, format="png", dpi=HEIGHT / figure.get_size_inches()[1])
     beside = cv2.imdecode(np.frombuffer(drawn.getvalue(), np.uint8), cv2.IMREAD_COLOR)
     assert beside is not None
-    width = 2 * round(beside.shape[1] * HEIGHT / beside.shape[0] / 2)  # films want even sizes
+    width = 2 * round(beside.shape[1] * HEIGHT / beside.shape[0] / 2)  # video codecs need even sizes
     return np.hstack([scene, cv2.resize(beside, (width, HEIGHT))[:, :, ::-1]]).astype(np.uint8)
 
 

@@ -1,8 +1,8 @@
-"""The paper's policy for stable-baselines3's SAC: the actor feels and sees little, the critic knows the poses.
+"""The paper's policy for stable-baselines3's SAC: the actor sees p_t and touch, the critic sees the true poses.
 
-The actor (Section "RL Policy" and appendix): the tactile history through a CNN of four layers with batch normalisation
-to 128 numbers, p_t through one layer to 128, both through two layers of 256. The critic: two layers of 256 on the
-privileged poses. Neither sees what is the other's.
+In the actor (Section "RL Policy" and appendix) a CNN of four layers with batch normalisation maps the tactile history
+to 128 features, one layer maps p_t to 128 features, and two layers of 256 follow. The critic has two layers of 256 on
+the privileged poses. Neither sees the inputs of the other.
 """
 
 from __future__ import annotations
@@ -19,26 +19,26 @@ from torch import nn
 from .env import PRIVILEGED
 
 FEATURES = 128
-"""Size of each encoder's output (paper)."""
+"""Output size of each encoder (paper)."""
 
 LAYERS = ((32, 2), (32, 1), (64, 2), (64, 1))
-"""Channels and stride of the CNN's layers, 3x3 kernels all: our choice. Without strides an update takes three times as
-long on a CPU."""
+"""Channels and stride of the CNN's layers, all with 3x3 kernels: our choice. Without strides an update takes three
+times as long on a CPU."""
 
 POSE_SCALE = 100.0
-"""Poses enter the networks in cm and centiradian, as a layer learns slowly from inputs of some thousandths."""
+"""Factor that converts poses to cm and centiradian: a layer learns slowly from inputs of a few thousandths."""
 
 
 class ActorFeatures(BaseFeaturesExtractor):
-    """What the actor makes of an observation: ``p`` and ``tactile``, never the privileged part.
+    """Features of the actor, from ``p`` and ``tactile`` and never from the privileged part of the observation.
 
     Attributes:
-        tactile: The tactile encoder, None for a method without.
-        pose: The encoder of p_t, and of a tactile vector (TF, CoP) beside it.
+        tactile: Encoder of tactile images; None for a method without them.
+        pose: Encoder of p_t together with a tactile vector (TF, CoP), if there is one.
     """
 
     def __init__(self, observation_space: spaces.Dict) -> None:
-        """Build the encoders that the observation needs."""
+        """Build the encoders for an observation space."""
         space = observation_space.spaces.get("tactile")
         shape = space.shape if space is not None else None
         is_image = shape is not None and len(shape) == 3
@@ -49,7 +49,7 @@ class ActorFeatures(BaseFeaturesExtractor):
         self._has_vector = vector > 0
 
     def forward(self, observations: dict[str, torch.Tensor]) -> torch.Tensor:
-        """``(batch, features)``."""
+        """Return the features ``(batch, features)``."""
         pose = POSE_SCALE * observations["p"]
         if self._has_vector:
             pose = torch.cat([pose, observations["tactile"]], dim=1)
@@ -60,30 +60,29 @@ class ActorFeatures(BaseFeaturesExtractor):
 
 
 class CriticFeatures(BaseFeaturesExtractor):
-    """What the critic sees: the poses."""
+    """Features of the critic: the privileged poses."""
 
     def __init__(self, observation_space: spaces.Dict) -> None:
-        """Nothing to learn here."""
+        """Create the extractor; it has nothing to learn."""
         shape = observation_space.spaces[PRIVILEGED].shape
         assert shape is not None
         super().__init__(observation_space, shape[0])
 
     def forward(self, observations: dict[str, torch.Tensor]) -> torch.Tensor:
-        """``(batch, 12)``."""
+        """Return the scaled poses ``(batch, 12)``."""
         return POSE_SCALE * observations[PRIVILEGED]
 
 
 class AsymmetricActor(Actor):
-    """The actor; its batch normalisation learns from the actor's own update and from nothing else.
+    """An actor whose batch normalisation learns from the actor's own update only.
 
-    SAC asks the actor twice in an update: for the actions of the states, whose gradient trains it, and, without
-    gradient, for those of the next states, which make the critic's target. With batch statistics the target would
-    depend on what else is in the batch, and the running statistics would mix both. So the second runs as it does when
-    it acts.
+    SAC evaluates the actor twice per update: on the states, with gradients that train the actor, and on the next
+    states, without gradients, for the critic's target. With batch statistics the target would depend on the rest of the
+    batch, and the running statistics would mix both passes. The second pass therefore runs in evaluation mode.
     """
 
     def action_log_prob(self, obs: Any) -> tuple[torch.Tensor, torch.Tensor]:
-        """Actions and their log probabilities."""
+        """Return actions and their log probabilities."""
         training = self.training
         if not torch.is_grad_enabled():
             self.set_training_mode(False)
@@ -94,23 +93,23 @@ class AsymmetricActor(Actor):
 
 
 class AsymmetricPolicy(SACPolicy):
-    """stable-baselines3's SAC policy with these features. It takes no ``features_extractor_class`` of its own."""
+    """stable-baselines3's SAC policy with these feature extractors; ``features_extractor_class`` is ignored."""
 
     def make_actor(self, features_extractor: BaseFeaturesExtractor | None = None) -> AsymmetricActor:
-        """The actor on its features."""
+        """Build the actor on its features."""
         assert isinstance(self.observation_space, spaces.Dict)
         features = features_extractor or ActorFeatures(self.observation_space)
         return AsymmetricActor(**self._update_features_extractor(self.actor_kwargs, features)).to(self.device)
 
     def make_critic(self, features_extractor: BaseFeaturesExtractor | None = None) -> ContinuousCritic:
-        """A critic, or its target, on its features."""
+        """Build a critic, or its target network, on its features."""
         assert isinstance(self.observation_space, spaces.Dict)
         features = features_extractor or CriticFeatures(self.observation_space)
         return ContinuousCritic(**self._update_features_extractor(self.critic_kwargs, features)).to(self.device)
 
 
 def tactile_encoder(channels: int, rows: int, cols: int) -> nn.Sequential:
-    """The CNN: ``(batch, channels, rows, cols)`` to ``(batch, 128)``."""
+    """Build the CNN that maps ``(batch, channels, rows, cols)`` to ``(batch, 128)``."""
     layers: list[nn.Module] = []
     for size, stride in LAYERS:
         layers += [nn.Conv2d(channels, size, 3, stride, padding=1, bias=False), nn.BatchNorm2d(size), nn.ReLU()]

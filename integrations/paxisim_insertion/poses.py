@@ -1,4 +1,4 @@
-"""Poses of fingertip and peg as the networks see them."""
+"""Poses of fingertip and peg as observed by the networks."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from .scene import Scene
 
 PRIVILEGED = "privileged"
-"""The entry of the observation that the critic may see and the actor must not."""
+"""Key of the observation that only the critic may see, never the actor."""
 
 
 def observed_poses(
@@ -19,14 +19,14 @@ def observed_poses(
     peg: NDArray[np.floating],
     peg_rotation: NDArray[np.floating],
 ) -> dict[str, NDArray[np.float32]]:
-    """The entries ``"p"`` ``(..., 6)`` and ``"privileged"`` ``(..., 12)`` of an observation, or of a batch of them.
+    """Return the entries ``"p"`` ``(..., 6)`` and ``"privileged"`` ``(..., 12)`` of one or more observations.
 
     Args:
         scene: Any scene of the task.
         tip: ``(..., 3)`` position of the fingertip in the world (m).
-        tip_rotation: ``(..., 3, 3)`` its rotation.
+        tip_rotation: ``(..., 3, 3)`` rotation of the fingertip.
         peg: ``(..., 3)`` position of the peg in the world (m).
-        peg_rotation: ``(..., 3, 3)`` its rotation.
+        peg_rotation: ``(..., 3, 3)`` rotation of the peg.
     """
     seen = np.concatenate([tip - scene.base, rotation_vector(tip_rotation @ scene.nominal.T)], axis=-1)
     hidden = np.concatenate([peg - scene.base, rotation_vector(peg_rotation)], axis=-1)
@@ -36,7 +36,7 @@ def observed_poses(
 
 
 def rotation_vector(rotation: NDArray[np.floating]) -> NDArray[np.floating]:
-    """``(..., 3)`` rotation vectors (rad) of rotations ``(..., 3, 3)``."""
+    """Convert rotation matrices ``(..., 3, 3)`` to rotation vectors ``(..., 3)`` (rad)."""
     matrices = np.ascontiguousarray(rotation).reshape(-1, 9)
     quat, vectors = np.zeros(4), np.empty((len(matrices), 3))
     for matrix, vector in zip(matrices, vectors, strict=True):

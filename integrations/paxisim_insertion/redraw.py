@@ -1,4 +1,4 @@
-"""Redraw: GCS drawn anew for each history that is sampled from the replay buffer."""
+"""Redraw: a new draw of GCS for each history sampled from the replay buffer."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ import paxisim
 
 
 def can_redraw(gcs: paxisim.GCS | None) -> bool:
-    """Whether its chains can be drawn anew for a few frames.
+    """Return whether chains can be redrawn for a short history of frames.
 
-    Not so if they remember what was before those, as with creep, or need covariates, which the buffer does not keep.
+    They cannot if they have memory of earlier frames, such as creep, or need covariates, which the buffer does not
+    store.
     """
     if gcs is None:
         return False
@@ -22,19 +23,19 @@ def can_redraw(gcs: paxisim.GCS | None) -> bool:
 
 
 class Redraw:
-    """Convolution and scaling drawn anew for each sample, one draw for all of its frames.
+    """Convolution and scaling redrawn for each sample, with one draw for all of its frames.
 
-    The paper draws once an episode. A policy that learns from some hundred episodes then knows each of them by its dead
-    taxels and remembers where its hole was: it does well on what it has seen, and on the episode that it is in. With
-    other draws at every update there is nothing to recognise. The surface stays the episode's own.
+    The paper draws once per episode. A policy that learns from a few hundred episodes can then recognise each of them
+    by its dead taxels and memorise where its hole was. It overfits to the episodes it has seen, including the current
+    one. Redrawing at every update prevents this. The surface stays that of the episode.
     """
 
     def __init__(self, gcs: paxisim.GCS, encoding: Any, layout: paxisim.TaxelLayout, seed: int) -> None:
-        """Draw from `gcs` for pads of `layout`, and encode as the policy's history does."""
+        """Draw from `gcs` for pads of `layout`, and encode frames as the policy's history does."""
         self._gcs, self._encoding, self._layout = gcs, encoding, layout
         self._rng = np.random.default_rng(seed)
 
     def __call__(self, frames: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Raw frames ``(batch, k, pads, 3, rows, cols)`` (N) as encoded ones ``(batch, k, channels, rows, cols)``."""
+        """Encode raw frames ``(batch, k, pads, 3, rows, cols)`` (N) to ``(batch, k, channels, rows, cols)``."""
         chain = self._gcs.sample(self._rng, (len(frames), 1), layout=self._layout, pads=frames.shape[2])
         return np.asarray(self._encoding.encode(chain(frames)), dtype=np.float32)

@@ -1,4 +1,4 @@
-"""HistoryReplayBuffer: stable-baselines3's, but each tactile frame is kept once, and on disk if that is wanted."""
+"""HistoryReplayBuffer: a replay buffer that stores each tactile frame once, optionally on disk."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ from .redraw import Redraw
 class HistoryReplayBuffer(DictReplayBuffer):
     """A replay buffer for observations with a ``"tactile"`` history of k frames, oldest first.
 
-    It keeps the newest frame of each observation and puts the history together when it is sampled: SAC's default of a
-    million transitions takes 1.7 GB for GCS with k = 20, and not 29. What is sampled is what was added, to the bit. The
-    first frame of an episode stands for those before it, as in `paxisim.History`. Observations without tactile history
-    are kept as they are.
+    The buffer stores the newest frame of each observation and assembles the history when it is sampled: SAC's default
+    of a million transitions takes 1.7 GB instead of 29 GB for GCS with k = 20. Samples are bit-identical to what was
+    added. The first frame of an episode stands in for the frames before it, as in `paxisim.History`. Observations
+    without a tactile history are stored unchanged.
 
-    With `redraw` it keeps raw frames instead, the observation's ``"raw"``, and makes each history that is sampled of
-    them, with a draw of its own.
+    With `redraw` the buffer stores the raw frames of the observation's ``"raw"`` entry instead, and encodes each
+    sampled history with its own random draw.
 
-    `keep_in` moves it to files, so that a run that was killed goes on with all it had seen.
+    `keep_in` moves the buffer to files, so that a killed run can resume with all its transitions.
     """
 
     def __init__(
@@ -41,18 +41,18 @@ class HistoryReplayBuffer(DictReplayBuffer):
         redraw: Redraw | None = None,
         **kwargs: Any,
     ) -> None:
-        """As `DictReplayBuffer`.
+        """Allocate the buffer.
 
         Args:
-            buffer_size: Transitions to keep.
-            observation_space: Of the environment.
-            *args: For `DictReplayBuffer`.
-            history: k.
-            redraw: What makes encoded frames of raw ones.
-            **kwargs: For `DictReplayBuffer`.
+            buffer_size: Number of transitions to keep.
+            observation_space: Observation space of the environment.
+            *args: Further arguments of `DictReplayBuffer`.
+            history: Number k of frames in a tactile history.
+            redraw: Encoder of raw frames; None to store encoded frames.
+            **kwargs: Further arguments of `DictReplayBuffer`.
 
         Raises:
-            InvalidValueError: The history's channels are not those of k frames.
+            InvalidValueError: The number of channels is not a multiple of k.
         """
         entries = {name: space for name, space in observation_space.spaces.items() if redraw is not None or name != RAW}
         self._redraw, self._frame = redraw, "tactile" if redraw is None else RAW
@@ -61,17 +61,15 @@ class HistoryReplayBuffer(DictReplayBuffer):
             shape = entries["tactile"].shape
             assert shape is not None
             if history < 1 or shape[0] % history:
-                raise paxisim.InvalidValueError(
-                    f"{shape[0]} channels of tactile history are not those of {history} frames"
-                )
+                raise paxisim.InvalidValueError(f"expected a multiple of {history} tactile channels, got {shape[0]}")
             self._channels = shape[0] // history
             entries["tactile"] = spaces.Box(-np.inf, np.inf, (self._channels, *shape[1:]), np.float32)
         if redraw is not None:
             del entries["tactile"]
         super().__init__(buffer_size, spaces.Dict(entries), *args, **kwargs)
-        # how many transitions of the same episode went before
+        # number of earlier transitions of the same episode
         self._age = np.zeros((self.buffer_size, self.n_envs), dtype=np.int32)
-        self._cursor = np.zeros(2, dtype=np.int64)  # position, and whether the buffer is full
+        self._cursor = np.zeros(2, dtype=np.int64)  # write position, and whether the buffer is full
         self._next_age = np.zeros(self.n_envs, dtype=np.int32)
 
     def add(
@@ -83,20 +81,20 @@ class HistoryReplayBuffer(DictReplayBuffer):
         done: NDArray[Any],
         infos: list[dict[str, Any]],
     ) -> None:
-        """Keep one transition of each environment."""
+        """Add one transition of each environment."""
         self._age[self.pos] = self._next_age
         self._next_age = np.where(done, 0, self._next_age + 1)
         super().add(self._newest(obs), self._newest(next_obs), action, reward, done, infos)
         self._cursor[:] = self.pos, self.full
 
     def keep_in(self, folder: Path) -> None:
-        """Keep what is added in files of a folder from now on, and go on from what is there already.
+        """Store the buffer in files of a folder from now on, and continue with the files that exist there.
 
-        The files have their full size at once, but take space on disk as they fill. A process that is killed loses
-        no transition that was added.
+        The files have their full size from the start, but take up disk space only as they fill. A process that is
+        killed loses no transition that was added.
 
         Raises:
-            InvalidValueError: What is there is not of this buffer's size.
+            InvalidValueError: Existing files do not have the size of this buffer.
         """
         folder.mkdir(parents=True, exist_ok=True)
         for owner, name in self._arrays():
@@ -117,10 +115,10 @@ class HistoryReplayBuffer(DictReplayBuffer):
         return own + observed
 
     def sample(self, batch_size: int, env: VecNormalize | None = None) -> DictReplayBufferSamples:
-        """Draw a batch."""
+        """Sample a batch."""
         if not self.full:
             return self._get_samples(np.random.randint(0, self.pos, batch_size), env)  # noqa: NPY002 - SB3 seeds it
-        # the oldest have lost what went before them
+        # the frames before the oldest transitions have been overwritten
         from_oldest = np.random.randint(min(self._k - 1, self.buffer_size - 1), self.buffer_size, batch_size)  # noqa: NPY002
         return self._get_samples((from_oldest + self.pos) % self.buffer_size, env)
 
@@ -133,7 +131,7 @@ class HistoryReplayBuffer(DictReplayBuffer):
         return kept
 
     def _stacks(self, batch_inds: NDArray[Any], envs: NDArray[Any]) -> dict[str, NDArray[Any]]:
-        """The histories of observations and next observations."""
+        """Return the histories of the observations and of the next observations."""
         back = np.minimum(np.arange(self._k - 1, -1, -1), self._age[batch_inds, envs][:, None])
         frames = self.observations[self._frame][(batch_inds[:, None] - back) % self.buffer_size, envs[:, None]]
         after = self.next_observations[self._frame][batch_inds, envs][:, None]

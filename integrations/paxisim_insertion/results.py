@@ -1,4 +1,4 @@
-"""Results: what an evaluation found, one JSON file each."""
+"""Results of evaluations, one JSON file each."""
 
 from __future__ import annotations
 
@@ -12,31 +12,31 @@ from scipy.stats import binomtest
 import paxisim
 
 RESULTS = Path(__file__).parent / "results"
-"""Those that come with the package."""
+"""Folder of the results that come with the package."""
 
 RUNS = Path("runs")
-"""Where the folders of trainings go, in the working directory."""
+"""Default folder of training runs, in the working directory."""
 
 OUT = Path("results")
-"""Where one's own go, in the working directory."""
+"""Default folder of new results, in the working directory."""
 
 IN_SIMULATION = "sim"
-"""The name of the sensor that is none: what the method is trained with."""
+"""Sensor name for the simulated sensor that the method is trained with."""
 
 DRAWN = "sim, drawn actions"
-"""The same, with actions as a training draws them."""
+"""Sensor name for the same, with actions sampled as in training."""
 
 TRANSFER = "transfer"
-"""The name of all that stands for a real robot together, see `paxisim_insertion.transfer` and `Gap`."""
+"""Sensor name for the stand-in of a real robot, see `paxisim_insertion.transfer` and `Gap`."""
 
 
 def folder_of(task: str, method: str, seed: int) -> str:
-    """The name of a training's folder."""
+    """Return the folder name of a training run."""
     return _plain(f"{task}_{method}_{seed}")
 
 
 def file_of(task: str, method: str, sensor: str, seed: int) -> str:
-    """The name of a result's file."""
+    """Return the file name of a result."""
     return _plain(f"{task}_{method}_{sensor}_{seed}.json")
 
 
@@ -45,7 +45,7 @@ def _plain(name: str) -> str:
 
 
 def interval_of(successes: int, trials: int) -> tuple[float, float]:
-    """Wilson's 95 % interval of a success rate."""
+    """Return the 95 % Wilson interval of a success rate."""
     low, high = binomtest(successes, trials).proportion_ci(method="wilson")
     return float(low), float(high)
 
@@ -57,15 +57,16 @@ class Result:
     Attributes:
         task: Name of the task.
         method: Name of the method.
-        sensor: ``"sim"`` for what the method is trained with, ``"transfer"`` for what stands for the real robot, else
-            ``"surrogate NAME"``: no real sensor was involved.
-        seed: Of the training run.
-        trials: Episodes.
-        success_rate: Share of them that succeeded.
-        interval: 95 % Wilson interval of it.
-        versions: Software of the evaluation.
-        training: Steps, and whatever else tells the training's cost.
-        parts: Successes and episodes of each kind of sensor, where there are several.
+        sensor: ``"sim"`` for the sensor that the method is trained with, with ``", drawn actions"`` appended if actions
+            were sampled; ``"transfer"`` for the stand-in of the real robot; otherwise ``"surrogate NAME"``. No real
+            sensor was involved.
+        seed: Seed of the training run.
+        trials: Number of episodes.
+        success_rate: Fraction of episodes that succeeded.
+        interval: 95 % Wilson interval of the success rate.
+        versions: Software versions of the evaluation.
+        training: Steps, settings and cost of the training.
+        parts: Successes and episodes per kind of sensor, if there are several.
     """
 
     task: str
@@ -80,7 +81,7 @@ class Result:
     parts: dict[str, tuple[int, int]] = field(default_factory=dict)
 
     def save(self, folder: Path = OUT) -> Path:
-        """Write it under the name of task, method, sensor and seed, in place of an older one."""
+        """Write the result to a file named after task, method, sensor and seed; an older one is overwritten."""
         folder.mkdir(parents=True, exist_ok=True)
         path = folder / file_of(self.task, self.method, self.sensor, self.seed)
         path.write_text(json.dumps(asdict(self), indent=1) + "\n", encoding="utf-8")
@@ -88,7 +89,7 @@ class Result:
 
     @classmethod
     def load(cls, path: Path) -> Result:
-        """Read one.
+        """Read a result.
 
         Raises:
             InvalidValueError: The file is not a result.

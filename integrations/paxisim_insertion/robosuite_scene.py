@@ -1,4 +1,4 @@
-"""InsertionScene: one task as a robosuite environment: a Panda that holds a peg above its base."""
+"""InsertionScene: a task as a robosuite environment, with a Panda that holds a peg above its base."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ GRIPPERS = {True: GRIPPER, False: "PandaGripper"}
 
 
 class InsertionScene(Scene, ManipulationEnv):
-    """A Panda holds a peg above its base. robosuite's physics and controller, without its observables.
+    """A Panda that holds a peg above its base, with robosuite's physics and controller but without its observables.
 
     An action is the goal of the fingertip in the world: position (m), rotation vector (rad) and 1, which keeps the
-    gripper closed. `paxisim_insertion.env.InsertionEnv` makes the paper's task of it.
+    gripper closed. `paxisim_insertion.env.InsertionEnv` turns the scene into the paper's task.
     """
 
     sim: Any  # robosuite has no types
@@ -47,10 +47,11 @@ class InsertionScene(Scene, ManipulationEnv):
 
         Args:
             task: The task.
-            parameters: What the paper leaves open.
-            tactile: Give the gripper pads; else it is robosuite's plain one.
-            controller: robosuite's configuration; default: `fast_controller`. It takes absolute goals in the world.
-            seed: Of robosuite's own random numbers, which nothing here uses.
+            parameters: Values that the paper does not specify; default: ours.
+            tactile: Use a gripper with pads; otherwise robosuite's plain one.
+            controller: robosuite controller configuration, which must take absolute goals in the world. Default:
+                `fast_controller`.
+            seed: Seed of robosuite's random numbers, which nothing here uses.
         """
         self.task, self.parameters = task, parameters or Parameters()
         self.reward_scale = 1.0
@@ -78,7 +79,7 @@ class InsertionScene(Scene, ManipulationEnv):
         return self.sim.model._model, self.sim.data._data
 
     def goal(self, position: NDArray[np.floating]) -> NDArray[np.floating]:
-        """The action that sends the fingertip to a position (m, world), pointing straight down."""
+        """Return the action that sends the fingertip to a position (m, world), pointing straight down."""
         return np.array([*position, *self._nominal_vector, 1.0])
 
     def move(self, position: NDArray[np.floating]) -> None:
@@ -94,7 +95,7 @@ class InsertionScene(Scene, ManipulationEnv):
         controller.kd[:] = 2 * np.sqrt(controller.kp)
 
     def reach(self, goal: NDArray[np.floating]) -> NDArray[np.floating]:
-        """Joint angles that bring the grip site to a position, pointing straight down; the arm is put there."""
+        """Move the arm so that the grip site is at a position, pointing straight down; return the joint angles."""
         model, data = self.model_and_data
         data.qpos[self._arm] = self.robots[0].init_qpos
         jacobian = np.zeros((6, model.nv))
@@ -115,7 +116,7 @@ class InsertionScene(Scene, ManipulationEnv):
         return data.qpos[self._arm].copy()
 
     def reward(self, action: NDArray[np.floating] | None = None) -> float:
-        """The reward of the state, for robosuite; without an action there is no penalty for it."""
+        """Return the reward of the state, for robosuite; without an action there is no action penalty."""
         action = np.zeros(3) if action is None else action
         return weighted(reward_terms(self.insertion, action, self.parameters.epsilon))
 
@@ -140,7 +141,7 @@ class InsertionScene(Scene, ManipulationEnv):
             data.qpos[self._peg_qpos], data.qvel[self._peg_dofs] = home, 0
 
     def _pre_action(self, action: NDArray[np.floating], policy_step: bool = False) -> None:
-        """What robosuite's robot does with an action, without the records it keeps for its observables."""
+        """Apply an action as robosuite's robot does, without its records for observables."""
         robot = self.robots[0]
         controller = robot.composite_controller
         controller.update_state()
@@ -152,7 +153,7 @@ class InsertionScene(Scene, ManipulationEnv):
             data.ctrl[actuators] = np.minimum(np.maximum(command, low), high)
 
     def _post_action(self, action: NDArray[np.floating]) -> tuple[float, bool, dict[str, Any]]:
-        # the action here is a goal in the world: InsertionEnv has the task's action and its penalty
+        # the action here is a goal in the world; InsertionEnv penalises the task's action
         return 0.0, False, {}
 
     def _check_success(self) -> bool:
@@ -168,7 +169,7 @@ class InsertionScene(Scene, ManipulationEnv):
         add_objects(self.model.worldbody, self.model.asset, self.task, self.parameters)
 
     def edit_model_xml(self, xml_str: str) -> str:
-        """Let the geoms that are drawn have inertia too, as the peg's are in that group; robosuite means the other."""
+        """Give visual geoms inertia as well: the peg's are in that group, which robosuite excludes."""
         root = ET.fromstring(super().edit_model_xml(xml_str))
         compiler = root.find("compiler")
         assert compiler is not None
@@ -196,7 +197,7 @@ class InsertionScene(Scene, ManipulationEnv):
         self._set_grip(self._actuators["right_gripper"][0])
 
     def _point_down(self) -> None:
-        """Straighten the orientation that the arm's home position has."""
+        """Set the nominal orientation: that of the arm's home position, aligned with the world's axes."""
         _, home = self.fingertip
         self.nominal = np.round(home)  # the home position is a few degrees off the world's axes
         quat, self._nominal_vector = np.zeros(4), np.zeros(3)
@@ -204,7 +205,7 @@ class InsertionScene(Scene, ManipulationEnv):
         mujoco.mju_quat2Vel(self._nominal_vector, quat, 1.0)
 
     def _find_pads(self) -> None:
-        if self.tactile is not None:  # a reset keeps the model, and what was drawn for its pads
+        if self.tactile is not None:  # a reset keeps the model and the values drawn for its pads
             return
         model, data = self.model_and_data
         gripper = self.robots[0].gripper["right"]

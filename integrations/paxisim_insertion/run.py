@@ -1,4 +1,4 @@
-"""Run: the folder of one training run: what it is, its newest model, and all it has seen."""
+"""Run: the folder of a training run, with its settings, its newest model and its replay buffer."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from .vec_env import InsertionVecEnv
 
 PACKAGES = ("mujoco", "robosuite", "stable-baselines3", "torch", "gymnasium", "numpy")
 BUFFER = 1_000_000
-"""Transitions in the replay buffer, stable-baselines3's default."""
+"""Capacity of the replay buffer in transitions, stable-baselines3's default."""
 
 _FIELDS = (
     "task",
@@ -46,13 +46,13 @@ _FIELDS = (
 )
 
 REWARD_SCALE = 0.05
-"""What the reward is multiplied by in training. It does not change which policy is best. But SAC's temperature begins
-at 1, and with rewards of several hundred a step it takes most of a training to grow to what they need; until then the
-policy hardly explores."""
+"""Factor of the reward in training. It does not change which policy is optimal. But SAC's temperature starts at 1 and
+with rewards of several hundred per step takes most of a training to grow to their scale; until then the policy hardly
+explores."""
 
 
 def versions() -> dict[str, str]:
-    """The versions that a result depends on."""
+    """Return the software versions that a result depends on."""
     found = {name: version(name) for name in PACKAGES}
     return {"paxisim": paxisim.__version__, "python": platform.python_version(), **found}
 
@@ -66,22 +66,22 @@ class Run:
         task: Name of the task.
         method: Name of the method.
         seed: Seed of the run.
-        envs: Environments that collect at the same time.
-        buffer: Transitions in the replay buffer, all environments together.
-        reward_scale: What the reward is multiplied by, see `REWARD_SCALE`.
-        redraw: Draw GCS anew for each sample of the replay buffer too, see `Redraw`; the paper draws once an episode.
-        steps: Environment steps that it is to have in all.
-        engine: What moves the hand while it trains, see `InsertionEnv`.
-        updates: Updates for each environment step.
-        batch: Transitions of an update.
-        temperature: SAC's temperature at the start of the training.
-        parameters: What the paper leaves open.
-        diagnosis: What was found of a sensor, whose model is drawn within its intervals for each episode, in place of
-            what the method draws.
-        ranges: What it found in the scene, drawn for each episode, too.
+        envs: Number of environments that collect transitions in parallel.
+        buffer: Capacity of the replay buffer in transitions, over all environments.
+        reward_scale: Factor of the reward, see `REWARD_SCALE`.
+        redraw: Also redraw GCS for each sample of the replay buffer, see `Redraw`; the paper draws once per episode.
+        steps: Total number of environment steps.
+        engine: Engine that moves the hand during training, see `InsertionEnv`.
+        updates: Updates per environment step.
+        batch: Transitions per update.
+        temperature: Initial temperature of SAC.
+        parameters: Values that the paper does not specify.
+        diagnosis: Diagnosis of a sensor. Its model, drawn within its intervals for each episode, replaces the
+            randomisation of the method.
+        ranges: Ranges of what the diagnosis found in the scene, also drawn for each episode.
 
     Raises:
-        InvalidValueError: A number that is not positive.
+        InvalidValueError: A number is not positive.
         UnknownNameError: There is no such engine.
     """
 
@@ -115,30 +115,30 @@ class Run:
 
     @property
     def gcs(self) -> paxisim.GCS | None:
-        """What is drawn for each episode."""
+        """Randomisation drawn for each episode, or None."""
         if self.diagnosis is None:
             return find_method(self.method).gcs
         return paxisim.GCS.around(self.diagnosis.model, self.diagnosis.intervals)
 
     @property
     def name(self) -> str:
-        """The method's name, and whether a fitted model takes the place of what it draws."""
+        """The method's name, with ``" fitted"`` appended if a fitted model replaces its randomisation."""
         return self.method if self.diagnosis is None else f"{self.method} fitted"
 
     @property
     def model_path(self) -> Path:
-        """The newest model."""
+        """Path of the newest model."""
         return self.folder / "model.zip"
 
     def create(self) -> None:
-        """Write what the run is.
+        """Write the settings of the run.
 
         Raises:
             OutputExistsError: The folder has a run already.
         """
         path = self.folder / "run.json"
         if path.exists():
-            raise paxisim.OutputExistsError(f"{self.folder} has a run already: go on with --resume, or name another")
+            raise paxisim.OutputExistsError(f"{self.folder} has a run already: pass --resume, or choose another folder")
         find_task(self.task)
         find_method(self.method)
         self.folder.mkdir(parents=True, exist_ok=True)
@@ -146,14 +146,14 @@ class Run:
 
     @classmethod
     def open(cls, folder: Path, *, other_versions: bool = False) -> Run:
-        """A run that is there.
+        """Open an existing run.
 
         Args:
-            folder: Its folder.
-            other_versions: Accept a run of other software versions.
+            folder: Folder of the run.
+            other_versions: Accept a run made with other software versions.
 
         Raises:
-            InvalidValueError: There is no run, or it is of other versions, or not readable.
+            InvalidValueError: There is no run, it was made with other versions, or it cannot be read.
         """
         path = folder / "run.json"
         if not path.exists():
@@ -164,13 +164,13 @@ class Run:
             values = found.pop("parameters")
             values = {key: _tuples(value) for key, value in values.items()}
             told, drawn = found.pop("diagnosis", None), found.pop("ranges", {})
-            found.setdefault("updates", 1 / found["envs"])  # of a run that is older than the choice
+            found.setdefault("updates", 1 / found["envs"])  # for runs from before `updates` was an option
             diagnosis = None if told is None else paxisim.diagnose.Diagnosis.from_json(json.dumps(told))
             run = cls(folder, parameters=Parameters(**values), diagnosis=diagnosis, ranges=_ranges(**drawn), **found)
         except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
             raise paxisim.InvalidValueError(f"{path} is not a run of this version: {error}") from error
         here = versions()
-        # 2.13.0+cpu and 2.13.0 are one version
+        # 2.13.0+cpu and 2.13.0 are the same version
         differ = {n: made for n, made in made_with.items() if here.get(n, "").split("+")[0] != made.split("+")[0]}
         if differ and not other_versions:
             told = ", ".join(f"{name} {made} (here {here.get(name)})" for name, made in differ.items())
@@ -178,20 +178,20 @@ class Run:
         return run
 
     def seed_after(self, steps: int) -> int:
-        """The seed of all that is drawn from here on by a run that begins, at 0 steps, or is resumed.
+        """Return the random seed for a run that begins, at 0 steps, or is resumed after a number of steps.
 
-        The environments count on from it, so those of runs and resumptions are to be far apart.
+        The environments use consecutive seeds from this one, so the seeds of runs and resumptions must be far apart.
         """
         return int(np.random.SeedSequence([self.seed, steps]).generate_state(1)[0])
 
     def insertion_env(self, **options: Any) -> InsertionEnv:
-        """The run's environment as it is, with more options of `InsertionEnv`."""
+        """Build the run's unwrapped environment, with further options of `InsertionEnv`."""
         return InsertionEnv(
             self.task, self.method, gcs=self.gcs, ranges=self.ranges, parameters=self.parameters, **options
         )
 
     def make_env(self, index: int = 0) -> Env:
-        """One of the run's environments, seeded; what it logs is not scaled."""
+        """Build one of the run's environments, seeded. Its rewards are scaled, its logged returns are not."""
         env = self.insertion_env()
         env.reset(seed=self.seed * 1000 + index)
         return TransformReward(
@@ -199,10 +199,10 @@ class Run:
         )
 
     def make_envs(self, threads: int = 1) -> VecEnv:
-        """All of the run's environments; those of robosuite in processes of their own, if there are several.
+        """Build all of the run's environments; several robosuite environments run in separate processes.
 
         Args:
-            threads: In which the native engine steps them.
+            threads: Number of threads in which the native engine steps the environments.
         """
         if self.engine == "native":
             envs = [self.insertion_env(engine="native") for _ in range(self.envs)]
@@ -213,10 +213,10 @@ class Run:
         return SubprocVecEnv(makers, start_method="forkserver") if self.envs > 1 else DummyVecEnv(makers)
 
     def policy(self, env: InsertionEnv) -> Trained:
-        """The newest policy, to act in `env`: the average of the actors, where the run has one.
+        """Load the newest policy for `env`: the average of the actors if the run has one.
 
         Raises:
-            InvalidValueError: There is none yet, or it was trained on other observations.
+            InvalidValueError: There is no policy yet, or it was trained on other observations.
         """
         if (self.folder / ACTOR).exists():
             return Trained.load(self.folder, env)
@@ -225,7 +225,7 @@ class Run:
         return Trained.of_model(self.model_path, env)
 
     def save(self, model: SAC) -> None:
-        """Replace the newest model by this one; at no moment is there none."""
+        """Save a model in place of the previous one, atomically."""
         new = self.folder / "model.new.zip"
         model.save(new)
         os.replace(new, self.model_path)

@@ -1,4 +1,4 @@
-"""Scene: what a hand that holds a peg above its base is to a task, whatever engine moves the hand."""
+"""Scene: a hand that holds a peg above its base, independent of the engine that moves the hand."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from .tasks import Parameters, Task
 TABLE_HEIGHT = 0.8
 TABLE_SIZE = (0.8, 0.8, 0.05)
 HALF_OPEN = 0.02
-"""Joint (m) of each finger while the scene is measured."""
+"""Joint position (m) of each finger while the scene is measured."""
 
 SIDES = np.array([1.0, -1.0])
 """The joints of the two fingers open in opposite directions."""
 
-_PINNED, _FREE = 0.1, 0.2  # seconds: the fingers close on a peg that is held in place, then it is let go
-_OPEN = 0.5e-3  # m between handle and fingers before they close; a bump of the surface is up to 0.2 mm
+_PINNED, _FREE = 0.1, 0.2  # s: first the fingers close on a peg held in place, then the peg is released
+_OPEN = 0.5e-3  # m between handle and fingers before they close; bumps are up to 0.2 mm high
 _PEG_COLOUR, _BASE_COLOUR = "0.85 0.45 0.2 1", "0.3 0.45 0.65 1"
 
 
@@ -34,8 +34,8 @@ class Grasp:
     """How the fingers hold the handle.
 
     Attributes:
-        offset: ``(3,)`` of the fingers' middle from the middle of the handle (m), along x, y and z of the world; the
-            fingers close along y.
+        offset: ``(3,)`` offset of the middle between the fingers from the middle of the handle (m), along x, y and z
+            of the world; the fingers close along y.
         lean: Rotation of the peg (rad) about y.
     """
 
@@ -44,13 +44,13 @@ class Grasp:
 
     @classmethod
     def draw(cls, rng: np.random.Generator, parameters: Parameters) -> Grasp:
-        """A grasp within what the parameters allow."""
+        """Draw a grasp within the ranges of the parameters."""
         x, y, z = rng.uniform(-1, 1, 3) * parameters.grasp_offset
         return cls((x, y, z), rng.uniform(-1, 1) * parameters.grasp_lean)
 
 
 CENTRED = Grasp()
-"""The handle upright in the middle of the fingers."""
+"""Grasp with the handle upright in the middle of the fingers."""
 
 
 class PadsInScene(Protocol):
@@ -59,25 +59,25 @@ class PadsInScene(Protocol):
     pads: paxisim.Pads
 
     def vary(self, ranges: paxisim.SceneRanges) -> paxisim.SceneVariation:
-        """What draws friction, stiffness and mounts of the pads within ranges."""
+        """Return a variation that draws friction, stiffness and mounts of the pads within ranges."""
         ...
 
     def set_surface(self, heights: NDArray[np.floating]) -> None:
-        """Give the taxels new heights, ``(pads, rows, cols)`` m."""
+        """Set the heights of the taxels, ``(pads, rows, cols)`` m."""
 
     def read(self) -> NDArray[np.float32]:
-        """``(pads, 3, rows, cols)`` float32 newtons: what the pads felt at the last physics step."""
+        """Return the forces at the last physics step, ``(pads, 3, rows, cols)`` float32 newtons."""
         ...
 
 
 class Scene:
-    """A hand that holds a peg above its base. Each engine has its own way of moving the hand.
+    """A hand that holds a peg above its base. Each engine moves the hand in its own way.
 
     Attributes:
         task: The task.
-        parameters: Its geometry.
-        tactile: The pads, None for a gripper without.
-        nominal: ``(3, 3)`` rotation of the fingertip that points straight down, its fingers closing along y.
+        parameters: Geometry of the task.
+        tactile: The pads, None for a gripper without pads.
+        nominal: ``(3, 3)`` rotation of a fingertip that points straight down, with the fingers closing along y.
     """
 
     task: Task
@@ -91,24 +91,24 @@ class Scene:
         raise NotImplementedError
 
     def move(self, position: NDArray[np.floating]) -> None:
-        """Let 50 ms pass while the fingertip is drawn to a position (m, world), pointing straight down."""
+        """Simulate 50 ms with the fingertip pulled towards a position (m, world), pointing straight down."""
         raise NotImplementedError
 
     def tune(self, stiffness: float, friction: float) -> None:
-        """Multiply what controller and joints have by factors, until the next episode begins.
+        """Scale the controller's stiffness and the joints' friction until the next episode begins.
 
         Args:
-            stiffness: Of the controller; its damping ratio stays.
-            friction: Dry friction of the joints.
+            stiffness: Factor of the controller's stiffness; its damping ratio is unchanged.
+            friction: Factor of the joints' dry friction.
         """
         raise NotImplementedError
 
     def _begin(self, grip: NDArray[np.floating]) -> None:
-        """Reset the simulation and put the fingertip to a position (m, world), at rest."""
+        """Reset the simulation with the fingertip at rest at a position (m, world)."""
         raise NotImplementedError
 
     def _settle(self, grip: NDArray[np.floating], seconds: float, pinned: bool) -> None:
-        """Let time pass while the fingertip is drawn to `grip`; a pinned peg stays where it is."""
+        """Simulate a number of seconds with the fingertip pulled towards `grip`; a pinned peg stays in place."""
         raise NotImplementedError
 
     def place(
@@ -117,12 +117,13 @@ class Scene:
         grasp: Grasp = CENTRED,
         surface: NDArray[np.floating] | None = None,
     ) -> None:
-        """Begin an episode: put the peg in its place and close the fingers on it.
+        """Begin an episode: place the peg and close the fingers on it.
 
         Args:
-            bottom: ``(3,)`` the middle of the peg's bottom from the middle of the hole's upper edge (m).
+            bottom: ``(3,)`` position of the middle of the peg's bottom relative to the middle of the hole's upper edge
+                (m).
             grasp: How the fingers hold the handle.
-            surface: ``(pads, rows, cols)`` heights of the taxels (m); default: as they are.
+            surface: ``(pads, rows, cols)`` heights of the taxels (m); default: unchanged.
         """
         if self.tactile is not None and surface is not None:
             self.tactile.set_surface(surface)
@@ -134,7 +135,7 @@ class Scene:
         self._begin(grip)
         self.tune(1.0, 1.0)
         model, data = self.model_and_data
-        # the fingers meet in the middle of the handle, wherever that is to the hand
+        # the fingers meet in the middle of the handle, which may be off the middle of the hand
         aside = -grasp.offset[1] * self._finger_directions
         stiffness = -model.actuator_biasprm[self._grippers, 1]
         model.actuator_biasprm[self._grippers, 0] = stiffness * aside
@@ -146,25 +147,25 @@ class Scene:
 
     @property
     def fingertip(self) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
-        """Position (m) and rotation of robosuite's grip site, in the world."""
+        """Position (m) and rotation of robosuite's grip site in the world."""
         _, data = self.model_and_data
         return data.site_xpos[self._grip].copy(), data.site_xmat[self._grip].reshape(3, 3).copy()
 
     @property
     def peg(self) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
-        """Position (m) and rotation of the peg, in the world."""
+        """Position (m) and rotation of the peg in the world."""
         _, data = self.model_and_data
         return data.xpos[self._peg].copy(), data.xmat[self._peg].reshape(3, 3).copy()
 
     @property
     def opening(self) -> float:
-        """Distance (m) between the two fingers' faces."""
+        """Distance (m) between the faces of the two fingers."""
         _, data = self.model_and_data
         return float(np.sum(data.qpos[self._fingers] * SIDES)) - 2 * self._closed
 
     @property
     def base(self) -> NDArray[np.floating]:
-        """Position (m) of the base in the world, the middle of the hole's bottom; its axes are the world's."""
+        """Position (m) in the world of the base, at the middle of the hole's bottom; its axes are the world's."""
         return np.array([0.0, 0.0, TABLE_HEIGHT + self.parameters.floor])
 
     @property
@@ -174,17 +175,17 @@ class Scene:
 
     @property
     def insertion(self) -> Insertion:
-        """How far the peg is in its hole."""
+        """Progress of the insertion."""
         position, rotation = self.peg
         return insertion(self.task, self.parameters, position - self.base, rotation)
 
     def _find(self, grip_site: str, fingers: list[str]) -> None:
-        """Look up the parts of the model, by their names in it."""
+        """Look up the parts of the model by name."""
         model, _ = self.model_and_data
-        # one contact between a round handle and a taxel, as between a ball and it: four times as fast as several, and
-        # the same totals. Between boxes MuJoCo makes four either way. Before it became a default there was no such bit
+        # One contact per taxel on a round handle, as on a ball, is four times as fast as several contacts and gives the
+        # same totals. Between boxes MuJoCo makes four either way. Older versions default to one and lack this bit.
         several = int(getattr(mujoco.mjtDisableBit, "mjDSBL_MULTICCD", 0))
-        # the trees of the bodies' geoms find the same contacts as testing all pairs, and here that is faster
+        # testing all pairs of geoms finds the same contacts as the bodies' bounding volume trees, and is faster here
         trees = int(mujoco.mjtDisableBit.mjDSBL_MIDPHASE)
         model.opt.disableflags |= several | trees
         self._peg = model.body("peg").id
@@ -196,11 +197,11 @@ class Scene:
         self._fingers = model.jnt_qposadr[self._finger_joints]
 
     def _find_fingertips(self, faces: NDArray[np.floating], thickness: float = 0.0) -> None:
-        """Where the fingers touch: the vector from the grip site to there, and their joints when they meet.
+        """Find the vector from the grip site to where the fingers meet, and their joint position when closed.
 
         Args:
             faces: ``(2, 3)`` positions (m, world) of the fingers' faces while they are `HALF_OPEN`.
-            thickness: Of what there is between these positions and the surfaces, both together (m).
+            thickness: Total distance (m) from these positions to the surfaces, for both fingers together.
         """
         _, data = self.model_and_data
         self._finger_directions = np.sign(data.xaxis[self._finger_joints, 1])
@@ -211,7 +212,7 @@ class Scene:
         self._tip_to_grip = self.nominal @ [0.0, 0.0, height]
 
     def _set_grip(self, actuators: Any) -> None:
-        """Let the fingers, which are springs drawn to where they meet, hold the handle with the force that is asked."""
+        """Set the fingers' stiffness, as springs that pull them together, to hold the handle with the grip force."""
         model, _ = self.model_and_data
         self._grippers = np.asarray(actuators)
         force = self.parameters.grip_force
@@ -222,7 +223,7 @@ class Scene:
 
 
 def add_objects(world: ET.Element, assets: ET.Element, task: Task, parameters: Parameters) -> None:
-    """Add the base and the peg, a free body, to an MJCF."""
+    """Add the base and the peg, which is a free body, to an MJCF model."""
     touched = contact_attributes(parameters)
     at = np.array([0.0, 0.0, TABLE_HEIGHT + parameters.floor])
     base = ET.SubElement(world, "body", {"name": "base", "pos": text(at)})
@@ -238,5 +239,5 @@ def add_objects(world: ET.Element, assets: ET.Element, task: Task, parameters: P
 
 
 def text(values: Any) -> str:
-    """Numbers as MJCF wants them."""
+    """Format numbers for MJCF."""
     return " ".join(f"{value:.9g}" for value in np.asarray(values, dtype=float))

@@ -1,8 +1,9 @@
-"""``python -m paxisim_insertion.surrogate --seed 1 --out sensor-1.json``: a sensor that stands for a real one.
+"""``python -m paxisim_insertion.surrogate --seed 1 --out sensor-1.json``: draw a surrogate of a real sensor.
 
-It is a surrogate: a chain of what real pads are known to do, drawn from ranges that no training has seen; no real
-sensor is involved. GCS draws white gains, a 3x3 kernel and no memory; here gains differ from pad to pad and lean across
-each, shear comes from a wider kernel, and there are stiffening, creep, hysteresis, a field, a dead band and counts.
+A surrogate is a chain of effects known from real pads, drawn from ranges that no training has seen; no real sensor is
+involved. GCS draws uncorrelated gains, a 3x3 kernel and no memory. A surrogate's gains differ between pads and have a
+gradient across each pad, its shear comes from a wider kernel, and it adds stiffening, creep, hysteresis, a magnetic
+field, a dead band and quantisation.
 """
 
 from __future__ import annotations
@@ -20,26 +21,27 @@ from .shell import command
 
 PADS, ROWS, COLS = 2, 6, 5
 OPEN = 0.08
-"""Opening (m) at which the sensor is zeroed, the Panda gripper's largest."""
+"""Gripper opening (m) at which the sensor is zeroed: the Panda gripper's maximum."""
 
 FIELD = "interference"
 FLAT = 1e-3
-"""Height (m) of the taxels of a flat pad."""
+"""Taxel height (m) of a flat pad."""
 
 COUNT = 0.1
-"""Newtons a count, as PaXini's pads report them."""
+"""Newtons per count of PaXini's pads."""
 
 
 def draw(seed: int, *, field: bool = True) -> paxisim.Chain:
-    """A surrogate, the same for the same seed.
+    """Draw a surrogate; the same seed gives the same surrogate.
 
     Args:
-        seed: Of the draw.
-        field: With the field of the other finger's magnets, in a sensor that was zeroed while the gripper was open:
-            closed on the peg each taxel is off by up to 0.3 N. Without, it is as if zeroed at that opening.
+        seed: Random seed.
+        field: Include the field of the other finger's magnets, for a sensor that was zeroed with the gripper open: with
+            the gripper closed on the peg each taxel is off by up to 0.3 N. Without the field the sensor behaves as if
+            it had been zeroed at that opening.
 
     Returns:
-        A chain for tensors ``(2, 3, 6, 5)`` in newtons. With a field it needs the covariate ``gripper_opening`` (m).
+        A chain for tensors ``(2, 3, 6, 5)`` in newtons. With the field it needs the covariate ``gripper_opening`` (m).
     """
     rng = np.random.default_rng(seed)
     direction = rng.uniform(0, 2 * np.pi, (PADS, 1, 1))
@@ -66,9 +68,9 @@ def draw(seed: int, *, field: bool = True) -> paxisim.Chain:
 
 
 def uneven(seed: int, layout: paxisim.TaxelLayout) -> NDArray[np.floating]:
-    """Heights ``(pads, rows, cols)`` (m) of a surrogate's taxels: slow waves, 0.1 to 0.3 mm from lowest to highest.
+    """Draw taxel heights ``(pads, rows, cols)`` (m): long waves, 0.1 to 0.3 mm peak to peak.
 
-    GCS draws a single bump or dent a pad, lower along its edges.
+    GCS instead draws a single bump or dent per pad, which is lower along the pad's edges.
     """
     rng = np.random.default_rng([seed, 1])
     row, col = np.meshgrid(np.linspace(-1, 1, layout.rows), np.linspace(-1, 1, layout.cols), indexing="ij")
@@ -84,14 +86,14 @@ def uneven(seed: int, layout: paxisim.TaxelLayout) -> NDArray[np.floating]:
 
 
 def unit(name: str, layout: paxisim.TaxelLayout) -> paxisim.Chain:
-    """A unit of paxisim's magnetic pad that was zeroed while the gripper was open, read in counts of 0.1 N.
+    """Return a unit of paxisim's magnetic pad, zeroed with the gripper open and read in counts of 0.1 N.
 
     Args:
-        name: ``"unit:N"``, as `paxisim.reference_sensor` takes it.
-        layout: Of the pads.
+        name: ``"unit:N"``, as in `paxisim.reference_sensor`.
+        layout: Taxel layout of the pads.
 
     Raises:
-        InvalidValueError: The name is none of a unit.
+        InvalidValueError: The name does not denote a unit.
     """
     return paxisim.Chain([paxisim.reference_sensor(name)(layout, zeroed_at=OPEN), augment.Firmware()])
 
@@ -100,9 +102,9 @@ def surrogate(seed: int = 1, *, field: bool = True, out: Path | None = None) -> 
     """Draw a surrogate of a real sensor, for ``evaluate --sensor``.
 
     Args:
-        seed: Of the draw.
-        field: With the field of the other finger's magnets, zeroed while the gripper was open.
-        out: Its file. Default: sensor-SEED.json.
+        seed: Random seed.
+        field: Include the field of the other finger's magnets, zeroed with the gripper open.
+        out: Output file. Default: sensor-SEED.json.
     """
     path = out or Path(f"sensor-{seed}.json")
     chain = draw(seed, field=field)

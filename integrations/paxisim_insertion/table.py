@@ -1,4 +1,4 @@
-"""``python -m paxisim_insertion.table``: the paper's Table II and its ablation, its figures beside ours."""
+"""``python -m paxisim_insertion.table``: the paper's Table II and ablation beside our results."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ TABLE_2_REAL = {
     "DT": (0.6, 0.2, 0.1, 0.3, 0.4, 0.1),
     "GCS": (0.9, 0.8, 0.9, 0.6, 0.9, 0.7),
 }
-"""The paper's success rates on the real robot. Ours are of surrogates, to be compared among each other only."""
+"""The paper's success rates on the real robot. Ours use surrogates and are only comparable with each other."""
 
 ABLATION_REAL = {
     "GCS": (None, None, 0.9, None, 0.9, 0.7),
@@ -40,21 +40,21 @@ ABLATION_REAL = {
     "GCS w/o S": (None, None, 0.8, None, 0.3, 0.6),
     "GCS w/o C": (None, None, 0.6, None, 0.3, 0.2),
 }
-"""The paper's ablation, on the real robot."""
+"""The paper's ablation on the real robot."""
 
 PAPER_TRIALS = {IN_SIMULATION: 50, TRANSFER: 10}
-"""Episodes of each of the paper's figures."""
+"""Episodes per success rate in the paper."""
 
 SIGNIFICANT = 0.05
-"""Figures with a smaller p of Fisher's exact test are said to differ."""
+"""Significance level of Fisher's exact test, below which rates are listed as different."""
 
 
 def table(results: Path | None = None) -> None:
-    """Print the tables: the paper's figure, a stroke, ours of all seeds with its 95 % interval.
+    """Print the tables: the paper's success rate, a slash, and ours over all seeds with its 95 % interval.
 
     Args:
-        results: Folder of the results. Default: those that come with the package, and those in ./results, of which one
-            of the same task, method, sensor and seed takes the other's place.
+        results: Folder of the results. Default: the results that come with the package and those in ./results, which
+            take precedence for the same task, method, sensor and seed.
     """
     found = read_results(results)
     more = {r.method: (None,) * len(TASKS) for r in found if r.method not in {**TABLE_2_SIM, **ABLATION_REAL}}
@@ -74,14 +74,14 @@ def table(results: Path | None = None) -> None:
 
 
 def read_results(folder: Path | None) -> list[Result]:
-    """The results of a folder, or those of the package and of ./results, see `table`."""
+    """Read the results of a folder, or those of the package and of ./results, see `table`."""
     folders = (RESULTS, OUT) if folder is None else (folder,)
     paths = {path.name: path for folder in folders for path in sorted(folder.glob("*.json"))}
     return [Result.load(path) for _, path in sorted(paths.items())]
 
 
 def pooled(found: list[Result], task: str, method: str, sensor: str) -> tuple[int, int]:
-    """Successes and episodes of all seeds."""
+    """Return the successes and episodes of all seeds together."""
     these = [r for r in found if (r.task, r.method, r.sensor) == (task, method, sensor)]
     return sum(round(r.success_rate * r.trials) for r in these), sum(r.trials for r in these)
 
@@ -102,7 +102,7 @@ def _print(title: str, paper: Mapping[str, tuple[float | None, ...]], found: lis
 
 
 def _print_kinds(found: list[Result]) -> None:
-    """The transfer by kind of sensor, all tasks of a method together."""
+    """Print the transfer results per kind of sensor, with all tasks of a method together."""
     these = [result for result in found if result.sensor == TRANSFER]
     kinds = list(dict.fromkeys(kind for result in these for kind in result.parts))
     if not kinds:
@@ -131,7 +131,7 @@ def _print_differences(found: list[Result]) -> None:
 
 
 def _print_cost(found: list[Result]) -> None:
-    """CPU time of a training, the mean over seeds."""
+    """Print the CPU time of a training, averaged over seeds."""
     print(f"\nCPU minutes of a training\n\n| method | {' | '.join(TASKS)} |\n|{'---|' * (1 + len(TASKS))}")
     trained = [r for r in found if r.sensor == IN_SIMULATION and r.training.get("cpu_seconds")]
     for method in dict.fromkeys(result.method for result in trained):
@@ -143,7 +143,7 @@ def _print_cost(found: list[Result]) -> None:
 
 
 def _mean(rates: list[float | None]) -> float | None:
-    """The mean, where there is one of each task."""
+    """Return the mean, or None unless every task has a rate."""
     values = [rate for rate in rates if rate is not None]
     return float(np.mean(values)) if len(values) == len(rates) else None
 

@@ -1,4 +1,4 @@
-"""The six blind insertion tasks, and what the paper leaves open about them."""
+"""The six blind insertion tasks and the parameters that the paper does not specify."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ class Task:
     """One of the paper's tasks (Section "Experiment Setup" and its appendix).
 
     Attributes:
-        name: The paper's name.
-        handle: Shape of what the fingers hold.
+        name: Name of the task in the paper.
+        handle: Shape of the handle that the fingers hold.
         peg: Cross section of the peg.
-        hole: What it goes into. A groove is open at both ends.
-        clearance: Width of the hole minus that of the peg (m): a peg in the middle has half of it on each side.
-        action_scale: How far (m) an action of 1 moves the goal.
-        frozen: The axis that the policy cannot move along.
+        hole: Shape of the hole. A groove is open at both ends.
+        clearance: Width of the hole minus width of the peg (m): a centred peg has half of it on each side.
+        action_scale: Displacement of the goal (m) for an action of 1.
+        frozen: Axis along which the policy cannot move.
         max_steps: Steps at 20 Hz until the episode is truncated.
     """
 
@@ -34,12 +34,12 @@ class Task:
 
     @property
     def hole_is_hidden(self) -> bool:
-        """Whether the policy does not see the hole's pose either, so that ``p_t`` is 0."""
+        """Whether the hole's pose is hidden from the policy too, which makes ``p_t`` 0."""
         return self.frozen is not None
 
     @property
     def axes(self) -> tuple[int, ...]:
-        """The axes of the world that the action moves along."""
+        """World axes along which the action moves the goal."""
         return tuple(axis for axis, name in enumerate("xyz") if name != self.frozen)
 
 
@@ -58,7 +58,7 @@ TASKS: dict[str, Task] = {
 
 
 def find_task(name: str) -> Task:
-    """The task of that name.
+    """Return a task by name.
 
     Raises:
         UnknownNameError: There is no such task.
@@ -70,40 +70,40 @@ def find_task(name: str) -> Task:
 
 @dataclass(frozen=True)
 class Parameters:
-    """What the paper leaves open. Lengths in m; the defaults are ours.
+    """Values that the paper does not specify. Lengths in m; the defaults are ours.
 
     Attributes:
-        handle_size: Width of the handle, or its diameter.
+        handle_size: Width or diameter of the handle.
         handle_height: Height of the handle.
-        peg_size: Width of the peg, or its diameter.
-        peg_length: From the handle's lower face to the peg's bottom.
-        density: Of handle and peg (kg/m^3), printed plastic.
-        hole_depth: From the base's upper face to the bottom of the hole.
+        peg_size: Width or diameter of the peg.
+        peg_length: Distance from the handle's lower face to the peg's bottom.
+        density: Density of handle and peg (kg/m^3), that of printed plastic.
+        hole_depth: Distance from the base's upper face to the bottom of the hole.
         base_size: Width of the square base.
         floor: Thickness of the base below the hole.
-        friction: Sliding friction between peg and base. Between handle and pads it is the gel's.
-        grasp_offset: Largest offset of the fingers from the middle of the handle, along their width (x), the way they
-            close (y) and their length (z): the paper says "randomly placed". Coupled fingers, as the Panda's, centre
-            a handle between them; what is left along y is how unevenly they are mounted.
-        grasp_lean: How far (rad) the peg leans at most when it is grasped, about the axis along which the fingers
-            close: flat fingers straighten it about the others. Leaning like this it takes up less than half of the
-            smallest clearance, that of SQ-1mm, over the depth that counts as success.
-        start: The box, from the middle of the hole's upper edge, in which the peg's bottom begins: lower and upper
-            corner. Where the paper prints [1.5 cm, 1.5 cm] for y, [-1.5 cm, 1.5 cm] is meant.
-        engage_depth: How far below the base's upper face the peg's bottom must be for the peg to count as engaged:
-            resting on the rim is not enough.
-        engage_lean: How far (rad) an engaged peg may lean at most. 2 mm of clearance let one in to 10 mm that leans by
-            20 degrees, and no further: if that counted, to jam it would pay better than to look for the hole.
-        success_depth: h_th, the insertion has succeeded when the peg's bottom is closer than this to the hole's.
-        epsilon: The epsilon of the reaching and the engagement reward.
+        friction: Sliding friction coefficient between peg and base. Between handle and pads it is the gel's.
+        grasp_offset: Largest offset of the fingers from the middle of the handle, along the fingers' width (x), their
+            closing direction (y) and their length (z); the paper says "randomly placed". Coupled fingers like the
+            Panda's centre a handle between them, so the offset along y comes from uneven mounting.
+        grasp_lean: Largest tilt (rad) of a grasped peg about the fingers' closing direction; flat fingers straighten it
+            about the other axes. Over the depth that counts as success, this tilt takes up less than half of the
+            smallest clearance, that of SQ-1mm.
+        start: Lower and upper corner of the box in which the peg's bottom starts, relative to the middle of the hole's
+            upper edge. The paper's [1.5 cm, 1.5 cm] for y is read as [-1.5 cm, 1.5 cm].
+        engage_depth: Depth below the base's upper face that the peg's bottom must reach for the peg to count as
+            engaged: resting on the rim is not enough.
+        engage_lean: Largest tilt (rad) of an engaged peg. A clearance of 2 mm admits a peg tilted by 20 degrees to a
+            depth of 10 mm and no further; if that counted, jamming the peg would pay more than finding the hole.
+        success_depth: h_th: the insertion succeeds when the peg's bottom is closer than this to the hole's bottom.
+        epsilon: Epsilon of the reaching and engagement rewards.
         kp: Stiffness of the controller (1/s^2), robosuite's default.
-        grip_force: With which each finger would hold a handle that does not give way (N): what deoxys, the software
-            of the paper's robot, asks of the hand. robosuite's own fingers hold 30 mm with 15.5 N, and a peg that is
-            pushed along them turns.
+        grip_force: Force (N) with which each finger would hold a rigid handle: the force that deoxys, the software of
+            the paper's robot, commands. robosuite's own fingers hold 30 mm with 15.5 N, and a peg that is pushed along
+            them rotates.
 
     Raises:
-        InvalidValueError: A length or other value that is not positive, a peg too long or too short for the hole, or
-            a start box whose corners are not in order.
+        InvalidValueError: A length or other value is not positive, the hole is too deep or too shallow for the peg or
+            for success_depth, or the corners of the start box are not in order.
     """
 
     handle_size: float = 30e-3
@@ -136,9 +136,7 @@ class Parameters:
             if not may_be_none and not 0 < value < float("inf"):
                 raise paxisim.InvalidValueError(f"{item.name} must be positive and finite, got {value!r}")
         if len(self.grasp_offset) != 3 or not all(0 <= value < float("inf") for value in self.grasp_offset):
-            raise paxisim.InvalidValueError(
-                f"grasp_offset must be three lengths that are not negative, got {self.grasp_offset}"
-            )
+            raise paxisim.InvalidValueError(f"grasp_offset must be three non-negative lengths, got {self.grasp_offset}")
         if not 0 <= self.grasp_lean < float("inf"):
             raise paxisim.InvalidValueError(f"grasp_lean must not be negative, got {self.grasp_lean!r}")
         low, high = self.start

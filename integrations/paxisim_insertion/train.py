@@ -1,4 +1,4 @@
-"""``python -m paxisim_insertion.train --task SX-2mm --method GCS --seed 0``: asymmetric SAC, which can be killed."""
+"""``python -m paxisim_insertion.train --task SX-2mm --method GCS --seed 0``: train with asymmetric SAC."""
 
 from __future__ import annotations
 
@@ -52,32 +52,31 @@ def train(
     threads: int = 1,
     device: str = "auto",
 ) -> None:
-    """Train a policy; go on with --resume after whatever ended it.
+    """Train a policy. After an interruption, --resume continues the run.
 
     Args:
         task: Name of the task.
         method: Name of the method.
-        seed: Seed of networks, environments and exploration.
-        steps: Environment steps in all. Default: 300,000, or what the run that is resumed was to have.
-        engine: What moves the hand. Results are those of robosuite, whatever this is.
-        envs: Environments that collect at the same time.
-        updates: Updates of the networks for each environment step, or as many as whole numbers allow.
-        batch: Transitions of an update.
-        temperature: SAC's temperature at the start.
-        reward_scale: What the reward is multiplied by while it trains.
-        out: Folder of the run. Default: runs/TASK_METHOD_SEED.
-        resume: Go on with the run that is there; what it is was settled when it began.
-        other_versions: Go on although the software's versions are not the run's.
-        save_every: Seconds between two saved models; of what was experienced nothing is lost.
-        buffer: Transitions in the replay buffer.
-        model: Folder of a diagnosis, as paxisim diagnose writes it. Its model of the sensor, drawn within its
-            intervals, takes the place of what the method draws for each episode. What it found in the scene is drawn
-            as well.
-        redraw: Draw GCS anew for each sample of the replay buffer too; the paper draws once an episode. A model with
-            memory, such as creep, or that needs the gripper's opening is drawn once an episode in any case.
-        parameters: What the paper leaves open.
-        threads: Threads of torch and of the native engine.
-        device: Torch's device.
+        seed: Random seed of networks, environments and exploration.
+        steps: Total number of environment steps. Default: 300,000, or those of the run that is resumed.
+        engine: Engine that moves the hand during training. Evaluations always use robosuite.
+        envs: Number of environments that collect transitions in parallel.
+        updates: Network updates per environment step; the ratio is rounded to whole numbers of updates and steps.
+        batch: Transitions per update.
+        temperature: Initial temperature of SAC.
+        reward_scale: Factor of the reward in training.
+        out: Folder of the run; created if missing. Default: runs/TASK_METHOD_SEED, with _fitted appended for --model.
+        resume: Continue an existing run with the settings it was started with.
+        other_versions: Accept a run made with other software versions.
+        save_every: Seconds between two saved models. Transitions are stored at once, so none are lost.
+        buffer: Capacity of the replay buffer in transitions.
+        model: Folder of a diagnosis written by paxisim diagnose. Its sensor model, drawn within its intervals for each
+            episode, replaces the randomisation of the method. What it found in the scene is drawn as well.
+        redraw: Also redraw GCS for each sample of the replay buffer; the paper draws once per episode. A model with
+            memory, such as creep, or one that needs the gripper's opening is always drawn once per episode.
+        parameters: Values that the paper does not specify.
+        threads: Number of threads for torch and for the native engine.
+        device: Torch device.
     """
     folder = out or RUNS / (folder_of(task, method, seed) + ("" if model is None else "_fitted"))
     if resume:
@@ -108,14 +107,14 @@ def train(
         )
         run = replace(run, redraw=redraw and can_redraw(run.gcs))
         if found is not None:
-            run.insertion_env().close()  # says what does not fit before there is a folder
+            run.insertion_env().close()  # raises for a model that does not fit, before the folder is created
         run.create()
     torch.set_num_threads(threads)
     env = run.make_envs(threads)
     try:
         sac = make_model(run, env, device)
         done = sac.num_timesteps
-        # other episodes than those before the end that it is resumed from
+        # a resumed run gets other episodes than it had before
         start = run.seed_after(done)
         set_random_seed(start)
         env.seed(start)
@@ -131,11 +130,11 @@ def train(
 
 
 def load_diagnosis(folder: Path) -> paxisim.diagnose.Diagnosis:
-    """The diagnosis in a folder, which must have a model.
+    """Load a diagnosis that has a model from its folder.
 
     Raises:
-        InvalidValueError: It is no folder, or the diagnosis names no cause.
-        FileNotFoundError: There is no diagnosis in it.
+        InvalidValueError: The path is a file, or the diagnosis names no cause.
+        FileNotFoundError: The folder has no diagnosis.
     """
     if folder.is_file():
         raise paxisim.InvalidValueError(f"expected the folder of a diagnosis, got the file {folder}")
@@ -149,10 +148,10 @@ def load_diagnosis(folder: Path) -> paxisim.diagnose.Diagnosis:
 
 
 class Progress(BaseCallback):
-    """Saves the model from time to time, and says how it goes."""
+    """Saves the model at intervals and prints the progress."""
 
     def __init__(self, run: Run, model: SAC, steps: int, save_every: float) -> None:
-        """For a run of so many steps in all, whose newest model this is."""
+        """Take the run, its newest model, the total number of steps and the seconds between saves."""
         super().__init__()
         self._run, self._sac, self._steps, self._save_every = run, model, steps, save_every
         self._saved = self._began = time.monotonic()
@@ -161,7 +160,7 @@ class Progress(BaseCallback):
         self._averaged, self._cpu_began = model._n_updates, time.process_time() - seconds
 
     def save(self) -> None:
-        """Save the model and the average of its actors."""
+        """Save the model and the average of the actors."""
         self._take_in()
         self._run.save(self._sac)
         seconds = time.process_time() - self._cpu_began

@@ -1,7 +1,6 @@
-"""Trained: a policy that acts, and what its training cost; small enough to be kept beside its results.
+"""Trained: a policy that acts and the cost of its training, small enough to store beside its results.
 
-What is read from a folder is weights and numbers, never Python objects: a pickle in a folder that somebody shares would
-run what code it likes.
+Only weights and numbers are read from a folder, never Python objects: a pickle in a shared folder could run any code.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ from .env import InsertionEnv
 from .policy import AsymmetricPolicy
 
 ACTOR = "actor.pt"
-"""The file of an actor without critic, optimisers and replay buffer."""
+"""File name of an actor without critic, optimisers and replay buffer."""
 
 NOT_WEIGHTS = (
     RuntimeError,
@@ -40,7 +39,7 @@ NOT_WEIGHTS = (
     zipfile.BadZipFile,
     pickle.UnpicklingError,
 )
-"""What reading weights raises for a file that holds others, or none."""
+"""Exceptions raised for a file with other weights or without weights."""
 
 
 @dataclass(frozen=True)
@@ -48,10 +47,10 @@ class Trained:
     """A policy that acts.
 
     Attributes:
-        policy: stable-baselines3's policy; of one that was loaded from `ACTOR` the critic means nothing.
-        steps: Environment steps of its training.
-        updates: Updates of its training.
-        seconds: CPU seconds of its training; 0 if that is not known.
+        policy: stable-baselines3's policy. The critic is untrained if the policy was loaded from a file.
+        steps: Environment steps of the training.
+        updates: Updates of the training.
+        seconds: CPU seconds of the training; 0 if unknown.
     """
 
     policy: AsymmetricPolicy
@@ -61,34 +60,34 @@ class Trained:
 
     @classmethod
     def of(cls, model: SAC) -> Trained:
-        """The policy of a model in training."""
+        """Return the policy of a model in training."""
         assert isinstance(model.policy, AsymmetricPolicy)
         return cls(model.policy, model.num_timesteps, model._n_updates)
 
     def act(self, observation: dict[str, NDArray[np.float32]], *, deterministic: bool = True) -> NDArray[np.float32]:
-        """The most likely action, or one that is drawn."""
+        """Return the most likely action, or one sampled from the policy."""
         return self.policy.predict(observation, deterministic=deterministic)[0]  # type: ignore[arg-type]
 
     def save(self, folder: Path) -> Path:
-        """Write the actor to `ACTOR` in a folder, whole or not at all."""
+        """Write the actor to `ACTOR` in a folder, atomically."""
         return save_actor(folder, self.policy.actor, self.steps, self.updates, self.seconds)
 
     @classmethod
     def load(cls, folder: Path, env: InsertionEnv) -> Trained:
-        """The actor that `save` wrote.
+        """Load the actor that `save` wrote.
 
         Raises:
-            InvalidValueError: It is not one, or was trained on other observations.
+            InvalidValueError: The file is not an actor, or the actor was trained on other observations.
         """
         path = folder / ACTOR
         return _fitted(path, env, lambda: torch.load(path, map_location="cpu", weights_only=True))
 
     @classmethod
     def of_model(cls, path: Path, env: InsertionEnv) -> Trained:
-        """The actor in a training's ``model.zip``: its weights alone, none of the Python objects beside them.
+        """Load the actor of a training's ``model.zip``: only its weights, none of the Python objects beside them.
 
         Raises:
-            InvalidValueError: It is no such file, or was trained on other observations.
+            InvalidValueError: The file is not a model, or the model was trained on other observations.
         """
 
         def read() -> dict[str, Any]:
@@ -105,7 +104,7 @@ class Trained:
 
 
 def save_actor(folder: Path, actor: nn.Module, steps: int, updates: int, seconds: float) -> Path:
-    """Write an actor, and what its training cost, to `ACTOR` in a folder, whole or not at all."""
+    """Write an actor and the cost of its training to `ACTOR` in a folder, atomically."""
     path = folder / ACTOR
     new = path.with_suffix(".new")
     torch.save({"steps": steps, "updates": updates, "seconds": seconds, "actor": actor.state_dict()}, new)
@@ -114,10 +113,10 @@ def save_actor(folder: Path, actor: nn.Module, steps: int, updates: int, seconds
 
 
 def counts_of(model: Path) -> dict[str, int]:
-    """The whole numbers among what a ``model.zip`` says beside its weights, such as the steps done; nothing pickled.
+    """Return the integers stored in a ``model.zip`` beside its weights, such as the step count, without unpickling.
 
     Raises:
-        LookupError, ValueError, zipfile.BadZipFile: It is no such file.
+        LookupError, ValueError, zipfile.BadZipFile: The file is not a model.
     """
     with zipfile.ZipFile(model) as archive:
         document = json.loads(archive.read("data"))
@@ -134,5 +133,5 @@ def _fitted(path: Path, env: InsertionEnv, read: Callable[[], dict[str, Any]]) -
         return Trained(policy, int(found["steps"]), int(found["updates"]), seconds)
     except NOT_WEIGHTS as error:
         raise paxisim.InvalidValueError(
-            f"{path} is no actor for {env.observation_space}; perhaps of a run of another layout, k or task: {error}"
+            f"{path} is not an actor for {env.observation_space}; perhaps its layout, k or task differ: {error}"
         ) from error

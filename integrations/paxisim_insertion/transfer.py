@@ -1,4 +1,4 @@
-"""Transfer: the sensors that stand for the real one in an evaluation ``--transfer``; no training has seen them."""
+"""Transfer: the sensors of ``evaluate --transfer``, stand-ins for a real one that no training has seen."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ import paxisim
 from .surrogate import draw, uneven, unit
 
 SURROGATES, UNITS = range(1, 11), range(1, 6)
-"""Seeds of the surrogates, each once zeroed in the grasp and once before it; numbers of the magnetic pad's units."""
+"""Seeds of the surrogates, each zeroed once in the grasp and once before it; unit numbers of the magnetic pad."""
 
 
 @dataclass(frozen=True, eq=False)
 class StandIn:
-    """A sensor that stands for a real one.
+    """A stand-in for a real sensor.
 
     Attributes:
-        kind: What it is, and how it was zeroed.
-        chain: What the simulator's readings pass through.
+        kind: Type of the sensor, or how it was zeroed.
+        chain: Chain applied to the simulator's readings.
         surface: ``(pads, rows, cols)`` heights of the taxels (m).
     """
 
@@ -31,7 +31,7 @@ class StandIn:
 
 
 def sensors(layout: paxisim.TaxelLayout) -> list[StandIn]:
-    """25 sensors for pads of a layout, the kinds taking turns."""
+    """Return 25 sensors for pads of a layout, with alternating kinds."""
     turns = []
     for number in UNITS:
         for seed in SURROGATES[2 * number - 2 : 2 * number]:

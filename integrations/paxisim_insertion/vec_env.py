@@ -1,4 +1,4 @@
-"""InsertionVecEnv: many native environments in one process, their physics in threads, all else in batches."""
+"""InsertionVecEnv: many native environments in one process, with threaded physics and batched computations."""
 
 from __future__ import annotations
 
@@ -22,26 +22,27 @@ from .reward import insertion, reward_terms, weighted
 
 
 class InsertionVecEnv(VecEnv):
-    """Environments of one task and method, as stable-baselines3 takes them.
+    """A stable-baselines3 vector environment of one task and method.
 
-    Each does what an `InsertionEnv` of the native engine does with the same seed, to rounding. MuJoCo runs without
-    Python's lock, so threads step them at the same time. All episodes are of the same length: they begin and end
-    together, and the next begin at once.
+    Each environment matches an `InsertionEnv` of the native engine with the same seed, up to rounding. MuJoCo releases
+    Python's lock, so threads step the environments in parallel. All episodes have the same length: they begin and end
+    together, and new ones begin at once.
 
     Attributes:
-        envs: The environments, of which the scenes and the random numbers are used.
+        envs: The environments, which provide the scenes and the random numbers.
     """
 
     def __init__(self, envs: Sequence[InsertionEnv], *, reward_scale: float = 1.0, threads: int = 1) -> None:
-        """Take environments that are alike.
+        """Combine environments with the same options.
 
         Args:
-            envs: Of the native engine, without sensor and gap; they do not end with success.
-            reward_scale: What the reward is multiplied by; the returns in ``infos`` are not.
-            threads: Of the physics.
+            envs: Environments of the native engine without sensor, gap and ``terminate_on_success``.
+            reward_scale: Factor of the reward; the returns in ``infos`` are not scaled.
+            threads: Number of threads for the physics.
 
         Raises:
-            InvalidValueError: There is none, or one of another engine, with sensor or gap or that ends with success.
+            InvalidValueError: There is no environment, or one has another engine, a sensor, a gap or
+                ``terminate_on_success``.
         """
         if not envs or not all(isinstance(env.scene, NativeScene) for env in envs):
             raise paxisim.InvalidValueError("expected at least one environment, all with engine='native'")
@@ -63,7 +64,7 @@ class InsertionVecEnv(VecEnv):
         super().__init__(count, first.observation_space, first.action_space)
 
     def reset(self) -> dict[str, NDArray[np.float32]]:
-        """Begin an episode in each environment, with the seeds that `seed` gave."""
+        """Begin an episode in each environment, with the seeds set by `seed`."""
         for env, seed in zip(self.envs, self._seeds, strict=True):
             if seed is not None:
                 env.np_random = seeding.np_random(seed)[0]
@@ -71,13 +72,13 @@ class InsertionVecEnv(VecEnv):
         return self._begin()
 
     def step_async(self, actions: NDArray[np.floating]) -> None:
-        """Take the actions ``(environments, axes)`` of the next step."""
+        """Set the actions ``(environments, axes)`` of the next step."""
         self._actions = np.clip(np.asarray(actions, dtype=float), -1, 1)
 
     def step_wait(
         self,
     ) -> tuple[dict[str, NDArray[np.float32]], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
-        """Move for 50 ms."""
+        """Apply the actions for 50 ms."""
         first = self.envs[0]
         goals = self._home.copy()
         goals[:, self._axes] = self._read_poses()[0][:, self._axes] + first.task.action_scale * self._actions
@@ -104,14 +105,14 @@ class InsertionVecEnv(VecEnv):
         return observation, (self._scale * reward).astype(np.float32), np.full(self.num_envs, done), infos
 
     def close(self) -> None:
-        """End the threads."""
+        """Stop the threads and close the environments."""
         if self._pool is not None:
             self._pool.shutdown()
         for env in self.envs:
             env.close()
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        """An attribute of the environments."""
+        """Return an attribute of the environments."""
         return [getattr(self.envs[index], attr_name) for index in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
@@ -124,11 +125,11 @@ class InsertionVecEnv(VecEnv):
         return [getattr(self.envs[index], method_name)(*args, **kwargs) for index in self._get_indices(indices)]
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
-        """None is wrapped."""
+        """Return False for each environment: none is wrapped."""
         return [False for _ in self._get_indices(indices)]
 
     def _for_each(self, work: Callable[[int], Any]) -> list[Any]:
-        """Do something with each environment, in threads if there are several; what it gave."""
+        """Call a function with the index of each environment, in threads if there are several; return the results."""
         return list(
             map(work, range(self.num_envs)) if self._pool is None else self._pool.map(work, range(self.num_envs))
         )
@@ -159,7 +160,7 @@ class InsertionVecEnv(VecEnv):
         return {"gripper_opening": np.array([scene.opening for scene in self._scenes])}
 
     def _read_poses(self) -> list[NDArray[np.floating]]:
-        """Position and rotation of the fingertips, then of the pegs."""
+        """Return position and rotation of the fingertips, then of the pegs."""
         return [np.array(views) for views in zip(*self._poses, strict=True)]
 
     def _observe(self, poses: list[NDArray[np.floating]]) -> dict[str, NDArray[np.float32]]:
@@ -172,7 +173,7 @@ class InsertionVecEnv(VecEnv):
 
 
 def stack_chains(chains: Sequence[paxisim.Chain]) -> paxisim.Chain:
-    """Chains that differ in drawn parameters as one for a batch."""
+    """Combine chains that differ only in drawn parameters into one for a batch."""
     members = []
     for alike in zip(*(chain.members for chain in chains), strict=True):
         if isinstance(alike[0], paxisim.Chain):
@@ -190,7 +191,7 @@ def stack_chains(chains: Sequence[paxisim.Chain]) -> paxisim.Chain:
 
 
 def _poses(scene: NativeScene) -> tuple[NDArray[np.floating], ...]:
-    """Where MuJoCo writes position and rotation of the fingertip, then of the peg."""
+    """Return views of MuJoCo's position and rotation of the fingertip, then of the peg."""
     model, data = scene.model_and_data
     site, body = model.site("grip_site").id, model.body("peg").id
     return (

@@ -1,4 +1,4 @@
-"""InsertionVectorEnv: many native environments in one process, as gymnasium takes them."""
+"""InsertionVectorEnv: many native environments in one process, as a gymnasium vector environment."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from .vec_env import InsertionVecEnv
 class InsertionVectorEnv(VectorEnv):
     """`InsertionVecEnv` with gymnasium's interface: ``gymnasium.make_vec("paxisim/SX-2mm-v0", num_envs=20)``.
 
-    All episodes are of the same length, and the next begin at once: a step that ends them returns the first
-    observations of the next, and the last ones in ``infos["final_obs"]``.
+    All episodes have the same length, and new ones begin at once: a step that ends the episodes returns the first
+    observations of the next ones, and the last observations in ``infos["final_obs"]``.
     """
 
     metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.SAME_STEP}  # noqa: RUF012 - gymnasium's own
@@ -29,15 +29,15 @@ class InsertionVectorEnv(VectorEnv):
         """Build the environments.
 
         Args:
-            num_envs: How many.
-            threads: Of the physics.
-            **options: Of `InsertionEnv`; the engine is the native one.
+            num_envs: Number of environments.
+            threads: Number of threads for the physics.
+            **options: Options of `InsertionEnv`; the engine is the native one.
 
         Raises:
-            InvalidValueError: There is none, or an option that only one environment by itself can have.
+            InvalidValueError: There are no environments, or an option is only valid for a single environment.
         """
         if options.pop("render_mode", None) is not None or options.setdefault("engine", "native") != "native":
-            raise paxisim.InvalidValueError("many environments have engine='native' and no render_mode")
+            raise paxisim.InvalidValueError("expected engine='native' and no render_mode for a vector environment")
         self._many = InsertionVecEnv([InsertionEnv(**options) for _ in range(num_envs)], threads=threads)
         first = self._many.envs[0]
         self.num_envs = num_envs
@@ -48,7 +48,7 @@ class InsertionVectorEnv(VectorEnv):
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, NDArray[np.float32]], dict[str, Any]]:
-        """Begin an episode in each environment: `seed` and those after it, or a seed for each."""
+        """Begin an episode in each environment, with `seed`, `seed` + 1 and so on, or one seed per environment."""
         if isinstance(seed, Sequence):
             if len(seed) != self.num_envs:
                 raise paxisim.InvalidValueError(f"expected {self.num_envs} seeds, got {len(seed)}")
@@ -66,7 +66,7 @@ class InsertionVectorEnv(VectorEnv):
         NDArray[np.bool_],
         dict[str, Any],
     ]:
-        """Move for 50 ms."""
+        """Apply the actions for 50 ms."""
         observation: Any
         observation, reward, done, ended = self._many.step(np.asarray(actions))
         succeeded = np.array([info["is_success"] for info in ended])
@@ -78,7 +78,7 @@ class InsertionVectorEnv(VectorEnv):
         return observation, reward.astype(np.float64), np.zeros_like(done), done, infos
 
     def close_extras(self, **kwargs: Any) -> None:
-        """End the threads."""
+        """Stop the threads."""
         self._many.close()
 
     def _told(self, succeeded: NDArray[np.bool_]) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Robosuite, imported without its warnings of optional parts of its own, which are nobody's business here."""
+"""Import of robosuite without its warnings about optional parts, which do not matter here."""
 
 import contextlib
 import logging
@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 @contextlib.contextmanager
 def quietly() -> Iterator[None]:
-    """Log nothing but errors for a while."""
+    """Log only errors within the context."""
     before = logging.root.manager.disable
     logging.disable(logging.WARNING)
     try:

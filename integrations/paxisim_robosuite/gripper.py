@@ -31,22 +31,22 @@ KNOWN_MOUNTS = {
     "WipingGripper": "wiping",
     "XArm7Gripper": "xarm7",
 }
-"""robosuite's grippers of which paxisim knows the mounts, with its names for them."""
+"""robosuite's grippers with mounts known to paxisim, and paxisim's names for them."""
 
 READY_MADE = ("PandaGripper", "Robotiq85Gripper", "Robotiq140Gripper", "XArm7Gripper", "RethinkGripper")
-"""The grippers that importing this package registers as ``"Paxi" + name``."""
+"""Grippers that importing this package registers as ``"Paxi" + name``."""
 
 
 class TactileGripper(GripperModel):
     """Mixin: a robosuite gripper whose fingers carry pads.
 
-    The pads are put into robosuite's own parsed file before it prefixes the names, so whatever robosuite does with
-    the gripper's file it does with the pads too. Collision geoms that a pad replaces are switched off; where
-    robosuite looks for contact with one of them, as its grasp checks do, it finds the pad's taxels.
+    The pads are added to robosuite's parsed file before robosuite prefixes the names, so it treats them like the rest
+    of the gripper. Collision geoms that a pad replaces are switched off. Where robosuite looks for contact with one of
+    them, as its grasp checks do, it finds the pad's taxels.
 
     Attributes:
-        pad: The pad on each mount, under the name of its mount.
-        mounts: Where the pads go.
+        pad: The pad on each mount; the mount's name is prefixed to the pad's name.
+        mounts: The mounts of the pads.
     """
 
     pad: ClassVar[paxisim.Pad]
@@ -56,17 +56,17 @@ class TactileGripper(GripperModel):
         """Build the gripper.
 
         Args:
-            idn: robosuite's identification of this gripper.
+            idn: robosuite's ID of this gripper.
         """
         self._taxels: dict[str, list[str]] = {}
-        super().__init__(idn=idn)  # type: ignore[call-arg] - of the gripper that this is mixed into
+        super().__init__(idn=idn)  # type: ignore[call-arg] - of the gripper class
         taxels = [name for names in self._taxels.values() for name in names]
-        # robosuite tells collision geoms by their group, and the taxels are in the one that is drawn
+        # robosuite recognises collision geoms by their group, and the taxels are in the visual group
         self._contact_geoms = [*self._contact_geoms, *taxels]
         self._visual_geoms = [name for name in self._visual_geoms if name not in taxels]
 
     def resolve_asset_dependency(self) -> None:
-        """The last step of robosuite's parsing, before names get their prefix: here the pads come in."""
+        """Add the pads in the last step of robosuite's parsing, before names are prefixed."""
         super().resolve_asset_dependency()
         for mount in self.mounts:
             self._taxels[mount.name] = self._add_pad(mount)
@@ -79,7 +79,7 @@ class TactileGripper(GripperModel):
             geom = self._geom(bodies[mount.body], which)
             geom.set("contype", "0")
             geom.set("conaffinity", "0")
-            # bits do not keep the geoms of an explicit pair apart
+            # contact bits do not affect explicit pairs
             for pair in self.contact.findall("pair"):
                 if geom.get("name") in (pair.get("geom1"), pair.get("geom2")):
                     self.contact.remove(pair)
@@ -108,7 +108,7 @@ class TactileGripper(GripperModel):
         return named[which]
 
     def _inherit_exclusions(self, finger: str, pad: str) -> None:
-        # MuJoCo excludes by body, and a pad is a body of its own
+        # MuJoCo excludes contacts by body, and a pad is a separate body
         for exclude in self.contact.findall("exclude"):
             pair = exclude.get("body1"), exclude.get("body2")
             if finger in pair:
@@ -130,22 +130,22 @@ def register(
     sensor: paxisim.Pad | paxisim.TaxelLayout | str = DEFAULT_SENSOR,
     mounts: Iterable[paxisim.Mount] | None = None,
 ) -> type[GripperModel]:
-    """Make a tactile version of a gripper known to robosuite under a name of its own.
+    """Register a tactile version of a gripper with robosuite under a new name.
 
     Args:
-        name: The new name, for ``gripper_types=``. Registering it again replaces it.
+        name: The new name, for ``gripper_types=``. Registering the name again replaces the gripper.
         gripper: Name of the gripper to put pads on, one of robosuite's or one registered with it.
-        sensor: The pad, a layout, or the name of a sensor in paxisim's catalogue. Default: the paper's.
-        mounts: Where the pads go; default: those that paxisim knows for robosuite's own grippers.
+        sensor: A pad, a layout, or the name of a sensor in paxisim's catalogue. Default: the paper's sensor.
+        mounts: Mounts of the pads. Default: paxisim's mounts for robosuite's grippers.
 
     Returns:
-        The class that was registered.
+        The registered class.
 
     Raises:
         UnknownNameError: There is no such gripper or sensor. A body or geom of a mount that the gripper lacks is
             reported when the gripper is built.
-        InvalidValueError: `name` is that of a gripper without pads; `mounts` is empty, has to be given, or has two of
-            one name; or the pad has touch_grid sensors, whose plugin robosuite drops.
+        InvalidValueError: `name` belongs to a gripper without pads; `mounts` is empty, missing for a gripper without
+            known mounts, or has duplicate names; or the pad has touch_grid sensors, whose plugin robosuite drops.
     """
     if gripper not in GRIPPER_MAPPING:
         raise paxisim.UnknownNameError("gripper", gripper, [known for known in GRIPPER_MAPPING if known])
@@ -162,11 +162,11 @@ def register(
     names = [mount.name for mount in chosen]
     twice = [mount for mount in names if names.count(mount) > 1]
     if twice:
-        raise paxisim.InvalidValueError(f"two mounts are named {twice[0]!r}: give them names of their own")
+        raise paxisim.InvalidValueError(f"two mounts are named {twice[0]!r}: give them different names")
     pad = _as_pad(sensor)
     if pad.sensors == "touch_grid":
         raise paxisim.InvalidValueError(
-            "robosuite drops the plugin of touch_grid sensors when it puts a scene together: give a pad without "
+            "robosuite drops the plugin of touch_grid sensors when it assembles a scene: give a pad without "
             "sensors, which TactileWrapper reads, or with sensors='contact'"
         )
     fields: dict[str, Any] = {

@@ -1,9 +1,9 @@
-"""fast_controller: robosuite's operational space control with the same torques, at a fraction of its time.
+"""fast_controller: robosuite's operational space control with the same torques, in a fraction of the time.
 
-In each substep robosuite computes six Jacobians where one will do, three pseudo-inverses of matrices that have
-inverses, twice the pose of a base that is bolted down, the limits of the action, and what the gripper was told when the
-control step began, all of it in Python, whose instructions the physics in between drives out of the caches. The physics
-and the control law stay as they are.
+In each substep robosuite computes six Jacobians where one suffices, three pseudo-inverses of invertible matrices, the
+pose of a fixed base twice, the limits of the action, and gripper controls that are constant within a control step. All
+of this runs in Python, whose instructions are evicted from the caches by the physics in between. The physics and the
+control law are unchanged.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import copy
 from typing import Any
 
 import mujoco
-import numba  # robosuite brings and uses it
+import numba  # a dependency of robosuite
 import numpy as np
 from numpy.typing import NDArray
 from robosuite.controllers import load_composite_controller_config
@@ -27,16 +27,16 @@ _NULLSPACE_KP = 10.0  # robosuite's
 
 
 def fast_controller(robot: str = "Panda", **arm: Any) -> dict[str, Any]:
-    """A robot's default controller of robosuite, run by `FastController`.
+    """Return robosuite's default controller configuration of a robot, to be run by `FastController`.
 
     Args:
         robot: robosuite's name of a robot with a fixed base whose default is ``OSC_POSE`` with fixed impedance.
         **arm: Settings of its arm controllers to change, e.g. ``kp=300`` or ``input_type="absolute"``.
 
     Returns:
-        For ``controller_configs=`` of a robosuite environment.
+        A configuration for ``controller_configs=`` of a robosuite environment.
     """
-    with quietly():  # it says which file it reads
+    with quietly():  # it logs which file it reads
         config: Any = copy.deepcopy(load_composite_controller_config(robot=robot))
     config["type"] = NAME
     for part in config["body_parts"].values():
@@ -54,7 +54,7 @@ class FastOSC(OperationalSpaceController):
     _jacobian: NDArray[np.floating] | None = None
 
     def run_controller(self) -> NDArray[np.floating]:
-        """Torques (N m) towards the goal."""
+        """Compute the torques (N m) towards the goal."""
         if self._jacobian is None:
             self._model, self._data = self.sim.model._model, self.sim.data._data
             self._site = self.sim.model.site_name2id(self.ref_name)
@@ -92,7 +92,7 @@ class FastOSC(OperationalSpaceController):
 def _torques(
     full_mass, full_jacobian, dofs, joints, goal, goal_axes, at, axes, qpos, qvel, posture, bias, kp, kd, uncoupled
 ):  # pragma: no cover - compiled
-    """The control law of `OperationalSpaceController`, with solves where it inverts."""
+    """Compute the control law of `OperationalSpaceController`, with solves instead of inverses."""
     count = len(dofs)
     mass, jacobian = np.empty((count, count)), np.empty((6, count))
     velocity, towards = np.empty(count), np.empty(count)
@@ -135,7 +135,7 @@ class FastController(composite_controller.CompositeController):
     name = NAME
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
-        """Build it as robosuite does."""
+        """Build the controller as robosuite does."""
         super().__init__(*args, **kwargs)
         self.part_controller_config: Any = None
         self._limits: Any = None
@@ -152,7 +152,7 @@ class FastController(composite_controller.CompositeController):
                 self.part_controllers[part] = FastOSC(control_ori=controller.use_ori, **settings)
 
     def update_state(self) -> None:
-        """Read the pose of the base, once."""
+        """Read the pose of the base once."""
         if not self._origin_is_known:
             super().update_state()
             self._origin_is_known = True
@@ -163,7 +163,7 @@ class FastController(composite_controller.CompositeController):
         self._is_new = True
 
     def run_controller(self, enabled_parts: dict[str, bool]) -> dict[str, Any]:
-        """Controls of the parts for this substep; those that keep theirs until the next goal are left out."""
+        """Compute the controls of this substep; parts whose controls are constant until the next goal are omitted."""
         self._applied_action_dict.clear()
         for part, controller in self.part_controllers.items():
             holds = type(controller) is SimpleGripController and controller.interpolator is None

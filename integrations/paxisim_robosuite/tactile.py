@@ -1,4 +1,4 @@
-"""TactileSim: the pads of a robosuite simulation. TactileWrapper: an environment with an observable for them."""
+"""TactileSim reads the pads of a robosuite simulation; TactileWrapper adds tactile observables to an environment."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ class TactileSim:
     """
 
     def __init__(self, sim: MjSim, gripper: TactileGripper) -> None:
-        """Find the pads and give them their gel.
+        """Find the pads and apply their gel.
 
         Args:
-            sim: The simulation; its model's contact parameters of the taxels are set.
+            sim: The simulation; the contact parameters of the taxels are set in its model.
             gripper: The gripper's model.
         """
         self._model, self._data = sim.model._model, sim.data._data
@@ -36,28 +36,28 @@ class TactileSim:
         self._readout = paxisim.TactileReadout(self._model, self.pads)
 
     def set_surface(self, heights: NDArray[np.floating]) -> None:
-        """Give the taxels new heights, ``(pads, rows, cols)`` m; takes effect at the next step."""
+        """Set the heights of the taxels, ``(pads, rows, cols)`` m; takes effect at the next step."""
         paxisim.set_surface(self._model, self.pads, heights)
 
     def rebump(self, gcs: paxisim.GCS, rng: np.random.Generator) -> None:
-        """Draw a surface as the paper's G does."""
+        """Draw a surface as in the paper's G (geometry)."""
         self.set_surface(gcs.sample_surface(rng, layout=self.pads.layout, pads=len(self.pads)))
 
     def read(self) -> NDArray[np.float32]:
-        """``(pads, 3, rows, cols)`` float32 newtons: what the pads felt at the last physics step."""
+        """Return the forces at the last physics step, ``(pads, 3, rows, cols)`` float32 newtons."""
         return self._readout.read(self._data)
 
 
 class TactileWrapper(Wrapper):
-    """Gives a robosuite environment a tactile observable for each gripper with pads.
+    """Add a tactile observable to a robosuite environment for each gripper with pads.
 
-    The observable is ``(pads, 3, rows, cols)`` float32 newtons, and called ``"robot0_tactile"``, or
-    ``"robot0_right_tactile"`` on a robot with two arms. The surface is drawn anew in every episode. An observable of
-    robosuite, it can be corrupted, delayed and switched off as any other. Wrap a `GymWrapper` around it with
-    ``flatten_obs=False`` to keep its shape.
+    The observable is ``(pads, 3, rows, cols)`` float32 newtons, named ``"robot0_tactile"``, or
+    ``"robot0_right_tactile"`` on a robot with two arms. Like any observable of robosuite it can be corrupted, delayed
+    and switched off. The surface is redrawn in every episode. Wrap a `GymWrapper` around this wrapper with
+    ``flatten_obs=False`` to keep the observable's shape.
 
     Attributes:
-        gcs: What the surface is drawn from; None for the pads' own.
+        gcs: Randomisation from which the surface is drawn; None for the pads' own surface.
 
     Example:
         ```python
@@ -72,8 +72,8 @@ class TactileWrapper(Wrapper):
 
         Args:
             env: The environment, with at least one gripper that `register` made.
-            gcs: What the surface is drawn from, or None to leave it as the pad was made.
-            seed: Seed of the surfaces; default: from the operating system.
+            gcs: Randomisation from which the surface is drawn, or None for the pads' own surface.
+            seed: Random seed of the surfaces; default: from the operating system.
 
         Raises:
             InvalidValueError: No gripper of the environment has pads.
@@ -94,7 +94,7 @@ class TactileWrapper(Wrapper):
             env.add_observable(Observable(name, self._sensor(name), sampling_rate=env.control_freq))
 
     def reset(self) -> OrderedDict:
-        """Reset, and draw the episode's surface."""
+        """Reset the environment and draw the episode's surface."""
         self.env.reset()
         self._prepare()
         self.env.sim.forward()
@@ -121,6 +121,6 @@ class TactileWrapper(Wrapper):
         def read(_cache: dict[str, Any]) -> NDArray[np.float32]:
             return self._tactile[name].read()
 
-        # robosuite concatenates what is of one modality, and pads of two robots may differ in shape
+        # robosuite concatenates the observables of a modality, and pads of two robots may differ in shape
         read.__modality__ = name  # type: ignore[attr-defined]
         return read

@@ -1,4 +1,4 @@
-"""Leave these tests out where the packages they integrate are not installed."""
+"""Skip these tests if the packages that they integrate are not installed."""
 
 from importlib.util import find_spec
 

@@ -1,4 +1,4 @@
-"""The tasks as gymnasium environments: spaces, episodes, observations, seeds, and that each can be solved."""
+"""The tasks as gymnasium environments: spaces, episodes, observations, seeds and solvability."""
 
 import gymnasium
 import numpy as np
@@ -51,7 +51,7 @@ def test_episodes_begin_where_the_paper_says(env):
         assert np.all((bottom > low - 1e-3) & (bottom < high + 1e-3)), f"seed {seed}: {bottom}"
         assert np.abs(tip[3:]).max() < 0.02, "pointing straight down"
         assert abs(peg[4]) < env.parameters.grasp_lean + 0.02
-        assert np.abs(peg[[3, 5]]).max() < 0.02, "it leans about the way the fingers close alone"
+        assert np.abs(peg[[3, 5]]).max() < 0.02, "it leans only about the closing direction"
         total = env.scene.tactile.read().sum(axis=(-2, -1))
         assert np.all(total[:, 2] > 10), "both pads are pressed"
         assert observation in env.observation_space
@@ -81,7 +81,7 @@ def test_a_frozen_axis_and_the_rotation_stay(env):
 
 @pytest.mark.filterwarnings(
     "ignore:.*observation.* image", "ignore:The minimal resolution"
-)  # a tactile picture is none
+)  # a tactile tensor is not an image
 @pytest.mark.parametrize(("task", "method"), [("SX-2mm", "GCS"), ("RY-2mm", "NT"), ("SQ-1mm", "TF")])
 def test_the_checkers_of_gymnasium_and_stable_baselines(task, method):
     made = gymnasium.make(f"paxisim/{task}-v0", method=method)
@@ -119,7 +119,7 @@ def test_what_the_history_holds(groove):
     frames = observation["tactile"].reshape(20, 2, 3, 6, 5)
     np.testing.assert_array_equal(frames[-1], groove.reading)
     np.testing.assert_array_equal(frames[-2], older)
-    # GCS: some taxels are dropped for the whole episode, and Poisson shear is there in the air
+    # GCS: some taxels are dropped for the whole episode, and Poisson shear appears even without contact at the base
     dropped = ~frames.any(axis=(0, 2))
     assert 2 <= dropped.sum() <= 30
     raw = groove.scene.tactile.read()
@@ -158,7 +158,7 @@ def test_a_surrogate_sensor_takes_the_place_of_what_the_method_draws(tmp_path):
         made.step(np.array([0.0, -0.3]))
     raw = 0.5 * made.scene.tactile.read()
     assert np.abs(raw - before).max() > 0.01, "the peg stands on the base"
-    assert np.abs(made.reading - raw).max() > 1e-3, "the low-pass remembers"
+    assert np.abs(made.reading - raw).max() > 1e-3, "the low-pass filter has memory"
     assert np.ptp(made.scene.model_and_data[0].geom_size[made.scene.tactile.pads.geoms, 0]) < 1e-9
     made.close()
 
@@ -173,7 +173,7 @@ def test_drawn_surrogates(tmp_path, capsys):
     assert without["creep"].amplitude == pytest.approx(drawn["creep"].amplitude)
     made = InsertionEnv("SX-2mm", "DT", sensor=drawn)
     made.reset(seed=0)
-    assert 0 < made.parameters.handle_size - made.scene.opening < 4e-3, "two gels give way to a grip of 30 N"
+    assert 0 < made.parameters.handle_size - made.scene.opening < 4e-3, "a grip of 30 N indents both gels"
     raw = made.scene.tactile.read()
     assert np.abs(made.reading - raw).max() > 0.1
     np.testing.assert_allclose(made.reading / 0.1, np.round(made.reading / 0.1), atol=1e-4)
@@ -188,7 +188,7 @@ def test_a_reference_sensor_with_memory_and_its_neighbour():
     made.reset(seed=0)
     model, data = made.scene.model_and_data
     left, right = (data.xmat[model.body(name).id].reshape(3, 3) for name in made.scene.tactile.pads.bodies)
-    facing = left.T @ right  # the neighbour's magnets are taken to be turned by half a turn about y
+    facing = left.T @ right  # the neighbour's magnets are assumed to be rotated by 180 degrees about y
     np.testing.assert_allclose(facing, np.diag([-1.0, 1.0, -1.0]), atol=0.05)
     raw, covariates = made.scene.tactile.read(), {"gripper_opening": made.scene.opening}
     alone, beside = (surrogate_of(f"reference:unit:7{with_}")(made.layout) for with_ in ("", "+neighbour"))

@@ -1,4 +1,4 @@
-"""Training takes what a diagnosis found: its model, drawn within its intervals, in place of GCS."""
+"""Training on a diagnosis: its model, drawn within its intervals, replaces GCS."""
 
 import dataclasses
 import json
@@ -21,7 +21,7 @@ GAIN = np.array([1.0, 1.0, 0.8])
 
 @pytest.fixture(scope="module")
 def diagnosed(tmp_path_factory):
-    """The folder of the diagnosis of a sensor that reads 20 % too little normal force."""
+    """Folder of the diagnosis of a sensor that reads 20 % too little normal force."""
     rng = np.random.default_rng(0)
     time = np.arange(0, 24, 0.08)
     load = np.clip(6 * np.sin(1.3 * time) * np.sin(0.21 * time), 0, None)
@@ -37,7 +37,7 @@ def diagnosed(tmp_path_factory):
 
 
 def gains(frames, raw):
-    """The gain of each axis, from frames (..., pads, 3, rows, cols) and the raw ones."""
+    """Gain of each axis, from frames (..., pads, 3, rows, cols) and the raw frames."""
     return (frames * raw).sum(axis=(-4, -2, -1)) / (raw * raw).sum(axis=(-4, -2, -1))
 
 
@@ -71,17 +71,17 @@ def test_a_model_with_memory_and_the_gripper_s_opening_is_stepped():
     env.reset(seed=0)
 
     def crept():
-        """The reading without the field, which goes with the opening."""
+        """Return the reading without the field, which depends on the opening."""
         return env.reading - 5 * (env.scene.opening - 0.08)
 
     raw = env.scene.tactile.read()
     share = (crept() * raw).sum() / (raw * raw).sum()
-    assert 1.2 < share < 1.4, "what was there forever has crept to its end"
+    assert 1.2 < share < 1.4, "the initial load has crept to its final value"
     np.testing.assert_allclose(crept(), share * raw, atol=1e-4)
     for _ in range(5):
         env.step(np.array([0.0, -1.0]))
     late = crept() - share * env.scene.tactile.read()
-    assert np.abs(late).max() > 5e-3, "what came since creeps on"
+    assert np.abs(late).max() > 5e-3, "later loads still creep"
     env.close()
 
 
@@ -111,7 +111,7 @@ def test_a_policy_is_trained_on_a_diagnosis(diagnosed, tmp_path, capsys):
     low, high = found.intervals["axis_gain"]["gain"]
     frames = batch.observations["tactile"].numpy().reshape(64, -1, 2, 3, 6, 5)[:, -1]
     raw = np.stack([buffer.observations["raw"][:105, 0]])[0]
-    # what is sampled is a raw frame of the buffer under a draw of its own
+    # a sample is a raw frame of the buffer with its own draw
     closest = [min(np.abs(g - GAIN).max() for g in gains(frame, raw)) for frame in frames]
     assert max(closest) < np.abs([low - GAIN, high - GAIN]).max() + 1e-3
     env.close()
@@ -154,7 +154,7 @@ def test_what_is_no_model_is_said_in_one_line(diagnosed, tmp_path, capsys):
 
 
 def found_in_scene(folder, found):
-    """A diagnosis that also found a friction, and where the second pad of a gripper sits; saved."""
+    """Save a diagnosis that also found a friction and the position of a gripper's second pad."""
     fingers = """<mujoco><worldbody><body name="fixed"/><body name="moves" pos="0 0 0.1"><joint name="z" type="slide"
     axis="0 0 1"/><geom type="box" size="0.02 0.02 0.01" mass="0.1"/></body></worldbody></mujoco>"""
     mounts = [paxisim.Mount("fixed", name="first"), paxisim.Mount("moves", (0.0, 0.0, 0.01), name="second")]

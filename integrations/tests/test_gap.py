@@ -1,4 +1,4 @@
-"""How an episode is grasped, and what an evaluation changes of robot and sensor: the same in both engines."""
+"""Grasps, and the changes to robot and sensor in an evaluation; both are the same in both engines."""
 
 import numpy as np
 import pytest
@@ -34,7 +34,7 @@ def test_the_fingers_hold_the_handle_where_they_are_to(env, grasp):
     unmoved = env.scene.fingertip[0] - env.scene.hole_top - START
     assert apart[2] - grasp.offset[2] == pytest.approx(unmoved[2] - 0.0525, abs=2e-4)
     normal = env.scene.tactile.read()[:, 2].sum(axis=(-2, -1))
-    assert normal[0] == pytest.approx(normal[1], rel=1e-3), "both fingers push alike"
+    assert normal[0] == pytest.approx(normal[1], rel=1e-3), "both fingers push equally"
 
 
 def test_grasps_are_drawn_within_their_ranges():
@@ -47,7 +47,7 @@ def test_grasps_are_drawn_within_their_ranges():
 
 
 def steady(env, push, **tuned):
-    """How far the fingertip is pushed down by a force, one way and the other."""
+    """Displacement of the fingertip between a downward and an upward push."""
     env.scene.place(START)
     env.scene.tune(**tuned)
     model, data = env.scene.model_and_data
@@ -65,9 +65,9 @@ def steady(env, push, **tuned):
 def test_a_controller_that_is_off(env):
     plain = steady(env, 20.0, stiffness=1.0, friction=1.0)
     assert steady(env, 20.0, stiffness=0.5, friction=1.0) > 1.6 * plain
-    assert steady(env, 20.0, stiffness=1.0, friction=20.0) < 0.7 * plain, "joints that rub give way less"
+    assert steady(env, 20.0, stiffness=1.0, friction=20.0) < 0.7 * plain, "joints with friction yield less"
     env.scene.place(START)
-    assert steady(env, 20.0, stiffness=1.0, friction=1.0) == pytest.approx(plain, rel=1e-6), "nothing stays"
+    assert steady(env, 20.0, stiffness=1.0, friction=1.0) == pytest.approx(plain, rel=1e-6), "no change persists"
 
 
 def test_poses_that_are_off():
@@ -94,10 +94,10 @@ def test_poses_that_are_off():
 @pytest.mark.parametrize(
     ("values", "told"),
     [
-        ({"pose_offset": (-1e-3, 0.0)}, "pose_offset must be two numbers"),
-        ({"pose_noise": (1e-3,)}, "pose_noise must be two numbers"),
-        ({"stiffness": (1.3, 0.7)}, "stiffness must be the least and the most"),
-        ({"friction": (0.0, 1.0)}, "friction must be the least and the most"),
+        ({"pose_offset": (-1e-3, 0.0)}, "pose_offset must be two non-negative numbers"),
+        ({"pose_noise": (1e-3,)}, "pose_noise must be two non-negative numbers"),
+        ({"stiffness": (1.3, 0.7)}, "stiffness must be a positive minimum and maximum"),
+        ({"friction": (0.0, 1.0)}, "friction must be a positive minimum and maximum"),
     ],
 )
 def test_a_gap_that_is_none(values, told):

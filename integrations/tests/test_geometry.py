@@ -1,4 +1,4 @@
-"""Pegs and holes: what fits, fits by the stated clearance, and what is too large does not."""
+"""Pegs and holes: a peg with the stated clearance fits, and a larger one does not."""
 
 import xml.etree.ElementTree as ET
 from dataclasses import replace
@@ -16,7 +16,7 @@ PARAMETERS = Parameters()
 
 
 def pushed(task, peg_size, offset=(0.0, 0.0)):
-    """How far the bottom of a peg of that size stays above the hole's (m), pressed down by 2 kg from above the base."""
+    """Height (m) of the bottom of a peg above that of the hole after pressing it down from above with 2 kg."""
     root = ET.Element("mujoco")
     ET.SubElement(root, "option", timestep="0.002", cone="elliptic", impratio="20")
     assets, world = ET.SubElement(root, "asset"), ET.SubElement(root, "worldbody")
@@ -27,7 +27,7 @@ def pushed(task, peg_size, offset=(0.0, 0.0)):
     start = (*offset, PARAMETERS.hole_depth + 1e-4)
     peg = ET.SubElement(world, "body", name="peg", pos=" ".join(map(str, start)))
     ET.SubElement(peg, "inertial", pos="0 0 0", mass="2", diaginertia="1 1 1")
-    for axis in ("1 0 0", "0 1 0", "0 0 1"):  # upright, as the gripper would hold it
+    for axis in ("1 0 0", "0 1 0", "0 0 1"):  # upright, as the gripper holds it
         ET.SubElement(peg, "joint", type="slide", axis=axis)
     pieces = peg_pieces(task, replace(PARAMETERS, peg_size=peg_size))
     geoms, _ = to_mjcf(pieces, "peg", "1 1 1 1", **touched)
@@ -46,7 +46,7 @@ def test_a_peg_with_the_stated_clearance_goes_in_and_one_without_does_not(name):
     assert abs(pushed(task, size)) < 1e-4
     assert abs(pushed(task, size, across)) < 1e-4, "0.45 of the clearance off the middle"
     assert abs(pushed(task, size + task.clearance - 1e-4)) < 1e-4
-    # a round hole is a polygon around its circle, and up to 1 % wider at the corners
+    # a round hole is a polygon around the circle, up to 1 % wider at the corners
     wider = 0.01 * size if task.hole == "round" else 0
     assert pushed(task, size + task.clearance + wider + 3e-4) > PARAMETERS.hole_depth - 1e-4
 
@@ -83,8 +83,8 @@ def test_the_tasks_are_the_papers():
     [
         ({"peg_size": 0.0}, "peg_size must be positive"),
         ({"friction": float("nan")}, "friction must be positive"),
-        ({"grasp_offset": (-1e-3, 0.0, 0.0)}, "grasp_offset must be three lengths"),
-        ({"grasp_offset": (1e-3, 0.0)}, "grasp_offset must be three lengths"),
+        ({"grasp_offset": (-1e-3, 0.0, 0.0)}, "grasp_offset must be three non-negative lengths"),
+        ({"grasp_offset": (1e-3, 0.0)}, "grasp_offset must be three non-negative lengths"),
         ({"grasp_lean": -0.1}, "grasp_lean must not be negative"),
         ({"start": ((0.0, 0.0, 0.02), (0.0, 0.0, 0.01))}, "start must be"),
         ({"peg_length": 0.01}, "shallower"),

@@ -1,4 +1,4 @@
-"""Taxels that are balls under flat and round objects, against a bed of springs worked out by hand."""
+"""Spherical taxels under flat and round objects, compared with a bed of springs computed by hand."""
 
 import mujoco
 import numpy as np
@@ -12,7 +12,7 @@ import paxisim
 
 RADIUS = 15e-3
 LOAD = 8.0
-"""Newtons, under which no spring is pressed so far that the gel stiffens."""
+"""Load (N) small enough that no spring reaches the range where the gel stiffens."""
 
 OBJECTS = {
     "flat": 'type="box" size="0.015 0.0175 0.015"',
@@ -33,13 +33,13 @@ SCENE = """
 
 
 def felt(kind, pad):
-    """Normal forces of the taxels (N) of a pad on which an object lies with `LOAD`."""
+    """Normal forces (N) of the taxels of a pad under an object with `LOAD`."""
     spec = mujoco.MjSpec.from_string(SCENE.format(OBJECTS[kind]))
     spec.attach(mujoco.MjSpec.from_string(pad.to_xml()), frame=spec.frame("pad"), prefix="")
     model = spec.compile()
     data = mujoco.MjData(model)
     model.opt.gravity[:] = 0
-    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_MULTICCD)  # as the scenes do
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_MULTICCD)  # as in the scenes
     tactile = ScenePads(model, data, paxisim.find_pads(model))
     data.qfrc_applied[0] = LOAD
     mujoco.mj_step(model, data, 400)
@@ -47,7 +47,7 @@ def felt(kind, pad):
 
 
 def of_springs(kind):
-    """The same of a bed of springs that fills the pad, the object's axis along its rows."""
+    """Normal forces (N) of a bed of springs that fills the pad, with the object's axis along its rows."""
     layout, gel = PAD.layout, PAD.gel
     stiffness = gel.modulus / gel.thickness
 
@@ -72,6 +72,6 @@ def test_balls_feel_what_a_bed_of_springs_feels(kind):
 
 
 def test_cubes_feel_a_round_object_worse():
-    """Why these tasks have balls: a cube makes one contact there, for which the gel is too soft."""
+    """The tasks use balls because a cube makes a single contact there, for which the gel is too soft."""
     expected, found = of_springs("round"), felt("round", DEFAULT_SENSOR)
     assert np.abs(found - expected).sum() > 0.1 * LOAD

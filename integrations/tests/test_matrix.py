@@ -1,4 +1,4 @@
-"""Tables of cells: what is to be done, in which order, what is left, and what happens when a cell fails."""
+"""Matrices of cells: their order, the remaining commands, and failing cells."""
 
 import sys
 
@@ -36,7 +36,7 @@ def file(tmp_path):
 
 def test_the_order_of_cells(file):
     cells = read_cells(file)
-    assert len(cells) == 8, "each once"
+    assert len(cells) == 8, "no duplicates"
     assert cells[:3] == [Cell("SX-2mm", "TF", 0, 40), Cell("SY-2mm", "TF", 0, 20), Cell("SX-2mm", "NT", 0, 40)]
     assert [cell.seed for cell in cells] == [0] * 4 + [1] * 4
 
@@ -66,7 +66,7 @@ def test_what_is_left_of_a_cell(tmp_path):
 
 
 def test_a_cell_that_fails_stops_no_other(file, tmp_path, monkeypatch, capsys):
-    """The commands are replaced: one that fails, and one that writes the result it is asked for."""
+    """The commands are stubs: one fails, the others write the requested result."""
     stand_in = tmp_path / "paxisim_insertion"
     stand_in.mkdir()
     (stand_in / "__init__.py").write_text("")
@@ -92,11 +92,11 @@ def test_a_cell_that_fails_stops_no_other(file, tmp_path, monkeypatch, capsys):
     assert "SX-2mm NT seed 1: finished" in told.out
     assert "SY-2mm TF seed 0: train failed, see" in told.out
     assert "240 of 240 steps, 0.0 h left" in told.out
-    assert "| NT | 0.94 /" in told.out, "the tables at the end"
+    assert "| NT | 0.94 /" in told.out, "the tables are printed at the end"
     assert "no such thing" in (tmp_path / "runs" / "SY-2mm_TF_0.log").read_text()
     (stand_in / "train.py").write_text("")
     assert command(matrix, words) == 0
-    assert "8 cells, 7 of them finished" in capsys.readouterr().out, "only what failed is done again"
+    assert "8 cells, 7 of them finished" in capsys.readouterr().out, "only the failed cell runs again"
 
 
 def test_a_cell_is_trained_and_evaluated(tmp_path, capsys, monkeypatch):
@@ -113,8 +113,8 @@ def test_a_cell_is_trained_and_evaluated(tmp_path, capsys, monkeypatch):
 @pytest.mark.parametrize(
     ("before", "after", "told"),
     [
-        ('"SX-2mm" = 40', '"SX-2mm" = 0', "whole number of at least 1"),
-        ('"SX-2mm" = 40', '"SX-2mm" = 40.5', "whole number"),
+        ('"SX-2mm" = 40', '"SX-2mm" = 0', "expected an integer of at least 1"),
+        ('"SX-2mm" = 40', '"SX-2mm" = 40.5', "expected an integer"),
         ("seeds = [0, 1]", "seeds = [-1]", "at least 0"),
         ("seeds = [0, 1]", "", "not a matrix"),
         ('"NT"', '"XX"', "unknown method"),

@@ -1,4 +1,4 @@
-"""The native engine against robosuite's: what pushes the fingertip, what it feels, and what policies make of it."""
+"""The native engine against robosuite's: dynamics of the fingertip, readings of the taxels, and policies."""
 
 from pathlib import Path
 
@@ -25,12 +25,12 @@ AWAY = [2.0, 2.0, 0.3]
 
 @pytest.fixture(scope="module")
 def scenes():
-    """A scene of each engine, robosuite's first."""
+    """One scene per engine, robosuite's first."""
     return [scene(TASKS["SX-2mm"]) for scene in ENGINES]
 
 
 def placed(scene, *, holding):
-    """The fingertip's place after a new start, with the peg in its fingers or far from them."""
+    """Position of the fingertip after a restart, with the peg in its fingers or far from them."""
     scene.place(START)
     model, data = scene.model_and_data
     data.xfrc_applied[:] = 0
@@ -40,7 +40,7 @@ def placed(scene, *, holding):
         data.qpos[joint : joint + 3] = AWAY
         for _ in range(30):
             scene.move(home)
-            data.qpos[joint : joint + 3] = AWAY  # or it falls
+            data.qpos[joint : joint + 3] = AWAY  # otherwise it falls
     return home
 
 
@@ -50,7 +50,7 @@ def body(scene, name):
 
 
 def accelerations(scene):
-    """``(6, 6)`` how the fingertip takes a unit force or torque, with the friction of the joints overcome."""
+    """``(6, 6)`` accelerations of the fingertip per unit force or torque, beyond the joints' friction."""
     placed(scene, holding=False)
     model, data = scene.model_and_data
     where, site = body(scene, "eef"), scene._grip
@@ -76,7 +76,7 @@ def test_the_fingertips_inertia(scenes):
 
 
 def test_the_fingertips_stiffness(scenes):
-    """How far constant forces along each axis move the fingertip, from one way to the other."""
+    """Displacement of the fingertip between constant forces in both directions along each axis."""
     moved = []
     for scene in scenes:
         _, data = scene.model_and_data
@@ -100,7 +100,7 @@ def test_the_fingertips_stiffness(scenes):
 
 @pytest.mark.parametrize("axis", range(3))
 def test_step_responses_in_free_space(scenes, axis):
-    """A step of 1 cm, every 50 ms for half a second: within 0.3 mm along all axes, coupled ones included."""
+    """A step of 1 cm, sampled every 50 ms for half a second, agrees to 0.3 mm along all axes, even coupled ones."""
     paths = []
     for scene in scenes:
         home = placed(scene, holding=False)
@@ -116,7 +116,7 @@ def test_step_responses_in_free_space(scenes, axis):
 
 
 def felt(scene, wrench, surface):
-    """Reading of the pads, and the peg's axis, after half a second in which a wrench acts on the held peg."""
+    """Reading of the pads and axis of the peg after a wrench has acted on the held peg for half a second."""
     scene.tactile.set_surface(surface)
     home = placed(scene, holding=True)
     _, data = scene.model_and_data

@@ -1,4 +1,4 @@
-"""Films of episodes, from pictures that need no display."""
+"""Films of episodes, made from pictures that need no display."""
 
 import cv2
 import numpy as np

@@ -1,4 +1,4 @@
-"""The asymmetric SAC policy: who sees what, batch normalisation, and the replay buffer."""
+"""The asymmetric SAC policy: inputs of actor and critic, batch normalisation, and the replay buffer."""
 
 import itertools
 
@@ -89,19 +89,19 @@ def test_batch_normalisation_learns_from_the_update_with_gradient_alone():
         torch.manual_seed(1)
         among = policy.actor.action_log_prob({name: value[[0, 0, 3]] for name, value in observation.items()})[1]
     assert torch.equal(norm.running_mean, before)
-    assert policy.actor.training, "it goes on as it was"
+    assert policy.actor.training, "the training mode is restored"
     assert alone.shape == (1,)
     assert among.shape == (3,)
     policy.actor.action_log_prob(observation)
     assert not torch.equal(norm.running_mean, before)
-    # a target does not depend on what else is in its batch
+    # a target does not depend on the rest of its batch
     with torch.no_grad():
         means = [policy.actor.get_action_dist_params(observation)[0] for _ in range(1)]
         policy.actor.set_training_mode(False)
         alone = policy.actor.get_action_dist_params({k: v[:1] for k, v in observation.items()})[0]
         among = policy.actor.get_action_dist_params(observation)[0]
     torch.testing.assert_close(alone, among[:1])
-    assert (means[0][:1] - alone).abs().max() > 1e-4, "in training mode it does"
+    assert (means[0][:1] - alone).abs().max() > 1e-4, "in training mode it depends on the batch"
 
 
 class Episodes:
@@ -165,7 +165,7 @@ def test_the_replay_buffer_gives_back_what_was_added(method, count):
 
 
 def redrawing(gcs, count=40):
-    """A buffer of one environment that draws anew, and the raw frames that were added to it."""
+    """A redrawing buffer of one environment, and the raw frames added to it."""
     space = space_of("GCS")
     redraw = Redraw(gcs, paxisim.encoding("GCS", LAYOUT), LAYOUT, seed=1)
     buffer = HistoryReplayBuffer(200, space, ACTIONS, "cpu", 1, history=20, redraw=redraw)
@@ -197,7 +197,7 @@ def test_each_history_has_one_draw_and_each_sample_its_own():
 
 
 def test_a_history_that_does_not_divide():
-    with pytest.raises(paxisim.InvalidValueError, match="120 channels of tactile history are not those of 7 frames"):
+    with pytest.raises(paxisim.InvalidValueError, match="expected a multiple of 7 tactile channels, got 120"):
         HistoryReplayBuffer(10, space_of("GCS"), ACTIONS, history=7)
 
 

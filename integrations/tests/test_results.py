@@ -1,4 +1,4 @@
-"""What is made of results: tables with intervals, where they differ from the paper's, curves, pictures, touches."""
+"""Reports of results: tables with intervals, differences from the paper, curves, pictures, touches."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -48,10 +48,10 @@ def test_tables_of_several_seeds(folder, capsys):
     assert " method | magnetic pad | zeroed in the grasp |" in shown[5]
     assert "| GCS | 0.59 (0.48 to 0.69) | 0.90 (0.70 to 0.97) |" in shown[5]
     assert "| GCS+O |" in shown[6]
-    assert "| GCS |" not in shown[6], "what was not tried is left out"
+    assert "| GCS |" not in shown[6], "methods without results are omitted"
     assert "- sim, SX-2mm NT: 0.42 / 0.00 (0.00 to 0.07), p = " in shown[6]
     assert "- sim, SX-2mm GCS: 0.98 / 0.80 (0.71 to 0.87), p = 0.0021" in shown[6]
-    assert "- transfer, SX-2mm GCS:" not in shown[6], "0.90 of ten and 0.60 of fifty may be the same"
+    assert "- transfer, SX-2mm GCS:" not in shown[6], "0.90 of ten and 0.60 of fifty do not differ significantly"
     assert "| GCS |  |  |  |  | 8 |  |" in shown[7]
 
 
@@ -95,7 +95,7 @@ def test_pictures(folder, tmp_path, capsys):
 
 
 class Pushes:
-    """What drives the peg straight down, gently."""
+    """A policy that pushes the peg gently straight down."""
 
     def act(self, observation):
         return np.array([0.0, -0.35], dtype=np.float32)
@@ -103,7 +103,7 @@ class Pushes:
 
 @pytest.mark.parametrize("task", ["SX-2mm", "SY-2mm"])
 def test_what_the_pads_feel_on_either_rim(task):
-    """The paper's "Policy Interpretation", of a peg that is pushed down on one rim and on the other."""
+    """The paper's "Policy Interpretation", for a peg pushed down on either rim."""
     env = InsertionEnv(task, "DT", engine="native", terminate_on_success=True)
     found = [touch for seed in range(25) for touch in touches(env, Pushes(), seed)]
     sides = {side: [touch for touch in found if np.sign(touch.aside) == side] for side in (-1, 1)}
@@ -114,7 +114,7 @@ def test_what_the_pads_feel_on_either_rim(task):
         for side in (-1, 1):
             assert np.prod(turns[side]) < 0, "opposite on the two pads"
             assert np.abs(turns[side]).min() > 20
-        # a push straight down drags along +x, which turns the peg the same way on both rims
+        # a push straight down drags along +x, which rotates the peg in the same sense on both rims
         assert turns[-1][0] > turns[1][0] + 40
         assert turns[-1][1] < turns[1][1] - 40
     else:

@@ -1,4 +1,4 @@
-"""The reward's terms against states worked out by hand."""
+"""The terms of the reward, for states computed by hand."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ def test_the_weights_are_the_papers():
 
 def test_above_the_hole():
     above = state("SQ-2mm", 3e-3, 4e-3, 32e-3)
-    # all keypoints are off by the same vector (3, 4, 32) mm
+    # all keypoints are offset by the same vector (3, 4, 32) mm
     assert above.distance == pytest.approx(np.sqrt(9 + 16 + 1024) * 1e-3)
     assert (above.engaged, above.success) == (False, False)
     terms = reward_terms(above, STILL, 0.1)
@@ -49,7 +49,7 @@ def test_the_action_costs_a_tenth_of_its_square():
     ("name", "x", "y", "engaged"),
     [
         ("SQ-2mm", 0, 0, True),
-        ("SQ-2mm", 5e-3, 0, False),  # beside the hole, below its edge: off the base
+        ("SQ-2mm", 5e-3, 0, False),  # beside the hole and below its edge: off the base
         ("SQ-2mm", 0, -5e-3, False),
         ("SX-2mm", 30e-3, 0, True),  # anywhere along the groove
         ("SX-2mm", 0, 5e-3, False),
@@ -69,7 +69,7 @@ def test_a_peg_that_leans_too_far_is_not_engaged(angle, engaged):
     for rotation in (lean, lean[np.ix_([1, 0, 2], [1, 0, 2])]):
         assert state("SQ-2mm", 0, 0, 15e-3, rotation).engaged == engaged
     turned = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    assert state("SQ-2mm", 0, 0, 15e-3, turned).engaged, "turning about its own axis is no lean"
+    assert state("SQ-2mm", 0, 0, 15e-3, turned).engaged, "a rotation about its own axis is not a lean"
 
 
 def test_distance_along_a_groove_does_not_count():

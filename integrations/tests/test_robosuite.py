@@ -1,4 +1,4 @@
-"""Tactile versions of robosuite's grippers, and what they read in one of its environments."""
+"""Tactile versions of robosuite's grippers and their readings in robosuite's environments."""
 
 import xml.etree.ElementTree as ET
 
@@ -27,7 +27,7 @@ def lift():
 
 
 def compiled(gripper):
-    """As robosuite compiles it, which merges the assets that a file has twice."""
+    """Compile a gripper as robosuite does, which merges duplicate assets of a file."""
     world = MujocoWorldBase()
     world.merge(gripper)
     return world.get_model()
@@ -47,7 +47,7 @@ def test_a_ready_made_gripper_differs_from_robosuites_by_its_pads_alone(gripper)
     assert 0 < len(plain.contact_geoms) - len(touching) <= sum(len(mount.replaces) for mount in tactile.mounts)
     taxels = {with_pads.geom(int(geom)).name for geom in pads.geoms.reshape(-1)}
     assert taxels <= set(tactile.contact_geoms)
-    # robosuite's list for this one names geoms that its file does not have
+    # robosuite's list for this gripper names geoms that are missing in its file
     for side in () if gripper == "XArm7Gripper" else ("left", "right"):
         assert len(taxels & set(tactile.important_geoms[f"{side}_fingerpad"])) == 30
 
@@ -78,7 +78,7 @@ def test_a_geom_that_the_body_does_not_have():
 
 
 def test_explicit_pairs_of_replaced_geoms_are_removed():
-    """MuJoCo lets the geoms of a pair meet whatever their contact bits say."""
+    """In MuJoCo the geoms of an explicit pair collide whatever their contact bits."""
 
     class Paired(GRIPPER_MAPPING["PandaGripper"]):
         def resolve_asset_dependency(self):
@@ -130,7 +130,7 @@ def test_an_environment_without_pads_is_refused():
 
 
 def gripped(wrapper, steps):
-    """The tactile tensor, and the cube's weight (N), after closing the fingers on the cube of Lift."""
+    """Tactile tensor and weight (N) of Lift's cube after the fingers have closed on it."""
     wrapper.reset()
     env = wrapper.unwrapped
     model, data = env.sim.model._model, env.sim.data._data
@@ -204,7 +204,7 @@ def test_the_surface_changes_with_the_episode_and_with_the_seed(lift):
         lift.gcs = paxisim.GCS()
 
 
-@pytest.mark.filterwarnings("ignore:.*precision lowered")  # of robosuite's own action space
+@pytest.mark.filterwarnings("ignore:.*precision lowered")  # from robosuite's own action space
 def test_gym_wrapper_and_hard_resets():
     env = robosuite.make("Lift", robots="Panda", gripper_types="PaxiPandaGripper", hard_reset=True, seed=0, **QUIET)
     gym = GymWrapper(TactileWrapper(env, seed=0), keys=["robot0_proprio-state", "robot0_tactile"], flatten_obs=False)
@@ -217,7 +217,7 @@ def test_gym_wrapper_and_hard_resets():
         assert observation["robot0_tactile"] in gym.observation_space["robot0_tactile"]
         pads = paxisim.find_pads(env.sim.model._model)
         assert np.all(env.sim.model._model.geom_priority[pads.geoms] == 1)
-        # the gel of a compiled model, not the file's
+        # the gel of a compiled model, not that of the file
         assert np.all(env.sim.model._model.body_invweight0[pads.bodies, 0] > 1000)
         gym.step(np.zeros(7))
     gym.close()
@@ -246,5 +246,5 @@ def test_the_fast_controller_gives_robosuites_torques(settings):
         torques = ours.run_controller()
         assert np.abs(torques).max() > 1
         np.testing.assert_allclose(torques, OperationalSpaceController.run_controller(ours), rtol=1e-9, atol=1e-9)
-    # in the first substep after a reset robosuite's own uses the state from before the gripper was opened
+    # in the first substep after a reset robosuite's controller uses the state from before the gripper was opened
     np.testing.assert_allclose(envs[1].sim.data.qpos, envs[0].sim.data.qpos, atol=1e-4)

@@ -1,4 +1,4 @@
-"""Training runs: killed and resumed, evaluated, tabulated; and what is said when something is wrong."""
+"""Training runs: killed and resumed, evaluated and tabulated; and error messages."""
 
 import base64
 import json
@@ -36,7 +36,7 @@ SIZE = 3000
 
 
 def in_shell(*words):
-    """A training process."""
+    """Start a training process."""
     path = os.pathsep.join(sys.path)
     arguments = [
         sys.executable,
@@ -55,7 +55,7 @@ def in_shell(*words):
 
 @pytest.fixture(scope="module")
 def killed(tmp_path_factory):
-    """The folder of a run that was killed after its first model was saved."""
+    """Folder of a run that was killed after its first model was saved."""
     folder = tmp_path_factory.mktemp("run") / "SY"
     process = in_shell("--task", "SY-2mm", "--method", "GCS", "--steps", "100000", "--out", str(folder))
     with process:
@@ -93,7 +93,7 @@ def test_a_run_that_was_killed_goes_on_with_all_it_had_seen(killed):
     assert again._n_updates >= updates
     before, after = model.policy.state_dict(), again.policy.state_dict()
     changed = any(not torch.equal(before[name], after[name]) for name in before)
-    assert changed == (again.num_timesteps > 101), "it learns as soon as there are 100 steps"
+    assert changed == (again.num_timesteps > 101), "it learns once there are 100 steps"
 
 
 def test_what_the_paper_leaves_open_is_an_option(tmp_path, capsys):
@@ -127,7 +127,7 @@ def test_a_run_is_evaluated_and_tabulated(killed, tmp_path, capsys):
     shown = capsys.readouterr().out
     rate = f"{found[0].success_rate:.2f} ({found[0].interval[0]:.2f} to {found[0].interval[1]:.2f})"
     assert f"| GCS | 1.00 / | 0.90 / | 0.84 / | 0.98 / | 0.98 / | 0.76 / {rate} | 0.91 / |" in shown
-    assert "| GCS+O |  |  |  |  |  |  / 1.00 (0.21 to 1.00) |  |" in shown, "a method that the paper has not"
+    assert "| GCS+O |  |  |  |  |  |  / 1.00 (0.21 to 1.00) |  |" in shown, "a method that is not in the paper"
     assert "Paper's real robot / our surrogate poisson" in shown
 
 
@@ -185,13 +185,13 @@ def test_the_actor_alone_acts_as_the_model_does(killed, tmp_path, capsys):
     assert command(export, ["--run", str(killed), "--out", str(out)]) == 2
     assert "exists already" in capsys.readouterr().err
     (out / "actor.pt").write_bytes(b"nothing")
-    with pytest.raises(paxisim.InvalidValueError, match=r"actor\.pt is no actor"):
+    with pytest.raises(paxisim.InvalidValueError, match=r"actor\.pt is not an actor"):
         run.policy(env)
     env.close()
 
 
 class Harmful:
-    """What runs code as soon as it is unpickled."""
+    """An object that runs code when it is unpickled."""
 
     def __init__(self, mark):
         self.mark = mark
@@ -201,7 +201,7 @@ class Harmful:
 
 
 def test_a_folder_from_elsewhere_runs_no_code(killed, tmp_path):
-    """Neither the objects beside the weights of a model.zip, nor an actor.pt that is a pickle."""
+    """Neither the objects beside the weights of a model.zip nor a pickled actor.pt run code."""
     folder, mark = tmp_path / "shared", tmp_path / "ran"
     shutil.copytree(killed, folder)
     with zipfile.ZipFile(killed / "model.zip") as whole, zipfile.ZipFile(folder / "model.zip", "w") as changed:
@@ -224,7 +224,7 @@ def test_a_folder_from_elsewhere_runs_no_code(killed, tmp_path):
     assert not mark.exists()
     np.testing.assert_array_equal(acted, Run.open(killed).policy(env).act(observation))
     torch.save(Harmful(mark), folder / "actor.pt")
-    with pytest.raises(paxisim.InvalidValueError, match=r"actor\.pt is no actor"):
+    with pytest.raises(paxisim.InvalidValueError, match=r"actor\.pt is not an actor"):
         run.policy(env)
     assert not mark.exists()
     envs.close()
@@ -260,14 +260,14 @@ def test_a_run_of_other_versions_or_of_another_layout(killed, tmp_path):
     old = {name: document[name] for name in document if name not in ("engine", "steps", "updates", "batch")}
     (tmp_path / "run.json").write_text(json.dumps(old))
     older = Run.open(tmp_path, other_versions=True)
-    assert (older.engine, older.updates, older.batch) == ("robosuite", 0.5, 256), "as it was before one could choose"
+    assert (older.engine, older.updates, older.batch) == ("robosuite", 0.5, 256), "as before these were options"
     document["method"] = "DT"
     document["task"] = "SX-2mm"
     (tmp_path / "run.json").write_text(json.dumps(document))
     (tmp_path / "model.zip").write_bytes((killed / "model.zip").read_bytes())
     run = Run.open(tmp_path, other_versions=True)
     env = Run(tmp_path, "SX-2mm", "TF").make_env().unwrapped
-    with pytest.raises(paxisim.InvalidValueError, match="of a run of another layout, k or task"):
+    with pytest.raises(paxisim.InvalidValueError, match="perhaps its layout, k or task differ"):
         run.policy(env)
     env.close()
     (tmp_path / "run.json").write_text("{}")
@@ -277,7 +277,7 @@ def test_a_run_of_other_versions_or_of_another_layout(killed, tmp_path):
 
 def test_no_two_runs_and_resumptions_have_an_environment_in_common(tmp_path):
     starts = [Run(tmp_path, "SX-2mm", "GCS", seed).seed_after(done) for seed in range(5) for done in (0, 1, 4, 1000)]
-    assert min(np.diff(sorted(starts))) > 100, "the environments of one count on from there"
+    assert min(np.diff(sorted(starts))) > 100, "environments use consecutive seeds"
     assert starts[0] == Run(tmp_path, "SY-2mm", "DT", 0).seed_after(0)
 
 
@@ -297,7 +297,7 @@ def test_environments_in_processes_of_their_own(tmp_path):
 
 
 def test_a_short_training_is_better_than_chance(tmp_path):
-    """With the peg above the hole it is to learn to push down, gently: blind, in the native engine, for robosuite's."""
+    """It learns, blind and in the native engine, to push a peg above the hole down gently in robosuite's engine."""
     above = Parameters(start=((0, -5e-4, 2e-3), (0, 5e-4, 4e-3)), grasp_offset=(0, 0, 0), grasp_lean=0)
     run = Run(tmp_path, "SX-2mm", "NT", envs=2, buffer=SIZE, engine="native", updates=0.5, parameters=above)
     run.create()
@@ -357,7 +357,7 @@ def test_policies_do_what_their_results_say(folder):
         solved = sum(succeeds(env, trained, FIRST_SEED + trial) for trial in range(8))
     finally:
         env.close()
-    # a result of 50 and one of 8 share their seeds; another processor may end an episode otherwise
+    # the results of 50 and of 8 share their seeds; an episode may end differently on another processor
     low, high = binom.ppf([1e-4, 1 - 1e-4], 8, np.clip(result.success_rate, 0.02, 0.98))
     assert low <= solved <= high, f"{solved} of 8, expected {result.success_rate:.2f}"
 

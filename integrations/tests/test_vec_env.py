@@ -1,4 +1,4 @@
-"""Many native environments as one: each is what it is by itself, its episodes are as stable-baselines3 wants them."""
+"""Vector environments: each member matches a single environment, with episodes as in stable-baselines3."""
 
 import gymnasium
 import numpy as np
@@ -95,7 +95,7 @@ def test_environments_of_another_engine():
 
 
 def test_the_same_as_gymnasium_takes_them():
-    """Against gymnasium's own vector of single environments, over the end of an episode."""
+    """Compare with gymnasium's vector of single environments, across the end of an episode."""
     many = gymnasium.make_vec("paxisim/SX-2mm-v0", num_envs=2, method="GCS", threads=2)
     assert isinstance(many, InsertionVectorEnv)
     own = gymnasium.make_vec(

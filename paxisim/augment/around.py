@@ -1,4 +1,4 @@
-"""FittedGCS: domain randomisation around a sensor model that was fitted to measurements."""
+"""FittedGCS: domain randomisation around a sensor model fitted to measurements."""
 
 from __future__ import annotations
 
@@ -21,17 +21,18 @@ from paxisim.layout import TaxelLayout
 
 @dataclass(frozen=True)
 class FittedGCS(GCS):
-    """GCS whose chains are those of a fitted model, its parameters drawn within what the data leaves open.
+    """GCS that samples chains around a fitted model, with parameters drawn from their uncertainty intervals.
 
-    The fit says what C and S of the paper had to guess, so `convolution`, `scaling` and their ranges are of no use
-    here; the surfaces (G) are drawn as in `GCS`, as no fit tells them. Every number that has an interval is drawn from
-    the uniform distribution over it, each by itself; all others are those of the model. The 90 % intervals of a
-    diagnosis are meant: uniform, as a policy should see their ends as often as their middle.
+    The fit determines what the paper's C and S have to guess, so `convolution`, `scaling` and their ranges are ignored.
+    The surfaces (G) are drawn as in `GCS`, because no fit determines them. Each number with an interval is drawn
+    independently from the uniform distribution over it; all others keep the model's values. The intervals are meant
+    to be the 90 % intervals of a diagnosis. The distribution is uniform so that a policy sees the ends of an interval
+    as often as its middle.
 
-    Weights of a hysteresis that sum to more than 1 are drawn back towards their lowest values until they sum to 1.
+    Hysteresis weights that sum to more than 1 are shrunk towards their lower bounds until they sum to 1.
 
-    A latency below 0 says how a recording's streams lay on the clock and is nothing that a sensor does: it is left out,
-    so that the chains can be stepped.
+    A negative latency describes how the streams of a recording were aligned in time, not the sensor. It is left out, so
+    the chains can be stepped.
 
     Example:
         ```python
@@ -42,21 +43,21 @@ class FittedGCS(GCS):
 
     Attributes:
         model: The fitted chain.
-        intervals: By member of the chain and parameter, lowest and highest value of the parameter's own shape:
-            ``{"creep": {"amplitude": ([0.1, 0.0], [0.2, 0.1])}}``. A member that is itself a chain has such a mapping
-            of its members.
+        intervals: Lower and upper bounds by member and parameter, each with the parameter's own shape:
+            ``{"creep": {"amplitude": ([0.1, 0.0], [0.2, 0.1])}}``. For a member that is itself a chain, a mapping of
+            the same form over its members.
 
     Raises:
         UnknownNameError: There is no such member or parameter.
-        InvalidValueError: Bounds that are not finite, not in order, or not of the parameter's shape; of a parameter
-            that is a whole number; or lowest weights of a hysteresis that sum to more than 1.
+        InvalidValueError: Bounds are not finite, not in order, or not of the parameter's shape; a parameter with an
+            interval is a whole number; or the lower bounds of hysteresis weights sum to more than 1.
     """
 
     model: Chain = field(default_factory=Chain)
     intervals: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Check the choices and the intervals."""
+        """Check the options and the intervals."""
         super().__post_init__()
         if not isinstance(self.model, Chain):
             raise InvalidValueError(f"GCS.around: the model must be a Chain, got {type(self.model).__name__}")
@@ -65,23 +66,24 @@ class FittedGCS(GCS):
     def sample(
         self, rng: Any, batch_shape: tuple[int, ...] = (), *, layout: TaxelLayout = PAPER_LAYOUT, pads: int = 2
     ) -> Chain:
-        """Draw a chain like the model.
+        """Draw a chain around the model.
 
         Args:
             rng: As for `GCS.sample`.
-            batch_shape: Leading dimensions of the frames that get parameters of their own.
-            layout: Not needed: the model is of one layout.
-            pads: Not needed.
+            batch_shape: Leading batch dimensions; each element gets its own parameters.
+            layout: Ignored: the model fixes the layout.
+            pads: Ignored.
 
         Returns:
-            The model's members under their names; a drawn parameter is float32, ``(*batch, ...)`` its own shape.
+            The model's members under their names; drawn parameters are float32 of shape ``(*batch, ...)``, followed by
+            the parameter's own shape.
         """
         return _drawn(self.model, self.intervals, rng, tuple(batch_shape))
 
     def sample_taxels(
         self, rng: Any, batch_shape: tuple[int, ...], taxels: tuple[int, int, int], positions: TaxelLayout | None
     ) -> Chain:
-        """`sample`, as ``paxisim.augment.torch.GCS`` calls it."""
+        """Draw a chain as `sample` does; called by ``paxisim.augment.torch.GCS``."""
         return _drawn(self.model, self.intervals, rng, tuple(batch_shape))
 
 
@@ -112,13 +114,13 @@ def _check(chain: Chain, intervals: Mapping[str, Any]) -> None:
                 raise InvalidValueError(f"GCS.around: the bounds of {name}.{parameter} must be finite and in order")
             if parameters(member)[parameter].whole:
                 raise InvalidValueError(
-                    f"GCS.around: {name}.{parameter} is a whole number and cannot be drawn from an interval: give the "
-                    "model the one that is meant"
+                    f"GCS.around: {name}.{parameter} is a whole number and cannot be drawn from an interval: set it in "
+                    "the model instead"
                 )
             if isinstance(member, Hysteresis) and parameter == "weight":
                 least = np.maximum(low, 0.0).sum(-1)
                 if np.any(least > _most_weight(member) + 1e-6):
-                    raise InvalidValueError(f"GCS.around: the lowest values of {name}.weight sum to more than 1")
+                    raise InvalidValueError(f"GCS.around: the lower bounds of {name}.weight sum to more than 1")
 
 
 def _drawn(chain: Chain, intervals: Mapping[str, Any], rng: Any, batch: tuple[int, ...]) -> Chain:
@@ -142,20 +144,20 @@ def _one(member: Transform, intervals: Mapping[str, Any], rng: Any, batch: tuple
             low = np.maximum(low, 0.0)
         share = uniform(rng, (*batch, *low.shape), (0.0, 1.0))
         low, high = as_like(low, share), as_like(high, share)
-        values[name] = (low + (high - low) * share).clip(min=about.low, max=about.high)  # for rounding
+        values[name] = (low + (high - low) * share).clip(min=about.low, max=about.high)  # against rounding errors
         if isinstance(member, Hysteresis) and name == "weight":
             values[name] = _sum_of_one(values[name], low.clip(min=0.0), _most_weight(member))
     return dataclasses.replace(member, **values) if values else member  # type: ignore[type-var]
 
 
 def _most_weight(member: Hysteresis) -> float:
-    """What the weights that it has may sum to: 1, or less where one stands for several plays."""
+    """Upper bound on the sum of a member's weights: 1, or less where one weight stands for several plays."""
     own = np.shape(member.weight)[-1]
     return own / max(own, np.shape(member.radius)[-1])
 
 
 def _sum_of_one(weight: Any, low: Any, most: float) -> Any:
-    """Weights no less than `low` and, where they sum to more than `most`, so much nearer to it that they do not."""
+    """Return the weights, shrunk towards `low` where they sum to more than `most`, so that they sum to `most`."""
     xp = namespace(weight)
     above = (weight - low).sum(-1)[..., None]
     allowed = (most - low.sum(-1)[..., None]).clip(min=0.0)

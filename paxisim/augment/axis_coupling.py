@@ -1,4 +1,4 @@
-"""AxisCoupling: a force along one axis is read on the others too."""
+"""AxisCoupling: a force along one axis also shows up on the others."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from paxisim.errors import InvalidValueError
 class AxisCoupling(Transform):
     """A 3x3 matrix that mixes the axes of each taxel: ``y_k(i) = sum_j matrix_kj x_j(i)``.
 
-    A magnet that tilts as it sinks, and a Hall sensor that is not square to it, read normal force as shear. The matrix
-    is the same at every taxel. Its diagonal is a gain: keep it at 1 where an `AxisGain` is in the chain.
+    A magnet that tilts as it sinks, or a Hall sensor that is not square to it, reads normal force as shear. The matrix
+    is the same at every taxel. Its diagonal is a gain: keep it at 1 if the chain contains an `AxisGain`.
 
-    Source: uSkin-class sensors are calibrated with such a matrix. The range is ours, 2 to 20 % off the diagonal.
+    Source: uSkin-class sensors are calibrated with such a matrix. The range, 2 to 20 % off the diagonal, is ours.
 
     Attributes:
-        matrix: ``(..., 3, 3)``, rows are the axes that are read, columns those of the force.
+        matrix: ``(..., 3, 3)`` matrix; rows are the axes of the reading, columns those of the force.
     """
 
     matrix: Any = parameter(
@@ -40,7 +40,7 @@ class AxisCoupling(Transform):
 
 
 def mix_axes(matrix: Any, x: Any) -> Any:
-    """``(*batch, pads or 1, 3, 3)`` times the forces of ``(*batch, pads, 3, rows, cols)``."""
+    """Multiply forces ``(*batch, pads, 3, rows, cols)`` by matrices ``(*batch, pads or 1, 3, 3)``."""
     xp = namespace(x)
     rows, cols = x.shape[-2:]
     mixed = matrix @ xp.reshape(x, (*x.shape[:-2], rows * cols))

@@ -1,4 +1,4 @@
-"""Chain: transforms one after the other, as one transform, and its JSON."""
+"""Chain: a sequence of transforms applied as one transform, and its JSON format."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ from paxisim.augment.transform import STAGES, Covariates, State, Transform
 from paxisim.errors import InvalidValueError, PaxisimError, UnknownNameError
 from paxisim.files import parse_file, whole_file
 from paxisim.layout import TaxelLayout
+from paxisim.files import parse_file, whole_file
 from paxisim.logs.text import parse_json
 
 FORMAT = "paxisim-chain/1"
@@ -28,17 +29,18 @@ FORMAT = "paxisim-chain/1"
 
 @dataclass(frozen=True, eq=False)
 class Chain(Transform):
-    """Transforms applied in order. A chain is a transform, with memory if one of its members has any.
+    """Transforms applied in order. A chain is itself a transform, with memory if any member has memory.
 
-    Members are had by position, slice (a chain) or name: ``chain[0]``, ``chain[1:]``, ``chain["poisson"]``. An
-    order in which, say, the electronics come before the gel is warned of, not refused.
+    Access members by position, slice (which gives a chain) or name: ``chain[0]``, ``chain[1:]``, ``chain["poisson"]``.
+    An unphysical order, such as electronics before gel, raises a warning, not an error.
 
     Attributes:
         members: The transforms.
-        names: Their names; default: their classes', in snake case and numbered where they repeat.
+        names: Names of the members. Default: their class names in snake case, numbered where they repeat.
 
     Raises:
-        InvalidValueError: A member that is no transform, or names that are not unique or not one for each.
+        InvalidValueError: A member is not a transform, names are not unique, or their number differs from that of the
+            members.
     """
 
     members: tuple[Transform, ...] = ()
@@ -52,19 +54,19 @@ class Chain(Transform):
                 raise InvalidValueError(f"Chain: members must be transforms, got {member!r}")
         names = names or _default_names(members)
         if len(names) != len(members) or len(set(names)) != len(names):
-            raise InvalidValueError(f"Chain: expected {len(members)} names, each its own, got {names}")
+            raise InvalidValueError(f"Chain: expected {len(members)} unique names, got {names}")
         object.__setattr__(self, "members", members)
         object.__setattr__(self, "names", names)
         _warn_of_order(members)
 
     @property
     def has_memory(self) -> bool:  # type: ignore[override]
-        """Whether a member remembers earlier frames."""
+        """Whether any member remembers earlier frames."""
         return any(member.has_memory for member in self.members)
 
     @property
     def covariate_names(self) -> tuple[str, ...]:
-        """The covariates its members need."""
+        """Names of the covariates that the members need."""
         return tuple(dict.fromkeys(name for member in self.members for name in member.covariate_names))
 
     def __len__(self) -> int:
@@ -72,11 +74,11 @@ class Chain(Transform):
         return len(self.members)
 
     def __iter__(self) -> Iterator[Transform]:
-        """The members in order."""
+        """Iterate over the members in order."""
         return iter(self.members)
 
     def __getitem__(self, which: int | slice | str) -> Any:
-        """A member by position or name, or a chain of some of them by slice.
+        """Return a member by position or name, or a chain of several members by slice.
 
         Raises:
             UnknownNameError: No member has that name.
@@ -90,7 +92,7 @@ class Chain(Transform):
         return self.members[which]
 
     def replace(self, **members: Transform) -> Chain:
-        """The chain with some members, by name, replaced.
+        """Return the chain with the named members replaced.
 
         Raises:
             UnknownNameError: No member has that name.
@@ -106,7 +108,7 @@ class Chain(Transform):
         return x
 
     def initial_state(self, x: Any, covariates: Covariates | None = None) -> State:
-        """The members' states, a tuple each."""
+        """Return the states of the members, one tuple each."""
         states = []
         for member in self.members:
             state = member.initial_state(x, covariates)
@@ -137,26 +139,26 @@ class Chain(Transform):
         return tuple(states)
 
     def to_json(self) -> str:
-        """The chain as JSON text, from which `from_json` makes it again bit for bit.
+        """Return the chain as JSON text, which `from_json` restores bit for bit.
 
-        Torch parameters come back as numpy's, and bfloat16, which numpy does not have, as float32.
+        Torch parameters are restored as numpy arrays, and bfloat16, which numpy lacks, as float32.
 
         Raises:
-            InvalidValueError: A member has a parameter that JSON cannot hold, as `paxisim.MagneticSensor` does.
+            InvalidValueError: A member has a parameter that JSON cannot hold, for example a `paxisim.MagneticSensor`.
         """
         members = [_encode(member, name) for name, member in zip(self.names, self.members, strict=True)]
         try:
             return json.dumps({"format": FORMAT, "members": members}, indent=1, allow_nan=False)
         except TypeError as error:
-            raise InvalidValueError(f"Chain: a member cannot be saved, make it again instead: {error}") from error
+            raise InvalidValueError(f"Chain: a member cannot be saved, create it anew instead: {error}") from error
 
     @classmethod
     def from_json(cls, text: str) -> Chain:
-        """The chain that `to_json` wrote.
+        """Return the chain that `to_json` wrote.
 
         Raises:
-            InvalidValueError: The text is no JSON, of another format, or a parameter is not usable.
-            UnknownNameError: A transform or parameter that this version does not know.
+            InvalidValueError: The text is not JSON or has another format, or a parameter is not usable.
+            UnknownNameError: This version does not know a transform or parameter.
         """
         try:
             document = parse_json(text)
@@ -183,7 +185,7 @@ class Chain(Transform):
             raise InvalidValueError(f"Chain: a member of the JSON lacks or misuses {error}") from error
 
     def save(self, path: str | Path) -> None:
-        """Write `to_json` to a file; an existing file is replaced, whole or not at all.
+        """Write `to_json` to a file; an existing file is replaced atomically.
 
         Raises:
             InvalidValueError: The path is a folder, or its folder does not exist.
@@ -194,7 +196,7 @@ class Chain(Transform):
 
     @classmethod
     def load(cls, path: str | Path) -> Chain:
-        """Read a file that `save` wrote; raises as `from_json` does, and FileNotFoundError where there is none."""
+        """Read a file that `save` wrote; raises as `from_json` does, and FileNotFoundError if it does not exist."""
         return parse_file(Path(path), cls.from_json)
 
 
@@ -212,8 +214,8 @@ def _warn_of_order(members: tuple[Transform, ...]) -> None:
     for (before, first), (after, second) in itertools.pairwise(ranked):
         if after < before:
             warnings.warn(
-                f"Chain: {second} ({STAGES[after]}) comes after {first} ({STAGES[before]}); in a sensor it is the "
-                "other way round",
+                f"Chain: {second} ({STAGES[after]}) comes after {first} ({STAGES[before]}); in a sensor the order is "
+                "reversed",
                 stacklevel=4,
             )
 
@@ -242,7 +244,7 @@ def _encode_value(value: Any) -> Any:
 
 
 def _encode_number(value: Any) -> Any:
-    """Infinity as text: JSON has no such number."""
+    """Return infinity as text, because JSON has no such number; other values unchanged."""
     return str(value) if isinstance(value, float) and math.isinf(value) else value
 
 
@@ -260,7 +262,7 @@ def _decode(document: Mapping[str, Any]) -> Transform:
         if name not in fields:
             raise UnknownNameError(f"parameter of {kind}", name, fields)
     missing = [name for name in fields if name not in values]
-    if missing:  # its default would be another sensor, unsaid
+    if missing:  # a default would silently describe another sensor
         raise InvalidValueError(f"Chain: the member {document['name']!r} ({kind}) of the JSON lacks {missing[0]!r}")
     return known[kind](**values)
 
@@ -281,9 +283,9 @@ def _decode_value(value: Any) -> Any:
 
 
 def _known_transforms() -> dict[str, type[Transform]]:
-    """Every transform by its class's name: those of paxisim, and those that users derived from `Transform`."""
+    """All transforms by class name: those of paxisim and those that users derived from `Transform`."""
     package = importlib.import_module("paxisim.augment")
-    for name in package.__all__:  # a transform is known once its module is imported
+    for name in package.__all__:  # subclasses are known only once their module is imported
         getattr(package, name)
     found: dict[str, type[Transform]] = {}
     waiting = [Transform]

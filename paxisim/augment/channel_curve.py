@@ -1,4 +1,4 @@
-"""ChannelCurve: each channel answers to the load along a curve of its own."""
+"""ChannelCurve: each channel responds to the load along its own curve."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from paxisim.augment.transform import Covariates, Transform
 
 @dataclass(frozen=True, eq=False)
 class ChannelCurve(Transform):
-    """The reading of each channel is off by an amount that depends on the load: a curve through M knots.
+    """Each channel has a load-dependent reading error: a piecewise linear curve through M knots.
 
-    The knots stand at M loads from `low` to `high`, equally far apart; ``error_m`` is what the channel reads too much
-    at the m-th. Between knots the error runs straight, beyond the ends it stays as it is there, so that nothing runs
-    away outside of what was measured. A single axis of a magnetometer is bent by where it lies in the field, one up,
-    another down: a law that all taxels share (`Stiffening`, `Saturation`) cannot say that.
+    The knots are M equally spaced loads from `low` to `high`; ``error_m`` is the excess reading at the m-th knot. The
+    error is interpolated linearly between knots and held constant beyond the ends, so that it cannot run away outside
+    the measured range. A single axis of a magnetometer bends according to where it lies in the field, one upwards,
+    another downwards. A law shared by all taxels (`Stiffening`, `Saturation`) cannot express that.
 
     Example:
         ``ChannelCurve(error, low=0.0, high=2.0)`` with knots at 0, 1 and 2 N and errors of 0, 0.4 and 0.2 N:
@@ -34,9 +34,9 @@ class ChannelCurve(Transform):
     The range is ours.
 
     Attributes:
-        error: ``(..., M, pads, 3, rows, cols)`` reading less load at each knot (N); any of the last four may be 1 long.
+        error: ``(..., M, pads, 3, rows, cols)`` reading minus load at each knot (N); any of the last four may be 1.
         low: ``(...)`` load at the first knot (N).
-        high: ``(...)`` load at the last knot (N), not below `low`.
+        high: ``(...)`` load at the last knot (N), at least `low`.
 
     Raises:
         InvalidValueError: Also if the last knot is below the first.
@@ -64,7 +64,7 @@ _NUMBER, _WIDTH = np.zeros(()), Parameter(unit="N", low=0.0)
 
 
 def hats(x: Any, low: Any, high: Any, count: int) -> Any:
-    """How much each of `count` knots has to say at the loads `x`: ``(*batch, count, pads, 3, rows, cols)``, sum 1."""
+    """Interpolation weights of `count` knots at the loads `x`: ``(*batch, count, pads, 3, rows, cols)``, with sum 1."""
     xp = namespace(x)
     width = high - low
     place = (x - low) / xp.where(width > 0, width, xp.ones_like(width)) * (count - 1)

@@ -1,21 +1,21 @@
-"""Clocked: base of the transforms that depend on how long their stream has run."""
+"""Clocked: base of the transforms that depend on the elapsed time of their stream."""
 
 from __future__ import annotations
 
 from typing import Any
 
 from paxisim.augment.parameter_spec import namespace
-from paxisim.augment.transform import Covariates, State, StatefulTransform
+from paxisim.augment.transform import Covariates, StatefulTransform, State
 
 
 class Clocked(StatefulTransform):
-    """Remembers nothing but the time since the first frame.
+    """Base of transforms whose only memory is the time since the first frame.
 
-    It is kept in float64, as float32 would lose a hundredth of a second after a day.
+    The time is kept in float64, because float32 would lose a hundredth of a second after a day.
     """
 
     def initial_state(self, x: Any, covariates: Covariates | None = None) -> State:
-        """The time since the first frame (s), ``(*batch, 1, 1, 1, 1)``, float64."""
+        """Return the time since the first frame (s), ``(*batch, 1, 1, 1, 1)``, float64."""
         xp = namespace(x)
         return (xp.zeros_like(x[..., :1, :1, :1, :1], dtype=xp.float64),)
 
@@ -26,9 +26,9 @@ class Clocked(StatefulTransform):
         return self.at(x, xp.astype(elapsed, x.dtype), covariates), (elapsed,)
 
     def at(self, x: Any, time: Any, covariates: Covariates) -> Any:
-        """The transform of a checked frame at a time since the first one (s), ``(*batch, 1, 1, 1, 1)``."""
+        """Transform a checked frame at a time since the first frame (s), ``(*batch, 1, 1, 1, 1)``."""
         raise NotImplementedError
 
     def later(self, seconds: float) -> Clocked:
-        """The transform of a stream that begins so many seconds after this one's first frame."""
+        """Return the transform for a stream that begins `seconds` after this one's first frame."""
         raise NotImplementedError

@@ -1,4 +1,4 @@
-"""constant: arrays that numpy computes once, as constants of the kind, dtype and device that are needed."""
+"""Arrays that numpy computes once, cached for each array library, dtype and device."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from paxisim.layout import TaxelLayout
 
 
 def constant(make: Callable[..., NDArray[np.floating]], args: tuple[Hashable, ...], x: Any) -> Any:
-    """``make(*args)`` as a read-only array of the kind, dtype and device of `x`.
+    """Return ``make(*args)`` as a read-only array with the array library, dtype and device of `x`.
 
-    It is computed and sent to a device once, and is a constant for ``torch.compile``.
+    The array is computed and sent to a device once, and is a constant for ``torch.compile``.
 
     Args:
-        make: A function defined in a module, which returns float64.
-        args: Its arguments, plain values; a layout as the text of `layout_text`, as ``torch.compile`` knows no others.
-        x: numpy or torch.
+        make: Module-level function that returns float64.
+        args: Arguments of `make`, plain values only, as ``torch.compile`` requires; pass a layout as `layout_text`.
+        x: numpy or torch array.
     """
     if is_torch(x):
         from paxisim.augment.torch_constant import torch_constant
@@ -32,12 +32,12 @@ def constant(make: Callable[..., NDArray[np.floating]], args: tuple[Hashable, ..
 
 
 def layout_text(layout: TaxelLayout) -> str:
-    """A layout as text, from which `read_layout` makes it again bit for bit."""
+    """Return a layout as text, which `read_layout` restores bit for bit."""
     return json.dumps(layout.to_dict())
 
 
 def read_layout(text: str) -> TaxelLayout:
-    """The layout of `layout_text`."""
+    """Return the layout that `layout_text` wrote."""
     return TaxelLayout.from_dict(json.loads(text))
 
 

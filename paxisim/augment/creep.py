@@ -1,4 +1,4 @@
-"""Creep: under a constant load the gel gives way a little more with time."""
+"""Creep: under a constant load the gel keeps giving way slowly."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from paxisim.augment.low_pass import lag, lag_sequence
 from paxisim.augment.modes import check_modes, each_mode, over_modes
 from paxisim.augment.parameter_spec import namespace, parameter
-from paxisim.augment.transform import Covariates, State, StatefulTransform, keep
+from paxisim.augment.transform import Covariates, StatefulTransform, State, keep
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,16 +22,17 @@ class Creep(StatefulTransform):
 
         y = x + sum_m amplitude_m q_m        tau_m dq_m/dt = x - q_m
 
-    Silicone is viscoelastic: a held load sinks in further, the magnets with it, and after unloading the reading comes
-    back late. At once the gain is 1, in the end ``1 + sum amplitude``; a sine of angular frequency w gains ``1 + sum
-    amplitude / (1 + i w tau)``. A negative amplitude lets the reading sink under a held load, as stress relaxes under a
-    held indentation. Linear, each element by itself. With amplitudes of 0 y is x.
+    Silicone is viscoelastic: under a held load it sinks in further, along with the magnets, and after unloading the
+    reading recovers late. The instantaneous gain is 1 and the steady-state gain is ``1 + sum amplitude``; at angular
+    frequency w the gain is ``1 + sum amplitude / (1 + i w tau)``. With a negative amplitude the reading falls under a
+    held load, as stress relaxes under a held indentation. The transform is linear and acts on each element
+    independently. With amplitudes of 0, y equals x.
 
-    The input is taken to run straight from frame to frame, for which a step is exact at any `dt`. The first frame, and
-    that after `reset`, is taken to have been there forever: its creep is over, ``y = (1 + sum amplitude) x``.
+    The input is assumed to be piecewise linear between frames, for which a step is exact at any `dt`. The first frame,
+    and the first after `reset`, counts as a constant load whose creep is complete: ``y = (1 + sum amplitude) x``.
 
     Example:
-        ``Creep(amplitude=(0.2,), tau=(1.0,))``, load that rises to 1 N within the first second:
+        ``Creep(amplitude=(0.2,), tau=(1.0,))``, with a load that rises to 1 N within the first second:
 
         | t (s) | x (N) | q (N) | y (N) |
         |---|---|---|---|
@@ -44,8 +45,8 @@ class Creep(StatefulTransform):
     figures for this sensor are known; the ranges are ours: 2 to 25 % creep, over 0.2 to 60 s.
 
     Attributes:
-        amplitude: ``(..., M)`` creep of each mode as a share of the load.
-        tau: ``(..., M)`` time constants (s); 0: the mode follows at once. M may be 1 in one of the two.
+        amplitude: ``(..., M)`` creep of each mode as a fraction of the load.
+        tau: ``(..., M)`` time constants (s); a mode with 0 follows immediately. M may be 1 in one of the two.
 
     Raises:
         InvalidValueError: Also if the two have different numbers of modes.
@@ -62,7 +63,7 @@ class Creep(StatefulTransform):
         check_modes(self, "amplitude", "tau")
 
     def initial_state(self, x: Any, covariates: Covariates | None = None) -> State:
-        """The frame before, and by how much each mode was ahead of it, ``(*batch, M, pads, 3, rows, cols)``."""
+        """Return the previous frame and each mode's lead over it, ``(*batch, M, pads, 3, rows, cols)``."""
         return (keep(x), namespace(x).zeros_like(over_modes(self, x, "amplitude", "tau")))
 
     def advance(self, x: Any, state: State, dt: Any, covariates: Covariates) -> tuple[Any, State]:

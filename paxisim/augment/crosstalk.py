@@ -1,4 +1,4 @@
-"""Crosstalk: neighbouring taxels feel part of each other's load."""
+"""Crosstalk: neighbouring taxels read part of each other's load."""
 
 from __future__ import annotations
 
@@ -16,37 +16,37 @@ from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
 
 NEXT = 1.2
-"""Distance of the farthest next neighbours, in pitches."""
+"""Largest distance at which a taxel counts as a nearest neighbour, in pitches."""
 
 
 @dataclass(frozen=True, eq=False)
 class Crosstalk(Transform):
-    """Taxels exchange part of their load, the more the nearer they are.
+    """Taxels exchange part of their load, more the closer they are.
 
     With the distance d_ij between taxels i and j in pitches::
 
         y_k(i) = x_k(i) + strength_k sum_j w(d_ij) (x_k(j) - taken x_k(i))        w(d) = exp((1 - max(d, 1)) / length)
 
-    The gel is one sheet: load on one taxel also moves the magnets beside it. ``strength`` is the share that a next
-    neighbour gets; w is multiplied by ``far`` beyond the next neighbours, as one
-    kernel seldom fits both. It acts on each axis by itself; shear from normal force is `Poisson`.
+    The gel is one sheet: load on one taxel also moves the magnets beside it. ``strength`` is the share that a nearest
+    neighbour receives. Beyond the nearest neighbours, w is multiplied by ``far``, because one kernel seldom fits both.
+    Each axis is treated independently; `Poisson` models shear caused by normal force.
 
-    - With ``taken = 1`` the force is conserved, exactly: what one taxel gains another loses. A uniform load stays as it
-      is, also at the edge, across which nothing is exchanged.
-    - A magnet that is felt by the next sensor too adds to its reading and takes from none: ``taken = 0``. In the
-      interior that is the same but for a gain, at the edge it is not.
-    - On a grid neighbours are one pitch apart along both axes; elsewhere the distance is that of the positions, divided
+    - With ``taken = 1`` the force is conserved exactly: what one taxel gains, another loses. A uniform load is
+      unchanged, also at the edge, because nothing is exchanged across it.
+    - A magnet that the adjacent sensor also detects adds to that sensor's reading and takes from none: ``taken = 0``.
+      This differs from ``taken = 1`` only by a gain in the interior, but not at the edge.
+    - On a grid, neighbours are one pitch apart along both axes. Otherwise the distance is that of the positions divided
       by the geometric mean of the two pitches. Forces are exchanged in the pad frame.
 
-    Source: a fitted mixing matrix of a published 4x8 u-skin-like array, whose next neighbours have 0.13 (shear) and
-    0.06 (normal) on average, of both signs; hence negative values are allowed. The kernel's form is ours.
+    Source: a fitted mixing matrix of a published 4x8 u-skin-like array, where nearest neighbours receive 0.13 (shear)
+    and 0.06 (normal) on average, with both signs; hence negative values are allowed. The kernel's form is ours.
 
     Attributes:
-        strength: ``(..., 3)`` share of x, y and z that a neighbour one pitch away gets.
-        length: ``(...)`` distance over which it decays by e (pitches).
-        far: ``(...)`` factor on the share beyond the next neighbours, more than `NEXT` pitches away.
-        taken: ``(...)`` share of what the neighbours get that a taxel loses, 0 to 1.
-        layout: The taxels, if they are not on a grid.
+        strength: ``(..., 3)`` share of x, y and z that a neighbour one pitch away receives.
+        length: ``(...)`` distance over which the share decays by a factor of e (pitches).
+        far: ``(...)`` factor on the share beyond the nearest neighbours, more than `NEXT` pitches away.
+        taken: ``(...)`` share of what its neighbours receive that a taxel loses, 0 to 1.
+        layout: Layout of the taxels, if they are not on a grid.
     """
 
     stage: ClassVar[str] = "gel"
@@ -57,7 +57,7 @@ class Crosstalk(Transform):
     taken: Any = parameter(1.0, low=0.0, high=1.0, typical=(0.0, 1.0))
     layout: TaxelLayout | None = None
 
-    # of each instance, but no field
+    # set on each instance, but not a field
     _positions: ClassVar[str | None]
 
     def __post_init__(self) -> None:
@@ -75,22 +75,20 @@ class Crosstalk(Transform):
                 f"Crosstalk: layout has {self.layout.rows}x{self.layout.cols} taxels, the tensor {rows}x{cols}"
             )
         distance, near, beyond = (constant(_distances, (rows, cols, self._positions), x)[part] for part in range(3))
-        # (*batch, 1, N, N): in place of the pads and axes of a parameter
+        # without the last dimension of a parameter the weights are (*batch, 1, N, N)
         length, far = self.broadcast_parameter("length", x)[..., 0], self.broadcast_parameter("far", x)[..., 0]
         weights = xp.exp((1 - distance) / length) * (near + far * beyond)
         force = xp.reshape(x, (*x.shape[:-2], rows * cols))
-        if weights.ndim == 3:  # the same for all: one product of two matrices
+        if weights.ndim == 3:  # shared by the whole batch: a single matrix product
             gained = xp.reshape(xp.reshape(force, (-1, rows * cols)) @ weights[0], force.shape)
         else:
             gained = force @ weights
-        exchanged = (
-            gained - self.broadcast_parameter("taken", x)[..., 0] * force * xp.sum(weights, axis=-1)[..., None, :]
-        )
+        exchanged = gained - self.broadcast_parameter("taken", x)[..., 0] * force * xp.sum(weights, axis=-1)[..., None, :]
         return x + self.broadcast_parameter("strength", x) * xp.reshape(exchanged, (*exchanged.shape[:-1], rows, cols))
 
 
 def _distances(rows: int, cols: int, positions: str | None) -> NDArray[np.floating]:
-    """``(3, N, N)``: distances in pitches, at least 1; 1 for next neighbours; 1 for those beyond."""
+    """``(3, N, N)``: distances in pitches, at least 1; mask of nearest neighbours; mask of those beyond."""
     layout = TaxelLayout(rows, cols, (1.0, 1.0)) if positions is None else read_layout(positions)
     offsets = layout.positions[:, None] - layout.positions[None, :]
     distance = np.linalg.norm(offsets, axis=-1) / math.sqrt(layout.pitch[0] * layout.pitch[1])

@@ -1,4 +1,4 @@
-"""DeadBand: small forces are not read."""
+"""DeadBand: small forces read as zero."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from paxisim.augment.transform import Covariates, Transform
 
 @dataclass(frozen=True, eq=False)
 class DeadBand(Transform):
-    """Readings within a band about 0 are 0: ``y = 0 for |x| < width, else x - shrink * width * sign(x)``.
+    """Readings within a band around 0 are 0: ``y = 0 for |x| < width, else x - shrink * width * sign(x)``.
 
-    With ``shrink = 0`` the reading jumps from 0 to the full force at the edge of the band: a threshold, as electronics
-    and firmware set it against noise. With ``shrink = 1`` it rises from 0 there: a slack that must be taken up first,
-    as of a gel that sits loosely over its magnets. Between the two it is a blend; the default is the threshold, which
-    leaves larger forces alone.
+    With ``shrink = 0`` the reading jumps from 0 to the full force at the edge of the band, like a noise threshold in
+    electronics or firmware. With ``shrink = 1`` it rises from 0 there, like slack that must be taken up first, for
+    example in a gel that sits loosely over its magnets. Values in between blend the two. The default is the threshold,
+    which leaves larger forces unchanged.
 
-    An edge is soft where noise comes ahead of the threshold: near it some readings pass and others do not, and their
-    mean rises from nothing to the whole over a share ``e`` of the width to both sides::
+    The edge is soft if noise is added before the threshold: near it some readings pass and others do not, and their
+    mean rises from zero to the full force over a share ``e`` of the width on both sides::
 
         y = h(u) (x - shrink * width * sign(x)),  h(u) = u^2 (3 - 2 u),  u = (|x| / width - 1 + e) / 2 e in [0, 1]
 
-    The gradient of a hard edge is 1 outside the band and 0 inside. The range is ours, 0.5 to 3 counts of 0.1 N.
+    With a hard edge the gradient is 1 outside the band and 0 inside. The range is ours, 0.5 to 3 counts of 0.1 N.
 
     Attributes:
-        width: ``(..., 3)`` half-width of the band of x, y and z (N), at the middle of a soft edge.
-        shrink: ``(...)`` share of the width that is taken off the forces outside it, 0 to 1.
-        edge: ``(...)`` share of the width over which the reading sets in, to both sides, 0 to 1.
+        width: ``(..., 3)`` half-width of the band for x, y and z (N), at the middle of a soft edge.
+        shrink: ``(...)`` share of the width that is subtracted from forces outside the band, 0 to 1.
+        edge: ``(...)`` half-width of the soft edge as a share of `width`, 0 to 1.
     """
 
     stage: ClassVar[str] = "electronics"
@@ -48,8 +48,8 @@ class DeadBand(Transform):
         soft = reach > 0
         if not is_torch(soft) and not soft.any():
             return hard
-        # no division by 0 in the branch that is not taken: it would be nan in the gradient
+        # avoid dividing by 0 in the branch that is not taken: the gradient would be nan
         way = (size - (width - reach)) / (2 * xp.where(soft, reach, xp.ones_like(reach)))
         way = xp.minimum(xp.maximum(way, zero), zero + 1)
-        inward = xp.where(size < taken, zero, outside)  # what a slack takes is not given back within the edge
+        inward = xp.where(size < taken, zero, outside)  # a soft edge must not restore what the slack takes
         return xp.where(soft, way * way * (3 - 2 * way) * inward, hard)

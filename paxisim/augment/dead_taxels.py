@@ -1,4 +1,4 @@
-"""DeadTaxels: single taxels that read nothing, or always the same."""
+"""DeadTaxels: single taxels that read zero or a constant."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from paxisim.augment.transform import Covariates, Transform
 
 @dataclass(frozen=True, eq=False)
 class DeadTaxels(Transform):
-    """A dead taxel reads 0 on all axes, a stuck one its `value`, whatever the force; the others read as they are.
+    """A dead taxel reads 0 on all axes and a stuck one reads `value`, whatever the force; others are unchanged.
 
-    A torn gel, a lost magnet, a broken bond. A taxel that is both is dead. Ranges are ours: 1 to 4 dead taxels a pad,
-    and stuck readings up to 5 N.
+    Causes are a torn gel, a lost magnet or a broken bond. A taxel that is both dead and stuck is dead. The ranges are
+    ours: 1 to 4 dead taxels per pad, and stuck readings up to 5 N.
 
     Attributes:
-        dead: ``(..., pads, rows, cols)``, 1 where a taxel is dead, else 0.
-        stuck: ``(..., pads, rows, cols)``, 1 where a taxel is stuck, else 0.
-        value: ``(..., pads, 3, rows, cols)`` what stuck taxels read (N); any of the four may be 1 long.
+        dead: ``(..., pads, rows, cols)``, 1 for a dead taxel, else 0.
+        stuck: ``(..., pads, rows, cols)``, 1 for a stuck taxel, else 0.
+        value: ``(..., pads, 3, rows, cols)`` reading of stuck taxels (N); any of the four dimensions may be 1.
     """
 
     stage: ClassVar[str] = "electronics"

@@ -1,4 +1,4 @@
-"""Drift: the zero moves with time, at a constant rate and while the device warms up."""
+"""Drift: the zero drifts with time, at a constant rate and as the device warms up."""
 
 from __future__ import annotations
 
@@ -12,16 +12,17 @@ from paxisim.augment.transform import Covariates
 
 @dataclass(frozen=True, eq=False)
 class Drift(Clocked):
-    """A zero that moves with time: ``y = x + rate t + amplitude (1 - exp(-t / tau))``, t from when it was zeroed.
+    """A zero that drifts with time since zeroing, t: ``y = x + rate t + amplitude (1 - exp(-t / tau))``.
 
-    The first part stands for what is slow against a recording; the second is the warm-up of electronics, after power-on
-    or after the load on them has changed. Where the temperature was recorded, `TemperatureDrift` says more.
+    The linear term stands for drift that is slow compared to a recording. The exponential term is the warm-up of the
+    electronics after power-on or after a change of their load. If the temperature was recorded, `TemperatureDrift` is
+    the more specific model.
 
-    t is `start` at the first frame and goes on by `dt`; it is kept in float64, as float32 would lose a hundredth of
-    a second after a day. `reset` puts it back to `start`.
+    t equals `start` at the first frame and advances by `dt`. It is kept in float64, because float32 would lose a
+    hundredth of a second after a day. `reset` sets it back to `start`.
 
     Example:
-        ``Drift(rate=[[[[0.01]]]], amplitude=[[[[0.1]]]], tau=1.0)``, no load:
+        ``Drift(rate=[[[[0.01]]]], amplitude=[[[[0.1]]]], tau=1.0)``, without load:
 
         | t (s) | linear (N) | warm-up (N) | y (N) |
         |---|---|---|---|
@@ -33,9 +34,9 @@ class Drift(Clocked):
     No figures for this sensor are known; the ranges are ours: 0.5 to 10 % of a full scale of 25 N in ten minutes.
 
     Attributes:
-        rate: ``(..., pads, 3, rows, cols)`` linear drift (N/s); any of the four may be 1 long.
-        amplitude: ``(..., pads, 3, rows, cols)`` all of the warm-up (N); any of the four may be 1 long.
-        tau: ``(...)`` time constant of the warm-up (s); 0: it is over at once.
+        rate: ``(..., pads, 3, rows, cols)`` linear drift (N/s); any of the four dimensions may be 1.
+        amplitude: ``(..., pads, 3, rows, cols)`` total warm-up drift (N); any of the four dimensions may be 1.
+        tau: ``(...)`` time constant of the warm-up (s); with 0 the warm-up is already complete.
         start: ``(...)`` time since zeroing at the first frame (s).
     """
 
@@ -51,7 +52,7 @@ class Drift(Clocked):
         xp = namespace(x)
         t = self.broadcast_parameter("start", x) + time
         tau = self.broadcast_parameter("tau", x)
-        takes_time = tau > 1e-30 * t  # else it would divide by zero, or by next to nothing
+        takes_time = tau > 1e-30 * t  # else the division would be by zero or nearly zero
         warm = -xp.expm1(-t / xp.where(takes_time, tau, xp.ones_like(t)))
         warm = xp.where(takes_time, warm, xp.ones_like(t))
         return x + self.broadcast_parameter("rate", x) * t + self.broadcast_parameter("amplitude", x) * warm

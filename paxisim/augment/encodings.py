@@ -1,6 +1,7 @@
-"""Encodings: what a policy sees of the force tensor; `paxisim.augment.history` keeps the last k of them.
+"""Encodings: policy inputs computed from the force tensor; `paxisim.augment.history` keeps the last k frames.
 
-The paper's baselines ("Comparative Evaluation"), by its abbreviations, and the centre of pressure; shapes for two pads:
+The paper's baselines ("Comparative Evaluation"), by its abbreviations, and the centre of pressure. Shapes are for two
+pads:
 
 | name | class | policy input of k frames | k in the paper |
 |---|---|---|---|
@@ -12,7 +13,7 @@ The paper's baselines ("Comparative Evaluation"), by its abbreviations, and the 
 | GCS | `GCSReading` | ``(6k, rows, cols)`` N, after a chain of `paxisim.augment.gcs` | 20 (10 for SY-2mm) |
 | CoP | `CentreOfPressure` | ``(12k,)`` | - |
 
-numpy in, numpy out; torch in, torch out, on its device.
+numpy in, numpy out; torch in, torch out, on the input's device.
 """
 
 from __future__ import annotations
@@ -26,15 +27,15 @@ from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.layout import TaxelLayout
 
 THRESHOLD = 0.1
-"""Force (N) above which a taxel counts as touched (paper, Section "Comparative Evaluation")."""
+"""Force threshold (N) above which a taxel counts as touched (paper, Section "Comparative Evaluation")."""
 
 
 @dataclass(frozen=True)
 class Encoding:
-    """Base of the encodings: from a force tensor to what a policy sees of it.
+    """Base of the encodings, which turn a force tensor into a policy input.
 
     Attributes:
-        layout: The pads' taxels.
+        layout: Layout of the pads' taxels.
     """
 
     name: ClassVar[str] = ""
@@ -45,21 +46,21 @@ class Encoding:
     layout: TaxelLayout
 
     def shape(self, pads: int = 2, k: int = 1) -> tuple[int, ...]:
-        """Shape of the policy's input of `k` frames: ``(channels,)`` or ``(channels, rows, cols)``."""
+        """Return the shape of a policy input of `k` frames: ``(channels,)`` or ``(channels, rows, cols)``."""
         image = (self.layout.rows, self.layout.cols) if self.is_image else ()
         return (k * pads * self.channels_per_pad, *image)
 
     def encode(self, force: Any) -> Any:
-        """Encode one frame, or any stack of frames.
+        """Encode a frame or a stack of frames.
 
         Args:
-            force: ``(..., pads, 3, rows, cols)`` newtons, floating point.
+            force: ``(..., pads, 3, rows, cols)`` forces (N), floating point.
 
         Returns:
-            ``(..., *shape(pads))``, of the same kind, dtype and device.
+            ``(..., *shape(pads))`` array of the same library, dtype and device.
 
         Raises:
-            InvalidValueError: Another shape, or integers.
+            InvalidValueError: The shape is wrong, or the values are integers.
         """
         self.layout.check(force)
         if force.ndim < 4 or not is_floating(force):
@@ -75,7 +76,7 @@ class Encoding:
 
 @dataclass(frozen=True)
 class NoTactile(Encoding):
-    """NT: the policy feels nothing. ``(..., 0)``."""
+    """NT: no tactile input. ``(..., 0)``."""
 
     name: ClassVar[str] = "NT"
 
@@ -85,7 +86,7 @@ class NoTactile(Encoding):
 
 @dataclass(frozen=True)
 class TotalForce(Encoding):
-    """TF: the sum over each pad's taxels. ``(..., 3 pads)`` newtons."""
+    """TF: total force, the sum over each pad's taxels. ``(..., 3 pads)`` newtons."""
 
     name: ClassVar[str] = "TF"
     channels_per_pad: ClassVar[int] = 3
@@ -98,13 +99,13 @@ class TotalForce(Encoding):
 class TaxelBinarization(Encoding):
     """TB: which taxels are touched. ``(..., pads, rows, cols)`` of 0 and 1.
 
-    The paper binarises "the taxel reading" to one channel a pad and does not say which of its three axes. Ours is the
-    length of the force vector, which also sees pure shear.
+    The paper binarises "the taxel reading" to one channel per pad without saying which of its three axes it uses. Our
+    default is the magnitude of the force vector, which also responds to pure shear.
 
     Attributes:
-        layout: The pads' taxels.
-        threshold: A taxel is touched above this (N).
-        of: What is compared, the force's ``"magnitude"`` or its ``"normal"`` component.
+        layout: Layout of the pads' taxels.
+        threshold: Force (N) above which a taxel counts as touched.
+        of: Quantity compared with the threshold: the force's ``"magnitude"`` or its ``"normal"`` component.
     """
 
     name: ClassVar[str] = "TB"
@@ -116,7 +117,7 @@ class TaxelBinarization(Encoding):
     of: Literal["magnitude", "normal"] = "magnitude"
 
     def __post_init__(self) -> None:
-        """Check the choice."""
+        """Check the options."""
         if self.of not in ("magnitude", "normal"):
             raise InvalidValueError(f"TaxelBinarization: of must be 'magnitude' or 'normal', got {self.of!r}")
 
@@ -128,11 +129,11 @@ class TaxelBinarization(Encoding):
 
 @dataclass(frozen=True)
 class TaxelDirection(Encoding):
-    """TD: the sign of each component of each taxel's force, 0 up to the threshold. ``(..., 3 pads, rows, cols)``.
+    """TD: sign of each force component of each taxel, 0 up to the threshold. ``(..., 3 pads, rows, cols)``.
 
     Attributes:
-        layout: The pads' taxels.
-        threshold: A component counts if it is larger than this (N).
+        layout: Layout of the pads' taxels.
+        threshold: Magnitude (N) above which a component counts.
     """
 
     name: ClassVar[str] = "TD"
@@ -149,7 +150,7 @@ class TaxelDirection(Encoding):
 
 @dataclass(frozen=True)
 class DirectTransfer(Encoding):
-    """DT: the force tensor as it is. ``(..., 3 pads, rows, cols)`` newtons."""
+    """DT: the unchanged force tensor. ``(..., 3 pads, rows, cols)`` newtons."""
 
     name: ClassVar[str] = "DT"
     paper_history: ClassVar[int] = 10
@@ -162,7 +163,7 @@ class DirectTransfer(Encoding):
 
 @dataclass(frozen=True)
 class GCSReading(DirectTransfer):
-    """GCS: as `DirectTransfer`, of the force tensor after the chain that `paxisim.augment.gcs.GCS.sample` drew."""
+    """GCS: as `DirectTransfer`, for a force tensor transformed by a chain from `paxisim.augment.gcs.GCS.sample`."""
 
     name: ClassVar[str] = "GCS"
     paper_history: ClassVar[int] = 20
@@ -170,16 +171,16 @@ class GCSReading(DirectTransfer):
 
 @dataclass(frozen=True)
 class CentreOfPressure(Encoding):
-    """CoP: of each pad its total force, where it presses, and whether it does. ``(..., 6 pads)``.
+    """CoP: total force, centre of pressure and contact state of each pad. ``(..., 6 pads)``.
 
-    The six are the total force x, y, z (N), the centre of pressure x, y, and 1 in contact or 0. The centre is the mean
-    of the taxels' positions weighted with their normal force, in halves of the pad's extent, so that the edges are at
-    -1 and 1; negative normal forces count as none. Without contact it is 0, the middle.
+    The six values are the total force x, y, z (N), the centre of pressure x, y, and 1 in contact, else 0. The centre is
+    the mean of the taxel positions weighted by normal force, in units of half the pad's extent, so that the edges are
+    at -1 and 1; negative normal forces count as 0. Without contact it is 0, the middle.
 
     Attributes:
-        layout: The pads' taxels.
+        layout: Layout of the pads' taxels.
         threshold: A pad is in contact if its taxels' positive normal forces sum to more than this (N).
-        in_metres: Give the centre in m, pad frame, instead.
+        in_metres: Return the centre in metres, in the pad frame, instead.
     """
 
     name: ClassVar[str] = "CoP"
@@ -188,10 +189,10 @@ class CentreOfPressure(Encoding):
     threshold: float = THRESHOLD
     in_metres: bool = False
 
-    _text: ClassVar[str]  # of each instance, but no field
+    _text: ClassVar[str]  # set on each instance, but not a field
 
     def __post_init__(self) -> None:
-        """Keep the layout in the form that `constant` wants."""
+        """Store the layout in the form that `constant` needs."""
         object.__setattr__(self, "_text", layout_text(self.layout))
 
     def _encode(self, force: Any) -> Any:
@@ -205,7 +206,7 @@ class CentreOfPressure(Encoding):
 
 
 def _places(layout: str, in_metres: bool) -> Any:
-    """``(N, 2)`` x, y of the taxels, in m or in halves of the pad's extent from its middle."""
+    """``(N, 2)`` x, y of the taxels, in m, or in units of half the pad's extent from its middle."""
     taxels = read_layout(layout)
     places = taxels.positions[:, :2]
     if in_metres:
@@ -226,11 +227,11 @@ ENCODINGS: dict[str, type[Encoding]] = {
         CentreOfPressure,
     )
 }
-"""The encodings by the paper's abbreviations."""
+"""Encodings by the paper's abbreviations."""
 
 
 def encoding(name: str, layout: TaxelLayout, **options: Any) -> Encoding:
-    """The encoding of the paper's abbreviation `name`, e.g. ``encoding("TD", layout, threshold=0.2)``.
+    """Create an encoding by the paper's abbreviation, e.g. ``encoding("TD", layout, threshold=0.2)``.
 
     Raises:
         UnknownNameError: There is no such encoding.

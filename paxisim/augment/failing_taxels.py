@@ -1,4 +1,4 @@
-"""FailingTaxels: taxels, or single axes of them, that respond until some moment and then no more."""
+"""FailingTaxels: taxels, or single axes of taxels, that stop responding at some time."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from paxisim.augment.transform import Covariates
 
 @dataclass(frozen=True, eq=False)
 class FailingTaxels(Clocked, DeadTaxels):
-    """`DeadTaxels` from some moment on: ``y(t) = x(t)`` up to `since`, afterwards 0 or `value`, whatever the force.
+    """`DeadTaxels` from some time on: ``y(t) = x(t)`` before `since`, then 0 or `value`, whatever the force.
 
-    A bond that breaks, a wire that comes loose, a converter that hangs in the middle of a recording. Time counts from
-    the first frame by `dt`, and again from 0 after `reset`, where all respond again unless their `since` is at most 0.
-    Give a recording in one piece: its parts would each begin at 0. It is a class of its own as it needs a clock, which
-    `DeadTaxels` in a frame-by-frame call or in `paxisim.augment.torch.Chain` does not have.
+    Examples are a bond that breaks, a wire that comes loose or a converter that hangs during a recording. Time counts
+    from the first frame in steps of `dt`, and restarts at 0 after `reset`, where all taxels respond again unless their
+    `since` is at most 0. Pass a recording in one piece, because each part would start at 0. This is a separate class
+    because it needs a clock, which `DeadTaxels` in a frame-by-frame call or in `paxisim.augment.torch.Chain` lacks.
 
     Example:
         ``FailingTaxels(stuck=[[[1.0]]], value=[[[[0.5]]]], since=2.0)``:
@@ -32,14 +32,15 @@ class FailingTaxels(Clocked, DeadTaxels):
         | 2 | 4 | 0.5 |
         | 3 | 0 | 0.5 |
 
-    Ranges are ours, as those of `DeadTaxels`; a failure within the first minute.
+    The ranges are ours: those of `DeadTaxels`, and a failure within the first minute.
 
     Attributes:
-        dead: ``(..., pads, rows, cols)``, 1 where a taxel will be dead, else 0.
-        stuck: ``(..., pads, rows, cols)``, 1 where a taxel will be stuck, else 0.
-        value: ``(..., pads, 3, rows, cols)`` what stuck taxels read (N); any of the four may be 1 long.
-        since: ``(..., pads, 3, rows, cols)`` when each axis fails (s after the first frame); any of the four may be 1
-            long. At most 0: it has failed from the beginning; infinite: an axis that responds throughout.
+        dead: ``(..., pads, rows, cols)``, 1 for a taxel that dies, else 0.
+        stuck: ``(..., pads, rows, cols)``, 1 for a taxel that gets stuck, else 0.
+        value: ``(..., pads, 3, rows, cols)`` reading of stuck taxels (N); any of the four dimensions may be 1.
+        since: ``(..., pads, 3, rows, cols)`` time at which each axis fails (s after the first frame); any of the four
+            dimensions may be 1. An axis with a value of 0 or less has failed from the start; an axis with an infinite
+            value never fails.
     """
 
     stage: ClassVar[str] = "electronics"

@@ -1,4 +1,4 @@
-"""Firmware: what a PaXini sensor's own processor makes of the forces."""
+"""Firmware: how a PaXini sensor's processor encodes the forces."""
 
 from __future__ import annotations
 
@@ -16,27 +16,28 @@ from paxisim.augment.transform import Covariates, Transform
 
 @dataclass(frozen=True, eq=False)
 class Firmware(Transform):
-    """Forces as a PaXini sensor sends them: whole counts of 0.1 N, small ones 0, clipped to one byte each.
+    """Forces as a PaXini sensor sends them: whole counts of 0.1 N, small ones set to 0, clipped to one byte each.
 
     1. Counts: ``n = round(x / resolution)``, halves to even.
-    2. Gate: ``n = 0`` where ``|n| < gate_counts``, for each component by itself.
-    3. Clip: shear to ``[-shear_counts, shear_counts - 1]`` (int8), normal force to ``[0, normal_counts]`` (uint8): a
+    2. Gate: ``n = 0`` where ``|n| < gate_counts``, for each component separately.
+    3. Clip: shear to ``[-shear_counts, shear_counts - 1]`` (int8), normal force to ``[0, normal_counts]`` (uint8), so
        normal force cannot be negative.
     4. ``y = n resolution``.
 
-    Unlike the other transforms it is **not** the identity by default, but the real one; a `resolution` near 0 with high
-    counts and no gate comes close to it. The gradient passes straight through steps and gate, and not through the clip.
+    Unlike the other transforms, it is **not** the identity by default, but matches the real firmware. A `resolution`
+    near 0 with high counts and no gate approximates the identity. The gradient passes straight through rounding and
+    gate, but not through the clip.
 
-    Source: steps and bytes are common to all documented PaXini protocols. The gate is seen in captures of real GEN3
-    sensors, where a component is 0 or at least 2 counts; whether GEN1 does the same is unknown, ``gate_counts=0``
-    switches it off. Their resultant, which is not the sum of the taxels, and taxels that drop out or linger for a frame
-    are not in it.
+    Source: step size and byte ranges are common to all documented PaXini protocols. The gate appears in captures of
+    real GEN3 sensors, where a component is either 0 or at least 2 counts. Whether GEN1 has it is unknown;
+    ``gate_counts=0`` switches it off. Not modelled are the sensors' resultant, which is not the sum of the taxels, and
+    taxels that drop out or persist for a frame.
 
     Attributes:
-        resolution: ``(...)`` newtons a count.
-        shear_counts: ``(...)`` counts down to which shear is read; up to one less.
-        normal_counts: ``(...)`` counts up to which normal force is read.
-        gate_counts: ``(...)`` least number of counts that is not taken for 0.
+        resolution: ``(...)`` newtons per count.
+        shear_counts: ``(...)`` magnitude of the lowest shear reading, in counts; the highest is one count less.
+        normal_counts: ``(...)`` highest normal force reading, in counts.
+        gate_counts: ``(...)`` smallest magnitude that is not set to 0, in counts.
     """
 
     stage: ClassVar[str] = "firmware"

@@ -1,4 +1,4 @@
-"""Gains: the sensor's scale is off, per axis and per taxel (the S of the paper's GCS)."""
+"""Gains: scale errors of the sensor, per axis and per taxel (the S of the paper's GCS)."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from paxisim.augment.transform import Covariates, Transform
 
 @dataclass(frozen=True, eq=False)
 class AxisGain(Transform):
-    """One gain for each axis, the same at every taxel: ``y_k = gain_k x_k``.
+    """One gain per axis, the same at every taxel: ``y_k = gain_k x_k``.
 
-    Simulated contact forces and a sensor's newtons differ in scale, and differently in shear and normal direction
+    Simulated contact forces and sensor readings differ in scale, and by different factors in shear and normal direction
     (paper, Method, "Domain Randomization of Force Scaling": alpha_k; Table I draws it from U(0.5, 1.5)).
 
     Attributes:
@@ -29,7 +29,7 @@ class AxisGain(Transform):
 
 @dataclass(frozen=True, eq=False)
 class PadAxisGain(Transform):
-    """One gain for each axis of each pad, the same at every taxel of a pad: as `AxisGain`, for pads that differ.
+    """One gain per axis and pad, the same at every taxel of a pad: like `AxisGain`, for pads that differ.
 
     Attributes:
         gain: ``(..., pads, 3)`` gains of x, y and z.
@@ -44,10 +44,10 @@ class PadAxisGain(Transform):
 
 @dataclass(frozen=True, eq=False)
 class TaxelGain(Transform):
-    """One gain for each taxel, the same on its three axes: ``y(i,j) = gain(i,j) x(i,j)``.
+    """One gain per taxel, the same on its three axes: ``y(i,j) = gain(i,j) x(i,j)``.
 
-    No two magnets are placed alike (paper, Method, "Domain Randomization of Force Scaling": beta_ij; Table I draws
-    it from N(1, 0.25) with 20 % dropout). A gain of 0 is a dropped taxel.
+    No two magnets are placed identically (paper, Method, "Domain Randomization of Force Scaling": beta_ij; Table I
+    draws it from N(1, 0.25) with 20 % dropout). A gain of 0 is a dropped taxel.
 
     Attributes:
         gain: ``(..., pads, rows, cols)`` gains.

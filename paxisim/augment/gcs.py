@@ -1,4 +1,4 @@
-"""GCS: the paper's domain randomisation. G is drawn as heights for the simulator, C and S as a chain of transforms."""
+"""GCS: the paper's domain randomisation, with G as heights for the simulator and C and S as a chain of transforms."""
 
 from __future__ import annotations
 
@@ -28,19 +28,19 @@ PAPER_LAYOUT = TaxelLayout(6, 5, (26.1e-3 / 6, 22.6e-3 / 5))
 
 @dataclass(frozen=True)
 class Ranges:
-    """What GCS draws from (paper, Table I).
+    """Distributions that GCS draws from (paper, Table I).
 
     Attributes:
-        axis_gain: Bounds of the uniform distribution of alpha_k, a gain for each axis.
-        taxel_gain: Mean and spread of the normal distribution of beta_ij, a gain for each taxel.
-        dropout: Probability with which a taxel is dropped.
+        axis_gain: Bounds of the uniform distribution of alpha_k, the gain of an axis.
+        taxel_gain: Mean and spread of the normal distribution of beta_ij, the gain of a taxel.
+        dropout: Probability that a taxel is dropped.
         convolution: Bounds of the uniform distribution of c_x and c_y.
         deviation: Bounds of the uniform distribution of s_x and s_y, the bump's deviations in taxels.
-        offset: Largest size (N) of a constant that all taxels of a pad share, uniform for each pad and axis: a sensor
-            that was zeroed in another field. The paper has none, and 0 draws none.
+        offset: Largest magnitude (N) of a constant shared by all taxels of a pad, uniform for each pad and axis. It
+            models a sensor that was zeroed in another field. The paper has none; 0 draws none.
 
     Raises:
-        InvalidValueError: Bounds in the wrong order, not finite or negative, or a probability outside [0, 1].
+        InvalidValueError: Bounds are in the wrong order, not finite or negative, or a probability is outside [0, 1].
     """
 
     axis_gain: tuple[float, float] = (0.5, 1.5)
@@ -69,32 +69,33 @@ class Ranges:
 class GCS:
     """The paper's GCS: surface with Gaussian bumps, convolution for the Poisson effect, force scaling.
 
-    Draw one chain an episode (``batch_shape=()``), one an environment (``(environments,)``) or one a sample of
-    recorded data (``(samples,)``), and a surface for the simulator with `sample_surface`. Where the paper's text and
-    its Table I leave something open, this is our reading, and the other one is a parameter:
+    Draw one chain per episode (``batch_shape=()``), per environment (``(environments,)``) or per sample of recorded
+    data (``(samples,)``), and a surface for the simulator with `sample_surface`. Where the paper's text and its Table I
+    are ambiguous, the default is our reading and a parameter selects the other:
 
-    - N(1, 0.25): 0.25 is the **deviation**. As a variance (deviation 0.5) one gain in 44 would be negative.
-    - Negative gains become 0, as no taxel reads backwards: 3 in 100,000 draws, which shifts the mean by 2e-6 (with
-      0.25 as the variance 2.3 % and 4e-3).
-    - 20 % dropout: a dropped **taxel** reads 0 on all axes for as long as the chain lives.
+    - N(1, 0.25): 0.25 is the **standard deviation**. As a variance (standard deviation 0.5), it would make one gain in
+      44 negative.
+    - Negative gains become 0, as no taxel reads backwards. This affects 3 in 100,000 draws and shifts the mean by 2e-6
+      (with 0.25 as the variance, 2.3 % and 4e-3).
+    - 20 % dropout: a dropped **taxel** reads 0 on all axes for the lifetime of the chain.
     - alpha_k is for "each axis of all taxels": **both pads share it**, as they share c_x and c_y. beta_ij and the
       surfaces are drawn for each pad.
 
     Switching a part off, as in the paper's ablation, does not change what the others draw from the same seed.
 
     Attributes:
-        ranges: What to draw from.
-        geometry: Draw bumps (G); else `sample_surface` gives flat pads.
-        convolution: Put a `Poisson` in the chain (C).
-        scaling: Put gains in the chain (S).
-        taxel_gain_is_variance: Read 0.25 as the variance.
+        ranges: Distributions to draw from.
+        geometry: Whether to draw bumps (G); otherwise `sample_surface` gives flat pads.
+        convolution: Whether to put a `Poisson` in the chain (C).
+        scaling: Whether to put gains in the chain (S).
+        taxel_gain_is_variance: Whether 0.25 is the variance.
         dropout_of: ``"taxel"``, or ``"gain"``: a dropped taxel keeps the gain 1.
-        axis_gain_per_pad: Draw alpha_k for each pad.
-        reach: Of the convolution's kernel, see `Poisson`.
-        falloff: Of the convolution's kernel, see `Poisson`.
+        axis_gain_per_pad: Whether to draw alpha_k for each pad.
+        reach: Reach of the convolution kernel, see `Poisson`.
+        falloff: Falloff of the convolution kernel, see `Poisson`.
 
     Raises:
-        InvalidValueError: `dropout_of` is neither.
+        InvalidValueError: `dropout_of` is neither of its options, or `reach` or `falloff` is out of range.
     """
 
     ranges: Ranges = field(default_factory=Ranges)
@@ -108,22 +109,22 @@ class GCS:
     falloff: float = 1.0
 
     def __post_init__(self) -> None:
-        """Check the choices."""
+        """Check the options."""
         if self.dropout_of not in ("taxel", "gain"):
             raise InvalidValueError(f"GCS: dropout_of must be 'taxel' or 'gain', got {self.dropout_of!r}")
         Poisson(reach=self.reach, falloff=self.falloff)
 
     @staticmethod
     def around(model: Chain, intervals: Mapping[str, Any]) -> FittedGCS:
-        """Randomisation centred on a fitted model, to be used as any other GCS.
+        """Return a randomisation around a fitted model, to be used like any other GCS.
 
         Args:
             model: The fitted chain, e.g. ``diagnosis.model``.
-            intervals: What its parameters are drawn within, e.g. ``diagnosis.intervals``; see `FittedGCS`.
+            intervals: Intervals to draw its parameters from, e.g. ``diagnosis.intervals``; see `FittedGCS`.
 
         Raises:
             UnknownNameError: There is no such member or parameter.
-            InvalidValueError: Bounds that are not finite, not in order, or not of the parameter's shape.
+            InvalidValueError: Bounds are not finite, not in order, or not of the parameter's shape.
         """
         from paxisim.augment.around import FittedGCS
 
@@ -135,14 +136,15 @@ class GCS:
         """Draw C and S.
 
         Args:
-            rng: A ``numpy.random.Generator``; or a ``torch.Generator`` or a ``torch.device``, which stands for its
-                default generator: then the parameters are tensors there, and none of it passes through the host.
-            batch_shape: Leading dimensions of the frames that get parameters of their own.
-            layout: The pads' taxels.
+            rng: A ``numpy.random.Generator``, a ``torch.Generator``, or a ``torch.device``, which stands for its
+                default generator. With torch, the parameters are created as tensors on that device, without passing
+                through the host.
+            batch_shape: Leading batch dimensions; each element gets its own parameters.
+            layout: Layout of the pads' taxels.
             pads: Number of pads.
 
         Returns:
-            Chain of ``poisson``, ``axis_gain`` (or ``pad_axis_gain``) and ``taxel_gain``, those that are switched on,
+            Chain of those of ``poisson``, ``axis_gain`` (or ``pad_axis_gain``) and ``taxel_gain`` that are switched on,
             and ``offset`` if its range is not 0. Parameters are float32: ``cx, cy (*batch)``, ``(*batch, 3)`` (or
             ``(*batch, pads, 3)``), ``(*batch, pads, rows, cols)`` and ``(*batch, pads, 3, rows, cols)``.
         """
@@ -188,14 +190,14 @@ class GCS:
 
         Args:
             rng: As for `sample`.
-            batch_shape: Leading dimensions, one surface a pad for each.
-            layout: The pads' taxels.
+            batch_shape: Leading batch dimensions; each element gets its own surface for each pad.
+            layout: Layout of the pads' taxels.
             pads: Number of pads.
-            **fixed: Fields of `paxisim.GaussianBump` to set, e.g. ``h_max=1.2e-3``.
+            **fixed: Fields of `paxisim.GaussianBump` to fix, e.g. ``h_max=1.2e-3``.
 
         Returns:
-            ``(*batch, pads, rows, cols)`` m, in numpy, as the simulator wants it. Flat, at the mean of ``h_min`` and
-            ``h_max``, if geometry is switched off.
+            ``(*batch, pads, rows, cols)`` thickness (m) as a numpy array. If geometry is switched off, it is flat, at
+            the mean of ``h_min`` and ``h_max``.
         """
         shape = (*batch_shape, pads, 2)
         share, deviation = uniform(rng, shape, (0.0, 1.0)), uniform(rng, shape, self.ranges.deviation)
@@ -211,7 +213,7 @@ class GCS:
 
 
 def uniform(rng: Any, shape: tuple[int, ...], bounds: tuple[float, float]) -> Any:
-    """Uniform float32 numbers, of numpy or torch as `rng` is; see `GCS.sample`."""
+    """Draw uniform float32 numbers, in numpy or torch depending on `rng`; see `GCS.sample`."""
     low, high = bounds
     if isinstance(rng, np.random.Generator):
         return np.asarray(low + (high - low) * rng.random(shape), dtype=np.float32)

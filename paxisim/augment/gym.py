@@ -1,4 +1,4 @@
-"""TactileTransform: a chain or GCS between any gymnasium environment and the agent."""
+"""TactileTransform: a gymnasium wrapper that applies a chain or GCS to tactile observations."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ try:
 except ImportError as error:
     raise MissingExtraError("gymnasium", "train", "paxisim.augment.gym") from error
 
-_STREAM = 0x7AC711E  # sets the wrapper's random numbers apart from the environment's with the same seed
+_STREAM = 0x7AC711E  # separates the wrapper's random numbers from the environment's for the same seed
 
 
 class TactileTransform(gymnasium.Wrapper, gymnasium.utils.RecordConstructorArgs):
-    """Transforms the tactile observation of an environment, with parameters drawn anew in each episode.
+    """Wrapper that transforms the tactile observation of an environment, with parameters redrawn in each episode.
 
-    The observation is a Box of shape ``(pads, 3, rows, cols)``, float, newtons, or such an entry of a Dict. Its space
-    keeps shape and dtype and loses its bounds. A transform with memory is stepped with the environment; the first
-    frame of an episode is taken to have been there forever. ``reset(seed=...)`` also seeds what is drawn. A noise with
-    a seed of its own repeats itself in every episode: give a function of `rng` that makes one with a new seed.
+    The observation is a float Box of shape ``(pads, 3, rows, cols)`` in newtons, or such an entry of a Dict. Its space
+    keeps shape and dtype but loses its bounds. A transform with memory is stepped with the environment and treats the
+    first frame of an episode as constant before it. ``reset(seed=...)`` also seeds the draws. A noise transform with a
+    fixed seed repeats itself in every episode; to avoid this, pass a function of `rng` that creates it with a new seed.
 
     Attributes:
-        transform: The transform of this episode.
+        transform: Transform of the current episode.
 
     Example:
         ```python
@@ -54,17 +54,17 @@ class TactileTransform(gymnasium.Wrapper, gymnasium.utils.RecordConstructorArgs)
 
         Args:
             env: The environment.
-            transform: A transform to apply in every episode; or what draws one for each: a `GCS` or a function.
-            key: The entry of a Dict space; default: the observation itself.
+            transform: Transform to apply in every episode, or a `GCS` or function that draws one per episode.
+            key: Entry of a Dict space. Default: the observation itself.
             dt: Time between two steps of the environment (s); needed by transforms with memory.
-            layout: The pads' taxels, for GCS; default: a grid of the observation's rows and columns.
-            covariates: Where to find the covariates that the transform needs: for each name the key in the observation
-                or else in ``info``; default: the name itself. An array of one element counts as a number.
-            seed: Seed of what is drawn until the first ``reset(seed=...)``; default: from the operating system.
+            layout: Layout of the pads' taxels, for GCS. Default: a grid with the observation's rows and columns.
+            covariates: Key of each covariate that the transform needs, by covariate name, looked up in the observation
+                and then in ``info``. Default: the name itself. An array of one element counts as a number.
+            seed: Random seed until the first ``reset(seed=...)``. Default: from the operating system.
 
         Raises:
             InvalidValueError: The observation is not such a Box, `dt` is not positive and finite, or the layout's rows
-                and columns are not the observation's.
+                and columns differ from the observation's.
             UnknownNameError: There is no such entry.
         """
         gymnasium.utils.RecordConstructorArgs.__init__(
@@ -107,7 +107,7 @@ class TactileTransform(gymnasium.Wrapper, gymnasium.utils.RecordConstructorArgs)
         return self._replace(observation, force), info
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
-        """Step the environment and transform what it feels."""
+        """Step the environment and transform its tactile observation."""
         observation, reward, terminated, truncated, info = self.env.step(action)
         covariates = self._find_covariates(observation, info)
         force, self._state = self.transform.step(self._force(observation), self._state, self._dt or 0.0, covariates)
@@ -124,14 +124,14 @@ class TactileTransform(gymnasium.Wrapper, gymnasium.utils.RecordConstructorArgs)
         return source
 
     def _force(self, observation: Any) -> NDArray[Any]:
-        # robosuite's GymWrapper, for one, gives float64 for a float32 space
+        # some environments, e.g. robosuite's GymWrapper, return float64 for a float32 space
         return np.asarray(observation if self._key is None else observation[self._key], dtype=self._dtype)
 
     def _replace(self, observation: Any, force: NDArray[Any]) -> Any:
         if force.shape != self._shape:
             raise InvalidValueError(
-                f"TactileTransform: the transform made shape {force.shape} of an observation of shape {self._shape}: "
-                "its parameters and covariates must be those of one environment, without a batch"
+                f"TactileTransform: the transform made shape {force.shape} out of an observation of shape "
+                f"{self._shape}: its parameters and covariates must be those of one environment, without a batch"
             )
         return force if self._key is None else {**observation, self._key: force}
 
@@ -166,5 +166,5 @@ class TactileTransform(gymnasium.Wrapper, gymnasium.utils.RecordConstructorArgs)
 
 
 def _number(value: Any) -> Any:
-    """A covariate as it is, but without the dimensions of a Box of one number, which would count as a batch."""
+    """Return a covariate without the dimensions of a Box of one number, which would count as a batch."""
     return np.reshape(value, ()) if np.size(value) == 1 else value

@@ -13,23 +13,23 @@ from paxisim.errors import InvalidValueError
 
 
 class History:
-    """The last `k` encoded frames of one environment or a batch of them, as the policy's input. A ring buffer.
+    """Ring buffer of the last `k` encoded frames of one environment or a batch, as the policy's input.
 
-    A step writes one frame into the ring. Reading copies the ring once, into the policy's input, which is the
-    caller's to keep. With k = 3 and ``fill="first"`` (``"zeros"``)::
+    A step writes one frame into the buffer. Reading copies the buffer once; the caller may keep the result. With k = 3
+    and ``fill="first"`` (``"zeros"``)::
 
         reset(); append(a); read() -> a a a  (0 0 a)
                  append(b); read() -> a a b  (0 a b)
                  append(c); read() -> a b c  (a b c)
                  append(d); read() -> b c d  (b c d)
 
-    Of a batch, ``reset(mask)`` restarts the masked environments with the frame that comes next. Only a step after a
-    reset touches the whole ring. Nothing waits for the device.
+    In a batch, ``reset(mask)`` restarts the masked environments with the next frame. Only a step after a reset rewrites
+    the whole buffer. No operation waits for the device.
 
     Attributes:
-        encoding: What is kept of a frame.
+        encoding: Encoding applied to each frame.
         k: Number of frames.
-        fill: What stands for the frames before the first one of an episode.
+        fill: How frames before the first one of an episode are filled.
 
     Example:
         ```python
@@ -40,15 +40,15 @@ class History:
     """
 
     def __init__(self, encoding: Encoding, k: int | None = None, *, fill: Literal["first", "zeros"] = "first") -> None:
-        """An empty history.
+        """Create an empty history.
 
         Args:
-            encoding: What to keep of a frame.
-            k: Number of frames; default: the paper's for this encoding.
-            fill: ``"first"``: repeat the first frame of an episode; ``"zeros"``.
+            encoding: Encoding to apply to each frame.
+            k: Number of frames. Default: the paper's value for this encoding.
+            fill: ``"first"`` repeats the first frame of an episode; ``"zeros"`` fills with zeros.
 
         Raises:
-            InvalidValueError: `k` is below 1, or `fill` is neither.
+            InvalidValueError: `k` is not a whole number of at least 1, or `fill` is neither option.
         """
         k = encoding.paper_history if k is None else k
         if k < 1 or k % 1:
@@ -57,15 +57,15 @@ class History:
             raise InvalidValueError(f"History: fill must be 'first' or 'zeros', got {fill!r}")
         self.encoding, self.k, self.fill = encoding, int(k), fill
         self._ring: Any = None  # (*batch, k, *frame)
-        self._begin: Any = None  # environments that begin with the next frame
+        self._begin: Any = None  # mask of environments whose episode begins with the next frame
         self._newest = 0
 
     def reset(self, mask: Any = None) -> None:
         """Begin a new episode with the next frame.
 
         Args:
-            mask: Booleans of the batch's shape, the environments that begin anew. Default: all, and the next frame
-                may be of another batch, dtype or device.
+            mask: Boolean array of the batch's shape that selects the environments to restart. Default: all; the next
+                frame may then have another batch shape, dtype or device.
         """
         if mask is None:
             self._ring = None
@@ -74,10 +74,10 @@ class History:
             self._begin = mask if self._begin is None else self._begin | mask
 
     def append(self, force: Any) -> None:
-        """Encode the next frame, ``(*batch, pads, 3, rows, cols)`` newtons, and keep it in place of the oldest.
+        """Encode the next frame, ``(*batch, pads, 3, rows, cols)`` newtons, and replace the oldest by it.
 
         Raises:
-            InvalidValueError: As `Encoding.encode`; or the shape is not that of the frames before.
+            InvalidValueError: As for `Encoding.encode`; or the shape differs from that of the earlier frames.
         """
         frame = self.encoding.encode(force)
         xp = namespace(frame)
@@ -90,7 +90,7 @@ class History:
         if frame.shape != self._ring[(*at, 0)].shape:
             raise InvalidValueError(
                 f"History: expected a frame that encodes to {tuple(self._ring[(*at, 0)].shape)}, got "
-                f"{tuple(frame.shape)}; reset() before another batch"
+                f"{tuple(frame.shape)}; call reset() before changing the batch"
             )
         if self._begin is not None:
             begin = xp.reshape(self._begin, (*self._begin.shape, *[1] * (self._ring.ndim - self._begin.ndim)))
@@ -101,7 +101,7 @@ class History:
         self._ring[(*at, self._newest)] = frame
 
     def read(self) -> Any:
-        """The policy's input, oldest frame first: ``(*batch, k channels)`` or ``(*batch, k channels, rows, cols)``.
+        """Policy input, oldest frame first: ``(*batch, k channels)`` or ``(*batch, k channels, rows, cols)``.
 
         Raises:
             InvalidValueError: There is no frame yet.

@@ -1,4 +1,4 @@
-"""Hysteresis: the reading depends on the way that led to a load, but not on how fast it was gone."""
+"""Hysteresis: the reading depends on the path that led to a load, but not on the rate."""
 
 from __future__ import annotations
 
@@ -10,29 +10,29 @@ from numpy.typing import NDArray
 
 from paxisim.augment.modes import check_modes, each_mode, over_modes
 from paxisim.augment.parameter_spec import Parameter, check, is_torch, namespace, parameter
-from paxisim.augment.transform import Covariates, State, StatefulTransform
+from paxisim.augment.transform import Covariates, StatefulTransform, State
 
 
 @dataclass(frozen=True, eq=False)
 class Hysteresis(StatefulTransform):
-    """A share of the load moves through M plays (backlashes): a Prandtl-Ishlinskii model.
+    """A share of the load passes through M play operators (backlashes): a Prandtl-Ishlinskii model.
 
     ::
 
         y = x + sum_m weight_m (p_m - x)        p_m <- max(x - radius_m, min(x + radius_m, p_m))
 
-    A play p follows x at a distance of at most `radius` and stands still while x turns around within it: dry friction
-    between the gel's polymer chains, its fillers and its shell. Under a rising load the reading lags by ``sum weight
-    radius``, under a falling one it leads by as much. A load that swings by an amplitude A goes around a loop of area
-    ``sum weight 4 radius max(0, A - radius)`` N^2. It is rate-independent: only the turning points count, so that
-    neither `dt` nor the frames in between make a difference. Large loads keep the gain 1; small swings, within
-    all radii, have the gain ``1 - sum weight``. Every element, and every axis, by itself. Weights or radii of 0 leave x
-    as it is.
+    A play p follows x at a distance of at most `radius` and stands still while x moves within that distance. It models
+    dry friction between the gel's polymer chains, its fillers and its shell. The reading lags a rising load by ``sum
+    weight radius`` and exceeds a falling one by the same amount. A load that oscillates with amplitude A traces a loop
+    of area ``sum weight 4 radius max(0, A - radius)`` N^2. The model is rate-independent: only the turning points
+    count, so neither `dt` nor the frames in between make a difference. Large loads keep the gain 1; small oscillations
+    within all radii have the gain ``1 - sum weight``. Each element and each axis is treated independently. Weights or
+    radii of 0 leave x unchanged.
 
-    A stream, and `reset`, begin in the virgin state: as if x had risen (or fallen) to the first frame from zero.
+    A stream, also after `reset`, begins in the virgin state: as if x had gone straight from zero to the first frame.
 
     Example:
-        ``Hysteresis(weight=(0.5,), radius=(0.2,))``, a load and its way back:
+        ``Hysteresis(weight=(0.5,), radius=(0.2,))``, a load applied and released:
 
         | t (s) | x (N) | p (N) | y (N) |
         |---|---|---|---|
@@ -41,15 +41,15 @@ class Hysteresis(StatefulTransform):
         | 2 | 0.8 | 0.8 | 0.8 |
         | 3 | 0 | 0.2 | 0.1 |
 
-    Source: M. Brokate and J. Sprekels, Hysteresis and Phase Transitions (1996), ch. 2. Of a Hall-effect film sensor
-    a loop of 11.4 % has been reported, of PaXini's none; the ranges are ours, for loops of 2 to 15 %.
+    Source: M. Brokate and J. Sprekels, Hysteresis and Phase Transitions (1996), ch. 2. A loop of 11.4 % has been
+    reported for a Hall-effect film sensor, but none for PaXini's; the ranges are ours, for loops of 2 to 15 %.
 
     Attributes:
-        weight: ``(..., M)`` share of the load that moves through each play; their sum must not exceed 1.
-        radius: ``(..., M)`` half the width of each play (N). M may be 1 in one of the two.
+        weight: ``(..., M)`` share of the load that passes through each play; the sum must not exceed 1.
+        radius: ``(..., M)`` half-width of each play (N). M may be 1 in one of the two.
 
     Raises:
-        InvalidValueError: Also if the two have different numbers of plays, or weights that sum to more than 1.
+        InvalidValueError: Also if the two have different numbers of plays, or the weights sum to more than 1.
     """
 
     stage: ClassVar[str] = "gel"
@@ -66,7 +66,7 @@ class Hysteresis(StatefulTransform):
         check("Hysteresis", "the sum of weight", total, Parameter(low=0.0, high=1 + 1e-6))
 
     def initial_state(self, x: Any, covariates: Covariates | None = None) -> State:
-        """The positions of the plays (N), ``(*batch, M, pads, 3, rows, cols)``."""
+        """Return the positions of the plays (N), ``(*batch, M, pads, 3, rows, cols)``."""
         virgin = namespace(x).zeros_like(over_modes(self, x, "weight", "radius"))
         return (self._play(each_mode(x), virgin),)
 

@@ -1,4 +1,4 @@
-"""Interference: a magnetic field from outside, nearly the same at all taxels."""
+"""Interference: an external magnetic field, nearly uniform over the taxels."""
 
 from __future__ import annotations
 
@@ -19,26 +19,27 @@ _FLAT = (((0.0, 0.0, 0.0),), ((0.0, 0.0, 0.0),))
 
 @dataclass(frozen=True, eq=False)
 class Interference(Transform):
-    """A field that moves with a covariate: ``y_k(p, i) = x_k(p, i) + linear_k(p, i) d + quadratic_k(p, i) d^2``.
+    """A field that follows a covariate: ``y_k(p, i) = x_k(p, i) + linear_k(p, i) d + quadratic_k(p, i) d^2``.
 
-    Here d is how far the covariate is from where the sensor was zeroed, and ``linear_k(p, i)`` is what the pad's middle
-    reads plus what it rises by from taxel to taxel along rows and columns; ``quadratic_k(p, i)`` likewise.
+    Here d is the difference between the covariate and its value at zeroing. ``linear_k(p, i)`` is the coefficient at
+    the middle of the pad plus a gradient from taxel to taxel along rows and columns; ``quadratic_k(p, i)`` likewise.
 
-    Hall sensors also feel what is not their own magnet: motors, steel, the earth, above all the other finger's magnets,
-    which come nearer as the gripper closes. Its distance is larger than a pad, so that the taxels of a pad read nearly
-    the same field, as a force that is not there. The constant part is zeroed away, and is `Offset` where it is not; for
-    several covariates put one transform each into the chain.
+    Hall sensors also respond to fields other than their own magnet's: those of motors, steel, the earth, and above all
+    the magnets of the other finger, which come closer as the gripper closes. The source is farther away than the size
+    of a pad, so all taxels of a pad read nearly the same spurious force. Zeroing removes the constant part; use
+    `Offset` for what remains. For several covariates, put one transform for each into the chain.
 
-    Source: on one magnetic fingertip the pose of the finger alone moved the field by 100 uT (median), of which a
-    quadratic in the joints explained 97 to 99 %. The range is ours: 0.2 to 5 counts of 0.1 N over 80 mm of opening.
+    Source: on one magnetic fingertip, the pose of the finger alone moved the field by 100 uT (median). A quadratic
+    function of the joint positions explained 97 to 99 % of it. The range is ours: 0.2 to 5 counts of 0.1 N over 80 mm
+    of opening.
 
     Attributes:
         linear: ``(..., pads, 3)`` newtons per unit of the covariate; pads may be 1.
-        quadratic: ``(..., pads, 3)`` newtons per square of the unit of the covariate; pads may be 1.
-        linear_rise: ``(..., 2, pads, 3)`` newtons per unit of the covariate, from one row to the next and from one
-            column to the next; pads may be 1.
-        quadratic_rise: ``(..., 2, pads, 3)`` the same per square of the unit of the covariate.
-        zeroed_at: The covariate's value at which the sensor was zeroed, so that it reads no field there.
+        quadratic: ``(..., pads, 3)`` newtons per squared unit of the covariate; pads may be 1.
+        linear_rise: ``(..., 2, pads, 3)`` change of `linear` from one row to the next and from one column to the next
+            (newtons per unit of the covariate); pads may be 1.
+        quadratic_rise: ``(..., 2, pads, 3)`` the same for `quadratic` (newtons per squared unit of the covariate).
+        zeroed_at: Value of the covariate at which the sensor was zeroed and reads no field.
         covariate: Name of the covariate, in SI units; an opening in m.
     """
 
@@ -56,7 +57,7 @@ class Interference(Transform):
         return x + d * (self._at_taxels("linear", x) + d * self._at_taxels("quadratic", x))
 
     def _at_taxels(self, name: str, x: Any) -> Any:
-        """``(..., pads, 3, rows, cols)`` the field of each taxel."""
+        """Coefficients of each taxel, ``(..., pads, 3, rows, cols)``."""
         rise = self.broadcast_parameter(f"{name}_rise", each_mode(x))
         if rise.shape[-5] != 2:
             raise InvalidValueError(
@@ -68,6 +69,6 @@ class Interference(Transform):
 
 
 def _places(rows: int, cols: int) -> NDArray[np.float64]:
-    """``(2, 1, 1, rows, cols)`` row and column of each taxel, counted from the pad's middle."""
+    """Row and column of each taxel, counted from the pad's middle, ``(2, 1, 1, rows, cols)``."""
     row, col = np.meshgrid(np.arange(rows) - (rows - 1) / 2, np.arange(cols) - (cols - 1) / 2, indexing="ij")
     return np.stack([row, col])[:, None, None]

@@ -1,4 +1,4 @@
-"""Latency: readings arrive late, by a delay that may jitter; in a recording they may also be ahead."""
+"""Latency: readings arrive late, by a delay that may jitter; in a recording they may also be early."""
 
 from __future__ import annotations
 
@@ -12,28 +12,28 @@ from numpy.typing import NDArray
 
 from paxisim.augment.parameter_spec import as_like, can_look, is_torch, namespace, parameter
 from paxisim.augment.random_numbers import SEEDS, check_seed, no_draws, uniform
-from paxisim.augment.transform import Covariates, State, StatefulTransform
+from paxisim.augment.transform import Covariates, StatefulTransform, State
 from paxisim.errors import InvalidValueError
 
 
 @dataclass(frozen=True, eq=False)
 class Latency(StatefulTransform):
-    """The reading of some time ago: ``y(t) = x(t - d)``, ``d = delay + jitter u``, u uniform in (-1, 1) for each frame.
+    """A delayed reading: ``y(t) = x(t - d)``, ``d = delay + jitter u``, with u uniform in (-1, 1) for each frame.
 
-    Conversion, the bus, the operating system's buffers. x runs straight from frame to frame, so that the delay need
-    not be a whole number of frames, and frames may come at any times. All taxels of an environment are late together.
+    Causes are the conversion, the bus and the operating system's buffers. x is interpolated linearly between frames, so
+    the delay need not be a whole number of frames and the frames may be unevenly spaced. All taxels of an environment
+    share one delay.
 
-    - In a stream d is never negative, and grows by at most `dt` from frame to frame: a reading does not arrive before
-      an older one.
-    - u is a function of the seed and the number of frames so far (see `WhiteNoise` on seeds, and `reset`).
-    - No more than `capacity` frames are kept. Where they come so fast that ``capacity - 2`` of them do not span ``delay
-      + jitter``, the delay is right all the same, but x is drawn through fewer of them and short peaks are cut: a frame
-      is dropped if those before and after it are less than ``2 (delay + jitter) / (capacity - 2)`` apart. Time and
+    - In a stream, d is never negative and grows by at most `dt` from frame to frame: readings arrive in order.
+    - u is a function of the seed and the number of frames so far (see `WhiteNoise` for seeds and `reset`).
+    - At most `capacity` frames are kept. If frames come so fast that ``capacity - 2`` of them do not span ``delay +
+      jitter``, the delay is still right, but x is interpolated between fewer frames and short peaks are cut: a frame is
+      dropped if the frames before and after it are less than ``2 (delay + jitter) / (capacity - 2)`` apart. Time and
       memory grow with `capacity`.
-    - The first frame, and that after `reset`, is taken to have been there forever.
-    - A `delay` below 0 is for recordings whose other stream is the late one: `run` then reads ahead in the sequence,
-      whose last frame is held. It is one number, without jitter. Frame by frame there is no such thing, as no sensor
-      reads the future: delay the simulated stream instead.
+    - The first frame, and the first after `reset`, counts as constant before that time.
+    - A negative `delay` is for recordings whose other stream is the late one: `run` then reads ahead in the sequence,
+      and holds its last frame. It must be a single number, without jitter. It does not work frame by frame, because no
+      sensor reads the future; delay the simulated stream instead.
 
     Example:
         ``Latency(delay=1.5)``:
@@ -45,17 +45,17 @@ class Latency(StatefulTransform):
         | 2 | 4 | 0.5 | halfway from t = 0 to 1 |
         | 3 | 9 | 2.5 | halfway from t = 1 to 2 |
 
-    The range is ours: 5 to 120 ms, with some ms of jitter.
+    The range is ours: 5 to 120 ms, with a few ms of jitter.
 
     Attributes:
-        delay: ``(...)`` mean delay (s); below 0 one number, for `run` alone.
-        jitter: ``(...)`` largest deviation from it (s).
-        seed: ``(...)`` whole numbers in [0, 2^32).
-        capacity: Number of frames that are kept, at least 3.
+        delay: ``(...)`` mean delay (s). If negative, a single number, and only for `run`.
+        jitter: ``(...)`` largest deviation from the mean delay (s).
+        seed: ``(...)`` random seeds, whole numbers in [0, 2^32).
+        capacity: Maximum number of frames kept, at least 3.
 
     Raises:
-        InvalidValueError: Also if a seed is no integer, or `capacity` is below 3 or not a whole number; if a `delay`
-            below 0 has jitter, is one of several, or meets a stream.
+        InvalidValueError: Also if a seed is not an integer, if `capacity` is below 3 or not a whole number, or if a
+            negative `delay` has jitter, is one of several, or is used on a stream.
     """
 
     stage: ClassVar[str] = "electronics"
@@ -79,28 +79,24 @@ class Latency(StatefulTransform):
 
     @property
     def reads_ahead(self) -> bool:
-        """Whether some delay is below 0; one that is traced, or on an accelerator, is taken not to be."""
+        """Whether any delay is negative; a traced delay, or one on an accelerator, counts as not negative."""
         return _any(self.delay, lambda delay: delay < 0)
 
     def initial_state(self, x: Any, covariates: Covariates | None = None) -> State:
-        """The frames kept, oldest first, their ages (s), the last delay (s), and the number of frames so far.
+        """Return the kept frames, oldest first, their ages (s), the last delay (s) and the number of frames so far.
 
-        They are ``(*batch, capacity, pads, 3, rows, cols)``, ``(*batch, capacity, 1, 1, 1, 1)``, and twice
+        The shapes are ``(*batch, capacity, pads, 3, rows, cols)``, ``(*batch, capacity, 1, 1, 1, 1)``, and twice
         ``(*batch, 1, 1, 1, 1)``.
         """
         if self.reads_ahead:
             raise InvalidValueError(
-                f"Latency: with a delay of {float(self.delay):g} s a frame would be read before it comes; delay "
-                "the simulated stream instead, or leave the latency out, or use run(x, time) on a whole sequence"
+                f"Latency: with a delay of {float(self.delay):g} s a frame would be read before it arrives; delay "
+                "the simulated stream instead, remove the latency, or use run(x, time) on a whole sequence"
             )
         xp = namespace(x)
         frames = xp.concat([_slot(x)] * self.capacity, axis=-5)
         ages = xp.zeros_like(frames[..., :1, :1, :1, :1])
-        longest = (
-            xp.zeros_like(x[..., :1, :1, :1, :1])
-            + self.broadcast_parameter("delay", x)
-            + self.broadcast_parameter("jitter", x)
-        )
+        longest = xp.zeros_like(x[..., :1, :1, :1, :1]) + self.broadcast_parameter("delay", x) + self.broadcast_parameter("jitter", x)
         return (frames, ages, longest, no_draws(x))
 
     def advance(self, x: Any, state: State, dt: Any, covariates: Covariates) -> tuple[Any, State]:
@@ -109,11 +105,11 @@ class Latency(StatefulTransform):
         frames, ages, last, count = state
         delay, jitter = self.broadcast_parameter("delay", x), self.broadcast_parameter("jitter", x)
         late = delay
-        if not isinstance(self.jitter, float) or self.jitter:  # half the time of a small frame
+        if not isinstance(self.jitter, float) or self.jitter:  # skipping the draw halves the time of a small frame
             late = delay + jitter * (2 * uniform(self.seed, count, x, _JITTER) - 1)
         late = xp.minimum(xp.maximum(late, xp.zeros_like(late)), last + dt)
 
-        # the frame before is kept unless the one before that is still close (the last factor is for rounding)
+        # the previous frame is kept unless the one before it is still close (the last factor allows for rounding)
         ages = ages + _slot(dt)
         spacing = (delay + jitter) * (2 / (self.capacity - 2) * (1 - 1e-6))
         close = ages[_LAST_BUT_ONE] < _slot(spacing)
@@ -121,7 +117,7 @@ class Latency(StatefulTransform):
         frames = xp.concat([kept, xp.broadcast_to(_slot(x), kept[_LAST].shape)], axis=-5)
         ages = xp.concat([kept_ages, xp.zeros_like(kept_ages[_LAST])], axis=-5)
 
-        # how far back from each frame to the one before it: not at all 0, all the way 1
+        # position of the delayed time between each frame (0) and the one before it (1)
         gap, way = ages[_OLDER] - ages[_NEWER], _slot(late) - ages[_NEWER]
         zero, one = xp.zeros_like(gap), xp.ones_like(gap)
         way = xp.where(gap > 0, way / xp.where(gap > 0, gap, one), xp.where(way > 0, one, zero))
@@ -143,13 +139,13 @@ class Latency(StatefulTransform):
             return None
         delay = float(self.delay)
         if len(steps) > 1 and steps[1:].min() <= delay * 2 / (self.capacity - 2):
-            return None  # stepping would leave out frames
+            return None  # stepping would drop frames
         return _moved(x, np.cumsum(steps, axis=0), delay)
 
 
 def _any(value: Any, holds: Callable[[Any], Any]) -> bool:
-    """Whether something holds for any of a parameter's numbers, as far as they can be looked at."""
-    if isinstance(value, (int, float)):  # most of the cost of a small frame was in what follows
+    """Whether a condition holds for any of a parameter's numbers, if they can be read."""
+    if isinstance(value, (int, float)):  # fast path: the code below would dominate the cost of a small frame
         return bool(holds(value))
     if is_torch(value):
         return can_look(value) and bool(holds(value).any())
@@ -157,11 +153,11 @@ def _any(value: Any, holds: Callable[[Any], Any]) -> bool:
 
 
 def _moved(x: Any, time: NDArray[np.float64], delay: float) -> Any:
-    """``(time, ...)`` with each frame as it was `delay` ago, drawn straight between frames; both ends are held."""
+    """Delay a sequence ``(time, ...)`` by linear interpolation between frames; both ends are held."""
     if len(time) == 1:
         return x + 0
     xp = namespace(x)
-    if time.ndim > 1:  # each stream has a clock of its own
+    if time.ndim > 1:  # each stream has its own clock
         streams = x.reshape(len(x), -1, *x.shape[-4:])
         clocks = time.reshape(len(time), -1)
         moved = [_moved(streams[:, number], clocks[:, number], delay) for number in range(clocks.shape[1])]
@@ -169,13 +165,13 @@ def _moved(x: Any, time: NDArray[np.float64], delay: float) -> Any:
     then = np.clip(time - delay, time[0], time[-1])
     after = np.clip(np.searchsorted(time, then, side="right"), 1, len(time) - 1)
     gap = time[after] - time[after - 1]
-    way = np.divide(then - time[after - 1], gap, out=np.ones_like(gap), where=gap > 0)  # after a jump: what came last
+    way = np.divide(then - time[after - 1], gap, out=np.ones_like(gap), where=gap > 0)  # at a jump: the last value
     way, before, after = as_like(way.reshape(-1, *[1] * (x.ndim - 1)), x), xp.asarray(after - 1), xp.asarray(after)
     return x[before] * (1 - way) + x[after] * way
 
 
 def _slot(x: Any) -> Any:
-    """``(*batch, pads, 3, rows, cols)`` as ``(*batch, 1, pads, 3, rows, cols)``."""
+    """Reshape ``(*batch, pads, 3, rows, cols)`` to ``(*batch, 1, pads, 3, rows, cols)``."""
     return x[..., None, :, :, :, :]
 
 
@@ -183,4 +179,4 @@ _FIRST, _LAST, _LAST_BUT_ONE, _OLDER, _NEWER = (
     (..., slots, *[slice(None)] * 4)
     for slots in (slice(None, 1), slice(-1, None), slice(-2, -1), slice(None, -1), slice(1, None))
 )
-_JITTER = 3  # its stream of `random_numbers`
+_JITTER = 3  # stream of `random_numbers` used for the jitter

@@ -1,4 +1,4 @@
-"""LayoutFault: the taxels, axes or pads are not where they are said to be."""
+"""LayoutFault: the taxels, axes or pads are mapped wrongly."""
 
 from __future__ import annotations
 
@@ -12,29 +12,29 @@ from paxisim.errors import InvalidValueError
 
 @dataclass(frozen=True, eq=False)
 class LayoutFault(Transform):
-    """Taxels, axes or pads swapped on the way: what a wrong mapping of the device's bytes does.
+    """Swapped taxels, axes or pads, as caused by a wrong mapping of the device's bytes.
 
-    In this order: rows and columns are transposed, rows flipped, columns flipped, axes swapped and their signs set,
-    pads swapped, so that::
+    The steps are applied in this order: transpose rows and columns, flip rows, flip columns, permute the axes and set
+    their signs, permute the pads. The result is::
 
         y[p, k, r, c] = axis_signs[k] x'[pad_order[p], axis_order[k], r, c]
 
-    where x' is the transposed and flipped tensor. The fault moves readings, and turns none: a pad that is mounted the
-    wrong way round is both flips and ``axis_signs=(-1, -1, 1)``. Nothing is lost, so a fault can be undone. There is
-    one mapping for all environments; the fields are no numbers to be fitted.
+    where x' is the transposed and flipped tensor. The flips move readings without rotating their vectors: a pad mounted
+    the wrong way round, turned by 180 degrees, needs both flips and ``axis_signs=(-1, -1, 1)``. No information is lost,
+    so a fault can be undone. One mapping applies to all environments; the fields are not numbers that can be fitted.
 
-    Source: vendors document taxel order, orientation and signs rarely, and for the paper's pad not at all.
+    Source: vendors rarely document taxel order, orientation and signs, and for the paper's pad not at all.
 
     Attributes:
-        flip_rows: Row 0 is read as the last row.
-        flip_cols: Column 0 is read as the last column.
-        transpose: Rows are read as columns; only where there are as many of the one as of the other.
-        pad_order: The pad that is read as pad 0, 1, ...; none for no swap.
-        axis_order: The axis that is read as x, y and z.
-        axis_signs: 1 or -1 for the x, y and z that are read.
+        flip_rows: Whether row 0 is read as the last row.
+        flip_cols: Whether column 0 is read as the last column.
+        transpose: Whether rows are read as columns; requires as many rows as columns.
+        pad_order: Pads that are read as pad 0, 1, ...; None for no swap.
+        axis_order: Axes that are read as x, y and z.
+        axis_signs: Signs, 1 or -1, of the x, y and z that are read.
 
     Raises:
-        InvalidValueError: Also for an order that is no permutation, or a sign that is neither 1 nor -1.
+        InvalidValueError: Also if an order is not a permutation, or a sign is neither 1 nor -1.
     """
 
     stage: ClassVar[str] = "electronics"

@@ -1,4 +1,4 @@
-"""LowPass: a first-order lag, as of a sensor's filter."""
+"""LowPass: a first-order lag, such as a sensor's filter."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.augment.parameter_spec import namespace, parameter
-from paxisim.augment.transform import Covariates, State, StatefulTransform, keep
+from paxisim.augment.transform import Covariates, StatefulTransform, State, keep
 
-_LARGE = 2_000  # numbers in a frame, so many that a call for each costs little
+_LARGE = 2_000  # numbers in a frame above which the overhead of one call per frame is negligible
 
 
 @dataclass(frozen=True, eq=False)
 class LowPass(StatefulTransform):
-    """A first-order low-pass filter: ``tau dy/dt = x - y``, tau = 0 for none.
+    """A first-order low-pass filter: ``tau dy/dt = x - y``, without filtering if tau = 0.
 
-    The input is taken to run straight from frame to frame (first-order hold), for which the step below is exact
-    at any `dt`; a zero-order hold would add half a frame of latency that is not there.
+    The input is assumed to be piecewise linear between frames (first-order hold), for which the step below is exact at
+    any `dt`. A zero-order hold would add half a frame of spurious latency.
 
     Attributes:
         tau: ``(...)`` time constant (s); the cut-off frequency is ``1 / (2 pi tau)``.
@@ -31,7 +31,7 @@ class LowPass(StatefulTransform):
     tau: Any = parameter(0.0, unit="s", low=0.0, typical=(0.01, 0.16))
 
     def initial_state(self, x: Any, covariates: Covariates | None = None) -> State:
-        """The frame before, and by how much the output was ahead of it."""
+        """Return the previous frame and the output's lead over it."""
         return (keep(x), namespace(x).zeros_like(x))
 
     def advance(self, x: Any, state: State, dt: Any, covariates: Covariates) -> tuple[Any, State]:
@@ -46,21 +46,21 @@ class LowPass(StatefulTransform):
 
 
 def lag(change: Any, ahead: Any, tau: Any, dt: Any) -> Any:
-    """One step of ``tau dq/dt = x - q`` for ``q - x``, exact for an x that runs straight.
+    """Advance ``q - x`` by one step of ``tau dq/dt = x - q``, exactly for a linear x.
 
-    In this form an x that stands still costs no digits, however small `dt` is against `tau`.
+    This form loses no precision if x is constant, however small `dt` is compared to `tau`.
 
     Args:
-        change: By how much x changed in the step.
+        change: Change of x during the step.
         ahead: q - x before the step.
-        tau: Time constant (s); 0: q is x.
-        dt: Time (s); 0: x jumps.
+        tau: Time constant (s); with 0, q equals x.
+        dt: Time step (s); with 0, x jumps.
 
     Returns:
         q - x after the step.
     """
     xp = namespace(change)
-    lags = tau > 1e-30 * dt  # else it would divide by zero, or by next to nothing
+    lags = tau > 1e-30 * dt  # else the division would be by zero or nearly zero
     z = dt / xp.where(lags, tau, xp.ones_like(tau))
     run = xp.where(z > 0, z, xp.ones_like(z))
     share = xp.where(z > 0, -xp.expm1(-run) / run, xp.ones_like(z))
@@ -68,7 +68,7 @@ def lag(change: Any, ahead: Any, tau: Any, dt: Any) -> Any:
 
 
 def lag_sequence(x: NDArray[np.floating], tau: float, steps: NDArray[np.float64]) -> NDArray[np.floating]:
-    """`lag` over a whole sequence: q - x at each frame of ``(time, ...)``, 0 at the first."""
+    """Apply `lag` to a whole sequence: q - x at each frame of ``(time, ...)``, 0 at the first."""
     dt = steps.astype(x.dtype).reshape(*steps.shape, *[1] * (x.ndim - steps.ndim))
     lags = tau > 1e-30 * dt
     z = np.divide(dt, tau, out=np.zeros_like(dt), where=lags)
@@ -81,10 +81,10 @@ def lag_sequence(x: NDArray[np.floating], tau: float, steps: NDArray[np.float64]
 
 
 def _accumulate(values: NDArray[np.floating], decay: NDArray[np.floating]) -> None:
-    """To each frame of ``(time, ...)`` add `decay` ``(time, 1, ...)`` times the one before, first to last, in place.
+    """Add to each frame of ``(time, ...)``, in order and in place, `decay` ``(time, 1, ...)`` times the one before.
 
-    Stretches of frames are gone through side by side, each from 0, and then told how the one before has ended: for
-    small frames the calls cost more than the numbers.
+    Several stretches of frames are accumulated in parallel, each starting at 0, and then corrected by the end value of
+    the stretch before. For small frames, the call overhead would otherwise exceed the arithmetic.
     """
     frames = len(values)
     length = frames if values[:1].size > _LARGE else max(math.isqrt(frames), 1)

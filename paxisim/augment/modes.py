@@ -1,4 +1,4 @@
-"""Modes: a transform's own dimension M, summed over, which sits between the batch and the pads."""
+"""Modes: an extra dimension M of a transform, between batch and pads, that the transform sums over."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from paxisim.errors import InvalidValueError
 
 
 def check_modes(transform: Transform, *names: str) -> int:
-    """The number of modes of the parameters `names`, ``(..., M)`` or ``(..., 1)`` each.
+    """Return the number of modes of the parameters `names`, each ``(..., M)`` or ``(..., 1)``.
 
     Raises:
-        InvalidValueError: They do not agree on it, or there are none.
+        InvalidValueError: The parameters have different numbers of modes, or none.
     """
     lengths = {name: np.shape(getattr(transform, name))[-1] for name in names}
     modes = set(lengths.values()) - {1}
@@ -26,11 +26,11 @@ def check_modes(transform: Transform, *names: str) -> int:
 
 
 def each_mode(x: Any) -> Any:
-    """``(*batch, pads, 3, rows, cols)`` as ``(*batch, 1, pads, 3, rows, cols)``."""
+    """Reshape ``(*batch, pads, 3, rows, cols)`` to ``(*batch, 1, pads, 3, rows, cols)``."""
     return x[..., None, :, :, :, :]
 
 
 def over_modes(transform: Transform, x: Any, *names: str) -> Any:
-    """A frame once for each mode of the parameters `names`: ``(*batch, M, pads, 3, rows, cols)``."""
+    """Repeat a frame for each mode of the parameters `names`: ``(*batch, M, pads, 3, rows, cols)``."""
     modes = max(as_like(getattr(transform, name), x).shape[-1] for name in names)
     return namespace(x).broadcast_to(each_mode(x), (*x.shape[:-4], modes, *x.shape[-4:]))

@@ -1,4 +1,4 @@
-"""Noise: what the sensor's electronics add at random, white or wandering."""
+"""Noise: random errors of the sensor's electronics, as white noise or a random walk."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ from typing import Any, ClassVar
 
 from paxisim.augment.parameter_spec import namespace, parameter
 from paxisim.augment.random_numbers import SEEDS, check_seed, no_draws, normal
-from paxisim.augment.transform import Covariates, State, StatefulTransform
+from paxisim.augment.transform import Covariates, StatefulTransform, State
 
 
 @dataclass(frozen=True, eq=False)
 class WhiteNoise(StatefulTransform):
-    """Noise that is new in every frame: ``y = x + sigma n``, n independent standard normal numbers.
+    """White noise, drawn anew for each frame: ``y = x + sigma n``, with independent standard normal n.
 
-    Thermal noise of the Hall sensors and their amplifiers. `sigma` is the deviation of a reading as it is delivered,
-    whatever the frame rate: a noise density in N per root Hz times the root of the electronics' bandwidth.
+    It models thermal noise of the Hall sensors and their amplifiers. `sigma` is the standard deviation of a delivered
+    reading, whatever the frame rate: a noise density in N per root Hz times the root of the electronics' bandwidth.
 
-    n is a function of the seed, the number of frames so far, and the element, and of nothing else: a chain repeats its
-    noise, in numpy as in torch, and `reset` starts it over, so that an episode with the same seed has the same noise.
-    For new noise give a new seed. Environments differ from one another whether they share a seed or have one each; two
-    noises in a chain need two seeds. All frames draw, also those with dt = 0.
+    n depends only on the seed, the number of frames so far and the element. A chain therefore repeats its noise, in
+    numpy and torch alike, and `reset` starts it over, so episodes with the same seed have the same noise. For new noise
+    use a new seed. Environments draw different noise whether they share a seed or have their own; two noise transforms
+    in a chain need two seeds. Every frame draws, even if dt = 0.
 
     Example:
         ``WhiteNoise(sigma, seed=0)``, one stream of x = 0:
@@ -32,14 +32,14 @@ class WhiteNoise(StatefulTransform):
         | 2, reset here | 0 | ``sigma n(0, 0)``, as at t = 0 |
         | 3 | 1 | ``sigma n(0, 1)`` |
 
-    The range is ours: 0.05 to 0.5 counts of a sensor with 0.1 N a count.
+    The range is ours: 0.05 to 0.5 counts of a sensor with 0.1 N per count.
 
     Attributes:
-        sigma: ``(..., pads, 3, rows, cols)`` standard deviation (N); any of the four may be 1 long.
-        seed: ``(...)`` whole numbers in [0, 2^32).
+        sigma: ``(..., pads, 3, rows, cols)`` standard deviation (N); any of the four dimensions may be 1.
+        seed: ``(...)`` random seeds, whole numbers in [0, 2^32).
 
     Raises:
-        InvalidValueError: Also if a seed is no integer.
+        InvalidValueError: Also if a seed is not an integer.
     """
 
     stage: ClassVar[str] = "electronics"
@@ -53,7 +53,7 @@ class WhiteNoise(StatefulTransform):
         check_seed("WhiteNoise", self.seed)
 
     def initial_state(self, x: Any, covariates: Covariates | None = None) -> State:
-        """The number of frames so far, ``(*batch, 1, 1, 1, 1)``."""
+        """Return the number of frames so far, ``(*batch, 1, 1, 1, 1)``."""
         return (no_draws(x),)
 
     def advance(self, x: Any, state: State, dt: Any, covariates: Covariates) -> tuple[Any, State]:
@@ -64,11 +64,11 @@ class WhiteNoise(StatefulTransform):
 
 @dataclass(frozen=True, eq=False)
 class RandomWalk(StatefulTransform):
-    """A zero that wanders: ``y = x + b``, ``b <- b + sigma sqrt(dt) n``, n independent standard normal numbers.
+    """A zero that follows a random walk: ``y = x + b``, ``b <- b + sigma sqrt(dt) n``, with standard normal n.
 
-    b is zero in the first frame and has the variance ``sigma^2 t`` at time t, whatever the steps that led there; in a
-    frame with dt = 0 it stays. Each element wanders by itself. As n is drawn anew for each frame, the same seed at
-    another frame rate is another walk. What `WhiteNoise` says of seeds holds here; `reset` sets b to zero as well.
+    b is zero in the first frame and has variance ``sigma^2 t`` at time t, whatever the time steps; it does not change
+    in a frame with dt = 0. Each element has an independent walk. Because n is drawn for each frame, the same seed gives
+    a different walk at another frame rate. Seeds work as in `WhiteNoise`; `reset` also sets b to zero.
 
     Example:
         ``RandomWalk(sigma, seed=0)``, one stream of x = 0:
@@ -80,14 +80,15 @@ class RandomWalk(StatefulTransform):
         | 2 | 2 | ``sigma (n(0, 1) + n(0, 2))`` |
         | 3, reset here | 0 | 0 |
 
-    The range is ours: a wander of 0.025 to 0.25 N in ten minutes.
+    The range is ours: a standard deviation of 0.025 to 0.25 N after ten minutes.
 
     Attributes:
-        sigma: ``(..., pads, 3, rows, cols)`` deviation after one second (N/sqrt(s)); any of the four may be 1 long.
-        seed: ``(...)`` whole numbers in [0, 2^32).
+        sigma: ``(..., pads, 3, rows, cols)`` standard deviation after one second (N/sqrt(s)); any of the four
+            dimensions may be 1.
+        seed: ``(...)`` random seeds, whole numbers in [0, 2^32).
 
     Raises:
-        InvalidValueError: Also if a seed is no integer.
+        InvalidValueError: Also if a seed is not an integer.
     """
 
     stage: ClassVar[str] = "electronics"
@@ -101,7 +102,7 @@ class RandomWalk(StatefulTransform):
         check_seed("RandomWalk", self.seed)
 
     def initial_state(self, x: Any, covariates: Covariates | None = None) -> State:
-        """b, and the number of frames so far, ``(*batch, 1, 1, 1, 1)``."""
+        """Return b and the number of frames so far, ``(*batch, 1, 1, 1, 1)``."""
         return (namespace(x).zeros_like(x), no_draws(x))
 
     def advance(self, x: Any, state: State, dt: Any, covariates: Covariates) -> tuple[Any, State]:
@@ -112,5 +113,5 @@ class RandomWalk(StatefulTransform):
         return x + b, (b, count + 1)
 
 
-# streams of `random_numbers`; 3 is that of `Latency`
+# streams of `random_numbers`; `Latency` uses 3
 _WHITE, _WALK = 1, 2

@@ -1,4 +1,4 @@
-"""Offset: the sensor reads a force where there is none."""
+"""Offset: the sensor reads a constant force without load."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from paxisim.augment.transform import Covariates, Transform
 class Offset(Transform):
     """A constant added to every reading: ``y = x + value``.
 
-    What is left after zeroing: the pad was zeroed under load, or its field has wandered since. The range is ours, 0.2
-    to 3 counts of a sensor with 0.1 N a count.
+    It models a residual zero error: the pad was zeroed under load, or its field has changed since. The range is ours:
+    0.2 to 3 counts of a sensor with 0.1 N per count.
 
     Attributes:
-        value: ``(..., pads, 3, rows, cols)`` reading without load (N); any of the four may be 1 long.
+        value: ``(..., pads, 3, rows, cols)`` reading without load (N); any of the four dimensions may be 1.
     """
 
     stage: ClassVar[str] = "electronics"

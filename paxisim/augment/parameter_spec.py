@@ -1,9 +1,9 @@
-"""Parameters of transforms: what they mean, what values they may have, and how they line up with the tensor.
+"""Parameters of transforms: their metadata, valid values and alignment with the tensor.
 
 Shape convention: a parameter has leading batch dimensions, which broadcast against those of the tensor, followed by
-its own core dimensions, some of pads, axis, rows, cols in this order. A gain per axis has core "k" and so shape
-``(..., 3)``; a scalar parameter for each of 4096 environments has shape ``(4096,)``. A plain number serves all of
-them.
+its own core dimensions, a subset of pads, axis, rows, cols in this order. A gain per axis has core "k" and hence shape
+``(..., 3)``; a scalar parameter for each of 4096 environments has shape ``(4096,)``. A plain number applies to all
+elements.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from array_api_compat import array_namespace, is_array_api_obj
 from paxisim.errors import InvalidValueError
 
 AXES = "pkrc"
-"""The tensor's last four dimensions: pads, axis (k), rows, cols."""
+"""Last four dimensions of the tensor: pads, axis (k), rows, cols."""
 
 
 def is_torch(value: Any) -> bool:
@@ -31,8 +31,8 @@ def is_torch(value: Any) -> bool:
 
 
 def namespace(x: Any) -> Any:
-    """The array API namespace of `x`, in a way that ``torch.compile`` can trace without complaint."""
-    if type(x) is np.ndarray:  # most of the cost of a small frame was in finding that out
+    """Return the array API namespace of `x`, in a way that ``torch.compile`` can trace without warnings."""
+    if type(x) is np.ndarray:  # fast path: array_namespace would dominate the cost of a small frame
         return numpy_namespace
     if is_torch(x):
         import array_api_compat.torch as torch_namespace
@@ -50,18 +50,18 @@ def is_floating(x: Any) -> bool:
 
 @dataclass(frozen=True)
 class Parameter:
-    """What is known about one parameter of a transform.
+    """Metadata of one parameter of a transform.
 
     Attributes:
-        core: Its core dimensions, a subsequence of `AXES`; each may also have length 1. A "j" after "k" is the axis
-            of the input, where a parameter maps axes to axes; such a one cannot be lifted. An "m" in front is not of
-            the tensor but the transform's own, e.g. the modes of a sum.
-        unit: SI unit, "1" for a pure number.
+        core: Core dimensions, a subsequence of `AXES`; each may also have length 1. A "j" after "k" is the axis of the
+            input, for a parameter that maps axes to axes; such a parameter cannot be lifted. A leading "m" is a
+            dimension of the transform, not of the tensor, e.g. the modes of a sum.
+        unit: SI unit, "1" for a dimensionless number.
         low: Smallest physical value.
         high: Largest physical value.
-        typical: Sensible range to draw from at random.
-        infinite: Whether it may be infinite, as a limit that is not there.
-        whole: Whether only whole numbers make sense.
+        typical: Plausible range for random draws.
+        infinite: Whether it may be infinite, e.g. for a limit that does not apply.
+        whole: Whether only whole numbers are valid.
     """
 
     core: str = ""
@@ -74,19 +74,19 @@ class Parameter:
 
 
 def parameter(neutral: Any, core: str = "", unit: str = "1", **about: Any) -> Any:
-    """A dataclass field for a parameter whose default `neutral` leaves the tensor as it is.
+    """Create a dataclass field for a parameter whose default leaves the tensor unchanged.
 
     Args:
-        neutral: The default.
+        neutral: Default value.
         core: See `Parameter`.
         unit: See `Parameter`.
-        **about: The other attributes of `Parameter`.
+        **about: Other attributes of `Parameter`.
     """
     return dataclasses.field(default=neutral, metadata={"parameter": Parameter(core, unit, **about)})
 
 
 def parameters(transform: Any) -> dict[str, Parameter]:
-    """The parameters of a transform or of its class, by field name."""
+    """Return the parameters of a transform or transform class, by field name."""
     kind = transform if isinstance(transform, type) else type(transform)
     if kind not in _PARAMETERS:
         _PARAMETERS[kind] = {
@@ -95,17 +95,18 @@ def parameters(transform: Any) -> dict[str, Parameter]:
     return _PARAMETERS[kind]
 
 
-_PARAMETERS: dict[type, dict[str, Parameter]] = {}  # by class; dataclasses.fields is slow
+_PARAMETERS: dict[type, dict[str, Parameter]] = {}  # cached by class, because dataclasses.fields is slow
 
 
 def check(owner: str, name: str, value: Any, about: Parameter) -> None:
-    """Raise unless `value` can be this parameter.
+    """Raise unless `value` is valid for this parameter.
 
-    Torch tensors on an accelerator, or traced by ``torch.compile`` or ``vmap``, are not looked into: that would
-    wait for the device.
+    The values of torch tensors on an accelerator, or traced by ``torch.compile`` or ``vmap``, are not checked, because
+    reading them would wait for the device.
 
     Raises:
-        InvalidValueError: Not real numbers, not finite, too few dimensions or outside the physical range.
+        InvalidValueError: The values are not real numbers, not finite or outside the physical range, or have too few
+            dimensions.
     """
     what = f"{owner}: {name}"
     try:
@@ -131,7 +132,7 @@ def check(owner: str, name: str, value: Any, about: Parameter) -> None:
     if math.prod(value.shape):
         least, most = float(xp.min(numbers)), float(xp.max(numbers))
         outside = least < about.low or most > about.high
-        if outside and is_floating(value):  # at a bound, such as pi, of which its dtype holds the nearest number
+        if outside and is_floating(value):  # a bound such as pi is rounded in the value's dtype
             outside = least < float(as_like(about.low, value)) or most > float(as_like(about.high, value))
         if outside:
             came = f"{least:g}" if least == most else f"{least:g} to {most:g}"
@@ -139,12 +140,12 @@ def check(owner: str, name: str, value: Any, about: Parameter) -> None:
 
 
 def lift(value: Any, core: str, x: Any) -> Any:
-    """A parameter as an array that broadcasts against `x`, of its kind, dtype and device.
+    """Return a parameter as an array that broadcasts against `x`, with its array library, dtype and device.
 
     Args:
-        value: ``(*batch, *core)``.
-        core: Its core dimensions.
-        x: The tensor, ``(*batch, pads, 3, rows, cols)``.
+        value: Parameter, ``(*batch, *core)``.
+        core: Core dimensions of the parameter.
+        x: Tensor, ``(*batch, pads, 3, rows, cols)``.
 
     Returns:
         ``(*batch, pads or 1, 3 or 1, rows or 1, cols or 1)``, with a core dimension "m" between batch and pads.
@@ -159,7 +160,7 @@ def lift(value: Any, core: str, x: Any) -> Any:
 
 
 def as_like(value: Any, x: Any) -> Any:
-    """`value` as an array of the kind, dtype and device of `x`; gradients pass."""
+    """Return `value` as an array with the array library, dtype and device of `x`; gradients pass through."""
     if is_torch(value) and is_torch(x):
         return value.to(device=x.device, dtype=x.dtype)
     if type(x) is np.ndarray:
@@ -177,7 +178,7 @@ def _expected(about: Parameter) -> str:
 
 
 def can_look(value: Any) -> bool:
-    """Whether a value can be read without waiting for a device, or breaking a trace."""
+    """Whether a value can be read without waiting for a device or breaking a trace."""
     if not is_torch(value):
         return True
     import torch

@@ -18,33 +18,35 @@ from paxisim.layout import TaxelLayout
 
 @dataclass(frozen=True, eq=False)
 class Poisson(Transform):
-    """Shear from the normal force in the surroundings: load on a neighbour pushes the gel away from it.
+    """Shear caused by normal force on neighbouring taxels: a loaded neighbour pushes the gel away from itself.
 
-    Gel that is pressed gives way sideways and carries the magnets along, so that a sensor reads shear where there is
-    none. The paper convolves the normal force with one antisymmetric kernel for each direction (Method, "Convolution
-    for Poisson Effect"; Table I draws c from U(0.1, 0.3)) and leaves the kernels open. Ours, at taxel i::
+    Pressed gel gives way sideways and carries the magnets along, so the sensor reads spurious shear. The paper
+    convolves the normal force with one antisymmetric kernel for each direction (Method, "Convolution for Poisson
+    Effect"; Table I draws c from U(0.1, 0.3)) and does not specify the kernels. Ours, at taxel i::
 
         y_x(i) = x_x(i) + cx sum_j w(d_ij) u_ij x_z(j)        w(d) = exp(-(d - 1) / falloff) / W for 0 < d <= reach
 
-    and likewise in y. d_ij is the distance in pitches, u_ij the x component of the unit vector from j to i: a loaded
-    taxel pushes its right neighbour to +x and the lower one to +y. By default the kernel is 3x3, nearly Sobel's.
+    and likewise in y. d_ij is the distance in pitches and u_ij the x component of the unit vector from j to i: a loaded
+    taxel pushes its right neighbour to +x and the lower one to +y. By default the kernel is 3x3, similar to a Sobel
+    kernel.
 
-    - W makes ``c`` a pure number: a taxel whose surroundings carry 1 N a taxel on one side, along x, and nothing on the
-      other side, is sheared by cx newtons. W is that of a wide grid, also at the rim and off the grid.
-    - A uniform load shears no taxel in the interior. There is no load beyond the edge, so the rim is pushed outward;
-      a load that is not near the rim adds no total shear.
-    - It is linear: a negative normal force pulls.
-    - One ``c`` serves all pads of an environment, as they are of one product.
+    - W makes ``c`` dimensionless: a taxel with 1 N on every taxel of its surroundings on one side, along x, and nothing
+      on the other side, reads a shear of cx newtons. W is that of a wide grid, also at the rim and off the grid.
+    - A uniform load causes no shear in the interior. There is no load beyond the edge, so the rim is pushed outward; a
+      load that is not near the rim adds no total shear.
+    - The transform is linear: a negative normal force pulls.
+    - All pads of an environment share one ``c``, as they are of one product.
 
-    Off the grid, positions count: the load is the force along a taxel's normal, and directions lie in its tangent
-    plane, x and y as in `TaxelLayout.frames`. The shear is then turned back into the pad frame.
+    Off the grid, the actual positions are used: the load is the force along a taxel's normal, and directions lie in its
+    tangent plane, with x and y as in `TaxelLayout.frames`. The shear is then rotated back into the pad frame.
 
     Attributes:
-        cx: ``(...)`` shear along x as a share of the load on one side.
-        cy: ``(...)`` the same along y.
-        reach: How far a load is felt, in pitches: 1.5 is a kernel of 3x3 taxels, 2.9 one of 5x5.
-        falloff: Distance, in pitches, over which the effect decays by e.
-        layout: The taxels, if they are not on a grid. On a grid neighbours are one pitch apart along both axes.
+        cx: ``(...)`` shear along x as a fraction of the load on one side.
+        cy: ``(...)`` shear along y, likewise.
+        reach: Reach of a load, in pitches: 1.5 gives a kernel of 3x3 taxels, 2.9 one of 5x5.
+        falloff: Distance, in pitches, over which the effect decays by a factor of e.
+        layout: Layout of the taxels, if they are not on a grid. On a grid, neighbours are one pitch apart along both
+            axes.
 
     Raises:
         InvalidValueError: Also if `reach` is below 1, or `falloff` is not positive.
@@ -58,7 +60,7 @@ class Poisson(Transform):
     falloff: float = 1.0
     layout: TaxelLayout | None = None
 
-    # of each instance, but no fields
+    # set on each instance, but not fields
     _positions: ClassVar[str | None]
     _is_flat: ClassVar[bool]
 
@@ -100,11 +102,11 @@ class Poisson(Transform):
 
 
 def _kernel(rows: int, cols: int, reach: float, falloff: float, positions: str | None = None) -> NDArray[np.floating]:
-    """The kernels of all taxels as a matrix.
+    """Return the kernels of all taxels as a matrix.
 
     Returns:
-        ``(N, 2 N)``, from loads to pushes along x, then y. Where normals differ ``(3 N, 6 N)``: from forces in the
-        pad frame to such forces, first those of the pushes along each taxel's x, then y.
+        ``(N, 2 N)`` matrix from loads to pushes along x, then y. If normals differ, ``(3 N, 6 N)`` from forces in the
+        pad frame to forces in the pad frame: first those of the pushes along each taxel's x, then y.
     """
     layout = TaxelLayout(rows, cols, (1.0, 1.0)) if positions is None else read_layout(positions)
     pitch = np.array([layout.pitch[1], layout.pitch[0], math.sqrt(layout.pitch[0] * layout.pitch[1])])
@@ -120,7 +122,7 @@ def _kernel(rows: int, cols: int, reach: float, falloff: float, positions: str |
 
 
 def _push(offsets: NDArray[np.floating], reach: float, falloff: float) -> NDArray[np.floating]:
-    """``w(d) u`` of offsets ``(..., 3)`` in pitches: ``(..., 2)``."""
+    """Return ``w(d) u``, ``(..., 2)``, of offsets ``(..., 3)`` in pitches."""
 
     def push(offset: NDArray[np.floating]) -> NDArray[np.floating]:
         d = np.linalg.norm(offset, axis=-1, keepdims=True)

@@ -1,4 +1,4 @@
-"""Quantisation: a reading is a whole number of steps."""
+"""Quantisation: readings are whole numbers of steps."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from paxisim.augment.transform import Covariates, Transform
 
 @dataclass(frozen=True, eq=False)
 class Quantisation(Transform):
-    """Readings are rounded to whole steps: ``y = r * round(x / r)``, halves to the even step, 0 for no steps.
+    """Readings rounded to whole steps r: ``y = r * round(x / r)``, halves to the even step; r = 0 does not round.
 
-    The gradient with respect to x is that of the identity (straight through): the true one is 0 almost everywhere, and
-    nothing in front of this transform could be fitted. There is none with respect to `resolution`, which is read off
-    the data.
+    The gradient with respect to x is that of the identity (straight-through estimator). The true gradient is 0 almost
+    everywhere, so no transform before this one could be fitted. There is no gradient with respect to `resolution`,
+    which is determined directly from the data.
 
-    PaXini's sensors send 0.1 N a count (vendor's document).
+    PaXini's sensors send 0.1 N per count (vendor's document).
 
     Attributes:
-        resolution: ``(..., 3)`` size r of a step of x, y and z (N).
+        resolution: ``(..., 3)`` step size r of x, y and z (N).
     """
 
     stage: ClassVar[str] = "electronics"
@@ -36,5 +36,5 @@ class Quantisation(Transform):
 
 
 def straight_through(y: Any, x: Any) -> Any:
-    """`y`, exactly, with the gradient of `x`."""
+    """Return the value of `y` with the gradient of `x`."""
     return y.detach() + (x - x.detach()) if is_torch(y) else y

@@ -1,11 +1,12 @@
-"""Random numbers that depend on nothing but a seed and a count, so that a chain repeats from its parameters alone.
+"""Counter-based random numbers, so that a chain is reproducible from its parameters alone.
 
-A generator with a hidden state would differ between numpy and torch, and could not be reset for one environment of a
-batch. Here a number is a hash of (seed, stream, count, index): who draws, for the how-many-th time, and which of the
-numbers drawn then. numpy and torch give the same ones on any device, under ``torch.compile`` and ``vmap``.
+A generator with hidden state would differ between numpy and torch, and could not be reset for one environment of a
+batch. Here each number is a hash of (seed, stream, count, index): the seed, the purpose, the number of previous draws,
+and the position within the draw. numpy and torch give the same numbers on any device, also under ``torch.compile`` and
+``vmap``.
 
 The hash is a bijection of 32 bits that spreads a change of one bit over all of them (C. Wellons, "Prospecting for Hash
-Functions", 2018), applied twice to the index with 64 bits of key between. It is for simulation, not for cryptography.
+Functions", 2018), applied twice to the index with 64 bits of key between. It suits simulation, not cryptography.
 """
 
 from __future__ import annotations
@@ -22,13 +23,13 @@ SEEDS = 2**32
 """Seeds are whole numbers from 0 to one less than this."""
 
 _BITS = SEEDS - 1
-# multipliers below 2^31 in size keep products of 32-bit numbers within int64; modulo 2^32 they are what they should be
+# multipliers of magnitude below 2^31 keep products of 32-bit numbers within int64; only their value modulo 2^32 matters
 _FACTORS = (0x7FEB352D, 0x846CA68B - SEEDS)
-_STEP = 0x9E3779B9  # 2^32 over the golden ratio: far from any pattern in seeds and counts
+_STEP = 0x9E3779B9  # 2^32 over the golden ratio: unrelated to patterns in seeds and counts
 
 
 def no_draws(x: Any) -> Any:
-    """The count of draws with which the streams of a batch begin.
+    """Return the initial count of draws for the streams of a batch.
 
     Args:
         x: Frames, ``(*batch, pads, 3, rows, cols)``.
@@ -41,14 +42,14 @@ def no_draws(x: Any) -> Any:
 
 
 def uniform(seed: Any, count: Any, x: Any, stream: int) -> Any:
-    """One number for each environment, uniform in (0, 1).
+    """Draw one number per environment, uniform in (0, 1).
 
     Args:
-        seed: ``(*batch)`` whole numbers in [0, `SEEDS`). Environments with the same seed draw the same; where the
-            seed has no batch (or a length of 1), each environment draws its own.
-        count: ``(*batch, 1, 1, 1, 1)`` how many draws there were before, see `no_draws`.
-        x: Frames, ``(*batch, pads, 3, rows, cols)``: the batch, kind, dtype and device.
-        stream: Tells apart those who draw with the same seed; one for each purpose.
+        seed: ``(*batch)`` whole numbers in [0, `SEEDS`). Environments with the same seed draw the same number. Where
+            the seed has no batch dimension (or one of length 1), each environment draws its own.
+        count: ``(*batch, 1, 1, 1, 1)`` number of previous draws, see `no_draws`.
+        x: Frames, ``(*batch, pads, 3, rows, cols)``, which give the batch, array library, dtype and device.
+        stream: Identifies the purpose of the numbers, to separate draws with the same seed.
 
     Returns:
         ``(*batch, 1, 1, 1, 1)`` of the dtype of `x`.
@@ -59,7 +60,7 @@ def uniform(seed: Any, count: Any, x: Any, stream: int) -> Any:
 
 
 def normal(seed: Any, count: Any, x: Any, stream: int) -> Any:
-    """A frame of independent numbers, normal with mean 0 and deviation 1, none beyond 6.77.
+    """Draw a frame of independent standard normal numbers, of magnitude at most 6.77.
 
     Args:
         seed: As for `uniform`.
@@ -75,7 +76,7 @@ def normal(seed: Any, count: Any, x: Any, stream: int) -> Any:
     size = math.prod(core)
     half = (size + 1) // 2
     numbers = _to_unit(_words(seed, count, x, 2 * half, stream), xp)
-    # Box and Muller (1958): two of one radius and angle
+    # Box and Muller (1958): two numbers from one radius and angle
     radius = xp.sqrt(-2 * xp.log(numbers[..., :half]))
     angle = 2 * math.pi * numbers[..., half:]
     pairs = xp.concat([radius * xp.cos(angle), radius * xp.sin(angle)], axis=-1)
@@ -83,10 +84,10 @@ def normal(seed: Any, count: Any, x: Any, stream: int) -> Any:
 
 
 def check_seed(owner: str, seed: Any) -> None:
-    """Raise unless `seed` holds integers, as floating point would round them.
+    """Raise unless `seed` holds integers; floating point would round them.
 
     Raises:
-        InvalidValueError: It does not.
+        InvalidValueError: The seed is not an integer.
     """
     if is_torch(seed):
         integers = not (seed.dtype.is_floating_point or seed.dtype.is_complex)
@@ -97,14 +98,14 @@ def check_seed(owner: str, seed: Any) -> None:
 
 
 def _words(seed: Any, count: Any, x: Any, size: int, stream: int) -> Any:
-    """``(*batch, size)`` random 32-bit numbers, as int64."""
+    """Return ``(*batch, size)`` random 32-bit numbers as int64."""
     xp = namespace(x)
     seed = as_like(seed, count)
     seed = seed.reshape((*seed.shape, 1))
     count = count.reshape((*count.shape[:-4], 1))
     start = seed ^ (stream * _STEP & _BITS)
     key = _mix(_mix(xp.concat([start, (start + _STEP) & _BITS], axis=-1)) ^ (count & _BITS))
-    # environments that a seed tells apart need no index to
+    # environments with their own seeds need no separate index
     lengths = list(x.shape[:-4])
     for axis in range(1, min(len(lengths), seed.ndim - 1) + 1):
         if seed.shape[-1 - axis] != 1:
@@ -115,7 +116,7 @@ def _words(seed: Any, count: Any, x: Any, size: int, stream: int) -> Any:
 
 
 def _mix(word: Any) -> Any:
-    """The bijection of 32-bit numbers, held in int64."""
+    """Apply the bijection to 32-bit numbers, held in int64."""
     word = word ^ (word >> 16)
     word = (word * _FACTORS[0]) & _BITS
     word = word ^ (word >> 15)
@@ -124,5 +125,5 @@ def _mix(word: Any) -> Any:
 
 
 def _to_unit(word: Any, xp: Any) -> Any:
-    """Strictly between 0 and 1, in float64."""
+    """Map 32-bit numbers to float64 strictly between 0 and 1."""
     return (xp.astype(word, xp.float64) + 0.5) * 2.0**-32

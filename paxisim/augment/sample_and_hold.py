@@ -1,4 +1,4 @@
-"""SampleAndHold: the device reads at its own rate and repeats itself in between."""
+"""SampleAndHold: the device samples at its own rate and repeats its reading in between."""
 
 from __future__ import annotations
 
@@ -6,19 +6,19 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from paxisim.augment.parameter_spec import namespace, parameter
-from paxisim.augment.transform import Covariates, State, StatefulTransform, keep
+from paxisim.augment.transform import Covariates, StatefulTransform, State, keep
 
 
 @dataclass(frozen=True, eq=False)
 class SampleAndHold(StatefulTransform):
-    """The reading at the device's last tick: ``y(t) = x(t_n)``, ``t_n = (n + phase) / rate`` the last one up to t.
+    """The reading at the device's last tick up to t: ``y(t) = x(t_n)``, with ``t_n = (n + phase) / rate``.
 
-    A device that reads slower than it is asked gives the same frame several times; one that reads faster is still up
-    to a period late. x runs straight from frame to frame, so that ticks may fall between frames. All taxels are read
-    at once. A tick within 1e-4 of a period of a frame counts as at it, and the ticks go on from there: else rounding
-    would decide whether a device at the rate of the frames reads this frame or the one before.
+    A device that samples more slowly than it is read returns the same frame several times; one that samples faster is
+    still up to one period late. x is interpolated linearly between frames, so ticks may fall between frames. All taxels
+    are sampled at once. A tick within 1e-4 periods of a frame counts as simultaneous with it, and later ticks count
+    from there. Otherwise rounding would decide whether a device at the frame rate reads this frame or the previous one.
 
-    Time counts from the first frame, or from that after `reset`, which is held until the first tick.
+    Time counts from the first frame, or from the first after `reset`; that frame is held until the first tick.
 
     Example:
         ``SampleAndHold(rate=0.4)``, a tick every 2.5 s:
@@ -30,11 +30,11 @@ class SampleAndHold(StatefulTransform):
         | 2 | 4 | 0 | 0 |
         | 3 | 9 | 6.5 | 2.5 s, halfway from 4 to 9 N |
 
-    Source: PaXini's sensors give about 91 or 176 frames a second, which are often recorded at other rates.
+    Source: PaXini's sensors give about 91 or 176 frames per second, which are often recorded at other rates.
 
     Attributes:
-        rate: ``(...)`` the device's frames per second (Hz); 0 for none, y is x.
-        phase: ``(...)`` when the first tick is, in periods after the first frame, in [0, 1].
+        rate: ``(...)`` sampling rate of the device (Hz); with 0, y equals x.
+        phase: ``(...)`` time of the first tick, in periods after the first frame, in [0, 1].
     """
 
     stage: ClassVar[str] = "electronics"
@@ -43,7 +43,7 @@ class SampleAndHold(StatefulTransform):
     phase: Any = parameter(0.0, low=0.0, high=1.0, typical=(0.0, 1.0))
 
     def initial_state(self, x: Any, covariates: Covariates | None = None) -> State:
-        """The frame before, what is held, and the periods since the last tick, ``(*batch, 1, 1, 1, 1)``."""
+        """Return the previous frame, the held frame and the periods since the last tick, ``(*batch, 1, 1, 1, 1)``."""
         since = namespace(x).zeros_like(x[..., :1, :1, :1, :1]) + 1 - self.broadcast_parameter("phase", x)
         return (keep(x), keep(x), since)
 

@@ -1,4 +1,4 @@
-"""Saturation: beyond its range a sensor reads no more."""
+"""Saturation: a sensor's reading stops increasing beyond its range."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from paxisim.augment.transform import Covariates, Transform
 
 @dataclass(frozen=True, eq=False)
 class Saturation(Transform):
-    """The reading levels off at a limit, at once or over a knee.
+    """The reading levels off at a limit, abruptly or over a knee.
 
     For a force x > 0, with the limit L and the softness s::
 
@@ -20,15 +20,16 @@ class Saturation(Transform):
         y = K + s L tanh((x - K) / (s L))               x > K, s > 0
         y = L                                           x > L, s = 0
 
-    and likewise below 0. The slope has no jump at a soft knee; s = 1 is ``L tanh(x / L)``, 0 a hard clip. The reading
-    never passes the limit. An amplifier clips hard, a Hall sensor or a magnet at the end of its travel softly.
+    and likewise below 0. The slope is continuous at a soft knee; s = 1 gives ``L tanh(x / L)``, s = 0 a hard clip. The
+    reading never exceeds the limit. An amplifier clips hard; a Hall sensor, or a magnet at the end of its travel, clips
+    softly.
 
-    Limits lie on their own side of 0. A limit of 0 reads no force of that sign at all, as a uint8 normal force does.
-    The range is ours: 40 to 95 % of the peak of what is measured, here of 10 N.
+    The lower limit is at most 0 and the upper at least 0. A limit of 0 suppresses all forces of that sign, like a uint8
+    normal force. The range is ours: 40 to 95 % of the peak measured force, here 10 N.
 
     Attributes:
-        limit_low: ``(..., 3)`` least reading of x, y and z (N), 0 or negative; may be -inf.
-        limit_high: ``(..., 3)`` largest reading of x, y and z (N), 0 or positive; may be inf.
+        limit_low: ``(..., 3)`` lowest reading of x, y and z (N), 0 or negative; may be -inf.
+        limit_high: ``(..., 3)`` highest reading of x, y and z (N), 0 or positive; may be inf.
         softness: ``(...)`` share of the limit over which the knee extends, 0 to 1.
     """
 
@@ -42,13 +43,13 @@ class Saturation(Transform):
         sign = xp.where(x < 0, -xp.ones_like(x), xp.ones_like(x))
         limit = xp.where(x < 0, -self.broadcast_parameter("limit_low", x), self.broadcast_parameter("limit_high", x))
         clipped = xp.minimum(sign * x, limit)
-        # no infinities beyond this point: they would be nan in the gradient of the branch that is not taken
+        # remove infinities: they would make the gradient of the branch that is not taken nan
         finite = xp.where(xp.isfinite(limit), limit, xp.zeros_like(limit))
         width = self.broadcast_parameter("softness", x) * finite
         knee = finite - width
         excess = sign * x - knee
         soft = (excess > 0) & (width > 0)
-        # at 40 widths tanh is 1 to rounding
+        # at 40 widths tanh equals 1 to rounding
         turns = xp.minimum(xp.where(soft, excess, 0 * width), 40 * width) / xp.where(soft, width, xp.ones_like(width))
         bent = knee + width * xp.tanh(turns)
         return sign * xp.where(soft, xp.minimum(bent, limit), clipped)

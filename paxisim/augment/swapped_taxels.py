@@ -1,4 +1,4 @@
-"""SwappedTaxels: pairs of taxels have changed places."""
+"""SwappedTaxels: pairs of taxels are swapped."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from paxisim.errors import InvalidValueError
 
 @dataclass(frozen=True, eq=False)
 class SwappedTaxels(Transform):
-    """Each of two taxels reads what acts on the other, on all axes: two wires or two addresses changed places.
+    """Two taxels read each other's force on all axes, because two wires or two addresses were swapped.
 
-    A whole order that is reversed, or swapped axes and pads, are `LayoutFault`. Nothing is lost, so a swap undoes
-    itself. There is one mapping for all environments; the field is no number to be fitted.
+    Use `LayoutFault` for a reversed order or for swapped axes or pads. No information is lost, and a swap is its own
+    inverse. One mapping applies to all environments; the field is not a number that can be fitted.
 
     Attributes:
-        pairs: For each pair the pad and row and column of both taxels, ``(pad, row, col, row, col)``; none for no swap.
+        pairs: One entry per pair: the pad, then row and column of both taxels, ``(pad, row, col, row, col)``; empty for
+            no swap.
 
     Raises:
-        InvalidValueError: Also for a pair that is not five whole numbers of at least 0, and for a taxel that is named
-            twice.
+        InvalidValueError: Also if a pair is not five whole numbers of at least 0, or a taxel is named twice.
     """
 
     stage: ClassVar[str] = "electronics"

@@ -1,4 +1,4 @@
-"""TemperatureDrift: magnets weaken as they warm, and zeros move."""
+"""TemperatureDrift: gain and zero change with the temperature."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from paxisim.augment.transform import Covariates, Transform
 
 @dataclass(frozen=True, eq=False)
 class TemperatureDrift(Transform):
-    """Scale and zero go with the temperature: ``y = x (1 + gain (T - reference)) + offset (T - reference)``.
+    """Gain and zero vary with the temperature: ``y = x (1 + gain (T - reference)) + offset (T - reference)``.
 
-    The remanence of NdFeB magnets falls by 0.09 to 0.12 % per kelvin, and the readings with it; the zeros of the Hall
-    sensors and the field of the unloaded magnets leave an offset. It remembers nothing: a sensor whose temperature lags
-    that of the thermometer needs a covariate that lags as well.
+    The remanence of NdFeB magnets falls by 0.09 to 0.12 % per kelvin, and the readings with it. The zeros of the Hall
+    sensors and the field of the unloaded magnets add an offset. The transform has no memory: a sensor whose temperature
+    lags that of the thermometer needs a covariate that lags as well.
 
-    Source: the gain is that of sintered NdFeB, from makers' data sheets; the offset's range is ours, a tenth of a count
-    of 0.1 N per kelvin.
+    Source: the gain is that of sintered NdFeB, from manufacturers' datasheets; the offset's range, a tenth of a count
+    of 0.1 N per kelvin, is ours.
 
     Attributes:
         gain: ``(...)`` relative change of all readings (1/K).
-        offset: ``(..., pads, 3, rows, cols)`` change of the zero (N/K); any of the four may be 1 long.
+        offset: ``(..., pads, 3, rows, cols)`` change of the zero (N/K); any of the four dimensions may be 1.
         reference: ``(...)`` temperature at which the sensor was calibrated and zeroed (degC).
-        covariate: Name of the covariate that is the temperature (degC).
+        covariate: Name of the covariate that holds the temperature (degC).
     """
 
     gain: Any = parameter(0.0, unit="1/K", low=-0.01, high=0.01, typical=(-0.0012, -0.0009))

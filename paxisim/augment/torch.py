@@ -1,15 +1,16 @@
-"""`GCS` and `Chain` as ``torch.nn.Module``, for augmenting on the device where the data is.
+"""`GCS` and `Chain` as ``torch.nn.Module``, for augmentation on the device that holds the data.
 
-Both work on float tensors ``(*batch, pads, 3, rows, cols)`` in newtons, on the input's device, without a wait for it.
+Both work on float tensors ``(*batch, pads, 3, rows, cols)`` in newtons, on the input's device, without synchronising
+with it.
 
 | | in training mode | in eval mode |
 |---|---|---|
-| ``per="sample"`` | each call draws parameters for each sample | what ``at_eval`` says |
-| ``per="episode"`` | parameters are kept until `resample` draws others | what ``at_eval`` says |
+| ``per="sample"`` | each call draws parameters for each sample | set by ``at_eval`` |
+| ``per="episode"`` | parameters are kept until `resample` redraws them | set by ``at_eval`` |
 
-Random numbers come from the default generator of the device, so that ``torch.manual_seed`` governs them. Kept
-parameters travel with the module: in its ``state_dict``, its copies and pickles, and by ``to(device)``.
-``torch.compile`` makes one graph of a call, but for layouts off the grid only with ``per="episode"``.
+Random numbers come from the default generator of the device, which ``torch.manual_seed`` seeds. Kept parameters move
+with the module: in its ``state_dict``, its copies and pickles, and by ``to(device)``. ``torch.compile`` captures a call
+in one graph; for layouts off the grid only with ``per="episode"``.
 
 Example:
     ```python
@@ -40,13 +41,13 @@ except ImportError as error:
 
 
 class Randomised(nn.Module):
-    """Base of the modules: a chain whose parameters are drawn anew for each sample, or kept for an episode."""
+    """Base of the modules: a chain whose parameters are redrawn for each sample or kept for an episode."""
 
     def __init__(self, per: Literal["sample", "episode"], at_eval: Literal["identity", "fixed"]) -> None:
         """See the subclasses.
 
         Raises:
-            InvalidValueError: `per` or `at_eval` is not one of its choices.
+            InvalidValueError: `per` or `at_eval` is not one of its options.
         """
         super().__init__()
         if per not in ("sample", "episode"):
@@ -57,7 +58,7 @@ class Randomised(nn.Module):
         self._kept: chains.Chain | None = None
 
     def draw(self, batch_shape: tuple[int, ...], device: torch.device) -> chains.Chain:
-        """A chain with parameters for each of a batch, on `device`; keeps nothing."""
+        """Draw a chain with parameters for each element of a batch, on `device`, without keeping it."""
         raise NotImplementedError
 
     def _is_drawn(self, name: str) -> bool:
@@ -65,15 +66,15 @@ class Randomised(nn.Module):
 
     @property
     def kept(self) -> chains.Chain | None:
-        """The chain whose parameters are kept, if any."""
+        """Chain whose parameters are kept, or None."""
         return self._kept
 
     def resample(self, mask: Tensor | None = None) -> None:
-        """Draw other parameters to keep, as at the start of an episode.
+        """Redraw the kept parameters, for example at the start of an episode.
 
         Args:
-            mask: Booleans of the batch's shape: only these environments get new ones. Default: all, for the batch of
-                the next call.
+            mask: Boolean tensor of the batch's shape that selects the environments to redraw. Default: all, for the
+                batch of the next call.
         """
         if mask is None:
             self._kept = None
@@ -87,10 +88,10 @@ class Randomised(nn.Module):
             self._kept = _with_tensors(self._kept, chosen)
 
     def forward(self, x: Tensor) -> Tensor:
-        """Transform ``(*batch, pads, 3, rows, cols)`` newtons; the same shape, dtype and device.
+        """Transform ``(*batch, pads, 3, rows, cols)`` newtons; the result has the same shape, dtype and device.
 
         Raises:
-            InvalidValueError: As a call of the chain.
+            InvalidValueError: As for a call of the chain.
         """
         if not self.training and self.at_eval == "identity":
             return x
@@ -104,11 +105,11 @@ class Randomised(nn.Module):
         return self._kept
 
     def get_extra_state(self) -> dict[str, Tensor]:
-        """The kept parameters, for ``state_dict``: tensors by "member.parameter"."""
+        """Return the kept parameters for ``state_dict``: tensors by "member.parameter"."""
         return {} if self._kept is None else _tensors(self._kept)
 
     def set_extra_state(self, state: dict[str, Tensor]) -> None:
-        """Take over what `get_extra_state` gave."""
+        """Restore the state that `get_extra_state` returned."""
         self._kept = _with_tensors(self.draw((), torch.device("cpu")), state) if state else None
 
     def _apply(self, fn: Callable[[Tensor], Tensor], recurse: bool = True) -> Any:
@@ -118,11 +119,11 @@ class Randomised(nn.Module):
 
 
 class GCS(Randomised):
-    """The C and S of the paper's GCS (`paxisim.augment.gcs.GCS`), drawn for each sample or episode.
+    """C and S of the paper's GCS (`paxisim.augment.gcs.GCS`), drawn for each sample or episode.
 
     Attributes:
-        gcs: What to draw.
-        layout: The pads' taxels.
+        gcs: The GCS to draw from.
+        layout: Layout of the pads' taxels.
         pads: Number of pads.
     """
 
@@ -138,11 +139,12 @@ class GCS(Randomised):
         """Build the module.
 
         Args:
-            gcs: What to draw; default: the paper's.
-            layout: The pads' taxels.
+            gcs: The GCS to draw from. Default: the paper's.
+            layout: Layout of the pads' taxels.
             pads: Number of pads.
-            per: See the module's text.
-            at_eval: In eval mode leave the input as it is, or apply the kept parameters.
+            per: See the module docstring.
+            at_eval: Behaviour in eval mode: ``"identity"`` returns the input unchanged, ``"fixed"`` applies the kept
+                parameters.
         """
         super().__init__(per, at_eval)
         self.gcs = paper.GCS() if gcs is None else gcs
@@ -156,10 +158,10 @@ class GCS(Randomised):
 
 
 class Chain(Randomised):
-    """A chain, of which some parameters are drawn for each sample or episode; the others stay as they are.
+    """A chain with some parameters drawn for each sample or episode; the others are fixed.
 
     Attributes:
-        chain: The chain, without memory, as it is applied in eval mode.
+        chain: The chain, without memory, that is applied in eval mode.
         intervals: Bounds of the uniform distributions by "member.parameter".
     """
 
@@ -175,10 +177,11 @@ class Chain(Randomised):
 
         Args:
             chain: Transforms without memory.
-            intervals: Bounds of what is drawn, e.g. ``{"poisson.cx": (0.1, 0.3)}``. A drawn parameter keeps the shape
-                of its core, and gets the batch in front. Default: nothing is drawn.
-            per: See the module's text.
-            at_eval: In eval mode leave the input as it is, or apply `chain` as it is.
+            intervals: Bounds of the drawn parameters, e.g. ``{"poisson.cx": (0.1, 0.3)}``. A drawn parameter keeps the
+                shape of its core dimensions and gets leading batch dimensions. Default: nothing is drawn.
+            per: See the module docstring.
+            at_eval: Behaviour in eval mode: ``"identity"`` returns the input unchanged, ``"fixed"`` applies `chain`
+                without drawing.
 
         Raises:
             InvalidValueError: The chain has memory, or bounds are not in order.
@@ -186,7 +189,7 @@ class Chain(Randomised):
         """
         super().__init__(per, at_eval)
         if chain.has_memory:
-            raise InvalidValueError("Chain: a module has no memory: use the step(...) or run(...) of the chain itself")
+            raise InvalidValueError("Chain: a module has no memory: use step(...) or run(...) of the chain itself")
         self.intervals = dict(intervals or {})
         for name, (low, high) in self.intervals.items():
             member, _, parameter = name.partition(".")
@@ -219,17 +222,17 @@ class Chain(Randomised):
         return super()._apply(fn, recurse)
 
     def get_extra_state(self) -> dict[str, Any]:
-        """The chain's parameters and the kept ones, for ``state_dict``."""
+        """Return the chain's parameters and the kept parameters for ``state_dict``."""
         return {"chain": _tensors(self.chain), "kept": super().get_extra_state()}
 
     def set_extra_state(self, state: dict[str, Any]) -> None:
-        """Take over what `get_extra_state` gave."""
+        """Restore the state that `get_extra_state` returned."""
         self.chain = _with_tensors(self.chain, state["chain"])
         super().set_extra_state(state["kept"])
 
 
 def _values(chain: chains.Chain) -> dict[str, Any]:
-    """Parameters by "member.parameter"."""
+    """Return the parameters by "member.parameter"."""
     pairs = zip(chain.names, chain.members, strict=True)
     return {f"{name}.{p}": getattr(member, p) for name, member in pairs for p in parameters(member)}
 
@@ -249,7 +252,7 @@ def _with_tensors(chain: chains.Chain, tensors: Mapping[str, Any]) -> chains.Cha
 def _choose(mask: Tensor, new: Tensor, old: Tensor) -> Tensor:
     if new.shape != old.shape:
         raise InvalidValueError(
-            f"expected a mask of the batch's shape: parameters are kept for {tuple(old.shape)}, and it draws "
-            f"{tuple(new.shape)}"
+            f"expected a mask of the batch's shape: the kept parameters have shape {tuple(old.shape)}, but the mask "
+            f"draws {tuple(new.shape)}"
         )
     return torch.where(mask.reshape(*mask.shape, *[1] * (old.ndim - mask.ndim)), new, old)

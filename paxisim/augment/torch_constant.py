@@ -1,4 +1,4 @@
-"""The torch side of `paxisim.augment.constant`; beside `torch` the only module that imports torch."""
+"""The torch part of `paxisim.augment.constant`. Only this module and `paxisim.augment.torch` import torch on load."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ _made: dict[Any, torch.Tensor] = {}
 
 @torch.compiler.assume_constant_result
 def torch_constant(make: Callable[..., Any], args: tuple[Hashable, ...], dtype: Any, device: Any) -> torch.Tensor:
-    """``make(*args)`` as a tensor, made once for each dtype and device."""
+    """Return ``make(*args)`` as a tensor, computed once for each dtype and device."""
     key = (make, args, dtype, device)
     if key not in _made:
         with torch.inference_mode(False):
             values = torch.as_tensor(make(*args), dtype=dtype, device=device)
-        if type(values) is not torch.Tensor:  # the stand-in of a tracer
+        if type(values) is not torch.Tensor:  # a tracer's placeholder, which must not be cached
             return values
         _made[key] = values
     return _made[key]

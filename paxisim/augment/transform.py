@@ -1,17 +1,17 @@
-"""Transform: the base of all. A frozen dataclass of parameters, a pure call, and, for some, a memory.
+"""Transform: the base class of all transforms: a frozen dataclass of parameters, a pure call and optional memory.
 
-Shape conventions: a frame is ``(*batch, pads, 3, rows, cols)`` in newtons; a sequence has time in front,
-``(time, *batch, pads, 3, rows, cols)``, with its times ``(time,)`` in seconds. numpy in, numpy out; torch in, torch
-out, on its device, differentiable where the physics is.
+Shape conventions: a frame is ``(*batch, pads, 3, rows, cols)`` in newtons; a sequence has a leading time dimension,
+``(time, *batch, pads, 3, rows, cols)``, with times ``(time,)`` in seconds. numpy in, numpy out; torch in, torch out, on
+the input's device, differentiable where the physics is.
 
-| | a frame | a stream, frame by frame | a whole sequence |
+| | one frame | a stream, frame by frame | a whole sequence |
 |---|---|---|---|
 | without memory | ``t(x)`` | ``t.step(x, state, dt)`` | ``t.run(x, time)`` |
 | with memory | an error | ``t.step(x, state, dt)`` | ``t.run(x, time)`` |
 
-The state of a stream is a tuple of arrays whose leading dimensions are the batch, from ``t.initial_state(x)``: the
-first frame is taken to have been there forever. ``t.reset(state, mask, x)`` restarts single environments of a batch.
-``run`` and stepping give the same numbers, to float rounding, and ``dt`` may change from frame to frame.
+The state of a stream is a tuple of arrays with leading batch dimensions. It starts as ``t.initial_state(x)``, which
+treats the first frame x as having been constant before the stream. ``t.reset(state, mask, x)`` restarts single
+environments of a batch. ``run`` and stepping agree to floating-point rounding, and ``dt`` may vary between frames.
 """
 
 from __future__ import annotations
@@ -23,7 +23,6 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from paxisim._renamed import warn_renamed
 from paxisim.augment.parameter_spec import (
     AXES,
     Parameter,
@@ -41,17 +40,16 @@ State = tuple[Any, ...]
 Covariates = Mapping[str, Any]
 
 STAGES = ("gel", "magnets", "electronics", "firmware")
-"""The physical order of a chain: what the gel does comes before what the magnets and Hall sensors do, and so on."""
+"""Physical stages in the order in which they act on a force: the gel before the magnets and Hall sensors, and so on."""
 
 
 class Transform:
-    """Base of the transforms; see the module's text for the shapes and the three ways to apply one.
+    """Base class of the transforms; the module docstring describes the shapes and the three ways to apply one.
 
-    Subclasses are frozen dataclasses. Stateless ones implement `apply`; those with a state derive from
-    `StatefulTransform`.
+    Subclasses are frozen dataclasses. Those without memory implement `apply`; those with memory derive from `StatefulTransform`.
 
     Attributes:
-        stage: Where in the physical chain it belongs, one of `STAGES`.
+        stage: Position in the physical chain, one of `STAGES`.
         covariate_names: Names of the covariates it needs.
         has_memory: Whether the output depends on earlier frames.
     """
@@ -71,31 +69,31 @@ class Transform:
 
     @property
     def name(self) -> str:
-        """The class's name."""
+        """Name of the class."""
         return type(self).__name__
 
     @property
     def covariate_names(self) -> tuple[str, ...]:
-        """The covariates it needs, by the values of its fields ``covariate``."""
+        """Names of the covariates it needs, taken from its field ``covariate``."""
         return tuple(getattr(self, f.name) for f in fields(self) if f.name == "covariate" and getattr(self, f.name))  # type: ignore[arg-type]
 
     def apply(self, x: Any, covariates: Covariates) -> Any:
-        """The transform of a checked frame: ``(*batch, pads, 3, rows, cols)`` in and out."""
+        """Transform a checked frame: ``(*batch, pads, 3, rows, cols)`` in and out."""
         raise NotImplementedError
 
     def __call__(self, x: Any, covariates: Covariates | None = None) -> Any:
-        """Transform a frame, or any stack of frames.
+        """Transform a frame or a stack of frames.
 
         Args:
-            x: ``(*batch, pads, 3, rows, cols)`` newtons, floating point.
-            covariates: Values by name, each of the batch's shape or broadcast to it.
+            x: ``(*batch, pads, 3, rows, cols)`` forces (N), floating point.
+            covariates: Values by name, each of the batch's shape or broadcastable to it.
 
         Returns:
-            The same shape, kind and dtype.
+            Array with the same shape, array library and dtype.
 
         Raises:
-            InvalidValueError: Another shape, integers, a parameter that does not fit, a missing covariate, or a
-                transform with memory, which needs `step` or `run`.
+            InvalidValueError: The shape is wrong, the values are integers, a parameter does not fit, a covariate is
+                missing, or the transform has memory and needs `step` or `run`.
         """
         if self.has_memory:
             raise InvalidValueError(f"{self.name} remembers earlier frames: use step(x, state, dt) or run(x, time)")
@@ -103,20 +101,20 @@ class Transform:
         return self.apply(x, covariates or {})
 
     def initial_state(self, x: Any, covariates: Covariates | None = None) -> State:
-        """The state of a stream of which frame `x` is the first, taken to have been there forever."""
+        """Return the state of a stream that starts with frame `x`, treated as constant before the stream."""
         return ()
 
     def step(self, x: Any, state: State, dt: Any, covariates: Covariates | None = None) -> tuple[Any, State]:
         """Transform the next frame of a stream.
 
         Args:
-            x: ``(*batch, pads, 3, rows, cols)`` newtons.
-            state: From `initial_state` or the step before.
-            dt: Time since the step before (s), a number or of the batch's shape; 0 for the first frame.
+            x: ``(*batch, pads, 3, rows, cols)`` forces (N).
+            state: State from `initial_state` or the previous step.
+            dt: Time since the previous frame (s), a number or an array of the batch's shape; 0 for the first frame.
             covariates: Values by name at this frame.
 
         Returns:
-            The frame and the state for the next step.
+            The transformed frame and the state for the next step.
 
         Raises:
             InvalidValueError: As for a call; or time runs backwards.
@@ -128,16 +126,17 @@ class Transform:
         """Transform a whole sequence.
 
         Args:
-            x: ``(time, *batch, pads, 3, rows, cols)`` newtons.
-            time: ``(time,)`` seconds, not decreasing; or ``(time, *batch)``, for a batch of streams with a clock each.
-            covariates: Sequences by name, ``(time, ...)`` each; those that it does not need do not matter.
+            x: ``(time, *batch, pads, 3, rows, cols)`` forces (N).
+            time: ``(time,)`` times (s), not decreasing; or ``(time, *batch)`` for a batch of streams with separate
+                clocks.
+            covariates: Sequences by name, each ``(time, ...)``; covariates that are not needed are ignored.
 
         Returns:
-            The same shape, kind and dtype, with the parameters' batch after time where `x` has none; to float
-            rounding as stepping frame by frame from ``initial_state(x[0])`` gives it.
+            Array with the same shape, array library and dtype, with the parameters' batch dimensions after time if `x`
+            has none. It equals stepping frame by frame from ``initial_state(x[0])`` to floating-point rounding.
 
         Raises:
-            InvalidValueError: As for a call; or `time` has another shape or runs backwards.
+            InvalidValueError: As for a call; or `time` has the wrong shape or runs backwards.
         """
         xp = namespace(x)
         steps = self._time_steps(x, time)
@@ -152,7 +151,7 @@ class Transform:
                     f"{tuple(values.shape)}"
                 )
         if not self.has_memory:
-            # one sequence for many parameters: their batch comes between time and pads
+            # one sequence, a batch of parameters: their batch dimensions go between time and pads
             dims = [np.ndim(getattr(self, name)) - len(about.core) for name, about in parameters(self).items()]
             batch = max([x.ndim - 5, *dims, *(values.ndim - 1 for values in series.values())])
             widened = {name: _widen(values, 1 + batch) for name, values in series.items()}
@@ -168,11 +167,11 @@ class Transform:
         return xp.stack(frames)
 
     def sweep(self, x: NDArray[np.floating], steps: NDArray[np.float64]) -> NDArray[np.floating] | None:
-        """The whole of a checked numpy sequence at once, where that is faster than stepping; None where it is not.
+        """Transform a whole checked numpy sequence if that is faster than stepping; otherwise return None.
 
         Args:
-            x: ``(time, *batch, pads, 3, rows, cols)`` newtons.
-            steps: ``(time,)`` or ``(time, *batch)`` time since the frame before (s), 0 for the first.
+            x: ``(time, *batch, pads, 3, rows, cols)`` forces (N).
+            steps: ``(time,)`` or ``(time, *batch)`` time since the previous frame (s), 0 for the first.
         """
         return None
 
@@ -180,18 +179,18 @@ class Transform:
         """Restart some environments of a batch.
 
         Args:
-            state: The state.
-            mask: Booleans of the batch's shape, True where a stream begins anew.
-            x: ``(*batch, pads, 3, rows, cols)`` the frames with which they begin, or one for all; only the masked ones
-                are used.
+            state: Current state.
+            mask: Boolean array of the batch's shape, True where a stream restarts.
+            x: ``(*batch, pads, 3, rows, cols)`` first frames of the restarted streams, or one frame for all; only the
+                masked ones are used.
             covariates: Values by name at those frames.
 
         Returns:
-            The state in which the masked environments are as after ``initial_state(x)``.
+            The state, with the masked environments as after ``initial_state(x)``.
         """
         xp = namespace(x)
         mask = xp.asarray(mask)
-        # where only the parameters have a batch, all of it begins with the same frame
+        # if only the parameters have a batch, all its elements begin with the same frame
         batch = np.broadcast_shapes(tuple(mask.shape), tuple(x.shape[:-4]))
         mask, x = xp.broadcast_to(mask, batch), xp.broadcast_to(x, (*batch, *x.shape[-4:]))
 
@@ -201,10 +200,10 @@ class Transform:
         return tuple(choose(new, old) for new, old in zip(self.initial_state(x, covariates), state, strict=True))
 
     def broadcast_parameter(self, name: str, x: Any) -> Any:
-        """Parameter `name` as an array that broadcasts against frame `x`.
+        """Return parameter `name` as an array that broadcasts against frame `x`.
 
         Raises:
-            InvalidValueError: Its shape and that of `x` do not broadcast.
+            InvalidValueError: The shapes of the parameter and `x` do not broadcast.
         """
         about: Parameter = parameters(self)[name]
         lifted = lift(getattr(self, name), about.core, x)
@@ -216,20 +215,20 @@ class Transform:
         return lifted
 
     def broadcast_covariate(self, name: str, covariates: Covariates, x: Any) -> Any:
-        """Covariate `name` as an array that broadcasts against frame `x`.
+        """Return covariate `name` as an array that broadcasts against frame `x`.
 
         Args:
-            name: Its name, or ``"joints[3]"`` for number 3 of the last dimension of the covariate ``"joints"``.
+            name: Name of the covariate, or ``"joints[3]"`` for index 3 of the last dimension of ``"joints"``.
             covariates: Values by name.
             x: The frame.
 
         Raises:
-            InvalidValueError: It is missing, or its shape and that of `x` do not broadcast.
+            InvalidValueError: The covariate is missing, or its shape and that of `x` do not broadcast.
         """
         values = self._covariate(name, covariates)
         if values is None:
             have = ", ".join(covariates) or "none"
-            raise InvalidValueError(f"{self.name} needs the covariate {name!r}; there is {have}")
+            raise InvalidValueError(f"{self.name} needs the covariate {name!r}; available: {have}")
         lifted = lift(values, "", x)
         if not _fits(lifted.shape, x.shape):
             raise InvalidValueError(
@@ -249,7 +248,7 @@ class Transform:
         return self.broadcast_covariate(name, covariates, x)
 
     def _covariate(self, name: str, covariates: Covariates) -> Any:
-        """The values of a covariate, or of one number of it; None if there is none."""
+        """Return the values of a covariate, or of one element of it; None if there is no such covariate."""
         whole, bracket, number = name.removesuffix("]").rpartition("[")
         if name in covariates or not (bracket and number.isdigit() and whole in covariates):
             return covariates.get(name)
@@ -286,15 +285,15 @@ _DT = Parameter(unit="s", low=0.0)
 
 
 class StatefulTransform(Transform):
-    """Base of the transforms with memory: they implement `initial_state` and `advance`.
+    """Base class of transforms with memory, which implement `initial_state` and `advance`.
 
-    A frame that goes into a state is to be copied with `keep`.
+    Copy a frame with `keep` before storing it in a state.
     """
 
     has_memory: ClassVar[bool] = True
 
     def advance(self, x: Any, state: State, dt: Any, covariates: Covariates) -> tuple[Any, State]:
-        """One step of a checked frame; `dt` broadcasts against it."""
+        """Advance by one checked frame; `dt` broadcasts against it."""
         raise NotImplementedError
 
     def step(self, x: Any, state: State, dt: Any, covariates: Covariates | None = None) -> tuple[Any, State]:
@@ -305,16 +304,16 @@ class StatefulTransform(Transform):
 
 
 def keep(x: Any) -> Any:
-    """A copy of `x` for a state, as the caller may read the next frame into the same memory."""
+    """Return a copy of `x` for a state, because the caller may read the next frame into the same memory."""
     return x.clone() if is_torch(x) else x.copy()
 
 
 def _widen(x: Any, ndim: int) -> Any:
-    """`x` with dimensions of length 1 after the first one, `ndim` in all."""
+    """Insert dimensions of length 1 after the first dimension of `x`, up to `ndim` dimensions in all."""
     return x.reshape((x.shape[0], *[1] * (ndim - x.ndim), *x.shape[1:]))
 
 
 def _fits(ours: tuple[int, ...], theirs: tuple[int, ...]) -> bool:
-    """Whether a lifted parameter broadcasts against a tensor: batches do either way, frames are not widened."""
+    """Whether a lifted parameter broadcasts against a tensor: batches either way, frames never widened."""
     pairs = list(zip(ours[::-1], theirs[::-1], strict=False))
     return all(a in (1, b) for a, b in pairs[:4]) and all(a == b or a == 1 or (b == 1 and a) for a, b in pairs[4:])

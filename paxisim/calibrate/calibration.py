@@ -1,4 +1,4 @@
-"""Calibration: what a recording with a load cell says of a sensor, as a file that is applied to it live."""
+"""Calibration: a sensor model fitted to a recording with a load cell, saved to a file and applied live."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from paxisim.calibrate.fit import calibrate_readout
 from paxisim.calibrate.linear import LinearCalibration
 from paxisim.calibrate.load_model import LoadModel, fit_load_model
 from paxisim.calibrate.loads import COMPONENTS, MOST, Excitation, Load
+from paxisim.calibrate.linear import LinearCalibration
 from paxisim.errors import InvalidValueError
 from paxisim.files import parse_file, whole_file
 from paxisim.logs.document import finite
@@ -28,12 +29,12 @@ _FORCES = COMPONENTS[:3]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Calibration:
-    """A sensor whose channels are not in newtons, as a model of the loads on it. Made by `calibrate_sensor`.
+    """Calibration of a sensor whose channels are not in newtons, created by `calibrate_sensor`.
 
     Attributes:
-        readout: What each channel says of the load by itself.
-        model: What all channels together say of it.
-        profile: Name of the profile that the sensor was recorded with; empty where the recording does not say.
+        readout: Estimate of the load from each channel separately.
+        model: Estimate of the load from all channels together.
+        profile: Name of the profile that the sensor was recorded with; empty if the recording does not contain it.
     """
 
     readout: LinearCalibration
@@ -41,15 +42,16 @@ class Calibration:
     profile: str = ""
 
     def to_force(self, channels: NDArray[np.floating]) -> NDArray[np.float32]:
-        """Convert ``(..., pads, 3, rows, cols)`` channels to newtons, see `LinearCalibration.to_force`."""
+        """Convert ``(..., pads, 3, rows, cols)`` channels to newtons, each separately; see `LinearCalibration.to_force`."""
         return self.readout.to_force(channels).astype(np.float32)
 
     def total_force(self, channels: NDArray[np.floating]) -> NDArray[np.float32] | None:
         """Convert ``(1, 3, rows, cols)`` channels of a single pad to its total force.
 
         Returns:
-            ``(1, 3)`` newtons, of a load cell with one axis on z; NaN for what the calibration had no load of. None for
-            several pads, as the loads are those of all of them together, and where torques alone were calibrated.
+            ``(1, 3)`` force (N); a load cell with a single axis gives z. NaN for components that were not calibrated.
+            None for several pads, because the loads are those of all pads together, and if only torques were
+            calibrated.
         """
         places = [self._place(load) for load in self.model.loads]
         if len(channels) != 1 or not any(place is not None for place in places):
@@ -61,33 +63,33 @@ class Calibration:
         return force
 
     def _place(self, load: Load) -> int | None:
-        """Which axis of a force a load is."""
+        """Return the axis of the force that a load is, or None."""
         if load.name in _FORCES:
             return _FORCES.index(load.name)
         return 2 if len(self.model.loads) == 1 and not load.is_torque else None
 
     def check(self, shape: tuple[int, ...], unit: str) -> None:
-        """Make sure that it fits a sensor.
+        """Raise unless the calibration fits a sensor.
 
         Args:
-            shape: ``(pads, 3, rows, cols)`` of its frames.
-            unit: Of its frames.
+            shape: Shape of the sensor's frames, ``(pads, 3, rows, cols)``.
+            unit: Unit of the sensor's frames.
 
         Raises:
-            InvalidValueError: It is of another sensor.
+            InvalidValueError: The calibration belongs to another sensor.
         """
         if shape != self.readout.offset.shape:
             raise InvalidValueError(
                 f"the calibration is of a sensor with frames of shape {self.readout.offset.shape} (pads, 3, rows, "
-                f"cols), this one's are {shape}"
+                f"cols), but this sensor's frames have shape {shape}"
             )
         if unit != (self.readout.unit or unit):
             raise InvalidValueError(
-                f"the calibration is of channels in {self.readout.unit}, this sensor's are in {unit}"
+                f"the calibration is of channels in {self.readout.unit}, but this sensor's are in {unit}"
             )
 
     def to_json(self) -> str:
-        """Everything as JSON text; `from_json` makes the same of it."""
+        """Return the calibration as JSON text, which `from_json` restores."""
         document = {
             "format": FORMAT,
             "profile": self.profile,
@@ -98,10 +100,10 @@ class Calibration:
 
     @classmethod
     def from_json(cls, text: str) -> Calibration:
-        """The calibration that `to_json` wrote.
+        """Return the calibration that `to_json` wrote.
 
         Raises:
-            InvalidValueError: The text is none.
+            InvalidValueError: The text is not a calibration.
         """
         try:
             document = parse_json(text)
@@ -117,7 +119,7 @@ class Calibration:
             raise InvalidValueError(f"the calibration lacks or misuses {error}") from error
 
     def save(self, path: str | Path) -> None:
-        """Write `to_json` to a file; an existing file is replaced, whole or not at all.
+        """Write `to_json` to a file; an existing file is replaced atomically.
 
         Raises:
             InvalidValueError: The path is a folder, or its folder does not exist.
@@ -128,15 +130,15 @@ class Calibration:
 
     @classmethod
     def load(cls, path: str | Path) -> Calibration:
-        """Read a file that `save` wrote; raises as `from_json` does, and FileNotFoundError where there is none."""
+        """Read a file that `save` wrote; raises as `from_json` does, and FileNotFoundError if it does not exist."""
         return parse_file(Path(path), cls.from_json)
 
     def __repr__(self) -> str:
-        """What it holds, in a line."""
+        """One-line summary."""
         return f"Calibration({self.readout!r}, {self.model!r})"
 
     def __str__(self) -> str:
-        """Its tables."""
+        """Tables of the readout and the load model."""
         return f"{self.readout}\n\n{self.model}"
 
 
@@ -148,12 +150,12 @@ def calibrate_sensor(
     quadratic: bool = False,
     max_delay: float = 0.5,
 ) -> Calibration:
-    """Calibrate a sensor by a recording with a load cell beside it: each channel, and all of them together.
+    """Calibrate a sensor against a load cell: each channel separately, and all channels together.
 
     Args:
-        recording: With the channels as its measured tensors, and the loads as covariates.
-        loads: The covariates that hold the load, see `calibrate_readout`.
-        degree: Of the response of each channel to a load, 1 to 3.
+        recording: Recording with the channels as measured tensors and the loads as covariates.
+        loads: Covariates that hold the load, see `calibrate_readout`.
+        degree: Degree of the response of each channel to a load, 1 to 3.
         quadratic: Whether the load is a quadratic function of the channels, see `fit_load_model`.
         max_delay: Largest delay between loads and channels to search (s).
 
@@ -167,7 +169,7 @@ def calibrate_sensor(
 
 
 def _document(value: Any) -> Any:
-    """Arrays as nested lists."""
+    """Convert arrays to nested lists for JSON."""
     if isinstance(value, dict):
         return {name: _document(item) for name, item in value.items()}
     if isinstance(value, (tuple, list)):
@@ -235,7 +237,7 @@ def _loads(document: Any) -> tuple[Load, ...]:
 def _numbers(
     document: Mapping[str, Any], name: str, shape: tuple[int, ...] | None, empty: float = math.nan
 ) -> NDArray[np.float64]:
-    """A field's numbers, `empty` where the file has none."""
+    """Return the numbers of a field, with `empty` where the file has none."""
     values = np.array(document[name], dtype=np.float64)
     values = np.where(np.isnan(values), empty, values)
     if shape is not None and values.shape != shape:

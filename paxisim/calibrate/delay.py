@@ -1,4 +1,4 @@
-"""Delay: how much later the channels follow the loads, by profile likelihood, with a jackknife interval."""
+"""Delay between loads and channels, by profile likelihood, with a jackknife interval."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from paxisim.calibrate.lagged import Array, Averaged, Lagged
 LEVEL = 0.95
 """Coverage of the intervals."""
 LEAST = 0.1
-"""Least share of a channel's variance that the loads must explain for the channel to be used."""
+"""Minimum share of a channel's variance that the loads must explain for the channel to be used."""
 RESOLUTION = 0.01
-"""Share of the sample interval by which interpolation between samples may move a delay."""
+"""Error of a delay due to interpolation between samples, as a share of the sample interval."""
 _COARSE = 40  # steps on either side of 0
 _FINE = 16  # steps between the neighbours of the best coarse step
 
@@ -25,10 +25,10 @@ class Delay:
     """A delay common to all channels.
 
     Attributes:
-        value: Seconds by which the channels follow the loads; negative if the loads come later.
+        value: Delay of the channels after the loads (s); negative if the loads come later.
         interval: Ends of its 95 % interval (s).
-        replicates: ``(blocks,)`` delays fitted without each block.
-        searched: Delays up to this (s), of either sign, were tried.
+        replicates: ``(blocks,)`` delays fitted without each block (s).
+        searched: Largest delay that was searched, of either sign (s).
     """
 
     value: float
@@ -38,21 +38,21 @@ class Delay:
 
     @property
     def at_limit(self) -> bool:
-        """Whether it lies at the end of the search, so that the true one may lie beyond."""
+        """Whether the delay lies at the end of the search range, so that the true delay may lie beyond."""
         return abs(self.value) > 0.98 * self.searched > 0
 
 
 def fit_delay(lagged: Lagged, block: NDArray[np.intp], most: float) -> Delay:
-    """The delay at which the channels that the loads explain are explained best.
+    """Fit the delay at which the loads explain the channels best, using channels that respond to the loads.
 
-    For each delay all coefficients are fitted anew. With the noise of each channel unknown, the likelihood of a delay
-    is then a product over the channels of their residual variances. Its interval is a jackknife over blocks of time,
-    since residuals of real sensors are far from independent.
+    All coefficients are refitted for each delay. With the noise of each channel unknown, the likelihood of a delay
+    then depends only on the product of the channels' residual variances. The interval is a jackknife over blocks of
+    time, because residuals of real sensors are far from independent.
 
     Args:
-        lagged: The recording.
-        block: ``(T,)`` number of the block of each sample, from 0.
-        most: Largest delay to try (s); no more than a quarter of the usual piece is.
+        lagged: Loads and channels of the recording.
+        block: ``(T,)`` block number of each sample, from 0.
+        most: Largest delay to search (s); limited to a quarter of the median piece.
     """
     most = min(most, lagged.usual / 4)
     blocks = int(block.max()) + 1
@@ -79,36 +79,36 @@ def fit_delay(lagged: Lagged, block: NDArray[np.intp], most: float) -> Delay:
 
 
 def half_width(replicates: Array) -> Array:
-    """Half the width of the interval of an estimate, from its ``(blocks, ...)`` values without each block."""
+    """Return the half-width of an estimate's interval from its ``(blocks, ...)`` leave-one-block-out values."""
     blocks = len(replicates)
     variance = (blocks - 1) * np.var(replicates, axis=0)
     return float(student.ppf((1 + LEVEL) / 2, blocks - 1)) * np.sqrt(variance)
 
 
 def _squares(streams: Averaged, delay: float) -> Array:
-    """``(1 + blocks, channels)`` mean squared residuals: of all blocks, then without each block."""
+    """Return ``(1 + blocks, channels)`` mean squared residuals: of all blocks, then without each block."""
     sums = streams.sums(delay)
     parts = [sums.total(), sums.without()]
     return np.concatenate([part.squares(part.solve()) / part.count[:, None] for part in parts])
 
 
 def _explained(streams: Averaged, squares: Array) -> Array:
-    """``(channels,)`` largest share of the variance that is explained at any delay."""
+    """Return the largest explained share of the variance over all delays, ``(channels,)``."""
     return 1 - squares[:, 0].min(axis=0) / np.maximum(streams.channels.var(axis=0), 1e-300)
 
 
 def _unlikely(squares: Array, used: NDArray[np.bool_]) -> Array:
-    """``(delays, 1 + blocks)`` negative log likelihood per sample, but for constants."""
+    """Return the negative log likelihood per sample, up to a constant, ``(delays, 1 + blocks)``."""
     return 0.5 * np.sum(np.log(squares[..., used]), axis=-1)
 
 
 def _lowest(tried: Array, curve: Array) -> float:
-    """Where a parabola through the lowest value and its neighbours is lowest."""
+    """Return the minimum of a parabola through the lowest value and its neighbours."""
     i = int(np.argmin(curve))
     if i in (0, len(tried) - 1):
         return float(tried[i])
     (a, b, c), (fa, fb, fc) = tried[i - 1 : i + 2], curve[i - 1 : i + 2]
     left, right = (fb - fa) / (b - a), (fc - fb) / (c - b)
     bend = right - left
-    # the slopes belong to the middles of the two steps, and between them the slope runs straight
+    # the slopes hold at the middles of the two steps; in between, the slope is linear
     return float(b) if bend <= 0 else float((a + b) / 2 - left * (c - a) / 2 / bend)

@@ -12,17 +12,18 @@ from paxisim.calibrate.delay import LEAST, Delay, fit_delay, half_width
 from paxisim.calibrate.lagged import Array, Lagged, Sums
 from paxisim.calibrate.linear import LinearCalibration
 from paxisim.calibrate.loads import Excitation, Load, excitation_of, find_loads, values_of
+from paxisim.calibrate.linear import LinearCalibration
 from paxisim.errors import InvalidValueError
 from paxisim.presses import find_presses
 from paxisim.recording import Recording
 
 DEGREES = (1, 2, 3)
 RIDGES = (0.0, 1e-4, 1e-3, 1e-2, 1e-1)
-"""Strengths of the regularisation that are tried, in units of the variance of the loads."""
+"""Regularisation strengths that are tried, in units of the variance of the loads."""
 FEW = 10
-"""Fewest samples with a known load."""
+"""Minimum number of samples with a known load."""
 BLOCKS = (5, 20)
-"""Fewest and most blocks that are held out in turn."""
+"""Minimum and maximum number of held-out blocks."""
 
 
 def calibrate_readout(
@@ -34,13 +35,13 @@ def calibrate_readout(
 ) -> LinearCalibration:
     """Fit the readout of a sensor whose channels are not in newtons, using loads measured by a reference.
 
-    Each channel gets an offset and a gain for each load by least squares. All channels share one delay, by which they
-    follow the loads; without it a filter between sensor and load cell would look like a rotation of the axes. The delay
-    and the gains come with 95 % intervals. Where loads are nearly collinear, ridge regression shrinks their gains if
-    that lowers the held-out error. Memory is left to the diagnosis, and so is nonlinearity at degree 1.
+    Least squares gives each channel an offset and a gain for each load. All channels lag the loads by one common delay;
+    without it, a filter between sensor and load cell would look like a rotation of the axes. The delay and the gains
+    have 95 % intervals. If loads are nearly collinear, ridge regression shrinks their gains, provided that this lowers
+    the held-out error. Memory effects are left to the diagnosis, and so is nonlinearity at degree 1.
 
-    What is held out are the episodes; of a recording with a single episode the presses, and where there are none,
-    blocks of time.
+    Episodes are held out in turn. For a recording with a single episode, the presses are held out, or blocks of time if
+    there are no presses.
 
     Example:
         ```python
@@ -51,16 +52,16 @@ def calibrate_readout(
         ```
 
     Args:
-        recording: With the channels in `measured`, in any unit.
+        recording: Recording with the channels in `measured`, in any unit.
         loads: Covariates that hold the load, in newtons and newton-metres, NaN where unknown: a name, up to six names,
-            or up to six components ``Fx Fy Fz Tx Ty Tz`` and the covariate of each, as ``{"Fx": "cell_x"}``. A
-            covariate of 3 or 6 values per sample holds the components in this order.
-        degree: 1 to 3, highest power of each load.
-        max_delay: Largest delay to search (s), of either sign; less where the recording has short pieces.
+            or up to six components ``Fx Fy Fz Tx Ty Tz`` with their covariates, e.g. ``{"Fx": "cell_x"}``. A covariate
+            with 3 or 6 values per sample holds the components in this order.
+        degree: Highest power of each load, 1 to 3.
+        max_delay: Largest delay to search (s), of either sign; reduced if the recording has short pieces.
 
     Warns:
-        UserWarning: The data do not excite a load, or cannot separate it from the others; the delay lies at the end of
-            the search.
+        UserWarning: The data do not excite a load or cannot separate it from the others, or the delay lies at the end
+            of the search range.
 
     Raises:
         UnknownNameError: There is no such covariate or component.
@@ -80,7 +81,7 @@ def calibrate_readout(
     if known.sum() < FEW:
         raise InvalidValueError(f"a readout needs a varying load: {names} is known at {int(known.sum())} samples")
     channels = recording.measured.reshape(len(values), -1).astype(np.float64)
-    channels[:, np.isnan(channels).all(axis=0)] = 0.0  # never known, so no load explains them
+    channels[:, np.isnan(channels).all(axis=0)] = 0.0  # never known, so no load can explain them
     known &= np.isfinite(channels).all(axis=1)
     if known.sum() < FEW:
         raise InvalidValueError(f"load and channels are known together at {int(known.sum())} samples, not {FEW}")
@@ -96,14 +97,14 @@ def calibrate_readout(
     readout = _readout(lagged, block, delay, found, excitation, recording)
     if not readout.used.any():
         raise InvalidValueError(
-            f"no channel correlates with {names}: does it belong to the same motion, on the same clock?"
+            f"no channel correlates with {names}: check that loads and channels share one motion and one clock"
         )
     _warn(readout, delay)
     return readout
 
 
 def blocks_of(recording: Recording, values: Array) -> NDArray[np.intp]:
-    """``(T,)`` number of the block each sample is held out with."""
+    """Return the number of the block that each sample is held out with, ``(T,)``."""
     episode = recording.episode
     if len(np.unique(episode)) < BLOCKS[0]:
         episode = np.cumsum(np.diff(episode, prepend=episode[0]) != 0)
@@ -125,7 +126,7 @@ def _readout(
     excitation: Excitation,
     recording: Recording,
 ) -> LinearCalibration:
-    """The readout at a delay; held-out errors and intervals with the delays fitted without each block."""
+    """Fit the readout at a delay; held-out errors and intervals use the delays fitted without each block."""
     is_late = not delay.interval[0] <= 0 <= delay.interval[1]
     value = delay.value if is_late else 0.0
     smooth, sums = lagged.averaged(float(np.abs(delay.replicates).max()), block), lagged.sums(value, block)
@@ -168,7 +169,7 @@ def _readout(
 
 
 def least_ridge(sums: Sums) -> float:
-    """The regularisation with the least held-out error, if it beats none by more than a standard error."""
+    """Return the ridge with the lowest held-out error, or 0 if it gains no more than one standard error over none."""
     errors = np.stack([sums.squares(sums.without().solve(ridge)).mean(axis=1) for ridge in RIDGES])  # (ridges, blocks)
     best = int(np.argmin(errors.sum(axis=1)))
     gained = errors[0] - errors[best]
@@ -181,13 +182,13 @@ def _warn(readout: LinearCalibration, delay: Delay) -> None:
         if not found.excited[k]:
             warnings.warn(
                 f"the recording does not excite {load.name}: it varies by {found.spread[k]:.2g} {load.unit} only, so "
-                f"its gain is unknown and set to 0. Move so that {load.name} changes",
+                f"its gain is unknown and set to 0. Record a motion in which {load.name} changes",
                 stacklevel=3,
             )
         elif not found.separable[k]:
             warnings.warn(
                 f"the recording does not excite {load.name} apart from the other loads: they explain "
-                f"{1 - found.alone[k] ** 2:.1%} of its variance, so its gain is unknown by itself. Move so that "
+                f"{1 - found.alone[k] ** 2:.1%} of its variance, so its own gain is unknown. Record a motion in which "
                 f"{load.name} changes alone",
                 stacklevel=3,
             )

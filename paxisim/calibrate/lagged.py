@@ -1,4 +1,4 @@
-"""Lagged: the loads some time ago beside the channels, and the sums that a least-squares fit needs of them."""
+"""Lagged: delayed loads paired with channels, and the sums that a least-squares fit needs."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from paxisim.errors import InvalidValueError
 Array = NDArray[np.float64]
 
 GAP = 10.0
-"""Typical intervals; a longer gap between samples is not interpolated across."""
+"""Longest gap between samples that is interpolated across, in typical sample intervals."""
 MOST = 20_000_000
-"""Most values of channels that are fitted; of longer recordings every n-th sample is used."""
+"""Maximum number of channel values in a fit; longer recordings use every n-th sample."""
 _TINY = 1e-10  # added to the diagonal, so that exactly collinear terms can be solved for
-_AROUND = 3.0  # intervals before and after a time, over which the streams are averaged to find a delay
+_AROUND = 3.0  # half-width, in sample intervals, of the window over which streams are averaged to find a delay
 _CHUNK = 64  # channels that are averaged at a time
 
 
@@ -26,10 +26,10 @@ class Sums:
     """Sums of products, by block.
 
     Attributes:
-        count: ``(blocks,)`` samples.
-        xx: ``(blocks, terms, terms)`` of the terms with each other.
-        xy: ``(blocks, terms, channels)`` of the terms with the channels.
-        yy: ``(blocks, channels)`` of the channels with themselves.
+        count: ``(blocks,)`` number of samples.
+        xx: ``(blocks, terms, terms)`` products of terms with terms.
+        xy: ``(blocks, terms, channels)`` products of terms with channels.
+        yy: ``(blocks, channels)`` squares of the channels.
     """
 
     count: Array
@@ -38,19 +38,19 @@ class Sums:
     yy: Array
 
     def without(self) -> Sums:
-        """The same sums over all other blocks, for each block."""
+        """Return, for each block, the sums over all other blocks."""
         return Sums(*(getattr(self, f).sum(axis=0) - getattr(self, f) for f in ("count", "xx", "xy", "yy")))
 
     def total(self) -> Sums:
-        """The sums over all blocks, as a single one."""
+        """Return the sums over all blocks, as a single block."""
         return Sums(*(getattr(self, f).sum(axis=0, keepdims=True) for f in ("count", "xx", "xy", "yy")))
 
     def solve(self, ridge: float = 0.0) -> Array:
-        """``(blocks, terms, channels)`` coefficients that leave the least squares.
+        """Return the least-squares coefficients, ``(blocks, terms, channels)``.
 
         Args:
-            ridge: Multiple of the number of samples that is added to the diagonal; the first term, a constant, is
-                left out. Terms are expected to have unit variance.
+            ridge: Multiple of the number of samples that is added to the diagonal, except for the first term, a
+                constant. Terms are expected to have unit variance.
         """
         penalty = np.full(self.xx.shape[-1], ridge + _TINY)
         penalty[0] = _TINY
@@ -58,13 +58,13 @@ class Sums:
         return np.linalg.solve(self.xx + size * np.diag(penalty), self.xy)
 
     def squares(self, coefficients: Array) -> Array:
-        """``(blocks, channels)`` sums of squared residuals of ``(blocks, terms, channels)`` coefficients."""
+        """Return sums of squared residuals, ``(blocks, channels)``, of ``(blocks, terms, channels)`` coefficients."""
         fitted = np.einsum("btc,btu,buc->bc", coefficients, self.xx, coefficients, optimize=True)
         return np.maximum(self.yy - 2 * np.sum(coefficients * self.xy, axis=1) + fitted, 1e-300)
 
 
 def block_sums(terms: Array, values: Array, block: NDArray[np.intp], count: int) -> Sums:
-    """The sums of ``(T, terms)`` and ``(T, values)`` samples whose blocks, 0 to ``count - 1``, are ``(T,)``."""
+    """Sum products of ``(T, terms)`` and ``(T, values)`` samples by block ``(T,)``, numbered 0 to ``count - 1``."""
     order = np.argsort(block, kind="stable")
     edges = np.searchsorted(block[order], np.arange(count + 1))
     parts = [order[a:b] for a, b in itertools.pairwise(edges)]
@@ -77,25 +77,25 @@ def block_sums(terms: Array, values: Array, block: NDArray[np.intp], count: int)
 
 
 class Lagged:
-    """Loads and channels of a recording without unknown values, ready to be shifted against each other.
+    """Loads and channels of a recording without unknown values, prepared for shifting in time.
 
     A piece is a stretch without a gap; `usual` is the median duration of the pieces (s).
 
-    Terms are a constant, then for each power the loads to that power, each scaled to zero mean and unit variance.
+    The terms are a constant, then for each power all loads to that power, each scaled to zero mean and unit variance.
     """
 
     def __init__(self, time: Array, loads: Array, channels: Array, episode: NDArray[np.int64], degree: int) -> None:
-        """Find the pieces without a gap and the scales.
+        """Find the pieces without a gap, and the scales.
 
         Args:
-            time: ``(T,)`` seconds.
+            time: ``(T,)`` times (s).
             loads: ``(T, loads)`` known values.
             channels: ``(T, channels)`` known values.
-            episode: ``(T,)`` number of the episode.
+            episode: ``(T,)`` episode number of each sample.
             degree: Highest power of a load.
 
         Raises:
-            InvalidValueError: No piece has two samples, or most repeat a time stamp.
+            InvalidValueError: No piece has two samples, or most samples repeat a timestamp.
         """
         steps = np.diff(time)
         inside = steps[(np.diff(episode) == 0) & (steps > 0)]
@@ -105,7 +105,7 @@ class Lagged:
         self.pieces = [slice(a, b) for a, b in itertools.pairwise(edges) if b - a > 1]
         if not self.pieces or not self.interval:
             raise InvalidValueError(
-                "a readout needs stretches of two or more samples in a row, each with its own time stamp"
+                "a readout needs stretches of two or more consecutive samples, each with its own timestamp"
             )
         self.usual = float(np.median([time[piece.stop - 1] - time[piece.start] for piece in self.pieces]))
         self.time, self.loads, self.channels = time, loads, channels
@@ -121,11 +121,11 @@ class Lagged:
         return np.concatenate([relative**power for power in range(1, self.degree + 1)], axis=1)
 
     def sums(self, delay: float, block: NDArray[np.intp]) -> Sums:
-        """Sums of the terms at ``time - delay`` and the channels.
+        """Sum the products of the terms at ``time - delay`` and the channels.
 
         Args:
-            delay: Seconds.
-            block: ``(T,)`` number of the block of each sample, from 0.
+            delay: Delay of the channels (s).
+            block: ``(T,)`` block number of each sample, from 0.
         """
         at, loads = [], []
         for piece in self.pieces:
@@ -139,10 +139,10 @@ class Lagged:
         return self._sums(np.concatenate(loads), channels, block[which], int(block.max()) + 1)
 
     def polynomial(self, coefficients: Array) -> tuple[Array, Array]:
-        """Offset ``(channels,)`` and ``(degree, loads, channels)`` coefficients of the powers, in their own units.
+        """Return offset ``(channels,)`` and coefficients of the powers ``(degree, loads, channels)`` in original units.
 
         Args:
-            coefficients: ``(terms, channels)`` of the scaled terms.
+            coefficients: ``(terms, channels)`` coefficients of the scaled terms.
         """
         slopes = coefficients[1:] / self.spread[:, None]
         offset = self.level + self.scatter * (coefficients[0] - self.mean @ slopes)
@@ -151,13 +151,13 @@ class Lagged:
         return offset, slopes.reshape(self.degree, len(self.size), -1)
 
     def gains(self, coefficients: Array) -> Array:
-        """``(loads, channels)`` slopes of such coefficients, averaged over the samples."""
+        """Return the slopes ``(loads, channels)`` of such coefficients, averaged over the samples."""
         slopes = self.polynomial(coefficients)[1]
         powers = [power * np.mean(self.loads ** (power - 1), axis=0) for power in range(1, self.degree + 1)]
         return np.einsum("pk,pkc->kc", np.stack(powers), slopes)
 
     def averaged(self, most: float, block: NDArray[np.intp]) -> Averaged:
-        """The same with both streams averaged over some intervals, at samples that all delays up to `most` leave.
+        """Return both streams averaged over a few intervals, at samples that are valid for all delays up to `most`.
 
         Raises:
             InvalidValueError: There is no such sample.
@@ -173,7 +173,7 @@ class Lagged:
                 pieces.append(piece)
         if not at:
             raise InvalidValueError(
-                f"the recording is known in stretches of {self.usual:.2g} s only, too few samples to fit a readout to"
+                f"the known stretches of the recording are only {self.usual:.2g} s long, too short to fit a readout"
             )
         return Averaged(self, half, pieces, at, block)
 
@@ -184,12 +184,12 @@ class Lagged:
 
 
 class Averaged:
-    """Streams averaged alike, for the fit of the delay and the gains.
+    """Loads and channels averaged in the same way, for the fit of the delay and the gains.
 
-    Straight lines between noisy samples are smoother at the middle of an interval than at its ends, which draws a
-    delay to the middle. Averages over several intervals are about as smooth anywhere, and noise of the loads makes the
-    gains smaller to a lesser degree. As both streams are averaged in the same way, and averaging commutes with a delay
-    and a linear readout, neither delay nor gains change otherwise.
+    Linear interpolation between noisy samples is smoother in the middle of an interval than at its ends, which biases a
+    delay towards the middle. Averages over several intervals are almost equally smooth everywhere, and they reduce the
+    attenuation of the gains by noise in the loads. Both streams are averaged in the same way, and averaging commutes
+    with a delay and a linear readout, so delay and gains do not change otherwise.
     """
 
     def __init__(
@@ -211,7 +211,7 @@ class Averaged:
         return out
 
     def sums(self, delay: float) -> Sums:
-        """Sums of the terms at ``time - delay`` and the channels."""
+        """Sum the products of the terms at ``time - delay`` and the channels."""
         lagged = self._lagged
         loads = [
             _mean_around(lagged.time[piece], lagged.loads[piece], lagged.time[own] - delay, self._half)
@@ -225,7 +225,7 @@ def _interpolated(time: Array, values: Array, at: Array) -> Array:
 
 
 def _mean_around(time: Array, values: Array, at: Array, half: float) -> Array:
-    """``(len(at), columns)`` mean over ``at - half`` to ``at + half`` of the straight lines through ``values``."""
+    """Mean ``(len(at), columns)`` of the linearly interpolated ``values`` over ``at - half`` to ``at + half``."""
     steps = np.diff(time)[:, None]
     slope = np.divide(np.diff(values, axis=0), steps, out=np.zeros((len(steps), values.shape[1])), where=steps > 0)
     area = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(steps * (values[1:] + values[:-1]) / 2, axis=0)])

@@ -1,4 +1,4 @@
-"""LinearCalibration: what the channels of a sensor say of a load, when they are not in newtons."""
+"""LinearCalibration: the response of a sensor's channels to a load, for channels that are not in newtons."""
 
 from __future__ import annotations
 
@@ -21,27 +21,28 @@ AXES = "xyz"
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LinearCalibration:
-    """Response of each channel to a load: an offset, and for each load a gain, or a polynomial of higher degree.
+    """Response of each channel to a load: an offset, and a gain or a polynomial of higher degree for each load.
 
-    The unit of the channels is not that of a force; it may be microtesla, counts or farad. Divided by `scale`, a
-    channel is an estimate of the component of the load along the direction in which it is most sensitive. A diagnosis
-    can compare these estimates with what the load cell says of the same component, which then serves as the simulation.
+    The channels are not in a unit of force, but for example in microtesla, counts or farads. After subtracting `offset`
+    and dividing by `scale`, a channel estimates the component of the load along its most sensitive direction. A
+    diagnosis can compare these estimates with the load cell's value of the same component, which then serves as the
+    simulation.
 
     Attributes:
-        loads: The components of the load, and the covariates that hold them.
+        loads: Components of the load, and the covariates that hold them.
         coefficients: ``(degree, loads, pads, 3, rows, cols)`` channel units per newton (or N m), its square, ...
         offset: ``(pads, 3, rows, cols)`` reading without load, in channel units.
         gain: ``(loads, pads, 3, rows, cols)`` mean slope over the calibration, in channel units per newton (or N m);
             for degree 1 the coefficient itself.
-        gain_error: The same, half widths of 95 % intervals; infinite for loads that the data do not excite.
-        used: ``(pads, 3, rows, cols)`` whether the loads explain the channel; the others are set to zero.
-        delay: Seconds by which the channels follow the loads, one for all; 0 where `delay_interval` holds 0.
-        delay_interval: Ends of its 95 % interval (s).
-        error: ``(pads, 3, rows, cols)`` root of the mean squared held-out error, in channel units.
-        explained: ``(pads, 3, rows, cols)`` share of the variance that is explained on held-out data; negative where
-            the mean would do better.
-        excitation: How far the data excite each load.
-        ridge: Strength of the regularisation that cross-validation chose; 0: none.
+        gain_error: Half-widths of the 95 % intervals of `gain`; infinite for loads that the data do not excite.
+        used: ``(pads, 3, rows, cols)`` whether the loads explain the channel; unused channels are set to zero.
+        delay: Delay of all channels after the loads (s); 0 if `delay_interval` contains 0.
+        delay_interval: Ends of the 95 % interval of the delay (s).
+        error: ``(pads, 3, rows, cols)`` root-mean-square error on held-out data, in channel units.
+        explained: ``(pads, 3, rows, cols)`` share of the variance explained on held-out data; negative if the mean
+            would do better.
+        excitation: How well the data excite each load.
+        ridge: Regularisation strength chosen by cross-validation; 0 for none.
         blocks: Number of blocks of the recording that were held out in turn.
         unit: Unit of the channels.
     """
@@ -63,10 +64,10 @@ class LinearCalibration:
 
     @property
     def scale(self) -> NDArray[np.float64]:
-        """``(pads, 3, rows, cols)`` channel units per newton; 1 for unused channels.
+        """Channel units per newton, ``(pads, 3, rows, cols)``; 1 for unused channels.
 
-        It is the length of the gain, with torques at a lever of 10 mm. Its sign is that of the load that moves the
-        channel most, so that for one load it is the gain.
+        The scale is the norm of the gain vector, with torques at a lever arm of 10 mm. Its sign is that of the gain of
+        the load that changes the channel most, so for a single load it is the gain itself.
         """
         lever = np.array([LEVER if load.is_torque else 1.0 for load in self.loads]).reshape(-1, 1, 1, 1, 1)
         if len(self.loads) == 1:
@@ -86,7 +87,7 @@ class LinearCalibration:
         return self.offset + np.where(self.used, self.scale, 0.0) * np.asarray(force, dtype=np.float64)
 
     def expected(self, loads: NDArray[np.floating]) -> NDArray[np.float64]:
-        """``(..., pads, 3, rows, cols)`` newtons, what `to_force` should give.
+        """Return the values ``(..., pads, 3, rows, cols)`` (N) that `to_force` should give under known loads.
 
         Args:
             loads: ``(..., loads)`` newtons and newton-metres.
@@ -99,16 +100,16 @@ class LinearCalibration:
     def apply(self, recording: Recording) -> Recording:
         """Convert a recording for diagnosis: channels to newtons, with the load as the simulated stream.
 
-        The load is taken from `delay` earlier, so that both streams are aligned. A recording of a single episode is
-        cut into episodes between its presses (`paxisim.find_presses`).
+        The load is shifted by `delay`, so that both streams are aligned. A recording with a single episode is cut into
+        episodes between its presses (`paxisim.find_presses`).
 
         Args:
-            recording: Of the same sensor, with the channels in `measured` and the loads in its covariates. Samples
-                without a known load are dropped.
+            recording: Recording of the same sensor, with the channels in `measured` and the loads in its covariates.
+                Samples without a known load are dropped.
 
         Returns:
             The calibrated recording. ``metadata["readout"]`` holds the delay, the loads, the unit of the channels and
-            the unused ones as ``[pad, axis, row, column]``; these are 0 in both streams.
+            the unused channels as ``[pad, axis, row, column]``; these are 0 in both streams.
 
         Raises:
             UnknownNameError: A covariate is missing.
@@ -142,7 +143,7 @@ class LinearCalibration:
         )
 
     def earlier(self, recording: Recording, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """``(T, loads)`` the loads of `delay` ago; the first and last of an episode are held beyond it."""
+        """Return the loads ``(T, loads)`` delayed by `delay`; the first and last load of an episode are held."""
         if not self.delay:
             return values
         out = np.empty_like(values)
@@ -161,7 +162,7 @@ class LinearCalibration:
         }
 
     def __repr__(self) -> str:
-        """What it holds, in a line."""
+        """One-line summary."""
         names = ", ".join(load.name for load in self.loads)
         return (
             f"LinearCalibration({int(self.used.sum())} of {self.used.size} channels from {names}, "
@@ -169,7 +170,7 @@ class LinearCalibration:
         )
 
     def __str__(self) -> str:
-        """The loads, the delay and the channels as a table."""
+        """Table of the delay, the loads and the channels."""
         from paxisim.calibrate.table import table_of
 
         return table_of(self)

@@ -1,4 +1,4 @@
-"""Load model: the load that all channels of a sensor together say, by a linear or quadratic fit."""
+"""Load model: an estimate of the load from all channels of a sensor, by a linear or quadratic fit."""
 
 from __future__ import annotations
 
@@ -11,26 +11,27 @@ from paxisim.calibrate.fit import blocks_of, least_ridge
 from paxisim.calibrate.lagged import MOST, Array, block_sums
 from paxisim.calibrate.linear import LinearCalibration
 from paxisim.calibrate.loads import Load, values_of
+from paxisim.calibrate.linear import LinearCalibration
 from paxisim.errors import InvalidValueError
 from paxisim.recording import Recording
 
 MOST_SQUARED = 48
-"""Most channels of a quadratic model: it has a term for each pair of them."""
+"""Maximum number of channels of a quadratic model, which has one term per pair of channels."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LoadModel:
-    """Estimates the load from all channels at once, where a `LinearCalibration` gives one estimate for each channel.
+    """Estimate of the load from all channels at once; a `LinearCalibration` gives one estimate per channel instead.
 
     Attributes:
-        loads: The components of the load.
-        used: ``(pads, 3, rows, cols)`` channels that it reads.
-        quadratic: Whether it has squares and products of the channels beside the channels themselves.
-        center: ``(channels,)`` mean of each channel that is read, in channel units.
-        spread: ``(channels,)`` standard deviation, likewise.
-        weights: ``(1 + terms, loads)`` newtons (or N m): a constant, then one for each term.
-        error: ``(loads,)`` root of the mean squared error on held-out data (N, N m).
-        explained: ``(loads,)`` share of the variance that is explained on held-out data.
+        loads: Components of the load.
+        used: ``(pads, 3, rows, cols)`` mask of the channels that the model uses.
+        quadratic: Whether the model includes squares and products of the channels.
+        center: ``(channels,)`` mean of each used channel, in channel units.
+        spread: ``(channels,)`` standard deviation of each used channel, in channel units.
+        weights: ``(1 + terms, loads)`` weights (N or N m): a constant, then one for each term.
+        error: ``(loads,)`` root-mean-square error on held-out data (N, N m).
+        explained: ``(loads,)`` share of the variance explained on held-out data.
     """
 
     loads: tuple[Load, ...]
@@ -43,17 +44,17 @@ class LoadModel:
     explained: NDArray[np.float64]
 
     def __call__(self, channels: NDArray[np.floating]) -> NDArray[np.float64]:
-        """``(..., pads, 3, rows, cols)`` channels -> ``(..., loads)`` newtons and newton-metres."""
+        """Convert ``(..., pads, 3, rows, cols)`` channels to ``(..., loads)`` newtons and newton-metres."""
         own = np.asarray(channels, dtype=np.float64)[..., self.used]
         return _terms((own - self.center) / self.spread, self.quadratic) @ self.weights
 
     def __repr__(self) -> str:
-        """What it holds, in a line."""
+        """One-line summary."""
         kind = "quadratic" if self.quadratic else "linear"
         return f"LoadModel({', '.join(load.name for load in self.loads)} from {self.used.sum()} channels, {kind})"
 
     def __str__(self) -> str:
-        """The held-out error of each load."""
+        """Table of the held-out error of each load."""
         kind = "quadratic" if self.quadratic else "linear"
         width = max(4, *(len(load.name) for load in self.loads))
         lines = [f"load from all {self.used.sum()} channels together, {kind}; error on held-out data"]
@@ -63,26 +64,26 @@ class LoadModel:
 
 
 def fit_load_model(recording: Recording, readout: LinearCalibration, *, quadratic: bool = False) -> LoadModel:
-    """Fit the load to all channels that a readout uses; the regularisation is chosen on held-out presses.
+    """Fit the load to all channels that a readout uses; held-out blocks choose the regularisation.
 
     Args:
-        recording: The one that the readout was fitted to, with the loads in its covariates.
-        readout: Says which channels the loads explain, and by how much they follow them.
-        quadratic: Add squares and products of the channels. With few presses, the held-out error tells whether they
-            help.
+        recording: The recording that the readout was fitted to, with the loads in its covariates.
+        readout: LinearCalibration that provides the used channels and the delay.
+        quadratic: Whether to add squares and products of the channels. With few presses, the held-out error shows
+            whether they help.
 
     Raises:
-        InvalidValueError: Too many channels for a quadratic model, or the recording does not fit the readout.
+        InvalidValueError: There are too many channels for a quadratic model, or the recording does not fit the readout.
     """
     count = int(readout.used.sum())
     if quadratic and count > MOST_SQUARED:
         raise InvalidValueError(
-            f"a quadratic model takes at most {MOST_SQUARED} channels, as it has a term for each pair; the loads "
-            f"explain {count}: fit a linear one"
+            f"a quadratic model takes at most {MOST_SQUARED} channels, as it has a term for each pair; the readout "
+            f"uses {count}: fit a linear model"
         )
     if recording.measured is None or recording.measured.shape[1:] != readout.used.shape:
         raise InvalidValueError(
-            f"the recording must have measured tensors of shape {readout.used.shape}, as the readout"
+            f"the recording must have measured tensors of shape {readout.used.shape}, like the readout"
         )
     values = values_of(recording, readout.loads)
     known = np.isfinite(values).all(axis=1) & np.isfinite(recording.measured).all(axis=(1, 2, 3, 4))
@@ -103,7 +104,7 @@ def fit_load_model(recording: Recording, readout: LinearCalibration, *, quadrati
     squares = sums.squares(sums.without().solve(ridge)).sum(axis=0) / sums.count.sum()
     variance = sums.yy.sum(axis=0) / sums.count.sum()
     solved = sums.total().solve(ridge)[0]
-    # back to terms of unit spread in the channels alone
+    # back to terms built from the standardised channels
     solved[1:] /= size[:, None]
     solved[0] -= mean @ solved[1:]
     weights = solved * scatter
@@ -113,7 +114,7 @@ def fit_load_model(recording: Recording, readout: LinearCalibration, *, quadrati
 
 
 def _terms(scaled: Array, quadratic: bool) -> Array:
-    """``(..., 1 + terms)``: a constant, the channels, and if `quadratic` each product of two."""
+    """Return the terms ``(..., 1 + terms)``: a constant, the channels, and if `quadratic` each product of two."""
     parts = [np.ones((*scaled.shape[:-1], 1)), scaled]
     if quadratic:
         first, second = np.triu_indices(scaled.shape[-1])

@@ -1,4 +1,4 @@
-"""Loads: which covariates of a recording hold which components of the load, and how far the data excite them."""
+"""Loads: the covariates that hold the components of the load, and how well the data excite them."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ COMPONENTS = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")
 """Components of a load: forces (N) and torques (N m)."""
 MOST = len(COMPONENTS)
 CLEAR = 2.0
-"""Least standard deviation of an excited load, in units of its noise."""
+"""Minimum standard deviation of an excited load, in units of its noise."""
 WEAK = 0.01
-"""Least standard deviation of an excited load, as a share of the largest of its kind (forces or torques)."""
+"""Minimum standard deviation of an excited load, as a share of the largest of its kind (forces or torques)."""
 ALONE = 0.05
-"""Least share of a load's standard deviation that the other loads do not explain."""
+"""Minimum share of a separable load's standard deviation that the other loads do not explain."""
 
 
 @dataclass(frozen=True)
 class Load:
-    """A component of the load and where a recording holds it.
+    """A component of the load and the covariate that holds it.
 
     Attributes:
-        name: What it is called; ``"Tx"``, ``"Ty"`` and ``"Tz"`` are torques, all others forces.
+        name: Name of the component; ``"Tx"``, ``"Ty"`` and ``"Tz"`` are torques, all others forces.
         covariate: Name of the covariate.
-        index: Its column of a covariate with several values per sample; None if the covariate has one.
+        index: Column in a covariate with several values per sample; None if the covariate has one.
     """
 
     name: str
@@ -43,19 +43,19 @@ class Load:
 
     @property
     def unit(self) -> str:
-        """``"N"`` or ``"N m"``."""
+        """Unit of the component, ``"N"`` or ``"N m"``."""
         return "N m" if self.is_torque else "N"
 
 
 @dataclass(frozen=True, eq=False)
 class Excitation:
-    """How far a recording excites each load.
+    """How well a recording excites each load.
 
     Attributes:
         spread: ``(loads,)`` standard deviation (N, N m).
-        alone: ``(loads,)`` share of it that a linear combination of the other loads does not explain, 0 to 1.
-        excited: ``(loads,)`` whether the load varies enough for its gain to be fitted.
-        separable: ``(loads,)`` whether it also varies enough by itself, so that its gain is not that of the others.
+        alone: ``(loads,)`` share of `spread` that a linear combination of the other loads does not explain, 0 to 1.
+        excited: ``(loads,)`` whether the load varies enough to fit its gain.
+        separable: ``(loads,)`` whether the load also varies enough independently of the others to separate its gain.
     """
 
     spread: NDArray[np.float64]
@@ -65,11 +65,11 @@ class Excitation:
 
 
 def find_loads(recording: Recording, loads: str | Sequence[str] | Mapping[str, str]) -> tuple[Load, ...]:
-    """The components that `loads` names; see `paxisim.calibrate_readout`.
+    """Return the load components that `loads` names; see `paxisim.calibrate_readout`.
 
     Raises:
-        UnknownNameError: No such covariate or component.
-        InvalidValueError: No load or more than six, one that comes twice, or a covariate of another width.
+        UnknownNameError: There is no such covariate or component.
+        InvalidValueError: There is no load, more than six or a duplicate, or a covariate has an unsupported width.
     """
     if isinstance(loads, Mapping):
         given = list(loads.items())
@@ -99,16 +99,16 @@ def find_loads(recording: Recording, loads: str | Sequence[str] | Mapping[str, s
 
 
 def _component(name: str) -> str:
-    """``"Fx"`` for ``"fx"`` and likewise; any other name is kept."""
+    """Return the component for a name in any case, e.g. ``"Fx"`` for ``"fx"``; other names are unchanged."""
     return next((component for component in COMPONENTS if component.lower() == name.lower()), name)
 
 
 def values_of(recording: Recording, loads: Sequence[Load]) -> NDArray[np.float64]:
-    """``(T, loads)`` values of the loads in a recording.
+    """Return the values of the loads in a recording, ``(T, loads)``.
 
     Raises:
         UnknownNameError: The recording lacks a covariate.
-        InvalidValueError: A covariate has another width than that of the calibration.
+        InvalidValueError: A covariate has a different width than in the calibration.
     """
     columns = []
     for load in loads:
@@ -126,7 +126,7 @@ def values_of(recording: Recording, loads: Sequence[Load]) -> NDArray[np.float64
 
 
 def excitation_of(loads: Sequence[Load], values: NDArray[np.float64]) -> Excitation:
-    """How far ``(T, loads)`` known values excite each load."""
+    """Return how well known values ``(T, loads)`` excite each load."""
     spread = values.std(axis=0)
     if len(values) > 2:
         noise = 1.4826 * np.median(np.abs(np.diff(values, 2, axis=0)), axis=0) / np.sqrt(6)
@@ -136,7 +136,7 @@ def excitation_of(loads: Sequence[Load], values: NDArray[np.float64]) -> Excitat
     largest = np.array([spread[torque == kind].max() for kind in torque])
     varies = (spread > 0) & (spread >= WEAK * largest)
     excited = varies & (spread >= CLEAR * noise)
-    if not excited.any():  # sampled so slowly that the noise cannot be told from the signal
+    if not excited.any():  # sampled too slowly to separate the noise from the signal
         excited, noise = varies, np.zeros(len(loads))
     alone = np.zeros(len(loads))
     for k in np.flatnonzero(excited):

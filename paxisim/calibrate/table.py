@@ -1,4 +1,4 @@
-"""The table of a readout."""
+"""Text table of a readout."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ if TYPE_CHECKING:
     from paxisim.calibrate.linear import LinearCalibration
 
 MOST = 30
-"""Most channels that are listed; of more, those with the largest share of unexplained variance."""
+"""Maximum number of listed channels; if there are more, those with the most unexplained variance are listed."""
 MOST_WITH_ERRORS = 3
-"""Most loads whose gains are listed with their intervals."""
+"""Maximum number of loads for which gains are listed with their intervals."""
 
 
 def table_of(readout: LinearCalibration) -> str:
-    """The delay, the loads and the channels of a readout, as lines of text."""
+    """Return the delay, the loads and the channels of a readout as a text table."""
     return "\n".join([*_delay(readout), "", *_loads(readout), "", *_channels(readout)])
 
 

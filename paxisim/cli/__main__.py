@@ -1,4 +1,4 @@
-"""``python -m paxisim.cli`` does what ``paxisim`` does."""
+"""Run the shell command as ``python -m paxisim.cli``."""
 
 import sys
 

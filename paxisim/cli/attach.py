@@ -1,4 +1,4 @@
-"""``paxisim attach``."""
+"""The ``paxisim attach`` command."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ def attach(
 ) -> None:
     """Put tactile pads on a gripper and write the result as MJCF.
 
-    Grippers that robosuite ships are known by their file name. For any other gripper, the pads go where its fingers
-    meet when its actuators close. The command prints what it did and draws a picture.
+    The command recognises robosuite's grippers by their file name. On any other gripper, it closes the actuators and
+    puts the pads where the fingers meet. It prints the mounts it chose and draws a picture of the result.
 
     For example:
 
@@ -42,9 +42,9 @@ def attach(
         gripper: The gripper's MJCF file.
         taxels: The pad's taxels.
         output: Output MJCF file, .xml.
-        mount: Mount of a pad, once for each pad, in the form that this command prints:
+        mount: Where to put a pad, once per pad, in the format that this command prints:
             'BODY pos-mm=X,Y,Z quat=W,X,Y,Z replaces=GEOM,GEOM name=NAME'.
-        picture: Picture of the gripper with its pads, .png; default: beside the output.
+        picture: Picture of the gripper with its pads, .png; default: the name of the output, with .png.
         thickness_mm: Thickness of the taxels in mm.
         sensors: MuJoCo sensors to embed; paxisim's own reader needs none.
         force: Overwrite the outputs if they exist.
@@ -70,13 +70,13 @@ def attach(
         drawn, missing = png(paxisim.plot_mounts(tactile)), None
     except paxisim.MissingExtraError as error:
         drawn, missing = b"", error
-    # nothing is written before all there is to write is there
+    # write nothing until both outputs are ready
     write_output(output, model, force)
     if tactile.report:
         for line in tactile.report.splitlines():
             indent = line[: len(line) - len(line.lstrip())] + "  "
             print(textwrap.fill(line, WIDTH, subsequent_indent=indent, break_on_hyphens=False))
-        print("\nTo change it, edit and give:")
+        print("\nTo change the mounts, edit these options and run the command with them:")
         for chosen in tactile.mounts:
             line = f"  --mount '{format_mount(chosen)}'"
             print(line if len(line) <= WIDTH else f"  --mount '{format_mount(chosen, _INDENTED)}'")
@@ -87,21 +87,21 @@ def attach(
         print(f"no picture: {missing}")
         return
     write_output(picture, drawn, force)
-    print(f"{picture}: the gripper with its pads, row 0 and column 0 of each white")
+    print(f"{picture}: the gripper with its pads, row 0 and column 0 of each pad white")
 
 
 def _refuse_other_pads(gripper: Path, layout: TaxelLayout) -> None:
-    """Refuse a gripper that has pads of another shape, before its fingers are closed.
+    """Refuse a gripper that already has pads of another shape, before the slow search for mounts.
 
     Raises:
-        InvalidValueError: It has, or it cannot be read.
+        InvalidValueError: The gripper has such pads, or its file cannot be read.
     """
     from paxisim.models import names
     from paxisim.models.load import load_spec
 
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # attaching reads the file again and warns then
-        spec = load_spec(gripper)  # kept, as its elements do not outlive it
+        warnings.simplefilter("ignore")  # `attach` reads the file again and warns then
+        spec = load_spec(gripper)  # keep a reference: its elements do not outlive it
     shapes: dict[str, tuple[int, int]] = {}
     for match in filter(None, (names.TAXEL.match(geom.name) for geom in spec.geoms)):
         shape = (int(match["row"]) + 1, int(match["col"]) + 1)
@@ -109,6 +109,6 @@ def _refuse_other_pads(gripper: Path, layout: TaxelLayout) -> None:
     others = ", ".join(f"{pad} {r}x{c}" for pad, (r, c) in shapes.items() if (r, c) != (layout.rows, layout.cols))
     if others:
         raise InvalidValueError(
-            f"{gripper} has pads of another shape already ({others}), which do not fit one tensor with pads of "
-            f"{layout.rows}x{layout.cols}: give the gripper without pads, or taxels of that shape"
+            f"{gripper} has pads of another shape already ({others}), and one tensor cannot hold them together with "
+            f"pads of {layout.rows}x{layout.cols}: use the gripper without pads, or choose taxels of that shape"
         )

@@ -1,4 +1,4 @@
-"""``paxisim calibrate``."""
+"""The ``paxisim calibrate`` command."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ def calibrate(
     max_delay: float = 0.5,
     force: bool = False,
 ) -> None:
-    """Calibrate a sensor whose channels are not in newtons, against a load cell recorded beside it.
+    """Calibrate a sensor that does not measure newtons against a load cell recorded with it.
 
-    Each channel gets a gain per load, and all channels share one delay. The load is also fitted to all channels
-    together. The command prints both tables with held-out errors, and draws two pictures beside the output, .png and
-    .residuals.png.
+    The command fits a gain per channel and load, with one delay for all channels, and the load as a function of all
+    channels. It prints both tables with held-out errors, and draws the fit (.png) and the residuals
+    (.residuals.png) next to the output.
 
-    An output ending in .json is a calibration, which --calibration of record and live applies. Any other output is the
-    recording in newtons with the loads as its simulation, ready for `paxisim diagnose`.
+    An output file .json is a calibration, for the option --calibration of record and live. Any other output is the
+    recording in newtons with the loads as simulated tensors, as input for `paxisim diagnose`.
 
     For example:
 
@@ -37,12 +37,13 @@ def calibrate(
 
     Args:
         recording: Recording with the channels as measured tensors and the loads as covariates (.mcap, .npz, .csv).
-        loads: Covariates that hold the load in N and N m, up to six: names, or COMPONENT=NAME with the components Fx,
-            Fy, Fz, Tx, Ty and Tz. A covariate with 3 or 6 values per sample holds them in this order.
-        output: Output: a calibration (.json) or the calibrated recording (.mcap, .npz).
-        degree: 1 for straight lines, 2 or 3 for polynomials of each load.
-        quadratic: Fit the load to products of the channels as well. Use it if the held-out error falls.
-        max_delay: Largest delay between loads and channels to search, in seconds, of either sign.
+        loads: Covariates that hold the load, up to six, in N and N m.
+            Either names, or COMPONENT=NAME with the components Fx, Fy, Fz, Tx, Ty and Tz.
+            A covariate with 3 or 6 values per sample holds the components in this order.
+        output: Output file: a calibration (.json) or the calibrated recording (.mcap, .npz).
+        degree: Degree of the polynomials in each load: 1 (straight lines), 2 or 3.
+        quadratic: Also use products of channels to fit the load. Keep it only if the held-out error falls.
+        max_delay: Largest delay between loads and channels to search, in seconds, in either direction.
         force: Overwrite the outputs if they exist.
     """
     from paxisim.calibrate.calibration import calibrate_sensor
@@ -73,7 +74,7 @@ def calibrate(
         drawn, missing = [], error
     if is_model:
         calibration.save(output)
-        said = "the calibration, for --calibration of record and live"
+        said = "the calibration, for the option --calibration of record and live"
     else:
         calibrated = calibration.readout.apply(raw)
         calibrated.save(output)
@@ -90,7 +91,7 @@ def calibrate(
 
 
 def _loads(words: tuple[str, ...]) -> tuple[str, ...] | Mapping[str, str]:
-    """Names, or the covariate of each component."""
+    """Parse ``--loads``: either covariate names, or a mapping from load component to covariate name."""
     pairs = [word.split("=", 1) for word in words]
     named = [pair for pair in pairs if len(pair) == 2]
     if not named:
@@ -98,6 +99,6 @@ def _loads(words: tuple[str, ...]) -> tuple[str, ...] | Mapping[str, str]:
     components = [component for component, *_ in pairs]
     if len(named) < len(pairs) or len(set(components)) < len(components) or not all(name for _, name in named):
         raise InvalidValueError(
-            f"--loads takes names, or COMPONENT=NAME for different components, got {' '.join(words)}"
+            f"--loads must be names, or COMPONENT=NAME for different components, got {' '.join(words)}"
         )
     return dict(named)

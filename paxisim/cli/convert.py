@@ -1,4 +1,4 @@
-"""``paxisim convert``."""
+"""The ``paxisim convert`` command."""
 
 from __future__ import annotations
 
@@ -32,10 +32,11 @@ def convert(
     action: tuple[str, ...] = (),
     force: bool = False,
 ) -> None:
-    """Convert a recording to Parquet, npz or MCAP (by the suffix of the output), or to a LeRobotDataset.
+    """Convert a recording to Parquet, npz or MCAP, or to a LeRobotDataset.
 
-    Streams with their own clock are interpolated between their samples, never beyond them. Parquet stores one column
-    per value: tactile.PAD.ROW_COL.AXIS, timestamp, frame_index, episode_index and so on.
+    The suffix of the output file selects the format. Streams with their own clock are interpolated between their
+    samples, never extrapolated. Parquet stores one column per value: tactile.PAD.ROW_COL.AXIS, timestamp, frame_index,
+    episode_index and so on.
 
     For example:
 
@@ -46,23 +47,24 @@ def convert(
     paxisim convert press.mcap --lerobot press-lerobot --task "press the ball"
 
     Args:
-        recording: Recording: .mcap, .npz, .parquet, .csv or .hdf5 (robosuite, robomimic), or the folder of a
-            LeRobotDataset (v3).
+        recording: Recording: .mcap, .npz, .parquet, .csv or .hdf5 (robosuite, robomimic).
+            Or the folder of a LeRobotDataset (v3).
         output: Output file: .parquet, .npz or .mcap.
         align: Interpolation of streams with their own clock.
-        missing: What to do with unknown values: write NaN, or drop the sample. In a LeRobotDataset, an episode ends at
-            a dropped frame.
-        profile: Profile of the sensor (name or file), for a CSV file of a board. It holds the order and signs of the
-            taxels.
-        pads: Pads to keep, by their names in the file; default: all.
-        streams: Files with more streams of the same motion, such as joint positions: .mcap of ROS 2 or with JSON, .csv,
-            .hdf5, LeRobot's .parquet or folder.
-        lerobot: Write a LeRobotDataset (v3.0) into this new folder.
-        task: Task of the LeRobotDataset, in words; default: the recording's own.
-        fps: Frames per second of the LeRobotDataset; default: the recording's rate, rounded. An irregular recording is
-            resampled.
-        state: Covariates of observation.state; default: all numbers and rows of numbers that are not in action.
-        action: Covariates of action; default: action, actions and action.NAME.
+        missing: What to do with unknown values: write NaN, or drop the sample.
+            In a LeRobotDataset, a dropped frame ends the episode.
+        profile: Profile of the sensor (name or file), needed for a CSV file of a board.
+            It holds the order and the signs of the taxels.
+        pads: Names of the pads to keep; default: all.
+        streams: Files with more streams of the same motion, such as joint positions.
+            Possible are .mcap (ROS 2 or JSON messages), .csv, .hdf5, and LeRobot's .parquet or folder.
+        lerobot: Folder for a LeRobotDataset (v3.0); it must not exist yet.
+        task: Task description in the LeRobotDataset; default: the recording's own.
+        fps: Frames per second of the LeRobotDataset; default: the recording's rate, rounded.
+            An irregular recording is resampled.
+        state: Covariates that make up observation.state.
+            Default: all covariates with one number or one row of numbers per sample, except those in action.
+        action: Covariates that make up action; default: action, actions and action.NAME.
         force: Overwrite the output file if it exists. A folder is never overwritten.
     """
     from paxisim.errors import InvalidValueError
@@ -70,7 +72,7 @@ def convert(
 
     if (output is None) == (lerobot is None):
         raise InvalidValueError(
-            "a recording is converted to a file or, with --lerobot DIR, to a LeRobotDataset: expected one of the two, "
+            "the output is either a file or, with --lerobot DIR, a LeRobotDataset: expected one of the two, "
             + ("got neither" if output is None else f"got {output} and {lerobot}")
         )
     for_lerobot = {"task": task, "fps": fps, "state": state, "action": action}
@@ -110,7 +112,7 @@ def _check_file(output: Path, force: bool, not_for_it: list[str]) -> None:
     if not_for_it:
         raise InvalidValueError(f"--{not_for_it[0]} is for a LeRobotDataset, give --lerobot DIR; {output} is a file")
     if output.suffix.lower() not in _SUFFIXES:
-        raise InvalidValueError(f"a recording is converted to .parquet, .npz or .mcap, got {output}")
+        raise InvalidValueError(f"the output must end in .parquet, .npz or .mcap, got {output}")
     check_output(output, force)
     if output.suffix.lower() == ".parquet":
         from paxisim.logs.parquet import require_pyarrow

@@ -1,4 +1,4 @@
-"""``paxisim demo``."""
+"""The ``paxisim demo`` command."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ def demo(
 ) -> None:
     """Squeeze a peg between two pads, compare the tensor with the known load, and draw it.
 
-    Two pads of the paper's sensor, pooled to 6x5 and each with a random bump, sit on a two-finger gripper that holds a
-    60 g peg. At rest each pad must read the squeeze, and both together the peg's weight.
+    A two-finger gripper holds a peg of 60 g. Each finger has a pad of the paper's sensor, pooled to 6x5 taxels, with a
+    random bump. At rest, each pad must read the squeeze force, and both pads together the weight of the peg.
 
     For example:
 
@@ -62,7 +62,7 @@ def demo(
 
     layout = paxisim.sensor("paxini-gen1-l4629").layout.pool(2, 2)
     inwards = {"left_finger": "left_fingertip", "right_finger": "right_fingertip"}
-    # the pad frame on a fingertip: x along the hand's depth, y down to the tip, z into the finger
+    # pad frame on a fingertip: x along the depth of the hand, y down to the tip, z into the finger
     mounts = [
         paxisim.Mount(body, pos=(0, 0, -0.019), quat=(0.5, -0.5, -0.5, 0.5), replaces=(tip,), name=body.split("_")[0])
         for body, tip in inwards.items()
@@ -82,7 +82,7 @@ def demo(
     readout = paxisim.TactileReadout(model, pads)
     peg = model.body("peg").id
     weight = float(model.body_mass[peg] * -model.opt.gravity[2])
-    data.xfrc_applied[peg, 2] = weight  # held until the fingers have it
+    data.xfrc_applied[peg, 2] = weight  # carry the peg until the fingers hold it
     mujoco.mj_step(model, data, 500)
     data.xfrc_applied[peg, 2] = 0
     mujoco.mj_step(model, data, 1000)
@@ -104,7 +104,7 @@ def demo(
 
 
 def _free_name(stem: str, suffix: str) -> Path:
-    """The first of stem.suffix, stem-2.suffix ... that does not exist."""
+    """Return the first of stem.suffix, stem-2.suffix, ... that does not exist."""
     path, number = Path(stem + suffix), 2
     while path.exists():
         path, number = Path(f"{stem}-{number}{suffix}"), number + 1

@@ -1,4 +1,4 @@
-"""``paxisim device check``, ``paxisim device quality`` and ``paxisim device profiles``."""
+"""The ``paxisim device check``, ``paxisim device quality`` and ``paxisim device profiles`` commands."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from paxisim.hw.frame import Frame
     from paxisim.hw.profile import Profile
 
-_LATE = 0.1  # seconds by which frames of what was before may still arrive
-_PATIENCE = 5.0  # seconds without a frame
+_LATE = 0.1  # s; frames from before the start of a step may arrive this late
+_PATIENCE = 5.0  # s; longest wait for a frame
 
 
 def device_check(
@@ -34,13 +34,13 @@ def device_check(
     seconds: float = 4.0,
     force: bool = False,
 ) -> None:
-    """Find order, axes and signs of a real sensor by pressing it, and write them as a profile.
+    """Find the taxel order, axes and signs of a real sensor by pressing it, and write a profile.
 
-    The command asks for one step after another: press Enter, then do it. It repeats a step that it did not feel
-    clearly. It writes nothing before all steps are done and agree; Ctrl-C leaves nothing behind.
+    The command asks for one step after another: press Enter, then follow the instruction. It repeats a step that gave
+    no clear signal. It writes the profile only when all steps are done and agree, and nothing after Ctrl-C.
 
-    For a board of magnetometers (AnySkin, ReSkin, eFlesh) it finds which chips respond, since each chip has its own
-    axes.
+    For a board of magnetometers (AnySkin, ReSkin, eFlesh), the command only finds which chips respond, since each chip
+    has its own axes.
 
     For example:
 
@@ -48,7 +48,7 @@ def device_check(
 
     Args:
         port: Port of the sensor.
-        profile: The closest profile: a name or a .toml file.
+        profile: Profile to check, closest to the sensor: a name or a .toml file.
         output: Output profile, .toml.
         seconds: Duration of each step in seconds.
         force: Overwrite the output if it exists.
@@ -61,7 +61,7 @@ def device_check(
     from paxisim.hw.profile_file import profile_toml
 
     if output.suffix != ".toml":
-        raise InvalidValueError(f"the output must be a .toml file, or it could not be used as a profile, got {output}")
+        raise InvalidValueError(f"the output must be a .toml file, so that it can be used as a profile, got {output}")
     check_output(output, force)
     _check_seconds(seconds)
     believed = load_profile(profile)
@@ -69,14 +69,14 @@ def device_check(
     check = _field_check() if measures_field else _force_check()
     steps = check.steps(believed)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UnverifiedProfileWarning)  # this is what verifies it
+        warnings.simplefilter("ignore", UnverifiedProfileWarning)  # this check verifies it
         sensor = open_sensor(port, replace(believed, pool=(1, 1)))
     with sensor:
         said = " ".join(sensor.version().split())
         print(f"{said or believed.name} on {port}")
         if not measures_field:
-            print("Face the sensing surface with the top of the pad up: left, right and down are as you see them then.")
-        print(f"Each step: press Enter, then do it and hold it, within {seconds:g} s.\n")
+            print("Look at the sensing surface with the top of the pad up: left, right and down are as you see them.")
+        print(f"At each step, press Enter, then follow the instruction and hold, within {seconds:g} s.\n")
         touches: dict[str, Any] = {}
         rest = None
         for number, step in enumerate(steps, 1):
@@ -103,7 +103,7 @@ def device_check(
 
 
 class _Check(NamedTuple):
-    """One kind of check: what to ask, and what to make of what was recorded."""
+    """Steps of a kind of check, and the functions that evaluate the recorded frames."""
 
     steps: Callable[[Profile], tuple[Step, ...]]
     rest: Callable[..., Any]
@@ -118,7 +118,7 @@ def _force_check() -> _Check:
     def say(believed: Profile, touch: Touch) -> str:
         x, y, z = touch.total
         there, unit = believed.slots[touch.pad].name, believed.unit
-        return f"felt where the profile has {there!r}: {z:.1f} {unit} of normal force, shear {x:+.1f} {y:+.1f} {unit}"
+        return f"felt on the profile's pad {there!r}: {z:.1f} {unit} of normal force, shear {x:+.1f} {y:+.1f} {unit}"
 
     return _Check(check_steps, rest_of, feel, say, conclude)
 
@@ -133,20 +133,20 @@ def _field_check() -> _Check:
 
 
 def _ask(sensor: TactileSensor, step: Step, number: str, seconds: float):
-    """The forces recorded during a step, ``(T, pads, 3, rows, cols)``, once the user is ready."""
+    """Ask for a step, wait for Enter, and return the recorded forces, ``(T, pads, 3, rows, cols)``."""
     import numpy as np
 
     print(f"{number:>4} {step.prompt}. Enter: ", end="", flush=True)
     if not sys.stdin.readline():
-        raise InvalidValueError("the input ended before the check was done; nothing was written")
+        raise InvalidValueError("standard input ended before the check was done; nothing was written")
     if not sys.stdin.isatty():
-        print()  # the Enter of a terminal ends the line
+        print()  # on a terminal, Enter has ended the line
     frames = _record(sensor, seconds, sys.stdout.isatty())
     return np.stack([frame.force for frame in frames])
 
 
 def _record(sensor: TactileSensor, seconds: float, live: bool) -> list[Frame]:
-    """The frames of the next seconds; if `live`, with a line that shows the pads' total force."""
+    """Return the frames of the next seconds; if `live`, show each pad's total force meanwhile."""
     first = sensor.latest(_PATIENCE).arrival + _LATE
     frames = [sensor.read(_PATIENCE)]
     while frames[0].arrival < first:
@@ -174,7 +174,7 @@ def device_quality(
     seconds: float = 10.0,
     force: bool = False,
 ) -> None:
-    """Measure rate, jitter, noise and drift of an untouched real sensor.
+    """Measure the rate, jitter, noise and drift of a real sensor while nothing touches it.
 
     For example:
 
@@ -183,8 +183,8 @@ def device_quality(
     Args:
         port: Port of the sensor.
         profile: Profile of the sensor: a name or a .toml file.
-        output: Output picture, .png; default: a table only.
-        seconds: Duration in seconds. Drift takes minutes to show.
+        output: Output picture, .png; default: print the table only.
+        seconds: Duration in seconds. Drift shows only after minutes.
         force: Overwrite the output if it exists.
     """
     from paxisim.hw.device import open_sensor
@@ -211,14 +211,14 @@ def device_quality(
 
 
 def device_profiles(name: Annotated[str | None, tyro.conf.Positional] = None) -> None:
-    """List the known sensor profiles, or print one as a file to start from.
+    """List the known sensor profiles, or print one as the start of your own.
 
     For example:
 
     paxisim device profiles gen2-box-120 > my-sensor.toml
 
     Args:
-        name: Profile to print.
+        name: Name of the profile to print; default: list all.
     """
     from paxisim.hw.profile import load_profile
     from paxisim.hw.profile_file import format_profiles, profile_toml

@@ -1,4 +1,4 @@
-"""``paxisim diagnose``."""
+"""The ``paxisim diagnose`` command."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from paxisim.errors import InvalidValueError, OutputExistsError
 
 FILES = {
     "report.html": "the report with pictures, for a browser",
-    "diagnosis.json": "all figures of the diagnosis",
+    "diagnosis.json": "all numbers of the diagnosis",
     "model.json": "the extended sensor model",
-    "fitted_scene.toml": "the scene with the values that were found",
+    "fitted_scene.toml": "the scene with the fitted values",
     "fitted_scene.xml": "its MJCF",
 }
 
@@ -30,15 +30,15 @@ def diagnose(
     jobs: int = 1,
     force: bool = False,
 ) -> None:
-    """Diagnose what the simulation gets wrong and why.
+    """Find out where and why a simulation differs from the real sensor.
 
-    The recording contains the measured and the simulated tensors of the same motion. The command writes report.html,
-    the report with pictures; diagnosis.json, all figures; and model.json, the extended sensor model. If the two streams
-    are not of the same motion, the exit status is 1 and there is no model.
+    The recording holds measured and simulated tensors of the same motion. The command writes report.html (report with
+    pictures), diagnosis.json (all numbers) and model.json (extended sensor model). If the two tensors are not of the
+    same motion, it writes no model and exits with status 1.
 
-    With --scene it also searches for causes inside the scene, such as friction or the place of a pad, by replaying the
-    motion with other values of the scene's parameters. The recording then needs no simulated tensors.
-    fitted_scene.toml and fitted_scene.xml are the scene with the fitted values.
+    With --scene, the command also searches for causes inside the scene, such as friction or the position of a pad. It
+    replays the motion with other values of the scene's parameters, so the recording needs no simulated tensors. It
+    writes the scene with the fitted values to fitted_scene.toml and fitted_scene.xml.
 
     For example:
 
@@ -49,14 +49,19 @@ def diagnose(
     Args:
         recording: Recording with measured and simulated tensors (.mcap, .npz, .csv).
         output: Output folder; created if missing, but its parent must exist.
-        scene: Scene file, .toml, as `paxisim replay` takes it.
-        causes: Causes to search for, separated by commas; default: all. Those of the sensor are axis_gain,
-            taxel_gain, offset, drift, stiffening, poisson, crosstalk, axis_coupling, rotation, layout, creep,
-            hysteresis, low_pass, latency, saturation, dead_band, quantisation, dead_taxels, swapped_taxels,
-            interference and channel_curve; those of the scene are friction, gel_stiffness, grip_force, mount_offset,
-            mount_tilt, surface, object_size, object_pose and joint_offset.
+        scene: Scene file, .toml, as for `paxisim replay`.
+        causes: Causes to search for, separated by commas; default: all.
+            Sensor causes: axis_gain, taxel_gain, offset, drift,
+            stiffening, poisson, crosstalk, axis_coupling,
+            rotation, layout, creep, hysteresis, low_pass,
+            latency, saturation, dead_band, quantisation,
+            dead_taxels, swapped_taxels, interference,
+            channel_curve.
+            Scene causes: friction, gel_stiffness, grip_force,
+            mount_offset, mount_tilt, surface, object_size,
+            object_pose, joint_offset.
         seed: Random seed.
-        jobs: Number of processors to use.
+        jobs: Number of parallel processes.
         force: Overwrite an existing diagnosis in the folder.
     """
     from paxisim.diagnose.run import diagnose as run
@@ -76,7 +81,7 @@ def diagnose(
     print(found)
     print()
     for name, what in FILES.items():
-        if (output / name).exists():  # without the extra for the report there was a warning
+        if (output / name).exists():  # there is no report without the extra `diagnose`
             print(f"{output / name}: {what}")
     if found.verdict == "unrelated":
         raise SystemExit(1)
@@ -85,7 +90,7 @@ def diagnose(
 def _check_folder(folder: Path, force: bool) -> None:
     """Check the output folder before any work is done."""
     if folder.exists() and not folder.is_dir():
-        raise InvalidValueError(f"the output must be a folder, {folder} is a file")
+        raise InvalidValueError(f"the output must be a folder, but {folder} is a file")
     check_folder(folder / "report.html" if folder.is_dir() else folder)
     for name in FILES:
         if (folder / name).exists() and not force:

@@ -1,4 +1,4 @@
-"""``paxisim emulate``."""
+"""The ``paxisim emulate`` command."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ def emulate(
     seed: int = 0,
     seconds: float = math.inf,
 ) -> None:
-    """Emulate a sensor on a port that speaks a profile's protocol byte for byte.
+    """Emulate a sensor on a serial port, with the protocol of a profile, byte for byte.
 
-    The first line printed is the name of the port, which any driver opens as a serial port. Runs until Ctrl-C, SIGTERM
-    or the end of --seconds, with status 0. For Linux; not tried on macOS.
+    The command first prints the name of the port, which any driver can open as a serial port. It runs until Ctrl-C,
+    SIGTERM or the end of --seconds, and then exits with status 0. It works on Linux and is untested on macOS.
 
     For example:
 
@@ -40,17 +40,22 @@ def emulate(
 
     Args:
         profile: Profile of the sensor: a name or a file.
-        signal: Forces on the pads: 'demo' (a press that drags), a recording (.mcap, .npz, .csv), a MuJoCo scene with
-            pads that runs in real time (.xml), or MODULE:FUNCTION, a function of the seconds that returns (pads, 3,
-            rows, cols) in the profile's unit.
-        reference: Read the signal through a magnetic pad from first principles, such as unit:7, or unit:7+memory for a
-            gel that creeps.
-        link: Symbolic link to the port.
-        fault: Faults of the line, as NAME=NUMBER separated by commas: drop, flip, garble (probability per byte), split,
-            merge, stall, status (probability per message), stall_seconds, noise (bytes at power-on), unplug_after
-            (messages).
+        signal: Source of the forces on the pads.
+            demo: a press that drags.
+            .mcap, .npz, .csv: a recording.
+            .xml: a MuJoCo scene with pads, simulated in real time.
+            MODULE:FUNCTION: a Python function of the time (s)
+            that returns (pads, 3, rows, cols) in the profile's unit.
+        reference: Pass the signal through a simulated magnetic pad, computed from first principles.
+            For example unit:7, or unit:7+memory for a gel that creeps.
+        link: Symbolic link to create to the port.
+        fault: Simulated line faults, as NAME=NUMBER separated by commas.
+            Probability per byte: drop, flip, garble.
+            Probability per message: split, merge, stall, status.
+            Others: stall_seconds (s), noise (bytes at power-on), unplug_after (messages).
         rate_hz: Readings per second; default: the profile's.
-        gate: Components below this number of counts read 0; default: 2 on GEN3 boards, as on real parts, else 0.
+        gate: Components smaller than this number of counts read 0.
+            Default: 2 on GEN3 boards, as observed on real parts; 0 on all others.
         seed: Random seed of the faults.
         seconds: Duration in seconds.
     """
@@ -70,7 +75,7 @@ def emulate(
         felt = _as_unit(felt, reference, chosen)
     sensor = Emulator(chosen, felt, rate=rate_hz, gate=gate, faults=Faults.parse(fault), link=link, seed=seed)
     try:
-        # however it is asked to end, no link to nowhere stays behind
+        # leave no dangling link behind, whichever signal ends the process
         with end_signals(system_signals.default_int_handler), sensor:
             print(sensor.port, flush=True)
             _run(sensor, seconds)
@@ -82,13 +87,13 @@ def emulate(
 
 
 def _as_unit(felt: Callable[[float], Any], text: str, profile) -> Callable[[float], Any]:
-    """What the unit that ``--reference`` names reads of a signal."""
+    """Pass a signal through the reference unit that ``--reference`` names."""
     import paxisim
 
     make = paxisim.reference_sensor(text)
     if profile.unit != "N":
         raise paxisim.InvalidValueError(
-            f"a reference unit reads newtons, but profile {profile.name!r} feels {profile.unit}: choose another profile"
+            f"a reference unit reads newtons, but profile {profile.name!r} is in {profile.unit}: choose another profile"
         )
     sensor = make(profile.wire_layout)
     if sensor.covariate_names:
@@ -107,10 +112,10 @@ def _as_unit(felt: Callable[[float], Any], text: str, profile) -> Callable[[floa
 
 
 def make_signal(text: str, profile) -> Callable[[float], Any]:
-    """The signal that ``--signal`` names, see `emulate`.
+    """Return the signal that ``--signal`` names, see `emulate`.
 
     Raises:
-        InvalidValueError: It names nothing, or not what it says, or something for other pads.
+        InvalidValueError: The text names no signal, or the signal is invalid or does not fit the pads.
         OSError: The file cannot be read.
     """
     import paxisim
@@ -127,7 +132,7 @@ def make_signal(text: str, profile) -> Callable[[float], Any]:
         from paxisim.recording import Recording
 
         recording = Recording.load(text)
-        # what is not known, as while a pad was in error, cannot be felt: the sample before is held
+        # drop samples with unknown values, e.g. from a pad in error: the last known sample is held instead
         known = np.isfinite(recording.tensor).all(axis=(1, 2, 3, 4))
         return from_recording(recording[known], profile)
     module, _, name = text.partition(":")
@@ -135,11 +140,11 @@ def make_signal(text: str, profile) -> Callable[[float], Any]:
         raise paxisim.InvalidValueError(
             f"--signal must be 'demo', a recording (.mcap, .npz, .csv), a scene (.xml) or MODULE:FUNCTION, got {text!r}"
         )
-    # as `python -m` does: a module beside the user is found
+    # find modules in the current folder, as `python -m` does
     sys.path.insert(0, os.getcwd())
     try:
         function = getattr(importlib.import_module(module), name)
-    except Exception as error:  # whatever a user's module raises
+    except Exception as error:  # a user's module may raise anything
         raise paxisim.InvalidValueError(f"--signal {text}: {type(error).__name__}: {error}") from error
     finally:
         sys.path.pop(0)
@@ -149,7 +154,7 @@ def make_signal(text: str, profile) -> Callable[[float], Any]:
 
 
 def _run(sensor, seconds: float) -> None:
-    """Wait, and say once a second on a terminal how it goes."""
+    """Wait until the end; on a terminal, show the progress once a second."""
     end, before = time.monotonic() + seconds, 0
     while (left := end - time.monotonic()) > 0 and sensor.plugged:
         sensor.wait(min(left, 1.0))

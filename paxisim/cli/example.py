@@ -1,4 +1,4 @@
-"""``paxisim example``."""
+"""The ``paxisim example`` command."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from paxisim.recording import Recording
 
 _NAMES = {"gripper": "my_gripper.xml", "recording": "paired.mcap"}
-GAIN, DELAY = 0.9, 0.04  # of normal force, and s: what is wrong with the sensor of the example
+GAIN, DELAY = 0.9, 0.04  # errors of the example's sensor: gain of the normal force, and delay (s)
 
 
 def example(
@@ -23,10 +23,10 @@ def example(
     output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"], metavar="PATH")] = None,
     force: bool = False,
 ) -> None:
-    """Write a file to try the other verbs with: a gripper, or a recording to diagnose.
+    """Write an example file for the other commands: a gripper, or a recording to diagnose.
 
-    The gripper is a small parallel gripper without pads, for `paxisim attach`. The recording holds a simulated stream
-    and a measured one, from a made-up sensor that reads 10 % too little normal force, 40 ms late.
+    The gripper is a small parallel gripper without pads, for `paxisim attach`. The recording, for `paxisim diagnose`,
+    holds simulated tensors and those of a made-up sensor, which reads 10 % too little normal force, 40 ms late.
 
     For example:
 
@@ -36,7 +36,7 @@ def example(
 
     Args:
         kind: What to write.
-        output: The file to write; default: my_gripper.xml or paired.mcap.
+        output: Output file; default: my_gripper.xml or paired.mcap.
         force: Overwrite the output if it exists.
     """
     path = Path(_NAMES[kind]) if output is None else output
@@ -56,7 +56,7 @@ def example(
 
 
 def example_recording() -> Recording:
-    """A minute of presses that drag on two pads: simulated, and as a sensor with errors measures them."""
+    """Return a minute of presses that drag on two pads: simulated, and measured by a sensor with errors."""
     import numpy as np
 
     import paxisim
@@ -64,7 +64,7 @@ def example_recording() -> Recording:
 
     rng = np.random.default_rng(0)
     time = np.arange(0, 60, 0.05)
-    load = np.clip(6 * np.sin(1.3 * time) * np.sin(0.21 * time), 0, None)  # N, presses, harder and softer
+    load = np.clip(6 * np.sin(1.3 * time) * np.sin(0.21 * time), 0, None)  # N; presses of varying force
     drag = np.stack([0.3 * np.sin(2.1 * time), 0.3 * np.cos(1.7 * time), np.ones_like(time)], axis=1)
     simulated = load[:, None, None, None, None] * drag[:, None, :, None, None] * rng.uniform(0.2, 1, (2, 1, 6, 5))
     sensor = paxisim.Chain([AxisGain((1.0, 1.0, GAIN)), Latency(DELAY)])

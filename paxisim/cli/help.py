@@ -1,4 +1,4 @@
-"""What the shell says about itself: a verb's help with its examples at the end, and errors as sentences."""
+"""Help and error texts: the help of a command with its examples at the end, and errors as sentences."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from collections.abc import Collection, Mapping, Sequence
 
 _EXAMPLES = "For example:"
 _ALL_VERBS = "usage: paxisim [-h] {"
-_BOXES = (" positional arguments", " options", " subcommands")  # how tyro's help goes on after the description
+_BOXES = (" positional arguments", " options", " subcommands")  # headings after the description in tyro's help
 
 
 def arranged(text: str) -> str:
-    """A verb's help for a terminal: no line longer than it, and the examples of its description at the end.
+    """Fit the help of a command to the terminal's width, with the examples of its description at the end.
 
     Args:
-        text: As tyro prints it; it wraps its boxes, but not a description.
+        text: Help as tyro prints it; tyro wraps its boxes, but not the description.
     """
     width = shutil.get_terminal_size().columns
     lines = text.rstrip().splitlines() or [""]
-    if lines[0].startswith(_ALL_VERBS):  # which tyro breaks in the middle of a name
+    if lines[0].startswith(_ALL_VERBS):  # tyro breaks this line in the middle of a name
         lines[: lines.index("")] = [f"{_ALL_VERBS[:-1]}VERB ..."]
     examples: list[str] = []
     if _EXAMPLES in lines:
@@ -38,7 +38,7 @@ def arranged(text: str) -> str:
 
 
 def _command(line: str, width: int) -> str:
-    """An example, indented and broken before its options, so that it can be copied."""
+    """Indent an example and break it before its options, with backslashes, so that it can be pasted."""
     lines = [""]
     for part in re.split(r" (?=-\w|--)", line):
         if lines[-1] and len(lines[-1]) + len(part) > width - 10:
@@ -48,12 +48,12 @@ def _command(line: str, width: int) -> str:
 
 
 def misuse(boxed: str, words: Sequence[str], verbs: Mapping[str, Collection[str]]) -> str:
-    """Why words did not parse, and whose help says more.
+    """Return why the arguments did not parse, and which help to read.
 
     Args:
-        boxed: What tyro says, in a box.
-        words: Those after ``paxisim``.
-        verbs: The verbs there are, each with those that may follow it.
+        boxed: Message of tyro, in a box.
+        words: Arguments after ``paxisim``.
+        verbs: Known verbs, each with the verbs that may follow it.
     """
     paragraphs: list[list[str]] = [[]]
     for line in boxed.splitlines()[1:]:
@@ -73,7 +73,7 @@ def misuse(boxed: str, words: Sequence[str], verbs: Mapping[str, Collection[str]
 
 
 def sentence(error: OSError) -> str:
-    """What the system says of a file, as a sentence."""
+    """Return the operating system's error about a file as a sentence."""
     if error.errno is None:
         return str(error)
     what = "no such file or folder" if error.errno == errno.ENOENT else os.strerror(error.errno).lower()

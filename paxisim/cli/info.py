@@ -1,4 +1,4 @@
-"""``paxisim info``."""
+"""The ``paxisim info`` command."""
 
 from __future__ import annotations
 
@@ -14,21 +14,23 @@ from paxisim.cli.output import WIDTH, progress, size_text
 if TYPE_CHECKING:
     from paxisim.logs.stream import Log
 
-# ns; a log that begins before the year 2000 counts from something else than 1970
+# ns; the times of a log that begins before the year 2000 do not count from 1970
 _EARLIEST = 946_684_800 * 10**9
 
 
 def info(recording: Annotated[Path, tyro.conf.Positional]) -> None:
-    """Describe a recording: its streams, rates, gaps, episodes, ranges and pads.
+    """Describe a recording: its pads, streams, rates, gaps, value ranges and episodes.
 
     For example:
 
     paxisim info press.mcap
 
     Args:
-        recording: Recording: .mcap, .npz, .parquet, .csv or .hdf5 (robosuite, robomimic), or the folder of a
-            LeRobotDataset (v3).
+        recording: Recording: .mcap, .npz, .parquet, .csv or .hdf5 (robosuite, robomimic).
+            Or the folder of a LeRobotDataset (v3).
     """
+    from paxisim.logs.resample import describe_bursts
+    from paxisim.logs.recording_arrays import unit_of
     from paxisim.logs.describe import HEADER, describe_episodes, describe_stream
     from paxisim.logs.recording_arrays import unit_of
     from paxisim.logs.resample import describe_bursts
@@ -37,7 +39,7 @@ def info(recording: Annotated[Path, tyro.conf.Positional]) -> None:
     log = _read(recording)
     files = recording.rglob("*") if recording.is_dir() else [recording]
     size = sum(file.stat().st_size for file in files if file.is_file())
-    print(f"{recording}: {size_text(size)}" + ("" if log.complete else ", CUT OFF or damaged: what is whole follows"))
+    print(f"{recording}: {size_text(size)}" + ("" if log.complete else ", CUT OFF or damaged: the intact part follows"))
     for line in _about(log):
         print(textwrap.fill(line, WIDTH, subsequent_indent="  "))
     first = min((stream.nanoseconds[0] for stream in log.streams.values()), default=0)
@@ -63,7 +65,7 @@ def info(recording: Annotated[Path, tyro.conf.Positional]) -> None:
 
 
 def _read(path: Path) -> Log:
-    """The file's log; the other kinds of file are tables, each of whose streams has the same times."""
+    """Read a file as a log. Files other than MCAP are tables, whose streams share one time column."""
     if path.suffix.lower() == ".mcap":
         from paxisim.logs.mcap_reader import read_log
 
@@ -95,17 +97,17 @@ def _about(log: Log) -> list[str]:
 
 
 def _ranges(name: str, values: Any, tensor_unit: str) -> list[str]:
-    """The least and greatest value, of a tactile stream for each pad and axis."""
+    """Describe the minimum and maximum of a stream; those of a tactile stream by axis."""
     import numpy as np
 
     from paxisim.logs.schemas import RESULTANT
 
     def span(part: Any) -> str:
         part = part[~np.isnan(part)] if np.isnan(part).any() else part
-        return f"{part.min():.4g} to {part.max():.4g}" if part.size else "not known"
+        return f"{part.min():.4g} to {part.max():.4g}" if part.size else "unknown"
 
     unknown = int(np.isnan(values).reshape(len(values), -1).any(axis=1).sum())
-    without = f"; {unknown} sample{'s' * (unknown != 1)} not or only partly known" if unknown else ""
+    without = f"; {unknown} sample{'s' * (unknown != 1)} with unknown values" if unknown else ""
     if name not in ("measured", "simulated"):
         unit = " (N)" if name == RESULTANT else ""
         return [f"{name.removeprefix('covariate/')}{unit}: {span(values)}{without}"]

@@ -1,4 +1,4 @@
-"""``paxisim live``."""
+"""The ``paxisim live`` command."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ def live(
 ) -> None:
     """Show a sensor, a recording or a MuJoCo scene in Rerun's viewer.
 
-    The viewer draws the taxels where they sit, with normal force as colour and shear as arrows, and plots each pad's
-    total force and the rate. For a recording with a simulated tensor it also shows that and the difference. Ctrl-C ends
-    it.
+    The viewer draws the taxels in their places, with normal force as colour and shear as arrows, and plots each pad's
+    total force and the sampling rate. If a recording has simulated tensors, the viewer also shows them and the
+    difference. Press Ctrl-C to stop.
 
     For example:
 
@@ -38,15 +38,15 @@ def live(
     paxisim live /dev/ttyACM0 --profile gen2-box-120
 
     Args:
-        source: Serial port (needs --profile), recording (.mcap, .npz, .csv) or scene with pads (.xml).
+        source: Serial port (needs --profile), recording (.mcap, .npz, .csv) or MuJoCo scene with pads (.xml).
         profile: Profile of the sensor on the port: a name or a file.
-        save: Write an .rrd file for Rerun instead of opening the viewer; needs no display. A recording, and a scene
-            with --seconds, are then drawn completely and as fast as possible.
+        save: Write an .rrd file for Rerun instead of opening the viewer; needs no display.
+            A recording, or a scene with --seconds, is then drawn completely and as fast as possible.
         seconds: Duration in seconds.
-        vmax: Normal force (N, or the sensor's unit) of full red; default: the largest of the recording, or of the last
-            seconds.
-        fps: Largest number of readings drawn per second, in real time.
-        calibration: Calibration that `paxisim calibrate` wrote, for a sensor that does not measure newtons.
+        vmax: Normal force shown as full red, in N or the sensor's unit.
+            Default: the maximum of the recording or, of a live source, of the last seconds.
+        fps: Maximum number of readings drawn per second, in real time.
+        calibration: Calibration file of `paxisim calibrate`, for a sensor that does not measure newtons.
         force: Overwrite the output file if it exists.
     """
     from paxisim.files import whole_file
@@ -90,12 +90,12 @@ def live(
                     break
                 view.show(moment.time, moment.measured, moment.simulated, wait=not real_time)
         except (DeviceError, KeyboardInterrupt) as error:
-            # what was seen until then is worth keeping
+            # keep what was drawn until then
             if not view.shown:
                 raise
             failure = error
     words = f"{view.drawn} of {view.shown} readings drawn"
     print(f"wrote {save}, {words}" if save else words)
-    # Ctrl-C is how one stops looking at what has no end
+    # Ctrl-C is the normal end of a source without an end
     if isinstance(failure, DeviceError) or (failure is not None and opened.ends):
         raise failure

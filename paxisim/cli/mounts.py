@@ -1,4 +1,4 @@
-"""Mounts as words in the shell: ``'BODY pos-mm=X,Y,Z quat=W,X,Y,Z replaces=GEOM,GEOM name=NAME'``."""
+"""Mounts as text for the shell: ``'BODY pos-mm=X,Y,Z quat=W,X,Y,Z replaces=GEOM,GEOM name=NAME'``."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ _KEYS = ("name", "pos-mm", "quat", "replaces")
 
 
 def parse_mount(text: str) -> Mount:
-    """The mount that `text` describes; all but the body may be left out.
+    """Parse a mount from text; everything but the body may be left out.
 
     Raises:
-        InvalidValueError: A word that is no KEY=VALUE, or a value that is not usable.
-        UnknownNameError: A key that a mount does not have.
+        InvalidValueError: A word is not KEY=VALUE, or a value is invalid.
+        UnknownNameError: There is no such key.
     """
     body, *words = shlex.split(text) or [""]
     if not body or "=" in body:
-        raise InvalidValueError(f"a mount begins with the name of a body, got {text!r}")
+        raise InvalidValueError(f"a mount must begin with the name of a body, got {text!r}")
     values: dict[str, str] = {}
     for word in words:
         key, equals, value = word.partition("=")
@@ -39,7 +39,7 @@ def parse_mount(text: str) -> Mount:
 
 
 def format_mount(mount: Mount, between: str = " ") -> str:
-    """The words from which `parse_mount` makes `mount`, to 1 um and 1e-6, with white space `between` them."""
+    """Format a mount for `parse_mount`, rounded to 1 um and 1e-6, with the white space `between` its words."""
     words = [
         shlex.quote(mount.body),
         "pos-mm=" + ",".join(f"{round(1e3 * v, 3) + 0.0:g}" for v in mount.pos),
@@ -56,4 +56,4 @@ def _numbers(key: str, text: str) -> list[float]:
     try:
         return [float(part) for part in text.split(",")]
     except ValueError:
-        raise InvalidValueError(f"{key} of a mount must be numbers with commas between, got {text!r}") from None
+        raise InvalidValueError(f"{key} of a mount must be numbers with commas between them, got {text!r}") from None

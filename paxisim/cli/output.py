@@ -1,4 +1,4 @@
-"""Writing what a verb makes: never over a file unasked, never half."""
+"""Output of the commands: files are written whole and overwritten only with ``--force``."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ WIDTH = 80  # columns of a terminal
 
 
 def printable(text: str) -> str:
-    """The text as a terminal may have it: what is no printable character, but for line ends and tabs, as its escape.
+    """Escape all characters that are not printable, except line ends and tabs.
 
-    Names come from files, and an escape sequence in one could rewrite what is on the screen.
+    Names come from files, and an escape sequence in a name could rewrite the screen.
     """
     if text.isprintable():
         return text
@@ -28,14 +28,18 @@ def printable(text: str) -> str:
 
 
 class PrintableOutput(io.TextIOBase):
-    """Standard output whose text is made `printable`; `terminal` takes what a verb writes over its own line."""
+    """Standard output that makes all text `printable`.
+
+    Attributes:
+        terminal: The stream behind it, for a command that redraws its own line.
+    """
 
     def __init__(self, terminal: TextIO) -> None:
-        """Write on to `terminal`."""
+        """Wrap `terminal`."""
         self.terminal = terminal
 
     def write(self, text: str, /) -> int:
-        """Write it, printable."""
+        """Write `text`, made printable."""
         self.terminal.write(printable(text))
         return len(text)
 
@@ -44,42 +48,41 @@ class PrintableOutput(io.TextIOBase):
         self.terminal.flush()
 
     def isatty(self) -> bool:
-        """Whether it is one."""
+        """Return whether the stream is a terminal."""
         return self.terminal.isatty()
 
     def fileno(self) -> int:
-        """The terminal's descriptor."""
+        """Return the terminal's file descriptor."""
         return self.terminal.fileno()
 
     @property
     def encoding(self) -> str:  # type: ignore[override]
-        """The terminal's encoding."""
+        """Encoding of the terminal."""
         return self.terminal.encoding
 
 
 def live_line(text: str, end: str = "") -> None:
-    """Write a line of this program's own, with its carriage return, to a terminal."""
+    """Write text with control characters, such as a carriage return, to the terminal unescaped."""
     print(text, end=end, file=getattr(sys.stdout, "terminal", sys.stdout), flush=True)
 
 
 def progress(what: str) -> None:
-    """Say on a terminal what is going on; in a pipe or a log nothing."""
+    """Print the current step to standard error if it is a terminal."""
     if sys.stderr.isatty():
         print(printable(f"{what} ..."), file=sys.stderr, flush=True)
 
 
 def check_output(path: Path, force: bool, suffix: str = "") -> None:
-    """Refuse an output path before any work is done.
+    """Check an output path before any work is done.
 
     Args:
-        path: The file to be written.
-        force: Whether it may exist.
-        suffix: What it must end in, e.g. ``".png"``; default: anything.
+        path: Output file.
+        force: Whether the file may already exist.
+        suffix: Required suffix, e.g. ``".png"``; default: any.
 
     Raises:
         OutputExistsError: The file exists and `force` is off.
-        InvalidValueError: The path is a folder or ends in something else, or its folder does not exist or may not be
-            written to.
+        InvalidValueError: The path is a folder or has another suffix, or its folder does not exist or is not writable.
     """
     if path.is_dir():
         raise InvalidValueError(f"the output path must be a file, {path} is a folder")
@@ -91,26 +94,26 @@ def check_output(path: Path, force: bool, suffix: str = "") -> None:
 
 
 def check_folder(path: Path) -> None:
-    """Refuse a path that cannot be made.
+    """Check that a path can be created.
 
     Raises:
-        InvalidValueError: Its folder does not exist or may not be written to.
+        InvalidValueError: The folder of the path does not exist or is not writable.
     """
     folder = path.absolute().parent
     if not folder.is_dir():
         raise InvalidValueError(f"the output's folder does not exist: {folder}")
     try:
-        tempfile.TemporaryFile(dir=folder).close()  # what the permissions say is not all, as on a read-only disk
+        tempfile.TemporaryFile(dir=folder).close()  # permissions do not show a read-only disk
     except OSError as error:
         raise InvalidValueError(f"cannot write {path}: {error.strerror} in {folder}") from None
 
 
 def write_output(path: Path, content: str | bytes, force: bool) -> None:
-    """Write a file whole or not at all.
+    """Write a file completely or not at all.
 
     Raises:
         OutputExistsError: The file exists and `force` is off.
-        InvalidValueError: The path cannot be an output.
+        InvalidValueError: The path cannot be written.
     """
     check_output(path, force)
     data = content.encode() if isinstance(content, str) else content
@@ -119,19 +122,19 @@ def write_output(path: Path, content: str | bytes, force: bool) -> None:
 
 
 def size_text(size: int) -> str:
-    """A number of bytes for people, e.g. ``"34 kB"``."""
+    """Format a number of bytes, e.g. ``"34 kB"``."""
     return f"{size / 1e3:.0f} kB" if size < 1e6 else f"{size / 1e6:.1f} MB"
 
 
 def png(figure) -> bytes:
-    """A matplotlib figure as the bytes of a PNG file."""
+    """Return a matplotlib figure as the bytes of a PNG file."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=150, bbox_inches="tight")
     return buffer.getvalue()
 
 
 def load_calibration(path: Path | None) -> Calibration | None:
-    """The calibration in a file that ``--calibration`` names."""
+    """Load the calibration that ``--calibration`` names, if any."""
     if path is None:
         return None
     from paxisim.calibrate.calibration import Calibration

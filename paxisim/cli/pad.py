@@ -1,4 +1,4 @@
-"""``paxisim pad``."""
+"""The ``paxisim pad`` command."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def pad(
     Args:
         taxels: The pad's taxels.
         output: Output MJCF file, .xml; default: standard output.
-        name: Name of the pad, with which every name in the file begins.
+        name: Name of the pad; prefix of all names in the file.
         thickness_mm: Thickness of the taxels in mm.
         sensors: MuJoCo sensors to embed; paxisim's own reader needs none.
         force: Overwrite the output if it exists.

@@ -1,4 +1,4 @@
-"""``paxisim protocol``."""
+"""The ``paxisim protocol`` command."""
 
 from __future__ import annotations
 
@@ -24,22 +24,22 @@ def protocol(
     stop_n: float | None = None,
     force: bool = False,
 ) -> None:
-    """Write a motion, as JSON, that a robot or a stage follows while its sensor is recorded.
+    """Write a motion (JSON) for a robot or a stage to follow while its sensor is recorded.
 
-    The file holds times and positions by episode, the largest speed, the force at which to stop, and the purpose of
-    each part. `paxisim replay press.json --scene press.toml` rehearses it in a scene of `paxisim scene make`.
+    The file holds times and positions by episode, the maximum speed, the force at which to stop, and the purpose of
+    each part. `paxisim replay press.json --scene press.toml` rehearses the motion in a scene of `paxisim scene make`.
 
     For example:
 
     paxisim protocol press -o press.json
 
     Args:
-        name: press (an indenter on one pad), regrasp (two pads and a peg), open-close (a gripper without contact).
-        taxels: The pad that is pressed; default: the size of paxini-gen1-l4629.
-        output: Output JSON file.
-        depth_mm: Largest depth in mm; default: 1.5 for press, 0.4 into each pad for regrasp.
-        stop_n: Total normal force (N) on a pad at which the robot must stop; default: 20 (press), 25 (regrasp) or 2
-            (open-close).
+        name: press: an indenter on one pad. regrasp: two pads and a peg. open-close: a gripper without contact.
+        taxels: The pad for press; default: the size of paxini-gen1-l4629.
+        output: Output file, .json.
+        depth_mm: Maximum depth in mm; default: 1.5 for press, 0.4 into each pad for regrasp.
+        stop_n: Total normal force (N) on a pad at which the robot must stop.
+            Default: 20 for press, 25 for regrasp, 2 for open-close.
         force: Overwrite the output if it exists.
     """
     from paxisim.protocols.ready import protocol as ready_made
@@ -66,7 +66,7 @@ def protocol(
 
 
 def _print_segments(made: Protocol) -> None:
-    """A line for each kind of segment that serves a cause: how often, how long, and which causes it shows."""
+    """Print a line per kind of segment: number of repetitions, total duration, and the causes that it excites."""
     import textwrap
 
     begin, seconds = 0.0, {}

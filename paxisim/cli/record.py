@@ -1,4 +1,4 @@
-"""``paxisim record``."""
+"""The ``paxisim record`` command."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ def record(
     stream: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
     force: bool = False,
 ) -> None:
-    """Record a sensor, and other streams beside it, into an MCAP file.
+    """Record a sensor, and other streams with it, to an MCAP file.
 
-    Samples are written as they arrive: after a crash the file still opens and lacks at most the last second. Ctrl-C
-    ends a recording. On a terminal, Enter begins a new episode.
+    Samples are written as they arrive: after a crash, the file can still be read and misses at most the last second.
+    Press Ctrl-C to stop. On a terminal, press Enter to begin a new episode.
 
     For example:
 
@@ -45,19 +45,18 @@ def record(
     my_robot | paxisim record /dev/ttyACM0 --profile gen2-box-120 -o press.mcap --csv -
 
     Args:
-        port: Serial port of the sensor; several ports make one tensor.
+        port: Serial port of the sensor; several ports are combined into one tensor.
         profile: Profile of the sensor: a name or a TOML file.
         output: Output file; default: paxisim-DATE-TIME.mcap.
         seconds: Duration in seconds; default: until Ctrl-C.
-        reconnect: Seconds to wait for a port that disappeared.
-        calibration: Calibration that `paxisim calibrate` wrote, for a sensor that does not measure newtons.
-        csv: '-' records numbers from standard input: one line with the columns' names, then one line per sample. A
-            column 'time' holds Unix seconds; without it the time of arrival counts, so the program must flush each
-            line.
-        udp: UDP port of 127.0.0.1 on which to record JSON objects of numbers, such as {"gripper": 0.04}. A key 'time'
-            holds Unix seconds.
-        stream: Python function to poll and record, as module:function@HZ.
-        force: Overwrite the output if it exists, once the sensor is open.
+        reconnect: Seconds to wait for a port that has disappeared.
+        calibration: Calibration file of `paxisim calibrate`, for a sensor that does not measure newtons.
+        csv: With '-', also record numbers from standard input: a line of column names, then one line per sample.
+            A column 'time' holds Unix seconds. Without it, samples get their time of arrival, so flush each line.
+        udp: UDP port on 127.0.0.1; record the JSON objects of numbers that arrive there, such as {"gripper": 0.04}.
+            A key 'time' holds Unix seconds.
+        stream: Python function to call at a fixed rate and record, as module:function@HZ.
+        force: Overwrite the output if it exists. Nothing is overwritten until the sensor is open.
     """
     from paxisim.hw.capture import capture
     from paxisim.hw.device import open_sensor
@@ -69,7 +68,7 @@ def record(
     path = Path(f"paxisim-{datetime.now():%Y%m%d-%H%M%S}.mcap") if output is None else output
     check_output(path, force)
     if path.suffix != ".mcap":
-        raise InvalidValueError(f"the output must end in .mcap, got {path}; paxisim convert makes other formats of it")
+        raise InvalidValueError(f"the output must end in .mcap, got {path}; paxisim convert writes other formats")
     with ExitStack() as open_things:
         extra = []
         for source in _sources(csv is not None, udp, stream):
@@ -82,7 +81,7 @@ def record(
         summary = capture(sensor, path, extra=extra, seconds=seconds, overwrite=force, on_status=screen.show)
         screen.end(summary)
     if summary.ended == "file":
-        raise PaxisimError(f"{path} is not there: {summary.error}; what was recorded is lost unless it was moved")
+        raise PaxisimError(f"{path} is not there: {summary.error}; the recording is lost unless the file was moved")
     for line in _report(summary, pads):
         print(line)
     if summary.error is not None:
@@ -90,7 +89,7 @@ def record(
     if not summary.frames:
         nothing = f"no frame came from {', '.join(port)} in {summary.seconds:.4g} s"
         if any(source.samples for source in summary.extra):
-            raise PaxisimError(f"{nothing}; {path} holds what else was recorded")
+            raise PaxisimError(f"{nothing}; {path} holds only the other streams")
         path.unlink()
         raise PaxisimError(f"{nothing}; nothing was recorded")
     for source in summary.extra:
@@ -101,7 +100,7 @@ def record(
 
 
 def _sources(csv: bool, udp: tuple[int, ...], stream: tuple[str, ...]):
-    """The extra streams, one after another, so that what was opened is closed if a later one cannot be."""
+    """Open the extra streams one by one, so that the caller can close the open ones if a later one fails."""
     from paxisim.hw.extra_streams import CsvLines, EnterKey, UdpJson, load_function
 
     if csv:
@@ -111,20 +110,20 @@ def _sources(csv: bool, udp: tuple[int, ...], stream: tuple[str, ...]):
     for port in udp:
         yield UdpJson(port)
     if stream and "" not in sys.path:
-        sys.path.insert(0, "")  # the user's module lies where the user is, also for the installed command
+        sys.path.insert(0, "")  # find the user's module in the current folder, also from the installed command
     for text in stream:
         yield load_function(text)
 
 
 class _Screen:
-    """What is said while a recording grows: on a terminal a line, over and over, and each source's first problem."""
+    """Output during a recording: a status line, on a terminal, and a warning for each source's first problem."""
 
     def __init__(self) -> None:
         self._live = sys.stderr.isatty()
         self._said: set[str] = set()
 
     def show(self, summary: CaptureSummary) -> None:
-        with suppress(OSError):  # a terminal that is gone is no reason to stop
+        with suppress(OSError):  # a closed terminal must not stop the recording
             self._warn(summary)
             if self._live:
                 width = shutil.get_terminal_size().columns - 1
@@ -161,7 +160,7 @@ def _status(summary: CaptureSummary) -> str:
 
 def _source(source) -> str:
     counts = [f"{source.samples} samples"]
-    lost = ((source.bad, "bad"), (source.dropped, "dropped"), (source.missed, "calls left out"))
+    lost = ((source.bad, "bad"), (source.dropped, "dropped"), (source.missed, "calls skipped"))
     counts += [f"{count} {what}" for count, what in lost if count]
     return f"{source.label}: {', '.join(counts)}"
 

@@ -1,4 +1,4 @@
-"""``paxisim replay``."""
+"""The ``paxisim replay`` command."""
 
 from __future__ import annotations
 
@@ -27,23 +27,28 @@ def replay(
 ) -> None:
     """Replay a recorded motion in MuJoCo and write measured and simulated forces side by side.
 
-    The scene states which recorded stream moves what; `paxisim scene init` writes a first version. Finished episodes
-    are kept beside the output until it is complete, so the same command resumes after a kill. The output also contains
-    the scene and its MJCF. A protocol is rehearsed: simulated as a robot would record it.
+    The scene file states which recorded stream moves which part of the model; `paxisim scene init` writes a first
+    version. The output also contains the scene and its MJCF. If the command is interrupted, run it again: it resumes
+    after the last finished episode.
+
+    Instead of a recording, the command also takes a motion of `paxisim protocol`. It then simulates the recording that
+    a robot would make.
 
     For example:
 
     paxisim replay press.mcap --scene press.toml -o paired.mcap
 
     Args:
-        recording: Recording with the streams that drive the scene (.mcap, .npz, .csv), or a .json of `paxisim
-            protocol`.
+        recording: Recording with the streams that drive the scene (.mcap, .npz, .csv), or a motion (.json).
         scene: Scene file, .toml.
         output: Output file, .mcap or .npz.
-        mode: How the motion is followed; default: as the scene states. kinematic: exact poses. fitted, shape: exact
-            poses with a closing fitted to the measured force, or to its time course alone. servo: the model's
-            actuators. force: recorded forces.
-        mean: Simulate the mean force since the previous sample, as of a sensor that averages.
+        mode: How the scene follows the motion; default: as the scene file states.
+            kinematic: exact poses.
+            fitted: exact poses, with a closing offset fitted to the measured force.
+            shape: as fitted, but only to the time course of the force.
+            servo: the actuators of the model follow the recorded positions or commands.
+            force: the actuators exert the recorded forces.
+        mean: Simulate the mean force since the previous sample, as a sensor that averages measures it.
         jobs: Number of episodes to simulate in parallel.
         force: Overwrite the output if it exists.
     """
@@ -77,7 +82,7 @@ def replay(
     _print_how(paired)
     if paired.measured is not None and paired.unit != "N":
         print(
-            f"measured is in {paired.unit}, so it is not compared with the simulated newtons: make newtons of it with "
+            f"measured is in {paired.unit}, so it is not compared with the simulated newtons: convert it with "
             "paxisim calibrate"
         )
     elif paired.measured is not None:
@@ -94,19 +99,19 @@ def _print_peaks(rehearsed, stop_force: float) -> None:
         print(f"{pad}: total normal force up to {peak:.3g} N, the protocol stops at {stop_force:g} N")
         if peak > stop_force:
             print(
-                f"paxisim: warning: {pad} would be stopped: write the protocol with less --depth-mm, or a larger "
-                "--stop-n if the sensor bears it",
+                f"paxisim: warning: {pad} would be stopped: write the protocol with less --depth-mm, or with a larger "
+                "--stop-n if the sensor withstands it",
                 file=sys.stderr,
             )
 
 
 def _say(done: int, count: int, before: int) -> None:
-    kept = f", {before} from before" if before else ""
+    kept = f", {before} from an earlier run" if before else ""
     progress(f"simulated {done} of {count} episode{'s' * (count != 1)}{kept}")
 
 
 def _forget_if_empty(folder: Path) -> None:
-    """Leave nothing behind where nothing was done."""
+    """Remove the folder of finished episodes if it has none."""
     with contextlib.suppress(OSError):
         if not any(folder.glob("episode_*.npz")) and (folder / "replay").is_file():
             shutil.rmtree(folder)

@@ -1,4 +1,4 @@
-"""``paxisim scene``."""
+"""The ``paxisim scene init`` and ``paxisim scene make`` commands."""
 
 from __future__ import annotations
 
@@ -19,10 +19,11 @@ def scene_init(
     output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None,
     force: bool = False,
 ) -> None:
-    """Write a first version of a recording's scene: which stream moves what in a model with pads.
+    """Write a first version of the scene file for a recording.
 
-    The command compares names, ranges and encoder steps of streams and joints. It prints what you should check, and
-    writes it at the top of the file.
+    A scene file states which recorded stream moves which joint, body or actuator of a model with pads. The command
+    guesses this from the names, ranges and encoder steps of the streams. It prints what to check, and repeats the list
+    at the top of the file.
 
     For example:
 
@@ -30,8 +31,8 @@ def scene_init(
 
     Args:
         model: MJCF file with pads, as `paxisim attach` writes it.
-        recording: Recording to be replayed.
-        output: Output file, .toml; default: beside the model.
+        recording: Recording to replay.
+        output: Output file, .toml; default: the name of the model, with .toml.
         force: Overwrite the output if it exists.
     """
     import os
@@ -45,7 +46,7 @@ def scene_init(
     progress(f"reading {recording}")
     guessed = guess_scene(model, Recording.load(recording), _raw_covariates(recording))
     relative = Path(os.path.relpath(model.absolute(), path.absolute().parent)).as_posix()
-    comments = [f"# {line}" for line in ("Which recorded streams move what. To check:", *guessed.open)]
+    comments = [f"# {line}" for line in ("Which recorded stream moves what. To check:", *guessed.open)]
     write_output(path, "\n".join(comments) + "\n" + format_scene(guessed.scene, relative), force)
     for line in guessed.found:
         print(textwrap.fill(line, WIDTH, subsequent_indent="  "))
@@ -55,7 +56,7 @@ def scene_init(
 
 
 def _raw_covariates(path: Path):
-    """The covariates of an MCAP file on their own clocks; nothing for other files, whose streams share one."""
+    """Return the covariates of an MCAP file on their own clocks; None for other files, whose streams share one."""
     if path.suffix.lower() != ".mcap":
         return None
     from paxisim.logs import schemas
@@ -83,10 +84,10 @@ def scene_make(
     paxisim scene make indenter --sensor paxini-gen1-l4629 --pool 2 -o press.toml
 
     Args:
-        kind: indenter (streams x, y, depth), gripper or peg (stream opening).
+        kind: Kind of scene: indenter is moved by the streams x, y and depth, gripper and peg by the stream opening.
         taxels: The pad's taxels.
-        output: Output TOML file; the MJCF is written beside it, as .xml.
-        force: Overwrite both if they exist.
+        output: Output file, .toml; the MJCF gets the same name, with .xml.
+        force: Overwrite both files if they exist.
     """
     from paxisim.scene import ready
 

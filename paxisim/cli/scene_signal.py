@@ -1,4 +1,4 @@
-"""A live MuJoCo scene as a signal for the emulator: its pads are what the emulated sensor feels."""
+"""A MuJoCo scene, simulated in real time, as the signal of an emulated sensor."""
 
 from __future__ import annotations
 
@@ -10,24 +10,25 @@ from numpy.typing import NDArray
 from paxisim.errors import InvalidValueError
 
 LONGEST_CATCH_UP = 0.05
-"""Seconds of physics done at most for one reading: a scene that is slower than real time falls behind instead."""
+"""Maximum simulated time per reading (s); a scene slower than real time falls behind instead of catching up."""
 
 
 class SceneSignal:
-    """Steps a scene in real time and gives the forces on its pads.
+    """Simulate a scene in real time and return the forces on its pads.
 
-    The scene begins at its first keyframe, if it has one, and runs with that keyframe's controls.
+    The scene starts at its first keyframe, if it has one, and keeps that keyframe's controls.
     """
 
     def __init__(self, scene: Path, profile) -> None:
         """Load the scene.
 
         Args:
-            scene: An MJCF file with pads, as `paxisim attach` writes it.
-            profile: The `paxisim.hw.profile.Profile` whose pads feel it, of its wire layout or of its pooled one.
+            scene: MJCF file with pads, as `paxisim attach` writes it.
+            profile: The `paxisim.hw.profile.Profile` of the emulated sensor; the pads of the scene have its wire
+                layout or its pooled layout.
 
         Raises:
-            InvalidValueError: There is no such file, MuJoCo cannot read it, its pads are not the profile's, or
+            InvalidValueError: The file does not exist, MuJoCo cannot read it, its pads do not match the profile, or
                 the profile is not in newtons.
         """
         import mujoco
@@ -39,8 +40,8 @@ class SceneSignal:
 
         if profile.unit != "N":
             raise InvalidValueError(
-                f"a scene's pads give newtons, but profile {profile.name!r} feels {profile.unit}: choose a recording "
-                "of that unit, 'demo' or a function"
+                f"a scene's pads give newtons, but profile {profile.name!r} is in {profile.unit}: choose a recording "
+                "in that unit, 'demo' or a function"
             )
         self._profile, self._spread, self._step = profile, spread, mujoco.mj_step
         self._model = compile_spec(load_spec(scene), str(scene))
@@ -55,11 +56,11 @@ class SceneSignal:
 
     @property
     def seconds(self) -> float:
-        """Seconds of physics since the start."""
+        """Simulated time since the start (s)."""
         return self._data.time - self._start
 
     def __call__(self, now: float) -> NDArray[np.floating]:
-        """``(pads, 3, rows, cols)`` newtons of the wire layout, `now` seconds after the start."""
+        """Return the forces (N) `now` seconds after the start, ``(pads, 3, rows, cols)`` in the wire layout."""
         until = now - self._behind
         missing = until - self.seconds
         if missing > LONGEST_CATCH_UP:

@@ -1,4 +1,4 @@
-"""``paxisim sensors``."""
+"""The ``paxisim sensors`` command."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ def sensors(*, sources: bool = False) -> None:
     paxisim sensors --sources
 
     Args:
-        sources: Also state where each figure comes from.
+        sources: Also print the source of each figure.
     """
     import textwrap
 
@@ -19,7 +19,7 @@ def sensors(*, sources: bool = False) -> None:
 
     print(format_table())
     if not sources:
-        print("Where each figure comes from: paxisim sensors --sources")
+        print("For the source of each figure, run: paxisim sensors --sources")
         return
     for product in known_sensors():
         print(f"\n{product.name}")

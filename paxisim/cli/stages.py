@@ -1,4 +1,4 @@
-"""Stages: what a long command is at, how far it is, and how long it may still take."""
+"""Progress of a long command: its current stage, the share done and the estimated time left."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ from typing import TextIO
 
 from paxisim.cli.output import printable
 
-EVERY = 0.2  # s between two changes of the line on a terminal
-LOGGED = 10.0  # s between two lines of a log within a stage
-SURE = 0.1  # share of the work, from which on the time left is estimated
+EVERY = 0.2  # s between two updates of the line on a terminal
+LOGGED = 10.0  # s between two lines of a log within one stage
+SURE = 0.1  # share of the work after which the time left is estimated
 
 
 class Stages:
-    """Prints progress: one line that changes on a terminal, and plain lines in a log.
+    """Print progress: one line that changes on a terminal, or plain lines in a log.
 
-    Used as a context manager, and called with the stage and the share of the work that is done.
+    Use it as a context manager, and call it with the stage and the share of the work that is done.
     """
 
     def __init__(self, stream: TextIO | None = None) -> None:
         """Start the clock.
 
         Args:
-            stream: Where to print; default: standard error.
+            stream: Output stream; default: standard error.
         """
         self._stream = stream or sys.stderr
         self._live = self._stream.isatty()
@@ -33,7 +33,7 @@ class Stages:
         self._lock = threading.Lock()
 
     def __enter__(self) -> Stages:
-        """Itself."""
+        """Return the object itself."""
         return self
 
     def __exit__(
@@ -44,11 +44,11 @@ class Stages:
             print("\r" + " " * self._width + "\r", end="", file=self._stream, flush=True)
 
     def __call__(self, stage: str, share: float) -> None:
-        """Say where the work is; from any thread.
+        """Report progress; may be called from any thread.
 
         Args:
-            stage: In words.
-            share: Of the work, from 0 to 1; less than said before counts as that.
+            stage: Description of the current stage.
+            share: Share of the work that is done, from 0 to 1; it never decreases, so a smaller value has no effect.
         """
         with self._lock:
             now = time.monotonic()

@@ -1,4 +1,4 @@
-"""The options that say which taxels a pad has, shared by the verbs that make pads."""
+"""The options for the taxels of a pad, shared by several commands."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ from paxisim.layout import TaxelLayout
 
 @dataclass
 class Taxels:
-    """A product of the catalogue, or any grid."""
+    """A product of the catalogue, or any grid of taxels."""
 
     sensor: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None
-    """Product, by its name in `paxisim sensors`, such as paxini-gen1-l4629."""
+    """Name of a product in `paxisim sensors`, such as paxini-gen1-l4629."""
     pool: int = 1
-    """Merge POOL x POOL taxels into one; 2 turns the paper's 12x10 pad into its 6x5."""
+    """Merge blocks of POOL x POOL taxels; 2 turns the paper's 12x10 taxels into its 6x5."""
     rows: Annotated[int | None, tyro.conf.arg(metavar="INT")] = None
-    """Number of rows of a grid, along the pad's y."""
+    """Number of rows of a grid, along y of the pad."""
     cols: Annotated[int | None, tyro.conf.arg(metavar="INT")] = None
-    """Number of columns of a grid, along the pad's x."""
+    """Number of columns of a grid, along x of the pad."""
     pitch_mm: Annotated[str | None, tyro.conf.arg(metavar="MM[,MM]")] = None
-    """Pitch of a grid in mm: one number, or ROW,COLUMN such as 4.35,4.52."""
+    """Pitch of a grid in mm, such as 4.35,4.52 (row, column), or one number."""
 
     def layout(self) -> TaxelLayout:
-        """The layout.
+        """Return the layout of the taxels.
 
         Raises:
             UnknownNameError: There is no such sensor.
-            InvalidValueError: Both or neither were given, or a number is not usable.
+            InvalidValueError: A product and a grid are given, or neither, or a number is invalid.
         """
         grid = (self.rows, self.cols, self.pitch_mm)
         if (self.sensor is None) == (grid == (None, None, None)):
@@ -48,7 +48,7 @@ class Taxels:
 
     @property
     def mass(self) -> float | None:
-        """Mass of the product (kg), where the catalogue knows it."""
+        """Mass of the product (kg); None for a grid, or if the catalogue does not state it."""
         from paxisim.sensors import sensor
 
         return None if self.sensor is None else sensor(self.sensor).mass
@@ -62,7 +62,7 @@ def _pitch(text: str) -> tuple[float, float]:
     except ValueError:
         values = []
     if len(values) not in (1, 2):
-        raise InvalidValueError(f"--pitch-mm must be one or two numbers, as in 4.35,4.52, got {text!r}")
+        raise InvalidValueError(f"--pitch-mm must be one or two numbers, such as 4.35,4.52, got {text!r}")
     low, high = LENGTHS
     if not all(low <= value <= high for value in values):
         raise InvalidValueError(f"--pitch-mm must lie between {1e3 * low:g} and {1e3 * high:g}, got {text!r}")

@@ -1,4 +1,4 @@
-"""``paxisim view``."""
+"""The ``paxisim view`` command."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ import tyro
 
 
 def view(model: Annotated[Path, tyro.conf.Positional]) -> None:
-    """Open a model with pads in MuJoCo's viewer, with its taxels coloured by force.
+    """Open a model with pads in MuJoCo's viewer, with the taxels coloured by force.
 
-    Taxels turn red where they are pressed. Drag objects with the mouse (double click, then Ctrl and the right button)
-    to press them.
+    Pressed taxels turn red. To press them, drag an object with the mouse: double-click it, then hold Ctrl and drag with
+    the right button.
 
     For example:
 

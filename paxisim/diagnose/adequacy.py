@@ -20,12 +20,12 @@ CONTACT = 2.5  # variance under load relative to that at rest
 TOGETHER = 4.0  # variance of a pad's mean relative to that of independent taxels
 BURST = 20.0  # energy of the worst 1% of frames at rest relative to the median
 LINE = 6.0  # power of a spectral line relative to its surroundings
-NEIGHBOUR = 3.0  # energy per frame that a neighbour explains of a taxel's residual
+NEIGHBOUR = 3.0  # energy per frame of a taxel's residual that a neighbour explains
 HELD = 0.1  # share of frames that repeat although the force changes
 SHAPE = 0.003  # held-out energy per sample that a shape explains
 TOLERATED = 0.004  # relative error of the force that a shape may have, such as a pose error beyond first order
 AGREE = 1.2  # z-score over episodes that a shape must reach; a gain in a single episode has 1
-FORM = 0.04  # share of the explained energy that the form error of a true cause may leave
+FORM = 0.04  # share of the explained energy that may remain because the fitted form of a true cause differs slightly
 
 _WINDOW = 1024  # frames per spectrum
 
@@ -67,7 +67,7 @@ def _tests(problem: Problem, prediction: FloatArray) -> Iterator[tuple[str, Left
 
 
 def _residual(problem: Problem, prediction: FloatArray) -> NDArray[np.float32]:
-    """The residual divided by the noise, without the mean of each channel."""
+    """The residual divided by the noise, after subtracting the mean of each channel."""
     amount, weights = np.zeros(problem.alive.shape), np.zeros(problem.alive.shape)
     residual = np.empty(prediction.shape, dtype=np.float32)
     for span in problem.episodes:

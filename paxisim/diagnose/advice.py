@@ -14,8 +14,8 @@ MOTIONS: Mapping[str, str] = {
     ),
     "holds": "hold a press for 30 s, then leave the pad unloaded for 60 s",
     "taps": (
-        "tap quickly, then swing the force with a rising frequency; a delay keeps the amplitude of the swings, a "
-        "filter reduces it"
+        "tap quickly, then oscillate the force at a rising frequency; a delay keeps the amplitude of the oscillation, "
+        "a filter reduces it"
     ),
     "gripper": "open and close the gripper, or move the hand, without contact, and record its opening or its joints",
     "staircase": "press in a staircase of at least six force levels, up to over-range, at several places on the pad",
@@ -50,9 +50,9 @@ def advice(
     """What to record next, most useful first.
 
     Args:
-        rivals: Each named cause with its rivals.
-        not_testable: The reason why, for each cause that this recording cannot show.
-        excites: The motion that excites each cause, by the cause's name.
+        rivals: Named causes, each with its rivals.
+        not_testable: Reason for each cause that this recording cannot test, by the cause's name.
+        excites: Name of the motion that excites each cause, by the cause's name.
         unexplained: Whether the residual has structure that no cause explains.
         episodes: Number of episodes in the recording.
     """

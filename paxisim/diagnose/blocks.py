@@ -15,7 +15,7 @@ def in_blocks(values: FloatArray, function: Callable[[slice], FloatArray]) -> Fl
     """Apply a function to ``(T, ...)`` values block by block and concatenate the results.
 
     Args:
-        values: The array; the function is expected to close over it.
+        values: Array that gives the shape of the result; the function is expected to close over its data.
         function: Takes a slice of frames and returns an array with the shape of `values` for that slice.
     """
     out = np.empty_like(values)

@@ -1,4 +1,4 @@
-"""Cause: a transform and all that is needed to look for it. Each cause is one file in `causes/`."""
+"""Cause: a transform with the information needed to search for it. Each cause is one file in `causes/`."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ AXES = "xyz"
 
 @dataclass(frozen=True)
 class Free:
-    """One number that is fitted.
+    """A scalar parameter to fit.
 
     Attributes:
-        name: What a report calls it.
-        unit: Its unit, ``"1"`` for a pure number.
-        neutral: The value at which the cause does nothing, or the value expected where the data do not decide.
-        low: Least value.
-        high: Largest value.
-        scale: By how much it typically moves; the fit steps in these units.
-        material: The cause is named only if one of its numbers is at least this far from neutral. None for numbers
-            that do not count, such as time constants.
+        name: Name in reports.
+        unit: Unit, ``"1"`` if dimensionless.
+        neutral: Value at which the cause has no effect, or the prior mean.
+        low: Lower bound.
+        high: Upper bound.
+        scale: Typical change of the parameter; the fit takes its steps in this unit.
+        material: Smallest deviation from `neutral` that matters. The cause is named only if at least one of its
+            parameters deviates that far. None for parameters that do not count, such as time constants.
         spread: Standard deviation of a prior about `neutral`; None for no prior.
-        words: What it means, where the name does not say it.
+        words: Explanation, if the name alone is not clear.
     """
 
     name: str
@@ -47,20 +47,20 @@ class Free:
 
 @dataclass(frozen=True)
 class Gauge:
-    """The gain that a calibration convention brings with a cause.
+    """The gain that a calibration convention adds to a cause.
 
-    A sensor that creeps reads right at once if it was calibrated with quick presses, and after a while if it was
-    calibrated with held loads. The second sensor has a gain below 1 besides the creep; that gain is not a cause of its
-    own. One number from 0 to 1 says where between the two conventions the sensor was calibrated; it is fitted with the
-    cause and reported as one of its parameters. Where the gain depends on how large the forces are, shear has a number
-    of its own.
+    A sensor with creep reads correctly at once if it was calibrated with quick presses, and only after a while if it
+    was calibrated with held loads. The second sensor shows a gain below 1 besides the creep; this gain is not a
+    separate cause. A nuisance parameter from 0 to 1 places the sensor between the two conventions. It is fitted with
+    the cause and reported as one of its parameters. If the gain depends on the magnitude of the forces, shear has its
+    own parameter.
 
     Attributes:
-        name: Of the number. At 0 the cause's transform reads right as it is, at 1 it is multiplied by `gain`.
-        gain: The gain at the other convention, given the cause's values and the recording; one for all axes, or
-            ``(3,)``.
+        name: Name of the parameter. At 0 the cause's transform is used unchanged, at 1 it is multiplied by `gain`.
+        gain: Function that returns the gain at the other convention, given the cause's values and the recording: a
+            scalar for all axes, or ``(3,)``.
         words: What 0 and 1 mean.
-        by_axis: Whether the gain is one for each axis.
+        by_axis: Whether the gain differs between axes.
     """
 
     name: str
@@ -70,22 +70,22 @@ class Gauge:
 
     @property
     def free(self) -> tuple[Free, ...]:
-        """Its numbers: for all axes, or for normal force and for shear."""
+        """Its parameters: one for all axes, or one for normal force and one for shear."""
         names = (self.name, f"{self.name}_shear") if self.by_axis else (self.name,)
         return tuple(Free(name, "1", 0.0, 0.0, 1.0, 0.3, spread=1.0, words=self.words) for name in names)
 
 
 @dataclass(frozen=True, eq=False)
 class Local:
-    """Numbers of each taxel or channel, fitted in closed form.
+    """Parameters of each taxel or channel, fitted in closed form.
 
     Attributes:
-        name: What the array is called, in a report and in the transform.
-        unit: Its unit, ``"1"`` for a pure number.
-        solve: The array that fits best, given the problem, the force that comes in, a function that says what is read
-            of the force that goes out, and an array to begin with or None.
-        error: Half the widths of the 90 % intervals of the array, given the problem of three or more episodes, what the
-            whole model makes of it (N), and the array.
+        name: Name of the array in reports and in the transform.
+        unit: Unit, ``"1"`` if dimensionless.
+        solve: Function that returns the best-fitting array, given the problem, the input force, a function that maps
+            the output force to the reading, and a starting array or None.
+        error: Function that returns the half-widths of the array's 90 % intervals, given a problem of at least three
+            episodes, the prediction of the whole model (N) and the array.
     """
 
     name: str
@@ -96,13 +96,13 @@ class Local:
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """A reading without force that follows curves in time which all channels share, each by amounts of its own.
+    """A force-independent offset: time curves shared by all channels, with one amplitude per curve and channel.
 
     Attributes:
-        name: What the amounts are called, in a report and in the transform.
-        curves: ``(curves, T)``, given the recording and the numbers of their shape.
-        numbers: What those numbers are called, in a report and in the transform, and what they mean.
-        shapes: Values of the numbers that are tried, the simplest first.
+        name: Name of the amplitudes in reports and in the transform.
+        curves: Function that returns the ``(curves, T)`` curves, given the recording and the shape parameters.
+        numbers: Meaning of each shape parameter, by its name in reports and in the transform.
+        shapes: Values of the shape parameters to try, the simplest first.
     """
 
     name: str
@@ -113,13 +113,13 @@ class Course:
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """What a deterministic check read off the recording.
+    """A fault that a deterministic check detected in the recording.
 
     Attributes:
-        transform: The fault.
-        values: Its figures by name.
-        problem: The recording as it is compared from here on.
-        rounds: Whether what it does is the rounding that `Problem.read` already knows of.
+        transform: The fault as a transform.
+        values: Its parameters by name.
+        problem: The recording to use in all later steps.
+        rounds: Whether the fault is the rounding that `Problem.read` already models.
     """
 
     transform: Transform
@@ -142,39 +142,43 @@ def _always(problem: Problem) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Cause:
-    """Something that a sensor or a scene does and the simulation lacks.
+    """A property of a sensor or a scene that the simulation lacks.
 
-    A cause is fitted (`free` and `starts`, or `local`, or `course`) or read off the recording (`read`). One that is
-    fitted is a transform of the simulated force, or a change of the scene that is simulated (`change`).
+    A cause is either fitted (`free` and `starts`, or `local`, or `course`) or detected by a deterministic check
+    (`read`). A fitted cause is a transform of the simulated force, or a change of the simulated scene (`change`).
 
     Attributes:
-        name: As it appears in a diagnosis.
-        order: Its place in the chain; smaller is nearer to the contact.
-        make: The transform with these values: the numbers in the order of `free`, or the array of `local`. Fields of a
-            transform of your own get intervals in the model only if `paxisim.augment.parameter` declares them.
-        excites: Name of the motion, one of `paxisim.diagnose.advice.MOTIONS`, that shows this cause best.
-        free: The numbers that are fitted, given the problem.
-        starts: Values to begin the fit with, for each form that the effect may take. Together they should span what
-            the cause does while it is small, as candidates are ranked by them.
-        gauge: The gain that comes with the cause's calibration convention, if there is one.
-        change: For a cause inside the scene: what it adds to the simulated force (N), in place of a transform.
-        local: For a cause with a number for each taxel or channel, fitted in closed form.
-        course: For a cause that adds a reading without force.
-        read: For a cause that is read off the recording before the search.
-        nuisance: Whether it is fitted beside all others from the beginning, and named only if it counts in the end.
-        tacit: Of a nuisance, whether it is never named, and stays in the model.
-        remembers: Whether only motions of several speeds tell it from the other causes that remember.
-        unpressed_rival: Name of a cause that does the same on taxels that nothing presses.
-        planes: Whether the cause comes with a constant, a plane over each pad's axis and a multiple of its amounts, so
-            that `offset` is named only for what is left of the zero beside it.
-        covariate: Name of the covariate that it needs.
-        misfit: Share of its gain that is left for others to explain, as no form is exactly the sensor's.
-        price: How many times the usual gain it must bring: more than 1 for a cause with many numbers, in which
-            tolerated errors gather.
-        size: How large the values are, in units of the smallest size of interest; default: by `Free.material`.
-        barred: Why it cannot be told in this recording; an empty string if it can.
-        words: What it is, in one short sentence for a reader who has never met the name.
-        picture: The kind of picture that shows it in a report, a key of `paxisim.diagnose.report.kinds.PICTURES`.
+        name: Name in a diagnosis.
+        order: Position in the chain; smaller is nearer to the contact.
+        make: Function that returns the transform with the given values: the parameters in the order of `free`, or the
+            array of `local`. The model has intervals for the fields of a user-defined transform only if
+            `paxisim.augment.parameter` declares them.
+        excites: Name of the motion that excites the cause best, one of `paxisim.diagnose.advice.MOTIONS`.
+        free: Function that returns the parameters to fit, given the problem.
+        starts: Function that returns starting values of the fit, one set for each form that the effect may take.
+            Together they should span the effect while it is small, because candidates are ranked by them.
+        gauge: Gain that the calibration convention adds, if any.
+        change: For a cause inside the scene: function that returns the change of the simulated force (N). It replaces
+            the transform.
+        local: For a cause with one parameter per taxel or channel, fitted in closed form.
+        course: For a cause that adds an offset independent of the force.
+        read: For a cause that a deterministic check detects before the search.
+        nuisance: Whether the cause is fitted beside all others from the start and named only if it passes the test at
+            the end.
+        tacit: Whether a nuisance is never named and always stays in the model.
+        remembers: Whether only motions at several speeds separate the cause from other memory effects.
+        unpressed_rival: Name of a cause with the same effect on taxels that are never pressed.
+        planes: Whether the cause owns a constant offset: a plane over each pad's axis plus a multiple of its
+            amplitudes. `offset` is then named only for the rest of the zero offset.
+        covariate: Name of the covariate that the cause requires.
+        misfit: Share of the effect's energy that may remain because the fitted form never matches the sensor exactly;
+            other causes must gain more than this.
+        price: Factor on the required gain. It exceeds 1 for causes with many parameters, which absorb tolerated errors.
+        size: Function that returns the size of the values in units of the smallest size of interest; default: derived
+            from `Free.material`.
+        barred: Function that returns why the cause cannot be identified in this recording; an empty string if it can.
+        words: Explanation in one short sentence for a reader who does not know the name.
+        picture: Kind of picture in a report, a key of `paxisim.diagnose.report.kinds.PICTURES`.
     """
 
     name: str
@@ -202,11 +206,11 @@ class Cause:
     picture: str = "plain"
 
     def parameters(self, problem: Problem) -> tuple[Free, ...]:
-        """The fitted numbers, those of the gauge last."""
+        """The fitted parameters, those of the gauge last."""
         return (*self.free(problem), *(self.gauge.free if self.gauge else ()))
 
     def transform(self, values: FloatArray, problem: Problem) -> Transform:
-        """The transform with fitted values, the gauge's included."""
+        """The transform with fitted values, including those of the gauge."""
         if self.local or self.course:
             return self.make(values, problem)  # type: ignore[arg-type]
         numbers = [float(v) for v in values]
@@ -219,36 +223,36 @@ class Cause:
         if np.all(gain == 1):
             return made
         after: Transform = augment.AxisGain(tuple(gain))
-        if STAGES.index(made.stage) > STAGES.index(after.stage):  # it stands for a calibration, not for the magnets
+        if STAGES.index(made.stage) > STAGES.index(after.stage):  # the gain is part of the calibration
             after = augment.Chain([after])
         return augment.Chain([made, after], [self.name, self.gauge.name])
 
     def on(self, x: NDArray[np.floating], values: FloatArray, problem: Problem, frames: Problem) -> FloatArray:
-        """What it makes of a force.
+        """Apply the cause to a force.
 
         Args:
             x: ``(T, pads, 3, rows, cols)`` N.
-            values: Its values.
-            problem: The recording, which its values refer to.
-            frames: The frames of the recording that `x` is of.
+            values: Values of the cause.
+            problem: The recording that the values refer to.
+            frames: The part of the recording that `x` belongs to.
         """
         if self.change is not None:
             return x + self.change(values, frames)  # type: ignore[arg-type]
         return frames.run(self.transform(values, problem), x)  # type: ignore[arg-type]
 
     def has_memory(self, problem: Problem) -> bool:
-        """Whether what it does to a frame depends on those before."""
+        """Whether the effect on a frame depends on earlier frames."""
         return self.change is None and self.transform(self.places(problem)[0], problem).has_memory
 
     def places(self, problem: Problem) -> list[FloatArray]:
-        """The starts, those of a gauge at both of its ends."""
+        """Starting values; with a gauge, each start is combined with both ends of the gauge."""
         starts = [np.asarray(values, dtype=np.float64) for values in self.starts(problem)]
         if self.gauge is None:
             return starts
         return [np.append(s, [end] * len(self.gauge.free)) for s in starts for end in (0.0, 1.0)]
 
     def amount(self, values: FloatArray, problem: Problem) -> float:
-        """How large the values are, in units of the smallest size of interest."""
+        """Size of the values, in units of the smallest size of interest."""
         if self.size is not None:
             return self.size(values, problem)  # type: ignore[arg-type]
         pairs = zip(values, self.free(problem), strict=False)
@@ -256,12 +260,12 @@ class Cause:
 
 
 def courses_of(causes: Sequence[Cause]) -> list[Cause]:
-    """The causes that have a course, in the order of the chain."""
+    """The causes with a course, in chain order."""
     return sorted((c for c in causes if c.course is not None), key=lambda c: c.order)
 
 
 def one_away(count: int, index: int, neutral: float, step: float) -> list[float]:
-    """Neutral values, but for one that is a step away: a start of a cause with several parameters."""
+    """Neutral values except for one that is a step away: a start for a cause with several parameters."""
     values = [neutral] * count
     values[index] += step
     return values

@@ -9,7 +9,7 @@ from paxisim.diagnose.problem import FloatArray, Problem
 from paxisim.errors import MissingExtraError
 from paxisim.parallel import parallel_map
 
-CHANNELS = 12  # per axis
+CHANNELS = 12  # taxels per axis
 ROWS = 12_000  # training samples per axis
 FRAMES = 4000  # most frames that are evaluated
 LAGS = (1, 2, 4, 8)  # frames

@@ -1,7 +1,7 @@
-"""Correspondence: whether both streams are of the same motion, and how far apart their clocks are.
+"""Correspondence: whether both streams show the same motion, and the offset between their clocks.
 
-Both streams are compared by their activity: the root of the summed squares by which all channels change. Swapped
-taxels, axes or pads, signs, gains, offsets and drift leave it much as it is.
+The streams are compared by their activity: the root of the summed squared changes of all channels. It is almost
+unaffected by swapped taxels, axes or pads, and by signs, gains, offsets and drift.
 """
 
 from __future__ import annotations
@@ -17,29 +17,29 @@ from paxisim.diagnose.pieces import in_one_piece
 from paxisim.logs.recording_arrays import episode_spans
 from paxisim.recording import Recording
 
-LONGEST = 15.0  # s, by which clocks may be apart
-OVERLAP = 0.5  # share of a stretch that both streams must still have in common
-SENSOR = 0.5  # s, within which a delay may be the sensor's own
-ALIKE = 0.25  # correlation of the activities, below which streams are not of one motion
-DOUBTFUL = 0.5  # the same, below which they are not if clocks are apart, or forces less alike than `FORCES`
-FORCES = 0.25  # share of the forces' variance that both have in common
-HALVED = 0.5  # of what is not correlated, that a shift of the clocks must leave at most
-USUAL = 0.97  # quantile of the activity, to which what is above it is cut: a few wild frames say nothing
-CHANGE = 0.2  # s, over which changes are taken, and means before
-LEAST = 10  # samples of a stretch
-FINEST = 0.02  # s between samples of the activity
-MISPLACED = 0.7  # of the distance to its own episode, that another must have to fit better
+LONGEST = 15.0  # s, largest clock offset
+OVERLAP = 0.5  # least share of the longest stretch over which the streams must overlap
+SENSOR = 0.5  # s, largest delay attributed to the sensor
+ALIKE = 0.25  # correlation of the activities below which the streams do not show the same motion
+DOUBTFUL = 0.5  # the same if the clocks differ or the forces share less variance than `FORCES`
+FORCES = 0.25  # share of the variance of the forces that both streams have in common
+HALVED = 0.5  # largest share of the uncorrelated part that may remain after a clock shift
+USUAL = 0.97  # quantile at which the activity is clipped, so that a few wild frames do not dominate
+CHANGE = 0.2  # s, window of the moving means whose changes are the activity
+LEAST = 10  # fewest samples of a stretch
+FINEST = 0.02  # s, shortest interval between samples of the activity
+MISPLACED = 0.7  # distance to another episode, relative to its own, below which the other fits better
 
 
 @dataclass(frozen=True)
 class Correspondence:
-    """How two streams go together.
+    """How well two streams match.
 
     Attributes:
-        shift: Seconds by which the measured stream lags behind the simulated one, where they are most alike.
-        alike: Correlation of the activities there.
-        at_once: The same within `SENSOR` seconds of no shift.
-        why: Why they are not of one motion; empty if they may be.
+        shift: Lag of the measured behind the simulated stream at the highest correlation, in seconds.
+        alike: Correlation of the activities at that lag.
+        at_once: Highest correlation at lags of at most `SENSOR` seconds.
+        why: Why the streams do not show the same motion; empty if they may.
     """
 
     shift: float
@@ -49,21 +49,21 @@ class Correspondence:
 
     @property
     def clocks_apart(self) -> bool:
-        """Whether the clocks are apart by more than a sensor can be late."""
+        """Whether the clocks differ by more than the delay of a sensor."""
         return not self.why and abs(self.shift) > SENSOR and 1 - self.alike < HALVED * (1 - self.at_once)
 
 
 UNKNOWN = Correspondence(0.0, 1.0, 1.0, "")
-"""Of recordings without contact, and of those too short to tell."""
+"""The result for recordings without contact and for those that are too short to compare."""
 
 
 def correspondence_of(recording: Recording, replayed: bool = False) -> Correspondence:
-    """How the measured stream goes with the simulated one.
+    """Compare the measured stream with the simulated one.
 
     Args:
-        recording: With both streams.
-        replayed: Whether the simulation follows motions that were recorded with the measured stream, so that its
-            episodes are in their order.
+        recording: Recording with both streams.
+        replayed: Whether the simulation replays motions that were recorded with the measured stream. The episodes are
+            then known to be in the same order.
     """
     assert recording.measured is not None
     assert recording.simulated is not None
@@ -75,7 +75,7 @@ def correspondence_of(recording: Recording, replayed: bool = False) -> Correspon
     for span in spans:
         time = recording.time[span]
         step = max(1, round(CHANGE / max(float(np.median(np.diff(time))), 1e-9)))
-        time = time[step : len(time) + 1 - step]  # in the middle of each change
+        time = time[step : len(time) + 1 - step]  # centre of each change
         grid = np.arange(time[0], time[-1], interval) if len(time) else time
         if len(grid) > LEAST:
             both = (_activity(s[span].astype(np.float64), step) for s in (recording.measured, recording.simulated))
@@ -86,10 +86,10 @@ def correspondence_of(recording: Recording, replayed: bool = False) -> Correspon
     best = int(np.argmax(alike))
     near = np.abs(shifts) * interval <= SENSOR
     shift = _peak(shifts, alike, best) * interval
-    doubtful = alike[best] < DOUBTFUL  # among many shifts one fits by chance
+    doubtful = alike[best] < DOUBTFUL  # one of many shifts may fit by chance
     if alike[best] < ALIKE or (doubtful and (abs(shift) > SENSOR or _alike(_shifted(recording, shift)) < FORCES)):
         why = (
-            f"measured does not follow simulated at any shift of the clocks up to {shifts[-1] * interval:.2g} s (the "
+            f"measured does not follow simulated at any clock shift up to {shifts[-1] * interval:.2g} s (the "
             f"correlation of their activities is at most {alike[best]:.2f})"
         )
     else:
@@ -98,9 +98,9 @@ def correspondence_of(recording: Recording, replayed: bool = False) -> Correspon
 
 
 def aligned(recording: Recording, shift: float) -> Recording:
-    """The recording with the simulated stream and the covariates as they were about `shift` seconds before.
+    """The recording with the simulated stream and the covariates delayed by about `shift` seconds.
 
-    The shift is refined so that the forces of all channels are most alike.
+    The shift is refined to maximise the correlation of the forces over all channels.
     """
     near = (shift - CHANGE, shift + CHANGE)
     best = minimize_scalar(lambda by: -_alike(_shifted(recording, by)), bounds=near, method="bounded")
@@ -108,7 +108,7 @@ def aligned(recording: Recording, shift: float) -> Recording:
 
 
 def _alike(recording: Recording) -> float:
-    """Mean squared correlation of both streams over the channels, each weighed with its variance."""
+    """Mean squared correlation of both streams over the channels, weighted by the variance of the measurement."""
     assert recording.measured is not None
     assert recording.simulated is not None
     both = (values.reshape(len(values), -1) for values in (recording.measured, recording.simulated))
@@ -118,7 +118,7 @@ def _alike(recording: Recording) -> float:
 
 
 def _shifted(recording: Recording, shift: float) -> Recording:
-    """The recording with the simulated stream and the covariates as they were `shift` seconds before."""
+    """The recording with the simulated stream and the covariates delayed by `shift` seconds."""
     assert recording.simulated is not None
     kept, simulated = np.zeros(len(recording), dtype=bool), recording.simulated.copy()
     covariates = {name: values.copy() for name, values in recording.covariates.items()}
@@ -135,7 +135,7 @@ def _shifted(recording: Recording, shift: float) -> Recording:
 
 
 def _activity(values: FloatArray, step: int) -> FloatArray:
-    """Root of the summed squares by which means of `step` frames change from one to the next, for all that fit in."""
+    """Root of the summed squared differences between adjacent means of `step` frames, clipped at a quantile."""
     sums = np.cumsum(np.pad(values.reshape(len(values), -1), ((1, 0), (0, 0))), axis=0)
     means = (sums[step:] - sums[:-step]) / step
     activity = np.linalg.norm(means[step:] - means[:-step], axis=1)
@@ -143,11 +143,11 @@ def _activity(values: FloatArray, step: int) -> FloatArray:
 
 
 def _correlation(pairs: list[tuple[FloatArray, ...]], most: int) -> tuple[NDArray[np.intp], FloatArray]:
-    """Shifts in samples, and the correlation of all pairs together at each."""
+    """Shifts in samples, and the pooled correlation of all pairs at each shift."""
     longest = max(len(one) for one, _ in pairs)
     most = min(most, int((1 - OVERLAP) * longest))
     shifts = np.arange(-most, most + 1)
-    sums = np.zeros((3, len(shifts)))  # of products, and of both squares, where the two overlap
+    sums = np.zeros((3, len(shifts)))  # products and both squares, summed over the overlap
     for measured, simulated in pairs:
         count = len(measured)
         measured, simulated, ones = measured - measured.mean(), simulated - simulated.mean(), np.ones(count)
@@ -161,7 +161,7 @@ def _correlation(pairs: list[tuple[FloatArray, ...]], most: int) -> tuple[NDArra
 
 
 def _peak(shifts: NDArray[np.intp], alike: FloatArray, best: int) -> float:
-    """The shift at the top of a parabola through the best and its neighbours."""
+    """The shift at the vertex of a parabola through the best shift and its neighbours."""
     if not 0 < best < len(alike) - 1:
         return float(shifts[best])
     before, top, after = alike[best - 1 : best + 2]
@@ -170,7 +170,7 @@ def _peak(shifts: NDArray[np.intp], alike: FloatArray, best: int) -> float:
 
 
 def _other_order(pairs: list[tuple[FloatArray, ...]], shift: int) -> str:
-    """Which simulated episode a measured one fits, if most fit another better than their own; else empty."""
+    """Message with the worst mismatch if most measured episodes fit another simulated episode better; else empty."""
     pairs = [(m[max(shift, 0) :], s[max(-shift, 0) :]) for m, s in pairs]
     count = len(pairs)
     if count < 3:
@@ -188,6 +188,6 @@ def _other_order(pairs: list[tuple[FloatArray, ...]], shift: int) -> str:
         return ""
     number = int(np.argmax(misplaced * (own - distance.min(axis=1))))
     return (
-        f"measured and simulated episodes are not in the same order: measured episode {number + 1} fits simulated "
+        f"the measured and simulated episodes are not in the same order: measured episode {number + 1} fits simulated "
         f"episode {fits[number] + 1} best"
     )

@@ -17,9 +17,9 @@ STEEP = 0.25  # steps; with less noise, two harmonics do not represent the stair
 LEAST_NOISE = 0.02  # steps
 BEYOND = 5.0  # distance from a rounding edge, in units of the noise, at which the edge has no effect
 UNSURE = 0.02  # relative uncertainty of the force from calibration and contact position, which smooths the steps
-POINTS = 400  # of the table below, in one standard deviation of the noise
+POINTS = 400  # points of the table below per standard deviation of the noise
 BEYOND_EDGE = ndtr(-(np.arange(int(POINTS * BEYOND) + 1) + 0.5) / POINTS).astype(np.float32)
-"""Share of the noise that lies beyond an edge of a step, by the distance to it."""
+"""Share of the noise beyond a rounding edge, by the distance to the edge."""
 REACH = 7.0  # force, in units of the noise, above which clipping at 0 has no effect
 
 
@@ -44,7 +44,7 @@ class Counting:
 
     @property
     def reads_all(self) -> bool:
-        """Whether `read` returns its input unchanged."""
+        """Whether `read` returns its input unchanged, because rounding and clipping have no effect."""
         return not self._ripples and not self._cuts
 
     @property
@@ -140,19 +140,19 @@ class Counting:
 
 
 def _smooth(turns: NDArray[np.float32], variance: NDArray[np.float32]) -> NDArray[np.float32]:
-    """What rounding takes from turns of -0.5 to 0.5 with noise of at least `STEEP`, in steps: two harmonics."""
-    first = np.exp(np.float32(-2 * np.pi**2) * variance)  # what noise leaves of the first harmonic; of the second:
+    """How much rounding subtracts from `turns` (-0.5 to 0.5) at noise of at least `STEEP`, in steps: two harmonics."""
+    first = np.exp(np.float32(-2 * np.pi**2) * variance)  # attenuation of each harmonic by the noise
     second = first**2 * first**2
     angle = np.float32(2 * np.pi) * turns
     return np.sin(angle) * (first - second * np.cos(angle)) / np.float32(np.pi)
 
 
 def _staircase(turns: NDArray[np.float32], width: NDArray[np.float32]) -> NDArray[np.float32]:
-    """What rounding takes from turns of -0.5 to 0.5 with noise of less than `STEEP`, in steps."""
+    """How much rounding subtracts from `turns` (-0.5 to 0.5) at noise below `STEEP`, in steps."""
     taken = turns.copy()
     at_edge = np.abs(turns) > 0.5 - BEYOND * width
     own = turns[at_edge]
-    below = (0.5 - np.abs(own)) / width[at_edge]  # in units of the noise, to the edge
+    below = (0.5 - np.abs(own)) / width[at_edge]  # distance to the edge, in units of the noise
     place = np.minimum(below * np.float32(POINTS), np.float32(POINTS * BEYOND)).astype(np.intp)
     taken[at_edge] = own - np.copysign(BEYOND_EDGE[place], own)
     return taken

@@ -32,8 +32,8 @@ class Interval:
 
     Attributes:
         value: The estimate.
-        low: Lower end of the interval; None if there is none, as with a single episode.
-        high: Upper end.
+        low: Lower end of the interval; None if there is no interval, as with a single episode.
+        high: Upper end, or None.
     """
 
     value: float
@@ -42,7 +42,7 @@ class Interval:
 
     @property
     def ends(self) -> tuple[float, float]:
-        """Lower and upper end, or the estimate at both where there is no interval."""
+        """Lower and upper end; both equal the estimate if there is no interval."""
         return (self.value, self.value) if self.low is None or self.high is None else (self.low, self.high)
 
     def __str__(self) -> str:
@@ -58,9 +58,9 @@ class FittedParameter:
 
     Attributes:
         name: Name of the parameter.
-        unit: Its unit, ``"1"`` if dimensionless.
+        unit: Unit, ``"1"`` if dimensionless.
         value: The estimate with its 90% interval.
-        words: What it means, where the name does not say it.
+        words: Explanation, if the name alone is not clear.
     """
 
     name: str
@@ -74,12 +74,12 @@ class FoundCause:
     """A cause that the diagnosis names.
 
     Attributes:
-        name: As in `known_causes`.
+        name: Name of the cause, as in `known_causes`.
         parameters: Fitted parameters with units and intervals.
         gain: Reduction of the held-out error energy compared with the model refitted without the cause, as a share of
             the explainable error.
-        rivals: Causes that fit as well in its place.
-        evidence: Why the cause is named, in a sentence.
+        rivals: Causes that fit equally well in its place.
+        evidence: Reason why the cause is named, in a sentence.
     """
 
     name: str
@@ -123,10 +123,10 @@ class HeldOut:
 
 @dataclass(frozen=True)
 class Place:
-    """A share of the error's energy, before and after.
+    """Share of the error energy at one place, before and after the correction.
 
     Attributes:
-        where: A pad, an axis, a taxel, a phase, a band of frequencies or a covariate.
+        where: A pad, axis, taxel, phase, frequency band or covariate.
         before: Share of the simulation's error energy found there.
         after: Error energy of the extended model there, as a share of the same total.
     """
@@ -142,7 +142,7 @@ class LeftOver:
 
     Attributes:
         what: Description.
-        statistic: Its strength.
+        statistic: Test statistic.
         limit: The threshold that it exceeds.
     """
 
@@ -158,11 +158,11 @@ class Symptoms:
     Attributes:
         warnings: Problems with the recording and caveats.
         left_over: Structure in the residual, and near misses.
-        pads: Shares by pad.
-        axes: By axis.
-        taxels: The ten worst.
-        phases: Free, loading, holding, unloading, sliding.
-        frequencies: By band.
+        pads: Shares of the error energy by pad.
+        axes: Shares by axis.
+        taxels: Shares of the ten worst taxels.
+        phases: Shares by phase: free, loading, holding, unloading, sliding.
+        frequencies: Shares by frequency band.
         covariates: Squared correlation of the error with each covariate.
     """
 
@@ -178,17 +178,17 @@ class Symptoms:
 
 @dataclass(frozen=True, repr=False)
 class Diagnosis:
-    """What the simulation gets wrong, why, and how much a correction gains. Print it to read it.
+    """What the simulation gets wrong, why, and how much a correction gains. `print` shows it as text.
 
     Attributes:
         verdict: "no_discrepancy", "explained", "ambiguous" (rivals that the data cannot separate), "partly_explained"
-            (named causes, plus structure in the residual, near misses or numbers at their bounds), "unexplained" or
-            "unrelated" (the streams are not of the same motion, so that nothing was fitted).
+            (named causes, plus structure in the residual, near misses or parameters at their bounds), "unexplained"
+            or "unrelated" (the streams do not show the same motion, and nothing was fitted).
         causes: The named causes, largest gain first.
         heldout: Errors on held-out episodes.
         confidence: For each cause, a value from 0 to 1: how often it passes its test when held-out episodes are
-            resampled, divided among the cause and its rivals; a number at its bound counts as one rival more.
-        not_testable: The reason why, for each cause that this recording cannot test.
+            resampled, divided among the cause and its rivals; a parameter at its bound counts as one more rival.
+        not_testable: Reason for each cause that this recording cannot test.
         symptoms: Where the error is.
         advice: What to record next.
         model: The extended sensor model. Latency and low-pass filters were fitted on interpolated frames: stepped in a
@@ -196,10 +196,10 @@ class Diagnosis:
         intervals: 90% intervals of the model's parameters: by member and parameter, the lowest and the highest value as
             arrays of the parameter's shape, as ``GCS.around(model, intervals)`` expects. Parameters without an
             interval are omitted.
-        scene: The scene with the values that were found; `paxisim.Scene.save` writes it with its MJCF. `model` is to be
-            applied to what it simulates. None if the scene was not given.
-        scene_values: By name, the numbers of the scene that were found, in SI units; see `paxisim.Scene.parameters`.
-        streams: The tensors behind the diagnosis, for the pictures of the report; None if it was loaded from a file.
+        scene: The scene with the fitted values, to be used with `model`; `paxisim.Scene.save` writes it with its MJCF.
+            None if the diagnosis had no scene.
+        scene_values: Fitted scene parameters by name, in SI units; see `paxisim.Scene.parameters`.
+        streams: Tensors for the pictures of the report; None if the diagnosis was loaded from a file.
     """
 
     verdict: Verdict
@@ -217,9 +217,9 @@ class Diagnosis:
 
     @property
     def scene_intervals(self) -> dict[str, tuple[float, float]]:
-        """90 % intervals of the scene's numbers by name, in SI units, for `paxisim.SceneRanges.around`.
+        """90 % intervals of the scene parameters by name, in SI units, for `paxisim.SceneRanges.around`.
 
-        A number without an interval has its value at both ends.
+        For a parameter without an interval, both ends equal its value.
         """
         fitted = (p for cause in self.causes for p in cause.parameters)
         return {p.name: in_si(p.unit, p.value.ends) for p in fitted if p.name in self.scene_values}
@@ -276,9 +276,9 @@ class Diagnosis:
             raise InvalidValueError(f"the diagnosis has a missing or invalid field: {error}") from error
 
     def report(self) -> str:
-        """The diagnosis as a self-contained HTML page with pictures, without network access or scripts.
+        """The diagnosis as a self-contained HTML page with pictures, without scripts or external resources.
 
-        A diagnosis that was loaded from a file has no streams, so its page lacks the pictures that need them.
+        A diagnosis loaded from a file has no streams, so its page lacks the pictures that need them.
 
         Raises:
             MissingExtraError: matplotlib or jinja2 is not installed.
@@ -290,10 +290,10 @@ class Diagnosis:
     def save(self, folder: str | Path) -> None:
         """Write ``diagnosis.json``, ``model.json`` and ``report.html`` to `folder`, which is created if needed.
 
-        With a scene also ``fitted_scene.toml`` and ``.xml``, the scene with the values that were found. Each file is
+        With a scene, it also writes ``fitted_scene.toml`` and ``.xml``, the scene with the fitted values. Each file is
         written atomically; `Chain.load` reads ``model.json``. If matplotlib or jinja2 is missing, a warning replaces
-        the report. Streams that are unrelated give no model. An older file in the folder that is not written again is
-        removed.
+        the report. For unrelated streams there is no model. Files of an earlier diagnosis in the folder that are not
+        overwritten are removed.
 
         Raises:
             OSError: The folder or a file in it cannot be written.
@@ -327,13 +327,13 @@ class Diagnosis:
 
     @classmethod
     def load(cls, folder: str | Path) -> Diagnosis:
-        """Read what `save` wrote; raises like `from_json`, and FileNotFoundError if there is no file."""
+        """Read a diagnosis that `save` wrote; raises like `from_json`, and FileNotFoundError if there is no file."""
         found = parse_file(Path(folder) / "diagnosis.json", cls.from_json)
         scene = Path(folder) / SCENE
         return replace(found, scene=Scene.load(scene)) if scene.is_file() else found
 
     def __repr__(self) -> str:
-        """One line."""
+        """Summary on one line."""
         causes = ", ".join(cause.name for cause in self.causes) or "none"
         change = f"held-out error {self.heldout.nrmse_before:.1%} -> {self.heldout.nrmse_after:.1%}"
         return f"<Diagnosis: {self.verdict}; causes: {causes}; {change}>"

@@ -1,4 +1,4 @@
-"""Directions: what recorded covariates do without contact, such as the joints of a hand, as a few numbers a frame."""
+"""Directions: principal components of the covariates recorded without contact, such as the joints of a hand."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
-NO_POSE = ("temperature",)  # covariates that a field does not follow
-KEPT = 0.99  # of the variance of all covariates, that the directions hold
-MOST = 6  # directions
-STILL = 1e-9  # of a covariate, by which one that stands still varies
-SEEN = 0.25  # of a covariate's spread, that it must have without contact: else what it does is not told from a force's
+NO_POSE = ("temperature",)  # covariates that do not describe a pose and so do not change a field
+KEPT = 0.99  # share of the variance of all covariates that the directions retain
+MOST = 6  # most directions
+STILL = 1e-9  # relative spread up to which a covariate is constant
+SEEN = 0.25  # least spread without contact, relative to the whole; below it, the effect is confounded with the force
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,9 +22,9 @@ class Directions:
     """Principal components of covariates without contact.
 
     Attributes:
-        names: Of the covariates.
-        middle: ``(covariates,)`` their means, each in its unit.
-        axes: ``(directions, covariates)`` what each direction takes of each, in 1 over its unit.
+        names: Names of the covariates.
+        middle: ``(covariates,)`` means, each in the covariate's unit.
+        axes: ``(directions, covariates)`` weight of each covariate in each direction, in 1 over the covariate's unit.
     """
 
     names: tuple[str, ...]
@@ -32,12 +32,12 @@ class Directions:
     axes: FloatArray
 
     def along(self, covariates: Mapping[str, FloatArray]) -> FloatArray:
-        """``(directions, T)`` of ``(T,)`` covariates; each has a mean of 0 and a spread of 1 without contact."""
+        """``(directions, T)`` scores of ``(T,)`` covariates; without contact each has mean 0 and spread 1."""
         return self.axes @ (np.stack([covariates[name] for name in self.names]) - self.middle[:, None])
 
 
 def directions_of(covariates: Mapping[str, FloatArray], rest: NDArray[np.bool_]) -> Directions | None:
-    """The directions of the ``(T,)`` covariates that vary without contact, in samples `rest`; None if none does."""
+    """The directions of the ``(T,)`` covariates that vary in the samples `rest` without contact; None if none does."""
     poses = {name: c for name, c in covariates.items() if name not in NO_POSE}
     spreads = {name: (float(np.std(c[rest])), float(np.std(c))) for name, c in poses.items()}
     least = {name: max(SEEN * whole, STILL * float(np.abs(poses[name]).max())) for name, (_, whole) in spreads.items()}

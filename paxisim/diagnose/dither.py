@@ -33,7 +33,7 @@ def dither_of(
     """Standard deviation of the noise before rounding (N).
 
     Without a quantisation step, or with a small one, it is the standard deviation of the shear at rest. With a large
-    step the noise is hardly visible at rest: a reading changes its count only if its zero is near a rounding edge.
+    step the noise is hardly visible at rest: a reading changes its count only if its offset is near a rounding edge.
     Under load, forces are spread evenly relative to the edges, so the mean count difference between two readings
     follows from the change of force and the noise of both. The result is bounded by the noise visible at rest.
 
@@ -43,7 +43,7 @@ def dither_of(
         at_rest: ``(T,)`` whether no taxel is pressed.
         untouched: ``(T,)`` whether no taxel has been pressed yet in the episode, so that no memory effect is present.
         episodes: Samples of each episode.
-        interval: Typical seconds between samples.
+        interval: Typical interval between samples, in seconds.
         step: Quantisation step (N); 0 if there is none.
         alive: ``(pads, 3, rows, cols)`` channels in use.
     """
@@ -57,7 +57,7 @@ def dither_of(
     held = _under_load(measured, simulated, episodes, interval, step, alive)
     if not resting:
         return UNTOLD * step if held is None else held
-    # counts change least for a zero in the middle of a step
+    # counts change least for an offset in the middle of a step
     most = step * max(UNTOLD, 0.5 / float(ndtri(1 - 0.5 * min(_spread(before) / step, 1.0) ** 2)))
     return most if held is None else min(held, most)
 

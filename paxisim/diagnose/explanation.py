@@ -1,4 +1,4 @@
-"""Explanation: the causes that a search has kept, with the extended model and what it predicts, held out and not."""
+"""Explanation: the causes that a search has kept, the extended model, and its in-sample and held-out predictions."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from paxisim.parallel import parallel_map
 
 @dataclass(frozen=True, eq=False)
 class Named:
-    """A cause that the recording asks for.
+    """A cause supported by the recording.
 
     Attributes:
         cause: The cause.
-        transform: What it does, with the fitted values.
-        values: Fitted numbers and arrays by name, in the units of the cause's parameters, or N.
-        evidence: Of a cause that was fitted; None for one that was read off.
+        transform: The cause's transform with the fitted values.
+        values: Fitted parameters and arrays by name, in the units of the cause's parameters, or N.
+        evidence: Evidence for a fitted cause; None for a cause that a deterministic check detected.
     """
 
     cause: Cause
@@ -38,23 +38,23 @@ class Named:
 
     @property
     def name(self) -> str:
-        """Of the cause."""
+        """Name of the cause."""
         return self.cause.name
 
 
 @dataclass(frozen=True, eq=False)
 class Explanation:
-    """What a recording asks for.
+    """The causes found in a recording, with the extended model.
 
     Attributes:
-        off: What the checks read off.
+        off: Result of the deterministic checks.
         search: The search, with its fits.
-        chosen: The causes that were fitted and kept, with the nuisances that were fitted beside them.
+        chosen: Causes that were fitted and kept, including the nuisances fitted with them.
         fit: Their fit.
-        named: The causes, those that were read off included, in the order of the chain.
+        named: All named causes, including those detected by the checks, in chain order.
         model: The extended model, to be applied to the recording's simulated stream.
-        prediction: ``(T, pads, 3, rows, cols)`` N, what it makes of it, before rounding.
-        heldout: The same, each sample by the fit that left its fold out.
+        prediction: ``(T, pads, 3, rows, cols)`` N, output of the model before rounding.
+        heldout: The same, with each sample predicted by the fit that left its fold out.
     """
 
     off: ReadOff
@@ -68,28 +68,28 @@ class Explanation:
 
     @property
     def problem(self) -> Problem:
-        """The recording that was explained, as the checks left it."""
+        """The recording that was explained, after the deterministic checks."""
         return self.off.problem
 
     @property
     def folds(self) -> Folds:
-        """What is held out together."""
+        """The folds."""
         return self.search.folds
 
     @property
     def fitted(self) -> tuple[Named, ...]:
-        """The causes that were fitted."""
+        """The named causes that were fitted."""
         return tuple(named for named in self.named if named.evidence is not None)
 
 
 def explanation_of(off: ReadOff, search: Search, chosen: Sequence[str], jobs: int = 1) -> Explanation:
-    """What a search has found.
+    """Build the explanation from the result of a search.
 
     Args:
-        off: What the checks read off.
+        off: Result of the deterministic checks.
         search: The search.
-        chosen: Its result.
-        jobs: Processors to use.
+        chosen: Names of the causes that the search selected.
+        jobs: Number of processors.
     """
     chosen = search.confirmed(tuple(chosen))
     asked = {item.name for item in off.causes}
@@ -113,7 +113,7 @@ def explanation_of(off: ReadOff, search: Search, chosen: Sequence[str], jobs: in
 def _members(
     off: ReadOff, fit: Fit, evidence: Mapping[str, Evidence]
 ) -> tuple[list[tuple[float, str, Transform]], list[Named]]:
-    """The members of the model with their places in the chain, and the causes that were fitted."""
+    """The members of the model with their positions in the chain, and the fitted causes."""
     members, named = [], []
     for item in fit.causes:
         if item.course is not None:
@@ -130,24 +130,24 @@ def _members(
             numbers = fit.whole.values[item.name]
             values = {f.name: float(v) for f, v in zip(item.parameters(off.problem), numbers, strict=True)}
             transform = item.transform(numbers, off.problem)
-        if item.change is None:  # else it is in the scene, not in the sensor's model
+        if item.change is None:  # a cause inside the scene is not part of the sensor model
             members.append((item.order, item.name, transform))
         if not item.tacit:
             named.append(Named(item, transform, values, evidence[item.name]))
-    if np.any(fit.constant):  # that the causes bring by convention
+    if np.any(fit.constant):  # the offset that the causes own by convention
         nuisance = next(c for c in CAUSES if c.nuisance and c.course)
         members.append((nuisance.order, nuisance.name, nuisance.make(fit.constant, off.problem)))  # type: ignore[arg-type]
     return members, named
 
 
 def predicted(problem: Problem, causes: Sequence[Cause], part: Part, constant: FloatArray | float) -> FloatArray:
-    """``(T, pads, 3, rows, cols)`` N, what a fit makes of every sample of a recording, before rounding."""
+    """``(T, pads, 3, rows, cols)`` N, prediction of a fit for every sample of a recording, before rounding."""
     rows = replace(with_curves(problem, causes, part.shapes), constant=constant)
     return Model(rows, causes, rows).run(part.values, part.zero)
 
 
 def heldout_of(problem: Problem, folds: Folds, fit: Fit, jobs: int = 1) -> FloatArray:
-    """``(T, pads, 3, rows, cols)`` N, each sample as the fit to the other folds predicts it."""
+    """``(T, pads, 3, rows, cols)`` N, prediction of each sample by the fit to the other folds."""
     out = np.empty_like(problem.simulated)
     fold = folds.of_sample
 
@@ -160,11 +160,11 @@ def heldout_of(problem: Problem, folds: Folds, fit: Fit, jobs: int = 1) -> Float
 
 
 def without_each(found: Explanation, jobs: int = 1) -> dict[str, tuple[Problem, FloatArray]]:
-    """By cause, what the model fitted again without it predicts of held-out samples, and how that is read.
+    """By cause, the problem and the held-out prediction of the model refitted without it.
 
     Args:
-        found: The causes.
-        jobs: Processors to use.
+        found: The explanation.
+        jobs: Number of processors.
     """
     out = {}
     for named in found.named:
@@ -177,7 +177,7 @@ def without_each(found: Explanation, jobs: int = 1) -> dict[str, tuple[Problem, 
 
 
 def _refitted_without(found: Explanation, named: Named) -> Fit:
-    """The model fitted again without one of its causes."""
+    """The model refitted without one of its causes."""
     search, names = found.search, [c.name for c in found.fit.causes]
     if not np.any(found.fit.constant):
         return search.exact(search.without(names, named.name))
@@ -186,7 +186,7 @@ def _refitted_without(found: Explanation, named: Named) -> Fit:
 
 
 def _unread(found: Explanation, named: Named, jobs: int) -> tuple[Problem, FloatArray]:
-    """The same without a cause that was read off: the streams as they are without that reading."""
+    """The same for a cause that a check detected: the streams are compared without that check."""
     others = [c for c in found.off.causes if c.name != named.name]
     problem = read_off(found.off.raw, others).problem
     if found.off.readings[named.name].rounds:

@@ -1,8 +1,8 @@
-"""Fitting: several causes at once, to all episodes and to all but each fold.
+"""Fitting: joint fits of several causes, to all episodes and to the complement of each fold.
 
-While sets of causes are compared, the fit without a fold begins with the fit to all episodes, uses its slopes, and is
-brought to the least of its own squares. Figures that are reported come from `Fitter.exact`: each fold's fit begins with
-the causes' own starts and never meets the samples that judge it.
+To compare sets of causes quickly, the fit to a fold's complement starts from the fit to all episodes, reuses its
+Jacobian, and minimises its own sum of squares. Reported figures come from `Fitter.exact`: each of its fits starts from
+the causes' own starts and never uses the held-out samples.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ from paxisim.diagnose.squares import Squares, best_start
 
 Shapes = Mapping[str, tuple[float, ...]]
 
-ZEROS = 4  # times that the zero and the other numbers are fitted in turns, at most
-SETTLED = 2e-3  # of the energy, below which a turn is the last
+ZEROS = 4  # most alternations between fitting the zero offset and the other parameters
+SETTLED = 2e-3  # relative decrease of the energy below which the alternation stops
 
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A fit to the episodes of a fold's complement, or to all.
+    """A fit to the complement of a fold, or to all episodes.
 
     Attributes:
-        values: By cause, in the order of its `parameters`; the arrays of local causes.
-        zero: ``(curves, pads, 3, rows, cols)`` N.
-        shapes: Numbers of the shape of each cause that has a course, by name.
-        owners: Names of the causes that the curves belong to.
+        values: Fitted values by cause, in the order of its `parameters`, or the array of a local cause.
+        zero: ``(curves, pads, 3, rows, cols)`` N, amplitudes of the curves of the zero offset.
+        shapes: Shape parameters of each cause with a course, by name.
+        owners: Name of the cause that each curve belongs to.
     """
 
     values: Fitted
@@ -49,12 +49,12 @@ class Fit:
     Attributes:
         causes: The causes.
         whole: The fit to all episodes.
-        folds: Those to all but each fold.
-        constant: ``(pads, 3, rows, cols)`` N or 0, a reading without force that is there and was not fitted.
-        effects: By cause, the energy of what it does to the reading, in units of the noise, the others as they are; of
-            a course, of what it adds.
-        energy: ``(units,)`` squared residual, in units of the noise, of the whole fit.
-        heldout: ``(units,)`` the same of units that took no part in the fit.
+        folds: The fit to the complement of each fold.
+        constant: ``(pads, 3, rows, cols)`` N or 0, a known constant offset that was not fitted.
+        effects: By cause, the energy of its effect on the reading with the other causes unchanged, in units of the
+            noise; for a course, the energy of the offset that it adds.
+        energy: ``(units,)`` squared residual of the fit to all episodes, in units of the noise.
+        heldout: ``(units,)`` squared residual of each unit when held out, in units of the noise.
     """
 
     causes: tuple[Cause, ...]
@@ -67,17 +67,17 @@ class Fit:
 
     @property
     def shapes(self) -> Shapes:
-        """Of the fit to all episodes."""
+        """Shape parameters of the fit to all episodes."""
         return self.whole.shapes
 
     @property
     def zeros(self) -> dict[str, FloatArray]:
-        """``(curves, pads, 3, rows, cols)`` N, the amounts of each course, by cause."""
+        """``(curves, pads, 3, rows, cols)`` N, the amplitudes of each course, by cause."""
         return {name: self.whole.zero[np.array(self.whole.owners) == name] for name in self.shapes}
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the causes."""
+        """Names of the causes."""
         return tuple(item.name for item in self.causes)
 
 
@@ -86,17 +86,17 @@ class Fitter:
 
     Attributes:
         whole: The recording.
-        problem: The same, thinned to the frames that are needed.
-        unit: ``(T,)`` of the compared frames, the unit that each belongs to; -1 for the gaps between blocks.
-        fold: ``(units,)`` the fold of each unit.
+        problem: The recording, thinned to the frames that a fit needs.
+        unit: ``(T,)`` unit of each compared frame; -1 in the gaps between blocks.
+        fold: ``(units,)`` fold of each unit.
     """
 
     def __init__(self, problem: Problem, folds: Folds) -> None:
-        """Nothing is fitted yet.
+        """Prepare the fits; nothing is fitted yet.
 
         Args:
             problem: The recording.
-            folds: What is held out together.
+            folds: The folds.
         """
         self.whole, self.problem = problem, problem.thinned
         self.unit = self.problem.at_compared(problem.at_thinned(folds.unit)).astype(np.intp)
@@ -105,16 +105,16 @@ class Fitter:
 
     @cached_property
     def samples(self) -> float:
-        """Numbers in the recording over those that are compared: what energies are multiplied by."""
+        """Ratio of all samples to the compared samples; energies are scaled by it."""
         return self.whole.samples / self.problem.compared.samples
 
     def fit(self, causes: Sequence[Cause], start: Fit | None = None, constant: FloatArray | float = 0.0) -> Fit:
-        """Fit causes to all episodes, and to all but each fold.
+        """Fit causes to all episodes, and to the complement of each fold.
 
         Args:
-            causes: What to fit.
-            start: A fit to begin with; a cause that is not in it begins with its best start.
-            constant: ``(pads, 3, rows, cols)`` N, a reading without force that is there and not fitted.
+            causes: The causes to fit.
+            start: Fit to start from; a cause that it lacks starts from the best of its own starts.
+            constant: ``(pads, 3, rows, cols)`` N, a known constant offset that is not fitted.
         """
         shapes = self._shapes(causes, start)
         rows, parts = self._for_fit(causes, shapes, start, constant)
@@ -132,7 +132,7 @@ class Fitter:
         return Fit(tuple(causes), whole, tuple(folds), constant, energies, self._by_unit(residual), heldout)
 
     def exact(self, fit: Fit) -> Fit:
-        """A fit whose folds are fitted without anything of the fit to all episodes."""
+        """The fit with its folds refitted from scratch, without any use of the fit to all episodes."""
         heldout, folds = np.zeros(len(self.fold)), []
         for number in range(int(self.fold.max()) + 1):
             shapes = self._shapes(fit.causes, None, number)
@@ -145,7 +145,7 @@ class Fitter:
         return replace(fit, folds=tuple(folds), heldout=heldout)
 
     def _descend(self, squares: Squares, causes: Sequence[Cause], start: Fitted) -> tuple[Fitted, FloatArray]:
-        """The values and the zero that fit best."""
+        """The best-fitting values and zero offset."""
         model, rows = squares.model, squares.rows
         zero = np.zeros((0 if rows.curves is None else len(rows.curves), *rows.alive.shape))
         shared = [c for c in causes if c.local is None and c.course is None]
@@ -157,7 +157,7 @@ class Fitter:
         values = squares.descend(values, zero)
         if not len(zero) or (rows.counting.reads_all and not squares.bends):
             return values, zero
-        # the zero begins at 0: one that was read beside fewer causes holds what those left
+        # start the zero offset at 0: an estimate with fewer causes contains the effects of the missing ones
         for _ in range(ZEROS):
             before = squares.energy(values, zero)
             moved = model.zero({**values, **model.solved}, zero)
@@ -172,7 +172,7 @@ class Fitter:
     def _for_fit(
         self, causes: Sequence[Cause], shapes: Shapes, start: Fit | None, constant: FloatArray | float
     ) -> tuple[Problem, list[Problem]]:
-        """The compared frames for a fit to all episodes, and to all but each fold."""
+        """The compared frames for a fit to all episodes, and to the complement of each fold."""
         rows, parts = self._rows(causes, shapes)
         if np.any(constant):
             rows, *parts = [replace(own, constant=constant) for own in (rows, *parts)]
@@ -184,12 +184,12 @@ class Fitter:
     def linearised(
         self, fit: Fit
     ) -> tuple[Problem, list[tuple[str, int, Free]], FloatArray, FloatArray, FloatArray, FloatArray]:
-        """A fit as it is near its values.
+        """Linearise a fit about its values.
 
         Returns:
-            The compared frames; the free numbers with their causes and places; the residual; its slopes
-            ``(free, numbers)`` in units of the numbers' scales; ``(free,)`` weights of the priors in these units; and
-            the prediction (N).
+            The compared frames; the free parameters with their causes and indices; the residual; its derivatives
+            ``(free, residuals)`` per unit of each parameter's scale; ``(free,)`` weights of the priors in these units;
+            and the prediction (N).
         """
         rows = replace(self._rows(fit.causes, fit.shapes)[0], constant=fit.constant)
         squares = Squares(Model(self.problem, fit.causes, rows), fit.causes)
@@ -198,7 +198,7 @@ class Fitter:
         return rows, squares.free, residual, slopes, squares.prior, squares.prediction
 
     def rows(self, causes: Sequence[Cause], shapes: Shapes) -> Problem:
-        """The compared frames, with the curves that the zero follows beside these causes."""
+        """The compared frames, with the zero-offset curves of these causes."""
         return self._rows(causes, shapes)[0]
 
     def _by_unit(self, residual: FloatArray) -> FloatArray:
@@ -207,7 +207,7 @@ class Fitter:
         return np.bincount(self.unit[known], square[known], len(self.fold)) * self.samples
 
     def _shapes(self, causes: Sequence[Cause], start: Fit | None, fold: int | None = None) -> Shapes:
-        """The numbers of each course's shape; those of `start` are kept if it has the same courses."""
+        """Shape parameters of each course; those of `start` are kept if it has the same courses."""
         wanted = courses_of(causes)
         if start is not None and start.shapes.keys() == {c.name for c in wanted}:
             return dict(start.shapes)
@@ -221,7 +221,7 @@ class Fitter:
     def _best_shape(
         self, item: Cause, causes: Sequence[Cause], shapes: Shapes, start: Fit | None, fold: int | None
     ) -> tuple[float, ...]:
-        """The shape with which each episode's zero is predicted best by those of the others."""
+        """The shape with which each episode's zero offset is best predicted from the other episodes."""
         assert item.course is not None
         left = self._left(start, self.problem.compared)
         known = [c for c in causes if c.course is not None and c.name in shapes]
@@ -236,11 +236,11 @@ class Fitter:
             leverage = np.minimum(np.diag(hat), 1 - 1e-3)[:, None, None, None, None]
             apart = (means - np.tensordot(hat, means, 1)) / (1 - leverage)
             squares.append(float(np.sum(apart**2, where=rows.alive)))
-        as_good = np.array(squares) <= (1 + 1e-6) * min(squares)  # beside a constant many shapes are one
+        as_good = np.array(squares) <= (1 + 1e-6) * min(squares)  # with a constant, many shapes are equivalent
         return item.course.shapes[int(np.argmax(as_good))]
 
     def _left(self, start: Fit | None, rows: Problem) -> FloatArray:
-        """``(T, pads, 3, rows, cols)`` N, what a fit without its zero leaves of the compared frames."""
+        """``(T, pads, 3, rows, cols)`` N, residual of a fit on the compared frames, without its zero offset."""
         if start is None:
             return rows.measured - rows.read(self.problem.at_compared(self.problem.simulated))
         causes = [c for c in start.causes if c.course is None]
@@ -248,7 +248,7 @@ class Fitter:
         return rows.measured - rows.read(Model(self.problem, causes, bare).run(start.whole.values, None))
 
     def _rows(self, causes: Sequence[Cause], shapes: Shapes) -> tuple[Problem, list[Problem]]:
-        """The compared frames with the curves of the zero, and the same for the complement of each fold."""
+        """The compared frames with the zero-offset curves, and the same for the complement of each fold."""
         key = tuple((c.name, shapes[c.name]) for c in courses_of(causes))
         if key not in self._shared:
             rows = self.problem.compared
@@ -262,7 +262,7 @@ class Fitter:
 
 
 def _part(squares: Squares, values: Fitted, zero: FloatArray, shapes: Shapes) -> Part:
-    """The values with the arrays of local causes, and the zero with what the residual still says of it."""
+    """The fit, with the arrays of local causes and the zero offset updated from the residual."""
     rows, model = squares.rows, squares.model
     read = rows.read(model.run(values, zero))
     solved = {**values, **model.solved}
@@ -271,7 +271,7 @@ def _part(squares: Squares, values: Fitted, zero: FloatArray, shapes: Shapes) ->
 
 
 def with_curves(rows: Problem, causes: Sequence[Cause], shapes: Shapes) -> Problem:
-    """The problem with the curves of the causes that have some, in the order of the chain."""
+    """The problem with the curves of the causes that have a course, in chain order."""
     curves = {c.name: c.course.curves(rows, shapes[c.name]) for c in courses_of(causes) if c.course is not None}
     if not curves:
         return replace(rows, curves=None, owners=())

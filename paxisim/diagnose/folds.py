@@ -1,8 +1,8 @@
 """Folds: which samples are held out together.
 
-The unit is the episode, as samples within one share the errors of its contact. An episode that alone excites a cause is
-split into two blocks with a gap between them, so that the cause can be fitted to one and judged on the other. The
-episodes of a short recording are split likewise.
+The unit is the episode, because its samples share the errors of one contact. If a single episode excites a cause, it is
+split into two blocks with a gap between them: the cause is fitted to one and tested on the other. In a recording with
+few episodes all of them are split into blocks.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from paxisim.diagnose.rules import Rules
 
 @dataclass(frozen=True, eq=False)
 class Folds:
-    """What is held out together.
+    """Assignment of samples to units and of units to folds.
 
     Attributes:
-        unit: ``(T,)`` the unit that each sample belongs to; -1 in the gap between two blocks.
-        fold: ``(units,)`` the fold of each unit.
-        episode: ``(units,)`` the episode of each unit.
-        split: Numbers of the episodes that were split.
+        unit: ``(T,)`` unit of each sample; -1 in the gap between two blocks.
+        fold: ``(units,)`` fold of each unit.
+        episode: ``(units,)`` episode of each unit.
+        split: Indices of the episodes that were split.
     """
 
     unit: NDArray[np.intp]
@@ -42,12 +42,12 @@ class Folds:
 
     @property
     def of_sample(self) -> NDArray[np.intp]:
-        """``(T,)`` the fold that leaves each sample out; for the gap after a block, that of the block."""
+        """``(T,)`` fold that holds each sample out; the gap after a block takes the fold of the block."""
         unit = np.maximum.accumulate(np.where(self.unit >= 0, self.unit, 0))
         return self.fold[unit]
 
     def independent(self, gain: FloatArray) -> FloatArray:
-        """A gain of each unit, summed over episodes; of a recording of few episodes, which are all split, as it is."""
+        """Sum the gains of the units over each episode; if all episodes are split, return the gains unchanged."""
         count = int(self.episode.max()) + 1
         return gain if len(self.split) == count else np.bincount(self.episode, gain, count).astype(np.float64)
 
@@ -57,8 +57,8 @@ def folds_of(problem: Problem, causes: Iterable[Cause], rules: Rules) -> Folds:
 
     Args:
         problem: The recording.
-        causes: That are looked for.
-        rules: How many folds there are at most, and how long the gaps.
+        causes: The causes to look for.
+        rules: Rules, with the largest number of folds and the length of the gaps.
     """
     count = len(problem.episodes)
     lone = _lone(problem, causes, rules) if count >= rules.few_episodes else set()
@@ -79,7 +79,7 @@ def folds_of(problem: Problem, causes: Iterable[Cause], rules: Rules) -> Folds:
 
 
 def _lone(problem: Problem, causes: Iterable[Cause], rules: Rules) -> set[int]:
-    """Numbers of the episodes that show most of what some cause would do."""
+    """Indices of the episodes that each hold most of the effect of some cause."""
     problem, found = problem.thinned, set()
     for item in causes:
         for effect in effects(problem, item, problem.simulated):
@@ -90,7 +90,7 @@ def _lone(problem: Problem, causes: Iterable[Cause], rules: Rules) -> set[int]:
 
 
 def effects(problem: Problem, item: Cause, x: FloatArray) -> list[FloatArray]:
-    """What a cause does to `x` at each of its starts (N), or by the curves that it follows, of 1 N each."""
+    """Effect of a cause on `x` at each of its starts (N), or for each curve of its course at an amplitude of 1 N."""
     if item.course is not None:
         curves = item.course.curves(problem, item.course.shapes[0])
         return list(curves[..., None, None, None, None])
@@ -100,7 +100,7 @@ def effects(problem: Problem, item: Cause, x: FloatArray) -> list[FloatArray]:
 
 
 def energy_by_episode(problem: Problem, effect: FloatArray) -> FloatArray:
-    """``(episodes,)`` energy of an effect in units of the noise, freed of a constant of each episode."""
+    """``(episodes,)`` energy of an effect in units of the noise, after subtracting its mean over the episode."""
     out = []
     for span in problem.episodes:
         own = effect[span] - effect[span].mean(axis=0)

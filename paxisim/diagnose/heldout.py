@@ -1,4 +1,4 @@
-"""Held out: how good a model is on samples that took no part in its fit, and what noise alone would leave."""
+"""Held out: errors of a model on held-out samples, and the noise floor."""
 
 from __future__ import annotations
 
@@ -14,27 +14,27 @@ from paxisim.diagnose.diagnosis import HeldOut, Interval
 from paxisim.diagnose.explanation import Explanation, without_each
 from paxisim.diagnose.problem import FloatArray, Problem, showing
 
-DRAWS = 400  # of the bootstrap
-LEVEL = 0.9  # of the intervals
+DRAWS = 400  # bootstrap resamples
+LEVEL = 0.9  # confidence level of the intervals
 CHOSEN = "The causes were selected on the same held-out episodes; their parameters were fitted without them."
-LEAST_ROOM = 0.02  # of the floor, that the error must be above it for anything to be explained
-EQUAL = 1e-5  # of the force, by which streams without noise may differ
-ALIKE = 0.02  # of the force, by which the simulations of a repeated motion may differ
-SLOW_NOISE = 2.5  # times the variance of fast noise, that slow noise can make of it at rest
+LEAST_ROOM = 0.02  # least explainable error, relative to the noise floor
+EQUAL = 1e-5  # difference, relative to the force, up to which noise-free streams count as equal
+ALIKE = 0.02  # difference, relative to the force, up to which two simulations count as the same motion
+SLOW_NOISE = 2.5  # largest ratio of the variance at rest to that of the fast noise
 
 
 @dataclass(frozen=True, eq=False)
 class SquaredErrors:
-    """Squared errors in N^2, summed over each episode and the channels that answer.
+    """Squared errors in N^2, summed over each episode and the channels in use.
 
     Attributes:
-        before: ``(episodes,)`` of the simulation.
-        after: ``(episodes,)`` of the model, fitted to other folds.
-        without: ``(episodes,)`` of the model fitted again without a cause, by its name.
-        floor: ``(episodes,)`` what noise would leave.
-        force: ``(episodes,)`` the measured force.
-        source: Where the floor is read from.
-        split: Numbers of the episodes that were split into blocks, which were held out in turn.
+        before: ``(episodes,)`` errors of the simulation.
+        after: ``(episodes,)`` held-out errors of the model.
+        without: ``(episodes,)`` held-out errors of the model refitted without a cause, by its name.
+        floor: ``(episodes,)`` noise floor.
+        force: ``(episodes,)`` squares of the measured force.
+        source: What the noise floor was estimated from.
+        split: Indices of the episodes that were split into blocks, which were held out in turn.
     """
 
     before: FloatArray
@@ -47,14 +47,14 @@ class SquaredErrors:
 
     @property
     def room(self) -> FloatArray:
-        """``(episodes,)`` what can be explained."""
+        """``(episodes,)`` explainable error: the error of the simulation above the noise floor."""
         return self.before - self.floor
 
 
 def squares_of(found: Explanation, jobs: int = 1) -> SquaredErrors:
-    """Errors of simulation and model on held-out samples."""
+    """Squared errors of the simulation and the model on held-out samples."""
     problem = found.off.judged
-    coarse = any(reading.rounds for reading in found.off.readings.values())  # then rounding is part of what is wrong
+    coarse = any(reading.rounds for reading in found.off.readings.values())  # then rounding is one of the causes
     simulated = found.off.raw.simulated
     after = problem.measured - problem.read(found.heldout)
     without = {}
@@ -77,12 +77,12 @@ def _squares(problem: Problem, values: FloatArray) -> FloatArray:
 
 
 def _noise(problem: Problem, prediction: FloatArray, after: FloatArray, coarse: bool) -> tuple[FloatArray, str]:
-    """``(episodes,)`` squares that noise and rounding make (N^2), and where they are read.
+    """``(episodes,)`` noise floor (N^2) including rounding, and the source of the estimate.
 
-    A channel that is pressed is rounded, one at rest need not be; noise that wanders slowly hardly shows in the
-    differences from frame to frame, so the variance at rest is taken, within what such noise can make of them. Where
-    rounding is a cause, what the model says of it is no noise; where noise hardly reaches the next count, its size is
-    known as a bound only, and what the model leaves is no more than it.
+    Rounding errors are certain only under load. Slow noise hardly shows in frame-to-frame differences, so the variance
+    at rest is used, limited to 1 to `SLOW_NOISE` times the variance that these differences imply. If rounding is a
+    cause, only the part of it that the model cannot predict counts as noise, and the floor is capped at the model's
+    residual: where noise rarely reaches the next count, only an upper bound of it is known.
     """
     repeated = _repeated(problem)
     if repeated is not None:
@@ -103,7 +103,7 @@ def _noise(problem: Problem, prediction: FloatArray, after: FloatArray, coarse: 
 
 
 def _repeated(problem: Problem) -> float | None:
-    """Half the squared difference of measurements whose simulations are one and the same motion."""
+    """Half the squared difference (N^2 per frame) between repeats of one simulated motion; None without repeats."""
     found = []
     for one, other in itertools.combinations(problem.episodes, 2):
         length = one.stop - one.start
@@ -119,12 +119,12 @@ def _repeated(problem: Problem) -> float | None:
 
 
 def share_of(gained: FloatArray, room: FloatArray, seed: int) -> Interval:
-    """What is gained as a share of the room, with a 90 % interval from a bootstrap over episodes.
+    """The gain as a share of the explainable error, with a 90 % interval from a bootstrap over episodes.
 
     Args:
-        gained: ``(episodes,)`` N^2.
-        room: ``(episodes,)`` N^2, with a positive sum.
-        seed: Of the bootstrap.
+        gained: ``(episodes,)`` reduction of the squared error, N^2.
+        room: ``(episodes,)`` squared error that it is a share of, N^2, with a positive sum.
+        seed: Random seed of the bootstrap.
     """
     value = float(gained.sum() / room.sum())
     if len(room) < 3 or not np.ptp(gained):
@@ -135,7 +135,7 @@ def share_of(gained: FloatArray, room: FloatArray, seed: int) -> Interval:
         return np.asarray(np.where(total > 0, own.sum(axis=axis) / np.where(total > 0, total, 1.0), value))
 
     generator: Any = np.random.default_rng(seed)
-    options: dict[str, Any] = {"random_state": generator}  # newer versions of scipy call it rng, and take both
+    options: dict[str, Any] = {"random_state": generator}  # newer scipy versions call it rng but accept both
     drawn = bootstrap(
         (gained, room), share, paired=True, vectorized=True, n_resamples=DRAWS, confidence_level=LEVEL,
         method="percentile", **options,
@@ -144,16 +144,16 @@ def share_of(gained: FloatArray, room: FloatArray, seed: int) -> Interval:
 
 
 def explained_share(squares: SquaredErrors, after: FloatArray, seed: int) -> Interval | None:
-    """The share of the error above the floor that is gone, None if the error is not above it."""
+    """Share of the explainable error that is removed; None if the error does not exceed the noise floor."""
     if squares.room.sum() <= max(LEAST_ROOM * squares.floor.sum(), EQUAL**2 * squares.force.sum()):
         return None
     return share_of(squares.before - after, squares.room, seed)
 
 
 def gains_of(squares: SquaredErrors, seed: int) -> dict[str, Interval]:
-    """What each cause takes away of the explainable error, by its name.
+    """Share of the explainable error that each cause removes, by its name.
 
-    Where nothing is above the floor it is a share of the whole error.
+    If the error does not exceed the noise floor, it is the share of the whole error.
     """
     above = squares.room.sum() > LEAST_ROOM * squares.floor.sum()
     room = np.maximum(squares.room, squares.before - squares.after) if above else squares.before
@@ -161,7 +161,7 @@ def gains_of(squares: SquaredErrors, seed: int) -> dict[str, Interval]:
 
 
 def affected_gains_of(squares: SquaredErrors, seed: int) -> dict[str, Interval]:
-    """What each cause takes away of the error of the episodes that it affects: one that few show is no less certain."""
+    """Share of the error that each cause removes in the episodes that it affects, so that others do not dilute it."""
     gains = {name: without - squares.after for name, without in squares.without.items()}
     shown = {name: showing(gain) for name, gain in gains.items()}
     shown = {name: own for name, own in shown.items() if own.any()}
@@ -169,13 +169,13 @@ def affected_gains_of(squares: SquaredErrors, seed: int) -> dict[str, Interval]:
 
 
 def figures(squares: SquaredErrors, seed: int, ceiling: FloatArray | None, note: str) -> HeldOut:
-    """The figures that a reader is given.
+    """The held-out figures of a diagnosis.
 
     Args:
-        squares: Errors.
-        seed: Of the bootstrap over episodes.
-        ceiling: ``(episodes,)`` squared errors (N^2) of the black box, None if it was not run.
-        note: What to say of the figures.
+        squares: Squared errors.
+        seed: Random seed of the bootstrap over episodes.
+        ceiling: ``(episodes,)`` squared errors (N^2) of the black box; None if it was not run.
+        note: Caveats about the figures.
     """
 
     def normalised(values: FloatArray) -> float:
@@ -203,7 +203,7 @@ def figures(squares: SquaredErrors, seed: int, ceiling: FloatArray | None, note:
 
 
 def survives(gain: FloatArray, needed: float, seed: int) -> float:
-    """How often, when held-out units are drawn with replacement, a gain is more than what is needed."""
+    """How often the summed gain of resampled held-out units exceeds `needed`; at most 0.5 for a single unit."""
     if len(gain) < 2:
         return 0.5 * float(gain.sum() > needed)
     draws = np.random.default_rng(seed).integers(len(gain), size=(DRAWS, len(gain)))

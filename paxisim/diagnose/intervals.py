@@ -1,4 +1,4 @@
-"""Intervals of fitted parameters, wide enough for errors that episodes and channels have in common."""
+"""Intervals of fitted parameters, robust to errors that are correlated within episodes and channels."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from paxisim.diagnose.noise import Tolerance, differences
 from paxisim.diagnose.problem import FloatArray, Problem
 
 LEVEL = 0.9
-_LEVELS, _PER_OCTAVE = 64, 8  # of force, down from the peak
-_LEAST_REST = 5  # frames of an episode at rest
-_NOISES = (0.6, 1.0, 1.5)  # of the usual noise, that channels may have
+_LEVELS, _PER_OCTAVE = 64, 8  # force levels, counted down from the peak, and levels per octave
+_LEAST_REST = 5  # fewest frames at rest in an episode
+_NOISES = (0.6, 1.0, 1.5)  # plausible noise of a channel, relative to the usual noise
 
 
 def parameters_of(found: Explanation) -> Mapping[str, tuple[FittedParameter, ...]]:
-    """By cause, its fitted numbers with units and 90 % intervals."""
+    """Fitted parameters with units and 90 % intervals, by cause."""
     spreads = _spreads(found)
     return {named.name: tuple(_parameters(found, named, spreads)) for named in found.named}
 
@@ -68,7 +68,7 @@ def _unit(named: Named, name: str) -> str:
 
 
 def _half_width(found: Explanation, named: Named, name: str) -> FloatArray | None:
-    """Half the widths of the intervals of an array; None where the recording gives none."""
+    """Half-widths of the intervals of an array; None if the recording does not determine any."""
     if len(found.problem.episodes) < 3:
         return None
     if named.cause.local is not None:
@@ -80,11 +80,11 @@ def _half_width(found: Explanation, named: Named, name: str) -> FloatArray | Non
 
 
 def _spreads(found: Explanation) -> dict[tuple[str, str], float]:
-    """Half the width of the interval of each number.
+    """Half-width of the interval of each parameter.
 
-    Errors that episodes, channels or levels of force have in common do not average out within them: the scores of each
-    are summed before they are squared. The last stand for a form that is not quite that of the sensor. To these comes
-    what a contact that is off its place does.
+    The variance is cluster-robust. Errors that are correlated within an episode, a channel or a force level do not
+    average out, so the scores of each cluster are summed before they are squared. Force levels account for a fitted
+    form that differs from the sensor's. The effect of a misplaced contact is added.
     """
     if len(found.problem.episodes) < 3:
         return {}
@@ -106,7 +106,7 @@ def _spreads(found: Explanation) -> dict[tuple[str, str], float]:
 
 
 def _clustered(rows: Problem, residual: FloatArray, slopes: FloatArray, inverse: FloatArray):
-    """``(free,)`` variances of the numbers, in units of their scales, and degrees of freedom."""
+    """``(free,)`` variances of the parameters, in units of their scales, and degrees of freedom."""
     scores = slopes * residual
     level = _levels(rows)
     by_episode = np.stack([scores[:, span].sum(axis=1) for span in rows.episodes], axis=-1)  # (free, C, episodes)
@@ -118,23 +118,23 @@ def _clustered(rows: Problem, residual: FloatArray, slopes: FloatArray, inverse:
     )
     each = [(inverse @ cluster) ** 2 for cluster in clusters]
     variances = np.array([part.sum(axis=1) for part in each])  # (3, free)
-    # few clusters that matter tell little of how much they vary
+    # effective degrees of freedom: few influential clusters estimate a variance poorly
     squares = np.array([np.sum(part**2, axis=1) for part in each])
     degrees = np.maximum(variances**2 / np.maximum(squares, 1e-300) - 1, 1.0)
-    noise = np.sum((inverse @ by_episode.reshape(len(scores), -1)) ** 2, axis=1)  # it is in each of them
+    noise = np.sum((inverse @ by_episode.reshape(len(scores), -1)) ** 2, axis=1)  # part of all three variances
     together = np.maximum(variances.sum(axis=0) - 2 * noise, variances.max(axis=0))
     shared = variances.sum(axis=0) ** 2 / np.maximum((variances**2 / degrees).sum(axis=0), 1e-300)
     return together, np.maximum(shared, 1.0)
 
 
 def _levels(problem: Problem) -> NDArray[np.intp]:
-    """``(T, channels)`` the level of force of each sample, each a fixed ratio above the one below."""
+    """``(T, channels)`` force level of each sample, on a logarithmic scale."""
     size = np.abs(problem.simulated).reshape(len(problem.time), -1) / problem.peak
     return np.clip(np.log2(np.maximum(size, 1e-9)) * _PER_OCTAVE + _LEVELS, 0, _LEVELS - 1).astype(np.intp)
 
 
 def _zero_spread(found: Explanation, named: Named) -> FloatArray | None:
-    """Half the width of each channel's amounts, of the cause's array's shape, told by what is left at rest."""
+    """Half-widths for each channel's amplitudes, in the shape of the cause's array, from the residual at rest."""
     problem = found.problem
     causes = courses_of(found.fit.causes)
     curved = with_curves(problem, causes, found.fit.shapes)
@@ -145,16 +145,16 @@ def _zero_spread(found: Explanation, named: Named) -> FloatArray | None:
         return None
     left = problem.measured - problem.read(found.prediction)
     basis = np.array([[curve[span].mean() for curve in curves] for span in spans])  # (episodes, curves)
-    shares = np.linalg.pinv(basis)[mine]  # of each episode in each of the cause's curves
+    shares = np.linalg.pinv(basis)[mine]  # weight of each episode in each amplitude
     degrees = len(spans) - len(curves)
     means = np.stack([left[span].mean(axis=0) for span in spans])
     variance = np.einsum("ce,e...->c...", shares**2, means**2) * len(spans) / degrees
-    typical = np.median(variance, axis=(3, 4), keepdims=True)  # a few episodes tell a variance badly, taxels are alike
+    typical = np.median(variance, axis=(3, 4), keepdims=True)  # pools similar taxels: few episodes give a poor variance
     reach = np.sqrt(np.maximum(variance, typical)) * student.ppf(0.5 + LEVEL / 2, degrees)
     zero = np.tensordot(np.array([curve.mean() for curve in curves]), found.fit.whole.zero, 1) + found.fit.constant
     middle, counting = problem.read(zero[None])[0], problem.counting
     ends = []
-    for share in _NOISES:  # a channel's own, which tells how far its zero is from the edge of a step
+    for share in _NOISES:  # the noise determines how far the zero offset is from a rounding edge
         own = replace(counting, dither=share * counting.dither)
         ends += [own.unread(middle - reach), own.unread(middle + reach)]
     half = np.ptp(ends, axis=0) / 2
@@ -164,32 +164,32 @@ def _zero_spread(found: Explanation, named: Named) -> FloatArray | None:
 def model_intervals(
     found: Explanation, fitted: Mapping[str, tuple[FittedParameter, ...]]
 ) -> Mapping[str, Mapping[str, Any]]:
-    """What the parameters of the model's members may be, as ``GCS.around`` takes it.
+    """Ranges of the parameters of the model's members, in the format of ``GCS.around``.
 
-    A cause's numbers need not be its transform's: each is moved to both ends of its interval, and what the transform's
-    parameters then are is taken, as far as it is physical.
+    The parameters of a cause may differ from those of its transform. Each is therefore moved to both ends of its
+    interval, and the resulting parameters of the transform give the range, as far as they are valid.
 
     Args:
         found: The causes and the model.
-        fitted: By cause, its fitted numbers, as `parameters_of` gives them.
+        fitted: Fitted parameters by cause, from `parameters_of`.
     """
     intervals = {}
     for named in found.named:
         own = [p for p in fitted[named.name] if p.value.low is not None and p.value.high is not None]
         if not own or named.cause.change is not None:
             continue
-        if named.cause.local is None and not named.cause.parameters(found.problem):  # its numbers are the transform's
+        if named.cause.local is None and not named.cause.parameters(found.problem):  # its arrays are the transform's
             reach = _array_ends(named, own)
         else:
             reach = _reach(named.transform, _moved(found, named, own))
         member = found.model[named.name]
-        alone = isinstance(member, Chain) and not isinstance(named.transform, Chain)  # put in its place by `in_order`
+        alone = isinstance(member, Chain) and not isinstance(named.transform, Chain)  # wrapped by `in_order`
         intervals[named.name] = {member.names[0]: reach} if alone else reach
     return {name: own for name, own in intervals.items() if own}
 
 
 def _moved(found: Explanation, named: Named, own: Sequence[FittedParameter]) -> list[Transform]:
-    """A cause's transform with its numbers at the ends of their intervals."""
+    """A cause's transform with its parameters at the ends of their intervals."""
     if named.cause.local is not None:
         shape = np.shape(named.values[named.cause.local.name])
         ends = [np.reshape([getattr(p.value, end) for p in own], shape) for end in ("low", "high")]
@@ -204,13 +204,13 @@ def _moved(found: Explanation, named: Named, own: Sequence[FittedParameter]) -> 
     for values in ends:
         try:
             moved.append(named.cause.transform(values, found.problem))
-        except ValueError:  # values that are allowed one by one, but not together
+        except ValueError:  # each value is allowed, but not the combination
             continue
     return moved
 
 
 def _array_ends(named: Named, own: Sequence[FittedParameter]) -> dict[str, Any]:
-    """By array of a cause, the least and largest values that its numbers may have."""
+    """Lowest and highest values of each array of a cause, by its name."""
     out: dict[str, Any] = {}
     for name, value in named.values.items():
         ends = [p.value for p in own if p.name.startswith(f"{name}_")]
@@ -220,7 +220,7 @@ def _array_ends(named: Named, own: Sequence[FittedParameter]) -> dict[str, Any]:
 
 
 def _reach(middle: Transform, moved: Sequence[Transform]) -> dict[str, Any]:
-    """By parameter of a transform its least and largest values among `moved` ones, of those that differ."""
+    """Lowest and highest value of each parameter over `middle` and `moved`, for the parameters that differ."""
     if isinstance(middle, Chain):
         alike = [other for other in moved if isinstance(other, Chain) and other.names == middle.names]
         members = {n: _reach(middle[n], [other[n] for other in alike]) for n in middle.names}

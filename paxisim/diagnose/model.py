@@ -1,4 +1,4 @@
-"""Model: causes in the order of the chain, run on the simulated stream to give what the sensor reads."""
+"""Model: the causes in chain order, applied to the simulated stream to predict the sensor's reading."""
 
 from __future__ import annotations
 
@@ -13,41 +13,41 @@ from paxisim.diagnose.cause import Cause
 from paxisim.diagnose.problem import FloatArray, Problem
 
 ZERO_ORDER = 76.5
-"""Place in the chain at which the zero is added: where `offset` and `drift` are."""
+"""Position in the chain at which the zero offset is added, which is that of `offset` and `drift`."""
 
-ROUNDING = 1e-6  # of an energy: two that differ by less are the same
-TURNS = 3  # Gauss-Newton steps for a zero that the sensor does not read as it is
-GRID = sorted(np.linspace(-1.0, 1.0, 13), key=abs)  # steps of the sensor, in which a zero is first looked for
-LEAST_CHORD, MOST_CHORD = 0.05, 0.2  # of a step, over which the slope of the mean reading is taken
-NOISE_CHORD = 1.5  # times the noise before rounding, which that is otherwise
+ROUNDING = 1e-6  # relative difference below which two energies are equal
+TURNS = 3  # Gauss-Newton steps for a zero offset that the sensor reads nonlinearly
+GRID = sorted(np.linspace(-1.0, 1.0, 13), key=abs)  # quantisation steps; initial candidates for a zero offset
+LEAST_CHORD, MOST_CHORD = 0.05, 0.2  # quantisation steps; limits of the interval for the slope of the mean reading
+NOISE_CHORD = 1.5  # this interval between its limits, relative to the noise before rounding
 
 Fitted = Mapping[str, FloatArray]
 
 
 class Model:
-    """Causes one after another.
+    """A chain of causes.
 
-    Frames that only memory needs are dropped as soon as no cause with a memory follows. What went into each cause is
-    kept, so that a change of one runs only what follows it.
+    Frames that only memory effects need are dropped once no cause with memory follows. The input of each cause is kept,
+    so that after a change of one cause only the later ones run again.
 
     Attributes:
-        problem: The frames that the causes are run on.
+        problem: The frames that the causes run on.
         rows: The frames that are compared.
     """
 
     def __init__(self, problem: Problem, causes: Sequence[Cause], rows: Problem | None = None) -> None:
-        """Nothing is run yet."""
+        """Build the chain; nothing runs yet."""
         self.problem = problem
         self.rows = rows or problem.compared
         fitted = sorted((c for c in causes if c.course is None), key=lambda c: c.order)
         front = [c for c in fitted if c.order < ZERO_ORDER]
-        self._stages: list[Cause | None] = [*front, None, *fitted[len(front) :]]  # None: the zero is added
+        self._stages: list[Cause | None] = [*front, None, *fitted[len(front) :]]  # None: the zero offset is added
         self._at = {stage.name: number for number, stage in enumerate(self._stages) if stage is not None}
         self._dropped = 0
         for number, stage in enumerate(self._stages):
             if stage is not None and stage.local is None and stage.has_memory(problem):
                 self._dropped = number + 1
-        # where memories are run on many frames, numbers of 4 bytes take half the time
+        # memory effects run on many frames; single precision halves their time
         self._simulated = problem.simulated.astype(np.float32) if self._dropped else problem.simulated
         self._into: list[NDArray[np.floating]] = []
         self._zero: FloatArray | float = 0.0
@@ -56,14 +56,14 @@ class Model:
     def run(self, values: Fitted, zero: FloatArray | None, begin: str = "", skip: bool = False) -> FloatArray:
         """``(T, pads, 3, rows, cols)`` newtons of the compared frames, before counting.
 
-        Arrays of local causes that `values` lacks are solved for, and are in `solved` afterwards.
+        Arrays of local causes that are missing in `values` are solved for and stored in `solved`.
 
         Args:
-            values: By cause.
-            zero: ``(curves, pads, 3, rows, cols)`` N, amounts of the curves of the problem's zero; None or none of them
-                where it has none.
-            begin: The only cause whose values have changed since all were run; empty to run all.
-            skip: Whether that cause is left out.
+            values: Values by cause.
+            zero: ``(curves, pads, 3, rows, cols)`` N, amplitudes of the problem's zero-offset curves; None or empty if
+                it has no curves.
+            begin: The only cause whose values changed since the last full run; empty to run all causes.
+            skip: Whether to leave that cause out.
         """
         first = self._at[begin] if begin else 0
         if not begin:
@@ -97,7 +97,7 @@ class Model:
         return self._compared(x)
 
     def _compared(self, x: NDArray[np.floating]) -> FloatArray:
-        """What is left of the frames once no memory needs the others."""
+        """The compared frames of `x`, in double precision."""
         x = x if len(x) == len(self.rows.time) else self.problem.at_compared(x)
         return x.astype(np.float64, copy=False)
 
@@ -110,7 +110,7 @@ class Model:
         return stage.local.solve(self.rows, x, read, near)
 
     def _behind(self, first: int, force: FloatArray, values: Fitted) -> FloatArray:
-        """What the stages from one on make of a force; local ones are passed over, as their arrays are not known."""
+        """Apply the stages from `first` on to a force, except local causes, whose arrays are not known yet."""
         for stage in self._stages[first:]:
             if stage is None:
                 force = force + self._zero
@@ -119,10 +119,10 @@ class Model:
         return force
 
     def zero(self, values: Fitted, start: FloatArray) -> FloatArray:
-        """``(curves, pads, 3, rows, cols)`` the zero that fits best after `run`, given one to begin with.
+        """``(curves, pads, 3, rows, cols)`` best-fitting zero offset (N) after `run`, given a starting value.
 
-        Where counting hides a zero, the constant is first looked for on a grid; then follow Gauss-Newton steps with the
-        slopes of the mean reading.
+        If quantisation hides an offset, the constant is first searched on a grid. Gauss-Newton steps with the slopes of
+        the mean reading follow.
         """
         rows, place = self.rows.at_told, self._stages.index(None)
         assert rows.curves is not None
@@ -155,13 +155,13 @@ class Model:
 
 
 def _over_time(rows: Problem, zero: FloatArray) -> FloatArray:
-    """``(T, pads, 3, rows, cols)`` newtons."""
+    """``(T, pads, 3, rows, cols)`` newtons, zero offset of each sample."""
     assert rows.curves is not None
     return np.tensordot(rows.curves.T, zero, 1) + rows.constant
 
 
 def _from_grid(rows: Problem, read, start: FloatArray, square: FloatArray) -> FloatArray:
-    """`start` with the constant of each channel moved to where the least is left."""
+    """`start` with the constant of each channel moved to the grid point with the smallest residual."""
     best, least = start, np.full(start.shape[1:], np.inf)
     for share in GRID:
         moved = start.copy()
@@ -173,17 +173,17 @@ def _from_grid(rows: Problem, read, start: FloatArray, square: FloatArray) -> Fl
 
 
 def _amounts(curves: FloatArray, square: FloatArray, slope: FloatArray, miss: FloatArray) -> FloatArray:
-    """``(curves, pads, 3, rows, cols)`` by how much to move a zero so that a miss goes away."""
+    """``(curves, pads, 3, rows, cols)`` Gauss-Newton step (N) of a zero offset for the residual `miss`."""
     count, shape = len(curves), miss.shape[1:]
     flat = (square * slope**2).reshape(len(miss), -1)
     normal = np.einsum("it,jt,tc->cij", curves, curves, flat, optimize=True)
     right = np.einsum("it,tc->ci", curves, (square * slope * miss).reshape(len(miss), -1))
-    ridge = 1e-6 * np.trace(normal, axis1=1, axis2=2)[:, None, None] / count + 1.0  # 1/N^2, where nothing is told
+    ridge = 1e-6 * np.trace(normal, axis1=1, axis2=2)[:, None, None] / count + 1.0  # 1/N^2, where data are lacking
     return np.linalg.solve(normal + ridge * np.eye(count), right[..., None])[..., 0].T.reshape(count, *shape)
 
 
 def in_order(members: Sequence[tuple[str, Transform]]) -> Chain:
-    """The named transforms as a chain; one that an earlier stage is expected of is wrapped, as that is meant."""
+    """The named transforms as a chain; one of an earlier stage than its predecessors is wrapped to keep its place."""
     stage, chained = 0, []
     for _, member in members:
         own = STAGES.index(member.stage)

@@ -16,7 +16,7 @@ NEARLY_STEP = 0.03  # steps; tolerance of a gap between readings
 COMMON = 0.15  # least share of the gaps that are one step
 SHIFTED = 0.1  # steps; with a larger phase the readings are not multiples of the step
 
-_PRESSED = 0.2  # of the largest force; above it, clipping at 0 does not affect the noise
+_PRESSED = 0.2  # share of the largest force above which clipping at 0 does not affect the noise
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class Tolerance:
         gain: Relative error of the force.
         time: Error of a time stamp, seconds.
         place: Position error of the simulated contact, in pitches.
-        encoder: What encoder steps are worth in a replay, if it shows any.
+        encoder: Error of the replayed force due to encoder steps; None if it is not known.
     """
 
     gain: float = 0.01

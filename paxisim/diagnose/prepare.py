@@ -20,11 +20,11 @@ MOST = 4_000_000  # most values that are compared
 _LONGEST = 0.04  # s, longest frame interval after decimation
 _LEAST_EPISODES = 12  # fewest episodes that are kept
 _SCALE = 5.0  # largest ratio of measured to simulated force that a gain may explain
-_UNIT = 50.0  # the same, beyond which no drift, field or noise explains it either
-_STOPPED = 0.1  # of the recording, that a stream may stand still although the other changes
+_UNIT = 50.0  # largest such ratio that drift, a field or noise may explain
+_STOPPED = 0.1  # largest share of the recording during which one stream may stand still while the other changes
 _FORCES = (0.01, 1000.0)  # N, plausible range of the peak force on a taxel
 _FOLLOWS = 0.2  # least correlation between measured and simulated force
-_GAP = 10.0  # typical intervals; a longer gap interrupts the recording
+_GAP = 10.0  # typical intervals; a longer gap interrupts an episode
 
 
 def prepare(recording: Recording) -> tuple[Recording, tuple[str, ...]]:
@@ -104,7 +104,7 @@ def _known(recording: Recording, warnings: list[str]) -> Recording:
             warnings.append(
                 f"covariate {name!r} is missing at {np.mean(~finite[known]):.0%} of the samples and is ignored"
             )
-        elif values.ndim > 1:  # as a transform asks for one of several values
+        elif values.ndim > 1:  # one covariate per value, named as transforms refer to it
             columns = values.reshape(len(values), -1).T
             covariates |= {f"{name}[{number}]": column for number, column in enumerate(columns)}
         else:
@@ -170,9 +170,9 @@ def _check_signals(recording: Recording, warnings: list[str]) -> None:
         ratio = slope if follows else scale
         raise InvalidValueError(
             f"measured is {ratio:.3g} times simulated: both must be in newtons. Convert millinewtons or counts by "
-            "their factor, for example 0.1 N per count. If the channels are no forces but, say, microtesla, record a "
-            "load cell beside the sensor and run: paxisim calibrate RECORDING --loads Fz=NAME -o calibrated.mcap, "
-            "where NAME is the covariate with its force. See docs/guides/calibrate.md"
+            "their factor, for example 0.1 N per count. If the channels are not forces but, say, fields in microtesla, "
+            "record a load cell beside the sensor and run: paxisim calibrate RECORDING --loads Fz=NAME -o "
+            "calibrated.mcap, where NAME is the covariate with its force. See docs/guides/calibrate.md"
         )
     peak = peak_of(recording.simulated)
     if not _FORCES[0] <= peak <= _FORCES[1]:

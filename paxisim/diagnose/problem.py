@@ -1,4 +1,4 @@
-"""Problem: a recording made ready for fitting: both streams, their noise, and how a model is judged against them."""
+"""Problem: a recording prepared for fitting, with both streams, their noise and the residual of a model."""
 
 from __future__ import annotations
 
@@ -28,51 +28,50 @@ from paxisim.logs.recording_arrays import episode_spans
 from paxisim.recording import Recording
 from paxisim.scene.encoder import EncoderError
 
-NOMINAL = 1.0  # N, taken for the peak force of a recording without contact
-LEAST_PEAK = 0.05  # of the peak force, that an axis is taken to reach
-PRESSED = 0.01  # of the peak force, from which on a taxel is pressed
-ENOUGH = 100_000  # numbers, for a fit
-LONGEST = 0.05  # s between the frames that are fitted
-RESTING = 0.05  # of the samples, that must be at rest for the zero to be read there
-LEAST_TOLD = 4  # samples of an episode that tell its zero
-PIECE = 1.0  # s, of the pieces whose scatter says how well the zero is told
-SELDOM = 1.2  # of a step: where readings change by less from one to the next, that tells little of the noise
-BEND = 0.01  # of the noise's energy, that may lie between them
+NOMINAL = 1.0  # N, peak force assumed for a recording without contact
+LEAST_PEAK = 0.05  # lower bound on the peak force of an axis, relative to the overall peak
+PRESSED = 0.01  # force above which a taxel is pressed, relative to the peak force
+ENOUGH = 100_000  # number of values sufficient for a fit
+LONGEST = 0.05  # s, longest interval between fitted frames
+RESTING = 0.05  # least share of samples at rest for estimating the zero offset from them alone
+LEAST_TOLD = 4  # fewest samples for estimating the zero offset of an episode
+PIECE = 1.0  # s, length of the pieces whose scatter gives the uncertainty of the zero offset
+SELDOM = 1.2  # quantisation steps; below it, differences between readings are a poor estimate of the noise
+BEND = 0.01  # largest interpolation error between fitted frames, relative to the energy of the noise
 
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """Measured and simulated tensors with all that a cause may need to know of them.
+    """Measured and simulated tensors with the properties of the recording that causes depend on.
 
     Attributes:
         measured: ``(T, pads, 3, rows, cols)`` newtons.
-        simulated: The same, what a model is applied to.
+        simulated: ``(T, pads, 3, rows, cols)`` newtons, the input of a model.
         time: ``(T,)`` seconds.
-        covariates: ``(T,)`` each, by name.
-        episodes: The samples of each episode.
-        sigma: ``(T, pads, 3, rows, cols)`` what is not to be explained (N): noise, rounding and tolerances.
-        peak: The force that the most loaded taxel reaches (N), 99.5 % quantile over time.
-        alive: ``(pads, 3, rows, cols)`` channels that take part; dead ones do not.
-        step: Newtons a count of the sensor, 0 if it does not count.
+        covariates: ``(T,)`` values of each covariate, by name.
+        episodes: Samples of each episode.
+        sigma: ``(T, pads, 3, rows, cols)`` standard deviation (N) of noise, rounding and tolerated errors.
+        peak: Peak force on the most loaded taxel (N), the 99.5 % quantile over time.
+        alive: ``(pads, 3, rows, cols)`` channels in use, without dead ones.
+        step: Newtons per count; 0 if the sensor does not quantise.
         dither: Noise before rounding (N).
-        clips: Whether a normal reading never goes below 0.
-        least: The least force (N) that is simulated, at most 0.
-        curves: ``(curves, T)`` courses in time that the zero of each channel may follow. They are taken out of every
-            residual, read where they are told best (`told`).
-        fitted: ``(T,)`` samples that take part in a fit, None for all.
-        constant: ``(pads, 3, rows, cols)`` N or 0, what is read without force and is not fitted.
-        owners: Names of the causes that the curves belong to.
-        shrink: ``(curves, pads, 3, 1, 1)`` how much remains of what the amounts of a curve have beside a plane over a
-            pad's axis; None if all does.
+        clips: Whether normal readings never go below 0.
+        least: Lowest simulated force (N), at most 0.
+        curves: ``(curves, T)`` time curves that the zero offset of each channel may follow. They are projected out of
+            every residual, with amplitudes estimated from the samples `told`.
+        fitted: ``(T,)`` samples that take part in a fit; None for all.
+        constant: ``(pads, 3, rows, cols)`` N or 0, a known constant offset that is not fitted.
+        owners: Name of the cause that each curve belongs to.
+        shrink: ``(curves, pads, 3, 1, 1)`` factor on the deviation of a curve's amplitudes from a plane over the pad's
+            axis; None for no shrinkage.
         phase: The reading nearest to 0 (N); 0 where readings are whole steps.
-        directions: What the recorded covariates do without contact.
-        peaks: ``(3,)`` as `peak`, of shear for x and y and of normal force; at least a small share of it.
-        aligned: Whether clocks that were apart were aligned, so that a constant delay cannot be told.
-        calibrated: Whether the channels were calibrated to a load, by `paxisim.calibrate_readout`.
+        directions: Principal components of the covariates without contact.
+        peaks: ``(3,)`` peak force by axis, equal for x and y and at least a small share of `peak`.
+        aligned: Whether differing clocks were aligned, which makes a constant delay unidentifiable.
+        calibrated: Whether the channels were calibrated to a load by `paxisim.calibrate_readout`.
         tolerance: Errors that need no explanation.
-        scene: What changes of the scene do to the simulated stream; None if the scene is not known.
-        excused: Energy of the errors that a replay in that scene may have, per number that is compared, in units of
-            the noise.
+        scene: Effects of scene changes on the simulated stream; None if the scene is not known.
+        excused: Energy of tolerated replay errors in that scene, per compared value, in units of the noise.
     """
 
     measured: FloatArray
@@ -103,19 +102,20 @@ class Problem:
 
     @cached_property
     def weight(self) -> FloatArray:
-        """``(T, pads, 3, rows, cols)`` what a residual is multiplied by: 1 / sigma, 0 for a dead channel."""
+        """``(T, pads, 3, rows, cols)`` weight of a residual: 1 / sigma, 0 for a dead channel."""
         return np.where(self.alive, 1 / self.sigma, 0.0)
 
     @cached_property
     def interval(self) -> float:
-        """Usual seconds between two frames."""
+        """Median interval between frames of the first episode, in seconds."""
         return float(np.median(np.diff(self.time[self.episodes[0]])))
 
     @cached_property
     def told(self) -> NDArray[np.bool_]:
-        """``(T,)`` samples that tell the zero: where nothing is pressed, as what else is wrong is small there.
+        """``(T,)`` samples for estimating the zero offset: those at rest, where other errors are small.
 
-        Where noise hardly reaches the next count a small zero shows only under load, so all samples count.
+        If few samples are at rest, all samples are used. The same holds if the noise rarely reaches the next count, as
+        a small offset then shows only under load.
         """
         rest = self.at_rest
         told = rest if rest.mean() > RESTING and not self.counting.is_steep else np.ones_like(rest)
@@ -123,29 +123,29 @@ class Problem:
 
     @cached_property
     def at_told(self) -> Problem:
-        """The problem of those samples alone."""
+        """The problem restricted to the samples `told`."""
         return self._at(self.told_by_episode)
 
     @cached_property
     def told_by_episode(self) -> list[NDArray[np.intp]]:
-        """Their numbers, by episode."""
+        """Indices of the samples `told`, by episode."""
         return [span.start + np.flatnonzero(self.told[span]) for span in self.episodes]
 
     @cached_property
     def _square(self) -> FloatArray:
-        """``(T, channels)`` weights with which the zero is told."""
+        """``(T, channels)`` least-squares weights for the zero offset."""
         return (self.weight**2).reshape(len(self.time), -1) * self.told[:, None]
 
     @cached_property
     def _inverse(self) -> FloatArray:
-        """``(channels, curves, curves)`` of the normal equations of the zero."""
+        """``(channels, curves, curves)`` inverse normal matrix of the zero offset."""
         assert self.curves is not None
         normal = np.einsum("it,jt,tc->cij", self.curves, self.curves, self._square, optimize=True)
         ridge = 1e-9 * np.trace(normal, axis1=1, axis2=2)[:, None, None] + 1e-12
         return np.linalg.inv(normal + ridge * np.eye(len(self.curves)))
 
     def zero_of(self, difference: FloatArray) -> FloatArray:
-        """``(curves, pads, 3, rows, cols)`` amounts of `curves` that explain most of a difference (N)."""
+        """``(curves, pads, 3, rows, cols)`` least-squares amplitudes of `curves` for a difference (N)."""
         assert self.curves is not None
         flat = difference.reshape(len(self.time), -1)
         right = self.curves @ (self._square * flat)
@@ -161,7 +161,7 @@ class Problem:
 
     @cached_property
     def _onto_planes(self) -> FloatArray:
-        """``(pads, 3, taxels, taxels)`` from values of a pad's axis to the plane through those that take part."""
+        """``(pads, 3, taxels, taxels)`` projection of a pad axis's values onto the plane fitted to channels in use."""
         pads, axes, rows, cols = self.alive.shape
         row, col = np.meshgrid(np.arange(rows) - (rows - 1) / 2, np.arange(cols) - (cols - 1) / 2, indexing="ij")
         plane = np.stack([np.ones(rows * cols), row.ravel(), col.ravel()], axis=1)
@@ -169,23 +169,23 @@ class Problem:
         return plane @ np.linalg.pinv(plane * alive[..., None]) * alive[..., None, :]
 
     def planes(self, values: FloatArray) -> FloatArray:
-        """``(..., pads, 3, rows, cols)`` the planes through values of each pad's axis."""
+        """``(..., pads, 3, rows, cols)`` planes fitted to the values of each pad's axis."""
         flat = values.reshape(*values.shape[:-2], -1)
         return np.einsum("pkij,...pkj->...pki", self._onto_planes, flat, optimize=True).reshape(values.shape)
 
     def drawn(self, amounts: FloatArray) -> FloatArray:
-        """Amounts of the curves, drawn to planes by `shrink`."""
+        """Amplitudes of the curves, shrunk toward planes by `shrink`."""
         if self.shrink is None:
             return amounts
         plane = self.planes(amounts)
         return plane + self.shrink * (amounts - plane)
 
     def curves_owned_by(self, name: str) -> list[int]:
-        """The numbers of a cause's curves."""
+        """Indices of the curves that belong to a cause."""
         return [number for number, owner in enumerate(self.owners) if owner == name]
 
     def means_where_told(self, values: FloatArray, piece: float = np.inf) -> FloatArray:
-        """Means of ``(T, ...)`` values where the zero is told, of each episode or piece of so many seconds of one."""
+        """Means of ``(T, ...)`` values over the samples `told`, by episode or by pieces of `piece` seconds."""
         most = max(LEAST_TOLD, int(min(piece / self.interval, len(self.time))))
         pieces = [
             part
@@ -196,13 +196,13 @@ class Problem:
         return np.reshape([values[part].mean(axis=0) for part in pieces], (len(pieces), *values.shape[1:]))
 
     def shrunk(self, difference: FloatArray) -> Problem:
-        """The problem in which the amounts of each curve but a constant are drawn to a plane over each pad's axis.
+        """The problem with the amplitudes of each curve, except constants, shrunk toward a plane over each pad's axis.
 
-        They are drawn the more, the less their spread exceeds what the scatter of pieces at rest makes of it (the
-        James-Stein estimator).
+        This is a James-Stein estimator: the shrinkage increases as the spread of the amplitudes approaches their
+        sampling error, estimated from the scatter between pieces at rest.
 
         Args:
-            difference: ``(T, pads, 3, rows, cols)`` N, to be explained by the zero.
+            difference: ``(T, pads, 3, rows, cols)`` N, to be explained by the zero offset.
         """
         assert self.curves is not None
         steady = np.ptp(self.curves, axis=1) == 0
@@ -221,19 +221,19 @@ class Problem:
 
     @property
     def samples(self) -> int:
-        """Number of numbers that are compared."""
+        """Number of compared values: frames times channels in use."""
         return int(len(self.time) * self.alive.sum())
 
     @cached_property
     def has_contact(self) -> bool:
-        """Whether the simulation shows a force at all."""
+        """Whether the simulation shows any force."""
         return bool(self.simulated.any())
 
     @cached_property
     def one_load(self) -> bool:
-        """Whether the simulation says one and the same for all channels, as a load cell's force does.
+        """Whether the simulated force is the same for all channels, as with a load cell.
 
-        Also if the channels were calibrated to several loads: their gains include all mixing between axes.
+        It is also True if the channels were calibrated to loads, because their gains then include all mixing of axes.
         """
         if self.calibrated:
             return True
@@ -242,18 +242,18 @@ class Problem:
 
     @cached_property
     def _pieces(self) -> Pieces:
-        """Episodes side by side; those that follow one another without a break are one, as the sensor remembers."""
+        """Episodes side by side, merged where they follow without a break, because the sensor's memory persists."""
         return Pieces(self.time, in_one_piece(self.time, self.episodes))
 
     @cached_property
     def _finer_pieces(self) -> Pieces:
-        """The same with points between the frames."""
+        """The same, interpolated between the frames."""
         return Pieces(self.time, in_one_piece(self.time, self.episodes), between=True)
 
     def run(self, transform: Transform, x: FloatArray) -> FloatArray:
-        """`transform` on the sequence `x`, begun anew for each episode that does not go on from the one before.
+        """Run `transform` on the sequence `x`, restarting it at each episode that does not continue the previous one.
 
-        What is fast as the frames themselves, latency and low-pass, acts on curves drawn through them.
+        Latency and low-pass filters, which act on the time scale of the frame interval, run on interpolated frames.
         """
         if isinstance(transform, Chain):
             for member in transform.members:
@@ -262,7 +262,7 @@ class Problem:
         given = {name: c for name, c in self.covariates.items() if name in transform.covariate_names}
         if not transform.has_memory:
             return in_blocks(x, lambda part: transform(x[part], {name: c[part] for name, c in given.items()}))
-        if isinstance(transform, Latency):  # as many frames more as there are points between them
+        if isinstance(transform, Latency):  # interpolated points need a larger buffer
             more = int(np.ceil(4 * abs(float(transform.delay)) / FINE)) + 4
             return self._finer_pieces.run(replace(transform, capacity=max(transform.capacity, more)), x, {})
         pieces = self._finer_pieces if isinstance(transform, LowPass) else self._pieces
@@ -274,15 +274,15 @@ class Problem:
         return Counting(self.step, self.dither, self.clips, self.phase)
 
     def read(self, force: FloatArray) -> FloatArray:
-        """What the sensor reads of `force` on average, see `Counting`."""
+        """Mean reading of the sensor for `force`, see `Counting`."""
         return self.counting.read(force)
 
     def select(self, episodes: Sequence[int]) -> Problem:
-        """The problem of these episodes alone, in the order given."""
+        """The problem restricted to these episodes, in the given order."""
         return self._at([np.arange(len(self.time))[self.episodes[number]] for number in episodes])
 
     def _at(self, frames: Sequence[NDArray[np.intp]]) -> Problem:
-        """The problem of some frames of each episode."""
+        """The problem restricted to the given frames of each episode."""
         frames = [own for own in frames if len(own)]
         which = np.concatenate(frames)
         ends = np.cumsum([len(own) for own in frames])
@@ -301,9 +301,9 @@ class Problem:
 
     @cached_property
     def stride(self) -> int:
-        """Every how many frames are enough for a fit: between them the simulation runs straight, to the noise.
+        """Stride of the frames that suffice for a fit: between them the simulation is linear to within the noise.
 
-        A recording of few numbers is not thinned; models with memory hold their input straight between frames too.
+        A small recording is not thinned. Models with memory also assume a linear input between frames.
         """
         most = min(self._spare, int(LONGEST / max(self.interval, 1e-9)))
         for stride in range(most, 1, -1):
@@ -312,7 +312,7 @@ class Problem:
         return 1
 
     def _bend(self, stride: int) -> float:
-        """Mean square, in noise units, by which the simulation leaves the straight lines between every n-th frame."""
+        """Mean squared error of interpolating the simulation linearly between every n-th frame, in noise units."""
         total = 0.0
         for span in self.episodes:
             kept, middle = self.simulated[span][::stride], self.simulated[span][stride // 2 :: stride]
@@ -325,15 +325,15 @@ class Problem:
 
     @property
     def thinned(self) -> Problem:
-        """The problem of every `stride`-th frame."""
+        """The problem restricted to every `stride`-th frame."""
         return self if self.stride == 1 else self._thinned
 
     @property
     def compared(self) -> Problem:
-        """The problem of as many frames as are needed to compare a prediction that was made for all of them."""
+        """The problem restricted to the frames that suffice to compare a prediction."""
         return self if self._spare == 1 else self._compared
 
-    # one that kept itself would be freed only when garbage is collected
+    # cached apart from `thinned` and `compared`: a cached reference to self would delay freeing until a collection
     @cached_property
     def _thinned(self) -> Problem:
         return self.every(self.stride)
@@ -343,11 +343,11 @@ class Problem:
         return self.every(self._spare)
 
     def at_compared(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Of ``(T, ...)`` values those at the frames of `compared`."""
+        """Select from ``(T, ...)`` values those at the frames of `compared`."""
         return values if self._spare == 1 else values[self.frames(self._spare)]
 
     def at_thinned(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Of ``(T, ...)`` values those at the frames of `thinned`."""
+        """Select from ``(T, ...)`` values those at the frames of `thinned`."""
         return values if self.stride == 1 else values[self.frames(self.stride)]
 
     @property
@@ -355,28 +355,28 @@ class Problem:
         return max(1, round(self.samples / ENOUGH))
 
     def frames(self, stride: int) -> NDArray[np.intp]:
-        """The numbers of every `stride`-th frame of each episode."""
+        """Indices of every `stride`-th frame of each episode."""
         return np.concatenate([np.arange(span.start, span.stop, stride) for span in self.episodes])
 
     def every(self, stride: int) -> Problem:
-        """The problem of every `stride`-th frame of each episode."""
+        """The problem restricted to every `stride`-th frame of each episode."""
         return self if stride == 1 else self._at([np.arange(s.start, s.stop, stride) for s in self.episodes])
 
     @cached_property
     def runs_through(self) -> bool:
-        """Whether time goes on from one episode to the next, as slow changes need it."""
+        """Whether time never goes backwards between episodes, which slow effects such as drift require."""
         starts = [self.time[span.start] for span in self.episodes]
         ends = [self.time[span.stop - 1] for span in self.episodes]
         return all(after >= before for before, after in zip(ends, starts[1:], strict=False))
 
     @cached_property
     def at_rest(self) -> NDArray[np.bool_]:
-        """``(T,)`` where no taxel is pressed."""
+        """``(T,)`` whether no taxel is pressed."""
         return at_rest(self.simulated, self.peak)
 
     @cached_property
     def untouched(self) -> NDArray[np.bool_]:
-        """``(T,)`` before the first contact of an episode, where no memory of one is."""
+        """``(T,)`` whether no contact has occurred yet in the episode, so that no memory effect is present."""
         before = np.zeros(len(self.time), dtype=bool)
         for span in self.episodes:
             pressed = np.flatnonzero(~self.at_rest[span])
@@ -384,13 +384,13 @@ class Problem:
         return before
 
     def residual(self, prediction: FloatArray) -> FloatArray:
-        """What is left of the measurement, in units of the noise, if a sensor is given `prediction` to read."""
+        """Residual of the measurement in units of the noise, if the sensor reads the force `prediction`."""
         return self.weigh(self.measured - self.read(prediction))
 
     def weigh(self, difference: FloatArray) -> FloatArray:
-        """A difference of tensors in units of the noise, freed of what a zero that follows `curves` explains.
+        """A difference of tensors in units of the noise, after projecting out a zero offset that follows `curves`.
 
-        In a scene it is also freed of what the poses of single episodes explain.
+        In a scene, pose deviations of single episodes are also projected out.
         """
         if self.curves is None:
             weighed = difference * self.weight
@@ -406,37 +406,37 @@ class Problem:
 
 
 def at_rest(simulated: FloatArray, peak: float) -> NDArray[np.bool_]:
-    """``(T,)`` where no taxel is pressed."""
+    """``(T,)`` whether no taxel is pressed."""
     return np.abs(simulated).max(axis=(1, 2, 3, 4)) < PRESSED * max(peak, 1e-9)
 
 
 def peak_of(simulated: NDArray[np.floating]) -> float:
-    """The force (N) that the most loaded taxel reaches, 99.5 % quantile over time."""
+    """Peak force (N) on the most loaded taxel, the 99.5 % quantile over time."""
     return float(np.quantile(np.abs(simulated).max(axis=(1, 2, 3, 4)), 0.995))
 
 
 def _peaks_of(simulated: NDArray[np.floating], peak: float) -> FloatArray:
-    """``(3,)`` N, the same of x, y and z, both shears alike, at least `LEAST_PEAK` of `peak`."""
+    """``(3,)`` N, peak force by axis, equal for both shear axes and at least `LEAST_PEAK` times `peak`."""
     by_axis = np.quantile(np.abs(simulated).max(axis=(1, 3, 4)), 0.995, axis=0)
     by_axis[:2] = by_axis[:2].max()
     return np.maximum(by_axis, LEAST_PEAK * peak)
 
 
 def showing(gain: FloatArray) -> NDArray[np.bool_]:
-    """``(episodes,)`` those that say something of a cause, by what it gains or loses in each: not those at rest."""
+    """``(episodes,)`` whether an episode is affected by a cause, judged by the cause's gain or loss in it."""
     return np.abs(gain) > 1e-2 * np.abs(gain).max()
 
 
 def problem_of(recording: Recording, scene: Responses | None = None, tolerance: Tolerance | None = None) -> Problem:
-    """A recording made ready.
+    """Prepare a recording for fitting.
 
     Args:
-        recording: Both streams.
-        scene: What changes of the scene do to the simulated one; None if the scene is not known.
+        recording: Recording with both streams.
+        scene: Effects of scene changes on the simulated stream; None if the scene is not known.
         tolerance: Errors that need no explanation.
 
     Raises:
-        InvalidValueError: A stream is missing or holds NaN.
+        InvalidValueError: A stream is missing or contains NaN, or an episode has fewer than two samples.
     """
     if recording.measured is None or recording.simulated is None:
         missing = "measured" if recording.measured is None else "simulated"
@@ -447,14 +447,14 @@ def problem_of(recording: Recording, scene: Responses | None = None, tolerance: 
             raise InvalidValueError(f"{name} must be finite; load the recording with missing='drop'")
     episodes = episode_spans(recording.episode)
     if min(span.stop - span.start for span in episodes) < 2:
-        raise InvalidValueError("each episode needs two samples at least")
+        raise InvalidValueError("each episode needs at least two samples")
     peak = peak_of(simulated) or NOMINAL
     step, phase = step_of(measured)
     covariates = {n: c for n, c in recording.covariates.items() if c.ndim == 1 and np.isfinite(c).all()}
     rest = at_rest(simulated, peak)
     directions = directions_of(covariates, rest if rest.mean() > RESTING else np.ones_like(rest))
     alive = np.ones(measured.shape[1:], dtype=bool)
-    if "readout" in recording.metadata:  # channels that do not answer to the load are 0 in both streams
+    if "readout" in recording.metadata:  # channels that do not respond to the load are 0 in both streams
         alive = simulated.any(axis=0)
     problem = Problem(
         measured, simulated, recording.time, covariates, episodes, np.ones(1), peak,
@@ -468,7 +468,7 @@ def problem_of(recording: Recording, scene: Responses | None = None, tolerance: 
 
 
 def with_noise(problem: Problem) -> Problem:
-    """The problem with its noise read from its own streams."""
+    """The problem with its noise estimated from its own streams."""
     alive, step = problem.alive, problem.step
     noise = noise_of(problem.measured, problem.simulated, problem.episodes, step, alive)
     allowed = tolerated(problem.simulated, problem.time, problem.episodes, problem.tolerance)
@@ -481,7 +481,7 @@ def with_noise(problem: Problem) -> Problem:
         dither = float(np.sqrt(max(np.median(noise[alive]) ** 2 - step**2 / 12, 0.0))) if alive.any() else 0.0
     noise = np.where(noise < SELDOM * step, np.sqrt(step**2 / 12 + dither**2), noise)
     sigma = np.sqrt(noise**2 + allowed)
-    if not np.isfinite(sigma).all():  # against it nothing would stand out, and all would seem well
+    if not np.isfinite(sigma).all():  # infinite noise would hide every discrepancy
         raise InvalidValueError(
             "the noise of the recording is not finite: is a time, a force or a tolerance too large?"
         )

@@ -1,7 +1,7 @@
-"""Ranking: candidates by what they promise while they are small, as the sums that least squares needs.
+"""Ranking: candidates ordered by their linearised held-out gain, computed from least-squares sums.
 
-For each fold the products of all effects with one another and with the residual are kept. With them any set of causes
-is fitted to some folds and judged on the others by solving a small linear system, without touching the data.
+For each fold, the inner products of all effects with one another and with the residual are kept. From them, any set of
+causes is fitted to some folds and tested on the others by solving a small linear system, without access to the data.
 """
 
 from __future__ import annotations
@@ -18,26 +18,26 @@ from paxisim.diagnose.folds import effects
 from paxisim.diagnose.model import Model
 from paxisim.diagnose.problem import FloatArray
 
-MOST = 60_000  # numbers that are enough for a ranking
-FITTED = 0.5  # of a gain on folds that took part in the fit
-FEW = 8  # starts, that are tried one by one
-GAUGE_STEP = 0.05  # of the gain, to see what a gauge does
-TIE = 0.01  # of a promise, by which its gauge alone may promise less
+MOST = 60_000  # number of values sufficient for a ranking
+FITTED = 0.5  # weight of an in-sample gain
+FEW = 8  # most starts that are also tried one at a time
+GAUGE_STEP = 0.05  # relative change of the gain for the effect of a gauge
+TIE = 0.01  # relative difference up to which a gauge alone promises as much as its cause
 
 
 class Ranking:
-    """What causes would gain beside a model, linearised.
+    """Linearised gains of causes added to a model.
 
-    The gauge of a cause is fitted with it, so that a cause and its gauge are found although neither gains alone.
+    The gauge of a cause is fitted with it, so that the two are found even if neither gains alone.
     """
 
     def __init__(self, fitter: Fitter, causes: Sequence[Cause], fit: Fit) -> None:
-        """Sum up.
+        """Compute the sums.
 
         Args:
-            fitter: With the recording and its folds.
+            fitter: Fitter with the recording and its folds.
             causes: Candidates; those with starts are ranked.
-            fit: The model.
+            fit: Fit of the model.
         """
         problem = fitter.problem
         self.causes = {c.name: c for c in causes if c.local is None and c.course is None}
@@ -60,7 +60,7 @@ class Ranking:
             return thin.weigh(read)
 
         def through(change: FloatArray) -> FloatArray:
-            """What the model makes of a change of the scene."""
+            """Effect of a scene change after the model, in units of the noise."""
             moved = Model(replace(problem, simulated=problem.simulated + change), fit.causes, rows)
             after = moved.run(fit.whole.values, fit.whole.zero)[kept]
             read = after - prediction if thin.counting.reads_all else thin.read(after) - was_read
@@ -89,11 +89,11 @@ class Ranking:
         self._projections *= times
 
     def gain(self, names: Sequence[str]) -> float:
-        """Energy that causes gain on held-out folds beside the model's own.
+        """Held-out energy that the causes gain when added to the model.
 
-        A single cause is also tried at each of its starts alone, as several starts together may be fitted to noise.
-        What it gains on the folds it is fitted to counts half: one fold alone may show it. A cause whose gauge would
-        gain as much without it ranks behind a cause that is that gain.
+        A single cause is also tried at each of its starts alone, because several starts together may fit noise. Its
+        in-sample gain counts half, because a single fold may be the only one to show it. If the gauge alone would gain
+        as much, the cause ranks behind a cause that consists of that gain.
         """
         own = self._columns_of(names, with_gauges=True) | self._columns_of(self._chosen)
         sets = [own]

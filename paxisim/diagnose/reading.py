@@ -1,4 +1,4 @@
-"""Reading off: what deterministic checks see before any search: layout, rounding, dead taxels, silent channels."""
+"""Reading off: deterministic checks before the search, for layout, rounding, dead taxels and silent channels."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from paxisim.errors import InvalidValueError
 
 @dataclass(frozen=True, eq=False)
 class ReadOff:
-    """What the checks say.
+    """Result of the deterministic checks.
 
     Attributes:
-        raw: The recording as it came.
-        problem: The recording that is left to be explained.
-        readings: By cause that was found, what was read.
-        causes: All that were asked for.
+        raw: The original recording.
+        problem: The recording after the checks, which remains to be explained.
+        readings: Detected faults, by cause.
+        causes: All requested causes.
     """
 
     raw: Problem
@@ -30,12 +30,12 @@ class ReadOff:
 
     @cached_property
     def judged(self) -> Problem:
-        """The recording as figures are given of it: what dead taxels should have read is an error, too."""
+        """The recording on which errors are reported; missing readings of dead taxels count as errors."""
         dead = self.raw.alive & ~self.problem.alive & ~silent_channels(self.raw)
         return replace(self.problem, alive=self.problem.alive | dead)
 
     def with_dead(self, prediction: FloatArray) -> FloatArray:
-        """``(T, pads, 3, rows, cols)`` N, a prediction with the taxels that were read to be dead or stuck."""
+        """``(T, pads, 3, rows, cols)`` N, a prediction with the detected dead or stuck taxels."""
         for reading in self.readings.values():
             fault = reading.transform
             if reading.problem.alive.sum() < self.raw.alive.sum() and not reading.rounds:
@@ -44,10 +44,10 @@ class ReadOff:
 
 
 def read_off(raw: Problem, causes: Sequence[Cause]) -> ReadOff:
-    """Run the checks of the causes that have one.
+    """Run the checks of all causes that have one.
 
     Raises:
-        InvalidValueError: No channel answers.
+        InvalidValueError: No channel responds to the simulated contacts.
     """
     problem, readings = raw, {}
     for item in causes:
@@ -59,7 +59,7 @@ def read_off(raw: Problem, causes: Sequence[Cause]) -> ReadOff:
         problem = with_noise(replace(problem, alive=problem.alive & ~silent))
     if not problem.alive.any():
         raise InvalidValueError(
-            "no taxel answers to what the simulation presses on it: was the sensor connected, and is it the same "
-            "motion, in newtons?"
+            "no taxel responds to the simulated contacts: was the sensor connected, and is it the same motion, in "
+            "newtons?"
         )
     return ReadOff(raw, problem, readings, tuple(causes))

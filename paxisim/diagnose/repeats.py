@@ -14,11 +14,11 @@ from paxisim.recording import Recording
 
 ALIKE = 0.15  # relative difference in load up to which two episodes repeat the same motion
 LEAST = 5  # fewest repeated episodes; the later half serves as the reference
-UNUSUAL = 2.0  # times the largest distance within the later half
+UNUSUAL = 2.0  # distance of an unsettled episode, relative to the largest distance within the later half
 SPEEDS = 2.0  # ratio of the fastest to the slowest loading rate below which there is a single speed
 _HAS_LOAD = 0.5  # share of the largest load that an episode must reach to count as loaded
-_PHASES = 100
-_LOADED = 0.02  # of the peak
+_PHASES = 100  # points at which the presses are compared
+_LOADED = 0.02  # load above which a sample is pressed, relative to the peak load
 
 
 def settled(recording: Recording, alive: NDArray[np.bool_]) -> tuple[Recording, tuple[LeftOver, ...], tuple[str, ...]]:
@@ -46,10 +46,10 @@ def settling(recording: Recording, alive: NDArray[np.bool_]) -> tuple[int, float
     """How many initial episodes read differently from the later ones of the same motion.
 
     A fresh or rested gel is stiffer in its first presses (Mullins effect). This can be detected only if the whole
-    recording repeats one motion. Drift of the zero does not count: the reading at rest is subtracted in each episode.
+    recording repeats one motion. Drift has no influence, because the reading at rest is subtracted in each episode.
 
     Args:
-        recording: With both streams; episodes without load are ignored.
+        recording: Recording with both streams; episodes without load are ignored.
         alive: ``(pads, 3, rows, cols)`` the channels to look at.
 
     Returns:
@@ -118,7 +118,7 @@ def with_untold(
     Args:
         problem: The recording.
         rivals: Rivals of each named cause.
-        remembering: Names of the causes in the search that differ only in what the speed does to them.
+        remembering: Names of the memory effects in the search, which only motions at several speeds can separate.
     """
     if not one_speed(problem):
         return rivals

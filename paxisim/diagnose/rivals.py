@@ -1,7 +1,7 @@
 """Rivals: causes that explain the recording as well as one that was named.
 
-Each candidate is fitted in the place of the named cause. It is a rival if it leaves hardly more on held-out episodes
-than the named cause does: what tells the two apart would itself be too small to be named.
+Each candidate is fitted in place of the named cause. It is a rival if its held-out error is hardly larger than that of
+the named cause, that is, if the difference between the two would itself be too small to be named.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from paxisim.diagnose.explanation import Explanation
 from paxisim.diagnose.problem import PRESSED, FloatArray, Problem
 from paxisim.diagnose.search import Search
 
-NEARLY_ALL = 0.9  # of an offset's squares
+NEARLY_ALL = 0.9  # share of the sum of squares of an offset
 
 
 def rivals_of(found: Explanation) -> Mapping[str, tuple[str, ...]]:
-    """By cause, what would do as well in its place, the nearest first."""
+    """Rivals of each named cause, best first."""
     rivals: dict[str, tuple[str, ...]] = {named.name: () for named in found.named}
     for named in found.fitted:
         if not named.cause.nuisance:
@@ -32,7 +32,7 @@ def rivals_of(found: Explanation) -> Mapping[str, tuple[str, ...]]:
 
 
 def _in_place(search: Search, names: tuple[str, ...], name: str) -> tuple[str, ...]:
-    """Causes that, in the place of one, leave hardly more."""
+    """Causes whose held-out error in place of `name` is hardly larger, best first."""
     rules = search.rules
     fit, rest = search.fit(names), tuple(n for n in names if n != name)
     gain = float((search.without(names, name).heldout - fit.heldout).sum())
@@ -51,7 +51,7 @@ def _in_place(search: Search, names: tuple[str, ...], name: str) -> tuple[str, .
 
 
 def _on_unpressed(problem: Problem, offset: FloatArray) -> bool:
-    """Whether nearly all of an offset is on taxels that nothing presses, which may as well be stuck."""
+    """Whether nearly all of an offset is on taxels that are never pressed, which may equally well be stuck."""
     pressed = np.abs(problem.simulated).max(axis=(0, 2)) >= PRESSED * problem.peak
     square = np.sum(offset**2, axis=1)
     return bool(pressed.any() and square[~pressed].sum() > NEARLY_ALL * square.sum())

@@ -1,4 +1,4 @@
-"""Rules: the constants that decide what is named, each with what it stands for.
+"""Rules: the constants that decide which causes are named, with their meaning.
 
 `benchmarks/rule_sensitivity.py` halves and doubles each of them and prints what changes.
 """
@@ -10,30 +10,30 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Rules:
-    """What decides.
+    """Thresholds and limits of the search.
 
     Attributes:
-        material: Materiality: the share of the noise's energy that a cause must gain on held-out episodes. A smaller
-            gain does not matter to a user. A cause's `price` multiplies it.
-        replayed: Share of the energy of the errors that a replay may have, which a cause must gain besides, where the
-            scene is given. Those errors last, unlike noise, so that many causes take up a little of them.
-        consistency: The least z-score of a cause's gain over held-out episodes, their sum over the root of the sum of
-            their squares. One episode that alone shows the cause has 1, and others that speak against it less.
-        folds: Held-out folds at most: leave one out up to so many units.
-        few_episodes: Recordings of fewer episodes are split into blocks.
-        lone: Share of a cause's excitation that one episode may hold before it is split into two blocks.
-        gap: Seconds between blocks of one episode, so that the two share no noise.
-        contest: Candidates that are fitted for one place, after ranking by their linearised held-out gain.
-        pairs: Pairs of candidates that are fitted for two places.
-        delivered: Share of its promise that a candidate must gain once it is fitted; below it the fit is repeated from
-            the causes' own starts, as it may have ended in a local minimum.
-        promise: Share of the required gain that a candidate must promise, linearised, to be fitted.
-        most: Causes at most.
-        tie: Share of a cause's gain by which a rival may be worse and still be one: no form is known better than that.
-        near_miss: Share of the required gain from which on a cause that is not named is mentioned.
-        explains: Least share of the explainable error that the named causes must explain together where clear
-            structure is left over.
-        visible: Times `material` that a cause must change the reading by, at its starts, to be testable.
+        material: Materiality: the gain on held-out episodes, as a share of the noise energy, below which a cause does
+            not matter to a user. A cause's `price` multiplies it.
+        replayed: Share of the energy of tolerated replay errors that is added to the required gain if the scene is
+            given. Unlike noise, these errors persist, so that many causes absorb a little of them.
+        consistency: Smallest z-score of a cause's gain over held-out episodes: the sum of the gains divided by the root
+            of their sum of squares. A gain in a single episode has 1, and losses in others lower it.
+        folds: Largest number of held-out folds; with at most this many units, each unit is a fold.
+        few_episodes: Recordings with fewer episodes are split into blocks.
+        lone: Share of a cause's excitation in one episode above which that episode is split into two blocks.
+        gap: Seconds between the blocks of an episode, so that they share no noise.
+        contest: Number of candidates that are fitted for one addition, ranked by their linearised held-out gain.
+        pairs: Number of pairs of candidates that are fitted for a joint addition.
+        delivered: Share of its promised gain that a candidate must reach when fitted. Below it, the fit may be in a
+            local minimum and is repeated from the causes' own starts.
+        promise: Smallest linearised gain for which a candidate is fitted, as a share of the materiality threshold.
+        most: Largest number of causes.
+        tie: Share of a cause's gain by which a rival may be worse, because no form is known more precisely.
+        near_miss: Share of the required gain above which a cause that is not named is mentioned.
+        explains: Smallest share of the explainable error that the named causes together must explain if clear structure
+            remains in the residual.
+        visible: Factor on `material`: energy by which a cause at its starts must change the reading to be testable.
     """
 
     material: float = 0.003

@@ -51,23 +51,23 @@ def diagnose(
     progress: Callable[[str, float], None] | None = None,
     replays: Path | None = None,
 ) -> Diagnosis:
-    """What the simulation gets wrong, why, and what fixing it gains.
+    """Diagnose what the simulation gets wrong, why, and how much a correction gains.
 
     Args:
-        recording: With measured and simulated tensors in newtons, the simulation replaying the same motion; covariates
-            by name, such as `gripper_opening` (m) or the angles of joints (rad), and several episodes.
-        causes: Names of the causes to look for, of `known_causes`; default: all.
-        scene: The scene that the recording's streams move. With it causes inside the scene are looked for, too, such as
-            friction or where a pad sits; the recording need not be simulated. Replays are made in `jobs` processes, so
-            that a script needs its ``if __name__ == "__main__":``.
+        recording: Recording with measured and simulated tensors in newtons and several episodes; the simulation replays
+            the same motion. It may have covariates, such as `gripper_opening` (m) or joint angles (rad).
+        causes: Names of the causes to look for, from `known_causes`; default: all.
+        scene: Scene driven by the recording's streams. It adds causes inside the scene, such as friction or the
+            position of a pad, and the recording then needs no simulated tensor. Replays run in `jobs` processes, so a
+            script needs an ``if __name__ == "__main__":`` guard.
         seed: Random seed of the bootstrap over episodes and of the black box; at least 0.
-        jobs: Processors to use, at least 1; the answer is the same for any number.
-        progress: Called with the stage in words and the share of the work that is done, from 0 to 1, as it usually is.
-        replays: Folder in which replays are kept, so that a second diagnosis does not make them again.
+        jobs: Number of processors, at least 1; it does not affect the result.
+        progress: Called with a description of the current stage and the estimated share of the work done, from 0 to 1.
+        replays: Cache folder for replays, which a later diagnosis reuses.
 
     Raises:
         InvalidValueError: The recording cannot be diagnosed: a stream is missing, constant, in another unit or too
-            short, or the streams do not overlap; or a cause inside the scene is asked for without the scene.
+            short, or the streams do not overlap; or a cause inside the scene is requested without the scene.
         UnknownNameError: There is no such cause, or the scene has no such stream or joint.
         UnsupportedError: The simulation of the scene becomes unstable.
     """
@@ -86,7 +86,7 @@ def diagnose(
 def _told(
     done: Searched, seed: int, jobs: int, tell: Callable[[str, float], None], in_scene: InScene | None = None
 ) -> Diagnosis:
-    """What is said of what was found."""
+    """Build the diagnosis from the result of the search."""
     raw, off, it = done.raw, done.off, done.it
     found, squares = it.found, it.squares
     tell("comparing with a black box", 0.82)
@@ -136,7 +136,7 @@ def _check(causes: Sequence[str] | None, scene: Scene | None, seed: int, jobs: i
 
 
 def _named(found: Explanation, squares: SquaredErrors, seed: int) -> tuple[tuple[FoundCause, ...], dict[str, LeftOver]]:
-    """The named causes by what they explain, with what is said of each, and near misses by name."""
+    """The named causes, largest gain first, and near misses by name."""
     gains = gains_of(squares, seed)
     search = found.search
     remembering = [name for name, item in search.causes.items() if item.remembers]
@@ -176,7 +176,7 @@ def _ceiling(problem: Problem, simulated: FloatArray, seed: int, jobs: int) -> t
 def _confidence(found: Explanation, causes: Sequence[FoundCause], seed: int) -> dict[str, float]:
     """How often a cause is kept when held-out episodes are resampled, divided among the cause and its rivals.
 
-    A cause with a number at its bound has one rival more: what lies beyond.
+    A parameter at its bound counts as one more rival, because the true value may lie beyond.
     """
     bounded = at_bounds(found)
     kept = dict.fromkeys((named.name for named in found.named), 1.0)
@@ -188,7 +188,7 @@ def _confidence(found: Explanation, causes: Sequence[FoundCause], seed: int) -> 
 
 
 def _not_excited(found: Explanation, wanted: Sequence[Cause]) -> dict[str, str]:
-    """Causes that, at a size worth finding, would hardly change what this motion reads."""
+    """Reason for each cause whose effect at a material size would stay below the noise in this motion."""
     problem, rules, missing = found.problem.thinned, found.search.rules, {}
     for item in wanted:
         if item.read is not None or item.local is not None or item.course is not None:

@@ -1,4 +1,4 @@
-"""Search: causes are added, exchanged and dropped, and each set is scored by what it leaves on held-out episodes."""
+"""Search: causes are added, exchanged and dropped, and each set is scored by its error on held-out episodes."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from paxisim.diagnose.ranking import Ranking
 from paxisim.diagnose.rules import Rules
 from paxisim.parallel import parallel_map
 
-AFRESH = 2  # causes, from which on no fit is repeated from the causes' own starts
-SEARCHED, PREDICTS = 0.45, 0.8  # of the work, when the search and the predictions of held-out episodes are done
-FITTED, PREDICTED = 0.96, 0.8  # of what is left of them, after one more fit
-ROUNDS = 6  # of adding, exchanging and dropping at most
+AFRESH = 2  # number of causes from which no fit is repeated from the causes' own starts
+SEARCHED, PREDICTS = 0.45, 0.8  # progress at the end of the search, and of the predictions of held-out episodes
+FITTED, PREDICTED = 0.96, 0.8  # factor of each fit on the remaining progress of these two stages
+ROUNDS = 6  # most rounds of adding, exchanging and dropping
 
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """What speaks for a cause: the model with it against the model fitted again without it.
+    """Test of a cause: the model with the cause compared with the model refitted without it.
 
     Attributes:
-        name: Of the cause.
-        gain: ``(units,)`` energy that it takes away on held-out units, in units of the noise.
-        needed: Energy that it must take away: what is material, and what the misfit of the other causes may leave.
-        amount: How large its values are, in units of the smallest size of interest.
-        kept: Whether it passes the test.
+        name: Name of the cause.
+        gain: ``(units,)`` held-out energy that the cause removes, in units of the noise.
+        needed: Energy the cause must remove: the materiality threshold plus the misfit tolerated from the other causes.
+        amount: Size of the cause's values, in units of the smallest size of interest.
+        kept: Whether the cause passes the test.
     """
 
     name: str
@@ -41,32 +41,32 @@ class Evidence:
 
     @property
     def share(self) -> float:
-        """What it gains as a share of what it must."""
+        """Gain as a share of the required gain."""
         return float(self.gain.sum()) / max(self.needed, 1e-12)
 
 
 class Search:
-    """A search for the causes of a recording, with the fits that it has made.
+    """A search for the causes in a recording, with a cache of its fits.
 
     Attributes:
         problem: The recording.
-        folds: What is held out together.
-        rules: What decides.
-        material: Energy that a cause must take away to matter.
+        folds: The folds.
+        rules: Thresholds and limits of the search.
+        material: Materiality threshold: the energy that a cause must remove to matter, in units of the noise.
     """
 
     def __init__(
         self, problem: Problem, causes: Iterable[Cause], folds: Folds, rules: Rules, jobs: int = 1,
         tell: Callable[[str, float], None] = lambda stage, share: None,
     ) -> None:  # fmt: skip
-        """Nothing is fitted yet."""
+        """Prepare the search; nothing is fitted yet."""
         self.problem, self.folds, self.rules, self._jobs, self._tell = problem, folds, rules, jobs, tell
         self.material = (rules.material + rules.replayed * problem.excused) * problem.samples
         self.causes = {c.name: c for c in causes}
         self.fitter = Fitter(problem, folds)
         self._fits: dict[frozenset[str], Fit] = {}
         self._rankings: dict[frozenset[str], Ranking] = {}
-        self._bare: dict[frozenset[str], Fit] = {}  # of sets, without their nuisance but for what the others own of it
+        self._bare: dict[frozenset[str], Fit] = {}  # by set: fit without its nuisance
         self._exact: dict[Fit, Fit] = {}
         self._beside = ""
 
@@ -78,13 +78,13 @@ class Search:
             self.evidence(found, n).kept for n in nuisances if not self.causes[n].tacit
         )
         if any(not self.causes[n].tacit for n in nuisances) and needed and self.problem.counting.is_steep:
-            # a zero that shows only under load takes up what other causes do: it must be worth its price as they must
+            # a zero offset visible only under load absorbs other effects, so it must be worth its price, too
             bare = self._climbed(tuple(n for n in nuisances if self.causes[n].tacit))
             found = min(found, bare, key=lambda names: self.objective(names, nuisances=True))
         return found
 
     def _climbed(self, chosen: tuple[str, ...]) -> tuple[str, ...]:
-        """The set that adding, exchanging and dropping lead to."""
+        """The set reached by adding, exchanging and dropping causes until nothing improves."""
         seen: set[frozenset[str]] = set()
         for _ in range(ROUNDS):
             self._beside = f"looking for a cause beside {', '.join(self._shown(chosen)) or 'none'}"
@@ -97,7 +97,7 @@ class Search:
         return chosen
 
     def fit(self, names: Sequence[str], start: Fit | None = None) -> Fit:
-        """The fit of a set of causes, made once."""
+        """The fit of a set of causes; cached."""
         key = frozenset(names)
         if key not in self._fits:
             self._fits[key] = self.fitter.fit([self.causes[n] for n in names], start)
@@ -105,14 +105,14 @@ class Search:
         return self._fits[key]
 
     def exact(self, fit: Fit) -> Fit:
-        """A fit with folds that are fitted on their own, see `Fitter.exact`; made once."""
+        """The fit with independently fitted folds, see `Fitter.exact`; cached."""
         if fit not in self._exact:
             self._exact[fit] = self.fitter.exact(fit)
             self._say()
         return self._exact[fit]
 
     def without(self, names: Sequence[str], name: str) -> Fit:
-        """The fit of a set without one of its causes; the constant that the others own stays without a nuisance."""
+        """The fit of a set without one of its causes; without a nuisance, the constant that other causes own stays."""
         fewer = [n for n in names if n != name]
         if not self.causes[name].nuisance:
             return self.fit(fewer, self.fit(names))
@@ -123,11 +123,11 @@ class Search:
         return self._bare[key]
 
     def confirmed(self, chosen: tuple[str, ...]) -> tuple[str, ...]:
-        """The causes that pass the test with folds that are fitted on their own, the weakest dropped first."""
+        """The causes that pass the test with independently fitted folds; the weakest is dropped first."""
         return self._dropped(chosen, exact=True)
 
     def evidence(self, names: Sequence[str], name: str, exact: bool = False) -> Evidence:
-        """What speaks for one cause of a set."""
+        """Test one cause of a set; `exact` uses independently fitted folds."""
         item = self.causes[name]
         fit, without = self.fit(names), self.without(names, name)
         if exact:
@@ -145,23 +145,23 @@ class Search:
         return Evidence(name, gain, needed, amount, kept)
 
     def ranked(self, names: Sequence[str]) -> list[tuple[float, str]]:
-        """What each other cause with starts promises beside a set, largest first."""
+        """Linearised gain and name of each cause that could be added to a set, largest first."""
         ranking = self._ranking(names)
         others = [n for n in ranking.causes if n not in names]
         return sorted(((ranking.gain([n]), n) for n in others), reverse=True)
 
     def objective(self, names: Sequence[str], nuisances: bool = False) -> float:
-        """What is left on held-out units, and what the causes must bring: the less, the better the set.
+        """Score of a set, lower is better: the held-out error plus the materiality threshold times the causes' prices.
 
         Args:
-            names: The set.
-            nuisances: Whether they must bring something, too.
+            names: Names of the causes in the set.
+            nuisances: Whether to include the prices of nuisances.
         """
         price = sum(self.causes[n].price for n in names if nuisances or not self.causes[n].nuisance)
         return float(self.fit(names).heldout.sum()) + self.material * price
 
     def near_misses(self, names: Sequence[str]) -> dict[str, float]:
-        """Causes that were fitted beside a set and fall short, with what they gain as a share of what they must."""
+        """Gain relative to the required gain of each cause that was added to a set and failed the test."""
         found = {}
         for key in list(self._fits):
             extra = key - set(names)
@@ -173,7 +173,7 @@ class Search:
         return found
 
     def _say(self) -> None:
-        """Say what is done; how many fits will be needed is not known, so that each is a share of what is left."""
+        """Report progress; as the number of fits is unknown, each fit advances it by a share of the remainder."""
         if self._exact:
             left = PREDICTED ** len(self._exact)
             self._tell("predicting held-out episodes", PREDICTS - (PREDICTS - SEARCHED) * left)
@@ -190,14 +190,14 @@ class Search:
         return self._rankings[key]
 
     def _candidates(self, names: Sequence[str], most: int) -> list[tuple[str, ...]]:
-        """Causes that may be added: those fitted in closed form, and those that promise most."""
+        """Causes to try adding: those fitted in closed form, and the `most` others with the largest promise."""
         least = self.rules.promise * self.material
         local = [n for n, c in self.causes.items() if n not in names and (c.local or c.course)]
         promising = [n for gain, n in self.ranked(names)[:most] if gain > least]
         return [(n,) for n in (*local, *promising)]
 
     def _pairs(self, names: Sequence[str]) -> list[tuple[str, ...]]:
-        """Pairs that promise more together than each with the best of the others alone."""
+        """Pairs whose joint promise exceeds the best single promise by more than the materiality threshold."""
         if len(self._shown(names)) > self.rules.most - 2:
             return []
         ranking = self._ranking(names)
@@ -221,7 +221,7 @@ class Search:
         return next(iter(self._by_merit(kept)), chosen)
 
     def _exchanged(self, chosen: tuple[str, ...]) -> tuple[str, ...]:
-        """With each cause replaced by another that leaves less."""
+        """The set after replacing causes by others with a smaller held-out error."""
         for name in self._shown(chosen):
             rest = tuple(n for n in chosen if n != name)
             self.fit(rest, self.fit(chosen))
@@ -233,9 +233,9 @@ class Search:
         return chosen
 
     def _dropped(self, chosen: tuple[str, ...], exact: bool = False) -> tuple[str, ...]:
-        """Without the causes that fail the test, the weakest first."""
+        """The set without the causes that fail the test; the weakest is dropped first."""
         while True:
-            if exact:  # each is many fits
+            if exact:  # each takes many fits
                 parallel_map(self.exact, [self.without(chosen, name) for name in self._shown(chosen)], self._jobs)
             failed = [e for n in self._shown(chosen) if not (e := self.evidence(chosen, n, exact)).kept]
             if not failed:
@@ -244,7 +244,11 @@ class Search:
             chosen = tuple(n for n in chosen if n != weakest)
 
     def _by_merit(self, sets: Sequence[tuple[str, ...]]) -> list[tuple[str, ...]]:
-        """Sets by what they leave; of those that leave as little as the best but for what is material, the simplest."""
+        """The sets in order of preference.
+
+        Sets whose causes have only a few parameters each and whose objective is within the materiality threshold of the
+        best come first, the one with the fewest parameters leading. The others follow by objective.
+        """
         least = min(map(self.objective, sets), default=0.0) + self.material
 
         def merit(names: tuple[str, ...]) -> tuple[float, float]:
@@ -255,19 +259,19 @@ class Search:
         return sorted(sets, key=merit)
 
     def _is_plain(self, names: tuple[str, ...]) -> bool:
-        """Whether all causes have a few numbers each."""
+        """Whether each cause of the set has only a few parameters."""
         return all(
             self.causes[n].local is None and (self.causes[n].nuisance or not self.causes[n].course) for n in names
         )
 
     def _falls_short(self, chosen: tuple[str, ...], names: tuple[str, ...], promised: Mapping[str, float]) -> bool:
-        """Whether a fit gains much less than its new cause promised: another cause may hold its place."""
+        """Whether a fit gains much less than its new cause promised, as when another cause absorbs its effect."""
         promise = promised.get(names[-1], 0.0) if len(names) == len(chosen) + 1 else 0.0
         gain = float((self.fit(chosen).heldout - self.fit(names).heldout).sum())
         return promise > self.material and gain < self.rules.delivered * promise
 
     def _begun_afresh(self, names: tuple[str, ...]) -> None:
-        """Fit a set from its causes' own starts, the newest first, and keep the better fit."""
+        """Refit a set from its causes' own starts, the newest cause first, and keep the better fit."""
         again = self.fitter.fit([self.causes[n] for n in reversed(names)])
         if again.energy.sum() < self.fit(names).energy.sum():
             self._fits[frozenset(names)] = again
@@ -277,10 +281,10 @@ class Search:
 
 
 def owned_constant(problem: Problem, fit: Fit) -> FloatArray:
-    """``(pads, 3, rows, cols)`` N, the part of a fitted offset that other causes of the set bring by convention.
+    """``(pads, 3, rows, cols)`` N, the part of a fitted offset that other causes of the set own by convention.
 
-    A field need not be zero in the pose in which the recording begins, so it owns a plane and a multiple of its
-    amounts.
+    A field need not be zero in the pose at the start of the recording, so it owns a plane plus a multiple of its
+    amplitudes.
     """
     zeros = fit.zeros
     constant = next((zeros[c.name][0] for c in courses_of(fit.causes) if c.nuisance), np.zeros(problem.alive.shape))

@@ -1,4 +1,4 @@
-"""Searched: the search for causes in one recording, before anything is said of it."""
+"""Searched: the search for causes in one recording, up to but not including the diagnosis."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from paxisim.diagnose.vocabulary import cause, known_causes
 from paxisim.recording import Recording
 from paxisim.scene.modes import hidden_by_replay
 
-CLEAR = 2.0  # times its limit, that left-over structure must reach to be clear
+CLEAR = 2.0  # statistic of residual structure, relative to its limit, above which the structure is clear
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,13 +36,13 @@ class Begun:
     """A recording that is ready for the search.
 
     Attributes:
-        recording: The recording, as far as it was used.
-        warnings: What is to be said of it.
-        unsettled: Structure of a sensor that had not settled.
-        wanted: The causes that are looked for.
-        not_searched: By name why others are not.
-        raw: The recording made ready.
-        off: What the checks read off.
+        recording: The part of the recording that is used.
+        warnings: Warnings about the recording.
+        unsettled: Structure in the residual of a sensor that had not settled.
+        wanted: The causes to look for.
+        not_searched: Reason for each excluded cause, by name.
+        raw: The recording prepared for fitting.
+        off: Result of the deterministic checks.
     """
 
     recording: Recording
@@ -56,10 +56,10 @@ class Begun:
 
 @dataclass(frozen=True, eq=False)
 class Searched(Begun):
-    """The same with what the search found.
+    """A recording after the search.
 
     Attributes:
-        it: What was found.
+        it: Result of the search.
     """
 
     it: Explained
@@ -76,18 +76,18 @@ def searched(
     """Search a recording for causes.
 
     Args:
-        recording: See `paxisim.diagnose`.
-        causes: See there.
-        responses: What the numbers of the scene do, if there is one.
-        seed: See there.
-        jobs: See there.
-        tell: See there.
+        recording: As in `paxisim.diagnose`.
+        causes: As in `paxisim.diagnose`.
+        responses: Effects of the scene parameters; None without a scene.
+        seed: As in `paxisim.diagnose`.
+        jobs: As in `paxisim.diagnose`.
+        tell: As `progress` in `paxisim.diagnose`.
 
     Returns:
-        What was found, or a diagnosis that says that the streams are not of one motion.
+        The result of the search, or a diagnosis stating that the streams do not show the same motion.
 
     Raises:
-        InvalidValueError: See there.
+        InvalidValueError: As in `paxisim.diagnose`.
     """
     begun = begin(recording, causes, responses, tell)
     if isinstance(begun, Diagnosis):
@@ -103,7 +103,7 @@ def begin(
     responses: Responses | None,
     tell: Callable[[str, float], None],
 ) -> Begun | Diagnosis:
-    """Check a recording and read off what needs no search; see `searched`."""
+    """Check a recording and run the deterministic checks; see `searched` for the arguments."""
     tell("checking the recording", 0.0)
     if responses is not None:
         recording = with_frames(recording)
@@ -127,14 +127,14 @@ def begin(
 
 @dataclass(frozen=True, eq=False)
 class Explained:
-    """What is said of a recording.
+    """Result of a search.
 
     Attributes:
-        found: The causes.
-        squares: Their errors on held-out samples.
-        structure: What is left in the residual.
-        dropped: Causes that were fitted and are not named: the 90 % interval of the share that each takes off the error
-            of the held-out episodes that it affects includes 0.
+        found: The causes, with the extended model.
+        squares: Squared errors on held-out samples.
+        structure: Structure in the residual.
+        dropped: Causes that were fitted but are not named, each with the 90 % interval of the share of the error that
+            it removes on the held-out episodes that it affects. This interval includes 0.
     """
 
     found: Explanation
@@ -146,7 +146,7 @@ class Explained:
 def search_of(
     off: ReadOff, wanted: Sequence[Cause], jobs: int, tell: Callable[[str, float], None], rules: Rules | None = None
 ) -> Search:
-    """The search for causes in what the checks have left."""
+    """Set up the search for causes after the deterministic checks."""
     rules = rules or (Rules() if off.problem.scene is None else RULES)
     known = (*CAUSES, MEAN_POSE, IMPRATIO)
     nuisances = [item for item in known if item.nuisance and item not in wanted and not item.barred(off.raw)]
@@ -155,7 +155,10 @@ def search_of(
 
 
 def explained(off: ReadOff, search: Search, seed: int, jobs: int, tell: Callable[[str, float], None]) -> Explained:
-    """The causes that a search finds, and that are certain to explain something."""
+    """Run a search and drop causes whose gain is not significantly above 0.
+
+    All causes are dropped if they explain little and clear structure remains in the residual.
+    """
     found = explanation_of(off, search, search.run(), jobs)
     squares = squares_of(found, jobs)
     tell("looking for structure in the residual", PREDICTS)
@@ -179,7 +182,7 @@ def explained(off: ReadOff, search: Search, seed: int, jobs: int, tell: Callable
 def wanted_of(
     raw: Problem, causes: Sequence[str] | None, hidden: Mapping[str, str]
 ) -> tuple[list[Cause], dict[str, str]]:
-    """The causes that can be looked for, and by name why the others cannot."""
+    """The causes to look for, and the reason for each excluded cause by name."""
     wanted, not_searched = [], {}
     for name in known_causes():
         item = cause(name)
@@ -199,15 +202,15 @@ def wanted_of(
 
 
 def _needs_contact(raw: Problem, item: Cause) -> str:
-    """Why a cause shows nothing in a recording without contact; empty if it does, or if there is contact."""
+    """Reason why a cause has no effect in a recording without contact; empty if it has one or if there is contact."""
     if raw.has_contact or item.course is not None or item.read is not None:
         return ""
     acts = item.local is None and any(change.any() for change in effects(raw.thinned, item, raw.thinned.simulated))
-    return "" if acts else "it does nothing without contact"
+    return "" if acts else "it has no effect without contact"
 
 
 def _explains_too_little(squares: SquaredErrors, structure: Sequence[LeftOver], rules: Rules, seed: int) -> bool:
-    """Whether clear structure is left over and the causes explain little: then they are not the cause."""
+    """Whether clear structure remains while the causes explain little; they are then not the real causes."""
     share = explained_share(squares, squares.after, seed)
     clear = any(item.statistic > CLEAR * item.limit for item in structure)
     return clear and share is not None and share.value < rules.explains

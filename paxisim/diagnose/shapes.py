@@ -29,7 +29,7 @@ class Shapes:
     """Sums over groups of episodes, in units of the noise, with tolerated errors projected out.
 
     Attributes:
-        names: Each shape in words.
+        names: Description of each shape.
         products: ``(groups, 3, shapes)`` inner product of each shape with itself, by axis.
         projections: ``(groups, 3, shapes)`` inner product of each shape with the residual.
         explained: Energy of the model's change to the simulation, with tolerated errors projected out.
@@ -139,7 +139,7 @@ def _scales(problem: Problem, x: FloatArray) -> dict[str, float]:
 def _shapes_at(
     problem: Problem, span: slice, x: FloatArray, seen: FloatArray, scales: dict[str, float]
 ) -> Iterator[tuple[str, FloatArray]]:
-    """Each shape in words, and its values in this episode.
+    """Description of each shape, and its values in this episode.
 
     `seen` is the largest earlier normal force of each taxel.
     """

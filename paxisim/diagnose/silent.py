@@ -14,7 +14,7 @@ from paxisim.diagnose.problem import PRESSED, Problem
 CLEAR = 0.6  # N, larger than any dead band
 FRAMES = 8  # fewest frames with such a force
 WITHIN = 15.0  # times the tolerated position error: a larger force means that the contact is on the taxel
-SHARE = 0.2  # of the peak; larger than any zero hidden by clipping at 0
+SHARE = 0.2  # share of the peak, larger than any offset hidden by clipping at 0
 
 
 def silent_channels(problem: Problem) -> NDArray[np.bool_]:
@@ -47,5 +47,5 @@ def _is_missing(problem: Problem, pad: int, axis: int, still: NDArray[np.bool_])
 def pressed_beyond(problem: Problem, least: float) -> NDArray[np.bool_]:
     """``(T, pads, 3, rows, cols)`` where a force exceeds `least` (N) and the contact is certainly on the taxel."""
     variance = problem.sigma**2
-    tolerated = np.sqrt(variance - variance.min(axis=0))  # large at the edge of a contact, which may miss the taxel
+    tolerated = np.sqrt(variance - variance.min(axis=0))  # large at the edge of a contact, where it may miss the taxel
     return np.abs(problem.simulated) > np.maximum(least, WITHIN * tolerated)

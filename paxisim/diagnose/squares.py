@@ -1,8 +1,8 @@
-"""Squares: the sum of squares of a model as a function of its causes' numbers, and how it is brought to its least.
+"""Squares: the sum of squares of a model as a function of its parameters, and its minimisation.
 
-Damped Gauss-Newton steps with the real transforms. `scipy.optimize.least_squares` takes up to 4 times as long here: it
-cannot use that a change of one cause runs only what follows it, and it decomposes Jacobians of 100,000 rows where the
-normal equations of some ten numbers are enough (`benchmarks/fit_speed.py`).
+The minimisation takes damped Gauss-Newton steps with the real transforms. `scipy.optimize.least_squares` takes up to 4
+times as long here: it cannot exploit that a change of one cause reruns only the later ones, and it decomposes Jacobians
+of 100,000 rows where the normal equations of about ten parameters suffice (`benchmarks/fit_speed.py`).
 """
 
 from __future__ import annotations
@@ -15,25 +15,25 @@ from paxisim.diagnose.cause import Cause, courses_of
 from paxisim.diagnose.model import ZERO_ORDER, Fitted, Model
 from paxisim.diagnose.problem import FloatArray
 
-PROBE = 0.05  # of a parameter's scale, to see what it does
-STEPS = 15  # of Gauss-Newton at most
-DELIVERED = 0.5  # of what slopes promise, below which they are taken anew
-DAMPINGS = 5  # of one of them
-CONVERGED = 1e-4  # of the energy, below which a step is the last
-REFITS = 4  # evaluations for a fold at most
-UNSETTLED = 0.02  # energy a channel, in units of the noise, that a fold's fit may still gain by another step
+PROBE = 0.05  # finite-difference step, relative to a parameter's scale
+STEPS = 15  # most Gauss-Newton steps
+DELIVERED = 0.5  # actual decrease, relative to the predicted one, below which the Jacobian is recomputed
+DAMPINGS = 5  # most damping values tried for a step
+CONVERGED = 1e-4  # relative decrease of the energy below which the descent stops
+REFITS = 4  # most evaluations for a fold
+UNSETTLED = 0.02  # predicted decrease per channel, in units of the noise, below which a fold's fit stops
 
 
 class Squares:
-    """The sum of squares of a model as a function of its causes' numbers.
+    """The sum of squares of a model as a function of its parameters.
 
     Attributes:
-        free: The numbers, each with its cause's name and its place there.
-        prediction: ``(T, pads, 3, rows, cols)`` N, that of the last `residual`.
+        free: Free parameters as tuples of the cause's name, the index within the cause and the parameter.
+        prediction: ``(T, pads, 3, rows, cols)`` N, the prediction of the last call of `residual`.
     """
 
     def __init__(self, model: Model, causes: Sequence[Cause]) -> None:
-        """Nothing is run yet."""
+        """Collect the free parameters; nothing runs yet."""
         self.model, self.rows, self.causes = model, model.rows, causes
         shared = [c for c in causes if c.local is None and c.course is None]
         self.free = [(c.name, i, f) for c in shared for i, f in enumerate(c.parameters(model.problem))]
@@ -41,17 +41,17 @@ class Squares:
         spreads = np.array([np.inf if f.spread is None else f.spread for _, _, f in self.free])
         self._held = np.where(np.isfinite(spreads), 1 / spreads, 0.0)
         self.prediction: FloatArray = np.zeros(0)
-        self._kept: FloatArray | None = None  # slopes
+        self._kept: FloatArray | None = None  # the Jacobian
         self._neutral = np.array([f.neutral for _, _, f in self.free])
         self._scale = np.array([f.scale for _, _, f in self.free])
 
     @property
     def prior(self) -> FloatArray:
-        """``(free,)`` weights of the priors, in units of the scales."""
+        """``(free,)`` weights of the priors, in units of the parameters' scales."""
         return np.asarray((self._held * self._scale) ** 2, dtype=np.float64)
 
     def residual(self, values: Fitted, zero: FloatArray) -> FloatArray:
-        """``(numbers,)`` what is left at these values, in units of the noise."""
+        """``(residuals,)`` residual at these values, in units of the noise."""
         self.prediction = self.model.run(values, zero)
         return self.rows.residual(self.prediction).ravel()
 
@@ -62,20 +62,20 @@ class Squares:
         return residual.reshape(len(self.rows.time), -1)[self.rows.fitted].ravel()
 
     def _used_rows(self, slopes: FloatArray) -> FloatArray:
-        """Slopes of the samples that take part in the fit."""
+        """The Jacobian of the samples that take part in the fit."""
         if self.rows.fitted is None:
             return slopes
         return slopes.reshape(len(slopes), len(self.rows.time), -1)[:, self.rows.fitted].reshape(len(slopes), -1)
 
     def _away(self, values: Fitted) -> FloatArray:
-        """How far the numbers are from what is expected of them, in units of their spread."""
+        """Deviation of each parameter from its prior mean, in units of the prior's standard deviation."""
         now = np.array([float(values[n][i]) for n, i, _ in self.free])
         return np.asarray(self._held * (now - self._neutral), dtype=np.float64)
 
     def descend(self, values: Fitted, zero: FloatArray) -> Fitted:
-        """The values after Gauss-Newton steps, damped until each leaves less.
+        """The values after Gauss-Newton steps, each damped until it decreases the energy.
 
-        Slopes are most of the work, so they are used again for as long as they keep what they promise.
+        The Jacobian is most of the work, so it is reused as long as the decrease is close to the predicted one.
         """
         best, off = self._used(self.residual(values, zero)), self._away(values)
         energy, damping = float(best @ best + off @ off), 1e-3
@@ -96,7 +96,7 @@ class Squares:
                 trial = self._moved(values, step)
                 try:
                     new = self._used(self.residual(trial, zero))
-                except ValueError:  # values that are allowed one by one, but not together
+                except ValueError:  # each value is allowed, but not the combination
                     damping *= 8
                     continue
                 away = self._away(trial)
@@ -105,7 +105,7 @@ class Squares:
                     values, best, off, energy, damping = trial, new, away, total, damping / 4
                     break
                 damping *= 8
-            else:  # the model last ran with values that were not taken
+            else:  # the last run used rejected values; restore the model's state
                 self.residual(values, zero)
             gained = before - energy
             if fresh and gained < CONVERGED * before:
@@ -115,16 +115,16 @@ class Squares:
         return values
 
     def linearised(self, values: Fitted, zero: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The residual at these values and its slopes, ``(free, numbers)``."""
+        """The residual at these values and its ``(free, residuals)`` Jacobian."""
         residual = self.residual(values, zero)
         return residual, self._slopes(values)
 
     def effects(self, values: Fitted, zero: FloatArray) -> dict[str, float]:
-        """By cause, the energy of what it does to the residual, of a course of what it adds; after `linearised`.
+        """Energy of each cause's effect on the residual, or of the offset that a course adds; call `linearised` first.
 
         Args:
-            values: By cause.
-            zero: ``(curves, pads, 3, rows, cols)`` N, amounts of the courses.
+            values: Values by cause.
+            zero: ``(curves, pads, 3, rows, cols)`` N, amplitudes of the courses.
         """
         solved, out = self.model.solved, {}
         base = self.rows.read(self.prediction)
@@ -143,9 +143,9 @@ class Squares:
     def refit(
         self, values: Fitted, zero: FloatArray, residual: FloatArray, slopes: FloatArray
     ) -> tuple[Fitted, FloatArray]:
-        """The values that fit the part, and the residual of all frames.
+        """The values fitted to the samples in use, and the residual of all frames.
 
-        The part's own residual is brought to its least by steps that use the slopes of the whole fit.
+        The steps minimise the residual of these samples with the Jacobian of the fit to all episodes.
         """
         if not self.free:
             left = self.residual(values, zero)
@@ -163,7 +163,7 @@ class Squares:
             trial = self._moved(best, step)
             try:
                 new = self.residual(trial, zero)
-            except ValueError:  # values that are allowed one by one, but not together
+            except ValueError:  # each value is allowed, but not the combination
                 damping *= 100
                 continue
             energy = self._energy(new, trial)
@@ -177,7 +177,7 @@ class Squares:
         return {**best, **solved}, left
 
     def energy(self, values: Fitted, zero: FloatArray) -> float:
-        """Of the residual at these values, with the priors."""
+        """Sum of squares at these values, including the priors."""
         return self._energy(self.residual(values, zero), values)
 
     def _energy(self, residual: FloatArray, values: Fitted) -> float:
@@ -185,9 +185,9 @@ class Squares:
         return float(used @ used + off @ off)
 
     def _step(self, normal: FloatArray, right: FloatArray, values: Fitted) -> FloatArray:
-        """The step to the least of a quadratic within the bounds, in units of the scales.
+        """The step to the minimum of a quadratic within the bounds, in units of the parameters' scales.
 
-        A number that would leave its bounds is put on the bound, and the others are solved for again.
+        A parameter that would leave its bounds is set to the bound, and the others are solved for again.
         """
         now = np.array([values[n][i] for n, i, _ in self.free])
         low = (np.array([f.low for _, _, f in self.free]) - now) / self._scale
@@ -204,14 +204,14 @@ class Squares:
         return step
 
     def _moved(self, values: Fitted, change: FloatArray) -> Fitted:
-        """The values after a step, in units of their scales, within their bounds."""
+        """The values after a step in units of their scales, clipped to their bounds."""
         moved = {n: v.copy() for n, v in values.items()}
         for (n, i, f), amount in zip(self.free, change, strict=True):
             moved[n][i] = np.clip(moved[n][i] + np.clip(amount, -5, 5) * f.scale, f.low, f.high)
         return moved
 
     def _slopes(self, values: Fitted) -> FloatArray:
-        """``(free, numbers)`` by how much the residual changes with each number, in units of its scale."""
+        """``(free, residuals)`` derivatives of the residual by each parameter, in units of its scale."""
         slopes = np.zeros((len(self.free), self.rows.measured.size))
         counting = self.rows.counting
         steep = 1.0 if counting.reads_all else counting.slope(self.prediction)
@@ -233,7 +233,7 @@ class Squares:
 
 
 def best_start(model: Model, item: Cause, values: Fitted, zero: FloatArray) -> FloatArray:
-    """The start, taken as far as it helps, with which a cause begins beside `values`."""
+    """The best start of a cause beside `values`, also tried at an amplitude scaled by linear least squares."""
     problem, rows = model.problem, model.rows
     free = item.parameters(problem)
     neutral = np.array([f.neutral for f in free])
@@ -251,7 +251,7 @@ def best_start(model: Model, item: Cause, values: Fitted, zero: FloatArray) -> F
         effect = new - base
         share = -float(effect @ base) / max(float(effect @ effect), 1e-12)
         trials = [(start, new)]
-        if counted.any():  # along the amount, which the effect is nearly proportional to
+        if counted.any():  # scale the parameters to which the effect is nearly proportional
             moved = np.where(counted, np.clip(neutral + share * (start - neutral), low, high), start)
             trials.append((moved, left(moved)))
         for trial, rest in trials:

@@ -1,4 +1,4 @@
-"""Vocabulary: the causes that a diagnosis knows, ours and those that a user has added."""
+"""Vocabulary: the causes that a diagnosis knows, both built-in and registered by a user."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ _ADDED: list[Cause] = []
 
 
 def register_cause(cause: Cause) -> None:
-    """Add a cause to those that are looked for from now on.
+    """Add a cause to those that a diagnosis looks for.
 
     Raises:
-        InvalidValueError: There is a cause of that name already.
+        InvalidValueError: A cause of that name already exists.
     """
     if cause.name in known_causes():
         raise InvalidValueError(f"there is a cause {cause.name!r} already; choose another name")
@@ -21,15 +21,15 @@ def register_cause(cause: Cause) -> None:
 
 
 def known_causes() -> tuple[str, ...]:
-    """The names of all causes, in the order of the chain."""
+    """Names of all causes, in chain order."""
     return tuple(item.name for item in _all())
 
 
 def cause(name: str) -> Cause:
-    """The cause of that name.
+    """Return the cause of that name.
 
     Raises:
-        UnknownNameError: There is none.
+        UnknownNameError: There is no such cause.
     """
     for item in _all():
         if item.name == name:

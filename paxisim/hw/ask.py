@@ -1,4 +1,4 @@
-"""Ask: who is on a line that does not answer the family it was opened as."""
+"""Ask: identify the board on a line where the expected family does not answer."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from paxisim.hw.recognise import describe
 from paxisim.hw.transport import Transport
 
 WAIT = 0.15
-"""Seconds that a board may take to say its version; 10 ms were seen."""
+"""Time (s) that a board may take to report its version; 10 ms was observed."""
 
 
 def who_answers(transport: Transport, clock: Clock, family: str) -> str:
-    """Ask the questions of each family that has the same kind of port as `family`, see `paxisim.hw.board.Board`.
+    """Send the questions of each family that uses the same kind of port as `family`, see `paxisim.hw.board.Board`.
 
     Returns:
-        What answered, as `describe` says it; empty where nothing did.
+        Description of the board that answered, as given by `describe`; empty if no known board answered.
     """
     others = [other for other, row in FAMILIES.items() if row.transport == FAMILIES[family].transport]
     for request in [question for other in others for question in board_class(other).questions]:

@@ -1,4 +1,4 @@
-"""What the driver needs of a board, whatever its family."""
+"""Interface between the driver and a board of any family."""
 
 from __future__ import annotations
 
@@ -18,15 +18,16 @@ from paxisim.hw.transport import Transport
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """One reading of all pads, as it came.
+    """One reading of all pads, as received.
 
     Attributes:
-        counts: ``(pads, N, 3)`` x y z of each taxel in the order and with the signs of the wire: int16, or float32
-            where the family's counts are no whole numbers.
-        resultant: ``(pads, 3)`` int16 counts, the total that the board itself reports; None where it reports none.
-        status: One error byte a pad; 0 is good.
-        time: When its last byte arrived (s, the host's monotonic clock).
-        behind: Readings that lay in the port behind it when it was fetched: it is so many periods older, or more.
+        counts: ``(pads, N, 3)`` x, y and z of each taxel in the order and with the signs of the wire: int16, or float32
+            if the family's counts are not whole numbers.
+        resultant: ``(pads, 3)`` int16 counts, the total that the board itself reports; None if it reports none.
+        status: One error byte per pad; 0 means no error.
+        time: Arrival time of the last byte (s, the host's monotonic clock).
+        behind: Number of readings queued in the port behind this one when it was fetched. The reading was measured at
+            least as many periods before `time`.
     """
 
     counts: NDArray[np.int16] | NDArray[np.float32]
@@ -37,64 +38,64 @@ class Reading:
 
 
 class Board(ABC):
-    """The conversation with one board on one port, one request at a time. Not safe for several threads.
+    """Conversation with one board on one port, one request at a time. Not thread-safe.
 
-    A family's class is named in `paxisim.hw.families.FAMILIES`.
+    `paxisim.hw.families.FAMILIES` names the class of each family.
 
     Attributes:
-        heard: What may be heard on its line, in words that follow a number, and a decoder of it: by these a board is
-            recognised that hangs where another is expected.
-        questions: Requests that change nothing on a board of any family, and make one of this family answer; none
-            where it sends unasked.
+        heard: Decoder factories for what the board may send, keyed by a description that follows a number. They
+            identify a board that is connected where another one is expected.
+        questions: Requests that a board of this family answers and that change nothing on a board of any family; empty
+            if the family sends unasked.
     """
 
     heard: ClassVar[Mapping[str, Callable[[], Decoder[Any]]]]
     questions: ClassVar[tuple[bytes, ...]] = ()
 
     def __init__(self, transport: Transport, profile: Profile, clock: Clock) -> None:
-        """Remember; no I/O."""
+        """Store the arguments; no I/O."""
         self.transport, self.profile, self.clock = transport, profile, clock
 
     @abstractmethod
     def start(self) -> None:
-        """Bring the board to where it can be read, and check that it is the one the profile describes.
+        """Make the board ready to be read, and check that it is the one the profile describes.
 
         Raises:
-            DeviceTimeoutError: It does not answer.
-            ProtocolError: It answers in another family's language, or reports another number of taxels.
+            DeviceTimeoutError: The board does not answer.
+            ProtocolError: The board answers in another family's protocol, or reports another number of taxels.
         """
 
     @abstractmethod
     def read(self, timeout: float) -> Reading:
-        """The next reading of all pads of the profile.
+        """Return the next reading of all pads of the profile.
 
         Raises:
-            DeviceTimeoutError: None came whole within `timeout` seconds.
+            DeviceTimeoutError: No complete reading arrived within `timeout` seconds.
             PortNotFoundError: The port went away.
         """
 
     @abstractmethod
     def zero(self) -> None:
-        """Take what the pads read now as zero.
+        """Make the present reading of the pads their zero.
 
         Raises:
-            UnsupportedError: This board cannot.
-            DeviceTimeoutError: It does not answer.
+            UnsupportedError: The board cannot zero itself.
+            DeviceTimeoutError: The board does not answer.
         """
 
     @abstractmethod
     def version(self) -> str:
-        """What the board says of itself; empty where its protocol has no such request."""
+        """Return the version that the board reports; empty if its protocol has no such request."""
 
     def stop(self) -> None:  # noqa: B027  # most boards have nothing to stop
-        """Leave the board as it was found, where it streams. Does not close the transport."""
+        """Return a streaming board to the state in which it was found. Does not close the transport."""
 
     @property
     def bad_checksums(self) -> int:
-        """Frames thrown away because their check byte did not fit."""
+        """Number of frames discarded because of a wrong check byte."""
         return 0
 
     @property
     def skipped(self) -> int:
-        """Bytes thrown away because they belonged to no frame."""
+        """Number of bytes discarded because they belonged to no frame."""
         return 0

@@ -1,4 +1,4 @@
-"""What a sensor needs of a calibration, whoever made it."""
+"""Interface between a sensor and its calibration."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from numpy.typing import NDArray
 
 
 class SensorCalibration(Protocol):
-    """Makes newtons of the frames of a sensor that measures something else; `paxisim.Calibration` is one."""
+    """Converts the frames of a sensor that does not measure force to newtons; `paxisim.Calibration` is one."""
 
     def check(self, shape: tuple[int, ...], unit: str) -> None:
-        """Make sure that it fits frames of that shape, ``(pads, 3, rows, cols)``, and unit.
+        """Check that the calibration fits frames of this shape, ``(pads, 3, rows, cols)``, and unit.
 
         Raises:
-            InvalidValueError: It is of another sensor.
+            InvalidValueError: The calibration belongs to another sensor.
         """
         ...
 
     def to_force(self, channels: NDArray[np.floating]) -> NDArray[np.float32]:
-        """Convert ``(pads, 3, rows, cols)`` channels to newtons, each by itself."""
+        """Convert ``(pads, 3, rows, cols)`` channels to newtons, each channel on its own."""
         ...
 
     def total_force(self, channels: NDArray[np.floating]) -> NDArray[np.float32] | None:
-        """``(pads, 3)`` newtons, each pad's total force; None where it does not say."""
+        """Return the total force of each pad, ``(pads, 3)`` newtons; None if the calibration does not give it."""
         ...

@@ -1,4 +1,4 @@
-"""Capture: a sensor's frames, and what extra streams bring, into a file as they come."""
+"""Capture: write a sensor's frames and extra streams to a file as they arrive."""
 
 from __future__ import annotations
 
@@ -22,29 +22,29 @@ if TYPE_CHECKING:
     from paxisim.hw.device import TactileSensor
     from paxisim.logs.mcap_writer import LogWriter
 
-WAIT = 0.1  # seconds without a frame after which the rest of the loop has its turn
-FLUSH = 0.5  # seconds; with a loop that comes round late, still less than the second a crash may cost
-STATUS = 0.5  # seconds
-GAP = 0.5  # seconds without a frame that count as a gap; boards are slower than 10 Hz only when something is wrong
-INBOX = 8192  # samples of all extra streams that wait to be written
+WAIT = 0.1  # seconds to wait for a frame before the rest of the loop runs
+FLUSH = 0.5  # seconds; even if an iteration runs late, a crash costs less than one second
+STATUS = 0.5  # seconds between status calls
+GAP = 0.5  # seconds without a frame that count as a gap; boards run below 10 Hz only when something is wrong
+INBOX = 8192  # samples of all extra streams that may wait to be written
 
 End = Literal["", "seconds", "stopped", "sensor", "disk", "file"]
-"""Why a recording ended: not yet, the time asked for is over, a signal, the sensor is gone, the file takes no more, the
-file is no longer at its path."""
+"""Why a recording ended: not yet ended, requested duration reached, stopped by a signal, sensor lost, file cannot be
+written any more, file no longer at its path."""
 
 
 @dataclass(frozen=True)
 class ExtraSummary:
-    """What came from one extra stream.
+    """Summary of one extra stream.
 
     Attributes:
-        label: The source.
-        samples: Lines, datagrams or calls of which something is in the file.
+        label: Name of the source.
+        samples: Lines, datagrams or calls with at least one value in the file.
         bad: Lines, datagrams, calls or values that could not be used.
-        dropped: Samples that came faster than they could be written.
-        missed: Calls of a function that were left out, as it was still busy when they were due.
-        problem: Why the latest bad one was bad; empty where none was.
-        ended: True if nothing more could come from it.
+        dropped: Samples that arrived faster than they could be written.
+        missed: Function calls skipped because the previous call was still running when they were due.
+        problem: Reason for the latest bad item; empty if there was none.
+        ended: True if the source could deliver nothing more.
     """
 
     label: str
@@ -58,27 +58,28 @@ class ExtraSummary:
 
 @dataclass(frozen=True)
 class CaptureSummary:
-    """What a recording holds, while it grows or in the end.
+    """Contents and state of a recording, in progress or finished.
 
     Attributes:
-        path: The file.
-        frames: Frames in it.
-        dropped: Frames that came and were not fetched in time, by the gaps in the sensor's count. What never came whole
-            has no number: see `bad_checksums`, `timeouts` and `reconnects`.
-        gaps: How often no frame was measured for more than half a second, before the first and, in the end, after the
-            last too. Frames that only came late, as where the system stopped this program, leave none.
-        longest_gap: The longest of these times (s), be it a gap or not.
-        seconds: How long the recording lasted (s).
-        rate: Frames a second (Hz): while it grows of the last half second, in the end one over the median interval, as
-            ``paxisim info`` gives it.
-        size: Bytes of the file.
-        episodes: How many episodes began.
-        extra: One entry for each extra stream.
-        ended: Why it ended; empty while it grows.
-        error: What ended it, where nobody asked for the end.
-        bad_checksums: Frames thrown away meanwhile because their check byte did not fit.
-        timeouts: Readings that did not come in time meanwhile.
-        reconnects: How often a port went away and came back meanwhile.
+        path: Path of the file.
+        frames: Number of frames in the file.
+        dropped: Frames that arrived but were not fetched in time, counted from gaps in the sensor's sequence numbers.
+            Incomplete frames have no number: see `bad_checksums`, `timeouts` and `reconnects`.
+        gaps: Number of intervals of more than half a second in which no frame was measured, including the time before
+            the first frame and, once finished, after the last. Frames that only arrived late, for example because the
+            system suspended this program, leave no gap.
+        longest_gap: Longest interval without a frame (s), whether or not it counts as a gap.
+        seconds: Duration of the recording (s).
+        rate: Frame rate (Hz): over the last half second while in progress, and one over the median interval once
+            finished, as shown by ``paxisim info``.
+        size: File size in bytes.
+        episodes: Number of episodes begun.
+        extra: One entry per extra stream.
+        ended: Why the recording ended; empty while in progress.
+        error: The error that ended the recording; None if the end was requested.
+        bad_checksums: Frames discarded during the recording because of a wrong check byte.
+        timeouts: Readings that did not arrive in time during the recording.
+        reconnects: Number of times a port went away and came back during the recording.
         zero_in_doubt: See `paxisim.hw.device.TactileSensor`.
     """
 
@@ -110,30 +111,31 @@ def capture(
     on_status: Callable[[CaptureSummary], None] | None = None,
     clock: Clock | None = None,
 ) -> CaptureSummary:
-    """Record a sensor into an MCAP file until `seconds` are over, a signal comes, or it cannot go on.
+    """Record a sensor to an MCAP file until `seconds` have passed, a signal arrives, or recording becomes impossible.
 
-    Each frame and sample is written when it comes, none that came before the call, with its own time: the host's
-    monotonic clock plus an offset to UTC that is taken once, so a clock that is set meanwhile does no harm. The file is
-    flushed twice a second; killed, it lacks what came after the last flush. In any other case it is finished and valid.
-    Ctrl-C, SIGTERM and SIGHUP are asked ends where this runs in the main thread.
+    Frames and samples are written as they arrive; those that arrived before the call are left out. Each carries its own
+    time: the host's monotonic clock plus an offset to UTC that is determined once, so setting the system clock during a
+    recording does no harm. The file is flushed twice a second. If the process is killed, the file lacks what arrived
+    after the last flush; in every other case it is complete and valid. In the main thread, Ctrl-C, SIGTERM and SIGHUP
+    end the recording cleanly.
 
     Args:
-        sensor: An open sensor, nobody else's to read meanwhile; stays open.
-        path: The file to make.
-        extra: Sources beside it, not yet started; closed in the end.
-        seconds: How long; default: until a signal.
-        overwrite: Take the place of a file that is there.
+        sensor: An open sensor that nothing else reads during the recording; it stays open.
+        path: Output file.
+        extra: Sources recorded beside the sensor, not yet started; closed at the end.
+        seconds: Duration (s); default: until a signal arrives.
+        overwrite: Whether to replace an existing file.
         on_status: Called twice a second, between frames.
-        clock: The clock of `sensor`; default: the machine's.
+        clock: The clock of `sensor`; default: the system clock.
 
     Returns:
-        What the file holds and why the recording ended. A sensor that is gone and a disk that is full are no
-        exceptions but `CaptureSummary.ended` and `error`, nor is a file that was deleted or moved.
+        What the file holds and why the recording ended. A lost sensor, a full disk and a file that was deleted or moved
+        raise no exception; they are reported in `CaptureSummary.ended` and `error`.
 
     Raises:
         InvalidValueError: `seconds` is not positive.
         OutputExistsError: The file exists and `overwrite` is off.
-        OSError: The file cannot be made.
+        OSError: The file cannot be created.
     """
     from paxisim.logs.mcap_writer import LogWriter
 
@@ -153,7 +155,7 @@ def capture(
     recorder = _Recorder(sensor, writer, Path(path), tuple(extra), clock)
     stop = threading.Event()
     try:
-        # an exception in the middle of a write would break the file
+        # a signal raised as an exception in the middle of a write would corrupt the file
         with end_signals(lambda *_: stop.set()):
             return recorder.run(seconds, stop, on_status)
     finally:
@@ -161,7 +163,7 @@ def capture(
 
 
 class _Recorder:
-    """One recording in progress."""
+    """A recording in progress."""
 
     def __init__(
         self, sensor: TactileSensor, writer: LogWriter, path: Path, extra: tuple[ExtraStream, ...], clock: Clock
@@ -170,14 +172,14 @@ class _Recorder:
         self.inbox: queue.Queue[Sample] = queue.Queue(INBOX)
         self.samples = dict.fromkeys(extra, 0)
         self.numbers: dict[ExtraStream, int | None] = dict.fromkeys(extra)
-        self.intervals: Counter[int] = Counter()  # us; their number is bounded, that of the frames is not
-        # who brought a stream first, and of which shape; one stream is one quantity
+        self.intervals: Counter[int] = Counter()  # microseconds; distinct values stay few however many frames arrive
+        # the first source of each stream and its shape: a stream holds one quantity
         self.owners: dict[str, tuple[ExtraStream, tuple[int, ...]]] = {}
         self.start = clock.monotonic()
         self.offset = round(clock.wall() * 1e9) - round(self.start * 1e9)
         self.last: Frame | None = None
         self.heard = self.start
-        # what the sensor counted before is not this recording's
+        # faults counted before the start are not part of this recording
         self.before = _damage(sensor)
         self.frames = self.dropped = self.gaps = self.episode = 0
         self.longest_gap = 0.0
@@ -206,7 +208,7 @@ class _Recorder:
         return self._summary(ended=ended, error=error)
 
     def close(self) -> None:
-        """Whatever happened: no thread is left, and the file is finished as far as it can be."""
+        """Stop all threads and finish the file as far as possible, whatever happened."""
         for source in self.extra:
             source.close()
         self.writer.close()
@@ -214,14 +216,14 @@ class _Recorder:
     def _record(
         self, seconds: float | None, stop: threading.Event, on_status: Callable[[CaptureSummary], None] | None
     ) -> tuple[End, OSError | None]:
-        """Write until the end; why it is the end."""
+        """Write until the end and return its reason and error."""
         flushed = said = self.start
         said_frames = 0
         deadline = math.inf if seconds is None else self.start + seconds
         while True:
             now = self.clock.monotonic()
             if self.end is None and (stop.is_set() or now >= deadline):
-                self.end = min(now, deadline)  # what came until then is still to be written
+                self.end = min(now, deadline)  # what arrived until then is still written
             try:
                 frame = self.sensor.read(0.0 if self.end is not None else min(WAIT, deadline - now))
             except DeviceTimeoutError:
@@ -233,7 +235,7 @@ class _Recorder:
             if self.end is not None and (frame is None or frame.arrival > self.end):
                 return ("seconds" if self.end == deadline else "stopped"), None
             try:
-                # what waited in the queue when the recording began is no part of it
+                # frames queued before the recording began are not part of it
                 if frame is not None and frame.arrival >= self.start:
                     self._write_frame(frame)
                 self._write_samples()
@@ -270,14 +272,14 @@ class _Recorder:
         self.frames += 1
 
     def _hear(self, time: float) -> None:
-        """End a time without frames. Ones that only arrived late, as after a stall of this machine, leave no gap."""
+        """End an interval without frames. Frames that only arrived late, as after a stall, leave no gap."""
         gap = time - self.heard
         self.gaps += gap > GAP
         self.longest_gap = max(self.longest_gap, gap)
         self.heard = time
 
     def _write_samples(self) -> None:
-        """Write the samples that wait now; those that come meanwhile have the next turn, after a frame."""
+        """Write the samples waiting now; later ones wait for the next iteration, after a frame."""
         for _ in range(self.inbox.qsize()):
             sample = self.inbox.get_nowait()
             time = self._utc(sample.arrival) if sample.time is None else round(sample.time * 1e9)
@@ -295,7 +297,7 @@ class _Recorder:
             self.numbers[sample.source] = sample.number
 
     def _count_what_is_held(self) -> None:
-        """What came after the last whole chunk is not in the file of a disk that takes no more."""
+        """Correct the counts for a full disk: the file holds nothing after the last complete chunk."""
         held = self.writer.held
         self.frames = held.get("measured", 0)
         self.episode = max(0, held.get(EPISODE, 0) - 1)
@@ -304,7 +306,7 @@ class _Recorder:
             self.samples[source] = min(self.samples[source], max(own, default=self.episode))
 
     def _usual_rate(self) -> float:
-        """One over the median interval of the frames (Hz); 0 without one."""
+        """Return one over the median interval between frames (Hz); 0 if there is none."""
         passed, count = 0, sum(self.intervals.values())
         for interval, times in sorted(self.intervals.items()):
             passed += times
@@ -315,17 +317,17 @@ class _Recorder:
     def _is_welcome(self, sample: Sample) -> bool:
         shape = sample.value.shape
         if sample.stream == RESULTANT:
-            sample.source.complain("the name resultant is kept for the total force that the sensor reports")
+            sample.source.complain("the name resultant is reserved for the total force that the sensor reports")
             return False
         owner, first = self.owners.setdefault(sample.stream, (sample.source, shape))
         if owner is not sample.source:
-            sample.source.complain(f"{sample.stream} comes from {owner.label} already")
+            sample.source.complain(f"{sample.stream} already comes from {owner.label}")
         elif shape != first:
             sample.source.complain(f"{sample.stream} must keep its shape {first}, got {shape}")
         return owner is sample.source and shape == first
 
     def _utc(self, monotonic: float) -> int:
-        """Nanoseconds since 1970-01-01."""
+        """Convert monotonic seconds to nanoseconds since 1970-01-01 UTC."""
         return round(monotonic * 1e9) + self.offset
 
     def _summary(self, rate: float | None = None, ended: End = "", error: OSError | None = None) -> CaptureSummary:
@@ -352,5 +354,5 @@ class _Recorder:
 
 
 def _damage(sensor: TactileSensor) -> dict[str, int]:
-    """What the sensor counts of frames that never came whole, by the names in `CaptureSummary`."""
+    """Return the sensor's counts of frames that never arrived intact, keyed by their names in `CaptureSummary`."""
     return {name: getattr(sensor, name) for name in ("bad_checksums", "timeouts", "reconnects")}

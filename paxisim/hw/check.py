@@ -1,9 +1,9 @@
-"""The logic of ``paxisim device check``: from presses at known places to the profile that explains them.
+"""Logic of ``paxisim device check``: infer the profile of a sensor from presses at known places.
 
-`check_steps` says what to ask of the user, `feel` judges what was recorded during one step, `conclude` compares all
-steps with the profile and corrects it. Nothing here reads a terminal or a device: force comes in as arrays
-``(T, pads, 3, rows, cols)`` in the profile's unit, read with the profile that is to be checked, **not pooled**. What
-counts as a touch is known in newtons; in another unit it is what stands out of the noise at rest.
+`check_steps` lists what to ask of the user, `feel` evaluates the recording of one step, and `conclude` compares all
+steps with the profile and corrects it. Nothing here reads a terminal or a device. Force is passed as arrays
+``(T, pads, 3, rows, cols)`` in the profile's unit, read with the profile to be checked and **not pooled**. A touch must
+exceed the noise at rest and, if the unit is newtons, a fixed minimum.
 """
 
 from __future__ import annotations
@@ -20,30 +20,30 @@ from paxisim.hw.taxel_order import fit_order
 from paxisim.layout import TaxelLayout
 
 LEAST_PRESS = 0.5
-"""Total normal force (N) that counts as a press."""
+"""Minimum total normal force (N) of a press."""
 LEAST_DRAG = 0.3
-"""Total shear (N) that counts as a drag."""
+"""Minimum total shear (N) of a drag."""
 
 _LEAST_FRAMES = 3
-_ABOVE_NOISE = 8  # standard deviations at rest by which a touch stands out of it
-_STILL = 10  # by which a total may wander while nothing touches it, where newtons do not say it
-_LEAST_SLIDING = 0.15  # shear / normal force; less is a press at a slant, not a drag
+_ABOVE_NOISE = 8  # threshold of a touch, in standard deviations at rest
+_STILL = 10  # tolerated range of an untouched pad's total, in units of its noise, if not in newtons
+_LEAST_SLIDING = 0.15  # shear / normal force; less is an oblique press, not a drag
 _STRAIGHT, _CLEARLY_STRAIGHT = 1.7, 3.0  # shear along the drag / shear across it
 _DISTINCT, _CLEARLY_DISTINCT = 0.1, 0.3  # `OrderFit.margin`
-_CORNER = 0.75  # where a press "near the corner" is expected, in half extents of the pad
-_IN_ITS_QUARTER = 0.1  # how far from the middle lines it must be felt at least
+_CORNER = 0.75  # expected place of a press "near the corner", in half extents of the pad
+_IN_ITS_QUARTER = 0.1  # minimum distance of the press felt from the centre lines, in half extents of the pad
 
 
 @dataclass(frozen=True)
 class Step:
-    """One thing to ask of the user.
+    """One step to ask of the user.
 
     Attributes:
-        name: Short, e.g. ``"top-left"``.
-        prompt: What to do, for a person who faces the sensing surface.
-        pad: The pad it is to be done on, counted in the profile's order.
-        corner: Where to press as (x, y) in half extents of the pad; None where the place does not matter.
-        drag: 0 to drag along x, 1 along y; None where there is nothing to drag.
+        name: Short name, e.g. ``"top-left"``.
+        prompt: Instruction for a person who faces the sensing surface.
+        pad: Pad to touch, counted in the profile's order.
+        corner: Where to press, as (x, y) in half extents of the pad; None if the place does not matter.
+        drag: Axis of the drag: 0 for x, 1 for y; None if the step is not a drag.
     """
 
     name: str
@@ -55,12 +55,12 @@ class Step:
 
 @dataclass(frozen=True, eq=False)
 class Rest:
-    """What an untouched sensor reads.
+    """Readings of an untouched sensor.
 
     Attributes:
-        force: ``(pads, 3, rows, cols)`` the median over time.
-        least_press: ``(pads,)`` the least total normal force that counts as a press.
-        least_drag: ``(pads,)`` the least total shear that counts as a drag.
+        force: ``(pads, 3, rows, cols)`` median over time.
+        least_press: ``(pads,)`` minimum total normal force that counts as a press.
+        least_drag: ``(pads,)`` minimum total shear that counts as a drag.
     """
 
     force: NDArray[np.float64]
@@ -70,12 +70,12 @@ class Rest:
 
 @dataclass(frozen=True, eq=False)
 class Touch:
-    """What was felt during one step.
+    """Readings during one step.
 
     Attributes:
-        pad: The pad that felt it, counted in the profile's order.
-        force: ``(3, rows, cols)`` the mean over the time of contact, the rest subtracted.
-        least_drag: The least total shear that counts as a drag.
+        pad: Pad that felt the touch, counted in the profile's order.
+        force: ``(3, rows, cols)`` mean over the time of contact, minus the reading at rest.
+        least_drag: Minimum total shear that counts as a drag.
     """
 
     pad: int
@@ -84,18 +84,18 @@ class Touch:
 
     @property
     def total(self) -> NDArray[np.float64]:
-        """``(3,)`` the sum over taxels."""
+        """Sum over taxels, ``(3,)``."""
         return self.force.sum(axis=(1, 2))
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that was found.
+    """One finding of the check.
 
     Attributes:
-        text: A sentence.
-        changed: True if the profile had it otherwise.
-        clear: False if it is the likeliest reading of what was felt, but not by much.
+        text: The finding in words.
+        changed: True if the profile said otherwise.
+        clear: False if this is the likeliest explanation, but only by a small margin.
     """
 
     text: str
@@ -103,17 +103,17 @@ class Finding:
     clear: bool
 
     def __str__(self) -> str:
-        """The sentence, marked if it is a change or not clear."""
-        return f"{'! ' if self.changed else '  '}{self.text}{'' if self.clear else ' (not clear: check it again)'}"
+        """Return the text, marked if it is a change or unclear."""
+        return f"{'! ' if self.changed else '  '}{self.text}{'' if self.clear else ' (unclear: check again)'}"
 
 
 @dataclass(frozen=True)
 class CheckResult:
-    """The corrected profile and what was found.
+    """Corrected profile and findings.
 
     Attributes:
-        profile: The profile that explains what was felt.
-        findings: Order of the taxels, axes, pads.
+        profile: Profile that explains the touches.
+        findings: Findings on taxel order, axes and pads.
     """
 
     profile: Profile
@@ -121,12 +121,12 @@ class CheckResult:
 
     @property
     def changed(self) -> bool:
-        """True if anything of the profile was wrong."""
+        """True if anything in the profile was wrong."""
         return any(finding.changed for finding in self.findings)
 
 
 def check_steps(profile: Profile) -> tuple[Step, ...]:
-    """What to ask of the user, in this order. The first is always ``free``, to be given to `rest_of`."""
+    """Return the steps to ask of the user, in order. The first is always ``free``, the input of `rest_of`."""
     names = [slot.name for slot in profile.slots]
     here = f"on pad {names[0]!r}" if len(names) > 1 else "on the pad"
     steps = [Step("free", "Leave the sensor untouched")]
@@ -138,25 +138,25 @@ def check_steps(profile: Profile) -> tuple[Step, ...]:
         for row, y in (("top", -_CORNER), ("bottom", _CORNER)):
             for col, x in (("left", -_CORNER), ("right", _CORNER)):
                 if (row, col) != ("bottom", "right"):
-                    steps.append(Step(f"{row}-{col}", f"Press near the {row} {col} corner, {here}", corner=(x, y)))
+                    steps.append(Step(f"{row}-{col}", f"Press near the {row} {col} corner {here}", corner=(x, y)))
     else:
-        steps.append(Step("press", f"Press straight down, {here}"))
+        steps.append(Step("press", f"Press straight down {here}"))
     steps += [
-        Step("drag-right", f"Press and drag to the right, lift before going back, {here}", drag=0),
-        Step("drag-down", f"Press and drag down, lift before going back, {here}", drag=1),
+        Step("drag-right", f"Press and drag to the right {here}; lift before going back", drag=0),
+        Step("drag-down", f"Press and drag down {here}; lift before going back", drag=1),
     ]
     return tuple(steps)
 
 
 def rest_of(profile: Profile, force: ArrayLike) -> Rest:
-    """What the sensor reads while nobody touches it.
+    """Return the readings of the untouched sensor.
 
     Args:
-        profile: The profile it was read with.
+        profile: Profile that the sensor was read with.
         force: ``(T, pads, 3, rows, cols)``, recorded during the step ``free``.
 
     Raises:
-        InvalidValueError: Too few frames, or somebody did touch it.
+        InvalidValueError: There are too few frames, or the sensor was touched.
     """
     frames = checked_frames(profile, force, "free")
     total = frames.sum(axis=(-2, -1))
@@ -174,23 +174,23 @@ def rest_of(profile: Profile, force: ArrayLike) -> Rest:
     if wander[worst] > 1:
         raise InvalidValueError(
             f"pad {profile.slots[worst].name!r} was not left alone: its total changed by "
-            f"{np.ptp(total[:, worst, 2]):.1f} {profile.unit} while it should rest"
+            f"{np.ptp(total[:, worst, 2]):.1f} {profile.unit} while it should be at rest"
         )
     return Rest(np.median(frames, axis=0), press, drag)
 
 
 def feel(profile: Profile, step: Step, force: ArrayLike, rest: Rest) -> Touch:
-    """What was felt during a step.
+    """Return what the sensor felt during a step.
 
     Args:
-        profile: The profile it was read with.
-        step: One of `check_steps`, not ``free``.
+        profile: Profile that the sensor was read with.
+        step: One of `check_steps`, other than ``free``.
         force: ``(T, pads, 3, rows, cols)``, recorded during that step.
-        rest: Of `rest_of`.
+        rest: Result of `rest_of`.
 
     Raises:
-        InvalidValueError: It was too weak or too short, more than one pad felt it, or a drag was no drag. The step
-            can be asked for again.
+        InvalidValueError: The touch was too weak or too short, more than one pad felt it, or the drag had too little or
+            oblique shear. The step can be repeated.
     """
     frames = checked_frames(profile, force, step.name) - rest.force
     total = np.abs(frames[:, :, 2].sum(axis=(-2, -1)))
@@ -215,24 +215,24 @@ def feel(profile: Profile, step: Step, force: ArrayLike, rest: Rest) -> Touch:
 
 
 def conclude(profile: Profile, touches: Mapping[str, Touch], verified: str = "") -> CheckResult:
-    """Compare what was felt with the profile, and correct it.
+    """Compare the touches with the profile and correct it.
 
     Args:
-        profile: The profile that everything was read with.
-        touches: What `feel` gave, by the name of the step, for all steps but ``free``.
-        verified: What the corrected profile says under that name, and as the source of what was checked.
+        profile: Profile that all steps were read with.
+        touches: Results of `feel` for all steps but ``free``, keyed by the name of the step.
+        verified: `Profile.verified` of the corrected profile, also entered as the source of what was checked.
 
     Returns:
-        The corrected profile; all that the steps cannot tell is as it was.
+        The corrected profile and the findings. Whatever the steps cannot determine stays as it was.
 
     Raises:
-        InvalidValueError: A step is missing, one was done on another pad than asked for, or what was felt fits no
-            order of the taxels.
+        InvalidValueError: A step is missing, a step was done on another pad than requested, or no order of the taxels
+            fits the touches.
     """
     steps = check_steps(profile)[1:]
     missing = [step.name for step in steps if step.name not in touches]
     if missing:
-        raise InvalidValueError(f"the check is not complete, it lacks: {', '.join(missing)}")
+        raise InvalidValueError(f"the check is incomplete, it lacks: {', '.join(missing)}")
     slots, pads_finding = _find_slots(profile, steps, touches)
     axes, axes_findings = _find_axes(profile, steps, touches)
     layout, pool, order_finding = _find_order(profile, steps, touches)
@@ -247,10 +247,10 @@ def conclude(profile: Profile, touches: Mapping[str, Touch], verified: str = "")
 
 
 def checked_frames(profile: Profile, force: ArrayLike, step: str) -> NDArray[np.float64]:
-    """``(T, pads, 3, rows, cols)`` what was recorded during a step.
+    """Return the frames of a step as a float64 array ``(T, pads, 3, rows, cols)``.
 
     Raises:
-        InvalidValueError: Too few frames, or another shape.
+        InvalidValueError: There are too few frames, or they have another shape.
     """
     frames = np.asarray(force, dtype=np.float64)
     profile.wire_layout.check(frames, len(profile.slots))
@@ -279,16 +279,16 @@ def _find_slots(
             )
     corrected = tuple(Slot(slot.name, slots[pad].index) for slot, pad in zip(slots, found, strict=True))
     if corrected == slots:
-        return slots, Finding("pads: each is where the profile has it", False, True)
+        return slots, Finding("pads: they match the profile", False, True)
     moved = [f"{new.name!r} is at {new.index}" for new, old in zip(corrected, slots, strict=True) if new != old]
-    return corrected, Finding(f"pads: they are swapped, {' and '.join(moved)}", True, True)
+    return corrected, Finding(f"pads: they are swapped; {' and '.join(moved)}", True, True)
 
 
 # ---- axes and signs -----------------------------------------------------------------------------------------------
 
 
 def _drag_axis(profile: Profile, step: Step, touch: Touch) -> tuple[int, int, float, float]:
-    """Along which axis of the tensor a drag was felt, with which sign, and the shear along and across it."""
+    """Return the tensor axis and the sign of a drag, and the shear along and across that axis."""
     shear = touch.total[:2]
     axis = int(np.abs(shear).argmax())
     along, across = abs(shear[axis]), abs(shear[1 - axis])
@@ -300,8 +300,8 @@ def _drag_axis(profile: Profile, step: Step, touch: Touch) -> tuple[int, int, fl
         )
     if along < _STRAIGHT * across:
         raise InvalidValueError(
-            f"step {step.name}: the shear went askew, {along:.1f} {unit} along one axis and {across:.1f} {unit} along "
-            "the other"
+            f"step {step.name}: the shear was askew, {along:.1f} {unit} along one axis and {across:.1f} {unit} along "
+            "the other; drag in a straight line"
         )
     return axis, 1 if shear[axis] > 0 else -1, float(along), float(across)
 
@@ -322,7 +322,7 @@ def _find_axes(
         was = f", not {profile.axes[step.drag]}" if changed else ""
         findings.append(
             Finding(
-                f"axes: the pad's {'xy'[step.drag]} is {axes[step.drag]} of the line{was} "
+                f"axes: the pad's {'xy'[step.drag]} is the wire's {axes[step.drag]}{was} "
                 f"({along:.1f} {profile.unit} of shear along it, {across:.1f} {profile.unit} across)",
                 changed,
                 along >= _CLEARLY_STRAIGHT * across,
@@ -334,11 +334,11 @@ def _find_axes(
         )
     normal = [touches[step.name].total[2] for step in steps]
     if min(normal) < 0 < max(normal):
-        raise InvalidValueError("the answers contradict one another: pressing was felt as push and as pull")
+        raise InvalidValueError("the answers contradict one another: some presses were felt as push, others as pull")
     changed = normal[0] < 0
     axes[2] = _signed(profile.axes[2], -1 if changed else 1)
     was = f", not {profile.axes[2]}" if changed else ""
-    findings.append(Finding(f"axes: the pad's z is {axes[2]} of the line{was}", changed, True))
+    findings.append(Finding(f"axes: the pad's z is the wire's {axes[2]}{was}", changed, True))
     return (axes[0], axes[1], axes[2]), findings
 
 
@@ -355,29 +355,29 @@ def _find_order(
     layout, pool = profile.wire_layout, profile.pool
     corners = {step.name: step.corner for step in steps if step.corner is not None}
     if not corners:
-        text = "order: cannot be told, as nobody says where the taxels sit; they stay in the order of the bytes"
+        text = "order: cannot be determined, as the taxels' positions are unknown; they stay in the order of the bytes"
         return layout, pool, Finding(text, False, True)
     asked = np.array(list(corners.values()))
     fit = fit_order(layout, np.stack([touches[name].force[2] for name in corners]), asked)
     for name, at, felt in zip(corners, asked, fit.felt, strict=True):
         if np.any(np.sign(at) * felt < _IN_ITS_QUARTER):
             raise InvalidValueError(
-                f"the answers contradict one another: no order of the taxels puts the press of step {name} into its "
-                "quarter of the pad and the others into theirs; press closer to the corners"
+                f"the answers contradict one another: no order of the taxels puts the press of step {name} in its "
+                "quarter of the pad and the others in theirs; press closer to the corners"
             )
     if fit.margin < _DISTINCT:
         raise InvalidValueError(
-            "the answers contradict one another: the presses at the corners fit several orders of the taxels about as "
-            "well; press closer to the corners, with a fingertip"
+            "the answers contradict one another: the presses at the corners fit several orders of the taxels about "
+            "equally well; press closer to the corners, with a fingertip"
         )
     clear = fit.margin >= _CLEARLY_DISTINCT
     if fit.layout == layout:
-        return layout, pool, Finding("order: the taxels are where the profile has them", False, clear)
+        return layout, pool, Finding("order: the taxels match the profile", False, clear)
     text = f"order: {fit.orientation.text}"
     if fit.refolded:
-        text = f"order: the bytes run along the other direction of the grid; after that, {fit.orientation.text}"
+        text = f"order: the bytes run along the other direction of the grid; with this fixed, {fit.orientation.text}"
     if not layout.is_grid:
-        text += "; the positions were turned with it"
+        text += "; the positions were transformed accordingly"
     if fit.orientation.exchanges:
         pool = (pool[1], pool[0])
     return fit.layout, pool, Finding(text, True, clear)

@@ -1,7 +1,7 @@
-"""The check of a sensor whose chips each measure the field along axes of their own: which of them respond.
+"""Check of a sensor whose chips each measure the field along their own axes: find the chips that respond.
 
-Order and axes cannot be found by pressing: a magnetised skin changes the field at every chip, in any direction. Nothing
-here reads a terminal or a device, as in `paxisim.hw.check`.
+Pressing cannot reveal order and axes: a magnetised skin changes the field at every chip, in any direction. As in
+`paxisim.hw.check`, nothing here reads a terminal or a device.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ from paxisim.hw.check import CheckResult, Finding, Step, checked_frames
 from paxisim.hw.profile import Profile
 
 RESPONDS = 8.0
-"""Noises by which the field at a chip must change while the skin is pressed over it."""
+"""Minimum change of a chip's field while the skin is pressed over it, in multiples of its noise."""
 
 
 @dataclass(frozen=True, eq=False)
 class FieldRest:
-    """What the chips read while nothing touches the skin.
+    """Readings of the chips while nothing touches the skin.
 
     Attributes:
-        field: ``(pads, 3, rows, cols)`` the median over time.
-        noise: The same, standard deviation from reading to reading, without drift.
+        field: ``(pads, 3, rows, cols)`` median over time.
+        noise: ``(pads, 3, rows, cols)`` standard deviation from reading to reading, without drift.
     """
 
     field: NDArray[np.float64]
@@ -34,41 +34,41 @@ class FieldRest:
 
 
 def field_steps() -> tuple[Step, ...]:
-    """What to ask of the user, in this order."""
+    """Return the steps to ask of the user, in order."""
     return (
         Step("free", "Leave the sensor untouched, with no iron and no other magnet near it"),
-        Step("press", "Press the skin with a finger and move over all of it, slowly"),
+        Step("press", "Press the skin with a finger and slowly move over all of it"),
     )
 
 
 def field_at_rest(profile: Profile, field: ArrayLike) -> FieldRest:
-    """What the sensor reads while nobody touches it.
+    """Return the readings of the untouched sensor.
 
     Args:
-        profile: The profile it was read with.
+        profile: Profile that the sensor was read with.
         field: ``(T, pads, 3, rows, cols)``, recorded during the step ``free``.
 
     Raises:
-        InvalidValueError: Too few frames.
+        InvalidValueError: There are too few frames.
     """
     frames = checked_frames(profile, field, "free")
     return FieldRest(np.median(frames, axis=0), np.sqrt(np.mean(np.diff(frames, axis=0) ** 2, axis=0) / 2))
 
 
 def responses(profile: Profile, step: Step, field: ArrayLike, rest: FieldRest) -> NDArray[np.float64]:
-    """``(taxels,)`` by how many noises each chip's field changed most, in the order of the bytes.
+    """Return each chip's largest field change in multiples of its noise, ``(taxels,)`` in the order of the bytes.
 
     Args:
-        profile: The profile it was read with.
-        step: The one that was done.
-        field: ``(T, 1, 3, rows, cols)``, recorded during it.
-        rest: Of `field_at_rest`.
+        profile: Profile that the sensor was read with.
+        step: The step that was done.
+        field: ``(T, 1, 3, rows, cols)``, recorded during that step.
+        rest: Result of `field_at_rest`.
 
     Raises:
-        InvalidValueError: Too few frames, or no chip felt anything. The step can be asked for again.
+        InvalidValueError: There are too few frames, or no chip responded. The step can be repeated.
     """
     change = np.abs(checked_frames(profile, field, step.name) - rest.field).max(axis=0)
-    # the steps of a chip's numbers may hide its noise
+    # a chip's quantisation may hide its noise
     floor = max(float(np.median(rest.noise)), profile.resolution * 1e-3)
     ratio = (change / np.maximum(rest.noise, floor)).max(axis=1)[0].ravel()
     if ratio.max() < RESPONDS:
@@ -81,27 +81,27 @@ def responses(profile: Profile, step: Step, field: ArrayLike, rest: FieldRest) -
 
 
 def conclude_field(profile: Profile, felt: Mapping[str, NDArray[np.float64]], verified: str = "") -> CheckResult:
-    """Say which chips respond.
+    """Check that all chips respond and return the profile as verified.
 
     Args:
-        profile: The profile that everything was read with.
-        felt: What `responses` gave, under ``press``.
-        verified: What the profile says under that name.
+        profile: Profile that all steps were read with.
+        felt: Result of `responses`, under the key ``press``.
+        verified: `Profile.verified` of the returned profile.
 
     Raises:
-        InvalidValueError: A chip does not respond: no profile is made of a board that has a dead one.
+        InvalidValueError: A chip does not respond; a board with a dead chip gets no profile.
     """
     ratio = felt["press"]
     silent = np.flatnonzero(ratio < RESPONDS)
     if silent.size:
         raise InvalidValueError(
             f"chip {', '.join(map(str, silent))} of {len(ratio)} (in the order of the bytes, from 0) does not respond: "
-            "was the whole skin pressed? If so, its wires or its solder"
+            "was the whole skin pressed? If so, check its wires and solder"
         )
     findings = [
         Finding(
             f"all {len(ratio)} chips respond, by {ratio.min():.0f} to {ratio.max():.0f} times their noise", False, True
         ),
-        Finding("order and axes: cannot be told by pressing; calibration fits each channel for itself", False, True),
+        Finding("order and axes: pressing cannot reveal them; calibration fits each channel separately", False, True),
     ]
     return CheckResult(replace(profile, verified=verified), tuple(findings))

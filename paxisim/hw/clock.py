@@ -1,4 +1,4 @@
-"""Time, as something that can be handed in."""
+"""Clocks that can be passed as arguments."""
 
 from __future__ import annotations
 
@@ -7,23 +7,23 @@ from typing import Protocol
 
 
 class Clock(Protocol):
-    """What the driver needs to know of time; tests hand in one that they turn themselves."""
+    """Clock interface of the driver; tests pass one that they advance themselves."""
 
     def monotonic(self) -> float:
-        """Seconds since some fixed moment; never goes back."""
+        """Return the seconds since a fixed moment; never goes back."""
         ...
 
     def wall(self) -> float:
-        """Seconds since 1970-01-01 UTC."""
+        """Return the seconds since 1970-01-01 UTC."""
         ...
 
     def sleep(self, seconds: float) -> None:
-        """Wait."""
+        """Wait for `seconds`."""
         ...
 
 
 class SystemClock:
-    """The machine's clocks."""
+    """The system's clocks."""
 
     def monotonic(self) -> float:
         """See `Clock.monotonic`."""

@@ -1,4 +1,4 @@
-"""A sensor on one or several ports: frames of newtons, read in the background."""
+"""Sensor on one or several ports, read in the background."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from types import TracebackType
 
 from paxisim.errors import DeviceError, DeviceTimeoutError, InvalidValueError
+from paxisim.hw.frame_joiner import FrameJoiner
 from paxisim.hw.board import Board
 from paxisim.hw.calibrated import SensorCalibration
 from paxisim.hw.clock import Clock, SystemClock
@@ -23,7 +24,7 @@ from paxisim.layout import TaxelLayout
 
 
 class ZeroInDoubtWarning(UserWarning):
-    """A board that zeroed itself may have lost its power since, and its zero with it."""
+    """A board that zeroed itself may have lost power since, and its zero with it."""
 
 
 def open_sensor(
@@ -45,27 +46,27 @@ def open_sensor(
                 print(frame.time, frame.force.sum(axis=(-2, -1)))
 
     Args:
-        port: A device file, pseudo-terminal or pyserial URL, or the address of a server, ``ws://HOST:PORT``, as the
-            profile's family wants; several make one tensor, their pads one after another.
+        port: A device file, pseudo-terminal or pyserial URL, or a server address, ``ws://HOST:PORT``, depending on the
+            profile's family. Several ports form one tensor, with their pads one after another.
         profile: A name, a profile file or a `Profile`.
-        queue: Frames kept for a reader that is late; older ones are dropped and counted.
-        reconnect: Seconds for which a port that went away is tried again before reading fails; 0: not at all.
-        calibration: Makes newtons of a sensor that measures something else, e.g. ``paxisim.Calibration.load(path)``.
-            Frames are then in newtons, and of a single pad the resultant is the force that all channels together say.
-        clock: Time; default: the machine's.
+        queue: Number of frames kept for a slow caller; older frames are dropped and counted.
+        reconnect: Time (s) for which the driver tries to reopen a lost port before reading fails; 0: not at all.
+        calibration: Converts readings other than force to newtons, e.g. ``paxisim.Calibration.load(path)``. Frames are
+            then in newtons, and the resultant of a single pad is the force estimated from all channels together.
+        clock: Clock; default: the system clock.
 
     Raises:
         PortNotFoundError: There is no such port.
-        PortAccessError: A port may not be opened; the message says how to be let in.
+        PortAccessError: Access to a port is denied; the message says how to get it.
         DeviceTimeoutError: The board does not answer.
-        ProtocolError: The board speaks another family's language, or has another number of taxels.
+        ProtocolError: The board speaks another family's protocol, or has another number of taxels.
         UnknownNameError: There is no such profile.
-        InvalidValueError: No port, one port twice, a queue of less than one frame, a negative time, or a calibration
+        InvalidValueError: No port, a duplicate port, a queue of less than one frame, a negative time, or a calibration
             of another sensor.
         MissingExtraError: pyserial is not installed.
 
     Warns:
-        UnverifiedProfileWarning: Nobody has tried the profile on a device.
+        UnverifiedProfileWarning: The profile has never been tried on a device.
     """
     ports = tuple(os.fspath(name) for name in ((port,) if isinstance(port, (str, os.PathLike)) else port))
     if not ports or len(set(ports)) != len(ports):
@@ -78,34 +79,34 @@ def open_sensor(
     profile.warn_unverified()
     if calibration is not None:
         if len(ports) > 1:
-            raise InvalidValueError(f"a calibration is of the sensor on one port, got {len(ports)} ports")
+            raise InvalidValueError(f"a calibration applies to the sensor on one port, got {len(ports)} ports")
         calibration.check((len(profile.slots), *profile.layout.shape), profile.unit)
     return TactileSensor(ports, profile, queue, reconnect, clock or SystemClock(), calibration)
 
 
 class TactileSensor:
-    """An open sensor, made by `open_sensor`; a context manager.
+    """An open sensor, created by `open_sensor`; a context manager.
 
-    Each port is read in a thread of its own from the moment it is open. Frames wait in a queue until `read`, `latest`
-    or `stream` takes them; what nobody takes in time is dropped, oldest first, and counted. A board that falls silent
-    is waited for and started again; a port that goes away is opened again when it comes back. What ends the reading is
-    raised by the next `read`, once the frames before it are read.
+    A separate thread reads each port from the moment it is open. Frames wait in a queue until `read`, `latest` or
+    `stream` takes them; frames that are not taken in time are dropped, oldest first, and counted. If a board falls
+    silent, the driver waits and starts it again; if a port goes away, the driver reopens it when it comes back. An
+    error that ends reading is raised by the next `read`, once the frames before it have been read.
 
-    A board that zeroed itself may lose its zero with its power. No source says what boards keep, and to zero again
-    while something presses would be worse: `read` warns once (`ZeroInDoubtWarning`), and `zero_in_doubt` stays true
-    until the next `zero`.
+    A board that zeroed itself may lose its zero when it loses power. No source states what boards keep, and zeroing
+    again while something presses would be worse. Therefore `read` warns once (`ZeroInDoubtWarning`), and
+    `zero_in_doubt` stays true until the next `zero`.
 
-    One that nobody holds any more is closed as a file is, with a ResourceWarning. Do not rely on it: a traceback or the
-    output of a notebook may hold it still, and with it the port.
+    A sensor without references is closed with a ResourceWarning, as a file is. Do not rely on this: a traceback or the
+    output of a notebook may still hold a reference, and with it the port.
 
-    Several ports make one tensor: see `paxisim.hw.frame_joiner.FrameJoiner` for which frames go together.
+    Several ports form one tensor: see `paxisim.hw.frame_joiner.FrameJoiner` for how frames are matched.
 
     Attributes:
-        profile: Which part it is, and how its bytes become the tensor.
-        calibration: What makes newtons of it, where it measures something else.
-        ports: Where it hangs.
-        pads: The pads' names, in the order of the tensor's first axis: those of the profile's slots; of several ports
-            with the number of the port, ``left0, right0, left1, right1``.
+        profile: Profile that says which part it is and how its bytes become the tensor.
+        calibration: Calibration to newtons of a sensor that measures something else; None without one.
+        ports: Names of the ports.
+        pads: Names of the pads, in the order of the tensor's first axis: those of the profile's slots. With several
+            ports, the number of the port is appended: ``left0, right0, left1, right1``.
     """
 
     def __init__(
@@ -132,11 +133,11 @@ class TactileSensor:
             )
             for i, port in enumerate(ports)
         ]
-        # the threads hold readers and queue, never the sensor
+        # the threads reference the readers and the queue, never the sensor, or it would never be collected
         self._finalizer = weakref.finalize(self, _close_forgotten, self._where, self._readers)
         self._finalizer.atexit = False
         try:
-            # each is read as soon as it is open, so that none has old frames when the last one is
+            # read each port as soon as it is open, so no port holds old frames when the last one opens
             for reader in self._readers:
                 reader.start()
         except BaseException:
@@ -145,78 +146,78 @@ class TactileSensor:
 
     @property
     def unit(self) -> str:
-        """Unit of its frames: the profile's, or newtons where it is calibrated."""
+        """Unit of the frames: the profile's, or newtons if the sensor is calibrated."""
         return self.profile.unit if self.calibration is None else "N"
 
     @property
     def layout(self) -> TaxelLayout:
-        """The taxels of one pad."""
+        """Taxel layout of one pad."""
         return self.profile.layout
 
     @property
     def dropped(self) -> int:
-        """Frames that nobody read in time."""
+        """Number of frames that were not read in time."""
         return self._queue.dropped
 
     @property
     def reconnects(self) -> int:
-        """How often a port went away and came back."""
+        """Number of times a port went away and came back."""
         return sum(reader.reconnects for reader in self._readers)
 
     @property
     def zero_in_doubt(self) -> bool:
-        """Whether a board zeroed itself and was away, or silent, since: it may have another zero now."""
+        """True if a board zeroed itself and has been away or silent since: its zero may have changed."""
         return any(reader.zero_in_doubt for reader in self._readers)
 
     @property
     def timeouts(self) -> int:
-        """Readings that did not come in time."""
+        """Number of readings that did not arrive in time."""
         return sum(reader.timeouts for reader in self._readers)
 
     @property
     def bad_checksums(self) -> int:
-        """Frames thrown away because their check byte did not fit."""
+        """Number of frames discarded because of a wrong check byte."""
         return sum(reader.bad_checksums for reader in self._readers)
 
     @property
     def skipped(self) -> int:
-        """Bytes thrown away because they belonged to no frame."""
+        """Number of bytes discarded because they belonged to no frame."""
         return sum(reader.skipped for reader in self._readers)
 
     def read(self, timeout: float = 1.0) -> Frame:
-        """The oldest frame not yet read; waits for one.
+        """Return the oldest unread frame; waits for one.
 
         Raises:
-            DeviceTimeoutError: None came within `timeout` seconds.
+            DeviceTimeoutError: No frame arrived within `timeout` seconds.
             PortNotFoundError: The port went away and did not come back in time.
         """
         return self._take(timeout, newest=False)
 
     def latest(self, timeout: float = 1.0) -> Frame:
-        """The newest frame not yet read; older ones are thrown away, and not counted as dropped. Waits for one.
+        """Return the newest unread frame; waits for one. Older frames are discarded and not counted as dropped.
 
         Raises:
-            DeviceTimeoutError: None came within `timeout` seconds.
+            DeviceTimeoutError: No frame arrived within `timeout` seconds.
             PortNotFoundError: The port went away and did not come back in time.
         """
         return self._take(timeout, newest=True)
 
     def stream(self, timeout: float = 1.0) -> Iterator[Frame]:
-        """Frames one after another, for ever; each as `read` gives it."""
+        """Yield frames one after another without end, each as returned by `read`."""
         while True:
             yield self.read(timeout)
 
     def zero(self, software: bool | None = None) -> None:
-        """Take what the pads read now as zero. Leave them untouched meanwhile. Frames not yet read are thrown away.
+        """Make the present reading of the pads their zero. Leave the pads untouched meanwhile. Discards unread frames.
 
         Args:
             software: False: the board zeroes itself. True: the mean of the next 0.5 s is subtracted from every frame
-                (force and resultant), until the sensor is closed or the board zeroes itself. None: the board where it
-                can, else software.
+                (force and resultant), until the sensor is closed or the board zeroes itself. None: the board zeroes
+                itself if it can, else as with True.
 
         Raises:
-            UnsupportedError: `software` is False and the board cannot.
-            DeviceTimeoutError: It does not answer.
+            UnsupportedError: `software` is False and the board cannot zero itself.
+            DeviceTimeoutError: The board does not answer.
             PortNotFoundError: The port is away.
         """
         self._check_open()
@@ -228,17 +229,17 @@ class TactileSensor:
         self._has_warned = False
 
     def version(self) -> str:
-        """What the board says of itself, empty where its protocol has no such request; of several, one a line.
+        """Return the version that the board reports, empty if its protocol has no such request; one line per port.
 
         Raises:
-            DeviceTimeoutError: It does not answer.
+            DeviceTimeoutError: The board does not answer.
             PortNotFoundError: The port is away.
         """
         self._check_open()
         return "\n".join(answer.result() for answer in [reader.version() for reader in self._readers])
 
     def close(self) -> None:
-        """Stop reading and give the ports back. May be called twice."""
+        """Stop reading and release the ports. May be called twice."""
         self._closed = True
         self._finalizer.detach()
         _close_readers(self._readers)
@@ -246,17 +247,17 @@ class TactileSensor:
         self._queue.clear()
 
     def __enter__(self) -> TactileSensor:
-        """The sensor itself."""
+        """Return the sensor itself."""
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Close."""
+        """Close the sensor."""
         self.close()
 
     def __repr__(self) -> str:
-        """Profile, ports, pads and counters."""
+        """Return profile, ports, pads and counters."""
         state = "closed" if self._closed else "open"
         pads = f"{len(self.pads)} pad{'s' * (len(self.pads) != 1)} of {self.layout.rows}x{self.layout.cols}"
         counters = f"{self.dropped} dropped, {self.reconnects} reconnects, {self.bad_checksums} bad checksums"
@@ -275,7 +276,7 @@ class TactileSensor:
         if self.zero_in_doubt and not self._has_warned:
             self._has_warned = True
             warnings.warn(
-                f"{self._where} was zeroed, then away or silent, and may have another zero now: "
+                f"{self._where} was zeroed, then away or silent, so its zero may have changed: "
                 "call zero() again once nothing touches the pads",
                 ZeroInDoubtWarning,
                 stacklevel=3,
@@ -287,7 +288,7 @@ class TactileSensor:
         return frame
 
     def _sink(self, port: int) -> Callable[[Frame], None]:
-        """Where the frames of that port go."""
+        """Return the function that takes the frames of `port`."""
         queue, joiner, joining = self._queue, self._joiner, self._joining
         if len(self.ports) == 1:
             return queue.put
@@ -315,7 +316,7 @@ def _close_forgotten(where: str, readers: list[Reader]) -> None:
 
 
 def _connector(port: str, profile: Profile, clock: Clock) -> Callable[[], Board]:
-    """What opens `port` and makes the board of the profile's family on it, not started."""
+    """Return a function that opens `port` and creates the board of the profile's family on it, not started."""
 
     def connect() -> Board:
         board = board_class(profile.family)

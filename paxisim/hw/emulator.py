@@ -1,4 +1,4 @@
-"""Emulator: a sensor made of bytes, on a real serial port (a pseudo-terminal)."""
+"""Emulator: an emulated sensor on a real serial port (a pseudo-terminal)."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ from paxisim.hw.faults import MERGE_WAIT, Faults, FaultyLine
 from paxisim.hw.profile import Profile, as_profile
 
 REMEMBERED = 100_000
-"""Messages that `Emulator.sent` keeps; older ones are forgotten."""
+"""Number of messages kept in `Emulator.sent`; older ones are discarded."""
 
 HOST_BUFFER = 65536
-"""Bytes kept for a host that is late, as its system keeps them for a real port; what comes then is lost."""
+"""Bytes buffered for a slow host, as its system does for a real port; further bytes are lost."""
 
-_LOOK_FOR_HOST = 2e-3  # seconds between two looks whether a host has opened the port; one waits 10 ms for an answer
+_LOOK_FOR_HOST = 2e-3  # seconds between checks for a host that opened the port; one waits only 10 ms for an answer
 _LONGEST_WAIT = 1.0
 
 
@@ -37,8 +37,8 @@ class Sent:
     """A message that left the emulator.
 
     Attributes:
-        message: As the board made it.
-        written: Its bytes as they left, after the faults.
+        message: The message as the board made it.
+        written: The bytes that left, with the faults applied.
     """
 
     message: bytes
@@ -46,26 +46,26 @@ class Sent:
 
 
 class Emulator:
-    """Speaks a profile's protocol byte for byte on a pseudo-terminal, in a thread of its own; a context manager.
+    """Speaks a profile's protocol byte for byte on a pseudo-terminal, in its own thread; a context manager.
 
-    Made for Linux; on macOS, which has pseudo-terminals as well, it was not tried.
+    Built for Linux; untested on macOS, which also has pseudo-terminals.
 
     Example::
 
         with Emulator("gen3-highspeed", press("gen3-highspeed")) as sensor:
             pads = open_sensor(sensor.port, "gen3-highspeed")
 
-    What it does like a real board: the forces are measured at the board's rate, become whole counts, are gated and
-    clipped; bytes leave no faster than the line carries them, and what the host does not fetch in time is lost;
-    plugging in is a power-on, with nothing zeroed and nothing configured. What the boards do is in
-    `paxisim.hw.emulation`, one module a family.
+    It behaves like a real board. Forces are sampled at the board's rate, rounded to whole counts, gated and clipped.
+    Bytes leave no faster than the line carries them, and bytes that the host does not fetch in time are lost. Plugging
+    in is a power-on: nothing is zeroed or configured. The boards' behaviour is in `paxisim.hw.emulation`, one module
+    per family.
 
     Attributes:
-        port: The name of the pseudo-terminal, to be opened as any serial port; the link where there is one.
-        profile: What it speaks.
-        messages: Messages sent so far.
-        overruns: Bytes lost because the host did not fetch them.
-        sent: What was sent, if `record_sent`: the last `REMEMBERED` messages.
+        port: Name of the pseudo-terminal, which can be opened like any serial port; the link if there is one.
+        profile: Profile whose protocol is spoken.
+        messages: Number of messages sent so far.
+        overruns: Number of bytes lost because the host did not fetch them.
+        sent: The last `REMEMBERED` messages sent; None unless `record_sent` is set.
     """
 
     def __init__(
@@ -82,27 +82,28 @@ class Emulator:
         resultant: Resultant | None = None,
         record_sent: bool = False,
     ) -> None:
-        """Make it; `start` or ``with`` opens the port.
+        """Create the emulator; `start` or ``with`` opens the port.
 
         Args:
             profile: A name, a profile file or a `Profile`.
-            signal: The forces on the pads, ``(pads, 3, rows, cols)`` newtons of the profile's wire layout, as a
-                function of the seconds since the start. Called in the emulator's thread.
-            rate: Measurements, and where the board streams messages, a second (Hz). Default: the profile's; if it has
-                none, a board that streams has a rate of its own family, and one that is asked measures whenever asked.
-            gate: Components below so many counts read 0. Default: 2 on GEN3 boards, where real parts were seen to do
-                so; 0 on the others, of which nobody says.
-            faults: What goes wrong; default: nothing.
-            link: A symbolic link to the port, which keeps its name when the port changes: a port that is plugged in
-                again is another pseudo-terminal. While unplugged it is away.
-            seed: Of the faults.
-            pace: Whether rate and line speed count. If not, a stream goes as fast as the host takes it, and nothing is
-                ever lost.
-            resultant: What the board reports as a pad's total, see `EmulatedPads`.
+            signal: Forces on the pads, ``(pads, 3, rows, cols)`` newtons in the profile's wire layout, as a function of
+                the time since the start (s). Called in the emulator's thread.
+            rate: Measurement rate (Hz), and the message rate of a board that streams. Default: the profile's rate. If
+                the profile has none, a board that streams uses the rate of its family, and a board that is polled
+                measures on each request.
+            gate: Components below this number of counts read 0. Default: 2 on GEN3 boards, as observed on real parts;
+                0 on the others, for which no source states one.
+            faults: Faults of the line; default: none.
+            link: Path of a symbolic link to the port. The link keeps its name when the port changes: after replugging,
+                the port is another pseudo-terminal. There is no link while the emulator is unplugged.
+            seed: Random seed of the faults.
+            pace: Whether to keep to the rate and the line speed. If False, a stream runs as fast as the host reads, and
+                nothing is ever lost.
+            resultant: The total that the board reports for a pad, see `EmulatedPads`.
             record_sent: Whether to fill `sent`.
 
         Raises:
-            InvalidValueError: The signal does not fit the profile, or a number that cannot be.
+            InvalidValueError: The signal does not fit the profile, or a number is out of range.
             UnknownNameError: There is no such profile.
         """
         self.profile = as_profile(profile)
@@ -130,10 +131,10 @@ class Emulator:
 
     @property
     def port(self) -> str:
-        """See the class.
+        """Name of the port, see the class.
 
         Raises:
-            DeviceError: It is unplugged or not started.
+            DeviceError: The emulator is unplugged or not started.
         """
         if self._terminal is None:
             raise DeviceError("the emulator has no port: it is unplugged or not started")
@@ -141,14 +142,14 @@ class Emulator:
 
     @property
     def plugged(self) -> bool:
-        """Whether there is a port."""
+        """Whether the emulator has a port."""
         return self._terminal is not None
 
     def start(self) -> Emulator:
-        """Open the port and answer.
+        """Open the port and start to answer.
 
         Raises:
-            OutputExistsError: Something else than a link has the link's name.
+            OutputExistsError: The link's path exists and is not a link to a port.
             UnsupportedError: This system has no pseudo-terminals.
         """
         if self._thread is not None:
@@ -170,7 +171,7 @@ class Emulator:
         """Close the port. May be called twice.
 
         Raises:
-            InvalidValueError: The signal failed, which ended it before.
+            InvalidValueError: The signal failed and ended the emulator earlier.
         """
         if self._thread is None:
             return
@@ -183,27 +184,27 @@ class Emulator:
         self._raise_error()
 
     def wait(self, seconds: float) -> None:
-        """Let it run for so long (s).
+        """Wait for `seconds` while the emulator runs.
 
         Raises:
-            InvalidValueError: The signal failed, which ended it.
+            InvalidValueError: The signal failed and ended the emulator.
         """
         if self._thread is not None:
             self._thread.join(seconds)
             self._raise_error()
 
     def unplug(self) -> None:
-        """Take the port away, as when the cable is pulled."""
+        """Remove the port, as if the cable were pulled."""
         with self._lock:
             self._unplug()
-        # a port that the thread waits for stays open until it looks up
+        # the port stays open while the thread waits for it, so wake the thread
         self._wake()
 
     def plug(self) -> None:
-        """Bring a port back, after power-on: another pseudo-terminal, under the same link if there is one.
+        """Bring the port back after a power-on: another pseudo-terminal, under the same link if there is one.
 
         Raises:
-            OutputExistsError: Something else than a link has the link's name.
+            OutputExistsError: The link's path exists and is not a link to a port.
         """
         with self._lock:
             if self._terminal is not None:
@@ -222,23 +223,23 @@ class Emulator:
             self._terminal = terminal
 
     def __enter__(self) -> Emulator:
-        """Start."""
+        """Start the emulator."""
         return self.start()
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Stop."""
+        """Stop the emulator."""
         self.stop()
 
     def _power_on(self) -> EmulatedBoard:
-        # a stream's rate is that of its messages, each of which is measured anew
+        # a stream has the rate of its messages, each of which holds a new measurement
         rate = self._rate if emulated_class(self.profile.family).stream_rate is None else None
         pads = EmulatedPads(self.profile, self._signal, rate=rate, gate=self._gate, resultant=self._resultant)
         return make_board(pads, self._rate, self._pace, self._faulty)
 
     def _serve(self) -> None:
-        """The thread: answer, stream, wait."""
+        """Answer, stream and wait; runs in the thread."""
         try:
             while not self._stopping:
                 with self._lock:
@@ -246,7 +247,7 @@ class Emulator:
                     terminal = self._terminal
                 seconds = min(max(until - (time.monotonic() - self._start), 0.0), _LONGEST_WAIT)
                 if terminal is None or not self._was_open:
-                    # a closed port is always ready, so it is looked at now and then instead
+                    # a closed port always reports ready, so poll it instead
                     time.sleep(min(seconds, _LOOK_FOR_HOST))
                 else:
                     terminal.wait(seconds, self._wake_read, blocked=bool(self._unsent))
@@ -257,7 +258,7 @@ class Emulator:
             self.unplug()
 
     def _step(self, now: float) -> float:
-        """Do what is due and say until when nothing else is (s)."""
+        """Do what is due and return the time (s) at which the next step is due."""
         terminal, board = self._terminal, self._board
         if terminal is None:
             return now + _LOOK_FOR_HOST
@@ -273,7 +274,7 @@ class Emulator:
             self._noise = b""
         for message in board.answers(terminal.read(), now):
             self._send(message, now)
-        # a paced stream is fed just in time, so that the line is never idle and nothing grows old in it
+        # feed a paced stream just in time: the line never idles and no message ages in it
         while self._terminal is not None and board.due <= now and self._room_at(now) <= now:
             self._send(board.tick(now), now)
         if self._faulty.held and now >= self._release_at:
@@ -284,7 +285,7 @@ class Emulator:
         return min(max(board.due, self._room_at(now)), release_at, passed_at)
 
     def _room_at(self, now: float) -> float:
-        """When the line takes the next message of a stream (s)."""
+        """Return the time (s) at which the line takes the next message of a stream."""
         if self._pace:
             return self._line.free_at - GRAIN
         return math.inf if self._unsent or self._line.next < math.inf else now
@@ -310,7 +311,7 @@ class Emulator:
         if data:
             self._unsent = data[terminal.write(data) :]
         if self._pace:
-            # a line does not wait for its reader
+            # a serial line does not wait for its reader
             self.overruns += max(len(self._unsent) - HOST_BUFFER, 0)
             self._unsent = self._unsent[:HOST_BUFFER]
 
@@ -330,8 +331,8 @@ class Emulator:
             return
         if "://" in target:
             raise InvalidValueError(
-                f"a link is made to the file of a serial port, but profile {self.profile.name!r} has an address, "
-                f"{target}: open that"
+                f"a link is made to the file of a serial port, but profile {self.profile.name!r} has the address "
+                f"{target}: open that instead"
             )
         to_port = self._link.is_symlink() and os.readlink(self._link).startswith("/dev/")
         if self._link.exists() and not to_port:
@@ -356,13 +357,13 @@ class Emulator:
 
 
 def make_board(pads: EmulatedPads, rate: float | None, pace: bool, faulty: FaultyLine) -> EmulatedBoard:
-    """The board of the profile's family, just after power-on.
+    """Return an emulated board of the profile's family, just after power-on.
 
     Args:
-        pads: What hangs on it; its profile names the family.
-        rate: Messages a second of a stream (Hz); None: the family's own.
+        pads: Pads on the board; their profile names the family.
+        rate: Message rate of a stream (Hz); None: the family's own.
         pace: Whether a stream keeps to a rate at all.
-        faulty: Where its error bytes come from.
+        faulty: Source of the error bytes.
     """
     board = emulated_class(pads.profile.family)
     streams: dict[str, Any] = {}

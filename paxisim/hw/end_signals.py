@@ -11,10 +11,10 @@ from typing import Any
 
 @contextmanager
 def end_signals(handler: Callable[[int, Any], Any]) -> Iterator[None]:
-    """Have Ctrl-C, SIGTERM and SIGHUP call `handler` meanwhile; only where this runs in the main thread.
+    """Call `handler` on Ctrl-C, SIGTERM and SIGHUP within the context; has no effect outside the main thread.
 
     Args:
-        handler: What `signal.signal` takes.
+        handler: Handler as for `signal.signal`.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -22,7 +22,7 @@ def end_signals(handler: Callable[[int, Any], Any]) -> Iterator[None]:
     previous = {}
     for name in ("SIGINT", "SIGTERM", "SIGHUP"):
         number = getattr(signal, name, None)
-        # one that is ignored stays so: nohup and background jobs rely on it
+        # an ignored signal stays ignored: nohup and background jobs rely on it
         if number is not None and signal.getsignal(number) not in (signal.SIG_IGN, None):
             previous[number] = signal.signal(number, handler)
     try:

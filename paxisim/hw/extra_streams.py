@@ -1,7 +1,7 @@
-"""Extra streams of a recording: numbers from elsewhere, taken in beside the tactile frames without holding them up.
+"""Extra streams of a recording: numbers from other sources, recorded beside the tactile frames without delaying them.
 
-Each source reads in a thread of its own and puts what it reads into one bounded queue; what finds the queue full is
-dropped and counted. What cannot be used is counted and said, and never ends a recording.
+Each source reads in its own thread and puts its samples into one bounded queue. Samples that find the queue full are
+dropped and counted. Unusable input is counted and reported, and never ends a recording.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from numpy.typing import NDArray
 from paxisim.errors import InvalidValueError, PortAccessError
 from paxisim.hw.clock import Clock
 
-PAUSE = 0.1  # seconds after which a waiting thread looks whether it should end
-LONGEST_LINE = 1 << 16  # bytes; what never ends is no line
+PAUSE = 0.1  # seconds after which a waiting thread checks whether to end
+LONGEST_LINE = 1 << 16  # bytes; a longer line is rejected
 DAY = 86400.0
 EPISODE = "episode"
 ENTER = "Enter"
@@ -36,12 +36,13 @@ class Sample:
     """One value of one extra stream.
 
     Attributes:
-        source: Where it comes from; counts what becomes of it.
-        stream: ``covariate/NAME``, or ``episode`` where a new episode begins.
+        source: Source of the sample, which also counts its failures.
+        stream: ``covariate/NAME``, or ``episode`` for the beginning of a new episode.
         value: A finite number or array.
-        arrival: When it came (s, the host's monotonic clock).
-        time: Its own time (seconds since 1970-01-01 UTC); None where the source gives none.
-        number: Of the line, datagram or call that it came with, as several values may; None where each counts.
+        arrival: Arrival time (s, the host's monotonic clock).
+        time: Timestamp from the source (seconds since 1970-01-01 UTC); None if the source gives none.
+        number: Number of the line, datagram or call that held the sample, which may hold several; None if each sample
+            counts on its own.
     """
 
     source: ExtraStream
@@ -56,16 +57,16 @@ class ExtraStream(ABC):
     """A source of samples.
 
     Attributes:
-        label: What messages call it.
+        label: Name of the source in messages.
         bad: Lines, datagrams, calls or values that could not be used.
         dropped: Samples that found the queue full.
-        missed: Calls of a function that were left out, as it was still busy when they were due.
-        problem: Why the latest bad one was bad; empty while there was none.
-        ended: True once nothing more can come.
+        missed: Function calls skipped because the previous call was still running when they were due.
+        problem: Reason for the latest bad item; empty while there is none.
+        ended: True once nothing more can arrive.
     """
 
     def __init__(self, label: str) -> None:
-        """Remember; `start` begins to read."""
+        """Store the label; `start` begins to read."""
         self.label = label
         self.bad = 0
         self.dropped = 0
@@ -78,26 +79,26 @@ class ExtraStream(ABC):
         self._thread: threading.Thread | None = None
 
     def start(self, inbox: queue.Queue[Sample], clock: Clock) -> None:
-        """Begin to read, once; samples go into `inbox`, stamped with `clock`."""
+        """Begin to read, once; samples go to `inbox` with timestamps from `clock`."""
         self._inbox, self._clock = inbox, clock
         self._thread = threading.Thread(target=self._guarded, name=f"paxisim {self.label}", daemon=True)
         self._thread.start()
 
     def close(self) -> None:
-        """Stop reading. May be called twice, and without `start`."""
+        """Stop reading. May be called twice, or without `start`."""
         self._stop.set()
         if self._thread is not None:
-            self._thread.join(timeout=1.0)  # a callable that hangs is left behind
+            self._thread.join(timeout=1.0)  # a thread whose function hangs is abandoned
 
     def complain(self, problem: str, count: int = 1) -> None:
-        """Count something that cannot be used, and say why."""
+        """Count unusable items and store the reason."""
         with self._lock:
             self.bad += count
             self.problem = f"{self.label}: {problem}"
 
     @abstractmethod
     def _run(self) -> None:
-        """Read until `_stop` is set or nothing more can come."""
+        """Read until `_stop` is set or nothing more can arrive."""
 
     def _guarded(self) -> None:
         try:
@@ -108,7 +109,7 @@ class ExtraStream(ABC):
             self.ended = True
 
     def _take(self, values: Mapping[Any, Any], arrival: float) -> None:
-        """Put in what is usable of one set of named values; ``time`` among them is the time of the others."""
+        """Queue the usable ones of a set of named values; a value called ``time`` is the timestamp of the others."""
         self._sets += 1
         time = None
         if "time" in values:
@@ -122,7 +123,7 @@ class ExtraStream(ABC):
                 continue
             array = _array(value)
             if not _is_name(name):
-                self.complain(f"expected a printable name of 1 to 100 letters, got {_short(name)}")
+                self.complain(f"expected a printable name of 1 to 100 characters, got {_short(name)}")
             elif array is None:
                 self.complain(f"{name} must be finite numbers, got {_short(value)}")
             else:
@@ -138,12 +139,12 @@ class ExtraStream(ABC):
 class CsvLines(ExtraStream):
     """Lines of comma-separated numbers from a file descriptor, standard input by default.
 
-    The first line names the columns; a column called ``time`` holds Unix seconds, without it a line's time is its
-    arrival. A last line without a line end may have lost digits and is not used.
+    The first line names the columns. A column called ``time`` holds Unix seconds; without it, the time of a line is its
+    arrival time. A last line without a line end may have lost digits and is not used.
     """
 
     def __init__(self, descriptor: int = 0, label: str = "stdin") -> None:
-        """Remember; the descriptor stays the caller's to close."""
+        """Store the arguments; closing the descriptor is up to the caller."""
         super().__init__(label)
         self._descriptor = descriptor
 
@@ -168,7 +169,7 @@ class CsvLines(ExtraStream):
                 self._take(dict(zip(names, numbers, strict=True)), arrival)
 
     def _header(self, cells: list[str], number: int) -> list[str]:
-        """The names of the columns; none where this line is no header, and the next line may be."""
+        """Return the column names; empty if this line is not a header, and the next line is tried."""
         usable = all(_is_name(cell) and _parsed(cell) is None for cell in cells) and len(set(cells)) == len(cells)
         if usable and cells != ["time"]:
             return cells
@@ -177,20 +178,20 @@ class CsvLines(ExtraStream):
 
 
 class UdpJson(ExtraStream):
-    """Datagrams to a port of this machine alone (127.0.0.1), each a flat JSON object of numbers.
+    """Datagrams to a local port (127.0.0.1 only), each a flat JSON object of numbers.
 
-    Keys become streams; ``time`` (Unix seconds) is the time of the others, without it the arrival is.
+    Each key becomes a stream. ``time`` (Unix seconds) is the time of the other values; without it, the arrival time is.
 
     Attributes:
-        port: The port, the one the system chose where 0 was asked for.
+        port: Port number; the one chosen by the system if 0 was requested.
     """
 
     def __init__(self, port: int) -> None:
-        """Listen, from now on.
+        """Open the port and listen from now on.
 
         Raises:
             InvalidValueError: There is no such port number.
-            PortAccessError: The port is taken or not allowed.
+            PortAccessError: The port is in use or not permitted.
         """
         if not 0 <= port <= 65535:
             raise InvalidValueError(f"udp must be a port number from 0 to 65535, got {port}")
@@ -199,7 +200,7 @@ class UdpJson(ExtraStream):
             self._socket.bind(("127.0.0.1", port))
         except OSError as error:
             self._socket.close()
-            raise PortAccessError(f"cannot listen to UDP port {port} of this machine: {error.strerror}") from error
+            raise PortAccessError(f"cannot listen to UDP port {port} on this machine: {error.strerror}") from error
         self._socket.settimeout(PAUSE)
         self.port: int = self._socket.getsockname()[1]
         super().__init__(f"UDP {self.port}")
@@ -236,26 +237,26 @@ class UdpJson(ExtraStream):
 class PolledFunction(ExtraStream):
     """A function called at a steady rate; it returns a number, an array, or a dict of these by name.
 
-    The time of what it returns is the middle of the call, or the ``time`` (Unix seconds) in its dict. Calls that a slow
-    function leaves no time for are left out and counted.
+    The time of the returned values is the middle of the call, or the ``time`` (Unix seconds) in the dict. Calls that
+    are due while a slow function still runs are skipped and counted.
     """
 
     def __init__(self, function: Callable[[], Any], rate: float, name: str) -> None:
-        """Remember; calls begin with `start`.
+        """Store the arguments; `start` begins to call.
 
         Args:
-            function: Called without arguments, in a thread.
-            rate: Calls a second, up to 1000.
-            name: The stream's name, where the function returns no dict.
+            function: Function without arguments, called in a thread.
+            rate: Calls per second, up to 1000.
+            name: Name of the stream if the function does not return a dict.
 
         Raises:
-            InvalidValueError: A rate or a name that cannot be used.
+            InvalidValueError: The rate or the name cannot be used.
         """
         super().__init__(name)
         if not 0 < rate <= 1000:
             raise InvalidValueError(f"the rate of {name} must lie above 0 and up to 1000 Hz, got {rate:g}")
         if not _is_name(name):
-            raise InvalidValueError(f"the name of a stream must be printable, of 1 to 100 letters, got {name!r}")
+            raise InvalidValueError(f"the name of a stream must be printable, of 1 to 100 characters, got {name!r}")
         self._function, self._rate, self._name = function, rate, name
 
     def _run(self) -> None:
@@ -266,7 +267,7 @@ class PolledFunction(ExtraStream):
                 value = self._function()
                 middle = (before + self._clock.monotonic()) / 2
                 self._take(value if isinstance(value, Mapping) else {self._name: value}, middle)
-            except Exception as error:  # also of a value that cannot even be shown
+            except Exception as error:  # also raised for a value whose repr fails
                 self.complain(f"the call failed: {_reason(error)}")
             due = max(call + 1, math.ceil((self._clock.monotonic() - start) * self._rate))
             self.missed += due - (call + 1)
@@ -274,10 +275,10 @@ class PolledFunction(ExtraStream):
 
 
 class EnterKey(ExtraStream):
-    """A new episode whenever Enter is pressed on the terminal."""
+    """Begins a new episode whenever Enter is pressed on the terminal."""
 
     def __init__(self, descriptor: int = 0) -> None:
-        """Remember; the descriptor stays the caller's to close."""
+        """Store the descriptor; closing it is up to the caller."""
         super().__init__(ENTER)
         self._descriptor = descriptor
 
@@ -287,10 +288,10 @@ class EnterKey(ExtraStream):
 
 
 def load_function(text: str) -> PolledFunction:
-    """The source that ``module:function@HZ`` names; the module is imported.
+    """Return the source named by ``module:function@HZ``; imports the module.
 
     Raises:
-        InvalidValueError: Not of that form, no such module or function, or the module cannot be imported.
+        InvalidValueError: The text has another form, there is no such function, or the module cannot be imported.
     """
     import importlib
 
@@ -301,17 +302,17 @@ def load_function(text: str) -> PolledFunction:
         raise InvalidValueError(f"a stream must be given as module:function@HZ, e.g. robot:opening@50, got {text!r}")
     try:
         function = getattr(importlib.import_module(module), name, None)
-    except Exception as error:  # whatever the user's module does wrong
+    except Exception as error:  # the user's module may raise anything
         raise InvalidValueError(f"cannot import {module!r} of --stream {text}: {_reason(error)}") from error
     if not callable(function):
-        raise InvalidValueError(f"module {module!r} has no function {name!r}, as --stream {text} says")
+        raise InvalidValueError(f"module {module!r} has no function {name!r}, as requested by --stream {text}")
     return PolledFunction(function, hertz, name)
 
 
 def _lines(descriptor: int, stop: threading.Event) -> Iterator[bytes]:
-    """Lines with their ends as they come, until the end of the file or `stop`; too long ones come cut, without one.
+    """Yield lines with their ends until the end of the file or `stop`; a line that is too long is cut and has no end.
 
-    Reads the descriptor itself: the lock of a buffered file, held by a thread that waits, would abort Python's exit.
+    Reads the descriptor itself: the lock of a buffered file, held by a waiting thread, would abort Python's exit.
     """
     rest, skipping = b"", False
     while not stop.is_set():
@@ -334,12 +335,12 @@ def _lines(descriptor: int, stop: threading.Event) -> Iterator[bytes]:
 
 
 def _readable(descriptor: int) -> bool:
-    """True if a read returns at once, or where this cannot be told; waits a little for it."""
+    """Return True if a read returns at once or this cannot be checked; waits up to `PAUSE`."""
     if sys.platform == "win32":
         return True
     if not select.select([descriptor], [], [], PAUSE)[0]:
         return False
-    if _in_background(descriptor):  # of a shell, where reading the terminal would stop the whole process
+    if _in_background(descriptor):  # of a shell: reading the terminal would stop the whole process
         threading.Event().wait(PAUSE)
         return False
     return True
@@ -348,7 +349,7 @@ def _readable(descriptor: int) -> bool:
 def _in_background(descriptor: int) -> bool:
     try:
         return os.tcgetpgrp(descriptor) != os.getpgrp()
-    except OSError:  # no terminal, or not the one that controls this process
+    except OSError:  # not a terminal, or not this process's controlling terminal
         return False
 
 
@@ -364,16 +365,16 @@ def _parsed(text: str) -> float | None:
 
 
 def _number(value: Any) -> float | None:
-    """A finite number, or None; True and False are none."""
+    """Convert to a finite number; None if that fails or the value is True or False."""
     array = _array(value)
     return float(array) if array is not None and array.ndim == 0 else None
 
 
 def _array(value: Any) -> NDArray[np.float64] | None:
-    """A finite array of at least one number, or None."""
+    """Convert to an array of at least one number, all finite; None if that fails."""
     try:
         array = np.asarray(value)
-    except Exception:  # whatever the object does when it is asked, as a torch tensor that requires a gradient
+    except Exception:  # conversion may raise anything, e.g. for a torch tensor that requires a gradient
         return None
     if array.dtype.kind not in "iuf" or not array.size or not np.all(np.isfinite(array)):
         return None

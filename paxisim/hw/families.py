@@ -1,7 +1,7 @@
-"""Families of boards: one table, and nothing else that lists them.
+"""Families of boards: the only table that lists them.
 
 A family is a protocol. To add one, write its driver (a `paxisim.hw.board.Board`) and its emulation (a
-`paxisim.hw.emulation.board.EmulatedBoard`), and add a row here: `docs/how-to/add-a-board.md`.
+`paxisim.hw.emulation.board.EmulatedBoard`), and add a row here: see `docs/how-to/add-a-board.md`.
 """
 
 from __future__ import annotations
@@ -18,24 +18,24 @@ if TYPE_CHECKING:
     from paxisim.hw.transport import Transport
 
 Range = tuple[tuple[int, int, int], tuple[int, int, int]]
-"""The least and the largest counts of x, y and z."""
+"""Minimum and maximum counts of x, y and z."""
 
 BYTES: Range = ((-128, -128, 0), (127, 127, 255))
-"""A taxel of three bytes, the normal force unsigned."""
+"""Range of a taxel of three bytes whose normal force is unsigned."""
 
 
 @dataclass(frozen=True)
 class Family:
-    """One row: what a profile of the family needs, and where its classes are.
+    """One row of the table: what a profile of the family needs, and where its classes are.
 
     Attributes:
-        driver: The driver's class, ``module:Class``, imported when a sensor is opened.
-        emulation: The emulated board's class, ``module:Class``.
-        settings: What `Profile.settings` may hold, and of which type.
-        counts: What a taxel's counts can express, whole numbers all; None: they are floats of any size.
+        driver: Class of the driver, ``module:Class``, imported when a sensor is opened.
+        emulation: Class of the emulated board, ``module:Class``.
+        settings: Keys that `Profile.settings` may hold, with their types.
+        counts: Range of a taxel's counts, which are whole numbers; None: the counts are floats of any size.
         unit: Unit of the tensor: ``"N"``, ``"uT"`` (microtesla) or ``"counts"``.
-        transport: What opens its port, ``module:function``, see `paxisim.hw.transport.open_transport`.
-        port: What makes an emulated port, ``module:callable``, see `paxisim.hw.emulation.port.Port`.
+        transport: Function that opens the port, ``module:function``, see `paxisim.hw.transport.open_transport`.
+        port: Callable that makes an emulated port, ``module:callable``, see `paxisim.hw.emulation.port.Port`.
     """
 
     driver: str
@@ -93,26 +93,26 @@ FAMILIES: dict[str, Family] = {
         port="paxisim.hw.emulation.xela_server:listen",
     ),
 }
-"""The families by the name that profiles give them."""
+"""Families, keyed by the name that profiles use."""
 
 
 def board_class(family: str) -> type[Board]:
-    """The driver of a family."""
+    """Return the driver class of a family."""
     return _load(FAMILIES[family].driver)
 
 
 def emulated_class(family: str) -> type[EmulatedBoard]:
-    """The emulated board of a family."""
+    """Return the class of the emulated board of a family."""
     return _load(FAMILIES[family].emulation)
 
 
 def open_port(family: str) -> Callable[[str, int], Transport]:
-    """What opens a port of a family, by its name and baud rate."""
+    """Return the function that opens a port of a family, given its name and baud rate."""
     return _load(FAMILIES[family].transport)
 
 
 def emulated_port(family: str) -> Port:
-    """A new port for an emulated board of a family."""
+    """Return a new port for an emulated board of a family."""
     return _load(FAMILIES[family].port)()
 
 

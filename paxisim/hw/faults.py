@@ -1,4 +1,4 @@
-"""Faults: what goes wrong on a real line, drawn at random from a seed, for the emulator to do on purpose."""
+"""Faults of a real line, drawn at random from a seed and injected by the emulator."""
 
 from __future__ import annotations
 
@@ -8,34 +8,34 @@ import numpy as np
 
 from paxisim.errors import InvalidValueError, UnknownNameError
 
-# seconds after which bytes leave -> bytes
+# (delay in seconds after the piece before, bytes)
 Piece = tuple[float, bytes]
 
 SPLIT_PAUSE = 2e-3
-"""Seconds between the two parts of a split message."""
+"""Time (s) between the two parts of a split message."""
 
 MERGE_WAIT = 50e-3
-"""Seconds for which a message that is to leave together with the next one waits for it."""
+"""Maximum time (s) that a message held back for merging waits for the next one."""
 
 
 @dataclass(frozen=True)
 class Faults:
-    """How often what goes wrong; the default is a clean line.
+    """Rates of simulated line faults; the default is a fault-free line.
 
     Attributes:
-        drop: Probability of each byte to get lost.
-        flip: Probability of each byte to have one bit flipped.
-        garble: Probability of each byte to be replaced by any other.
-        split: Probability of each message to leave in two parts, cut anywhere.
-        merge: Probability of each message to be held back and leave with the next one.
-        stall: Probability of each message to be preceded by silence.
-        stall_seconds: How long such a silence lasts (s).
-        status: Probability of each message to carry an error byte where the board's protocol has one.
-        noise: Random bytes that the board sends when it is opened for the first time after power-on.
-        unplug_after: The port goes away after so many messages; None: never.
+        drop: Probability that a byte is lost.
+        flip: Probability that a byte has one bit flipped.
+        garble: Probability that a byte is replaced by any other value.
+        split: Probability that a message leaves in two parts, cut anywhere.
+        merge: Probability that a message is held back and leaves with the next one.
+        stall: Probability that a message is preceded by silence.
+        stall_seconds: Duration of such a silence (s).
+        status: Probability that a message carries an error byte, if the board's protocol has one.
+        noise: Number of random bytes that the board sends when it is first opened after power-on.
+        unplug_after: Number of messages after which the port goes away; None: never.
 
     Raises:
-        InvalidValueError: A probability outside 0 to 1, or a count or time below 0.
+        InvalidValueError: A probability is outside 0 to 1, a count or time is below 0, or `unplug_after` is below 1.
     """
 
     drop: float = 0.0
@@ -64,11 +64,11 @@ class Faults:
 
     @classmethod
     def parse(cls, text: str) -> Faults:
-        """Faults from words such as ``"drop=0.01,flip=0.001,unplug_after=500"``; empty text is a clean line.
+        """Parse faults from text such as ``"drop=0.01,flip=0.001,unplug_after=500"``; empty text is a fault-free line.
 
         Raises:
             UnknownNameError: There is no such fault.
-            InvalidValueError: Not NAME=NUMBER, or a number that the fault cannot have.
+            InvalidValueError: An item is not NAME=NUMBER, or the number is not valid for the fault.
         """
         known = {field.name: int if field.name in ("noise", "unplug_after") else float for field in fields(cls)}
         values = {}
@@ -86,25 +86,26 @@ class Faults:
 
 
 class FaultyLine:
-    """Does to messages what `Faults` say. The same seed does the same to the same messages. No I/O.
+    """Applies `Faults` to messages. The same seed and messages give the same faults. No I/O.
 
     Attributes:
-        messages: Messages that went in.
-        held: The message that waits for the next one, as it will leave; empty if none does.
+        messages: Number of messages passed in.
+        held: Bytes of the message held back for the next one, with faults applied; empty if there is none.
     """
 
     def __init__(self, faults: Faults, seed: int = 0) -> None:
-        """Start with nothing held back."""
+        """Start with no message held back."""
         self._faults = faults
         self._rng = np.random.default_rng(seed)
         self.messages = 0
         self.held = b""
 
     def send(self, message: bytes) -> tuple[bytes, list[Piece]]:
-        """What becomes of a message.
+        """Apply the faults to a message.
 
         Returns:
-            Its own bytes as they will leave, and what leaves now: pieces, each so many seconds after the one before.
+            The message's own bytes after the faults, and the pieces that leave now, each with its delay (s) after the
+            piece before.
         """
         faults, rng = self._faults, self._rng
         self.messages += 1
@@ -120,16 +121,16 @@ class FaultyLine:
         return own, [(wait, data)]
 
     def release(self) -> bytes:
-        """What was held back, because no next message came in time."""
+        """Return the message held back, for lack of a next one in time, and hold nothing."""
         data, self.held = self.held, b""
         return data
 
     def wrong_status(self) -> bool:
-        """Whether the next message carries an error byte."""
+        """Draw whether the next message carries an error byte."""
         return bool(self._faults.status) and bool(self._rng.random() < self._faults.status)
 
     def noise(self) -> bytes:
-        """The garbage of power-on."""
+        """Draw the random bytes sent after power-on."""
         return self._rng.bytes(self._faults.noise)
 
     def _damaged(self, message: bytes) -> bytes:

@@ -1,4 +1,4 @@
-"""Frame: one reading of a sensor's pads, in newtons or in another unit that it names."""
+"""Frame: one reading of a sensor's pads, in newtons or another stated unit."""
 
 from __future__ import annotations
 
@@ -13,17 +13,18 @@ class Frame:
     """One reading of all pads.
 
     Attributes:
-        force: ``(pads, 3, rows, cols)`` float32, pad frames, in newtons as `TactileReadout.read` gives it in
-            simulation, or in what `unit` says.
-        time: When it was measured, as far as can be told (s, the host's monotonic clock): the arrival, freed of the
-            jitter of port and scheduler by the board's steady rate, and dated back where it waited in the port,
-            as while the system stopped this program. Never after `arrival`.
-        arrival: When its last byte was read (s, the host's monotonic clock).
-        sequence: Counts readings from 0; a gap says that so many were dropped.
-        status: One error byte a pad, as the board reports it; 0 is good, `paxisim.logs.schemas.NO_TAXELS` no error.
+        force: ``(pads, 3, rows, cols)`` float32 in pad frames, in newtons like the output of `TactileReadout.read` in
+            simulation, or in the unit given by `unit`.
+        time: Estimated time of measurement (s, the host's monotonic clock): the arrival, with the jitter of port and
+            scheduler removed by means of the board's steady rate, and moved back if the frame waited in the port, for
+            example while the system suspended this program. Never after `arrival`.
+        arrival: Time at which the last byte was read (s, the host's monotonic clock).
+        sequence: Number of the reading, from 0; a gap is the number of dropped readings.
+        status: One error byte per pad, as the board reports it; 0 means no error, and neither does
+            `paxisim.logs.schemas.NO_TAXELS`.
         resultant: ``(pads, 3)`` float32 newtons, the total force that the board reports, which on real sensors is not
-            the sum of the taxels; None where it reports none.
-        unit: Unit of `force`: ``"N"``; ``"uT"`` (microtesla) or ``"counts"`` of a sensor that does not measure forces.
+            the sum of the taxels; None if the board reports none.
+        unit: Unit of `force`: ``"N"``, or ``"uT"`` (microtesla) or ``"counts"`` if the sensor does not measure force.
     """
 
     force: NDArray[np.float32]

@@ -1,4 +1,4 @@
-"""FrameJoiner: the frames of several ports as one tensor."""
+"""FrameJoiner: joins the frames of several ports into one tensor."""
 
 from __future__ import annotations
 
@@ -9,41 +9,42 @@ import numpy as np
 from paxisim.hw.frame import Frame
 
 MAX_AGE = 0.25
-"""Seconds that a port's frame may lie from the pacing port's in time; above, its pads are marked `STALE`. The slowest
-board known sends every 90 ms."""
+"""Maximum time difference (s) between a port's frame and the pacing frame; beyond it, the port's pads are marked
+`STALE`. The slowest known board sends every 90 ms."""
 
 STALE = 0xFE
-"""Status of a pad whose port has sent nothing for `MAX_AGE`, though other ports have; no known board reports it."""
+"""Status of a pad whose frame is more than `MAX_AGE` away from the pacing frame; no known board reports this code."""
 
 KEPT = 256
-"""Frames kept of each port, for one that paces a hundred times slower than the others send."""
+"""Frames kept per port; enough if the pacing port is a hundred times slower than the others."""
 
 
 class FrameJoiner:
-    """Joins the frames of several ports, their pads one after another. No I/O, no clock; not safe for several threads.
+    """Joins the frames of several ports, with their pads one after another. No I/O, no clock; not thread-safe.
 
-    The first port paces: each of its frames gives one joined frame, with its `time`. To it comes from each other port
-    the frame nearest in time, as it is; forces are never interpolated. A frame of the first port waits until every
-    other port has sent one that was measured later, but no longer than until the first port's next one arrives: then
-    the newest of each port is taken, however old; one further than `MAX_AGE` from the pacing frame marks its pads as
-    `STALE`. Frames that arrive at one moment, having waited while the system stopped this program, wait together.
+    The first port sets the pace: each of its frames yields one joined frame with the same `time`. Every other port
+    contributes the frame nearest in time, unchanged; forces are never interpolated. A frame of the first port waits
+    until every other port has sent a frame measured at that time or later, but at most until the next frame of the
+    first port arrives. Then the nearest frame of each port is used, however old. A frame further than `MAX_AGE` from
+    the pacing frame marks its pads as `STALE`. Frames that arrive at the same moment, because the system had suspended
+    this program, wait together.
 
-    Before every port has sent a frame, nothing is joined. `Frame.arrival` of a joined frame is that of the part which
-    came last, `Frame.sequence` counts the joined ones, `Frame.resultant` is None where one port reports none.
+    Nothing is joined until every port has sent a frame. `Frame.arrival` of a joined frame is the latest arrival of its
+    parts, `Frame.sequence` counts joined frames, and `Frame.resultant` is None if any port reports none.
     """
 
     def __init__(self, ports: int) -> None:
-        """Start with nothing.
+        """Start without frames.
 
         Args:
-            ports: How many there are.
+            ports: Number of ports.
         """
         self._waiting: deque[Frame] = deque()
         self._others: list[deque[Frame]] = [deque(maxlen=KEPT) for _ in range(ports - 1)]
         self._sequence = 0
 
     def push(self, port: int, frame: Frame) -> list[Frame]:
-        """The joined frames that are complete now that `port` (from 0) has sent `frame`, in order."""
+        """Add a frame of `port` (counted from 0) and return the joined frames that it completes, in order."""
         joined, waiting = [], self._waiting
         if port > 0:
             self._others[port - 1].append(frame)
@@ -56,13 +57,13 @@ class FrameJoiner:
         return joined
 
     def clear(self) -> None:
-        """Forget the frames at hand."""
+        """Discard all frames held."""
         self._waiting.clear()
         for frames in self._others:
             frames.clear()
 
     def _join(self) -> list[Frame]:
-        """The frame of the first port with the nearest of the others; nothing where one is missing."""
+        """Join the first port's oldest frame with the nearest ones of the others; empty if a port has none."""
         first = self._waiting.popleft()
         if not all(self._others):
             return []
@@ -83,7 +84,7 @@ class FrameJoiner:
 
 
 def _nearest(frames: deque[Frame], time: float) -> Frame:
-    """The frame nearest to `time`; those before it are not needed again and go."""
+    """Return the frame nearest to `time` and drop the earlier ones, which are not needed again."""
     while len(frames) > 1 and abs(frames[1].time - time) <= abs(frames[0].time - time):
         frames.popleft()
     return frames[0]

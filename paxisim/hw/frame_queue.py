@@ -1,4 +1,4 @@
-"""FrameQueue: where frames wait between the thread that reads them and the one that wants them."""
+"""FrameQueue: a bounded queue between the thread that reads frames and the one that takes them."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from paxisim.hw.frame import Frame
 
 
 class FrameQueue:
-    """Frames that wait for a caller: bounded, the oldest dropped and counted. Safe for several threads.
+    """Bounded queue of frames; drops and counts the oldest when full. Thread-safe.
 
     Attributes:
-        dropped: Frames lost because nobody read them in time.
+        dropped: Number of frames lost because they were not read in time.
     """
 
     def __init__(self, size: int) -> None:
         """Start empty.
 
         Args:
-            size: Frames to keep.
+            size: Maximum number of frames.
         """
         self.dropped = 0
         self._frames: deque[Frame] = deque(maxlen=size)
@@ -34,25 +34,25 @@ class FrameQueue:
             self._changed.notify()
 
     def fail(self, error: Exception) -> None:
-        """Let every `get` raise `error`, once the frames at hand are read."""
+        """Make every `get` raise `error` once the queued frames have been read."""
         with self._changed:
             self._error = self._error or error
             self._changed.notify_all()
 
     def clear(self) -> None:
-        """Throw away the frames at hand, without counting them."""
+        """Discard the queued frames without counting them."""
         with self._changed:
             self._frames.clear()
 
     def get(self, timeout: float, newest: bool = False) -> Frame | None:
-        """The oldest frame, or None where none comes within `timeout` seconds.
+        """Return the oldest frame, or None if none arrives within `timeout` seconds.
 
         Args:
-            timeout: Seconds; `math.inf` is without end.
-            newest: Take the newest instead, and throw the others away.
+            timeout: Maximum waiting time (s); `math.inf` waits without limit.
+            newest: Whether to return the newest frame instead and discard the others.
         """
         with self._changed:
-            # what the system calls for ever is less than infinity
+            # the system accepts no timeout above this maximum
             self._changed.wait_for(lambda: self._frames or self._error, min(timeout, threading.TIMEOUT_MAX))
             if self._frames:
                 frame = self._frames.pop() if newest else self._frames.popleft()

@@ -1,8 +1,8 @@
-"""Framing: from bytes in any pieces to messages, without I/O.
+"""Framing: turns bytes in arbitrary pieces into messages, without I/O.
 
-`Decoder` does what is the same for every family of boards: collect, count, say when a message was complete. A family
-with a check byte describes one kind of message by a function ``parse(buffer, at)``, and `FrameDecoder` finds them: it
-hunts past garbage and never gets stuck.
+`Decoder` does what is common to all families of boards: it collects bytes, counts, and reports when a message was
+complete. A family with a check byte describes each kind of message by a function ``parse(buffer, at)``, and
+`FrameDecoder` finds the messages: it skips garbage and never gets stuck.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ Message = TypeVar("Message")
 
 
 def lrc(data: bytes) -> int:
-    """The check byte of every PaXini protocol: two's complement of the 8-bit sum of `data`."""
+    """Return the check byte of all PaXini protocols: the two's complement of the 8-bit sum of `data`."""
     return -sum(data) & 0xFF
 
 
 class Incomplete:
-    """What a parser returns while the bytes at hand may be the beginning of a frame."""
+    """Result of a parser if the available bytes may be the beginning of a frame."""
 
 
 INCOMPLETE = Incomplete()
@@ -31,10 +31,10 @@ INCOMPLETE = Incomplete()
 
 @dataclass(frozen=True)
 class Invalid:
-    """What a parser returns where no frame begins.
+    """Result of a parser if no frame begins at the position.
 
     Attributes:
-        checksum: True if a whole frame was there but for its check byte.
+        checksum: True if the frame is complete but its check byte is wrong.
     """
 
     checksum: bool = False
@@ -43,68 +43,68 @@ class Invalid:
 NO_FRAME = Invalid()
 BAD_CHECKSUM = Invalid(checksum=True)
 
-# parse(buffer, at) -> (length, message), or why there is none
+# parse(buffer, at) -> (length, message), or the reason why there is none
 Parser = Callable[[bytes, int], "tuple[int, Message] | Incomplete | Invalid"]
 
 
 class Decoder(ABC, Generic[Message]):
-    """Turns bytes, fed in any pieces, into messages.
+    """Turns bytes, fed in arbitrary pieces, into messages.
 
     Attributes:
-        frames: Messages returned so far.
-        skipped: Bytes that belonged to no message.
-        bad_checksums: Frames whole but for their check byte, and such that the next one began inside them.
+        frames: Number of messages returned so far.
+        skipped: Number of bytes that belonged to no message.
+        bad_checksums: Number of frames that had a wrong check byte or inside which the next frame began.
     """
 
     def __init__(self) -> None:
-        """Start with nothing."""
+        """Start without bytes."""
         self._buffer = b""
         self._passed = 0  # bytes before the buffer
-        self._pieces: deque[tuple[int, float]] = deque()  # where each piece ended, and when it came
+        self._pieces: deque[tuple[int, float]] = deque()  # end position and arrival time of each piece
         self.frames = self.skipped = self.bad_checksums = 0
 
     @property
     def pending(self) -> int:
-        """Bytes held back because they may begin a frame, or a frame because what follows will tell whether it is."""
+        """Number of bytes held back: they may begin a frame, or be one that the following bytes must confirm."""
         return len(self._buffer)
 
     def feed(self, data: bytes) -> list[Message]:
-        """The messages that `data` completes, in order."""
+        """Add `data` and return the messages that it completes, in order."""
         return [message for _, message in self.feed_at(data, 0.0)]
 
     def feed_at(self, data: bytes, time: float) -> list[tuple[float, Message]]:
-        """As `feed`, for bytes that came at `time` (s): each message with the time at which its last byte came."""
+        """Like `feed` for bytes that arrived at `time` (s); each message comes with its last byte's arrival time."""
         if data:
             self._buffer += bytes(data)
             self._pieces.append((self._passed + len(self._buffer), time))
         return self._scan(silent=False)
 
     def flush(self) -> list[Message]:
-        """The messages inside what is held back, knowing that its rest will not come. Nothing stays pending."""
+        """Return the messages among the pending bytes, given that no more will come. Nothing stays pending."""
         return [message for _, message in self.flush_at()]
 
     def flush_at(self) -> list[tuple[float, Message]]:
-        """As `flush`, each message with the time at which its last byte came."""
+        """Like `flush`; each message comes with its last byte's arrival time."""
         found = self._scan(silent=True)
         self.clear()
         return found
 
     def clear(self) -> None:
-        """Forget what is held back, as after emptying the port's input."""
+        """Discard the pending bytes, as after emptying the port's input."""
         self.skipped += len(self._buffer)
         self._drop(len(self._buffer))
 
     @abstractmethod
     def _next(self, buffer: bytes, at: int, silent: bool) -> tuple[int, int, Message | None]:
-        """The next message from `at` on.
+        """Find the next message from `at` on.
 
         Args:
-            buffer: The bytes at hand.
-            at: Where the last message ended, or the buffer begins.
-            silent: Nothing follows the buffer.
+            buffer: The available bytes.
+            at: Position where the last message ended or the buffer begins.
+            silent: True if nothing follows the buffer.
 
         Returns:
-            Where it begins and ends, and the message; None: there is none yet, and what is to be kept begins there.
+            Start, end and the message. The message is None if there is none yet; the bytes to keep then begin at start.
         """
 
     def _scan(self, silent: bool) -> list[tuple[float, Message]]:
@@ -123,7 +123,7 @@ class Decoder(ABC, Generic[Message]):
         return found
 
     def _drop(self, count: int) -> None:
-        """Let the first bytes of the buffer go."""
+        """Remove the first `count` bytes of the buffer."""
         self._buffer = self._buffer[count:]
         self._passed += count
         while self._pieces and self._pieces[0][0] <= self._passed:
@@ -133,31 +133,33 @@ class Decoder(ABC, Generic[Message]):
 class FrameDecoder(Decoder[Message]):
     """A `Decoder` of frames with a check byte, found by a family's parser.
 
-    Where no valid frame begins, it moves on by **one** byte, so a frame is found whatever precedes it, even where a
-    damaged one claimed its bytes. What claims more bytes than have come is waited for; a reader that knows that the
-    line is silent calls `flush`, which gives that claim up and looks behind it.
+    Where no valid frame begins, the decoder moves on by **one** byte. It therefore finds a frame whatever precedes it,
+    even if a damaged frame claimed its bytes. If a frame claims more bytes than have arrived, the decoder waits for
+    them; a reader that knows that the line is silent calls `flush`, which drops the claim and searches the bytes after
+    it.
 
-    An 8-bit sum is no protection against lost bytes: a frame that lost some fits its check byte together with the first
-    bytes of the next one wherever both add up alike, as two zeros and a head ``AA 56`` do. So a frame in which another
-    may begin that reaches beyond its end waits for what follows. It stands if a frame begins at its end, or if what
-    begins inside is not even two bytes of a head, as one frame in 256 ends in the first of them. Else it is thrown away
-    and counted as a bad checksum, also where the other one does not go on, being damaged as well.
+    An 8-bit sum does not protect against lost bytes. A frame that lost some is completed by the first bytes of the next
+    frame, and its check byte fits if those have the same sum as the lost ones, as a head ``AA 56`` and two zeros do.
+    Therefore a frame waits for the bytes that follow if another frame may begin inside it and reach beyond its end. It
+    is accepted if a frame begins at its end, or if the bytes inside match only the first byte of a head, as the last
+    byte of one frame in 256 does by chance. Otherwise it is discarded and counted as a bad checksum, even if the other
+    frame turns out to be damaged as well.
 
-    What cannot be told apart: the head's first byte lost behind a frame that ends in that byte, and that byte lost in
-    the frame. The bytes are the same, and the frame before is given up. A loss across the boundary of two frames, which
-    takes away the head, passes where the check byte fits by chance.
+    Two cases are indistinguishable: a frame ends in the first byte of a head and the next head loses that byte, or the
+    frame itself loses it. The bytes are the same, and the earlier frame is discarded. A loss across the boundary of two
+    frames that removes the head goes unnoticed if the check byte fits by chance.
 
     Attributes:
-        stream: Frames may follow one another unasked. If not, as where each answers a request, none waits for what
-            follows.
+        stream: Whether frames may follow one another unasked. If False, because each frame answers a request, no frame
+            waits for the bytes that follow.
     """
 
     def __init__(self, parse: Parser[Message], stream: bool = True) -> None:
-        """Start with nothing.
+        """Start without bytes.
 
         Args:
-            parse: The family's parser, ``parse(buffer, at)``; it must never ask for more bytes than the longest
-                frame that can be expected, and answer a first byte that can begin a frame with `INCOMPLETE`.
+            parse: Parser of the family, ``parse(buffer, at)``. It must never ask for more bytes than the longest frame
+                expected, and must return `INCOMPLETE` for a single byte that can begin a frame.
             stream: See the class.
         """
         super().__init__()
@@ -166,7 +168,7 @@ class FrameDecoder(Decoder[Message]):
 
     @property
     def parse(self) -> Parser[Message]:
-        """The parser of what is expected now; may be replaced at any time."""
+        """Parser of the frames expected now; may be replaced at any time."""
         return self._parse
 
     @parse.setter
@@ -195,13 +197,13 @@ class FrameDecoder(Decoder[Message]):
         return len(buffer), len(buffer), None
 
     def _stands(self, buffer: bytes, at: int, end: int, silent: bool) -> bool | None:
-        """Whether the frame from `at` to `end` is one, though another may begin inside it; None: that needs more."""
+        """Return whether to accept the frame from `at` to `end`; None if that takes more bytes."""
         frame = buffer[at:end]
         place = 0
         while (first := self._first.search(frame, place + 1)) is not None:
             place = first.start()
             if not isinstance(self._parse(frame, place), Incomplete):
-                continue  # nothing begins there, or it ends inside the frame: data
+                continue  # no frame begins there, or it ends inside this one: it is data
             if end == len(buffer):
                 return True if silent else None
             if isinstance(self._parse(buffer, at + place), Incomplete) and not silent:
@@ -213,5 +215,5 @@ class FrameDecoder(Decoder[Message]):
 
 
 def _begins(result: object) -> bool:
-    """Whether a frame begins there, be it damaged or not yet whole."""
+    """Return whether a frame begins there, even a damaged or incomplete one."""
     return not isinstance(result, Invalid) or result.checksum

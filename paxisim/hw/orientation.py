@@ -1,4 +1,4 @@
-"""The eight ways in which a picture can lie: turned by quarters, mirrored, or both."""
+"""The eight orientations of a picture: turned by quarters, mirrored, or both."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from paxisim.layout import TaxelLayout
 
 @dataclass(frozen=True)
 class Orientation:
-    """What must be done to a picture to set it right: turn it, then mirror it.
+    """Correction of a picture's orientation: turn it, then mirror it.
 
     Attributes:
-        quarters: Turns by 90 degrees, clockwise.
-        mirrored: True to exchange left and right afterwards.
-        text: A sentence that says so.
+        quarters: Number of clockwise turns by 90 degrees.
+        mirrored: Whether to exchange left and right afterwards.
+        text: The correction in words.
     """
 
     quarters: int
@@ -26,7 +26,7 @@ class Orientation:
 
     @property
     def is_identity(self) -> bool:
-        """True if the picture is right as it is."""
+        """True if the picture needs no correction."""
         return self.quarters == 0 and not self.mirrored
 
     @property
@@ -35,15 +35,15 @@ class Orientation:
         return self.quarters % 2 == 1
 
     def of_picture(self, picture: NDArray[np.integer]) -> NDArray[np.integer]:
-        """``(rows, cols)`` set right; ``(cols, rows)`` where it `exchanges` them."""
+        """Return a ``(rows, cols)`` picture corrected; its shape is ``(cols, rows)`` if `exchanges` is True."""
         turned = np.rot90(picture, -self.quarters)
         return np.ascontiguousarray(turned[:, ::-1] if self.mirrored else turned)
 
     def of_points(self, layout: TaxelLayout) -> TaxelLayout:
-        """The layout with positions and normals set right, in the same order."""
+        """Return the layout with corrected positions and normals, in the same order."""
         if self.is_identity:
             return layout
-        # one quarter clockwise takes x to y, which points down, and y to -x
+        # a quarter turn clockwise maps x to y, which points down, and y to -x
         quarter = np.array([[0, -1], [1, 0]])
         matrix = np.eye(3)
         matrix[:2, :2] = np.linalg.matrix_power(quarter, self.quarters)
@@ -54,7 +54,7 @@ class Orientation:
 
 
 ORIENTATIONS = (
-    Orientation(0, False, "the picture is right"),
+    Orientation(0, False, "the picture is correct"),
     Orientation(1, False, "the picture must be turned by 90 degrees clockwise"),
     Orientation(2, False, "the picture must be turned by 180 degrees"),
     Orientation(3, False, "the picture must be turned by 90 degrees anticlockwise"),

@@ -1,7 +1,7 @@
-"""Profile: which part hangs on the line, and how its bytes become the pad's tensor. Data, not code.
+"""Profile: which part is connected, and how its bytes become the pad's tensor. Data, not code.
 
-The profiles that ship with paxisim live in ``paxisim/data/profiles.toml``, read on first use; `load_profile` reads a
-user's own from a file as well (`paxisim.hw.profile_file`).
+The profiles that ship with paxisim are in ``paxisim/data/profiles.toml``, which is read on first use. `load_profile`
+also reads a user's own profile from a file (`paxisim.hw.profile_file`).
 """
 
 from __future__ import annotations
@@ -22,21 +22,21 @@ from paxisim.hw.families import FAMILIES
 from paxisim.layout import TaxelLayout
 
 _AXES = "xyz"
-_TOO_LARGE = 2**31  # a system's baud rate is a number of 32 bits; for the others it is far beyond sense
+_TOO_LARGE = 2**31  # operating systems store the baud rate in 32 bits; the other fields never come near this
 
 
 class UnverifiedProfileWarning(UserWarning):
-    """A profile is used that was never tried on a device."""
+    """A profile is in use that was never tried on a device."""
 
 
 @dataclass(frozen=True)
 class Slot:
-    """Where one pad hangs.
+    """Name of one pad and its place on the board.
 
     Attributes:
-        name: The pad's name, e.g. ``"left"``.
-        index: Its place on the board: the port (control box), block (hand board), id (serial converter), module
-            (high-speed board) or the sensor's number (XELA server).
+        name: Name of the pad, e.g. ``"left"``.
+        index: Place of the pad on the board: the port (control box), block (hand board), id (serial converter), module
+            (high-speed board) or sensor number (XELA server).
     """
 
     name: str
@@ -48,27 +48,27 @@ class Profile:
     """One kind of board with its pads, all of the same part.
 
     Attributes:
-        name: Lower case, as `open_sensor` takes it.
+        name: Name of the profile in lower case, as passed to `open_sensor`.
         family: A key of `paxisim.hw.families.FAMILIES`.
-        wire_layout: The taxels as they are on the wire; `vendor_order` lists them in the order of the bytes.
+        wire_layout: Taxels as they are on the wire; `vendor_order` lists them in the order of the bytes.
         slots: The pads, in the order of the tensor's first axis.
-        axes: For the pad's x, y and z, which axis of the wire it is and with which sign, e.g. ``("-y", "+x", "+z")``.
-        pool: Taxels summed to one, as (rows, cols).
-        resolution: Newtons a count; of a sensor that does not measure forces, its unit.
-        baud: Bits a second; of no use behind a server.
-        rate: Readings of all pads a second (Hz), nominal; None where no source says.
-        settings: What the family's board needs besides, of the keys that its row lists. ``mode``: the control box's.
-            ``address`` and ``resultant_address``: of the taxels and of the block before them. ``scan``: look for the
-            sensor under other ids, too. ``part``: the code that its version must name. ``palm_counts``: where the
-            high-speed board keeps the counts of the palm's modules, ``"contiguous"`` or ``"0066"``.
-            ``signed_normal``: the hand board sends the normal force as a signed byte. ``text``: the magnetometer board
-            prints its numbers. ``model``: what the XELA server must call the sensor.
-        verified: By whom and on what this was tried; empty means that it never was.
-        notes: What to know before using it.
-        sources: For each figure, where it comes from.
+        axes: The wire axis, with its sign, of the pad's x, y and z, e.g. ``("-y", "+x", "+z")``.
+        pool: Block of taxels summed to one, as (rows, cols).
+        resolution: Newtons per count; if the sensor does not measure force, its own unit per count.
+        baud: Baud rate (bits per second); unused behind a server.
+        rate: Nominal rate (Hz) of readings of all pads; None if no source states it.
+        settings: Further settings of the family's board, with the keys listed in its row. ``mode``: mode of the control
+            box. ``address`` and ``resultant_address``: addresses of the taxels and of the block before them. ``scan``:
+            also look for the sensor under other ids. ``part``: part code that the version must contain.
+            ``palm_counts``: where the high-speed board keeps the counts of the palm's modules, ``"contiguous"`` or
+            ``"0066"``. ``signed_normal``: the hand board sends the normal force as a signed byte. ``text``: the
+            magnetometer board sends its numbers as text. ``model``: model name that the XELA server must report.
+        verified: Who tried the profile, and on which device; empty if it was never tried.
+        notes: What to know before using the profile.
+        sources: Source of each figure.
 
     Raises:
-        InvalidValueError: A field that cannot be; the message names it.
+        InvalidValueError: A field is invalid; the message names it.
     """
 
     name: str
@@ -92,7 +92,7 @@ class Profile:
         signed = [axis[:1] in ("+", "-") and len(axis) == 2 and axis[1] in _AXES for axis in self.axes]
         if len(signed) != 3 or not all(signed) or {axis[1] for axis in self.axes} != set(_AXES):
             raise InvalidValueError(
-                f"axes must be x, y and z in some order, each with its sign, as ['-y', '+x', '+z'], "
+                f"axes must be x, y and z in some order, each with its sign, such as ['-y', '+x', '+z'], "
                 f"got {list(self.axes)}"
             )
         if not self.slots:
@@ -118,17 +118,17 @@ class Profile:
 
     @cached_property
     def layout(self) -> TaxelLayout:
-        """The pad's taxels after pooling: the layout of `Frame.force`."""
+        """Taxels of a pad after pooling: the layout of `Frame.force`."""
         return self.wire_layout if self.pool == (1, 1) else self.wire_layout.pool(*self.pool)
 
     @property
     def unit(self) -> str:
-        """Unit of the tensor: ``"N"``; ``"uT"`` (microtesla) or ``"counts"`` where it is not a force."""
+        """Unit of the tensor: ``"N"``, or ``"uT"`` (microtesla) or ``"counts"`` if it is not a force."""
         return FAMILIES[self.family].unit
 
     @property
     def has_positions(self) -> bool:
-        """False where the taxels are a row in the order of the bytes, because nobody says where they sit."""
+        """False if the taxels form one row in the order of the bytes because their positions are unknown."""
         return not (self.wire_layout.is_grid and 1 in (self.wire_layout.rows, self.wire_layout.cols))
 
     @cached_property
@@ -137,7 +137,7 @@ class Profile:
 
     @cached_property
     def _places(self) -> NDArray[np.intp]:
-        """``(3 * N,)``: for each value of the pad's tensor, row-major, its place among the counts of the wire."""
+        """Index into the wire's counts for each value of the pad's tensor in row-major order, ``(3 * N,)``."""
         taxels = self.wire_layout.taxels
         order = self.wire_layout.vendor_order
         place = np.arange(taxels) if order is None else np.argsort(order)
@@ -145,12 +145,12 @@ class Profile:
         return (3 * place[None, :] + wire_axis[:, None]).reshape(-1)
 
     def to_force(self, counts: NDArray[np.number]) -> NDArray[np.float32]:
-        """``(..., N, 3)`` counts as they come on the wire -> ``(..., 3, rows, cols)`` float32 in `unit`, pooled.
+        """Convert ``(..., N, 3)`` counts from the wire to pooled ``(..., 3, rows, cols)`` float32 values in `unit`.
 
-        Counts are pooled before they become newtons, so every value is the float32 nearest to a whole number of steps.
+        Counts are pooled before scaling, so every value is the float32 nearest to a whole number of steps.
 
         Raises:
-            InvalidValueError: `counts` is not of that shape.
+            InvalidValueError: `counts` has another shape.
         """
         counts = self._check_counts(counts)
         lead = counts.shape[:-2]
@@ -161,19 +161,19 @@ class Profile:
         return self._scaled(signed)
 
     def resultant_force(self, counts: NDArray[np.int16]) -> NDArray[np.float32]:
-        """``(..., 3)`` counts of a pad's total as the board reports it -> ``(..., 3)`` float32 newtons, pad frame."""
+        """Convert ``(..., 3)`` counts of a pad's total, as reported, to ``(..., 3)`` float32 newtons, pad frame."""
         wire_axis = [_AXES.index(axis[1]) for axis in self.axes]
         return self._scaled(np.asarray(counts)[..., wire_axis] * self._signs)
 
     def to_counts(self, force: NDArray[np.floating], gate: int = 0) -> NDArray[Any]:
-        """``(..., 3, rows, cols)`` newtons of the **wire** layout -> ``(..., N, 3)`` counts, as firmware sends them.
+        """Convert ``(..., 3, rows, cols)`` newtons of the **wire** layout to ``(..., N, 3)`` counts, as firmware does.
 
-        Components below `gate` counts are set to 0. Where the family's counts are whole numbers (int16), they are
-        rounded and clipped to what it can express, else they are float32. The inverse of `to_force` up to that, where
-        nothing is pooled.
+        Components below `gate` counts are set to 0. If the family's counts are whole numbers, the result is int16,
+        rounded and clipped to the family's range; otherwise it is float32. Apart from that, this is the inverse of
+        `to_force` without pooling.
 
         Raises:
-            InvalidValueError: `force` is not of that shape.
+            InvalidValueError: `force` has another shape.
         """
         force = np.asarray(force, dtype=np.float64)
         self.wire_layout.check(force)
@@ -188,7 +188,7 @@ class Profile:
         return np.clip(counts, *limits).astype(np.int16)
 
     def warn_unverified(self) -> None:
-        """Warn where nobody has tried this profile on a device.
+        """Warn if this profile was never tried on a device.
 
         Warns:
             UnverifiedProfileWarning: `verified` is empty.
@@ -202,7 +202,7 @@ class Profile:
             )
 
     def _scaled(self, counts: NDArray[np.number]) -> NDArray[np.float32]:
-        # in double precision, or 0.1 N would be rounded twice; row-major, whatever order the indexing left behind
+        # double precision avoids rounding 0.1 N twice; row-major, whatever order the indexing left
         return np.multiply(counts, self.resolution, dtype=np.float64).astype(np.float32, order="C")
 
     def _check_counts(self, counts: NDArray[np.number]) -> NDArray[np.number]:
@@ -213,29 +213,29 @@ class Profile:
 
 
 def known_profiles() -> tuple[str, ...]:
-    """The names of the profiles that ship with paxisim, aliases included. Needs no optional package."""
+    """Return the names of the profiles that ship with paxisim, including aliases. Needs no optional package."""
     from paxisim.hw import profile_file
 
     return profile_file.shipped_names()
 
 
 def load_profile(name: str | os.PathLike[str]) -> Profile:
-    """The profile of that name, or that of a TOML file.
+    """Return the profile of that name, or read one from a TOML file.
 
-    A profile file, with all keys it can have (`like` or both `family` and `layout` are needed, as are slots)::
+    All keys of a profile file (either `like`, or `family`, `layout` and slots are required)::
 
         name = "my-gripper"               # default: the file's name
-        like = "gen2-box-120"             # start from this known profile; what follows replaces its keys
+        like = "gen2-box-120"             # start from this known profile; the keys below replace its keys
         family = "control-box"            # a key of paxisim.hw.families.FAMILIES
-        axes = ["-y", "+x", "+z"]         # the wire's axis, with sign, that is the pad's x, y, z
+        axes = ["-y", "+x", "+z"]         # wire axis, with sign, of the pad's x, y, z
         pool = [2, 2]                     # rows and columns of taxels summed to one
-        resolution = 0.1                  # N a count
+        resolution = 0.1                  # N per count
         baud = 460800
         rate = 300                        # Hz
         verified = "A. User, 2025-03-01, DP-M2826 on connector 1"
         notes = "..."
 
-        [layout]                          # the fields of TaxelLayout, in m
+        [layout]                          # fields of TaxelLayout, in m
         rows = 12
         cols = 10
         pitch = [0.0022, 0.0022]
@@ -243,25 +243,25 @@ def load_profile(name: str | os.PathLike[str]) -> Profile:
         positions = [[0.0, 0.0, 0.0], ...]  # with normals, for a curved part; or instead of all of these
         coordinates = "paxini-sdk:PXSR-STDDP03G"
 
-        [[slots]]                         # one for each pad, in the tensor's order
+        [[slots]]                         # one per pad, in the tensor's order
         name = "left"
         index = 2                         # port, block, id or module, see Slot
 
         [settings]                        # see Profile.settings
         mode = 5
 
-        [sources]                         # any figure and where it comes from
+        [sources]                         # source of any figure
         rate = "measured with paxisim device quality"
 
     Args:
-        name: A name from `known_profiles`, in any case, or the path of a file that ends in ``.toml`` and holds one
+        name: A name from `known_profiles`, in upper or lower case, or the path of a ``.toml`` file that holds one
             profile.
 
     Raises:
         UnknownNameError: There is no such profile.
         InvalidValueError: The file is not a profile.
         OSError: The file cannot be read.
-        MissingExtraError: It needs the coordinates of a curved part and paxini-sdk is not installed.
+        MissingExtraError: The profile needs the coordinates of a curved part and paxini-sdk is not installed.
     """
     from paxisim.hw import profile_file
 
@@ -272,5 +272,5 @@ def load_profile(name: str | os.PathLike[str]) -> Profile:
 
 
 def as_profile(profile: str | os.PathLike[str] | Profile) -> Profile:
-    """The profile itself, or the one that `load_profile` finds by what is given."""
+    """Return `profile` itself if it is a `Profile`, else load it with `load_profile`."""
     return profile if isinstance(profile, Profile) else load_profile(profile)

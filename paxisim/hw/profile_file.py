@@ -1,4 +1,4 @@
-"""Profiles in TOML: those that ship with paxisim, and a user's own, read and written."""
+"""Reading and writing of profiles in TOML: those that ship with paxisim, and a user's own."""
 
 from __future__ import annotations
 
@@ -19,44 +19,44 @@ from paxisim.logs.text import parse_toml
 from paxisim.sensors import Sensor
 
 _NUMBER = (int, float)
-# key of a profile file -> what its value must be
+# key of a profile file -> required type, and its description in messages
 _KEYS: Mapping[str, tuple[type | tuple[type, ...], str]] = {
-    "name": (str, "a text"),
+    "name": (str, "a string"),
     "like": (str, "the name of a known profile"),
-    "family": (str, "a text"),
-    "axes": (list, "a list of three texts"),
+    "family": (str, "a string"),
+    "axes": (list, "a list of three strings"),
     "pool": (list, "a list of two whole numbers"),
     "resolution": (_NUMBER, "a number"),
     "baud": (int, "a whole number"),
     "rate": (_NUMBER, "a number"),
-    "verified": (str, "a text"),
-    "notes": (str, "a text"),
+    "verified": (str, "a string"),
+    "notes": (str, "a string"),
     "layout": (dict, "a table"),
     "slots": (list, "a list of tables"),
     "settings": (dict, "a table"),
     "sources": (dict, "a table"),
 }
 _LAYOUT_KEYS = ("rows", "cols", "pitch", "positions", "normals", "vendor_order", "coordinates")
-_MOST_TAXELS = 0xFFFF // 3  # every family counts the bytes of a message, three a taxel, in 16 bits
+_MOST_TAXELS = 0xFFFF // 3  # every family gives the length of a message in 16 bits, at three bytes per taxel
 _LINES_FROM_ROOT = "lines-from-root"
 
 
 def shipped_names() -> tuple[str, ...]:
-    """The names of the shipped profiles in the order of the data file, then the aliases."""
+    """Return the names of the shipped profiles in the order of the data file, then the aliases."""
     data = _shipped()
     return (*data["profiles"], *data["aliases"])
 
 
 def shipped_profile(name: str) -> Profile:
-    """The shipped profile of that name, see `paxisim.hw.profile.load_profile`."""
+    """Return the shipped profile of that name, see `paxisim.hw.profile.load_profile`."""
     entry = shipped_entry(name)
     return _build(entry, entry["part"], entry["taxels"])
 
 
 def shipped_entry(name: str) -> dict[str, Any]:
-    """Board, part and profile of the data file as one table, without their coordinates being read.
+    """Return board, part and profile of the data file merged into one table, without reading coordinates.
 
-    Besides the keys of a profile file it has ``board``, ``part``, ``model`` and ``taxels``.
+    The table has the keys of a profile file, plus ``board``, ``part``, ``model`` and ``taxels``.
 
     Raises:
         UnknownNameError: There is no such profile.
@@ -78,7 +78,7 @@ def shipped_entry(name: str) -> dict[str, Any]:
 
 
 def format_profiles() -> str:
-    """The shipped profiles as a plain text table, at most 80 columns wide, without a final newline."""
+    """Return the shipped profiles as a plain text table, at most 80 columns wide, without a final newline."""
     rows: list[tuple[str, ...]] = [("name", "family", "taxels", "verified")]
     for name in _shipped()["profiles"]:
         entry = shipped_entry(name)
@@ -89,7 +89,7 @@ def format_profiles() -> str:
     rows.insert(1, tuple("-" * width for width in widths))
     lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
     lines += ["", *(f"{alias} is {name}" for alias, name in _shipped()["aliases"].items())]
-    lines += ["verified: tried on a device; `paxisim device check` does that for yours"]
+    lines += ["verified: tried on a device; try yours with `paxisim device check`"]
     return "\n".join(lines)
 
 
@@ -99,12 +99,12 @@ def _shipped() -> dict[str, Any]:
 
 
 def read_profile(path: Path) -> Profile:
-    """The profile in a user's file, see `paxisim.hw.profile.load_profile`."""
+    """Read the profile in a user's file, see `paxisim.hw.profile.load_profile`."""
     try:
         document = parse_toml(path.read_text(encoding="utf-8"))
         return _from_document(document, path)
     except UnicodeDecodeError as error:
-        raise InvalidValueError(f"{path} is not a profile: it is not a text in UTF-8") from error
+        raise InvalidValueError(f"{path} is not a profile: it is not UTF-8 text") from error
     except (InvalidValueError, UnknownNameError) as error:
         raise InvalidValueError(f"{path} is not a profile: {error}") from error
 
@@ -118,7 +118,7 @@ def _from_document(document: dict[str, Any], path: Path) -> Profile:
     entry: dict[str, Any] = {"name": path.stem}
     if "like" in document:
         entry |= shipped_entry(document["like"])
-        # what the user's file says has other sources than what it replaces
+        # the sources of replaced keys do not apply to the user's values
         sources = {figure: text for figure, text in entry["sources"].items() if figure not in document}
         entry |= {"name": path.stem, "verified": "", "sources": sources}
         if "layout" not in document:
@@ -126,12 +126,12 @@ def _from_document(document: dict[str, Any], path: Path) -> Profile:
     entry |= document
     for key in ("family", "layout", "slots"):
         if key not in entry:
-            raise InvalidValueError(f"it has neither {key} nor a known profile to take it from (like = ...)")
+            raise InvalidValueError(f"it has neither {key} nor a known profile (like = ...) to take it from")
     return _build(entry, entry["name"], None)
 
 
 def _build(entry: Mapping[str, Any], part: str, taxels: int | None) -> Profile:
-    """The profile that a complete table describes."""
+    """Build the profile that a complete table describes."""
     optional = ("resolution", "baud", "rate", "settings", "verified", "notes", "sources")
     fields = {key: entry[key] for key in optional if key in entry}
     for key in ("axes", "pool"):
@@ -139,7 +139,7 @@ def _build(entry: Mapping[str, Any], part: str, taxels: int | None) -> Profile:
             fields[key] = tuple(entry[key])
     for key, text in entry.get("sources", {}).items():
         if not isinstance(text, str):
-            raise InvalidValueError(f"sources.{key} must be a text, got {text!r}")
+            raise InvalidValueError(f"sources.{key} must be a string, got {text!r}")
     if "axes" in fields and not all(isinstance(axis, str) for axis in fields["axes"]):
         raise InvalidValueError(f"axes must be {_KEYS['axes'][1]}, got {entry['axes']!r}")
     if "pool" in fields and (len(fields["pool"]) != 2 or not all(_is_whole(n) for n in fields["pool"])):
@@ -174,7 +174,7 @@ def _layout(table: Mapping[str, Any], part: str, taxels: int | None) -> TaxelLay
     if missing:
         raise InvalidValueError(f"layout lacks {', '.join(missing)}")
     rows, cols = table["rows"], table["cols"]
-    # before anything of that size is made
+    # check before allocating anything of that size
     if all(isinstance(n, _NUMBER) for n in (rows, cols)) and max(rows, cols, rows * cols) > _MOST_TAXELS:
         raise InvalidValueError(f"layout must have at most {_MOST_TAXELS} taxels, got rows {rows} and cols {cols}")
     order = table.get("vendor_order")
@@ -188,14 +188,14 @@ def _layout(table: Mapping[str, Any], part: str, taxels: int | None) -> TaxelLay
 
 
 def _coordinates(source: str, part: str, taxels: int | None) -> TaxelLayout:
-    """The layout of a curved part from the optional package that has its table of points."""
+    """Return the layout of a curved part, from the optional package that holds its coordinates."""
     if taxels is None:
         taxels = _count(source)
     return Sensor(name=part, maker="PaXini", model=part, rows=1, cols=taxels, coordinates=source).layout
 
 
 def _count(source: str) -> int:
-    """Taxels of the shipped part that has those coordinates."""
+    """Return the number of taxels of the shipped part with those coordinates."""
     known = {
         p["layout"]["coordinates"]: p["taxels"] for p in _shipped()["parts"].values() if "coordinates" in p["layout"]
     }
@@ -215,12 +215,12 @@ def _is_whole(value: Any) -> bool:
 
 
 def profile_toml(profile: Profile) -> str:
-    """The text of a file that `paxisim.hw.profile.load_profile` reads back to an equal profile."""
+    """Return the text of a profile file that `paxisim.hw.profile.load_profile` reads back as an equal profile."""
     lines = [
         '# A sensor profile for paxisim: paxisim.open_sensor(PORT, profile="THIS FILE"). Lengths in m, forces in N.',
         f"name = {_text(profile.name)}",
         f"family = {_text(profile.family)}",
-        "# the wire's axis, with sign, that is the pad's x, y and z",
+        "# wire axis, with sign, of the pad's x, y and z",
         f"axes = [{', '.join(map(_text, profile.axes))}]",
         "# rows and columns of taxels summed to one",
         f"pool = [{profile.pool[0]}, {profile.pool[1]}]",
@@ -230,7 +230,7 @@ def profile_toml(profile: Profile) -> str:
     if profile.rate is not None:
         lines.append(f"rate = {profile.rate!r}")
     lines += [
-        "# by whom and on what it was tried; empty: never",
+        "# who tried it, and on which device; empty: never tried",
         f"verified = {_text(profile.verified)}",
         f"notes = {_text(profile.notes)}",
         "",
@@ -254,7 +254,7 @@ def _key(key: str) -> str:
 
 
 def _text(value: str) -> str:
-    # JSON's escapes are TOML's, except that TOML wants DEL escaped, too
+    # TOML uses JSON's escapes, but also requires DEL to be escaped
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 

@@ -1,4 +1,4 @@
-"""How good a sensor's readings are while it rests: rate, jitter, lost frames, noise, drift, silent taxels."""
+"""Quality of a sensor's readings at rest: rate, jitter, lost frames, noise, drift, silent taxels."""
 
 from __future__ import annotations
 
@@ -13,32 +13,33 @@ from paxisim.hw.frame import Frame
 from paxisim.layout import TaxelLayout
 
 LEAST_FRAMES = 20
-"""Frames that `measure_quality` needs at least."""
+"""Minimum number of frames for `measure_quality`."""
 
 _BLOCKS = 20
 
 
 @dataclass(frozen=True, eq=False)
 class SensorQuality:
-    """What a stream of frames of a resting sensor shows; ``str`` of it is a table of at most 80 columns.
+    """Statistics of the frames of a sensor at rest; ``str()`` gives a table of at most 80 columns.
 
     Attributes:
-        layout: The pads' taxels.
-        pads: The pads' names.
-        unit: Unit of the forces, that of the frames; the attributes below say N for it.
-        nominal_rate: Frames a second that the profile states (Hz); None where no source does.
-        time: ``(T,)`` s since the first frame.
-        intervals: ``(T - 1,)`` s between the arrivals of two frames, shared among those lost between them.
-        lost: Frames missing between the first and the last, by their sequence numbers.
-        total: ``(T, pads, 3)`` N, the sum over taxels.
-        noise: ``(pads, 3, rows, cols)`` N, standard deviation of each taxel from frame to frame, so without drift:
+        layout: Taxel layout of the pads.
+        pads: Names of the pads.
+        unit: Unit of the forces in the frames; N below stands for this unit.
+        nominal_rate: Frame rate stated by the profile (Hz); None if no source states it.
+        time: ``(T,)`` time since the first frame (s).
+        intervals: ``(T - 1,)`` interval between the arrivals of successive frames (s), divided evenly if frames were
+            lost in between.
+        lost: Number of frames missing between the first and the last, from their sequence numbers.
+        total: ``(T, pads, 3)`` sum over taxels (N).
+        noise: ``(pads, 3, rows, cols)`` standard deviation of each taxel from frame to frame (N), hence without drift:
             the root of half the mean square of successive differences.
-        total_noise: ``(pads, 3)`` N, the same of the total.
-        drift: ``(pads, 3)`` N a minute, slope of the total.
-        drift_error: ``(pads, 3)`` N a minute, its standard error, from the scatter of the means over twentieths of the
-            time about the line, so slow noise counts as well.
+        total_noise: ``(pads, 3)`` the same for the total (N).
+        drift: ``(pads, 3)`` slope of the total (N per minute).
+        drift_error: ``(pads, 3)`` standard error of the drift (N per minute), from the scatter about the line of the
+            means over twentieths of the time; it therefore includes slow noise.
         zero: ``(pads, rows, cols)`` True where a taxel read 0 on all axes in all frames.
-        constant: ``(pads, rows, cols)`` True where it always read the same, but not 0.
+        constant: ``(pads, rows, cols)`` True where a taxel always read the same value, other than 0.
     """
 
     layout: TaxelLayout
@@ -63,12 +64,12 @@ class SensorQuality:
 
     @property
     def rate(self) -> float:
-        """Frames a second (Hz), from the median interval."""
+        """Frame rate (Hz) from the median interval."""
         return 1 / max(float(np.median(self.intervals)), 1e-9)
 
     @property
     def mean_rate(self) -> float:
-        """Frames a second (Hz) on average, the lost ones not counted."""
+        """Mean frame rate (Hz), not counting lost frames."""
         return (self.frames - 1) / max(float(self.time[-1]), 1e-9)
 
     @property
@@ -83,19 +84,19 @@ class SensorQuality:
 
     @property
     def touched(self) -> NDArray[np.bool_]:
-        """``(pads,)`` True where the total changed by far more than noise does: something moved or was touched."""
+        """``(pads,)`` True where the total changed far more than noise explains: something moved or was touched."""
         change = np.ptp(self.total, axis=0)
-        least = 1.0 if self.unit == "N" else 0.0  # no source says how much a field changes that nothing touches
+        least = 1.0 if self.unit == "N" else 0.0  # no source states how much the field of an untouched sensor changes
         return np.any(change > least + 10 * self.total_noise, axis=-1)
 
     def __str__(self) -> str:
-        """The table."""
+        """Return the table."""
         nominal = "" if self.nominal_rate is None else f", nominally {self.nominal_rate:g}"
         seconds = float(self.time[-1])
         lines = [
             f"frames  {self.frames} in {seconds:.1f} s, {self.lost} lost",
             f"rate    {self.rate:.1f} Hz (median{nominal}), {self.mean_rate:.1f} Hz on average",
-            f"jitter  {1e3 * self.jitter:.2f} ms standard deviation; of the intervals 99 % are below "
+            f"jitter  {1e3 * self.jitter:.2f} ms standard deviation; 99 % of the intervals are below "
             f"{1e3 * self.slow_interval:.1f} ms,",
             f"        the longest is {1e3 * self.intervals.max():.1f} ms",
             "",
@@ -122,37 +123,37 @@ class SensorQuality:
             if self.touched[i]:
                 change = np.ptp(self.total[:, i], axis=0).max()
                 lines.append(
-                    f"{pad[:11]}: its total changed by {change:.1f} {self.unit}: was it touched? Then the "
+                    f"{pad[:11]}: its total changed by {change:.1f} {self.unit}: was it touched? If so, the "
                     "table shows that"
                 )
         if self.zero.any():
             lines += [
-                "A 0 is no fault in a pad at rest: firmware sets small forces to 0. Whether a",
-                "taxel is dead shows only when it is pressed.",
+                "A 0 is no fault in a pad at rest: firmware sets small forces to 0. Only a press",
+                "shows whether a taxel is dead.",
             ]
         if self.constant.any():
-            lines.append("A taxel that always reads the same carries a steady load, or is stuck.")
+            lines.append("A taxel that always reads the same value carries a steady load, or is stuck.")
         return lines
 
 
 def _digits(value: float) -> int:
-    """Decimals of a number in the table, so that large ones fit as well."""
+    """Return the number of decimals in the table; fewer for large values, so that they fit."""
     return 2 if abs(value) < 100 else 0
 
 
 def measure_quality(
     frames: Sequence[Frame], layout: TaxelLayout, pads: Sequence[str], nominal_rate: float | None = None
 ) -> SensorQuality:
-    """Judge the frames of a sensor that rests untouched.
+    """Measure the quality of the frames of a sensor at rest and untouched.
 
     Args:
-        frames: In the order in which they came.
-        layout: Their taxels.
-        pads: The pads' names.
-        nominal_rate: What the profile says (Hz).
+        frames: Frames in the order in which they arrived.
+        layout: Taxel layout of the frames.
+        pads: Names of the pads.
+        nominal_rate: Frame rate stated by the profile (Hz).
 
     Raises:
-        InvalidValueError: Less than `LEAST_FRAMES` frames, frames of another shape, or not in order.
+        InvalidValueError: There are fewer than `LEAST_FRAMES` frames, they have another shape, or are out of order.
     """
     if len(frames) < LEAST_FRAMES:
         raise InvalidValueError(f"expected at least {LEAST_FRAMES} frames to judge, got {len(frames)}: record longer")
@@ -162,7 +163,7 @@ def measure_quality(
     arrival = np.array([frame.arrival for frame in frames], dtype=np.float64)
     steps = np.diff([frame.sequence for frame in frames])
     if np.any(steps < 1) or np.any(np.diff(arrival) < 0) or not time[-1] > time[0]:
-        raise InvalidValueError("frames must be in the order in which they came, each once")
+        raise InvalidValueError("frames must be in the order in which they arrived, each once")
     time -= time[0]
     total = force.sum(axis=(-2, -1), dtype=np.float64)
     drift, drift_error = _drift(time, total)
@@ -191,7 +192,7 @@ def _noise(values: NDArray[np.floating]) -> NDArray[np.float64]:
 
 
 def _drift(time: NDArray[np.float64], total: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Slope and its standard error, both in N a minute, of a line through the means over stretches of time."""
+    """Fit a line to the means over blocks of time; return its slope and standard error (N per minute)."""
     blocks = min(_BLOCKS, len(time) // 4)
     minutes = np.array([part.mean() for part in np.array_split(time, blocks)]) / 60
     means = np.array([part.mean(axis=0) for part in np.array_split(total, blocks)])

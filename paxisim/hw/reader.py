@@ -1,4 +1,4 @@
-"""Reader: one port, read in the background."""
+"""Reader: reads one port in the background."""
 
 from __future__ import annotations
 
@@ -21,34 +21,34 @@ from paxisim.hw.frame import Frame
 from paxisim.hw.sample_time import SampleClock
 
 READ_TIMEOUT = 0.5
-"""Seconds that one reading may take; for so long a silent board keeps commands and `Reader.close` waiting."""
+"""Maximum time (s) for one reading; a silent board delays commands and `Reader.close` by as much."""
 
 RESTART_AFTER = 1.5
-"""Seconds of silence after which the board is started again: it may have lost its power but not its line."""
+"""Silence (s) after which the board is started again: it may have lost power while its line stayed up."""
 
 FIRST_RETRY, LAST_RETRY = 0.05, 1.0
-"""Seconds between two tries to open a port that went away: the first, doubled up to the last."""
+"""Delays (s) between attempts to reopen a lost port: the first one doubles up to the last one."""
 
 CLOSE_TIMEOUT = 10.0
-"""Seconds that `Reader.close` waits at most, for a system that does not come back from a call."""
+"""Maximum time (s) that `Reader.close` waits, in case a system call never returns."""
 
 ZERO_TIME = 0.5
-"""Seconds of frames whose mean is taken as zero where the board cannot do it."""
+"""Duration (s) of the frames whose mean becomes the zero if the board cannot zero itself."""
 
 Result = TypeVar("Result")
 
 
 class Reader:
-    """Reads one board in a thread of its own, and brings it back where its port goes away.
+    """Reads one board in its own thread, and reconnects when the port goes away.
 
-    The board is touched by that thread alone once it runs: commands wait in line and run between two readings.
+    Only that thread uses the board while it runs: commands are queued and run between two readings.
 
     Attributes:
-        port: The port's name.
-        timeouts: Readings that did not come in time.
-        reconnects: How often the port went away and came back.
-        fault: What went wrong last, for messages; empty while readings come.
-        zero_in_doubt: The board zeroed itself, and has been opened or started again since.
+        port: Name of the port.
+        timeouts: Number of readings that did not arrive in time.
+        reconnects: Number of times the port went away and came back.
+        fault: The latest fault, for messages; empty while readings arrive.
+        zero_in_doubt: True if the board zeroed itself and has been opened or started again since.
     """
 
     def __init__(
@@ -61,16 +61,16 @@ class Reader:
         clock: Clock,
         calibration: SensorCalibration | None = None,
     ) -> None:
-        """Remember; no I/O.
+        """Store the arguments; no I/O.
 
         Args:
-            port: The port's name, for messages.
-            connect: Opens the port and makes the board on it, not started.
-            deliver: Called with every frame, from the thread. Frames count the readings of this port.
+            port: Name of the port, for messages.
+            connect: Opens the port and creates the board on it, not started.
+            deliver: Called with every frame, from the thread. The sequence numbers count the readings of this port.
             fail: Called once with the error that ends the thread.
-            reconnect: Seconds for which a port that went away is tried again.
-            clock: Time.
-            calibration: Makes newtons of what the board measures.
+            reconnect: Time (s) for which to try to reopen a lost port.
+            clock: Clock.
+            calibration: Converts what the board measures to newtons.
         """
         self.port = port
         self.timeouts = self.reconnects = 0
@@ -93,21 +93,21 @@ class Reader:
 
     @property
     def bad_checksums(self) -> int:
-        """As `Board.bad_checksums`, over all connections."""
+        """`Board.bad_checksums`, summed over all connections."""
         board = self._board
         return self._gone_bad_checksums + (board.bad_checksums if board else 0)
 
     @property
     def skipped(self) -> int:
-        """As `Board.skipped`, over all connections."""
+        """`Board.skipped`, summed over all connections."""
         board = self._board
         return self._gone_skipped + (board.skipped if board else 0)
 
     def start(self) -> None:
-        """Open the port, start the board, then the thread. Where that fails, nothing stays open.
+        """Open the port, start the board, then the thread. If that fails, nothing stays open.
 
         Raises:
-            DeviceError: What opening the port or starting the board raises.
+            DeviceError: The port could not be opened or the board not started.
         """
         self._open()
         self._thread.start()
@@ -117,18 +117,18 @@ class Reader:
         self._stop.set()
 
     def close(self) -> None:
-        """End the thread and give the port back; waits for the reading at hand. May be called twice."""
+        """End the thread and release the port; waits for the current reading. May be called twice."""
         self._stop.set()
-        # the thread itself may be the one that collects a forgotten sensor
+        # the reader thread itself may garbage-collect a forgotten sensor
         if self._thread.is_alive() and self._thread is not threading.current_thread():
             self._thread.join(CLOSE_TIMEOUT)
 
     def zero(self, software: bool | None) -> Future[None]:
-        """Take what the pads read now as zero: see `TactileSensor.zero`."""
+        """Make the present reading of the pads their zero: see `TactileSensor.zero`."""
         return self._submit(lambda: self._take_zero(software))
 
     def version(self) -> Future[str]:
-        """Ask the board what it is."""
+        """Ask the board for its version."""
         return self._submit(lambda: self._at_hand().version())
 
     def _submit(self, command: Callable[[], Result]) -> Future[Result]:
@@ -151,7 +151,7 @@ class Reader:
                     self._be_patient(fault)
                 except PortNotFoundError as gone:
                     self._come_back(gone)
-        except Exception as fatal:  # the caller gets it, whatever it is
+        except Exception as fatal:  # whatever it is, it is passed to the caller
             error = fatal
         with self._lock:
             self._ended = error or DeviceError(f"{self.port} is closed")
@@ -177,7 +177,7 @@ class Reader:
         self._sample_clock.reset()
 
     def _start(self, board: Board) -> None:
-        """Start the board; where it is silent, see whether it is of another family."""
+        """Start the board; if it is silent, check whether a board of another family answers."""
         try:
             board.start()
         except DeviceTimeoutError as silence:
@@ -185,7 +185,7 @@ class Reader:
             if not other or f"'{board.profile.family}'" in other:
                 raise
             raise ProtocolError(
-                f"profile {board.profile.name!r} is for the family {board.profile.family!r}, but what answers on "
+                f"profile {board.profile.name!r} is for the family {board.profile.family!r}, but the board on "
                 f"{self.port} sends {other}; choose a profile of that family"
             ) from silence
 
@@ -195,12 +195,12 @@ class Reader:
             return
         self._gone_bad_checksums += board.bad_checksums
         self._gone_skipped += board.skipped
-        with suppress(DeviceError):  # a board that is gone cannot be told
+        with suppress(DeviceError):  # a lost board cannot be stopped
             board.stop()
         board.transport.close()
 
     def _read(self) -> Frame:
-        """Take one reading and deliver it; returns it before the software zero."""
+        """Take one reading and deliver it; return it without the software zero applied."""
         board = self._at_hand()
         reading = board.read(READ_TIMEOUT)
         self._heard, self.fault = self._clock.monotonic(), ""
@@ -227,11 +227,11 @@ class Reader:
         self.fault = str(fault)
 
     def _be_patient(self, fault: DeviceError) -> None:
-        """Count a reading that did not come; after too many, start the board again."""
+        """Count a missed reading; after `RESTART_AFTER` of silence, start the board again."""
         self._miss(fault)
         if self._clock.monotonic() - self._heard < RESTART_AFTER:
             return
-        # without power it has forgotten its zero, and it must not be zeroed again while something may press
+        # after a power loss the zero is gone, but zeroing again is unsafe while something may press
         self.zero_in_doubt |= self._board_zeroed
         try:
             self._at_hand().start()
@@ -243,10 +243,10 @@ class Reader:
         self._sample_clock.reset()
 
     def _come_back(self, gone: DeviceError) -> None:
-        """Open the port again, as soon as it is there.
+        """Reopen the port as soon as it is back.
 
         Raises:
-            PortNotFoundError: It did not come back in time.
+            PortNotFoundError: The port did not come back in time.
         """
         self._let_go()
         why, delay = gone, FIRST_RETRY
@@ -275,7 +275,7 @@ class Reader:
             command, future = self._commands.popleft()
             try:
                 future.set_result(command())
-            except Exception as error:  # it belongs to the caller; the next reading meets a port that is gone
+            except Exception as error:  # belongs to the caller; if the port is gone, the next reading finds out
                 future.set_exception(error)
 
     def _refuse_commands(self, error: Exception) -> None:
@@ -305,7 +305,7 @@ class Reader:
         good = [frame for frame in frames if not any(frame.status)]
         if not good:
             raise DeviceError(
-                f"{self.port} reported an error with each frame, none to take as zero: {frames[-1].status}"
+                f"{self.port} reported an error with each frame, so none can serve as zero: {frames[-1].status}"
             )
         resultants = [frame.resultant for frame in good if frame.resultant is not None]
         self._zero = Frame(

@@ -1,4 +1,4 @@
-"""Recognise: what speaks on a line, told from the bytes that came. No I/O."""
+"""Recognise: identify the board on a line from the bytes received. No I/O."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ _SHOWN_TEXT = 60
 
 
 def describe(data: bytes) -> str:
-    """What bytes from a port are, in words that fit behind a colon in a message.
+    """Describe bytes from a port, in words that fit after a colon in a message.
 
     Args:
-        data: What came last, a few hundred bytes or more. At most 4096 are looked at.
+        data: The latest bytes, a few hundred or more. At most 4096 are examined.
 
     Returns:
-        The family whose frames they hold, by the name that profiles give it; or that they fit no family, as with a
-        wrong baud rate; or that nothing arrived.
+        The family whose frames the bytes hold, by the name that profiles use; or a statement that they fit no family,
+        as with a wrong baud rate, or that nothing arrived.
     """
     data = bytes(data[-4096:])
     if not data:

@@ -1,4 +1,4 @@
-"""SampleClock: when frames were measured, from when they arrived."""
+"""SampleClock: estimates the measurement times of frames from their arrival times."""
 
 from __future__ import annotations
 
@@ -8,50 +8,51 @@ from collections import deque
 import numpy as np
 
 LEARN = 128
-"""Frames that must look steady before an estimate differs from its arrival."""
+"""Number of steady frames before an estimate differs from the arrival."""
 
 MEMORY = 256
-"""Frames after which an old one counts for 1/e in the fit: 3 s at 83 Hz."""
+"""Number of frames after which an old one has weight 1/e in the fit: 3 s at 83 Hz."""
 
 BUCKETS, BUCKET = 8, 16
-"""The line is held by the earliest of the last 8 x 16 arrivals. A longer window would smear drift, a shorter one finds
-no frame that came without delay."""
+"""The earliest of the last 8 x 16 arrivals fix the height of the line. A longer window would smear drift; a shorter one
+might hold no frame that arrived without delay."""
 
 UNSTEADY = 1.5
-"""Variance about the line, over that of the intervals. Jitter on each arrival of a steady clock gives 0.5; frames that
-each wait for the one before wander off the line, and give far more."""
+"""Threshold on the variance about the line divided by the variance of the intervals. A steady clock with jitter on each
+arrival gives 0.5; frames that each wait for the one before wander off the line and give far more."""
 
 QUEUE = 8
-"""Frames that must follow one another to tell what a period is before the rate is learnt, and so many in one read come
-from a queue that a stalled host left: the oldest is the next one, and what is missing was lost when it was full."""
+"""Number of successive frames needed to estimate a period before the rate is learnt. As many frames in one read come
+from a queue that built up while the host was stalled: the oldest is the next frame, and missing ones were lost when the
+queue was full."""
 
 NEGLIGIBLE = 0.05
-"""Of a period: with less scatter than this about the line there is nothing to tell apart."""
+"""Fraction of a period: a scatter about the line below this counts as steady."""
 
 SLIPS = 0.2
-"""Share of the last frames that may miss their place on the line before it is given up."""
+"""Fraction of recent frames that may miss their place on the line before the line is discarded."""
 
 
 class SampleClock:
-    """The times at which a steady board measured, from the arrivals of its frames. On-line, O(1) a frame, no I/O.
+    """Estimates when a steady board measured, from the arrivals of its frames. Online, O(1) per frame, no I/O.
 
-    Port and scheduler can only delay a frame, so the arrivals of a board that measures at a steady rate lie on or
-    above a line over the frames' numbers. A least-squares fit that forgets gives the slope of the line, which is the
-    board's true period; the earliest of the last arrivals gives its height; the estimate is the line. The part of the
-    delay that all frames share cannot be seen and stays in the estimate.
+    Port and scheduler can only delay a frame, so the arrivals of a board that measures at a steady rate lie on or above
+    a line over the frame numbers. A least-squares fit with exponential forgetting gives the slope of the line, which is
+    the board's true period. The earliest of the recent arrivals give its height. The estimate is the line. The part of
+    the delay that all frames share is unobservable and stays in the estimate.
 
-    A frame that comes later than three quarters of a period is taken to follow lost ones. Frames fetched in one read
-    have waited for the host, which says nothing of the line, but they were measured a period apart or more: none is
-    estimated later than that allows, and no loss is seen where they fill the time since the last one.
+    A frame more than three quarters of a period late is taken to follow lost frames. Frames fetched in one read have
+    waited for the host, so their arrivals carry no information on the line, but they were measured at least a period
+    apart: no estimate is later than that allows, and no loss is assumed where they fill the time since the last frame.
 
-    Where the arrivals follow no steady clock, the arrival itself is the estimate: for the first `LEARN` frames and
-    after a change of rate, for a board that sends when asked, where the load sets the intervals.
+    Where the arrivals follow no steady clock, the arrival itself is the estimate: for the first `LEARN` frames, after a
+    change of rate, and for a board that sends on request, where the load sets the intervals.
 
-    Estimates never run back and are never after the arrival.
+    Estimates never run backwards and are never after the arrival.
     """
 
     def __init__(self) -> None:
-        """Know nothing yet."""
+        """Start without any estimate."""
         self._last = -math.inf
         self._queue = 0
         self._apart = 0.0
@@ -59,8 +60,8 @@ class SampleClock:
         self.reset()
 
     def reset(self) -> None:
-        """Forget rate and phase, as after the port was opened again; times still do not run back."""
-        # what was known last still tells how far frames that waited lie apart
+        """Discard rate and phase, as after the port was reopened; estimates still never run backwards."""
+        # keep the last known period as the spacing of frames that waited
         self._apart = max(self.period or 0.0, 0.0) or self._apart
         self._learning: list[float] = []
         self._line = _Line()
@@ -75,15 +76,15 @@ class SampleClock:
 
     @property
     def period(self) -> float | None:
-        """Seconds between two frames; None where no steady rate is known."""
+        """Time (s) between two frames; None if no steady rate is known."""
         return self._line.slope if self._earliest else None
 
     def estimate(self, arrival: float, behind: int = 0) -> float:
-        """When the frame that arrived at `arrival` (s) was measured. Call it once for each frame, in order.
+        """Estimate when a frame was measured (s). Call it once for each frame, in order.
 
         Args:
-            arrival: When its last byte was read.
-            behind: How many frames of the same read are to follow, see `Reading.behind`.
+            arrival: Time (s) at which the last byte of the frame was read.
+            behind: Number of frames of the same read still to follow, see `Reading.behind`.
         """
         if behind and not self._queue:
             self._measure_period()
@@ -98,7 +99,7 @@ class SampleClock:
         return self._last
 
     def _measure_period(self) -> None:
-        """How far apart frames lie, as well as it is known by now."""
+        """Update the spacing of frames with the best estimate so far."""
         known = self._learning
         if self._earliest:
             self._apart = self._line.slope
@@ -106,13 +107,13 @@ class SampleClock:
             self._apart = (known[-1] - known[0]) / (len(known) - 1)
 
     def _learn(self) -> None:
-        """Fit the frames so far; if they are not steady, start again."""
+        """Fit the frames collected so far; if they are not steady, start again."""
         arrivals, intervals = self._learning, np.diff(self._learning)
         typical = float(np.median(intervals))
         self.reset()
         if typical <= 0:
             return
-        # a late frame lengthens one interval and shortens the next, a lost one lengthens their sum
+        # a late frame lengthens one interval and shortens the next; a lost frame lengthens their sum
         periods = np.pad(intervals / typical, 1, constant_values=np.inf)
         sums = periods[:-1] + periods[1:] - 1
         steps = np.minimum(periods[1:-1], np.minimum(sums[:-1], sums[1:]))
@@ -129,11 +130,11 @@ class SampleClock:
                 self._hold(number, arrival)
 
     def _follow(self, arrival: float, queue: int) -> float:
-        """The line at the next frame's place; forgets everything where the frame shows that there is no line.
+        """Return the line at the next frame; reset if the frame shows that the arrivals follow no line.
 
         Args:
-            arrival: Of the frame, or the latest that it can have been.
-            queue: How many frames were fetched with it; 0: it came alone.
+            arrival: Arrival of the frame (s), or an upper bound of it.
+            queue: Number of frames fetched in the same read; 0 if it came alone.
         """
         late = (arrival - self._expected(self._number + 1)) / self._line.slope
         if queue:
@@ -154,7 +155,7 @@ class SampleClock:
         return self._expected(number)
 
     def _follow_queue(self, arrival: float, late: float, queue: int) -> float:
-        """As `_follow`, for a frame that waited until the host fetched it, so that it tells nothing of the line."""
+        """Like `_follow` for a frame that waited for the host, so its arrival carries no information on the line."""
         self._number += 1 + (max(math.floor(late), 0) if queue < QUEUE else 0)
         self._arrival, self._slipped = arrival, True
         self._unfitted += 1
@@ -164,12 +165,12 @@ class SampleClock:
         return self._expected(self._number)
 
     def _expected(self, number: int) -> float:
-        """The lower line at `number`."""
+        """Return the height at `number` of the line through the earliest arrivals."""
         slope = self._line.slope
         return min(arrival + slope * (number - at) for at, arrival in self._earliest)
 
     def _hold(self, number: int, arrival: float) -> None:
-        """Keep the arrival if it is the earliest of its bucket."""
+        """Keep the arrival if it is the earliest in its bucket."""
         if self._held % BUCKET == 0:
             self._earliest.append((number, arrival))
         else:
@@ -185,7 +186,7 @@ class SampleClock:
 
 
 class _Spread:
-    """Mean and variance of numbers, old ones forgotten."""
+    """Mean and variance of numbers, with exponential forgetting."""
 
     def __init__(self) -> None:
         self._weight = self._mean = self._moment = 0.0
@@ -202,7 +203,7 @@ class _Spread:
 
 
 class _Line:
-    """A straight line fitted to points, old ones forgotten, by moments about their running mean."""
+    """Straight line fitted to points with exponential forgetting, by moments about their running mean."""
 
     def __init__(self) -> None:
         self._weight = self._x = self._y = self._xx = self._xy = self._yy = 0.0
@@ -223,5 +224,5 @@ class _Line:
 
     @property
     def variance(self) -> float:
-        """Of the points about the line."""
+        """Variance of the points about the line."""
         return max(0.0, self._yy - self.slope * self._xy) / self._weight if self._weight else 0.0

@@ -1,4 +1,4 @@
-"""Signals: forces over time for the emulator to feel, from a recording or made up."""
+"""Signals: forces over time that act on an emulated sensor, recorded or synthetic."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ def from_recording(
     interpolate: bool = False,
     loop: bool = True,
 ) -> Signal:
-    """What a recording holds, played at its own speed, its episodes one after another.
+    """Play a recording at its own speed, its episodes one after another.
 
     Args:
-        recording: The forces, of the profile's wire layout or of its pooled one, see `spread`.
-        profile: The pads that are to feel it.
-        which: Which tensor. Default: the measured one, or the simulated one where nothing was measured.
-        interpolate: Between two samples, go from one to the other on a straight line; else the earlier one is held.
-        loop: Begin anew after the last sample; else it is held.
+        recording: Recording of forces in the profile's wire layout or its pooled layout, see `spread`.
+        profile: Profile of the pads that feel the forces.
+        which: Tensor to play. Default: the measured one, or the simulated one if nothing was measured.
+        interpolate: Whether to interpolate linearly between samples; otherwise the earlier sample is held.
+        loop: Whether to start again after the last sample; otherwise it is held.
 
     Raises:
-        InvalidValueError: The recording has no such tensor, another unit, or other pads than the profile.
+        InvalidValueError: The recording lacks the tensor, or its unit or pads differ from those of the profile.
     """
     if which is None:
         which = "simulated" if recording.measured is None else "measured"
@@ -55,17 +55,17 @@ def from_arrays(
     interpolate: bool = False,
     loop: bool = True,
 ) -> Signal:
-    """Samples, played at their own speed.
+    """Play samples at their own speed.
 
     Args:
-        time: ``(T,)`` seconds; where it does not increase, as between two episodes, one usual interval passes.
-        force: ``(T, pads, 3, rows, cols)`` newtons, of the profile's wire layout or of its pooled one, see `spread`.
-        profile: The pads that are to feel it.
+        time: ``(T,)`` seconds. Where the time does not increase, as between two episodes, one median interval passes.
+        force: ``(T, pads, 3, rows, cols)`` newtons in the profile's wire layout or its pooled layout, see `spread`.
+        profile: Profile of the pads that feel the forces.
         interpolate: See `from_recording`.
         loop: See `from_recording`.
 
     Raises:
-        InvalidValueError: There is no sample, or the shapes do not fit.
+        InvalidValueError: There is no sample, or the shapes do not match.
     """
     profile = as_profile(profile)
     samples = spread(np.asarray(force, dtype=np.float32), profile)
@@ -83,7 +83,7 @@ def from_arrays(
 
 @dataclass(frozen=True, eq=False)
 class _Played:
-    """Samples that begin at `starts` (s), the whole lasting `length` (s)."""
+    """Samples that begin at `starts` (s) and last `length` (s) altogether."""
 
     starts: NDArray[np.float64]
     samples: NDArray[np.float32]
@@ -102,15 +102,15 @@ class _Played:
 
 
 def spread(force: NDArray[np.floating], profile: Profile) -> NDArray[np.floating]:
-    """Forces on a profile's pads -> the same on the taxels of its wire.
+    """Convert forces on a profile's pads to forces on the taxels of its wire layout.
 
     Args:
-        force: ``(..., pads, 3, rows, cols)`` newtons of the wire layout, which is returned as it is, or of the layout
-            that the driver gives out after pooling: then each value is spread evenly over the taxels pooled to it.
-        profile: The pads.
+        force: ``(..., pads, 3, rows, cols)`` newtons in the wire layout, which is returned unchanged, or in the pooled
+            layout of the driver's output. Each pooled value is spread evenly over its taxels.
+        profile: Profile of the pads.
 
     Raises:
-        InvalidValueError: Neither of the two.
+        InvalidValueError: The forces have neither layout.
     """
     wire, pooled, pads = profile.wire_layout, profile.layout, len(profile.slots)
     shape = force.shape[-4:]
@@ -122,24 +122,24 @@ def spread(force: NDArray[np.floating], profile: Profile) -> NDArray[np.floating
     also = "" if pooled.shape == wire.shape else f" or {(pads, *pooled.shape)}"
     raise InvalidValueError(
         f"profile {profile.name!r} has pads of shape {(pads, *wire.shape)}{also} (pads, 3, rows, cols), "
-        f"but the forces are of shape {shape}; a profile file of your own says how many pads there are "
-        "and how they pool"
+        f"but the forces are of shape {shape}; write a profile file of your own with the number of pads "
+        "and their pooling"
     )
 
 
 LARGEST: Mapping[str, float] = {"N": 20.0, "uT": 2000.0, "counts": 20_000.0}
-"""What `press` sums up to at most, by unit; in published recordings of eFlesh one chip of five reaches 3000 uT.
-For counts it is a stand-in."""
+"""Default maximum of the sum over a pad in `press`, by unit. In published recordings of eFlesh one of five chips
+reaches 3000 uT. The value for counts is a placeholder."""
 
 
 def press(profile: str | os.PathLike[str] | Profile, *, force: float | None = None, period: float = 4.0) -> Signal:
-    """A demonstration: a soft patch comes down on each pad, drags to the right and down, and lifts.
+    """Return a demonstration signal: a soft patch presses on each pad, drags to the right and down, and lifts.
 
     Args:
-        profile: The pads.
-        force: The largest normal force of the patch (whole pad, in the profile's unit); the shear grows to half of it.
-            Default: that of `LARGEST`.
-        period: Seconds of one press; each pad begins a quarter later than the one before.
+        profile: Profile of the pads.
+        force: Maximum normal force of the patch (sum over the pad, in the profile's unit). Shear along x grows to half
+            the normal force. Default: the value in `LARGEST`.
+        period: Duration of one press (s); each pad starts a quarter of it later than the one before.
     """
     profile = as_profile(profile)
     largest = LARGEST[profile.unit] if force is None else force

@@ -1,4 +1,4 @@
-"""Which order of the taxels puts presses nearest to where they were asked for."""
+"""Find the order of the taxels that places presses nearest to where they were requested."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from paxisim.layout import TaxelLayout
 
 @dataclass(frozen=True, eq=False)
 class OrderFit:
-    """The layout that fits presses best.
+    """The layout that fits the presses best.
 
     Attributes:
-        layout: That layout.
-        refolded: True if the list of taxels had to be cut into lines of the grid's other length first.
-        orientation: What was done to the picture then.
-        margin: By how much the second best layout fits worse, as the mean of squared distances in half extents of
-            the pad; where presses at the corners are felt halfway to them, a mirrored layout is worse by about 1.5.
-        felt: ``(presses, 2)`` where each press lies under the best layout, as (x, y) in half extents of the pad.
+        layout: The layout.
+        refolded: True if the list of taxels first had to be cut into lines of the grid's other length.
+        orientation: The correction applied to the picture after that.
+        margin: How much worse the second best layout fits: difference of the mean squared distances in half extents of
+            the pad. If presses at the corners are felt halfway to them, a mirrored layout is worse by about 1.5.
+        felt: ``(presses, 2)`` position of each press under the best layout, as (x, y) in half extents of the pad.
     """
 
     layout: TaxelLayout
@@ -33,22 +33,22 @@ class OrderFit:
 
 
 def fit_order(layout: TaxelLayout, presses: NDArray[np.float64], asked: NDArray[np.float64]) -> OrderFit:
-    """Find the layout that fits presses best.
+    """Find the layout that fits the presses best.
 
-    A grid can be turned and mirrored in eight ways, of the picture that `layout` shows and of those that its list of
-    taxels gives when it is cut into rows or into columns. Points on a curved surface can be turned and mirrored only.
-    A layout is the better the closer the force lies, taxel by taxel, to the places asked for, so both a press
-    in the wrong corner and one torn to pieces speak against it.
+    The candidates for a grid are three pictures, each turned and mirrored in eight ways: the one shown by `layout`, and
+    those of its list of taxels cut into rows or into columns. Points on a curved surface can only be turned and
+    mirrored. A layout scores by how close the force lies, taxel by taxel, to the requested places. This penalises both
+    a press in the wrong corner and a press that is torn to pieces.
 
     Args:
-        layout: The layout that the presses were read with.
+        layout: Layout that the presses were read with.
         presses: ``(presses, rows, cols)`` normal force (N) in that layout.
-        asked: ``(presses, 2)`` where they should be, as (x, y) in half extents of the pad.
+        asked: ``(presses, 2)`` requested positions, as (x, y) in half extents of the pad.
     """
     normal = np.abs(presses).reshape(len(presses), -1)
     if layout.vendor_order is not None:
         normal = normal[:, np.asarray(layout.vendor_order)]
-    # only what rises above half of the peak: the wide foot of a press on a small pad says little of where it is, and
+    # use only force above half of the peak: on a small pad, the wide foot of a press says little about its place, and
     # the noise of many far taxels would outweigh it
     normal = np.maximum(normal - 0.5 * normal.max(axis=1, keepdims=True), 0.0)
     weights = normal / normal.sum(axis=1, keepdims=True)
@@ -63,11 +63,11 @@ def fit_order(layout: TaxelLayout, presses: NDArray[np.float64], asked: NDArray[
 
 
 def _candidates(layout: TaxelLayout) -> Iterator[tuple[TaxelLayout, Orientation, bool]]:
-    """All layouts that the bytes could have, `layout` first, each once."""
+    """Yield each layout that the bytes could have once, `layout` first."""
     if not layout.is_grid:
         yield from ((orientation.of_points(layout), orientation, False) for orientation in ORIENTATIONS)
         return
-    # a picture holds for each taxel its place in the order of the bytes
+    # a picture holds the place of each taxel in the order of the bytes
     wire = np.arange(layout.taxels)
     own = wire if layout.vendor_order is None else np.argsort(layout.vendor_order)
     pictures = (
@@ -95,7 +95,7 @@ def _candidates(layout: TaxelLayout) -> Iterator[tuple[TaxelLayout, Orientation,
 
 
 def _places(layout: TaxelLayout) -> NDArray[np.float64]:
-    """``(N, 2)`` taxels as (x, y) in half extents of the pad, in the order of the bytes."""
+    """Return the taxel positions ``(N, 2)`` as (x, y) in half extents of the pad, in the order of the bytes."""
     points = layout.positions[:, :2]
     points = points - (points.min(axis=0) + points.max(axis=0)) / 2
     half = np.abs(points).max(axis=0)

@@ -1,4 +1,4 @@
-"""Taxels on the wire: three bytes each, the same in every family of boards. No I/O.
+"""Taxels on the wire: three bytes each, the same in all PaXini families of boards. No I/O.
 
 A taxel is x, y (signed) and z (unsigned: a pad is never pulled). Some firmware of the GEN1 hand board sends z signed.
 """
@@ -12,11 +12,11 @@ BYTES_PER_TAXEL = 3
 
 
 def to_counts(data: bytes, signed_normal: bool = False) -> NDArray[np.int16]:
-    """``3 N`` bytes -> ``(N, 3)`` int16 counts.
+    """Convert ``3 N`` bytes to ``(N, 3)`` int16 counts.
 
     Args:
-        data: Whole taxels.
-        signed_normal: Read z as signed, as some firmware sends it.
+        data: Bytes of whole taxels.
+        signed_normal: Whether to read z as signed, as some firmware sends it.
     """
     raw = np.frombuffer(data, dtype=np.int8).reshape(-1, 3)
     counts = raw.astype(np.int16)
@@ -26,5 +26,5 @@ def to_counts(data: bytes, signed_normal: bool = False) -> NDArray[np.int16]:
 
 
 def to_bytes(counts: NDArray[np.integer]) -> bytes:
-    """``(N, 3)`` counts -> ``3 N`` bytes. Counts beyond what a byte holds (-128..127, 0..255) wrap: clip before."""
+    """Convert ``(N, 3)`` counts to ``3 N`` bytes. Counts outside a byte (-128..127, 0..255) wrap: clip them before."""
     return (np.asarray(counts, dtype=np.int16) & 0xFF).astype(np.uint8).tobytes()

@@ -1,4 +1,4 @@
-"""Transport: bytes over a serial port, and nothing that knows what they mean."""
+"""Transport: bytes over a serial port, without knowledge of their meaning."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from paxisim.errors import (
 if TYPE_CHECKING:
     from serial import Serial
 
-# a line that takes nothing for so long is stuck: requests have 20 bytes
+# s; requests are about 20 bytes, so a line that blocks this long is stuck
 WRITE_TIMEOUT = 1.0
 CHUNK = 65536
 
@@ -32,10 +32,10 @@ _BUSY = (errno.EBUSY, errno.EAGAIN)
 
 
 class Transport(Protocol):
-    """A line of bytes to a board."""
+    """Byte stream to and from a board."""
 
     def read(self, timeout: float) -> bytes:
-        """What has arrived, at once if there is something; else what arrives within `timeout` seconds, or ``b""``.
+        """Return the bytes that have arrived, or wait up to `timeout` seconds for some; ``b""`` if none arrive.
 
         Raises:
             PortNotFoundError: The port went away.
@@ -47,12 +47,12 @@ class Transport(Protocol):
 
         Raises:
             PortNotFoundError: The port went away.
-            DeviceTimeoutError: The line takes nothing.
+            DeviceTimeoutError: The line does not accept the data.
         """
         ...
 
     def discard_input(self) -> None:
-        """Throw away what has arrived and was not read.
+        """Discard all bytes that have arrived and were not read.
 
         Raises:
             PortNotFoundError: The port went away.
@@ -60,33 +60,33 @@ class Transport(Protocol):
         ...
 
     def close(self) -> None:
-        """Give the port back. May be called twice."""
+        """Release the port. May be called twice."""
         ...
 
 
 class SerialTransport:
-    """A `Transport` over pyserial; made by `open_transport`. Not safe for several threads.
+    """A `Transport` over pyserial, created by `open_transport`. Not thread-safe.
 
     Attributes:
-        port: Its name or URL.
+        port: Name or URL of the port.
     """
 
     def __init__(self, port: str, serial: Serial) -> None:
-        """Take over a port of pyserial that is open and has a read timeout of 0."""
+        """Take over an open pyserial port with a read timeout of 0."""
         self.port = port
         self._serial = serial
         try:
             self._fd: int | None = serial.fileno()
         except (OSError, AttributeError):
-            self._fd = None  # Windows, and URLs that are no file
+            self._fd = None  # Windows, and URLs without a file descriptor
 
     def read(self, timeout: float) -> bytes:
-        """See `Transport.read`; the operating system wakes it, nothing is polled."""
+        """See `Transport.read`; the operating system wakes the thread, without polling."""
         self._check_open()
         try:
             if self._fd is not None:
                 ready, _, _ = select.select([self._fd], [], [], max(0.0, timeout))
-                # pyserial would ask the system a second time whether there is something
+                # pyserial would ask the system again whether data is there
                 return self._read_now(self._fd) if ready else b""
             self._serial.timeout = max(0.0, timeout)
             first = self._serial.read(1)
@@ -102,7 +102,7 @@ class SerialTransport:
         except BlockingIOError:
             return b""
         if not data:
-            raise OSError("it reports bytes but has none: it was unplugged, or another program reads it")
+            raise OSError("it reports bytes but has none: it was unplugged, or another program reads from it")
         return data
 
     def write(self, data: bytes) -> None:
@@ -131,7 +131,7 @@ class SerialTransport:
 
     def close(self) -> None:
         """See `Transport.close`."""
-        # a port that went away may not even be closed without an error
+        # even closing a lost port may raise
         with suppress(*_line_errors()):
             self._serial.close()
 
@@ -143,30 +143,30 @@ class SerialTransport:
         return PortNotFoundError(f"{self.port} went away: {error}")
 
     def _too_many_files(self, error: ValueError) -> UnsupportedError:
-        """What select says of the descriptor of a port that was opened after about a thousand other files."""
+        """Return the error for a file descriptor beyond the limit of `select`, about a thousand."""
         return UnsupportedError(
-            f"{self.port} cannot be waited for ({error}): this program has about 1024 files open, or more; close some "
-            "before the sensor is opened, or open the sensor first"
+            f"cannot wait for {self.port} ({error}): this program has about 1024 files open, or more; close some "
+            "before opening the sensor, or open the sensor first"
         )
 
     def __repr__(self) -> str:
-        """The port, and whether it is open."""
+        """Return the port and whether it is open."""
         return f"<SerialTransport {self.port}, {'open' if self._serial.is_open else 'closed'}>"
 
 
 def open_transport(port: str, baud: int) -> SerialTransport:
     """Open a port: a device file, a pseudo-terminal, or any URL that pyserial knows (``socket://``, ``loop://``).
 
-    Device files are opened for this program alone where the system can do that.
+    Device files are opened exclusively if the system supports that.
 
     Args:
-        port: Its name or URL.
-        baud: Bits a second.
+        port: Name or URL of the port.
+        baud: Baud rate (bits per second).
 
     Raises:
-        PortNotFoundError: There is no such port, or it is no serial port.
-        PortAccessError: It may not be opened, or another program has it; the message says what to do.
-        InvalidValueError: A URL of a kind that pyserial does not know, or a baud rate that is no positive integer.
+        PortNotFoundError: There is no such port, or it is not a serial port.
+        PortAccessError: Access is denied, or the port is in use; the message says what to do.
+        InvalidValueError: pyserial does not know this kind of URL, or the baud rate is not a positive integer.
         UnsupportedError: The port cannot run at that baud rate.
         MissingExtraError: pyserial is not installed.
     """
@@ -175,14 +175,14 @@ def open_transport(port: str, baud: int) -> SerialTransport:
     except ImportError as error:
         raise MissingExtraError("serial", "hw", "opening a sensor") from error
     if not isinstance(baud, int) or isinstance(baud, bool) or baud <= 0:
-        raise InvalidValueError(f"baud must be a positive whole number of bits a second, got {baud!r}")
-    # Windows always opens a port for one program alone, and pyserial has no such option there
+        raise InvalidValueError(f"baud must be a positive whole number of bits per second, got {baud!r}")
+    # Windows always opens ports exclusively, and pyserial has no such option there
     options: dict[str, Any] = {"exclusive": True} if os.name == "posix" else {}
     try:
-        # with a timeout of 0 a read fetches what is there; waiting for it is up to SerialTransport.read
+        # with a timeout of 0, a read fetches what is there; SerialTransport.read does the waiting
         line = serial.serial_for_url(port, do_not_open=True, timeout=0, write_timeout=WRITE_TIMEOUT, **options)
     except ValueError as error:
-        raise InvalidValueError(f"port {port!r} is no serial port: {error}") from error
+        raise InvalidValueError(f"port {port!r} is not a serial port: {error}") from error
     except _line_errors() as error:
         raise _why_not_open(port, error) from error
     try:
@@ -196,7 +196,7 @@ def open_transport(port: str, baud: int) -> SerialTransport:
 
 
 def _line_errors() -> tuple[type[Exception], ...]:
-    """What pyserial raises where a line fails; its exceptions are OSErrors, those of termios are not."""
+    """Return the errors that pyserial raises when a line fails; its own are OSErrors, those of termios are not."""
     try:
         import termios
     except ImportError:  # Windows
@@ -213,8 +213,8 @@ def _why_not_open(port: str, error: Exception) -> DeviceError:
         )
     if number in _BUSY:
         return PortAccessError(
-            f"{port} is in use: close() the sensor that this program opened on it before, as in a notebook's cell that "
-            f"is run again, or close the other program that has it (`fuser {port}` names it)"
+            f"{port} is in use: close() the sensor that this program opened on it before, for example in a notebook "
+            f"cell that is run again, or close the other program that uses it (`fuser {port}` names it)"
         )
     if number in _GONE:
         return PortNotFoundError(f"no port {port!r}; {_ports_there_are(port)}")

@@ -1,4 +1,4 @@
-"""WebSocket transport: texts of a server as lines of bytes."""
+"""WebSocket transport: text messages of a server as lines of bytes."""
 
 from __future__ import annotations
 
@@ -11,29 +11,30 @@ if TYPE_CHECKING:
     from websockets.sync.client import ClientConnection
 
 OPEN_TIMEOUT = 5.0
-"""Seconds in which the server must take the connection."""
+"""Maximum time (s) for the server to accept the connection."""
 LONGEST = 2**18
-"""Bytes of a text at most; a server that sends a longer one is left."""
+"""Maximum size of a message in bytes; a longer one ends the connection."""
 WAITING = 256
-"""Texts kept for a program that is late; the others wait in the system, and then in the server."""
+"""Maximum number of messages buffered for a slow program; others wait in the system, then in the server."""
 EMPTYING = 8
-"""Reads of up to `WAITING` texts in which a server's backlog must end, so that one that never pauses blocks nothing."""
+"""Maximum number of reads, of up to `WAITING` messages each, to drain a backlog; a server that never pauses thus does
+not block."""
 
 
 class WebSocketTransport:
-    """A `paxisim.hw.transport.Transport` on which each text is a line; made by `open_websocket`.
+    """A `paxisim.hw.transport.Transport` on which each message is a line, created by `open_websocket`.
 
     Attributes:
-        port: The server's address.
+        port: Address of the server.
     """
 
     def __init__(self, port: str, connection: ClientConnection, stack: ExitStack) -> None:
-        """Take over an open connection, and the stack whose end closes it."""
+        """Take over an open connection and the exit stack that closes it."""
         self.port = port
         self._connection, self._stack = connection, stack
 
     def read(self, timeout: float) -> bytes:
-        """See `Transport.read`. A line break inside a text, which JSON allows between its parts, becomes a space."""
+        """See `Transport.read`. A line break inside a message, which JSON allows between tokens, becomes a space."""
         from websockets.exceptions import ConnectionClosed
 
         texts: list[bytes] = []
@@ -44,7 +45,7 @@ class WebSocketTransport:
         except TimeoutError:
             pass
         except ConnectionClosed as error:
-            if not texts:  # else the next call says so
+            if not texts:  # otherwise the next call raises
                 raise PortNotFoundError(f"{self.port} went away: {error}") from error
         return b"".join(texts)
 
@@ -68,7 +69,7 @@ class WebSocketTransport:
         self._stack.close()
 
     def __repr__(self) -> str:
-        """The address."""
+        """Return the address."""
         return f"<WebSocketTransport {self.port}>"
 
 
@@ -76,13 +77,13 @@ def open_websocket(port: str, baud: int) -> WebSocketTransport:
     """Connect to a server.
 
     Args:
-        port: Its address, such as ``ws://127.0.0.1:5000``.
-        baud: Of no use here; see `paxisim.hw.transport.open_transport`.
+        port: Address of the server, such as ``ws://127.0.0.1:5000``.
+        baud: Unused; present for the same signature as `paxisim.hw.transport.open_transport`.
 
     Raises:
-        InvalidValueError: The address is no WebSocket's.
-        PortNotFoundError: Nothing takes the connection.
-        ProtocolError: What takes it is no WebSocket server.
+        InvalidValueError: The address is not a WebSocket address.
+        PortNotFoundError: Nothing accepts the connection.
+        ProtocolError: The server is not a WebSocket server.
         MissingExtraError: websockets is not installed.
     """
     try:
@@ -92,23 +93,24 @@ def open_websocket(port: str, baud: int) -> WebSocketTransport:
         raise MissingExtraError("websockets", "websocket", "opening a sensor behind a WebSocket server") from error
     if not port.startswith(("ws://", "wss://")):
         raise InvalidValueError(
-            f"a sensor of this profile is read from a WebSocket server, with an address such as ws://127.0.0.1:5000, "
-            f"got {port!r}"
+            f"this profile needs the address of a WebSocket server, such as ws://127.0.0.1:5000, got {port!r}"
         )
     stack = ExitStack()
     try:
-        # the server is on this machine or in this robot's network, where no proxy leads to
+        # the server is on this machine or in the robot's network, which no proxy reaches
         options = {"proxy": None, "open_timeout": OPEN_TIMEOUT, "max_size": LONGEST, "max_queue": WAITING}
         connection = stack.enter_context(connect(port, **options))
     except InvalidURI as error:
-        raise InvalidValueError(f"{port!r} is no address of a WebSocket server, as ws://127.0.0.1:5000 is") from error
+        raise InvalidValueError(
+            f"{port!r} is not the address of a WebSocket server, such as ws://127.0.0.1:5000"
+        ) from error
     except TimeoutError as error:
         raise PortNotFoundError(f"{port} did not answer within {OPEN_TIMEOUT:g} s: {_IS_IT_RUNNING}") from error
     except OSError as error:
         raise PortNotFoundError(f"cannot connect to {port}: {error.strerror or error}; {_IS_IT_RUNNING}") from error
     except InvalidHandshake as error:
-        raise ProtocolError(f"what answers at {port} is no WebSocket server: {error}") from error
+        raise ProtocolError(f"the server at {port} is not a WebSocket server: {error}") from error
     return WebSocketTransport(port, connection, stack)
 
 
-_IS_IT_RUNNING = "does the sensor's server run, and at this address?"
+_IS_IT_RUNNING = "is the sensor's server running, and at this address?"

@@ -1,4 +1,4 @@
-"""Attach: pads onto a gripper, leaving everything the gripper already has in place."""
+"""Attach: put pads on a gripper and keep everything the gripper already has."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ class TactileGripper:
     """A gripper with pads, not yet compiled.
 
     Attributes:
-        spec: The gripper's spec with the pads in it; attach it to an arm, edit it, compile it.
-        mounts: Where the pads went, in the order of the ``pads`` axis, which is that of the pads' bodies.
-        pad_names: Their names in `spec`.
-        gel: The gel that `bind` gives them.
-        layout: The taxels of each.
-        report: How the mounts were chosen, where they were; else empty.
+        spec: Spec of the gripper with its pads; attach it to an arm, edit it or compile it.
+        mounts: Mounts of the pads, in the order of the ``pads`` axis, which is the order of the pads' bodies.
+        pad_names: Names of the pads in `spec`.
+        gel: Gel that `bind` gives to the pads.
+        layout: Taxels of each pad.
+        report: How the mounts were chosen; empty if the caller gave them.
     """
 
     spec: mujoco.MjSpec
@@ -55,28 +55,28 @@ class TactileGripper:
         """Find this gripper's pads in a compiled model and give them their gel.
 
         Args:
-            model: Compiled from `spec`, or from an arm that it was attached to. Its taxels' contact parameters
-                are set (`Gel.apply`).
-            prefix: The prefix that attaching put in front of the gripper's names.
+            model: Model compiled from `spec`, or from an arm to which `spec` was attached. The contact parameters of
+                its taxels are set (`Gel.apply`).
+            prefix: Prefix that attaching put in front of the gripper's names.
 
         Returns:
-            The handle, pads in the order of `mounts`.
+            Handle of the pads, in the order of `mounts`.
 
         Raises:
             InvalidValueError: The model does not have these pads.
         """
         pads = find_pads(model, names=[prefix + name for name in self.pad_names])
         self.gel.apply(model, pads)
-        # what a compiled model does not say
+        # a compiled model does not store the vendor order
         order = self.layout.vendor_order
         return replace(pads, layouts=tuple(replace(layout, vendor_order=order) for layout in pads.layouts))
 
     def to_xml(self, folder: str | Path | None = None) -> str:
-        """The gripper as MJCF text.
+        """Return the gripper as MJCF text.
 
         Args:
-            folder: Where the text will be saved: paths of meshes and textures are made relative to it. Default:
-                absolute paths.
+            folder: Folder where the text will be saved; paths of meshes and textures become relative to it.
+                Default: absolute paths.
 
         Raises:
             InvalidValueError: MuJoCo cannot compile the gripper.
@@ -111,26 +111,28 @@ def attach(
 ) -> TactileGripper:
     """Put tactile pads on a gripper, an arm or a hand.
 
-    The gripper keeps every name, actuator, sensor, default, tendon, equality and keyframe. Each pad becomes a
-    child body of its mount's body, with its own mass. Collision geoms it replaces are switched off, and the explicit
-    contact pairs that name them removed; it takes over their contact bits, less those with which pads would meet each
-    other, and the body's contact exclusions. MuJoCo's touch sensors count the contacts of one body, not those of a pad
-    on it: they stay, but there is a warning of those on a body that gets a pad. There is also a warning of what can
-    hardly be meant: pads inside one another, larger than their finger, far from it, or curved on a flat one.
+    The gripper keeps every name, actuator, sensor, default, tendon, equality and keyframe. Each pad becomes a child
+    body of its mount's body, with its own mass. The collision geoms that a pad replaces are switched off, and explicit
+    contact pairs that name them are removed. The pad takes over their contact bits, except those with which pads would
+    collide with each other, and the contact exclusions of its body.
+
+    MuJoCo's touch sensors count the contacts of one body, not those of a pad on it. They stay, but a warning names
+    those on a body that gets a pad. Implausible mounts also give a warning: pads inside one another, larger than their
+    finger, far from it, or curved on a flat finger.
 
     Args:
         gripper: A spec (left unchanged), an MJCF file or MJCF text.
-        sensor: The pad to build, a layout, or the name of a sensor in the catalogue.
-        mounts: Where the pads go, in any order: pads count in the order of their bodies. Default: those known for
-            a gripper file that robosuite ships, else those that `find_mounts` proposes; the result's `report`
-            says which.
+        sensor: Pad to build, a layout, or the name of a sensor in the catalogue.
+        mounts: Mounts of the pads, in any order; the pads are ordered by their bodies. Default: the known mounts if
+            `gripper` is a file that robosuite ships, else the mounts that `find_mounts` proposes. The attribute
+            `report` of the result says which.
 
     Returns:
-        The gripper with its pads. It is not compiled yet: ``result.compile()`` and then ``result.bind(model)``.
+        The gripper with its pads, not compiled: call ``result.compile()`` and then ``result.bind(model)``.
 
     Raises:
         InvalidValueError: The gripper cannot be parsed, no mount was given or found, or two pads share a name.
-        UnknownNameError: An unknown sensor, or a mount on a body or geom that the gripper does not have.
+        UnknownNameError: The sensor is unknown, or a mount names a body or geom that the gripper does not have.
     """
     spec = load_spec(gripper)
     pad = _as_pad(sensor)
@@ -157,7 +159,7 @@ def attach(
     pad_names = tuple(f"{mount.name}_{pad.name}" for mount in chosen)
     taken = [name for name in pad_names if name in bodies or pad_names.count(name) > 1]
     if taken:
-        raise InvalidValueError(f"there would be two bodies named {taken[0]!r}: give the mounts names of their own")
+        raise InvalidValueError(f"there would be two bodies named {taken[0]!r}: give each mount its own name")
     _warn_of_touch(spec, {mount.body for mount in chosen} | {geom.parent.name for geom in replaced})
     child = pad.to_xml()
     _switch_off(spec, replaced)
@@ -166,7 +168,7 @@ def attach(
         frame.attach_body(mujoco.MjSpec.from_string(child).body(pad.name), f"{mount.name}_", "")
     _inherit_exclusions(spec, dict(zip(pad_names, (mount.body for mount in chosen), strict=True)))
     model = compile_spec(spec, "the gripper with pads")
-    # one order for `bind` and for `find_pads` in a saved file, or a policy could meet its pads swapped
+    # `bind` and `find_pads` in a saved file must use the same order, or a policy could get its pads swapped
     order = sorted(range(len(chosen)), key=lambda i: model.body(pad_names[i]).id)
     mounts, pad_names = tuple(chosen[i] for i in order), tuple(pad_names[i] for i in order)
     _warn_of_mounts(spec, pad_names, mounts)
@@ -205,7 +207,7 @@ def _geom(spec: mujoco.MjSpec, body: mujoco.MjsBody, which: str | int) -> mujoco
 
 
 def _bits(replaced: list[mujoco.MjsGeom]) -> dict[str, int]:
-    """The contact bits of the replaced geoms, such that the pads meet what those met but not each other."""
+    """Return contact bits with which the pads collide like the replaced geoms, but not with each other."""
     conaffinity = int(np.bitwise_or.reduce([0, *(geom.conaffinity for geom in replaced)]))
     contype = int(np.bitwise_or.reduce([0, *(geom.contype for geom in replaced)])) & ~conaffinity
     if contype == conaffinity == 0:
@@ -216,7 +218,7 @@ def _bits(replaced: list[mujoco.MjsGeom]) -> dict[str, int]:
 def _switch_off(spec: mujoco.MjSpec, geoms: list[mujoco.MjsGeom]) -> None:
     for geom in geoms:
         geom.contype = geom.conaffinity = 0
-    # bits do not keep the geoms of an explicit pair apart
+    # contact bits do not affect explicit pairs
     switched_off = {geom.name for geom in geoms if geom.name}
     for pair in list(spec.pairs):
         if switched_off & {pair.geomname1, pair.geomname2}:
@@ -230,14 +232,14 @@ def _warn_of_touch(spec: mujoco.MjSpec, bodies: set[str]) -> None:
         site = spec.site(sensor.objname)
         if site is not None and site.parent.name in bodies - {""}:
             warnings.warn(
-                f"the touch sensor {sensor.name!r} on {site.parent.name!r} will not feel what touches the pad there: "
+                f"the touch sensor {sensor.name!r} on {site.parent.name!r} does not count contacts of the pad there: "
                 "read the pad with paxisim.TactileReadout",
                 stacklevel=3,
             )
 
 
 def _write_inertia(root: etree._Element, model: mujoco.MjModel) -> None:
-    """Say what each pad weighs, which MuJoCo before 4.0 leaves out where the gripper has inertiafromgeom="true"."""
+    """Write the inertia of each pad; MuJoCo before 4.0 omits it if the gripper has inertiafromgeom="true"."""
     for body in root.iter("body"):
         name = body.get("name", "")
         is_pad = any(site.get("name") == names.gel(name) for site in body.findall("site"))
@@ -253,9 +255,9 @@ def _write_inertia(root: etree._Element, model: mujoco.MjModel) -> None:
 
 
 def _inherit_exclusions(spec: mujoco.MjSpec, bodies_of_pads: dict[str, str]) -> None:
-    """MuJoCo excludes by body, and a pad is a body of its own.
+    """Give each pad the contact exclusions of its body, since MuJoCo excludes by body and a pad is a body of its own.
 
-    It never touches the body that it is welded to, but naming it here keeps ``fusestatic`` from merging the two.
+    A pad never collides with the body it is welded to, but excluding the two keeps ``fusestatic`` from merging them.
     """
     pairs = [(exclude.bodyname1, exclude.bodyname2) for exclude in spec.excludes]
     for pad, body in bodies_of_pads.items():

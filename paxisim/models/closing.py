@@ -1,10 +1,10 @@
-"""Closing: how a gripper's actuators close it, found by driving them.
+"""Closing: find out how a gripper's actuators close it, by driving them.
 
 The gripper is simulated as it is, with its tendons, equalities and springs, but without gravity and contacts.
-Each actuator is driven to both ends of its range while the others stay in the middle; the end at which the links
-have come nearer to one another closes it. Then all close together, and the poses on the way are kept.
+Each actuator is driven to both ends of its range while the others stay in the middle; it closes towards the end at
+which the links are nearer to one another. Then all actuators close together, and the poses on the way are kept.
 
-Units: metres, seconds; controls in the actuator's own units. Everything here is deterministic.
+Units: metres, seconds; controls in the actuator's own units. The result is deterministic.
 """
 
 from __future__ import annotations
@@ -18,21 +18,21 @@ from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError
 
-_LONGEST = 6.0  # s; a stroke that takes longer is cut off
-_LOOK = 4e-3  # s between two looks at the pose
+_LONGEST = 6.0  # s; longer strokes are cut off
+_LOOK = 4e-3  # s between two samples of the pose
 _FRAMES = 40
-_SIDEWAYS = 0.05  # below this cosine between motion and approach an actuator neither opens nor closes
+_SIDEWAYS = 0.05  # an actuator with a smaller |cosine| between motion and approach neither opens nor closes
 
 
 @dataclass(frozen=True, eq=False)
 class Stroke:
-    """The gripper on its way from open to closed.
+    """Motion of a gripper from open to closed.
 
     Attributes:
         actuators: Names of the actuators.
-        open_ctrl: ``(nu,)`` controls that open.
-        close_ctrl: ``(nu,)`` controls that close; equal to `open_ctrl` for an actuator that does neither.
-        score: ``(nu,)`` mean cosine between what the actuator moves and where the other links are.
+        open_ctrl: ``(nu,)`` controls that open the gripper.
+        close_ctrl: ``(nu,)`` controls that close it; equal to `open_ctrl` for an actuator that does neither.
+        score: ``(nu,)`` mean cosine between the motion of the links an actuator moves and the direction to the others.
         spread: ``(nu,)`` True for an actuator that only spreads fingers sideways; it stays in the middle.
         qpos: ``(frames, nq)`` poses, open first.
         pos: ``(frames, nbody, 3)`` body positions.
@@ -50,20 +50,20 @@ class Stroke:
 
     @property
     def summary(self) -> str:
-        """What each actuator does, in one line."""
+        """Controls of each actuator, in one line."""
         ends = zip(self.actuators, self.open_ctrl, self.close_ctrl, strict=True)
         return ", ".join(f"{n} {f'held at {b:.4g}' if a == b else f'{a:.4g} to {b:.4g}'}" for n, a, b in ends)
 
 
 def collision_geoms(model: mujoco.MjModel) -> NDArray[np.int64]:
-    """Ids of the geoms that can touch anything: contype or conaffinity is not zero."""
+    """Return the ids of the geoms that can collide, whose contype or conaffinity is not zero."""
     return np.flatnonzero((model.geom_contype != 0) | (model.geom_conaffinity != 0))
 
 
 def links_of(model: mujoco.MjModel) -> dict[int, tuple[int, ...]]:
-    """Collision geoms of each link that has any: body id of the link (0 for what cannot move) -> geom ids.
+    """Map the body id of each link with collision geoms to their geom ids; link 0 is everything that cannot move.
 
-    A link is a body together with the bodies welded to it; MuJoCo's ``body_weldid`` names it.
+    A link is a body together with the bodies welded to it; its body id is MuJoCo's ``body_weldid``.
     """
     links: dict[int, list[int]] = {}
     for geom in collision_geoms(model):
@@ -72,7 +72,7 @@ def links_of(model: mujoco.MjModel) -> dict[int, tuple[int, ...]]:
 
 
 def ancestors(model: mujoco.MjModel, link: int) -> tuple[int, ...]:
-    """Links between `link` and the world, nearest first, the world (0) included."""
+    """Return the links between `link` and the world, nearest first, including the world (0)."""
     chain: list[int] = []
     while link:
         link = int(model.body_weldid[model.body_parentid[link]])
@@ -81,10 +81,10 @@ def ancestors(model: mujoco.MjModel, link: int) -> tuple[int, ...]:
 
 
 def control_range(model: mujoco.MjModel) -> NDArray[np.float64]:
-    """``(nu, 2)`` the ends between which each actuator is driven.
+    """Return the lower and upper control of each actuator, ``(nu, 2)``.
 
-    Its ctrlrange; without one, the range of its joint or tendon for an actuator that holds a position, else its
-    forcerange, else -1 to 1.
+    These are its ctrlrange. Without a ctrlrange, they are the range of its joint or tendon if the actuator holds a
+    position, else its forcerange, else -1 to 1.
     """
     ends = np.tile([-1.0, 1.0], (model.nu, 1))
     joint = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
@@ -104,16 +104,16 @@ def control_range(model: mujoco.MjModel) -> NDArray[np.float64]:
 
 
 def close_gripper(model: mujoco.MjModel) -> Stroke:
-    """Find out which way each actuator closes, then close them all.
+    """Find out in which direction each actuator closes, then close all of them.
 
     Args:
-        model: Compiled model of the gripper alone; its option flags are changed (no gravity, no contacts).
+        model: Compiled model of the gripper alone; gravity and contacts are disabled in its option flags.
 
     Returns:
         The stroke.
 
     Raises:
-        InvalidValueError: There is no actuator, or driving them moves nothing or is unstable.
+        InvalidValueError: There is no actuator, or the simulation is unstable.
     """
     if not model.nu:
         raise InvalidValueError("the gripper has no actuators, so nothing closes: give its mounts by hand")
@@ -150,7 +150,7 @@ def _drive(
     start: mujoco.MjData | None = None,
     frames: list[tuple[NDArray[np.float64], ...]] | None = None,
 ) -> mujoco.MjData:
-    """Simulate under constant controls until nothing moves; collect poses if asked."""
+    """Simulate with constant controls until nothing moves; append the poses to `frames` if given."""
     data: mujoco.MjData = mujoco.MjData(model) if start is None else start
     data.ctrl[:] = ctrl
     every = max(1, round(_LOOK / model.opt.timestep))
@@ -174,14 +174,14 @@ def _frame(data: mujoco.MjData) -> tuple[NDArray[np.float64], ...]:
 
 
 def _evenly(geoms: NDArray[np.float64]) -> Sequence[int]:
-    """Indices of about `_FRAMES` frames between which the geoms move equally far; the last frame is one."""
+    """Return the indices of about `_FRAMES` frames with equal motion between them, the last frame included."""
     travel = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(geoms, axis=0), axis=-1).max(axis=1, initial=0.0)))
     wanted = np.linspace(0, travel[-1], _FRAMES)
     return [int(i) for i in np.unique(np.append(np.searchsorted(travel, wanted - 1e-12), len(travel) - 1))]
 
 
 def _centres(model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.float64]:
-    """``(links, 3)`` mean position of each link's collision geoms, in the order of `links_of`."""
+    """Return the mean position of each link's collision geoms, ``(links, 3)``, in the order of `links_of`."""
     return np.stack([data.geom_xpos[list(geoms)].mean(axis=0) for geoms in links_of(model).values()])
 
 
@@ -191,10 +191,10 @@ def _approach(
     end: NDArray[np.float64],
     rest: NDArray[np.float64],
 ) -> float:
-    """Mean cosine between the links' motion from `start` to `end` and the direction to other links.
+    """Return the mean cosine between the links' motion from `start` to `end` and the direction to other links.
 
-    Every two links of different fingers count, by how much they move relative to each other and how near they
-    are; 1 means that the motion brings all of them nearer, -1 that it takes them apart.
+    The mean is over all pairs of links of different fingers, weighted by their relative motion and by the inverse of
+    their distance. A value of 1 means that all pairs approach each other, -1 that all separate.
     """
     moved = np.linalg.norm(end - start, axis=1) > 1e-6
     centre = np.where(moved[:, None], (start + end) / 2, rest)
@@ -215,10 +215,13 @@ def _approach(
 
 
 def _spreads(motions: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Which actuators only spread fingers: all that move the same link twice as far move it across.
+    """Return which actuators only spread fingers sideways.
+
+    Other actuators move the link that such an actuator moves most more than twice as far, and all of them move it in a
+    transverse direction.
 
     Args:
-        motions: ``(nu, links, 3)`` how far each actuator moves each link.
+        motions: ``(nu, links, 3)`` displacement of each link by each actuator.
     """
     length = np.linalg.norm(motions, axis=-1)
     spread = np.zeros(len(motions), dtype=bool)

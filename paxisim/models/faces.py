@@ -1,8 +1,8 @@
-"""Faces: the flat part of a finger that looks in a given direction, found on its collision geoms.
+"""Faces: find the flat part of a finger that faces a given direction, on its collision geoms.
 
-MuJoCo collides every mesh as its convex hull, so the hull is what is looked at here. Each geom becomes a cloud
-of small triangles (`surface_of`); seen from one direction only the foremost triangle of each cell counts, like in
-a depth image, and the face is the plane with the largest connected area within `DEPTH` of it (`find_face`).
+MuJoCo collides every mesh as its convex hull, so the search also uses the hull. Each geom becomes a set of small
+triangles (`surface_of`). Seen from one direction, only the foremost triangle of each cell counts, as in a depth image,
+and the face is the plane with the largest connected area within `DEPTH` of it (`find_face`).
 
 Conventions: lengths in m; points and normals in the frame of the link, which is a body together with the bodies
 welded to it; "height" is measured along the face's outward normal.
@@ -23,16 +23,16 @@ from scipy.spatial import ConvexHull
 DEPTH = 1e-3
 """Depth (m) within which a curved surface counts as one face: the thickness of the gel."""
 
-_STEP = 0.15e-3  # a parallel surface further back than this is another face
+_STEP = 0.15e-3  # a parallel surface further back belongs to another face
 _COS_PARALLEL = np.cos(np.radians(3))
-_SHARE = 0.2  # the foremost plane with this share of the largest plane's area is the face
-_COS_TILT = np.cos(np.radians(40))  # a triangle tilted further does not belong to the face
-_COS_SEARCH = np.cos(np.radians(55))  # how far from the asked direction a face may look
+_SHARE = 0.2  # the face is the foremost plane with at least this share of the largest plane's area
+_COS_TILT = np.cos(np.radians(40))  # a triangle tilted more does not belong to the face
+_COS_SEARCH = np.cos(np.radians(55))  # largest angle between a face's normal and the requested direction
 
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """The collision surface of a link as small triangles.
+    """Collision surface of a link as small triangles.
 
     Attributes:
         triangles: ``(N, 3, 3)`` corners, link frame.
@@ -48,7 +48,7 @@ class Surface:
 
     @cached_property
     def points(self) -> NDArray[np.float64]:
-        """``(N, 3)`` centres of the triangles."""
+        """Centres of the triangles, ``(N, 3)``."""
         return self.triangles.mean(axis=1)
 
 
@@ -60,10 +60,10 @@ class Face:
         center: Centre of the face on its plane, link frame.
         frame: ``(3, 3)`` columns x, y, z of the pad frame in the link frame; z points into the link.
         size: Extent along y and along x.
-        fill: Share of that rectangle which lies within `DEPTH` of the plane.
-        flatness: How far the face falls back from its plane, at most `DEPTH`.
-        geoms: Geoms that would shadow a pad on the face (`shadowing`): first those that are seen on it, the one
-            with the largest area first, then those hidden close behind.
+        fill: Share of that rectangle that lies within `DEPTH` of the plane.
+        flatness: Largest distance of the face behind its plane, at most `DEPTH`.
+        geoms: Geoms that would shadow a pad on the face (`shadowing`): first the visible ones, by decreasing area,
+            then those hidden closely behind.
     """
 
     center: NDArray[np.float64]
@@ -75,14 +75,14 @@ class Face:
 
 
 def surface_of(model: mujoco.MjModel, data: mujoco.MjData, geoms: Sequence[int], link: int, cells: int = 80) -> Surface:
-    """The surface of `geoms` in the frame of body `link`.
+    """Return the surface of `geoms` in the frame of body `link`.
 
     Args:
         model: Compiled model.
-        data: Its data, with the kinematics computed.
-        geoms: Geom ids; planes and height fields are left out.
+        data: Data of the model, with the kinematics computed.
+        geoms: Geom ids; planes and height fields are ignored.
         link: Body id of the link.
-        cells: The largest link dimension is divided into so many triangle edges, of 0.5 mm at least.
+        cells: Number of triangle edges along the largest dimension of the link; edges are at least 0.5 mm long.
     """
     import trimesh
 
@@ -110,7 +110,7 @@ def surface_of(model: mujoco.MjModel, data: mujoco.MjData, geoms: Sequence[int],
 
 
 def shape_of(model: mujoco.MjModel, geom: int) -> tuple[NDArray[np.float64], NDArray[np.int64]] | None:
-    """Vertices and outward faces of a geom in its own frame, or None where it has no closed surface."""
+    """Return vertices and outward faces of a geom in its own frame, or None if it has no closed surface."""
     from trimesh import creation
 
     kind, size = int(model.geom_type[geom]), model.geom_size[geom]
@@ -128,7 +128,7 @@ def shape_of(model: mujoco.MjModel, geom: int) -> tuple[NDArray[np.float64], NDA
         solid = creation.icosphere(subdivisions=4, radius=1.0)
         solid.apply_scale(size)
     elif kind == int(kinds.mjGEOM_CYLINDER):
-        # rings as far apart as the sections are wide: long thin triangles would be split into very many
+        # space the rings like the sections: long thin triangles would be split into very many
         radius, half = float(size[0]), float(size[1])
         rings = np.linspace(-half, half, int(np.clip(2 * half * 64 / (2 * np.pi * radius), 1, 200)) + 1)
         outline = np.vstack([[0.0, -half], np.column_stack([np.full_like(rings, radius), rings]), [0.0, half]])
@@ -157,22 +157,22 @@ def find_face(
     base: NDArray[np.float64],
     near: tuple[NDArray[np.float64], float] | None = None,
 ) -> Face | None:
-    """The face of `surface` that looks along `direction`.
+    """Find the face of `surface` that faces `direction`.
 
-    Among the directions in which the surface has area, and within 55 degrees of `direction`, the one whose plane
-    has the largest connected area wins. Area counts more the further it is from the finger's base, and is
-    weighted by the squared cosine of the angle to `direction`; `direction` itself has a small
-    advantage, which decides on round fingers. Then the normal is refined to the mean normal of that area.
+    The candidates are directions in which the surface has area, within 55 degrees of `direction`. The face is the
+    candidate whose plane has the largest connected area. Area counts more with its distance from the finger's base,
+    and is weighted by the squared cosine of the angle to `direction`. A bonus for `direction` itself decides on round
+    fingers. Finally, the normal is refined to the mean normal of that area.
 
     Args:
-        surface: The link's surface.
-        direction: ``(3,)`` where the face should look, link frame; need not be of unit length.
-        base: ``(3,)`` a point at the finger's base: y points from there to the face.
-        near: A point and a radius: only the part of the surface within that distance of the line through the
-            point along `direction` is considered.
+        surface: Surface of the link.
+        direction: ``(3,)`` direction of the outward normal, link frame; need not be of unit length.
+        base: ``(3,)`` point at the base of the finger: y points from there to the face.
+        near: A point and a radius: use only the part of the surface within that distance of the line through the
+            point along `direction`.
 
     Returns:
-        The face, or None where nothing looks that way.
+        The face, or None if no part of the surface faces that way.
     """
     goal = _unit(direction)
     if near is not None:
@@ -206,7 +206,7 @@ def find_face(
 
 @dataclass(frozen=True, eq=False)
 class _Region:
-    """Cells of a depth image that make up one plane: their triangles, weighted area, and the plane's height."""
+    """Triangles of a depth image that form one plane, with their weighted area and the height of the plane."""
 
     members: NDArray[np.int64]
     area: float
@@ -223,7 +223,7 @@ def _areas(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _candidates(surface: Surface, goal: NDArray[np.float64], most: int = 10) -> Iterator[NDArray[np.float64]]:
-    """`goal` itself and the normals of the largest facets within 55 degrees of it, 8 degrees apart."""
+    """Yield `goal` and the normals of the largest facets within 55 degrees of it, at least 8 degrees apart."""
     yield goal
     facing = surface.normals @ goal > _COS_SEARCH
     normals, weights = surface.normals[facing], _areas(surface.triangles[facing])
@@ -244,16 +244,16 @@ def _unit(vector: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _plane_axes(normal: NDArray[np.float64]) -> NDArray[np.float64]:
-    """``(3, 2)`` two unit vectors that span the plane."""
+    """Return two unit vectors that span the plane, ``(3, 2)``."""
     a = np.eye(3)[int(np.abs(normal).argmin())]
     u = _unit(np.cross(normal, a))
     return np.stack([u, np.cross(normal, u)], axis=1)
 
 
 def _region(surface: Surface, normal: NDArray[np.float64], weights: NDArray[np.float64]) -> _Region | None:
-    """The foremost plane across `normal` that has a good share of the largest plane's visible area.
+    """Return the foremost plane normal to `normal` with at least `_SHARE` of the largest plane's visible area.
 
-    A plane that is mostly flat ends where it bends; a curved one reaches `DEPTH` back.
+    A mostly flat plane ends where the surface bends; a curved one reaches `DEPTH` back.
     """
     cell = 1.5 * surface.edge
     points = surface.points
@@ -300,7 +300,7 @@ def _region(surface: Surface, normal: NDArray[np.float64], weights: NDArray[np.f
 def _fit(surface: Surface, normal: NDArray[np.float64], region: _Region, base: NDArray[np.float64]) -> Face:
     """Turn a region into a rectangle with a frame."""
     corners = surface.triangles[region.members].reshape(-1, 3)
-    # the depth image has rounded edges off by up to a cell: take in the neighbours on the same plane
+    # edges in the depth image are off by up to a cell: include neighbours on the same plane
     tops = surface.triangles @ normal
     facing = surface.normals @ normal
     depth = np.where(facing > _COS_PARALLEL, _STEP, DEPTH)
@@ -336,10 +336,10 @@ def _fit(surface: Surface, normal: NDArray[np.float64], region: _Region, base: N
 
 
 def _row_axis(flat: NDArray[np.float64], outward: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The axis of the smallest rectangle around `flat` that is nearest to `outward`, within 45 degrees.
+    """Return the axis of the smallest rectangle around `flat` that is within 45 degrees of `outward`.
 
-    Where all rectangles are about as small, `outward` itself. Where that has next to no length, the rectangle's
-    longer side.
+    If all rectangles are about equally small, this is `outward` itself. If `outward` is very short, it is the longer
+    side of the rectangle.
     """
     points = flat[ConvexHull(flat, qhull_options="QJ Pp").vertices]
     edges = np.roll(points, -1, axis=0) - points
@@ -371,14 +371,14 @@ def shadowing(
     size: tuple[float, float],
     depth: float = DEPTH + 0.3e-3,
 ) -> tuple[int, ...]:
-    """Geoms that reach further out than `depth` behind the plane of a pad, under its area.
+    """Return the geoms under the area of a pad that reach to within `depth` behind its plane, or beyond the plane.
 
     Args:
-        surface: The link's surface.
+        surface: Surface of the link.
         center: ``(3,)`` centre of the pad, link frame.
         frame: ``(3, 3)`` pad frame in the link frame, columns x, y, z.
         size: Extent of the pad along y and along x.
-        depth: How far behind its plane a pad needs room: the gel and the bumps of its surface.
+        depth: Room that a pad needs behind its plane, for the gel and the bumps of its surface.
 
     Returns:
         Geom ids in ascending order.

@@ -1,11 +1,11 @@
-"""find_mounts: where the pads go on a gripper that paxisim has never seen.
+"""find_mounts: propose mounts for the pads on a gripper that paxisim does not know.
 
-It closes the gripper's actuators (`paxisim.models.closing`), picks the fingertips that come nearer to one another,
-finds on each the face that looks at the others (`paxisim.models.faces`), and says what it did. A gripper with one
-moving jaw gets a pad on that jaw and one on the part it closes against.
+The search closes the gripper's actuators (`paxisim.models.closing`), picks the fingertips that approach one another,
+finds on each the face towards the others (`paxisim.models.faces`), and reports what it did. A gripper with one moving
+jaw gets a pad on that jaw and one on the part it closes against.
 
-The pad frame it proposes: z into the finger, y from the finger's base to its tip so that row 0 is nearest the
-palm, x = y cross z; the sensing surface is the plane of the face. Lengths in m.
+The proposed pad frame has z into the finger, y from the finger's base to its tip, so that row 0 is nearest the palm,
+and x = y cross z. The sensing surface is the plane of the face. Lengths in m.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ from paxisim.models.mount import Mount
 
 @dataclass(frozen=True)
 class FoundFace:
-    """A face that a pad can go on.
+    """A face that can carry a pad.
 
     Attributes:
-        mount: The proposed mount.
+        mount: Proposed mount.
         size: Extent of the face (m) along y and along x.
-        flatness: How far the face falls back from its plane (m), about 1 mm at most.
-        fill: Share of the rectangle that lies within 1 mm of the plane; below 0.7 the face is round.
-        opposite: Bodies that the face closes against.
-        geoms: Names of the geoms that `mount` replaces, with those on other bodies.
+        flatness: Largest distance of the face behind its plane (m), at most about 1 mm.
+        fill: Share of the rectangle that lies within 1 mm of the plane; below 0.7 the face is round or narrow.
+        opposite: Names of the bodies that the face closes against.
+        geoms: Names of the geoms that shadow a pad on the face, on its own and on other bodies.
     """
 
     mount: Mount
@@ -49,14 +49,14 @@ class FoundFace:
 
 @dataclass(frozen=True, eq=False)
 class FoundMounts:
-    """What `find_mounts` found.
+    """Result of `find_mounts`.
 
     Attributes:
-        faces: One per fingertip.
-        report: What was done and found, for people.
-        model: The gripper as it was looked at, for drawing.
-        open_qpos: ``(nq,)`` its pose with the gripper open.
-        grasp_qpos: ``(nq,)`` its pose when the first fingertips meet or are nearest.
+        faces: Faces, one per fingertip.
+        report: Readable account of the search and its result.
+        model: Model of the gripper that was searched, for drawing.
+        open_qpos: ``(nq,)`` pose with the gripper open.
+        grasp_qpos: ``(nq,)`` pose in which the first fingertips meet or are nearest.
     """
 
     faces: tuple[FoundFace, ...]
@@ -72,17 +72,17 @@ class FoundMounts:
 
 
 def find_mounts(gripper: mujoco.MjSpec | str | Path) -> FoundMounts:
-    """Propose a mount for every fingertip of a gripper, by closing it and looking at what meets.
+    """Propose a mount for every fingertip of a gripper, by closing it and finding the faces that meet.
 
     Args:
-        gripper: The gripper alone: an MjSpec (left as it is), a path to its MJCF, or the MJCF text.
+        gripper: The gripper alone: an MjSpec (left unchanged), the path of its MJCF file, or the MJCF text.
 
     Returns:
-        The mounts, with the report.
+        The faces with their mounts, and a report.
 
     Raises:
-        InvalidValueError: Nothing closes or nothing opposes, or a finger's body has no name; the message says what was
-            found.
+        InvalidValueError: Nothing closes, no fingertips oppose each other, or a finger's body has no name; the message
+            says what was found.
     """
     spec = load_spec(gripper)
     for key in list(spec.keys):
@@ -97,19 +97,19 @@ def find_mounts(gripper: mujoco.MjSpec | str | Path) -> FoundMounts:
 
 
 def choose_mounts(spec: mujoco.MjSpec, file: str = "") -> tuple[tuple[Mount, ...], str]:
-    """The known mounts of a gripper file that robosuite ships, else those that `find_mounts` proposes.
+    """Return the known mounts of a gripper file that robosuite ships, else those that `find_mounts` proposes.
 
-    A file counts as known if it has the name of one and the bodies and geoms that its mounts need.
+    A file counts as known if its name is known and it has the bodies and geoms that the mounts need.
 
     Args:
-        spec: The gripper (left as it is).
-        file: Name of the file it came from, if it did.
+        spec: The gripper (left unchanged).
+        file: Name of the file it came from, if any.
 
     Returns:
-        The mounts, and for people how they were chosen.
+        The mounts, and a readable account of how they were chosen.
 
     Raises:
-        InvalidValueError: The gripper is not known, and nothing closes or opposes.
+        InvalidValueError: The gripper is not known, and `find_mounts` found no mounts.
     """
     known = mounts_for_file(file)
     if known is not None and _fits(spec, known):
@@ -131,7 +131,7 @@ _Found = dict[int, tuple[Face, tuple[int, ...]]]  # link -> its face and the lin
 
 
 class _Search:
-    """The search, one step a method."""
+    """The search, with one method per step."""
 
     def __init__(self, fingers: Fingers) -> None:
         self.fingers = fingers
@@ -145,8 +145,8 @@ class _Search:
         found = self._opposing_tips(tips, pairs) if pairs else self._jaw_against_rest(tips)
         if not found:
             raise InvalidValueError(
-                f"the gripper closes ({self.stroke.summary}), which moves {names}, but they do not come nearer to one "
-                "another or to a face that could carry a pad: give its mounts by hand"
+                f"the gripper closes ({self.stroke.summary}), which moves {names}, but they do not approach one "
+                "another or a face that could carry a pad: give its mounts by hand"
             )
         faces = tuple(self._found(link, face, others) for link, (face, others) in sorted(found.items()))
         grasp = min((p.frame for p in pairs), default=len(self.stroke.qpos) - 1)
@@ -169,13 +169,13 @@ class _Search:
                 self.fingers.surface(tip), self.fingers.across_hinge(tip, direction), self.fingers.base(tip)
             )
             if face is None:
-                self.warnings.append(f"{self.fingers.name(tip)}: no face looks at the other fingers: no pad on it")
+                self.warnings.append(f"{self.fingers.name(tip)}: no face towards the other fingers: no pad on it")
             else:
                 found[tip] = (face, tuple(other for other, _ in mine))
         return found
 
     def _jaw_against_rest(self, tips: list[int]) -> _Found:
-        """Jaws that close on what does not move; that gets a pad opposite the first jaw."""
+        """Find the faces of jaws that close on a fixed part, which gets a pad opposite the first jaw."""
         found: _Found = {}
         last = len(self.stroke.qpos) - 1
         for tip in tips:
@@ -199,8 +199,8 @@ class _Search:
         if not model.body(body).name:
             parent = self.fingers.body_name(int(model.body_parentid[body]))
             raise InvalidValueError(
-                f"a pad would go on {self.fingers.body_name(body)} (its parent is {parent}), which has no name: give "
-                "it one, by which a mount can say where its pad goes"
+                f"a pad would go on {self.fingers.body_name(body)} (its parent is {parent}), which has no name: name "
+                "it, since a mount refers to its body by name"
             )
         rot, pos = self.fingers.data.xmat[body].reshape(3, 3), self.fingers.data.xpos[body]
         world = self.stroke.rot[0, link]
@@ -230,7 +230,7 @@ class _Search:
         labels = tuple(self._geom_name(geom) for geom in face.geoms)
         return FoundFace(mount, face.size, face.flatness, face.fill, tuple(map(self.fingers.name, others)), labels)
 
-    # what it says
+    # report
 
     def _geom_name(self, geom: int) -> str:
         body = int(self.model.geom_bodyid[geom])
@@ -273,13 +273,13 @@ class _Search:
     def _notes(self, link: int, face: Face, found: FoundFace, others: tuple[int, ...]) -> list[str]:
         notes = []
         if found.fill < 0.7:
-            notes.append("the face is round or narrow: the pad's edges stand out from it")
+            notes.append("the face is round or narrow: the edges of the pad stand out from it")
         corners = self.fingers.surface(link).triangles.reshape(-1, 3)
         mine = np.isin(np.repeat(self.fingers.surface(link).geoms, 3), face.geoms)
         local = (corners[mine] - face.center) @ face.frame
         beyond = float(np.max(np.abs(local[:, :2]) - np.array([face.size[1], face.size[0]]) / 2))
         if beyond > 2e-3:
             notes.append(
-                f"what is switched off reaches {beyond * 1e3:.0f} mm beyond the face: the finger has no contact there"
+                f"the geoms switched off reach {beyond * 1e3:.0f} mm beyond the face: the finger has no contact there"
             )
         return notes

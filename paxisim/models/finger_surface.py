@@ -1,4 +1,4 @@
-"""finger_surface: the surface a pad on a curved finger lies on, taken from the gripper's own geoms."""
+"""finger_surface: the surface under a pad on a curved finger, from the gripper's own geoms."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 
 
 def finger_surface(gripper: mujoco.MjSpec | str | Path, mount: Mount) -> trimesh.Trimesh:
-    """The geoms that a mount replaces, as one mesh in the frame of its pad, ready for `conform`.
+    """Return the geoms that a mount replaces as one mesh in the pad frame, for `conform`.
 
-    Meshes are taken as they are, not as the convex hulls that MuJoCo collides.
+    Meshes are used as they are, not as the convex hulls that MuJoCo collides.
 
     Example:
         ```python
@@ -32,7 +32,7 @@ def finger_surface(gripper: mujoco.MjSpec | str | Path, mount: Mount) -> trimesh
 
     Args:
         gripper: A spec, an MJCF file or MJCF text.
-        mount: Where the pad goes; its `replaces` are the finger's geoms.
+        mount: Mount of the pad; its `replaces` are the finger's geoms.
 
     Raises:
         InvalidValueError: The gripper cannot be read, or the mount replaces no geom that has a surface.

@@ -1,7 +1,7 @@
-"""Fingertips: which links of a closing gripper would hold an object, and which of them oppose each other.
+"""Fingertips: find the links of a closing gripper that would hold an object, and the pairs that oppose each other.
 
-A link is a body with the bodies welded to it. Points and directions are in the frame of their link unless said
-otherwise, lengths in m; "frame" in a signature is the index of a pose of the stroke, open first.
+A link is a body with the bodies welded to it. Points and directions are in the frame of their link unless stated
+otherwise; lengths in m. The argument ``frame`` is the index of a pose of the stroke, counted from open.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from paxisim.errors import InvalidValueError
 from paxisim.models.closing import Stroke, ancestors, links_of
 from paxisim.models.faces import Surface, surface_of
 
-_MOVES = 0.25  # a fingertip moves at least this share of what the fastest link moves
+_MOVES = 0.25  # a fingertip moves at least this share of the largest motion of any link
 _CLOSES = 0.1  # two fingertips oppose if their mean distance shrinks by at least this share
-_SAME_WAY = 0.5  # cosine above which two links move in the same direction
+_SAME_WAY = 0.5  # two links move in the same direction above this cosine
 
 
 @dataclass(frozen=True)
@@ -29,8 +29,8 @@ class Pair:
     Attributes:
         a: One link.
         b: The other.
-        frame: The pose in which they have all but closed.
-        gap: Their mean distance in that pose.
+        frame: Index of the first pose in which their distance has shrunk by 90 % of its total decrease.
+        gap: Mean distance between them in that pose.
     """
 
     a: int
@@ -40,14 +40,14 @@ class Pair:
 
 
 class Fingers:
-    """A gripper with its stroke: where its links are, how they move, which are fingertips."""
+    """A gripper with its stroke: positions and motions of its links, and which links are fingertips."""
 
     def __init__(self, model: mujoco.MjModel, stroke: Stroke) -> None:
-        """Measure how far the links move.
+        """Compute the motion of the links.
 
         Args:
-            model: The gripper.
-            stroke: From `close_gripper`.
+            model: Compiled model of the gripper.
+            stroke: Result of `close_gripper`.
         """
         self.model, self.stroke = model, stroke
         self.data = mujoco.MjData(model)
@@ -59,36 +59,36 @@ class Fingers:
         self.moves = {k: self.world(k, -1, c) - self.world(k, 0, c) for k, c in self.centre.items()}
 
     def world(self, link: int, frame: int, point: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Points of a link in the world at a pose."""
+        """Transform points of a link to the world frame at a pose."""
         return point @ self.stroke.rot[frame, link].T + self.stroke.pos[frame, link]
 
     def local(self, link: int, frame: int, point: NDArray[np.float64]) -> NDArray[np.float64]:
-        """World points in the link's frame at a pose."""
+        """Transform world points to the frame of a link at a pose."""
         return (point - self.stroke.pos[frame, link]) @ self.stroke.rot[frame, link]
 
     def surface(self, link: int) -> Surface:
-        """The link's collision surface; computed once."""
+        """Return the collision surface of a link; computed once."""
         if link not in self._surfaces:
             cells = 80 if link else 150
             self._surfaces[link] = surface_of(self.model, self.data, self.links[link], link, cells)
         return self._surfaces[link]
 
     def cloud(self, link: int, count: int = 600) -> NDArray[np.float64]:
-        """About `count` points spread over the link's surface."""
+        """Return about `count` points spread over the surface of a link."""
         points = self.surface(link).points
         return points[:: max(1, len(points) // count)]
 
     def name(self, link: int) -> str:
-        """Name of a link: that of its body with the most collision geoms."""
+        """Return the name of a link: that of its body with the most collision geoms."""
         bodies = [int(self.model.geom_bodyid[g]) for g in self.links[link]]
         return self.body_name(max(bodies, key=bodies.count))
 
     def body_name(self, body: int) -> str:
-        """The body's name, or its number where it has none."""
+        """Return the name of a body, or its number if it has none."""
         return self.model.body(body).name or f"body {body}"
 
     def fingertips(self) -> list[int]:
-        """The last links of their chains that move when the gripper closes; of one linkage only the outer ones."""
+        """Return the last links of all chains that move when the gripper closes; of a linkage, only the outer ones."""
         inner = {a for link in self.links for a in ancestors(self.model, link)}
         length = {k: float(np.linalg.norm(m)) for k, m in self.moves.items()}
         most = max(length.values())
@@ -107,14 +107,14 @@ class Fingers:
         return [t for t in tips if not any(inside(t, other) for other in tips if other != t)]
 
     def _reach(self, link: int) -> float:
-        """Largest distance of the link from the gripper's first body, when open."""
+        """Return the largest distance of a link from the gripper's first body, when open."""
         return float(np.linalg.norm(self.world(link, 0, self.cloud(link)) - self._root(link), axis=1).max())
 
     def _root(self, link: int) -> NDArray[np.float64]:
         return self.stroke.pos[0, int(self.model.body_rootid[link])]
 
     def pairs(self, tips: list[int]) -> list[Pair]:
-        """The fingertips that come nearer to each other without moving the same way."""
+        """Return the pairs of fingertips that approach each other without moving in the same direction."""
         pairs = []
         for i, a in enumerate(tips):
             for b in tips[i + 1 :]:
@@ -129,18 +129,18 @@ class Fingers:
         return pairs
 
     def _distance(self, a: int, b: int, frame: int) -> float:
-        """Mean distance from a point of one link to the nearest point of the other, over both."""
+        """Return the mean distance from a point of one link to the nearest point of the other, over both links."""
         one, two = self.world(a, frame, self.cloud(a)), self.world(b, frame, self.cloud(b))
         return float(KDTree(one).query(two)[0].mean() + KDTree(two).query(one)[0].mean()) / 2
 
     def motion(self, link: int, frame: int) -> NDArray[np.float64]:
-        """Mean direction of motion of a link up to `frame`, in its own frame."""
+        """Return the mean direction of motion of a link up to `frame`, in its own frame."""
         path = np.stack([self.world(link, f, self.centre[link]) for f in range(max(frame, 1) + 1)])
         steps = np.einsum("fji,fj->fi", self.stroke.rot[: len(path) - 1, link], np.diff(path, axis=0))
         return unit(steps.sum(axis=0))
 
     def _hinge(self, link: int) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-        """Anchor and axis of the link's own hinge in its frame, None where it has none."""
+        """Return anchor and axis of the link's own hinge in its frame, or None if it has no hinge."""
         model = self.model
         for joint in range(model.njnt):
             hinge = int(model.jnt_type[joint]) == int(mujoco.mjtJoint.mjJNT_HINGE)
@@ -150,14 +150,14 @@ class Fingers:
         return None
 
     def base(self, link: int) -> NDArray[np.float64]:
-        """Where a finger begins, in the link's frame: its hinge, or else the gripper's first body."""
+        """Return the base of a finger in the link's frame: its hinge, or else the gripper's first body."""
         hinge = self._hinge(link)
         return self.local(link, 0, self._root(link)) if hinge is None else hinge[0]
 
     def across_hinge(self, link: int, direction: NDArray[np.float64]) -> NDArray[np.float64]:
-        """`direction` without its part along the link's hinge, as a finger touches with the side it flexes to.
+        """Return `direction` without its component along the link's hinge, since a finger flexes across its hinge.
 
-        Left as it is where it points mostly along the hinge.
+        A direction mostly along the hinge is returned unchanged.
         """
         hinge = self._hinge(link)
         if hinge is None:
@@ -167,12 +167,12 @@ class Fingers:
 
 
 def unit(vector: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The vector at unit length; zero stays zero."""
+    """Scale a vector to unit length; zero stays zero."""
     return vector / max(float(np.linalg.norm(vector)), 1e-12)
 
 
 def _linkages(model: mujoco.MjModel) -> NDArray[np.int64]:
-    """``(nbody,)`` a label for each body's link: links coupled by tendons or equalities share one."""
+    """Return a label for the link of each body, ``(nbody,)``; links coupled by tendons or equalities share one."""
     label = np.arange(model.nbody)
 
     def join(bodies: list[int]) -> None:

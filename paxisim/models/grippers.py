@@ -1,7 +1,7 @@
-"""Grippers: where the pads go on the grippers that robosuite 1.5.2 ships.
+"""Grippers: mounts for the pads on the grippers that robosuite 1.5.2 ships.
 
-The mounts were proposed by `find_mounts` and checked on pictures; those of bd's beak, the hands' thumbs and the
-wiping tool, which `find_mounts` cannot or need not place well, were chosen by hand. y points from the palm to the
+`find_mounts` proposed the mounts, and pictures confirmed them. The mounts on bd's beak, the hands' thumbs and the
+wiping tool were chosen by hand, since `find_mounts` cannot or need not place them well. y points from the palm to the
 fingertip, z into the finger; lengths in m.
 """
 
@@ -24,8 +24,8 @@ class KnownGripper:
 
     Attributes:
         file: Name of its file among robosuite's grippers.
-        face_mm: Extent (mm) along y and along x that every one of its faces has: the largest pad that fits all.
-        mounts: Where the pads go.
+        face_mm: Extent (mm) along y and along x of the largest pad that fits all of its faces.
+        mounts: Mounts of the pads.
     """
 
     file: str
@@ -34,15 +34,15 @@ class KnownGripper:
 
 
 def known_grippers() -> tuple[str, ...]:
-    """The names that `mounts_for` knows."""
+    """Return the names of the grippers that `mounts_for` knows."""
     return tuple(_KNOWN)
 
 
 def known_gripper(name: str) -> KnownGripper:
-    """The entry of a known gripper.
+    """Return the entry of a known gripper.
 
     Raises:
-        UnknownNameError: There is no such gripper; the message offers the near matches.
+        UnknownNameError: There is no such gripper; the message suggests similar names.
     """
     if name not in _KNOWN:
         raise UnknownNameError("gripper", name, _KNOWN)
@@ -50,25 +50,25 @@ def known_gripper(name: str) -> KnownGripper:
 
 
 def mounts_for(name: str) -> tuple[Mount, ...]:
-    """The mounts of a known gripper.
+    """Return the mounts of a known gripper.
 
     Raises:
-        UnknownNameError: There is no such gripper; the message offers the near matches.
+        UnknownNameError: There is no such gripper; the message suggests similar names.
     """
     return known_gripper(name).mounts
 
 
 def mounts_for_file(path: str | Path) -> tuple[Mount, ...] | None:
-    """The mounts of the known gripper whose file has the name of `path`, None where there is none. No I/O."""
+    """Return the mounts of the known gripper whose file has the name of `path`, or None. Does not read the file."""
     file = Path(path).name
     return next((gripper.mounts for gripper in _KNOWN.values() if gripper.file == file), None)
 
 
 def robosuite_gripper_path(name: str) -> Path:
-    """The MJCF file of a known gripper in the installed robosuite, which is not imported.
+    """Return the MJCF file of a known gripper in the installed robosuite, without importing robosuite.
 
     Raises:
-        UnknownNameError: There is no such gripper; the message offers the near matches.
+        UnknownNameError: There is no such gripper; the message suggests similar names.
         MissingExtraError: robosuite is not installed.
     """
     gripper = known_gripper(name)
@@ -83,11 +83,11 @@ def _finger(body: str, pos: _Triple, quat: _Quat, *replaces: str | int) -> Mount
 
 
 def _link(body: str, pos: _Triple, quat: _Quat) -> Mount:
-    """A link of a hand, whose only collision geom is named after it."""
+    """Return a mount on a link of a hand, whose only collision geom is named after it."""
     return Mount(body, pos, quat, (f"{body}_col",))
 
 
-# pads of fingers that close along y of their bodies look along -y or along y, rows along z
+# on fingers that close along y of their bodies, the pads face -y or y, with rows along z
 _LOOKS_ALONG_MINUS_Y: _Quat = (0.0, 0.0, 0.7071, 0.7071)
 _LOOKS_ALONG_Y: _Quat = (0.7071, 0.7071, 0.0, 0.0)
 
@@ -248,9 +248,9 @@ _BD = KnownGripper(
     "bd_gripper.xml",
     (24.0, 24.0),
     (
-        # the front of the lower jaw, its tooth in the middle
+        # front of the lower jaw, with its tooth in the middle
         _finger("stator", (0.2185, 0.0, -0.0356), (0.0, 0.7071, 0.7071, 0.0), 3, 5),
-        # the hollow beak, from rim to rim; opposite and parallel to the jaw at arm_f1x = -0.4
+        # hollow beak, from rim to rim; opposite and parallel to the jaw at arm_f1x = -0.4
         _finger("mover", (0.0864, 0.0, -0.0473), (0.6932, -0.1396, 0.1396, -0.6932), 3, 4, 6, 7),
     ),
 )

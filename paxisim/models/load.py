@@ -1,4 +1,4 @@
-"""Reading a model to be changed: an MjSpec, a file or XML text, always as a copy of its own."""
+"""Load: read a model from an MjSpec, a file or XML text as an editable copy, and compile it."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from paxisim.errors import InvalidValueError
 
 
 def load_spec(model: mujoco.MjSpec | str | Path) -> mujoco.MjSpec:
-    """An editable copy of a model.
+    """Return an editable copy of a model.
 
     Args:
-        model: A spec (copied, so the caller's stays as it is), the path of an MJCF or URDF file, or the text of
-            an MJCF document.
+        model: A spec (copied, so the original stays unchanged), the path of an MJCF or URDF file, or the text of an
+            MJCF document.
 
     Returns:
-        The spec. One from a file still finds its meshes when compiled.
+        The spec. A spec from a file still finds its meshes when compiled.
 
     Raises:
-        InvalidValueError: Not one of these, there is no such file, or MuJoCo cannot parse it.
+        InvalidValueError: The type is wrong, there is no such file, or MuJoCo cannot parse it.
     """
     if not isinstance(model, (str, Path)):
         if not isinstance(model, mujoco.MjSpec):
             raise InvalidValueError(
                 f"expected an MjSpec, the path of an MJCF file or its text, got {type(model).__name__}"
-                + ("; give what it was compiled from" if isinstance(model, mujoco.MjModel) else "")
+                + ("; pass the spec or file it was compiled from" if isinstance(model, mujoco.MjModel) else "")
             )
         return model.copy()
     if isinstance(model, str) and model.lstrip().startswith("<"):
@@ -51,10 +51,10 @@ def load_spec(model: mujoco.MjSpec | str | Path) -> mujoco.MjSpec:
 
 
 def _repaired(path: str, is_file: bool) -> tuple[str, list[str]]:
-    """A file's text without two faults that robosuite forgives and grippers it ships have.
+    """Remove two faults from a file's text that robosuite tolerates and some of its grippers have.
 
     Raises:
-        ValueError: Neither fault is there.
+        ValueError: The file has neither fault.
     """
     if not is_file:
         raise ValueError
@@ -82,9 +82,9 @@ def _repaired(path: str, is_file: bool) -> tuple[str, list[str]]:
 
 
 def compile_spec(spec: mujoco.MjSpec, what: str) -> mujoco.MjModel:
-    """Compile a copy, with MuJoCo's complaint in one line if it has one.
+    """Compile a copy of a spec, with MuJoCo's error message in one line.
 
-    A copy, because a spec that was compiled loses its sites' materials when it is attached to another
+    Compiling the spec itself would make it lose its sites' materials when it is later attached to another spec
     (MuJoCo 3.5 and 3.9).
 
     Raises:
@@ -97,9 +97,9 @@ def compile_spec(spec: mujoco.MjSpec, what: str) -> mujoco.MjModel:
 
 
 def compile_whole(spec: mujoco.MjSpec, what: str) -> mujoco.MjModel:
-    """`compile_spec` with every body and geom that the spec has, so that they count as they do there.
+    """Compile a copy of a spec and keep all its bodies and geoms, so that their indices match the spec.
 
-    The gripper's settings may have MuJoCo leave out geoms that touch nothing, and merge bodies that do not move.
+    Otherwise the gripper's settings may make MuJoCo drop geoms that touch nothing and merge bodies that do not move.
 
     Raises:
         InvalidValueError: MuJoCo cannot compile the model.
@@ -110,5 +110,5 @@ def compile_whole(spec: mujoco.MjSpec, what: str) -> mujoco.MjModel:
 
 
 def one_line(error: Exception) -> str:
-    """An error's message with its line breaks and repeated spaces removed."""
+    """Return the message of an error without line breaks and repeated spaces."""
     return " ".join(str(error).split())

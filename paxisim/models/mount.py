@@ -1,4 +1,4 @@
-"""Mount: where on a gripper a pad goes."""
+"""Mount: the place of a pad on a gripper."""
 
 from __future__ import annotations
 
@@ -17,16 +17,15 @@ class Mount:
 
     Attributes:
         body: Name of the gripper's body that carries the pad.
-        pos: Position (m, body frame) of the centre of the sensing surface, the origin of the pad frame.
-        quat: Orientation of the pad frame in the body frame, (w, x, y, z): x along the columns, y along the
-            rows, z into the pad, so away from what is touched. Normalised here.
-        replaces: Collision geoms to switch off, by name (on any body) or, where they have none, by index among
-            the body's own geoms. Switched off, not deleted: names and looks stay.
-        name: Name of the pad; default: the body's name.
+        pos: Position (m, body frame) of the centre of the sensing surface, which is the origin of the pad frame.
+        quat: Orientation of the pad frame in the body frame, (w, x, y, z); normalised on creation. x points along the
+            columns, y along the rows, z into the pad, away from the object.
+        replaces: Collision geoms to switch off, by name (on any body) or, if unnamed, by index among the body's own
+            geoms. They are not deleted and keep their names and appearance.
+        name: Name of the pad; default: the name of the body.
 
     Raises:
-        InvalidValueError: A position or quaternion that is not finite or of the wrong length, or a quaternion
-            of zero length.
+        InvalidValueError: The position or quaternion is not finite or has the wrong length, or the quaternion is zero.
     """
 
     body: str

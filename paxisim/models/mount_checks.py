@@ -1,7 +1,7 @@
-"""Mounts that can hardly be meant: pads inside one another, beyond their finger, far from it, or of a mistaken unit.
+"""Checks for implausible mounts: pads inside one another, beyond their finger, far from it, or in a wrong unit.
 
-The finger of a pad is the body that it is mounted on together with the bodies welded to it, or, where it does not move,
-the bodies above it. MuJoCo's hulls stand for meshes. Lengths in m.
+The finger of a pad is the body that it is mounted on together with the bodies welded to it. If that body cannot move,
+the finger is its ancestors. Meshes are represented by MuJoCo's convex hulls. Lengths in m.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ from paxisim.models.pads import Pads
 from paxisim.models.surface import first_facing
 
 LARGEST_PITCH = 0.05
-"""No taxel is larger; what is beyond is a mistaken unit."""
+"""Largest plausible pitch of a taxel; a larger pitch suggests a wrong unit."""
 FAR = 0.1
-"""A pad whose middle is further from its finger than this floats."""
+"""Largest distance of a pad's centre from its finger."""
 DEEP = 0.01
-"""A taxel with the finger's surface further behind it than this hangs in the air."""
+"""Largest distance of a taxel from the finger's surface behind it; beyond, it hangs in the air."""
 UNEVEN = 2e-3
-"""How far a curved pad may leave the surface that it lies on."""
+"""Largest distance of a curved pad from the surface that it lies on."""
 SHARE = 0.25
-"""Of the taxels that may hang in the air, or leave the surface: the rim of a round finger does."""
+"""Largest share of taxels that may hang in the air or leave the surface, as at the rim of a round finger."""
 DEPTH = 0.1e-3
-"""How far pads must reach into one another: side by side they touch."""
+"""Smallest overlap of two pads that counts, since pads side by side touch."""
 LOOKED_AT = 200
-"""Taxels that are looked at, of a pad that has more."""
+"""Largest number of taxels to check per pad."""
 
 AWAY = "pads away from the body they are mounted on (a mount's pos is in m, in the frame of its body)"
 LARGE = "pads larger than what they sit on"
@@ -43,12 +43,12 @@ _OF_ONE_NUMBER = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SL
 
 
 def doubts(model: mujoco.MjModel, pads: Pads, mounts: tuple[Mount, ...]) -> list[str]:
-    """A sentence for each kind of thing that can hardly be meant.
+    """Return a sentence for each kind of implausible mount.
 
     Args:
-        model: Compiled with all its bodies and geoms, also those that touch nothing.
-        pads: Its pads.
-        mounts: Of each pad.
+        model: Model compiled with all its bodies and geoms, also those that touch nothing.
+        pads: Pads of the model.
+        mounts: Mount of each pad.
     """
     height, width = (1e3 * length for length in pads.layout.pitch)
     found: dict[str, list[str]] = {}
@@ -68,9 +68,9 @@ def doubts(model: mujoco.MjModel, pads: Pads, mounts: tuple[Mount, ...]) -> list
 
 
 def _finger(model: mujoco.MjModel, data: mujoco.MjData, pad: int, mount: Mount) -> NDArray[np.float64] | None:
-    """``(n, 3, 3)`` triangles of the finger under a pad's body, in the pad frame; None where it has no surface.
+    """Return the triangles of the finger under a pad, ``(n, 3, 3)`` in the pad frame; None if it has no surface.
 
-    They are those of the geoms that touch something, and of those that did before the pad replaced them.
+    They belong to the collision geoms, including those that the pad replaces.
     """
     weld = int(model.body_weldid[pad])
     welded = np.flatnonzero(model.body_weldid == weld).tolist() if weld else _parents(model, pad)
@@ -94,7 +94,7 @@ def _is_pad(model: mujoco.MjModel, body: int) -> bool:
 
 
 def _parents(model: mujoco.MjModel, body: int) -> list[int]:
-    """The bodies above one, up to the world, to which what stands beside it is welded too."""
+    """Return the ancestors of a body, without the world, to which its neighbours are welded too."""
     found = []
     while body := int(model.body_parentid[body]):
         found.append(body)
@@ -102,7 +102,7 @@ def _parents(model: mujoco.MjModel, body: int) -> list[int]:
 
 
 def _on_finger(finger: NDArray[np.float64], layout: TaxelLayout) -> tuple[str, str]:
-    """What is wrong with how a pad sits on its finger, and how much; empty if nothing is."""
+    """Return what is wrong with a pad on its finger, and by how much; both empty if nothing is wrong."""
     import trimesh
 
     mesh = trimesh.Trimesh(finger.reshape(-1, 3), np.arange(3 * len(finger)).reshape(-1, 3), process=False)
@@ -116,7 +116,7 @@ def _on_finger(finger: NDArray[np.float64], layout: TaxelLayout) -> tuple[str, s
     depth, triangle = first_facing(looked_at[:, :2], mesh)
     behind = depth - looked_at[:, 2]
     hangs = (triangle < 0) | (behind > DEEP)
-    if hangs.all():  # it sits on something that is not drawn
+    if hangs.all():  # the pad sits on something without geoms
         return "", ""
     if hangs.mean() > SHARE:
         height, width = (1e3 * length for length in layout.size)
@@ -128,7 +128,7 @@ def _on_finger(finger: NDArray[np.float64], layout: TaxelLayout) -> tuple[str, s
 
 
 def _overlaps(model: mujoco.MjModel, data: mujoco.MjData, pads: Pads) -> dict[tuple[int, int], float]:
-    """How far pads reach into one another, of those that do wherever the joints are: fingers that close may touch."""
+    """Return the overlap (m) of the pads that overlap in every pose; pads of closing fingers may overlap in some."""
     limited = np.flatnonzero(model.jnt_limited)
     address = model.jnt_qposadr[limited]
     deep: dict[tuple[int, int], float] = dict.fromkeys(combinations(range(len(pads)), 2), np.inf)
@@ -144,7 +144,7 @@ def _overlaps(model: mujoco.MjModel, data: mujoco.MjData, pads: Pads) -> dict[tu
 
 
 def _overlap(model: mujoco.MjModel, data: mujoco.MjData, pads: Pads, first: int, second: int) -> float:
-    """How far the taxels of one pad reach into those of another; 0 where they do not."""
+    """Return the overlap (m) of the taxels of two pads; 0 if they do not overlap."""
     from scipy.spatial import KDTree
 
     geoms = [pads.geoms[pad] for pad in (first, second)]

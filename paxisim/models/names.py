@@ -1,6 +1,6 @@
-"""How the parts of a pad are named in MJCF: the thread by which a saved model finds its pads again.
+"""Names of the parts of a pad in MJCF, by which a saved model finds its pads again.
 
-The pad's body bears the name of the pad itself.
+The pad's body has the name of the pad itself.
 """
 
 from __future__ import annotations
@@ -12,18 +12,18 @@ from lxml import etree
 from paxisim.errors import InvalidValueError
 
 TAXEL = re.compile(r"^(?P<pad>.+)_taxel_(?P<row>\d+)_(?P<col>\d+)$")
-"""Matches the name of a taxel geom; ``pad`` includes any prefix that attaching put in front."""
+"""Pattern of the name of a taxel geom; ``pad`` includes any prefix that attaching put in front."""
 
 
 def check(what: str, name: str) -> None:
-    """Refuse a name that no MJCF file can hold.
+    """Check that an MJCF file can hold a name.
 
     Args:
-        what: What it is, for the message.
-        name: The name.
+        what: Description of the name, for the message.
+        name: Name to check.
 
     Raises:
-        InvalidValueError: It has a control character, or a byte that is no text.
+        InvalidValueError: The name has a control character or is not valid text.
     """
     try:
         etree.Element("body", name=name)
@@ -42,7 +42,7 @@ def base(pad: str) -> str:
 
 
 def gel(pad: str) -> str:
-    """Name of the box site around the gel; half its z size is half the nominal thickness."""
+    """Name of the box site around the gel; its half size along z is half the nominal thickness."""
     return f"{pad}_gel"
 
 

@@ -1,7 +1,7 @@
-"""Pad: one sensor pad as MJCF, a grid of contiguous taxel cubes on a base that cannot be touched.
+"""Pad: one sensor pad as MJCF, a grid of contiguous taxel cubes on a base without contacts.
 
-The pad's body frame is the pad frame of `paxisim.layout`: the flat sensing surface is the plane z = 0, the
-cubes reach from there to z = thickness, the base lies behind them. What touches the pad comes from -z.
+The pad's body frame is the pad frame of `paxisim.layout`: the flat sensing surface is the plane z = 0, the cubes reach
+from there to z = thickness, and the base lies behind them. Objects touch the pad from -z.
 """
 
 from __future__ import annotations
@@ -22,41 +22,42 @@ DENSITY = 1200.0
 """Density (kg/m^3) behind the default mass: between silicone (1100) and a thin circuit board (1850)."""
 
 MAX_TAXELS = 40_000
-"""MuJoCo's time to compile grows with the square: a pad of 10,000 taxels takes ten seconds, this many minutes."""
+"""Largest number of taxels of a pad. MuJoCo's compile time grows with its square: 10,000 take ten seconds, this many
+minutes."""
 LENGTHS = (1e-5, 1.0)
-"""The smallest and the largest pitch, thickness and base (m): what is beyond is a mistaken unit."""
+"""Smallest and largest pitch, thickness and base (m); values outside suggest a wrong unit."""
 
-_GROUP = "1"  # drawn by MuJoCo's viewer and by robosuite's renderers, which hide their collision group 0
+_GROUP = "1"  # visible in MuJoCo's viewer and in robosuite's renderers, which hide collision group 0
 
 
 @dataclass(frozen=True, eq=False)
 class Pad:
-    """One pad to be built.
+    """Description of one pad.
 
     Attributes:
-        layout: The taxels.
-        name: Name of the pad and of its body; the first part of every other name in its MJCF.
-        thickness: Nominal thickness of the taxel cubes (m); the paper's is 1 mm (Method).
-        heights: ``(rows, cols)`` thickness of each cube (m), from `paxisim.models.surface`; default: flat at
+        layout: Layout of the taxels.
+        name: Name of the pad and of its body; prefix of all other names in its MJCF.
+        thickness: Nominal thickness of the taxel cubes (m); 1 mm in the paper (Method).
+        heights: ``(rows, cols)`` thickness of each cube (m), from `paxisim.models.surface`; default: flat, with
             `thickness`. A cube keeps its back and grows towards the object.
-        gel: The compliance of the surface.
+        gel: Compliance of the surface.
         base: Thickness (m) of the base drawn behind a flat pad; it has mass but touches nothing.
-        mass: Mass of the pad (kg); default: that of cubes and base at `DENSITY`.
-        sensors: MuJoCo sensors to embed: ``"contact"`` (one contact sensor a taxel, which GPU ports of MuJoCo
-            support), ``"touch_grid"`` (the plugin the paper used; leaves gaps of 50 um between the cubes,
-            see `paxisim.models.touch_grid`) or none. `TactileReadout` needs none.
+        mass: Mass of the pad (kg); default: that of cubes and base with `DENSITY`.
+        sensors: MuJoCo sensors to embed: ``"contact"`` (one contact sensor per taxel, which GPU ports of MuJoCo
+            support), ``"touch_grid"`` (the plugin used in the paper; leaves gaps of 50 um between the cubes, see
+            `paxisim.models.touch_grid`) or none. `TactileReadout` needs none.
         contype: Contact type bits of the taxels.
-        conaffinity: Contact affinity bits of the taxels. The defaults meet every ordinary geom but no other
-            pad: two pads that touch each other are slow and mean nothing.
-        taxels: What carries the contacts: ``"boxes"``, the paper's cubes, side by side; or ``"spheres"``, one of
-            diameter `thickness` a taxel. A sphere feels how deep it is pressed at its middle, a box at its deepest
-            corner, and a box is four times softer where an object makes one contact with it instead of four, as round
-            ones do (`benchmarks/taxel_shapes.py`). Objects must not be pressed in by more than a sphere's radius.
+        conaffinity: Contact affinity bits of the taxels. With the defaults, taxels collide with every ordinary geom
+            but not with other pads, whose contacts would be slow and meaningless.
+        taxels: Geoms that carry the contacts: ``"boxes"``, the paper's contiguous cubes, or ``"spheres"``, one per
+            taxel with diameter `thickness`. A sphere senses the indentation at its middle, a box that at its deepest
+            corner. A box is four times softer if an object makes one contact with it instead of four, as round objects
+            do (`benchmarks/taxel_shapes.py`). The indentation of spheres must not exceed their radius.
 
     Raises:
-        InvalidValueError: An empty name or one that XML cannot hold, more than `MAX_TAXELS` taxels, a value
-            that is not finite, a mass that is not positive, a length that is not within `LENGTHS`, heights
-            of the wrong shape, bits with which pads would meet each other, or an unknown kind of taxels or sensor.
+        InvalidValueError: The name is empty or XML cannot hold it, there are more than `MAX_TAXELS` taxels, a value is
+            not finite, the mass is not positive, a length is outside `LENGTHS`, the heights have the wrong shape, pads
+            with these contact bits would collide with each other, or the kind of taxels or sensors is unknown.
     """
 
     layout: TaxelLayout
@@ -74,7 +75,7 @@ class Pad:
     def __post_init__(self) -> None:
         """Check the values."""
         if not self.name:
-            raise InvalidValueError("a pad needs a name, by which it is found again")
+            raise InvalidValueError("a pad must have a name, by which find_pads finds it")
         names.check("a pad's name", self.name)
         if self.layout.taxels > MAX_TAXELS:
             raise InvalidValueError(f"a pad has at most {MAX_TAXELS} taxels, got {self.layout.rows}x{self.layout.cols}")
@@ -104,11 +105,11 @@ class Pad:
             raise InvalidValueError(f"taxels must be 'boxes' or 'spheres', got {self.taxels!r}")
         if self.sensors == "touch_grid":
             if self.taxels != "boxes":
-                raise InvalidValueError("touch_grid tells taxels apart by their boxes: use taxels='boxes'")
+                raise InvalidValueError("touch_grid distinguishes taxels by their boxes: use taxels='boxes'")
             touch_grid.check_layout(self.layout)
 
     def to_xml(self) -> str:
-        """The pad as an MJCF document that loads by itself; the same pad gives the same bytes."""
+        """Return the pad as a complete MJCF document; the same pad always gives the same bytes."""
         root = etree.Element("mujoco", model=self.name)
         if self.sensors == "touch_grid":
             touch_grid.add_extension(root)
@@ -128,7 +129,7 @@ class Pad:
         etree.SubElement(body, "site", {"name": names.gel(self.name), "group": "4", "rgba": "0 0 0 0", **site})
         if self.sensors == "touch_grid":
             touch_grid.add_site(body, self.name, layout)
-        # its mass counts only where a model asks for inertiafromgeom
+        # the mass of the base counts only in models with inertiafromgeom
         mass = numbers([self._mass()])
         if layout.is_grid:
             behind = centre + [0, 0, self.thickness + self.base / 2]
@@ -204,10 +205,10 @@ class Pad:
 def cubes(
     layout: TaxelLayout, thickness: float, heights: NDArray[np.floating] | None = None
 ) -> tuple[NDArray[np.floating], NDArray[np.floating], NDArray[np.floating]]:
-    """Centres, half sizes and orientations of the taxel cubes in the pad frame.
+    """Return centres, half sizes and orientations of the taxel cubes in the pad frame.
 
     Args:
-        layout: The taxels.
+        layout: Layout of the taxels.
         thickness: Nominal thickness (m), the depth of the cubes' backs below the sensing surface.
         heights: ``(rows, cols)`` thickness of each cube (m); default: `thickness`.
 
@@ -227,25 +228,29 @@ def cubes(
 
 
 def check_heights(heights: NDArray[np.floating], layout: TaxelLayout) -> NDArray[np.floating]:
-    """`heights` as ``(..., rows, cols)`` floats (m), or an `InvalidValueError` that says what is wrong."""
+    """Return `heights` as ``(..., rows, cols)`` floats (m).
+
+    Raises:
+        InvalidValueError: The heights have the wrong shape, or are not positive and finite.
+    """
     heights = np.asarray(heights, dtype=np.float64)
     if heights.shape[-2:] != (layout.rows, layout.cols):
         raise InvalidValueError(f"heights must have shape (..., {layout.rows}, {layout.cols}), got {heights.shape}")
     if not np.all(np.isfinite(heights)) or np.any(heights <= 0):
-        raise InvalidValueError("heights must be positive and finite: they are the cubes' thickness in m")
+        raise InvalidValueError("heights must be positive and finite: they are the thickness of the cubes in m")
     return heights
 
 
 def numbers(values) -> str:
-    """Numbers as MJCF text: nine significant digits, no negative zero."""
+    """Format numbers as MJCF text, with nine significant digits and without negative zero."""
     return " ".join(f"{float(value) + 0.0:.9g}" for value in values)
 
 
 def _footprints(layout: TaxelLayout) -> NDArray[np.floating]:
-    """``(N, 2)`` footprint of each cube (m) as (along its y, along its x).
+    """Return the footprint of each cube (m), ``(N, 2)``, along its y and along its x.
 
-    On a surface that is not flat, neighbours of a grid are further apart than the pitch; the cubes grow to stay
-    contiguous, because an object that catches in a gap meets large spurious shear.
+    On a curved surface, neighbours of a grid are further apart than the pitch. The cubes then grow to stay contiguous,
+    because an object that catches in a gap causes large spurious shear.
     """
     footprint = np.tile(layout.pitch, (layout.taxels, 1))
     if layout.is_grid or 1 in (layout.rows, layout.cols):
@@ -261,6 +266,6 @@ def _footprints(layout: TaxelLayout) -> NDArray[np.floating]:
 
 
 def _bounds(layout: TaxelLayout) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
-    """Corners of the box around the sensing surface (m, pad frame)."""
+    """Return the lower and upper corner of the box around the sensing surface (m, pad frame)."""
     margin = np.array([layout.pitch[1] / 2, layout.pitch[0] / 2, 0])
     return layout.positions.min(axis=0) - margin, layout.positions.max(axis=0) + margin

@@ -1,4 +1,4 @@
-"""Pads: the handle of a compiled model's pads, with ids in taxel order; and their surface, changed in place."""
+"""Pads: handle of the pads of a compiled model, with ids in taxel order, and in-place changes of their surface."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ class Pads:
     """The pads of one compiled model, in the order of a reading's ``pads`` axis.
 
     Attributes:
-        names: ``(pads,)`` names, any prefix included.
-        layouts: ``(pads,)`` layouts; all have the same rows and columns.
+        names: ``(pads,)`` names, including any prefix.
+        layouts: ``(pads,)`` layouts; all have the same numbers of rows and columns.
         thickness: ``(pads,)`` nominal thickness of the taxel cubes (m).
         bodies: ``(pads,)`` ids of the bodies whose frames are the pad frames.
         geoms: ``(pads, N)`` ids of the taxel geoms, row-major.
 
     Raises:
-        InvalidValueError: The pads differ in rows or columns, so that no one tensor can hold them.
+        InvalidValueError: The pads differ in rows or columns, so one tensor cannot hold them.
     """
 
     names: tuple[str, ...]
@@ -44,7 +44,7 @@ class Pads:
 
     @property
     def layout(self) -> TaxelLayout:
-        """The layout of the first pad; of all of them, unless they conform to different surfaces."""
+        """Layout of the first pad, which all pads share unless they conform to different surfaces."""
         return self.layouts[0]
 
     @property
@@ -58,10 +58,10 @@ class Pads:
 
 
 def check_pads(model: mujoco.MjModel, pads: Pads) -> None:
-    """Raise unless these are pads of this model, whose ids would else be those of other geoms.
+    """Check that the pads belong to this model; otherwise their ids would refer to other geoms.
 
     Raises:
-        InvalidValueError: They are not, or are no `Pads`.
+        InvalidValueError: The pads do not belong to the model, or an argument has the wrong type.
     """
     if not isinstance(model, mujoco.MjModel):
         raise InvalidValueError(f"expected a compiled mujoco.MjModel, got {type(model).__name__}")
@@ -74,18 +74,19 @@ def check_pads(model: mujoco.MjModel, pads: Pads) -> None:
 
 
 def find_pads(model: mujoco.MjModel, *, prefix: str = "", names: tuple[str, ...] | list[str] | None = None) -> Pads:
-    """Find the pads of a compiled model, also of one that was saved and loaded again.
+    """Find the pads of a compiled model, including a model that was saved and loaded again.
 
     Args:
         model: The compiled model.
-        prefix: Only pads whose name begins with it, as ``MjSpec.attach(..., prefix=...)`` made them.
-        names: Only these pads, in this order (prefix included). Default: all, in the order of their bodies.
+        prefix: Find only pads whose names begin with this prefix, as from ``MjSpec.attach(..., prefix=...)``.
+        names: Find only these pads, in this order; names include the prefix. Default: all, in the order of their
+            bodies.
 
     Returns:
-        The handle.
+        Handle of the pads.
 
     Raises:
-        InvalidValueError: There are no such pads, a pad lacks taxels or its body, or they differ in shape.
+        InvalidValueError: There are no such pads, a pad lacks taxels or its body, or the pads differ in shape.
     """
     found = _taxels_by_pad(model)
     selected = sorted((n for n in found if n.startswith(prefix)), key=lambda n: _body_of(model, found[n]))
@@ -110,7 +111,7 @@ def find_pads(model: mujoco.MjModel, *, prefix: str = "", names: tuple[str, ...]
 
 
 def _stack(geoms: list[NDArray[np.int64]], names: list[str], layouts: list[TaxelLayout]) -> NDArray[np.int64]:
-    # the shape check of Pads speaks of rows and columns, numpy's would not
+    # numpy's error would not name rows and columns
     if len({len(g) for g in geoms}) > 1:
         found = ", ".join(f"{n} {a.rows}x{a.cols}" for n, a in zip(names, layouts, strict=True))
         raise InvalidValueError(f"pads of different shapes do not fit one tensor ({found}): name those wanted")
@@ -153,7 +154,7 @@ def _describe(
     backs = model.geom_pos[geoms] + inward * half_thickness(model, geoms)[:, None]
     positions = backs - inward * thickness
     width, height = 2 * site[:2] - np.ptp(positions[:, :2], axis=0)
-    # MuJoCo writes six digits: snap to the grid that was meant
+    # MuJoCo writes six digits: snap to the original grid
     pitch = (round(float(height), 9), round(float(width), 9))
     grid = TaxelLayout(rows, cols, pitch)
     if np.allclose(positions, grid.positions, atol=1e-6) and np.allclose(-inward, grid.normals, atol=1e-4):
@@ -162,7 +163,7 @@ def _describe(
 
 
 def half_thickness(model: mujoco.MjModel, geoms: NDArray[np.int64]) -> NDArray[np.floating]:
-    """``(N,)`` half the thickness of taxels (m), which are boxes or spheres."""
+    """Return half the thickness of taxels (m), ``(N,)``; taxels are boxes or spheres."""
     return model.geom_size[geoms, np.where(_are_spheres(model, geoms), 0, 2)]
 
 
@@ -177,19 +178,20 @@ def _inward(model: mujoco.MjModel, geoms: NDArray[np.int64]) -> NDArray[np.float
 
 
 def set_surface(model: mujoco.MjModel, pads: Pads, heights: NDArray[np.floating]) -> None:
-    """Give the taxels new heights without recompiling; contacts and forces are those of a fresh compile.
+    """Give the taxels new heights without recompiling; contacts and forces equal those of a fresh compile.
 
-    MuJoCo's collision detection prunes with bounding boxes made at compile time: of each geom (``geom_aabb``,
-    ``geom_rbound``) and of each body's tree (``bvh_aabb``). They are brought up to date here, without which a
-    taxel raised above its compiled height silently loses its contacts. No I/O.
+    MuJoCo's collision detection prunes with bounding boxes computed at compile time, of each geom (``geom_aabb``,
+    ``geom_rbound``) and of each body's tree (``bvh_aabb``). This function updates them. Otherwise, a taxel raised above
+    its compiled height would silently lose its contacts.
 
     Args:
         model: The compiled model; changed in place.
-        pads: Its pads.
-        heights: Thickness of the cubes (m), ``(pads, rows, cols)`` or ``(rows, cols)`` for all pads.
+        pads: Pads of the model.
+        heights: Thickness of the cubes (m), ``(pads, rows, cols)``, or ``(rows, cols)`` for all pads.
 
     Raises:
-        InvalidValueError: Heights of another shape, not finite or not positive; or pads of another model.
+        InvalidValueError: The heights have the wrong shape or are not positive and finite, or the pads belong to
+            another model.
     """
     from paxisim.models.pad import check_heights
 
@@ -211,7 +213,7 @@ def set_surface(model: mujoco.MjModel, pads: Pads, heights: NDArray[np.floating]
 
 
 def _refit_tree(model: mujoco.MjModel, body: int) -> None:
-    """Recompute the bounding boxes of a body's tree, which live in the frame of its inertia."""
+    """Recompute the bounding boxes of a body's tree, which are in the frame of its inertia."""
     start, count = int(model.body_bvhadr[body]), int(model.body_bvhnum[body])
     if count == 0:
         return

@@ -14,10 +14,10 @@ _THREE = np.int32(3).tobytes()
 
 
 class TactileReadout:
-    """Reads the force tensor of a model's pads from the contacts of its last step.
+    """Reads the force tensor of a model's pads from the contacts of the last step.
 
-    A contact on a taxel counts in full for that taxel, so the taxels sum to what the pad is pushed with. The
-    read costs a few tens of microseconds, needs no sensor in the model, and is wanted once a control step.
+    A contact on a taxel counts fully for that taxel, so the sum over the taxels is the total contact force on the pad.
+    A read takes a few tens of microseconds and needs no sensor in the model. Call it once per control step.
 
     Example:
         ```python
@@ -32,16 +32,16 @@ class TactileReadout:
 
         Args:
             model: The compiled model. Its cone may be changed later.
-            pads: Its pads.
+            pads: Pads of the model.
 
         Raises:
-            InvalidValueError: The pads are those of another model.
+            InvalidValueError: The pads belong to another model.
         """
         check_pads(model, pads)
         self._model = model
         self._pads = pads
-        # a bin for x, y and z of each taxel, and three more for all other geoms and for -1, which stands in the
-        # place of a geom where a flex touches
+        # one bin for x, y and z of each taxel, and three more for all other geoms and for -1, which MuJoCo writes
+        # in place of a geom for contacts of a flex
         taxel = np.full(model.ngeom + 1, pads.geoms.size)
         taxel[pads.geoms.reshape(-1)] = np.arange(pads.geoms.size)
         self._bins = 3 * taxel[:, None] + np.arange(3)
@@ -52,18 +52,18 @@ class TactileReadout:
 
     @property
     def pads(self) -> Pads:
-        """The pads that are read."""
+        """Pads that the readout reads."""
         return self._pads
 
     def read(self, data: mujoco.MjData, out: NDArray[np.float32] | None = None) -> NDArray[np.float32]:
-        """The forces on the taxels at the last step.
+        """Return the forces on the taxels at the last step.
 
         Args:
             data: State of the model, after ``mj_step`` or ``mj_forward``.
-            out: Array to write into instead of a new one.
+            out: Array to write into; default: a new one.
 
         Returns:
-            ``(pads, 3, rows, cols)`` float32, newtons, pad frame: what touches the pads pushes with this.
+            Forces of the objects on the taxels, ``(pads, 3, rows, cols)`` float32, newtons, pad frame.
 
         Raises:
             InvalidValueError: `out` has another shape or dtype.
@@ -72,8 +72,8 @@ class TactileReadout:
         return force.astype(np.float32) if out is None else self._write(force, out)
 
     def read_exact(self, data: mujoco.MjData) -> NDArray[np.floating]:
-        """As `read`, in float64."""
-        # called between milliseconds of physics it runs with cold caches, where each call made here counts
+        """Return the same forces as `read`, in float64."""
+        # this runs with cold caches, between milliseconds of physics, so every numpy call counts
         contacts = data.contact
         dim, address = contacts.dim, contacts.efc_address
         count = len(dim)
@@ -84,16 +84,16 @@ class TactileReadout:
             start >= 0
             and int(address[-1]) - start == 3 * (count - 1)
             and dim.tobytes() == _THREE * count
-            # with a pyramidal cone some contacts with four constraints and some with none can span as many rows
+            # with a pyramidal cone, contacts with four constraints and contacts with none may span as many rows
             and self._model.opt.cone == _ELLIPTIC
         ):
-            # the usual case, three constraints each in the order of the contacts: nothing to gather
+            # usual case: three constraints per contact, in the order of the contacts, so nothing to gather
             force = data.efc_force[start : start + 3 * count].reshape(count, 1, 3)
         else:
             force = self._contact_forces(data, contacts)[:, None]
-        # the rows of a contact's frame are its normal, from the first geom to the second, and its tangents
+        # the rows of a contact frame are its normal, from the first geom to the second, and its two tangents
         world = np.matmul(force, contacts.frame.reshape(count, 3, 3)).reshape(-1)
-        # it pushes the second geom along and the first one back; a contact between two taxels counts for both
+        # the force acts on the second geom, its reaction on the first; a contact of two taxels counts for both
         geoms = contacts.geom
         sums = np.bincount(self._bins.take(geoms[:, 1], axis=0).reshape(-1), world, self._all_bins)
         sums = sums - np.bincount(self._bins.take(geoms[:, 0], axis=0).reshape(-1), world, self._all_bins)
@@ -102,15 +102,15 @@ class TactileReadout:
         return np.matmul(per_taxel, to_pad).transpose(0, 2, 1).reshape(self._shape)
 
     def accumulate(self, data: mujoco.MjData) -> None:
-        """Add the forces of this substep to the mean; call once after each ``mj_step``."""
+        """Add the forces of this substep to the mean; call it once after each ``mj_step``."""
         self._sum += self.read_exact(data)
         self._count += 1
 
     def mean(self, out: NDArray[np.float32] | None = None) -> NDArray[np.float32]:
-        """The mean force over the substeps accumulated since the last call, and begin anew.
+        """Return the mean force over the substeps accumulated since the last call, and reset.
 
         Args:
-            out: Array to write into instead of a new one.
+            out: Array to write into; default: a new one.
 
         Returns:
             ``(pads, 3, rows, cols)`` float32, newtons, pad frame.
@@ -119,14 +119,14 @@ class TactileReadout:
             InvalidValueError: Nothing was accumulated, or `out` has another shape or dtype.
         """
         if self._count == 0:
-            raise InvalidValueError("no substep to take the mean of: call accumulate(data) after each mj_step")
+            raise InvalidValueError("there is no substep to average: call accumulate(data) after each mj_step")
         force = self._sum / self._count
         result = force.astype(np.float32) if out is None else self._write(force, out)
         self.reset()
         return result
 
     def reset(self) -> None:
-        """Forget what was accumulated, as at the start of an episode."""
+        """Discard the accumulated forces, e.g. at the start of an episode."""
         self._sum[...] = 0
         self._count = 0
 
@@ -137,17 +137,18 @@ class TactileReadout:
         return out
 
     def _contact_forces(self, data: mujoco.MjData, contacts) -> NDArray[np.floating]:
-        """``(contacts, 3)`` forces in the contact frames: normal, tangent, tangent."""
+        """Return the forces in the contact frames, ``(contacts, 3)``: normal, tangent, tangent."""
         dim, address = contacts.dim, contacts.efc_address
         if data.nefc == 0:
             return np.zeros((len(dim), 3))
         if self._model.opt.cone == _ELLIPTIC:
-            # of the rows that a contact lacks, those beyond the last constraint are clipped, all become 0
+            # rows that a contact lacks become 0; "clip" only keeps the index in range for the last contact
             force = data.efc_force.take(address[:, None] + np.arange(3), mode="clip")
             force[dim < 3, 1:] = 0
-            force[address < 0] = 0  # within its gap a contact has no constraint
+            force[address < 0] = 0  # a contact within its gap has no constraint
             return force
-        # pyramidal: two edges a tangent; their sum is the normal force, their difference times mu the tangent's
+        # pyramidal: two edges per tangent; the normal force is the sum of all edges, a tangential force is the
+        # difference of its two edges times mu
         own = np.maximum(2 * (dim - 1), 1)[:, None]
         rows = np.arange(max(4, int(own.max())))
         edges = data.efc_force.take(address[:, None] + rows, mode="clip")

@@ -1,7 +1,7 @@
-"""Surface: how thick each taxel cube is, so how far it stands out towards the object.
+"""Surface: thickness of each taxel cube, and layouts on curved surfaces.
 
-Every function returns heights as cube thickness in m, ``(rows, cols)``, for `Pad(heights=...)` before
-compilation or `set_surface` after it. A cube keeps its back; a thicker one stands out further.
+Heights are the thickness of the cubes in m, ``(rows, cols)``, for `Pad(heights=...)` before compilation or
+`set_surface` after it. The back of a cube is fixed, so a thicker cube stands out further towards the object.
 """
 
 from __future__ import annotations
@@ -16,27 +16,26 @@ from paxisim.bump import GaussianBump as GaussianBump
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
 
-_SHARP_EDGE = 30.0  # deg between two triangles of a finger's mesh, above which their edge is not a rounding
+_SHARP_EDGE = 30.0  # deg; an edge between triangles of a mesh with a larger angle is sharp, not rounded
 
 
 def flat(layout: TaxelLayout, thickness: float = 1e-3) -> NDArray[np.floating]:
-    """Every cube `thickness` (m) thick: ``(rows, cols)``."""
+    """Return the heights of a flat surface, ``(rows, cols)``: every cube is `thickness` (m) thick."""
     return np.full((layout.rows, layout.cols), float(thickness))
 
 
 def heights_from_map(layout: TaxelLayout, height_map: ArrayLike, thickness: float = 1e-3) -> NDArray[np.floating]:
-    """Cube thickness (m), ``(rows, cols)``, from a measured height map of the sensing surface.
+    """Return cube thickness (m), ``(rows, cols)``, from a measured height map of the sensing surface.
 
     Args:
-        layout: The taxels, a grid.
-        height_map: ``(H, W)`` heights (m) that cover the pad's extent, first row at the top, first column at
-            the left, larger towards the object; H, W at least rows, cols. Averaged over each taxel's area;
-            only differences matter, the mean becomes `thickness`.
+        layout: Layout of the taxels, a grid.
+        height_map: ``(H, W)`` heights (m) that cover the pad's extent, with the first row at the top and the first
+            column at the left; larger values are closer to the object. H and W are at least rows and cols. The heights
+            are averaged over the area of each taxel. Only differences matter; the mean becomes `thickness`.
         thickness: Mean thickness (m).
 
     Raises:
-        InvalidValueError: A map that is not finite, not 2-D, coarser than the grid, or so uneven that a cube
-            would vanish.
+        InvalidValueError: The map is not finite, not 2-D, coarser than the grid, or so uneven that a cube would vanish.
     """
     heights = np.asarray(height_map, dtype=np.float64)
     if heights.ndim != 2 or heights.shape[0] < layout.rows or heights.shape[1] < layout.cols:
@@ -55,7 +54,7 @@ def heights_from_map(layout: TaxelLayout, height_map: ArrayLike, thickness: floa
 
 
 def _area_means(values: NDArray[np.floating], bins: int) -> NDArray[np.floating]:
-    """Means of ``(n, ...)`` over `bins` equal stretches of the first axis, fractions of a sample included."""
+    """Average ``(n, ...)`` over `bins` equal intervals of the first axis, including fractions of a sample."""
     total = np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
     edges = np.linspace(0, len(values), bins + 1)
     whole = np.minimum(edges.astype(int), len(values) - 1)
@@ -64,28 +63,28 @@ def _area_means(values: NDArray[np.floating], bins: int) -> NDArray[np.floating]
 
 
 def conform(layout: TaxelLayout, mesh: Any, *, max_angle: float = 75.0) -> TaxelLayout:
-    """The layout laid onto a curved surface: taxels projected along z, each facing along the surface's normal.
+    """Lay a flat layout onto a curved surface: project taxels along z and align them with the surface normals.
 
     Args:
         layout: A flat layout.
-        mesh: The finger's surface in the pad frame (m): a ``trimesh.Trimesh`` or the path of a mesh file. Each
-            taxel is projected along +z (into the pad) onto the first surface that faces the object.
-        max_angle: Largest angle (deg) between a taxel's normal and the pad's; beyond it the surface cannot be
+        mesh: Surface of the finger in the pad frame (m): a ``trimesh.Trimesh`` or the path of a mesh file. Each taxel
+            is projected along +z (into the pad) onto the first surface that faces the object.
+        max_angle: Largest angle (deg) between the normals of a taxel and of the pad. A steeper surface cannot be
             pressed from the front.
 
     Returns:
-        A layout of the same rows, columns and pitch with explicit positions and normals, in the pad frame.
+        A layout with the same rows, columns and pitch, and explicit positions and normals in the pad frame.
 
     Raises:
-        InvalidValueError: The file cannot be read or has no triangles, or a taxel misses the surface or meets it
-            too steeply.
+        InvalidValueError: The file cannot be read or has no triangles, a taxel misses the surface, or the surface is
+            too steep at a taxel.
     """
     import trimesh
 
     if isinstance(mesh, (str, Path)):
         try:
             mesh = trimesh.load_mesh(mesh)
-        except Exception as error:  # trimesh raises whatever the format's parser does
+        except Exception as error:  # trimesh passes on any error of the format's parser
             raise InvalidValueError(f"cannot read the mesh {mesh}: {error}") from error
     if not len(getattr(mesh, "faces", ())):
         raise InvalidValueError("the mesh has no triangles")
@@ -110,17 +109,17 @@ def conform(layout: TaxelLayout, mesh: Any, *, max_angle: float = 75.0) -> Taxel
 
 
 def first_facing(points: NDArray[np.floating], mesh) -> tuple[NDArray[np.floating], NDArray[np.int64]]:
-    """Where rays along +z through ``(N, 2)`` points first meet a triangle that faces them.
+    """Find where rays along +z through ``(N, 2)`` points first hit a triangle that faces them.
 
     Returns:
-        Depth z ``(N,)`` (m) and triangle ``(N,)``, -1 where there is none.
+        Depth z ``(N,)`` (m) and index of the triangle ``(N,)``, or -1 if there is none.
     """
     facing = np.flatnonzero(mesh.face_normals[:, 2] < -1e-6)
     corners = mesh.triangles[facing]
     a, u, v = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     area = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
     depth, triangle = np.zeros(len(points)), np.full(len(points), -1)
-    for index, point in enumerate(points):  # one at a time: points x triangles may not fit the memory
+    for index, point in enumerate(points):  # one by one: points x triangles may not fit in memory
         to = point - a[:, :2]
         s = (to[:, 0] * v[:, 1] - to[:, 1] * v[:, 0]) / area
         t = (u[:, 0] * to[:, 1] - u[:, 1] * to[:, 0]) / area
@@ -133,10 +132,10 @@ def first_facing(points: NDArray[np.floating], mesh) -> tuple[NDArray[np.floatin
 
 
 def _smooth_normals(mesh, points: NDArray[np.floating], triangles: NDArray[np.int64]) -> NDArray[np.floating]:
-    """Normals interpolated between a triangle's corners, so that a coarse mesh does not show as steps.
+    """Interpolate normals between the corners of triangles, so that a coarse mesh does not cause steps.
 
-    A corner's normal is the mean over the triangles that meet there, weighted by their angles, less those across
-    a sharp edge: a flat face stays flat up to its rim.
+    The normal of a corner is the mean over the triangles that meet there, weighted by their angles. Triangles across a
+    sharp edge are excluded, so a flat face stays flat up to its rim.
     """
     import trimesh
 

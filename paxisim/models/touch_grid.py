@@ -1,14 +1,15 @@
-"""MuJoCo's touch_grid plugin on a pad, as the paper used it: built, read as the same tensor, or refused.
+"""MuJoCo's touch_grid plugin on a pad, as in the paper: build it, read it as the same tensor, or refuse wrong readings.
 
-What the plugin does, found by comparing it with the contacts (MuJoCo 3.5, 3.9 and 4.0):
+A comparison of the plugin with the contacts (MuJoCo 3.5, 3.9 and 4.0) shows:
 
-- It sorts contact points into bins of equal angle. With contiguous cubes the corner contacts lie on the bins'
-  edges and about half of the force lands in a neighbour's bin. `GAP` between the cubes and a site `STANDOFF` behind
-  them bring contacts well inside their own bin; then each taxel agrees. (A round object catches in gaps.) A contact
-  deep in a cube's side, or far out of the plane, can still stray; each reading is checked for it.
-- Before MuJoCo 4.0 its sign is right only for contacts whose *first* geom is the taxel, which depends on the
-  types and order of the geoms: a cylinder on a cube is always the wrong way round.
-- It sums every contact of everything welded to the pad: a finger's own geoms, a second pad.
+- The plugin sorts contact points into bins of equal angle. With contiguous cubes, the corner contacts lie on the edges
+  of the bins, and about half of the force falls into a neighbour's bin. With a `GAP` between the cubes and a site
+  `STANDOFF` behind them, contacts lie well inside their own bin, and each taxel agrees. (A round object catches in the
+  gaps.) A contact deep in the side of a cube, or far out of the plane, can still be in a wrong bin; each reading is
+  checked for this.
+- Before MuJoCo 4.0, its sign is right only for contacts whose *first* geom is the taxel. This depends on the types and
+  the order of the geoms: a cylinder on a cube always has the wrong sign.
+- The plugin sums all contacts of everything welded to the pad, such as the finger's own geoms or a second pad.
 """
 
 from __future__ import annotations
@@ -27,18 +28,18 @@ PLUGIN = "mujoco.sensor.touch_grid"
 GAP = 50e-6
 """Gap between the cubes of a pad with this sensor (m)."""
 STANDOFF = 0.5
-"""Distance (m) of the sensor's site behind the surface: equal angles are equal lengths to 3 um, and a taxel
-0.4 mm out of the plane keeps its bin."""
+"""Distance (m) of the sensor's site behind the surface. Equal angles are then equal lengths to 3 um, and a taxel
+0.4 mm out of the plane stays in its bin."""
 
-_CHANNELS = [1, 2, 0]  # the plugin's are normal, x, y
+_CHANNELS = [1, 2, 0]  # the plugin's order is normal, x, y
 _SIGN_IS_SOUND = tuple(int(part) for part in mujoco.__version__.split(".")[:2]) >= (4, 0)
 
 
 def check_layout(layout: TaxelLayout) -> None:
-    """Raise `UnsupportedError` unless the plugin can bin this layout: a flat grid."""
+    """Raise `UnsupportedError` unless the layout is a flat grid, as the plugin requires."""
     if not layout.is_grid:
         raise UnsupportedError(
-            "touch_grid bins by angle over a flat grid; this layout has positions of its own: use TactileReadout"
+            "touch_grid needs a flat grid, but this layout has explicit positions: use TactileReadout"
         )
 
 
@@ -48,14 +49,14 @@ def add_extension(root: etree._Element) -> None:
 
 
 def add_site(body: etree._Element, pad: str, layout: TaxelLayout) -> None:
-    """Add the sensor's site: behind the pad, looking out of it along its own -z."""
+    """Add the sensor's site, behind the pad and facing out of it along its own -z."""
     etree.SubElement(
         body, "site", name=names.touch_grid(pad), pos=f"0 0 {STANDOFF}", size="0.001", group="4", rgba="0 0 0 0"
     )
 
 
 def add_sensor(parent: etree._Element, pad: str, layout: TaxelLayout) -> None:
-    """Add the plugin's sensor with one bin a taxel and three channels."""
+    """Add the plugin's sensor, with one bin per taxel and three channels."""
     fov = np.degrees(_half_angles(layout))[::-1]
     name = names.touch_grid(pad)
     plugin = etree.SubElement(parent, "plugin", name=name, plugin=PLUGIN, objtype="site", objname=name)
@@ -70,9 +71,9 @@ def add_sensor(parent: etree._Element, pad: str, layout: TaxelLayout) -> None:
 
 
 class TouchGridReadout:
-    """Reads the force tensor from the pads' touch_grid sensors, to reproduce the paper's setting.
+    """Reads the force tensor from the pads' touch_grid sensors, to reproduce the setting of the paper.
 
-    For anything else `TactileReadout` is exact everywhere and cheaper.
+    For all other purposes, use `TactileReadout`, which is always exact and faster.
     """
 
     def __init__(self, model: mujoco.MjModel, pads: Pads) -> None:
@@ -80,12 +81,12 @@ class TouchGridReadout:
 
         Args:
             model: The compiled model.
-            pads: Its pads, built with ``Pad(sensors="touch_grid")``.
+            pads: Pads of the model, built with ``Pad(sensors="touch_grid")``.
 
         Raises:
             InvalidValueError: A pad has no touch_grid sensor.
-            UnsupportedError: The plugin would sort forces into the wrong taxels: no flat grid, or contiguous
-                cubes.
+            UnsupportedError: The plugin would sort forces into the wrong taxels, because the layout is not a flat grid
+                or the cubes are contiguous.
         """
         check_pads(model, pads)
         self._model, self._pads = model, pads
@@ -96,12 +97,12 @@ class TouchGridReadout:
             gap = np.array([layout.pitch[1], layout.pitch[0]]) - cube
             if np.any(gap < 0.9 * GAP):
                 raise UnsupportedError(
-                    f"pad {pad!r} has contiguous cubes, whose corner contacts lie on touch_grid's bin edges: build "
-                    f"it with Pad(sensors='touch_grid'), which leaves {GAP * 1e6:.0f} um, or use TactileReadout"
+                    f"pad {pad!r} has contiguous cubes, whose corner contacts lie on touch_grid's bin edges: build it "
+                    f"with Pad(sensors='touch_grid'), which leaves gaps of {GAP * 1e6:.0f} um, or use TactileReadout"
                 )
         self._sites = [self._id(mujoco.mjtObj.mjOBJ_SITE, pad) for pad in pads.names]
         self._weld_of_geom = model.body_weldid[model.geom_bodyid]
-        # place of each geom's taxel in `pads.geoms`, -1 where it is none
+        # index of each geom's taxel in `pads.geoms`, -1 for other geoms
         self._taxel_of_geom = np.full(model.ngeom, -1)
         self._taxel_of_geom[pads.geoms.reshape(-1)] = np.arange(pads.geoms.size)
 
@@ -117,19 +118,18 @@ class TouchGridReadout:
         return slice(start, start + int(self._model.sensor_dim[sensor]))
 
     def read(self, data: mujoco.MjData, out: NDArray[np.float32] | None = None) -> NDArray[np.float32]:
-        """The forces on the taxels at the last step, as `TactileReadout.read` gives them.
+        """Return the forces on the taxels at the last step, as `TactileReadout.read` does.
 
         Args:
             data: State of the model, after ``mj_step`` or ``mj_forward``.
-            out: Array to write into instead of a new one.
+            out: Array to write into; default: a new one.
 
         Returns:
             ``(pads, 3, rows, cols)`` float32, newtons, pad frame.
 
         Raises:
-            UnsupportedError: The plugin has the sign of a present contact wrong (MuJoCo before 4.0), counts one
-                that is not the pad's, or counts one for another taxel than the touched one; or sensors are
-                disabled.
+            UnsupportedError: Sensors are disabled, or for one of the contacts the plugin has the wrong sign (MuJoCo
+                before 4.0), counts a contact of another geom, or counts it for the wrong taxel.
             InvalidValueError: `out` has another shape or dtype.
         """
         self._check_contacts(data)
@@ -149,33 +149,33 @@ class TouchGridReadout:
         active = self._pushing(data)
         geoms, points = data.contact.geom[active], data.contact.pos[active]
         if np.any(geoms < 0):
-            raise UnsupportedError("touch_grid knows no contacts of flexes, and there is one: use TactileReadout")
+            raise UnsupportedError("touch_grid does not support flexes, and one is in contact: use TactileReadout")
         taxels, welds = self._taxel_of_geom[geoms], self._weld_of_geom[geoms]
         if not _SIGN_IS_SOUND and np.any(taxels[:, 1] >= 0):
             first, second = (self._model.geom(int(g)).name for g in geoms[taxels[:, 1] >= 0][0])
             raise UnsupportedError(
-                f"touch_grid has the sign wrong before MuJoCo 4.0 (this is {mujoco.__version__}) where the taxel is "
-                f"a contact's second geom, as in {first or 'a geom'!r} on {second!r}: use TactileReadout"
+                f"touch_grid has the wrong sign before MuJoCo 4.0 (this is {mujoco.__version__}) if the taxel is the "
+                f"second geom of a contact, as in {first or 'a geom'!r} on {second!r}: use TactileReadout"
             )
         for pad, body in enumerate(self._pads.bodies):
-            # the plugin counts whatever touches the body that the pad is welded to
+            # the plugin counts all contacts of the body that the pad is welded to
             contact, side = np.nonzero(welds == self._model.body_weldid[body])
             place = taxels[contact, side] - pad * self._pads.layout.taxels
             if np.any((place < 0) | (place >= self._pads.layout.taxels)):
                 raise UnsupportedError(
                     "touch_grid also counts contacts of other geoms on the pad's finger, another pad's included, and "
-                    "there is one: switch their collision off or use TactileReadout"
+                    "there is one: disable their collisions or use TactileReadout"
                 )
             wrong = np.flatnonzero(self._bins(data, pad, points[contact]) != place)
             if wrong.size:
                 row, col = divmod(int(place[wrong[0]]), self._pads.layout.cols)
                 raise UnsupportedError(
-                    f"touch_grid sorts a contact of taxel ({row}, {col}) of pad {self._pads.names[pad]!r} by its place "
-                    "into another taxel's bin, as it lies too deep, too far out or at a distance: use TactileReadout"
+                    f"touch_grid sorts a contact of taxel ({row}, {col}) of pad {self._pads.names[pad]!r} into another "
+                    "taxel's bin, because it lies too deep, too far out or at a distance: use TactileReadout"
                 )
 
     def _pushing(self, data: mujoco.MjData) -> NDArray[np.bool_]:
-        """``(contacts,)`` whether a contact carries force; what the plugin does with the others is all the same."""
+        """Return whether each contact carries force, ``(contacts,)``; other contacts do not affect the plugin."""
         address = data.contact.efc_address
         rows = np.arange(1 if int(self._model.opt.cone) == int(mujoco.mjtCone.mjCONE_ELLIPTIC) else 4)
         if data.nefc == 0:
@@ -183,7 +183,7 @@ class TouchGridReadout:
         return (address >= 0) & np.any(data.efc_force.take(address[:, None] + rows, mode="clip") != 0, axis=1)
 
     def _bins(self, data: mujoco.MjData, pad: int, points: NDArray[np.floating]) -> NDArray[np.int64]:
-        """The taxel in whose bin the plugin counts contacts at these points (world frame), -1 for none."""
+        """Return the taxel whose bin the plugin uses for contacts at these points (world frame), -1 for none."""
         layout, site = self._pads.layouts[pad], self._sites[pad]
         x, y, z = ((points - data.site_xpos[site]) @ data.site_xmat[site].reshape(3, 3)).T
         angles = np.stack([np.arctan2(y, np.hypot(x, z)), np.arctan2(x, -z)])
@@ -193,5 +193,5 @@ class TouchGridReadout:
 
 
 def _half_angles(layout: TaxelLayout) -> NDArray[np.floating]:
-    """Half of the sensor's field of view (rad), along the rows and along the columns."""
+    """Return half of the sensor's field of view (rad), along the rows and along the columns."""
     return np.arctan2(np.array(layout.size) / 2, STANDOFF)

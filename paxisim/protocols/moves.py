@@ -1,4 +1,4 @@
-"""Moves that protocols are made of: a path of waypoints, and the motions that a diagnosis asks for."""
+"""Building blocks of protocols: a path of waypoints, and the motions that a diagnosis recommends."""
 
 from __future__ import annotations
 
@@ -7,29 +7,29 @@ import math
 from paxisim.protocols.protocol import FASTEST, Segment
 
 LONG = 60.0
-"""Seconds without load, as `paxisim.diagnose.advice.MOTIONS` asks for them."""
+"""Time without load (s), as recommended in `paxisim.diagnose.advice.MOTIONS`."""
 HOLD = 30.0
-"""Seconds of a held press, likewise."""
+"""Duration of a held press (s), from the same table."""
 STEPS = 6
-"""Levels of a staircase."""
+"""Number of levels of a staircase."""
 
 
 class Path:
-    """Waypoints as they are added, of streams that rest at each.
+    """A growing list of waypoints; the streams rest at each.
 
     Attributes:
-        episode: The episode to which segments belong that are ended from now on.
-        segments: What was ended.
+        episode: Episode of the segments ended from now on.
+        segments: Segments ended so far.
     """
 
     def __init__(self, max_speed: float, pressing: str, away: float, **start: float) -> None:
         """Begin at a position.
 
         Args:
-            max_speed: Speed (m/s) that no move exceeds: it takes as long as that asks for.
-            pressing: The stream that presses.
-            away: Where it does not touch (m).
-            start: Position (m) of each stream at the beginning.
+            max_speed: Maximum speed (m/s); a move takes as long as this requires.
+            pressing: Name of the stream that presses.
+            away: Position (m) of that stream without contact.
+            start: Initial position (m) of each stream.
         """
         self._speed, self._pressing, self._away = max_speed, pressing, away
         self._now, self._at = 0.0, dict(start)
@@ -38,48 +38,48 @@ class Path:
         self.segments: list[Segment] = []
 
     def to(self, seconds: float = 0.0, **goal: float) -> None:
-        """Move there in that time, or in the shortest one that is allowed if this is longer."""
+        """Move to `goal` (m) in `seconds`, or in the shortest time that the speed limit allows if that is longer."""
         farthest = max(abs(value - self._at[name]) for name, value in goal.items())
         self._at |= goal
         self.rest(max(seconds, math.ceil(101 * FASTEST * farthest / self._speed) / 100))
 
     def press(self, seconds: float, level: float) -> None:
-        """Move the stream that presses."""
+        """Move the pressing stream to `level` (m)."""
         self.to(seconds, **{self._pressing: level})
 
     def lift(self, seconds: float = 0.0) -> None:
-        """Move it away."""
+        """Move the pressing stream out of contact."""
         self.press(seconds, self._away)
 
     def rest(self, seconds: float) -> None:
-        """Stay; for no time, nothing is added."""
+        """Stay for `seconds`; adds nothing if that is 0."""
         if seconds:
             self._now = round(self._now + seconds, 3)
             self._points.append((self._now, *(round(value, 7) for value in self._at.values())))
 
     def end(self, name: str, does: str, *motions: str) -> None:
-        """What was added since the last segment is one."""
+        """Make a segment of the waypoints added since the last one."""
         self.segments.append(Segment(name, self.episode, does, motions, tuple(self._points)))
         self._points = []
 
 
 def free(path: Path, seconds: float) -> None:
-    """No touch for that long."""
+    """Stay without contact for `seconds`."""
     path.rest(seconds)
     path.end("free", "do not touch", "free", "sessions")
 
 
 def taps(path: Path, level: float) -> None:
-    """Three taps, each faster."""
+    """Tap three times, each time faster."""
     for seconds in (0.4, 0.2, 0.12):
         path.press(seconds, level)
         path.lift(seconds)
         path.rest(0.3)
-    path.end("taps", "tap three times, each faster", "taps")
+    path.end("taps", "tap three times, each time faster", "taps")
 
 
 def staircase(path: Path, low: float, high: float, *more: str) -> None:
-    """Steps in, of which two are taken out as well; `more` are motions that it is beside a staircase."""
+    """Press in steps, then stop at two of them on the way out; `more` names further motions of the segment."""
     levels = [low + step / STEPS * (high - low) for step in range(1, STEPS + 1)]
     for level in (*levels, levels[3], levels[1]):
         path.press(0.5, level)
@@ -89,7 +89,7 @@ def staircase(path: Path, low: float, high: float, *more: str) -> None:
 
 
 def hold(path: Path, level: float) -> None:
-    """A long hold and a long rest."""
+    """Hold a press for long, then rest for long."""
     path.press(0.5, level)
     path.rest(HOLD)
     path.lift(0.5)
@@ -98,16 +98,16 @@ def hold(path: Path, level: float) -> None:
 
 
 def waves(path: Path, level: float) -> None:
-    """Presses and releases at three speeds over two decades."""
+    """Press and release at three speeds that span two decades."""
     for seconds, times in ((0.15, 4), (1.5, 2), (15.0, 1)):
         for _ in range(times):
             path.press(seconds, level)
             path.lift(seconds)
-    path.end("waves", "press and release at three speeds over two decades", "triangles")
+    path.end("waves", "press and release at three speeds that span two decades", "triangles")
 
 
 def hold_both_ways(path: Path, middle: float, level: float) -> None:
-    """A long hold at `middle` on the way in and on the way out."""
+    """Hold for long at `middle` (m) on the way in to `level` (m) and on the way out."""
     for goal, seconds in ((middle, HOLD), (level, 1.0), (middle, HOLD)):
         path.press(2.0, goal)
         path.rest(seconds)
@@ -116,7 +116,7 @@ def hold_both_ways(path: Path, middle: float, level: float) -> None:
 
 
 def light(path: Path, touch: float, level: float) -> None:
-    """A press so slow that the reading passes through every count; `touch` is where contact begins."""
+    """Press so slowly that the reading passes through every count; contact begins at `touch` (m)."""
     path.press(1.0, touch)
     path.press(6.0, level)
     path.press(6.0, touch)

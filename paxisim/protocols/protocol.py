@@ -1,4 +1,4 @@
-"""Protocol: timed positions that a robot or a stage follows while its sensor is recorded, and what each part is for."""
+"""Protocol: timed positions that a robot or a stage follows during a recording, and the purpose of each part."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from paxisim.scene.scene import Scene
 
 FASTEST = 1.875
-"""Largest speed of a minimum-jerk move from rest to rest, over its mean speed."""
+"""Peak speed of a minimum-jerk move from rest to rest, divided by its mean speed."""
 
 
 @dataclass(frozen=True)
@@ -29,17 +29,17 @@ class Segment:
     """A part of a protocol that serves one purpose.
 
     Attributes:
-        name: What it is called.
-        episode: The episode of the recording that it belongs to.
-        does: What happens in it, in words.
-        motions: Which of the motions that a diagnosis advises it is: keys of `paxisim.diagnose.advice.MOTIONS`; none
-            for a way from one place to the next.
-        waypoints: A time (s, from the beginning of the protocol) and a position of each stream (m) where the motion
-            rests.
+        name: Name of the segment.
+        episode: Episode of the recording that the segment belongs to.
+        does: Description of the motion.
+        motions: Motions recommended by a diagnosis that the segment provides: keys of
+            `paxisim.diagnose.advice.MOTIONS`; empty for a move from one place to the next.
+        waypoints: Points where the motion rests, each a time (s, from the beginning of the protocol) and a position of
+            each stream (m).
 
     Raises:
         UnknownNameError: There is no such motion.
-        InvalidValueError: No waypoint.
+        InvalidValueError: The segment has no waypoint.
     """
 
     name: str
@@ -58,28 +58,28 @@ class Segment:
 
     @property
     def excites(self) -> tuple[str, ...]:
-        """The causes of a diagnosis that such a motion shows best."""
+        """Names of the causes of a diagnosis that these motions excite best."""
         return tuple(name for name in known_causes() if cause(name).excites in self.motions)
 
 
 @dataclass(frozen=True)
 class Protocol:
-    """A motion to follow. Between two waypoints it goes by minimum jerk, at rest at both.
+    """A motion to follow. Between two waypoints it follows a minimum-jerk curve, at rest at both.
 
     Attributes:
-        name: What it is called.
-        about: What is moved, in a sentence.
-        scene: The ready-made scene of `paxisim scene make` in which it can be rehearsed.
-        streams: Names of what is moved, as the scene's drives call them.
-        frame: What the positions mean.
-        max_speed: Speed (m/s) that no stream exceeds.
+        name: Name of the protocol.
+        about: Description of what moves.
+        scene: Ready-made scene of `paxisim scene make` in which the protocol can be rehearsed.
+        streams: Names of the moved streams, as in the scene's drives.
+        frame: Meaning of the positions.
+        max_speed: Maximum speed (m/s) of any stream.
         stop_force: Total normal force (N) on a pad at which the robot must stop.
-        rate: Samples a second that the recording should have at least.
-        segments: Its parts, one after another.
+        rate: Minimum sampling rate of the recording (Hz).
+        segments: Segments in order.
 
     Raises:
-        InvalidValueError: Times that do not increase, positions that are not one for each stream, a move that is
-            faster than `max_speed`, episodes out of order.
+        InvalidValueError: Times do not increase, a waypoint lacks one position per stream, a move is faster than
+            `max_speed`, or episodes are out of order.
     """
 
     name: str
@@ -95,7 +95,7 @@ class Protocol:
     def __post_init__(self) -> None:
         """Check the values."""
         if not self.streams or len(set(self.streams)) < len(self.streams):
-            raise InvalidValueError(f"a protocol needs streams, each by a name of its own, got {self.streams!r}")
+            raise InvalidValueError(f"a protocol needs streams with distinct names, got {self.streams!r}")
         for name, unit in (("max_speed", "m/s"), ("stop_force", "N"), ("rate", "Hz")):
             if not 0 < getattr(self, name) < math.inf:
                 raise InvalidValueError(f"a protocol's {name} must be above 0 {unit}, got {getattr(self, name)!r}")
@@ -104,7 +104,7 @@ class Protocol:
             raise InvalidValueError("the segments of a protocol must be in the order of their episodes")
         points = [point for segment in self.segments for point in segment.waypoints]
         if len(points) < 2:
-            raise InvalidValueError(f"a protocol needs two waypoints, got {len(points)}")
+            raise InvalidValueError(f"a protocol needs at least two waypoints, got {len(points)}")
         for point in points:
             if len(point) != 1 + len(self.streams) or not np.isfinite(point).all():
                 raise InvalidValueError(
@@ -127,16 +127,16 @@ class Protocol:
 
     @property
     def seconds(self) -> float:
-        """How long it takes."""
+        """Duration of the protocol (s)."""
         return self.segments[-1].waypoints[-1][0] - self.segments[0].waypoints[0][0]
 
     @property
     def waypoints(self) -> NDArray[np.float64]:
-        """``(N, 1 + streams)`` times (s) and positions (m)."""
+        """Times (s) and positions (m) of all waypoints, ``(N, 1 + streams)``."""
         return np.array([point for segment in self.segments for point in segment.waypoints], dtype=np.float64)
 
     def positions(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
-        """``(T, streams)`` positions (m) at ``(T,)`` times (s); at rest before the first and after the last."""
+        """Return ``(T, streams)`` positions (m) at ``(T,)`` times (s); at rest before the first and after the last."""
         points = self.waypoints
         knots, values = points[:, 0], points[:, 1:]
         i = np.clip(np.searchsorted(knots, time, side="right") - 1, 0, len(knots) - 2)
@@ -144,10 +144,10 @@ class Protocol:
         return values[i] + u**3 * (10 - 15 * u + 6 * u**2) * (values[i + 1] - values[i])
 
     def unrecorded(self, scene: Scene) -> Recording:
-        """A recording of the motion alone: its streams and episodes at `rate`, with forces that are not known (NaN).
+        """Return a recording of the motion alone: streams and episodes at `rate`, with unknown forces (NaN).
 
         Args:
-            scene: What it is to be simulated in; its pads are the recording's.
+            scene: Scene to simulate the recording in; the recording has its pads.
 
         Raises:
             InvalidValueError: The scene cannot be compiled.
@@ -170,10 +170,10 @@ class Protocol:
         )
 
     def rehearse(self, scene: Scene, **parameters: float) -> Recording:
-        """Simulate the motion, as the robot would record it with a sensor that reads what the model says.
+        """Simulate the motion, as a robot would record it with a sensor that behaves like the model.
 
         Args:
-            scene: A ready-made scene, or one of the robot's own with drives of the same streams.
+            scene: A ready-made scene, or your own scene of the robot with drives of the same streams.
             parameters: Fields of the gel, see `paxisim.Scene.simulate`.
 
         Returns:
@@ -186,11 +186,11 @@ class Protocol:
         return scene.with_parameters(**parameters).simulate(self.unrecorded(scene))
 
     def save(self, path: str | Path) -> None:
-        """Write it as JSON, whole or not at all.
+        """Write the protocol as JSON, completely or not at all.
 
         Raises:
             OSError: The file cannot be written.
-            InvalidValueError: The path is a folder, or in none.
+            InvalidValueError: The path is a folder, or its folder does not exist.
         """
         from paxisim.files import whole_file
         from paxisim.protocols.text import format_protocol
@@ -200,11 +200,11 @@ class Protocol:
 
     @classmethod
     def load(cls, path: str | Path) -> Protocol:
-        """Read the JSON of a protocol.
+        """Read a protocol from its JSON file.
 
         Raises:
-            InvalidValueError: Not such a file; the message says where.
-            UnknownNameError: A motion that there is not.
+            InvalidValueError: The file is not a valid protocol; the message names the error.
+            UnknownNameError: There is no such motion.
             FileNotFoundError: There is no such file.
         """
         from paxisim.files import parse_file
@@ -214,6 +214,6 @@ class Protocol:
 
 
 def peak_forces(recording: Recording) -> dict[str, float]:
-    """By pad, the highest total normal force (N) of a recording's tensor; NaN counts as nothing."""
+    """Return the peak total normal force (N) of each pad in a recording's tensor; NaN counts as 0."""
     total = np.nansum(recording.tensor[:, :, 2].astype(np.float64), axis=(2, 3))
     return dict(zip(recording.pads, total.max(axis=0).tolist(), strict=True))

@@ -11,22 +11,22 @@ from paxisim.protocols.protocol import Protocol
 
 RATE = 100.0
 PAD = (0.0226, 0.0261)
-"""Size (m) along x and y of the pad that is pressed, unless another is given: that of paxini-gen1-l4629."""
+"""Default size (m) of the pressed pad along x and y: that of paxini-gen1-l4629."""
 _PEG = 0.024  # m, width of the peg in the ready-made scene
 _PLACES = ((0, 0), (0.5, 0.5), (-0.5, 0.5), (-0.5, -0.5), (0.5, -0.5), (0.5, 0), (0, -0.5), (-0.5, 0))
-"""Where an episode presses, as shares of half the pad."""
+"""Place pressed in each episode, as fractions of half the pad."""
 
 
 def press(depth: float = 1.5e-3, stop_force: float = 20.0, pad: tuple[float, float] = PAD) -> Protocol:
-    """A ball on a stage presses, holds, taps and slides on one pad that lies face up, at eight places.
+    """Return a protocol in which a ball on a stage presses, holds, taps and slides on a pad, face up, at eight places.
 
     Args:
-        depth: How deep (m) the ball presses at most.
+        depth: Maximum depth (m) of the press.
         stop_force: Total normal force (N) at which the stage must stop.
         pad: Size (m) of the pad along its x and y.
 
     Raises:
-        InvalidValueError: A number that cannot be used.
+        InvalidValueError: A number is out of range.
     """
     _check_depth(depth)
     if not all(0 < size < 1 for size in pad):
@@ -70,14 +70,14 @@ def press(depth: float = 1.5e-3, stop_force: float = 20.0, pad: tuple[float, flo
 
 
 def regrasp(depth: float = 4e-4, stop_force: float = 25.0) -> Protocol:
-    """Two pads close on a peg that stands between them, hold it, press harder, let go and grasp again.
+    """Return a protocol in which two pads close on a peg, hold it, press harder, let go and grasp again.
 
     Args:
-        depth: How deep (m) the peg presses into each pad at most.
+        depth: Maximum depth (m) of the peg in each pad.
         stop_force: Total normal force (N) on a pad at which the gripper must stop.
 
     Raises:
-        InvalidValueError: A number that cannot be used.
+        InvalidValueError: A number is out of range.
     """
     _check_depth(depth)
     wide, near = _PEG + 0.010, _PEG + 0.001
@@ -105,7 +105,7 @@ def regrasp(depth: float = 4e-4, stop_force: float = 25.0) -> Protocol:
             path.press(0.6, closed(share))
             path.rest(2.0)
             path.to(0.6, opening=wide)
-        path.end("regrasp", "grasp, hold for 2 s and let go, three times with another squeeze", "varied")
+        path.end("regrasp", "grasp, hold for 2 s and let go, three times with different squeezes", "varied")
     moves.free(path, LONG)
     return Protocol(
         "regrasp",
@@ -121,13 +121,13 @@ def regrasp(depth: float = 4e-4, stop_force: float = 25.0) -> Protocol:
 
 
 def open_close(stop_force: float = 2.0) -> Protocol:
-    """A gripper opens and closes in the air: what its pads read then is no force.
+    """Return a protocol in which a gripper opens and closes in the air, so its pads' readings are not forces.
 
     Args:
         stop_force: Total normal force (N) on a pad at which the gripper must stop.
 
     Raises:
-        InvalidValueError: A number that cannot be used.
+        InvalidValueError: A number is out of range.
     """
     narrow, wide = 0.030, 0.090
     path = Path(0.06, "opening", wide, opening=wide)
@@ -141,7 +141,7 @@ def open_close(stop_force: float = 2.0) -> Protocol:
             path.press(1.0, wide + step / (STEPS - 1) * (narrow - wide))
             path.rest(3.0)
         path.lift()
-        path.end("stops", "stay for 3 s at each of five openings", "gripper")
+        path.end("stops", "hold each of five openings for 3 s", "gripper")
     moves.free(path, LONG)
     return Protocol(
         "open-close",
@@ -175,12 +175,12 @@ READY: Mapping[str, Callable[..., Protocol]] = {"press": press, "regrasp": regra
 
 
 def known_protocols() -> tuple[str, ...]:
-    """Names of the ready-made protocols."""
+    """Return the names of the ready-made protocols."""
     return tuple(READY)
 
 
 def protocol(name: str, **options: float | tuple[float, float]) -> Protocol:
-    """A ready-made protocol.
+    """Return a ready-made protocol.
 
     Args:
         name: One of `known_protocols`: ``"press"``, ``"regrasp"`` or ``"open-close"``.
@@ -188,7 +188,7 @@ def protocol(name: str, **options: float | tuple[float, float]) -> Protocol:
 
     Raises:
         UnknownNameError: There is no such protocol, or it has no such option.
-        InvalidValueError: A number that cannot be used.
+        InvalidValueError: A number is out of range.
 
     Example:
         ```python

@@ -1,4 +1,4 @@
-"""Protocols as JSON that a person can read: one waypoint a line."""
+"""Protocols as human-readable JSON: one waypoint per line."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _PLAIN = {"name": str, "about": str, "scene": str, "frame": str}
 
 
 def format_protocol(protocol: Protocol) -> str:
-    """The protocol's JSON; times in s, positions in m."""
+    """Return the protocol as JSON; times in s, positions in m."""
     head: dict[str, Any] = {
         "version": VERSION,
         **{name: getattr(protocol, name) for name in ("name", "about", "scene")},
@@ -47,20 +47,20 @@ def _segment(segment: Segment) -> str:
 
 
 def parse_protocol(text: str) -> Protocol:
-    """The protocol of its JSON.
+    """Parse a protocol from its JSON.
 
-    What follows from the rest (``seconds``, ``excites``) is not read.
+    Derived values (``seconds``, ``excites``) are not read.
 
     Raises:
-        InvalidValueError: No JSON, another version, or a value that cannot be used.
-        UnknownNameError: A motion that there is not.
+        InvalidValueError: The text is not JSON, has another version, or holds a value that cannot be used.
+        UnknownNameError: There is no such motion.
     """
     document = parse_json(text)
     if not isinstance(document, dict) or "segments" not in document:
         raise InvalidValueError("not a protocol: expected a JSON object with segments, as paxisim protocol writes it")
     if document.get("version") != VERSION:
         raise InvalidValueError(
-            f"expected version {VERSION} of a protocol, got {document.get('version')!r}: write it anew with paxisim "
+            f"expected version {VERSION} of a protocol, got {document.get('version')!r}: write it again with paxisim "
             "protocol"
         )
     columns = _value(document, "columns", list)
@@ -94,7 +94,7 @@ def _parsed(segment: Any) -> Segment:
 
 def _value(table: dict[str, Any], key: str, kind: type) -> Any:
     if not isinstance(table.get(key), kind) or isinstance(table.get(key), bool):
-        expected = {str: "a text", int: "a whole number", list: "a list"}[kind]
+        expected = {str: "a string", int: "a whole number", list: "a list"}[kind]
         raise InvalidValueError(f"{key} must be {expected}, got {table.get(key)!r}")
     return table[key]
 

@@ -1,11 +1,11 @@
-"""A soft layer bonded to a rigid base: how its inside moves and turns under a load on its surface.
+"""Displacement and rotation inside a soft layer bonded to a rigid base, under a load on its surface.
 
-The layer is linear elastic, isotropic, of constant thickness and without end in x and y. A Fourier transform over the
+The layer is linear elastic, isotropic, of constant thickness and infinite in x and y. A Fourier transform over the
 surface (Sneddon, *Fourier Transforms*, 1951; Johnson, *Contact Mechanics*, 1985, for layers) leaves, for every
-wavenumber k, ordinary differential equations over the depth z. They split in two: motion in the plane of the wave and
-the depth, and motion across it. Both have closed solutions: exponentials that decay from the surface, and ones that
-decay from the base, so that nothing overflows where k times the thickness is large. No term divides by 1 - 2 nu, so
-that a nearly incompressible layer is no special case.
+wavenumber k, ordinary differential equations over the depth z. They separate into motion in the plane of the wave and
+the depth, and motion across it. Both have closed-form solutions: exponentials that decay from the surface, and
+exponentials that decay from the base. Hence nothing overflows if k times the thickness is large. No term divides by
+1 - 2 nu, so a nearly incompressible layer is not a special case.
 """
 
 from __future__ import annotations
@@ -19,52 +19,53 @@ from numpy.typing import ArrayLike, NDArray
 from paxisim.errors import InvalidValueError
 
 MAX_POISSON = 0.495
-"""Largest Poisson's ratio. Nearer to 0.5 the load spreads ever wider than the layer is thick."""
+"""Largest Poisson's ratio. Closer to 0.5, the load spreads much further than the thickness of the layer."""
 MAX_PITCHES = 100
-"""How far from the load one may look, in pitches: the time grows with the square."""
+"""Largest distance of a point from the load, in pitches; the computing time grows with its square."""
 
 _Array = NDArray[np.float64]
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
-_PHASE = 24.0  # rad, the most by which a wave turns within a panel of 16 nodes
-_WAVES = 16.0  # per side of the rectangle: shorter ones are cut off
-_DECAY = 25.0  # what decays by more than exp(-25) towards the depth is left out
+_PHASE = 24.0  # rad, largest phase change of a wave within a panel of 16 nodes
+_WAVES = 16.0  # per side of the rectangle; shorter waves are cut off
+_DECAY = 25.0  # waves that decay by more than exp(-25) down to the depth are left out
 
 
 def layer_response(
     offsets: ArrayLike, depth: float, thickness: float, modulus: float, poisson: float, pitch: tuple[float, float]
 ) -> tuple[_Array, _Array]:
-    """Displacement and rotation inside the layer per newton of a load spread evenly over one taxel's rectangle.
+    """Return displacement and rotation inside the layer per newton, spread evenly over one taxel's rectangle.
 
-    The frame is the pad's: x right, y down the pad, z into it; a force along +z pushes into the pad.
+    The frame is that of the pad: x right, y down the pad, z into it; a force along +z pushes into the pad.
 
-    The waves are summed by Gauss quadrature, so the load has no periodic copies; the error is about 1e-6 of the largest
-    value. Waves shorter than a sixteenth of the rectangle are left out, which blurs the edge of the load. That changes
-    the response by 1e-3 of its largest value at most from a tenth of a side deep, and by 1e-5 from a quarter of a side.
-    At the surface it changes the displacement by 0.01 on the edge, or 0.02 in a layer thinner than a third of a side;
-    the rotation, which has no limit on the edge, stays finite there.
+    The waves are summed by Gauss quadrature, so the load has no periodic copies. The error is about 1e-6 of the largest
+    value. Waves shorter than a sixteenth of the rectangle are left out, which blurs the edge of the load. From a depth
+    of a tenth of a side, this changes the response by at most 1e-3 of its largest value; from a quarter of a side, by
+    at most 1e-5. At the surface, it changes the displacement at the edge by 0.01, or by 0.02 in a layer thinner than a
+    third of a side. The rotation, which diverges at the edge, stays finite there.
 
-    480 scattered points of a 12x10 pad take half a second at the surface; points on a grid and deeper ones take less.
+    480 scattered points of a 12x10 pad take half a second at the surface; points on a grid or deeper points take less.
 
     Args:
-        offsets: ``(n, 2)`` where to look, x and y from the centre of the loaded rectangle (m).
-        depth: How deep below the surface to look (m), from 0 to below `thickness`.
+        offsets: ``(n, 2)`` points, x and y from the centre of the loaded rectangle (m).
+        depth: Depth of the points below the surface (m), from 0 to below `thickness`.
         thickness: Thickness of the layer (m).
         modulus: Young's modulus (Pa).
         poisson: Poisson's ratio, 0 to `MAX_POISSON`.
         pitch: Size of the rectangle (m), (along y, along x) as in `TaxelLayout`.
 
     Returns:
-        The displacement, ``(n, 3, 3)``: point, direction of the displacement, direction of the force (m/N); and the
-        rotation, ``(n, 3, 3)``: point, axis, direction of the force (rad/N), half the curl of the displacement.
+        The displacement (m/N), ``(n, 3, 3)``: point, direction of the displacement, direction of the force; and the
+        rotation (rad/N), ``(n, 3, 3)``: point, axis, direction of the force. The rotation is half the curl of the
+        displacement.
 
     Raises:
-        InvalidValueError: A value outside its range, or an offset further away than `MAX_PITCHES`.
+        InvalidValueError: A value is outside its range, or an offset is larger than `MAX_PITCHES`.
     """
     points, sides = _checked(offsets, depth, thickness, modulus, poisson, pitch)
     kx, x_waves, at_x = _waves(points[:, 0], sides[0], depth, thickness)
     ky, y_waves, at_y = _waves(points[:, 1], sides[1], depth, thickness)
     response = np.zeros((2, len(points), 3, 3))
-    for start in range(0, len(ky), len(_NODES)):  # a few rows at a time: the whole plane would fill the memory
+    for start in range(0, len(ky), len(_NODES)):  # a few rows at a time: the whole plane may not fit in memory
         part = slice(start, start + len(_NODES))
         for (kind, i, j), odd_x, odd_y, spectrum in _components(kx[:, None], ky[part], depth, thickness, poisson):
             over_x = (x_waves[odd_x] @ spectrum)[at_x]
@@ -77,7 +78,7 @@ def layer_response(
 def _checked(
     offsets: ArrayLike, depth: float, thickness: float, modulus: float, poisson: float, pitch: tuple[float, float]
 ) -> tuple[_Array, _Array]:
-    """The offsets, and the sides of the rectangle along x and y, if all values are in their ranges."""
+    """Check all values, and return the offsets and the sides of the rectangle along x and y."""
     try:
         points, sides = np.asarray(offsets, dtype=float), np.array([pitch[1], pitch[0]], dtype=float)
     except (TypeError, ValueError, IndexError):
@@ -104,10 +105,10 @@ def _checked(
 def _waves(
     places: _Array, side: float, depth: float, thickness: float
 ) -> tuple[_Array, tuple[_Array, _Array], NDArray[np.intp]]:
-    """Along one axis: wavenumbers, the load's cosine and sine waves at the distinct places, and which place is which.
+    """Return wavenumbers along one axis, the load's waves at the distinct places, and the index of each place.
 
-    The panels of the quadrature start as narrow as the layer's response asks for and double up to what the waves allow.
-    The waves contain the weights of the quadrature.
+    The panels of the quadrature start as narrow as the layer's response requires, and double up to the width that the
+    waves allow. The cosine and sine waves include the weights of the quadrature.
     """
     limit = 2 * np.pi * _WAVES / side
     last = min(limit, _DECAY / depth) if depth else limit
@@ -127,11 +128,11 @@ def _waves(
 def _components(
     kx: _Array, ky: _Array, depth: float, thickness: float, poisson: float
 ) -> list[tuple[tuple[int, int, int], bool, bool, _Array]]:
-    """The spectra of the components that are not zero, for a shear modulus of 1, with their symmetry.
+    """Return the spectra of the nonzero components, for a shear modulus of 1, with their symmetry.
 
-    Each is (component, odd in x, odd in y, values), where a component is (0 for displacement or 1 for rotation, its
-    direction or axis, direction of the force). Displacement along y by a force along x is left out: it equals
-    displacement along x by a force along y.
+    Each item is (component, odd in x, odd in y, values). A component is (0 for displacement or 1 for rotation, its
+    direction or axis, direction of the force). Displacement along y due to a force along x is left out, since it equals
+    displacement along x due to a force along y.
     """
     k = np.hypot(kx, ky)
     x, y = kx / k, ky / k
@@ -166,14 +167,14 @@ class _Motion(NamedTuple):
 
 
 def _in_plane(k: _Array, depth: float, thickness: float, poisson: float) -> tuple[_Motion, _Motion]:
-    """Motion under a pressure of amplitude 1 and under a shear traction of amplitude i along the wave, shear modulus 1.
+    """Return the motion under a pressure of amplitude 1 and under a shear traction of amplitude i along the wave.
 
-    With s = thickness - z, the displacement is a sum of four solutions of Navier's equations::
+    The shear modulus is 1. With s = thickness - z, the displacement is a sum of four solutions of Navier's equations::
 
         along:  (a + b k z) exp(-k z)            + (c + d k s) exp(-k s)
         down:  -(a + b (q + k z)) exp(-k z)      + (c + d (q + k s)) exp(-k s)      q = 3 - 4 nu
 
-    At the base, both are zero, which gives c and d from a and b. The tractions at the surface then give a and b.
+    Both are zero at the base, which gives c and d from a and b. The tractions at the surface then give a and b.
     """
     q, n, m = 3 - 4 * poisson, 2 - 2 * poisson, 1 - 2 * poisson
     kh = k * thickness
@@ -197,7 +198,7 @@ def _in_plane(k: _Array, depth: float, thickness: float, poisson: float) -> tupl
 
 
 def _across(k: _Array, depth: float, thickness: float) -> tuple[_Array, _Array]:
-    """Displacement across the wave under a shear traction of amplitude 1 across it, and its slope over the depth."""
+    """Return the displacement under a shear traction of amplitude 1, both across the wave, and its slope in depth."""
     down, up = np.exp(-k * depth), np.exp(-k * (2 * thickness - depth))
     even = 1 + np.exp(-2 * k * thickness)
     return (down - up) / (k * even), -1.0 * (down + up) / even

@@ -1,4 +1,4 @@
-"""Half-space: how an elastic body without a base moves under forces on its surface.
+"""Half-space: motion of an infinitely deep elastic body under forces on its surface.
 
 Frame: x and y on the surface, z into the body. Sources: J. Boussinesq (1885) for a normal and V. Cerruti (1882) for a
 tangential point force, as in K. L. Johnson, Contact Mechanics (1985), chapter 3.
@@ -13,17 +13,17 @@ FloatArray = NDArray[np.float64]
 
 POINTS = 8
 """Quadrature points along each side of a loaded rectangle."""
-_STEP = 1e-4  # of the depth, for the derivatives of a rotation
+_STEP = 1e-4  # step of the derivatives for the rotation, as a share of the depth
 
 
 def half_space_response(
     offsets: FloatArray, depth: float, modulus: float, poisson: float, pitch: tuple[float, float]
 ) -> tuple[FloatArray, FloatArray]:
-    """Displacement and rotation inside a half-space per newton that is spread evenly over one taxel's rectangle.
+    """Return displacement and rotation inside a half-space per newton, spread evenly over one taxel's rectangle.
 
     Args:
-        offsets: ``(n, 2)`` where to look, x and y from the centre of the rectangle (m).
-        depth: How deep below the surface (m), more than 0.
+        offsets: ``(n, 2)`` points, x and y from the centre of the rectangle (m).
+        depth: Depth of the points below the surface (m), more than 0.
         modulus: Young's modulus (Pa).
         poisson: Poisson's ratio, 0 to 0.5.
         pitch: Size of the rectangle along y and along x (m).
@@ -57,7 +57,7 @@ def half_space_response(
 
 
 def point_response(at: FloatArray, modulus: float, poisson: float) -> FloatArray:
-    """``(..., 3, 3)`` displacement per newton (m/N), [displacement, force], at ``(..., 3)`` from a point force (m)."""
+    """Return the displacement (m/N) at ``(..., 3)`` from a point force (m), ``(..., 3, 3)``: [displacement, force]."""
     x, y, z = np.moveaxis(at, -1, 0)
     r = np.sqrt(x * x + y * y + z * z)
     shear = modulus / (2 * (1 + poisson))

@@ -1,4 +1,4 @@
-"""Influence: how far every magnet of a pad moves and turns under a force on every taxel."""
+"""Influence: displacement and rotation of every magnet of a pad under a force on every taxel."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from paxisim.reference.parameters import PadParameters
 FloatArray = NDArray[np.float64]
 
 STEP = 0.05
-"""Of the differences over a magnet's place, in thicknesses of the gel."""
+"""Step of the differences over a magnet's position, in thicknesses of the gel."""
 KEPT = 28
-"""Matrices that are kept: seven for a design, whose units differ by the modulus and the magnets' places only."""
+"""Number of cached matrices. A design needs seven, since its units differ only in modulus and magnet positions."""
 
 
 def influence(layout: TaxelLayout, parameters: PadParameters, shift: FloatArray | None = None) -> FloatArray:
-    """The magnets' displacements and rotations by the forces on the taxels.
+    """Return the displacements and rotations of the magnets per force on the taxels.
 
-    A magnet that is not at its nominal place moves as the gel does where it is. The motion is expanded about the
-    nominal place to second order along each axis.
+    A magnet moves with the gel at its actual position. The motion is expanded to second order along each axis about
+    the nominal position.
 
     Args:
-        layout: A flat grid.
-        parameters: What the pad is made of.
-        shift: ``(N, 3)`` from each magnet's nominal place to its own (m). Default: none.
+        layout: Layout of the taxels, a flat grid.
+        parameters: Parameters of the pad.
+        shift: ``(N, 3)`` vectors from the nominal to the actual position of each magnet (m). Default: zero.
 
     Returns:
-        ``(3 N, 6, N)``: from forces ``(3, N)`` to displacements and rotations along x, y and z of each magnet
+        ``(3 N, 6, N)`` matrix from forces ``(3, N)`` to displacements and rotations along x, y and z of each magnet
         (m/N and rad/N).
     """
     own = parameters

@@ -1,15 +1,14 @@
-"""Memory: how a gel that relaxes and rubs within itself is deformed by a load that changes.
+"""Memory: deformation of a gel with relaxation and internal friction under a changing load.
 
-The gel is an elastic solid of its modulus at rest, beside which act Maxwell arms (springs that relax, together a
-standard linear solid) and one spring behind a friction slider (a Jenkin element). All of them feel the same
-deformation::
+The gel is an elastic solid with its modulus at rest, in parallel with Maxwell arms (relaxing springs; with the solid, a
+standard linear solid) and with one spring behind a friction slider (a Jenkin element). All have the same deformation::
 
     load = e + sum_m share_m (e - q_m) + friction (e - p)      time_m dq_m/dt = e - q_m      |e - p| <= slip
 
-Every part of the gel is of the same kind and Poisson's ratio does not change with time, so that by the correspondence
-principle (R. M. Christensen, Theory of Viscoelasticity, 1982) a deformation is that of an elastic gel under another
-load. `e` is that load: what a gel without memory would have to carry, to be deformed as this one is. It is a vector for
-each taxel, and the slider follows it when the vector is too long, in whatever direction.
+The gel is homogeneous and Poisson's ratio does not change with time. By the correspondence principle
+(R. M. Christensen, Theory of Viscoelasticity, 1982), its deformation is therefore that of an elastic gel under another
+load. `e` is this load: a gel without memory that carries it has the same deformation. It is a vector for each taxel.
+The slider follows it when ``e - p`` becomes longer than the limit, in any direction.
 """
 
 from __future__ import annotations
@@ -21,15 +20,15 @@ from paxisim.augment.parameter_spec import lift, namespace
 from paxisim.reference.parameters import GelMemory
 
 State = tuple[Any, Any, Any]
-"""Deformation e (N), what the arms remember of it ``(*batch, M, pads, 3, rows, cols)`` and the slider p."""
+"""Deformation e (N), states q of the arms ``(*batch, M, pads, 3, rows, cols)`` and the slider p."""
 
 
 def at_rest(memory: GelMemory, area: float, load: Any) -> State:
-    """The state of a gel that was new when the load came, and has carried it until all has relaxed.
+    """Return the state of a new gel that has carried a load until all arms have relaxed.
 
     Args:
-        memory: What the gel remembers.
-        area: Of a taxel (m^2).
+        memory: Parameters of the gel's memory.
+        area: Area of a taxel (m^2).
         load: ``(*batch, pads, 3, rows, cols)`` newtons; numpy or torch.
     """
     deformed, slider = _slide(memory, area, load, 1.0, load * 0)
@@ -39,9 +38,9 @@ def at_rest(memory: GelMemory, area: float, load: Any) -> State:
 
 
 def step(memory: GelMemory, area: float, load: Any, state: State, dt: Any) -> tuple[Any, State]:
-    """The deformation (N) by the load that is there a time `dt` (s) later, and the new state.
+    """Return the deformation (N) under the load after a time `dt` (s), and the new state.
 
-    The deformation is taken to run straight from frame to frame, for which the arms are exact at any `dt`.
+    The deformation is assumed to be linear in time between frames; for this, the arms are exact at any `dt`.
     """
     xp = namespace(load)
     before, arms, slider = state
@@ -49,7 +48,7 @@ def step(memory: GelMemory, area: float, load: Any, state: State, dt: Any) -> tu
     stiffness, carried, parts = 1.0, load, []
     for arm, (share, time) in enumerate(zip(memory.shares, memory.times, strict=True)):
         left, mean = _decay(dt / time)
-        # q = part + (1 - mean) e, of which e is not known yet
+        # q = part + (1 - mean) e, with e still unknown
         part = left * arms[..., arm, :, :, :, :] + (mean - left) * before
         stiffness, carried = stiffness + share * mean, carried + share * part
         parts.append((part, mean))
@@ -60,7 +59,7 @@ def step(memory: GelMemory, area: float, load: Any, state: State, dt: Any) -> tu
 
 
 def _decay(run: Any) -> tuple[Any, Any]:
-    """What is left of a deviation after `run` relaxation times, and its mean until then."""
+    """Return the share of a deviation that is left after `run` relaxation times, and its mean over that time."""
     if isinstance(run, float):
         return math.exp(-run), -math.expm1(-run) / run if run else 1.0
     xp = namespace(run)
@@ -71,7 +70,7 @@ def _decay(run: Any) -> tuple[Any, Any]:
 def _slide(memory: GelMemory, area: float, carried: Any, stiffness: Any, slider: Any) -> tuple[Any, Any]:
     """Solve ``carried = stiffness e + friction (e - p)`` for the deformation e and the slider p.
 
-    Both e - p and the slider's motion point along ``carried - stiffness p``, so that lengths are left to solve for.
+    Both e - p and the motion of the slider point along ``carried - stiffness p``, so only lengths are unknown.
     """
     xp, limit = namespace(carried), memory.slip * area
     pull = carried - stiffness * slider

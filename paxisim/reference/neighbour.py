@@ -1,7 +1,8 @@
-"""Neighbour: the field of a pad's magnets at the Hall sensors of the pad that faces it.
+"""Neighbour: field of a pad's magnets at the Hall sensors of the pad that faces it.
 
-Two pads on a parallel gripper face each other: rows run down both of them, columns in opposite directions. Seen from
-one pad, the other is turned by half a turn about y, its surface as far away as the gripper is open.
+Two pads on a parallel gripper face each other: their rows run in the same direction, their columns in opposite
+directions. Seen from one pad, the other is rotated by half a turn about y, and the distance of their surfaces is the
+opening of the gripper.
 """
 
 from __future__ import annotations
@@ -22,19 +23,19 @@ from paxisim.reference.unit import Unit
 FloatArray = NDArray[np.float64]
 
 DEGREE = 20
-"""Of the polynomial over the opening: within 1e-4 of the largest field, from touching pads to pads far apart."""
+"""Degree of the polynomial over the opening; its error is below 1e-4 of the largest field at all openings."""
 SCALE = 10e-3
-"""The polynomial is one of ``1 / (1 + opening / SCALE)`` (m), which has all openings between 0 and 1."""
+"""Scale (m) of the polynomial's variable ``1 / (1 + opening / SCALE)``, which maps all openings to 0 to 1."""
 HALF_TURN = np.array([-1.0, 1.0, -1.0])
 
 
 def facing_field(unit: Unit, other: Unit, opening: float) -> FloatArray:
-    """``(3, N)`` field (T) of the other pad's magnets at a pad's Hall sensors, in the pad's frame.
+    """Return the field (T) of the other pad's magnets at a pad's Hall sensors, ``(3, N)`` in the pad frame.
 
     Args:
         unit: The pad.
         other: The pad that faces it.
-        opening: Between their surfaces (m).
+        opening: Distance between their surfaces (m).
     """
     magnets = HALF_TURN * other.magnets.T - [0, 0, opening]
     offsets = unit.sensors.T[:, None] - magnets
@@ -42,10 +43,10 @@ def facing_field(unit: Unit, other: Unit, opening: float) -> FloatArray:
 
 
 class Facing:
-    """The fields of two pads at each other, as their magnets are at rest, over the opening.
+    """Fields of two pads at each other as functions of the opening, with their magnets at rest.
 
-    That a load moves the other pad's magnets is left out: with 0.5 N on each taxel of a pad of 6x5 it changes their
-    field at 18 mm by 0.6 %.
+    The motion of the other pad's magnets under load is neglected: 0.5 N on each taxel of a 6x5 pad changes their field
+    at 18 mm by 0.6 %.
     """
 
     def __init__(self, units: Sequence[Unit], zeroed_at: float = np.inf) -> None:
@@ -56,12 +57,12 @@ class Facing:
             zeroed_at: Opening (m) at which they were zeroed. Default: far apart.
 
         Raises:
-            InvalidValueError: There are not two pads.
+            InvalidValueError: The number of pads is not two.
         """
         if len(units) != 2:
             raise InvalidValueError(f"two pads face each other, got {len(units)}")
         left, right = units
-        nodes = (chebyshev.chebpts1(DEGREE + 1) + 1) / 2  # of 1 / (1 + opening / SCALE)
+        nodes = (chebyshev.chebpts1(DEGREE + 1) + 1) / 2  # values of 1 / (1 + opening / SCALE)
         fields = [
             [facing_field(unit, other, SCALE * (1 / node - 1)).ravel() for node in nodes]
             for unit, other in ((left, right), (right, left))
@@ -72,7 +73,7 @@ class Facing:
         self._kinds: dict[Any, Any] = {}
 
     def change(self, opening: Any) -> Any:
-        """``(2, B, 3, N)`` change of the field (T) since the sensor was zeroed, at ``(B,)`` openings (m).
+        """Return the change of the field (T) since zeroing at openings ``(B,)`` (m), ``(2, B, 3, N)``.
 
         Openings below 0 count as 0.
         """
@@ -84,7 +85,7 @@ class Facing:
 
 
 def _waves(opening: Any) -> Any:
-    """``(B, DEGREE + 1)`` Chebyshev's polynomials at ``(B,)`` openings."""
+    """Return the Chebyshev polynomials at openings ``(B,)``, ``(B, DEGREE + 1)``."""
     xp = namespace(opening)
     near = 1 / (1 + (opening + abs(opening)) / (2 * SCALE))
     return xp.cos(xp.acos(2 * near - 1)[:, None] * as_kind(np.arange(DEGREE + 1.0), opening))

@@ -1,4 +1,4 @@
-"""MagneticPad: from forces on the taxels to what a magnetic sensor makes of them."""
+"""MagneticPad: readings of a magnetic sensor from the forces on its taxels."""
 
 from __future__ import annotations
 
@@ -17,39 +17,39 @@ from paxisim.reference.unit import make_unit
 FloatArray = NDArray[np.float64]
 
 PRESSES = (0.25, 0.5, 1.0)
-"""Normal forces (N) by which a maker would calibrate a taxel of the default size, and others by the same pressures."""
+"""Normal forces (N) of the maker's calibration on a taxel of the default size; other sizes get the same pressures."""
 DRAGS = (-0.3, 0.0, 0.3)
-"""Shares of them that drag it along x and along y."""
+"""Shear along x and along y during these presses, as shares of the normal force."""
 TEMPERATURE = -1.2e-3
-"""Change of a magnet's remanence per kelvin: NdFeB's data sheets have -0.11 to -0.12 % per kelvin."""
+"""Relative change of a magnet's remanence per kelvin: data sheets of NdFeB state -0.11 to -0.12 % per kelvin."""
 
 
 class MagneticPad:
     """One manufactured pad.
 
-    Forces on the taxels press and drag a soft layer. The magnets in it move and turn, each by the loads on all taxels.
-    Each Hall sensor below reads the sum of all magnets' fields. A calibration, fitted to presses of single taxels of
-    the nominal design, turns the change of a sensor's field into the force on its taxel.
+    Forces on the taxels deform a soft layer. Each magnet in it moves and turns under the loads on all taxels. Each Hall
+    sensor below the layer reads the sum of all magnets' fields. A calibration, fitted to presses of single taxels of
+    the nominal design, converts the change of a sensor's field to the force on its taxel.
 
     Example::
 
         pad = MagneticPad.unit(layout, seed=7)
-        reading = pad.read(force)  # (..., 3, rows, cols) newtons, as a sensor of this kind reports them
+        reading = pad.read(force)  # (..., 3, rows, cols) newtons, as such a sensor reports them
 
     Attributes:
-        layout: Its taxels; a flat grid.
-        parameters: What this unit is made of.
-        seed: What makes it differ from the nominal design; None: nothing does.
-        made: Its matrices.
+        layout: Layout of the taxels, a flat grid.
+        parameters: Parameters of this unit.
+        seed: Number of the unit, which seeds its deviations from the nominal design; None for the nominal design.
+        made: Matrices of this unit.
     """
 
     def __init__(self, layout: TaxelLayout, parameters: PadParameters | None = None, seed: int | None = None) -> None:
-        """Make the nominal pad, or with a seed the unit of that number; see `unit`.
+        """Make the nominal pad, or, with a seed, the unit with that number; see `unit`.
 
         Args:
-            layout: Its taxels.
-            parameters: The nominal design. Default: that for the layout, `PadParameters.for_layout`.
-            seed: Its number.
+            layout: Layout of the taxels, a flat grid.
+            parameters: Nominal design. Default: `PadParameters.for_layout` of the layout.
+            seed: Number of the unit.
 
         Raises:
             InvalidValueError: The layout is not a flat grid, or the seed is not a whole number of 0 or more.
@@ -61,22 +61,23 @@ class MagneticPad:
 
     @classmethod
     def unit(cls, layout: TaxelLayout, seed: int, parameters: PadParameters | None = None) -> MagneticPad:
-        """One manufactured unit: what its parameters spread, it draws from the seed.
+        """Make one manufactured unit, whose deviations from the nominal design are drawn with the seed.
 
         Args:
-            layout: Its taxels.
-            seed: Its number.
-            parameters: The nominal design. Default: that for the layout.
+            layout: Layout of the taxels, a flat grid.
+            seed: Number of the unit.
+            parameters: Nominal design. Default: `PadParameters.for_layout` of the layout.
         """
         return cls(layout, parameters, seed)
 
     def read(self, force: Any, *, warmer: float = 0.0, outside: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Any:
-        """What the pad reports of the forces on it, without noise.
+        """Return the reading of the pad under forces, without noise.
 
         Args:
             force: ``(..., 3, rows, cols)`` newtons; numpy or torch.
-            warmer: Kelvin by which the magnets are warmer than when the pad was zeroed.
-            outside: Flux density (T, pad frame) of iron, a motor or a magnet outside, since it was zeroed.
+            warmer: Temperature rise of the magnets since zeroing (K).
+            outside: Change of an external flux density (T, pad frame) since zeroing, e.g. from iron, a motor or a
+                magnet.
 
         Returns:
             ``(..., 3, rows, cols)`` newtons.
@@ -90,7 +91,7 @@ class MagneticPad:
         return self._joined(self._stack.read(change), force)
 
     def measure(self, force: Any, rng: np.random.Generator) -> FloatArray:
-        """As `read`, with noise and in the steps and the range of the Hall sensors; numpy."""
+        """Return the reading with the noise, quantisation and range of the Hall sensors; numpy only."""
         own, force = self.parameters, np.asarray(force, dtype=np.float64)
         change = self._change(force)
         like = self._stack.arrays(change)
@@ -100,12 +101,12 @@ class MagneticPad:
         return self._joined(apply(like.to_force, own.step * np.rint(flux / own.step) - rest), force)
 
     def flux(self, force: Any) -> Any:
-        """``(..., 3, rows, cols)`` change of the flux density (T) at each Hall sensor, in the sensor's own axes."""
+        """Return the change of the flux density (T) in each Hall sensor's own axes, ``(..., 3, rows, cols)``."""
         change = self._change(force)
         return self._joined(apply(self._stack.arrays(change).view, change), force)
 
     def motion(self, force: Any) -> tuple[Any, Any]:
-        """Twice ``(..., 3, rows, cols)``: how far (m) and by how much (rad) each magnet moves and turns."""
+        """Return displacement (m) and rotation (rad) of each magnet, each ``(..., 3, rows, cols)``."""
         both = self._stack.motion(self._split(force))
         return self._joined(both[:, :, :3], force), self._joined(both[:, :, 3:], force)
 
@@ -120,14 +121,14 @@ class MagneticPad:
         return self._stack.joined(parts, force)
 
     def __repr__(self) -> str:
-        """Its grid and its number."""
+        """Return the size of the grid and the number of the unit."""
         which = "nominal" if self.seed is None else f"unit {self.seed}"
         return f"MagneticPad({self.layout.rows}x{self.layout.cols}, {which})"
 
 
 @lru_cache(maxsize=8)
 def calibration(layout: TaxelLayout, nominal: PadParameters) -> FloatArray:
-    """``(3, 3, N)`` newtons per tesla of each taxel: what fits presses of single taxels of the nominal pad best."""
+    """Return the calibration of each taxel (N/T), ``(3, 3, N)``, fitted to presses of single nominal taxels."""
     made, own = make_unit(layout, nominal, None)
     stack = Stack([made], np.zeros((3, 3, layout.taxels)), own.thickness)
     loads = size_of(layout) * np.array([(p * a, p * b, p) for p in PRESSES for a in DRAGS for b in DRAGS])

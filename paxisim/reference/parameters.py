@@ -1,4 +1,4 @@
-"""What a magnetic pad is made of: nominal figures, how far single units differ from them, and where they come from."""
+"""Parameters of a magnetic pad: nominal values, their spread between units, and their sources."""
 
 from __future__ import annotations
 
@@ -13,38 +13,39 @@ from paxisim.layout import TaxelLayout
 VACUUM = 4e-7 * math.pi
 """Permeability of vacuum (T m / A)."""
 PITCH = 26.1e-3 / 6, 22.6e-3 / 5
-"""Size (m) of the taxels for which the defaults are: those of 6x5 taxels on a pad of 26.1 by 22.6 mm."""
+"""Taxel size (m) of the default parameters: 6x5 taxels on a pad of 26.1 by 22.6 mm."""
 
 
 @dataclass(frozen=True)
 class PadParameters:
-    """A pad's design, in SI units.
+    """Design of a pad, in SI units.
 
-    No public figure was found for the gel, the magnets or the sensors' distance of PaXini's or XELA's pads. Where the
-    source is "ours", the value is a plausible one of a pad with taxels of some 4 mm; `for_layout` has those of others.
+    No public values were found for the gel, the magnets or the position of the sensors in PaXini's or XELA's pads.
+    Where the source is "ours", the value is plausible for a pad with taxels of about 4 mm; `for_layout` scales it to
+    other sizes. All spreads are standard deviations.
 
     Attributes:
         modulus: Young's modulus of the gel (Pa). Ours: silicones of Shore 00-50 to A 30 have 0.1 to 1.2 MPa.
-        poisson: Its Poisson's ratio; rubber is nearly incompressible.
-        thickness: Of the gel, bonded to a rigid base (m). Ours.
-        magnet_depth: Of the magnets' centres below the surface (m). Ours.
-        sensor_gap: From the base to the Hall sensors below it (m). Ours.
-        remanence: Of the magnets (T). NdFeB of grade N52 has 1.43 to 1.48; bonded and small ones less.
-        magnet_volume: Of one magnet (m^3). Ours: a cylinder of 1 mm diameter and 0.5 mm height.
-        noise: Standard deviation of a Hall sensor's reading (T). MLX90393's data sheet: 5 uT and less, by its settings.
-        step: Of a Hall sensor's counts (T). MLX90393's data sheet: 0.161 uT at its highest gain and resolution.
-        range: Largest flux density that it reads (T). MLX90393's data sheet: 5 to 50 mT.
-        remanence_spread: Standard deviation from magnet to magnet, as a share. Ours.
-        place_spread: Of each magnet's centre along each axis (m). Ours.
-        tilt_spread: Of each magnet's axis (rad). Ours.
-        modulus_spread: Of the gel from unit to unit, as a share. Ours.
-        gain_spread: Of each Hall sensor's axes, as a share. MLX90393's data sheet: a few per cent.
-        turn_spread: Of each Hall sensor's orientation on the board (rad). Ours.
-        earth: Flux density of the earth's field (T), of a direction that each unit draws. 25 to 65 uT by place.
+        poisson: Poisson's ratio of the gel; rubber is nearly incompressible.
+        thickness: Thickness of the gel, which is bonded to a rigid base (m). Ours.
+        magnet_depth: Depth of the magnets' centres below the surface (m). Ours.
+        sensor_gap: Distance from the base to the Hall sensors below it (m). Ours.
+        remanence: Remanence of the magnets (T). NdFeB of grade N52 has 1.43 to 1.48; bonded and small magnets less.
+        magnet_volume: Volume of one magnet (m^3). Ours: a cylinder of 1 mm diameter and 0.5 mm height.
+        noise: Standard deviation of a Hall sensor's reading (T). MLX90393 data sheet: 5 uT or less, by its settings.
+        step: Step of a Hall sensor's counts (T). MLX90393 data sheet: 0.161 uT at its highest gain and resolution.
+        range: Largest flux density that a Hall sensor reads (T). MLX90393 data sheet: 5 to 50 mT.
+        remanence_spread: Spread of the remanence between magnets, relative. Ours.
+        place_spread: Spread of each magnet's centre along each axis (m). Ours.
+        tilt_spread: Spread of each magnet's axis (rad). Ours.
+        modulus_spread: Spread of the gel's modulus between units, relative (log-normal). Ours.
+        gain_spread: Spread of the gains of each Hall sensor's axes, relative. MLX90393 data sheet: a few per cent.
+        turn_spread: Spread of each Hall sensor's orientation on the board (rad). Ours.
+        earth: Flux density of the earth's field (T), with a random direction for each unit. 25 to 65 uT by location.
 
     Raises:
-        InvalidValueError: A length, modulus or volume that is not positive, magnets that are not in the gel, or a
-            Poisson's ratio that is not below 0.5.
+        InvalidValueError: A length, modulus, remanence, volume or range is not positive, the magnets are not inside the
+            gel, or Poisson's ratio is not from 0 to below 0.5.
     """
 
     modulus: float = 0.5e6
@@ -80,7 +81,7 @@ class PadParameters:
 
     @classmethod
     def for_layout(cls, layout: TaxelLayout) -> PadParameters:
-        """The defaults for the taxels of a layout: all lengths in proportion to their size."""
+        """Return the default parameters with all lengths scaled to the taxel size of a layout."""
         scale = size_of(layout) ** 0.5
         lengths = ("thickness", "magnet_depth", "sensor_gap", "place_spread")
         values = {name: scale * getattr(cls, name) for name in lengths}
@@ -93,31 +94,31 @@ class PadParameters:
 
     @property
     def distance(self) -> float:
-        """From a magnet at rest to the Hall sensor below it (m)."""
+        """Distance from a magnet at rest to the Hall sensor below it (m)."""
         return self.thickness - self.magnet_depth + self.sensor_gap
 
 
 def size_of(layout: TaxelLayout) -> float:
-    """Area of a taxel as a share of that of the default design."""
+    """Return the area of a taxel relative to that of the default design."""
     return math.prod(layout.pitch) / math.prod(PITCH)
 
 
 @dataclass(frozen=True)
 class GelMemory:
-    """How a gel relaxes and rubs within itself; see `paxisim.reference.memory`.
+    """Relaxation and internal friction of a gel; see `paxisim.reference.memory`.
 
-    Silicones relax by some per cent in seconds to minutes and lose a part of the work of each cycle, also of slow ones.
-    No figures were found for the gel of such a pad; those here are ours.
+    Silicones relax by a few per cent in seconds to minutes, and dissipate part of the work of each cycle, even of slow
+    ones. No values were found for the gel of such a pad; the defaults are ours.
 
     Attributes:
-        shares: Stiffness of each arm that relaxes, as a share of the modulus, which is that at rest. Ours.
+        shares: Stiffness of each relaxing arm, relative to the modulus, which is the modulus at rest. Ours.
         times: Relaxation time of each arm (s). Ours.
-        friction: Stiffness of the spring behind the slider, as a share of the modulus. Ours.
-        slip: Stress (Pa) on a taxel that deforms the gel at rest so far that the slider slips. Ours.
+        friction: Stiffness of the spring behind the slider, relative to the modulus. Ours.
+        slip: Stress (Pa) on a taxel whose deformation of the gel at rest makes the slider slip. Ours.
 
     Raises:
-        InvalidValueError: Shares or a friction that are negative or not finite, times or a slip that are not positive,
-            or not one time for each share.
+        InvalidValueError: A share or the friction is negative or not finite, a time or the slip is not positive, or the
+            numbers of shares and times differ.
     """
 
     shares: tuple[float, ...] = (0.06, 0.04)

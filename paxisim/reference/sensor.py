@@ -1,4 +1,4 @@
-"""MagneticSensor: the pads of a manufactured sensor as a transform, wherever a chain stands for the real one."""
+"""MagneticSensor: the pads of a manufactured sensor as a transform, for chains that stand for the real sensor."""
 
 from __future__ import annotations
 
@@ -20,26 +20,26 @@ from paxisim.reference.parameters import GelMemory, PadParameters
 from paxisim.reference.stack import Stack
 
 OPENING = "gripper_opening"
-"""The covariate that a sensor with its neighbour's magnets needs."""
-_UNITS = 1000  # pads of one sensor at most
+"""Name of the covariate that a sensor with a neighbour needs."""
+_UNITS = 1000  # maximum number of pads of one sensor
 
 
 @dataclass(frozen=True, eq=False)
 class MagneticSensor(Transform):
-    """What the pads of unit number `unit` read of the forces on them, without noise.
+    """Readings of the pads of a manufactured sensor, without noise.
 
     Example::
 
         real = paxisim.Chain([MagneticSensor(layout, unit=7), paxisim.augment.Firmware()])
 
     Attributes:
-        layout: The taxels of each pad; a flat grid.
-        unit: Number of the manufactured sensor; each of its pads differs.
-        parameters: The nominal design. Default: that for the layout, `PadParameters.for_layout`.
-        memory: What the gel remembers of earlier loads. Default: nothing.
+        layout: Layout of each pad, a flat grid.
+        unit: Number of the manufactured sensor; its pads differ from each other.
+        parameters: Nominal design. Default: `PadParameters.for_layout` of the layout.
+        memory: Relaxation and friction of the gel. Default: none.
         covariate: Name of the covariate with the distance (m) between the surfaces of two pads that face each other,
-            such as ``"gripper_opening"``; each then reads the other's magnets, too. Default: it does not.
-        zeroed_at: The distance (m) at which the sensor was zeroed. Default: far apart.
+            such as ``"gripper_opening"``; each pad then also reads the other's magnets. Default: no neighbour.
+        zeroed_at: Distance (m) at which the sensor was zeroed. Default: far apart.
     """
 
     layout: TaxelLayout
@@ -61,18 +61,18 @@ class MagneticSensor(Transform):
             raise InvalidValueError(f"zeroed_at must be a distance of 0 or more (m), got {self.zeroed_at!r}")
         if self.parameters is None:
             object.__setattr__(self, "parameters", PadParameters.for_layout(self.layout))
-        self.pads(1)  # a layout that it cannot have is refused here
+        self.pads(1)  # raises if the layout is not supported
 
     @property
     def has_memory(self) -> bool:  # type: ignore[override]
-        """Whether its gel remembers earlier loads."""
+        """Whether the gel has a memory of earlier loads."""
         return self.memory is not None
 
     def pads(self, count: int) -> list[MagneticPad]:
-        """The first pads of the sensor.
+        """Return the first `count` pads of the sensor.
 
         Raises:
-            InvalidValueError: More than 1000.
+            InvalidValueError: The number is not from 0 to 1000.
         """
         if not 0 <= count <= _UNITS:
             raise InvalidValueError(f"a sensor has at most {_UNITS} pads, got {count}")
@@ -92,7 +92,7 @@ class MagneticSensor(Transform):
         return stack.joined(stack.read(change), x)
 
     def initial_state(self, x: Any, covariates: Covariates | None = None) -> State:
-        """The state of a gel that has carried the first frame for long; see `paxisim.reference.memory.at_rest`."""
+        """Return the state after carrying the first frame for a long time; see `paxisim.reference.memory.at_rest`."""
         return () if self.memory is None else gel.at_rest(self.memory, math.prod(self.layout.pitch), x)
 
     def step(self, x: Any, state: State, dt: Any, covariates: Covariates | None = None) -> tuple[Any, State]:
@@ -104,7 +104,7 @@ class MagneticSensor(Transform):
         return self.apply(x, covariates or {}), state
 
     def _stack(self, count: int) -> tuple[Stack, Facing | None]:
-        """The pads as one, built when they are first needed."""
+        """Return the pads as one stack, built on first use."""
         if count not in self._stacks:
             made = [pad.made for pad in self.pads(count)]
             stack = Stack(made, calibration(self.layout, self.parameters), self.parameters.thickness)
@@ -113,24 +113,24 @@ class MagneticSensor(Transform):
 
 
 def reference_sensor(text: str) -> Callable[..., MagneticSensor]:
-    """What makes the sensor that a text names, as ``--reference`` and ``--sensor`` take it.
+    """Return a function that makes the sensor a text names, as ``--reference`` and ``--sensor`` accept it.
 
     Args:
-        text: ``unit:7``; with ``+memory`` its gel has memory, and with ``+neighbour`` two pads read each other's
-            magnets, by the covariate ``gripper_opening`` (m).
+        text: Name such as ``unit:7``. With ``+memory``, its gel has a memory. With ``+neighbour``, two pads read each
+            other's magnets, with the covariate ``gripper_opening`` (m).
 
     Returns:
-        A function of the pads' layout and the other arguments of `MagneticSensor`.
+        A function of the layout of the pads and the other arguments of `MagneticSensor`.
 
     Raises:
-        InvalidValueError: The text names none.
+        InvalidValueError: The text is not the name of a reference sensor.
     """
     name, *with_ = text.split("+")
     number = name.removeprefix("unit:")
     known = {"memory", "neighbour"}
     if number == name or not (number.isascii() and number.isdigit()) or not known.issuperset(with_):
         raise InvalidValueError(
-            f"a reference sensor is named unit:N, as unit:7 or unit:7+memory+neighbour, got {text!r}"
+            f"a reference sensor is named unit:N, such as unit:7 or unit:7+memory+neighbour, got {text!r}"
         )
     options: dict[str, Any] = {"unit": int(number)}
     if "memory" in with_:

@@ -1,4 +1,4 @@
-"""Spread: in what a manufactured unit differs from the nominal design."""
+"""Spread: random deviations of a manufactured unit from the nominal design."""
 
 from __future__ import annotations
 
@@ -14,31 +14,31 @@ FloatArray = NDArray[np.float64]
 
 
 class Spread:
-    """What one unit draws, always in the same order."""
+    """Random deviations of one unit; call the methods always in the same order."""
 
     def __init__(self, rng: np.random.Generator) -> None:
-        """Draw from `rng`."""
+        """Draw the deviations from `rng`."""
         self._rng = rng
 
     def of(self, nominal: PadParameters) -> PadParameters:
-        """The unit's own parameters."""
+        """Draw the parameters of the unit."""
         return replace(nominal, modulus=nominal.modulus * np.exp(nominal.modulus_spread * self._rng.standard_normal()))
 
     def magnets(self, places: FloatArray, moments: FloatArray, own: PadParameters) -> tuple[FloatArray, FloatArray]:
-        """Places (m) and moments (A m^2) of its magnets, from the nominal ones."""
+        """Draw positions (m) and moments (A m^2) of the magnets about the nominal ones."""
         places = places + own.place_spread * self._rng.standard_normal(places.shape)
         moments = moments * (1 + own.remanence_spread * self._rng.standard_normal((len(moments), 1)))
         tilt = own.tilt_spread * self._rng.standard_normal(moments.shape)
         return places, turned(moments, tilt)
 
     def sensors(self, count: int, own: PadParameters) -> FloatArray:
-        """``(N, 3, 3)``: gains and orientation of each Hall sensor."""
+        """Draw the matrix of gains and orientation of each Hall sensor, ``(N, 3, 3)``."""
         gains = 1 + own.gain_spread * self._rng.standard_normal((count, 3))
         axes = own.turn_spread * self._rng.standard_normal((count, 3))
         seen = np.stack([turned(np.tile(axis, (count, 1)), axes) for axis in np.eye(3)], axis=-1)
         return gains[..., None] * seen
 
     def earth(self, own: PadParameters) -> FloatArray:
-        """``(3,)`` T, the earth's field in the pad's frame."""
+        """Draw the earth's field in the pad frame (T), ``(3,)``."""
         direction = self._rng.standard_normal(3)
         return own.earth * direction / np.linalg.norm(direction)

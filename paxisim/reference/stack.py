@@ -1,4 +1,4 @@
-"""Stack: the readings of several pads at once, numpy or torch."""
+"""Stack: readings of several pads at once, in numpy or torch."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ from paxisim.reference.unit import Unit
 FloatArray = NDArray[np.float64]
 
 BLOCK = 16_384
-"""Fields of a magnet at a sensor that numpy computes at once: so many that they stay in the processor's cache."""
+"""Number of magnet fields that numpy computes at once, small enough to stay in the processor's cache."""
 
 
 class Stack:
     """P pads with the same grid.
 
-    Within, tensors are ``(P, B, components, N)``: frames of a batch side by side, so that a pad's matrix is applied to
-    all of them at once.
+    Internal tensors are ``(P, B, components, N)``, with the frames of a batch side by side, so that a pad's matrix is
+    applied to all of them at once.
     """
 
     def __init__(self, units: Sequence[Unit], to_force: FloatArray, thickness: float) -> None:
-        """Stack them.
+        """Stack the matrices of the pads.
 
         Args:
             units: The pads.
-            to_force: ``(3, 3, N)`` the maker's calibration, from what the sensors' axes read to newtons (N/T).
-            thickness: Of the gel (m).
+            to_force: ``(3, 3, N)`` calibration of the maker, from the sensor's axes to newtons (N/T).
+            thickness: Thickness of the gel (m).
         """
         self._thickness = thickness
         every = {name: np.ascontiguousarray([getattr(unit, name) for unit in units]) for name in Unit._fields}
@@ -51,24 +51,24 @@ class Stack:
         self._kinds: dict[Any, SimpleNamespace] = {}
 
     def split(self, force: Any) -> Any:
-        """``(..., P, 3, rows, cols)`` as ``(P, B, 3, N)``."""
+        """Reshape ``(..., P, 3, rows, cols)`` to ``(P, B, 3, N)``."""
         pads, rows, cols = force.shape[-4], force.shape[-2], force.shape[-1]
         flat = force.reshape((math.prod(force.shape[:-4]), pads, 3, rows * cols))
         return array_namespace(flat).permute_dims(flat, (1, 0, 2, 3))
 
     def joined(self, parts: Any, like: Any) -> Any:
-        """``(P, B, 3, N)`` in the shape of `like`, ``(..., P, 3, rows, cols)``."""
+        """Reshape ``(P, B, 3, N)`` to the shape of `like`, ``(..., P, 3, rows, cols)``."""
         return array_namespace(parts).permute_dims(parts, (1, 0, 2, 3)).reshape(like.shape)
 
     def motion(self, force: Any) -> Any:
-        """``(P, B, 6, N)`` how far (m) and by how much (rad) the magnets move and turn, by ``(P, B, 3, N)`` newtons."""
+        """Return displacement (m) and rotation (rad) of the magnets, ``(P, B, 6, N)``, by ``(P, B, 3, N)`` newtons."""
         like = self.arrays(force)
         pads, frames, _, count = force.shape
         linear = (force.reshape((pads, frames, 3 * count)) @ like.motion).reshape((pads, frames, 6, count))
         return linear * finite_share(linear[:, :, 2:3] * (1 / self._thickness))
 
     def change(self, force: Any) -> Any:
-        """``(P, B, 3, N)`` change of the flux density (T) at the Hall sensors under ``(P, B, 3, N)`` newtons."""
+        """Return the change of the flux density (T) at the Hall sensors, ``(P, B, 3, N)``, by as many newtons."""
         like, moved = self.arrays(force), self.motion(force)
         pads, frames, _, count = moved.shape
         far = moved.reshape((pads, frames, 6 * count)) @ like.far
@@ -81,11 +81,11 @@ class Stack:
         return near - like.at_rest + far.reshape(force.shape)
 
     def read(self, change: Any) -> Any:
-        """``(P, B, 3, N)`` newtons that a change of the field is read as."""
+        """Return the reading (N), ``(P, B, 3, N)``, for a change of the field."""
         return apply(self.arrays(change).readout, change)
 
     def arrays(self, like: Any) -> SimpleNamespace:
-        """The constants as arrays of the kind of `like`, made once."""
+        """Return the constants with the array type, dtype and device of `like`; made once."""
         key = like.dtype, getattr(like, "device", None)
         if key not in self._kinds:
             found = SimpleNamespace(**{name: as_kind(value, like) for name, value in self._values.items()})
@@ -96,7 +96,7 @@ class Stack:
         return self._kinds[key]
 
     def _near_field(self, like: SimpleNamespace, moved: Any) -> Any:
-        """``(P, B, 3, N)`` the field (T) of the nearest magnets, moved by ``(P, B, 6, N)``."""
+        """Return the field (T) of the nearest magnets, ``(P, B, 3, N)``, moved by ``(P, B, 6, N)``."""
         xp = array_namespace(moved)
         shape = (*moved.shape[:2], *self._near.shape)
 
@@ -112,12 +112,12 @@ class Stack:
 
 
 def apply(matrices: Any, vectors: Any) -> Any:
-    """``(..., 3, 3, N)`` matrices of each taxel, times ``(..., 3, N)``."""
+    """Multiply the matrices of each taxel, ``(..., 3, 3, N)``, with vectors, ``(..., 3, N)``."""
     return (matrices * vectors[..., None, :, :]).sum(-2)
 
 
 def as_kind(value: NDArray[Any], like: Any) -> Any:
-    """An array of the kind of `like`; numbers of magnets stay whole."""
+    """Convert an array to the type, dtype and device of `like`; integer arrays stay integers."""
     is_float = np.issubdtype(value.dtype, np.floating)
     if not is_torch_array(like):
         return value.astype(np.result_type(like.dtype, np.float32)) if is_float else value

@@ -1,4 +1,4 @@
-"""Unit: what one pad is once it is made, as the matrices from which its readings are computed."""
+"""Unit: one manufactured pad, as the matrices from which its readings are computed."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ from paxisim.reference.spread import Spread
 FloatArray = NDArray[np.float64]
 
 RINGS = 1
-"""Rings of taxels around a sensor whose magnets are computed in full; the field of others is linear in their motion."""
+"""Rings of taxels around a sensor whose magnets' fields are exact; other fields are linear in the motion."""
 AWAY = 1e3
-"""Where a magnet is that a sensor at the edge does not have beside it (m): too far to be read."""
+"""Distance (m) at which to put the missing neighbours of sensors at the edge: too far to contribute."""
 
 
 class Unit(NamedTuple):
     """A pad of N taxels and magnets. Components come before taxels; lengths and fields are in the pad's frame.
 
     Attributes:
-        motion: ``(3 N, 6 N)`` how the magnets move (m/N) and turn (rad/N) by the forces.
-        magnets: ``(3, N)`` their places at rest (m).
-        moments: ``(3, N)`` A m^2.
-        sensors: ``(3, N)`` the places of the Hall sensors (m).
-        near: ``(K, N)`` the magnets whose field at each sensor is computed in full.
-        offsets: ``(3, K, N)`` from them to the sensor (m).
-        far: ``(6 N, 3 N)`` change of the field at the sensors by how the others move and turn (T/m, T/rad).
+        motion: ``(3 N, 6 N)`` displacement (m/N) and rotation (rad/N) of the magnets by the forces.
+        magnets: ``(3, N)`` positions of the magnets at rest (m).
+        moments: ``(3, N)`` moments of the magnets (A m^2).
+        sensors: ``(3, N)`` positions of the Hall sensors (m).
+        near: ``(K, N)`` indices of the magnets whose field at each sensor is exact.
+        offsets: ``(3, K, N)`` vectors from these magnets to the sensor (m).
+        far: ``(6 N, 3 N)`` change of the field at the sensors by motion of the other magnets (T/m, T/rad).
         magnets_alone: ``(3, N)`` field of all magnets at rest (T).
-        earth: ``(3, 1)`` the earth's field (T).
-        view: ``(3, 3, N)`` from the field at a Hall sensor to what its own axes read.
+        earth: ``(3, 1)`` earth's field (T).
+        view: ``(3, 3, N)`` matrices from the field at a Hall sensor to the readings of its own axes.
     """
 
     motion: FloatArray
@@ -51,7 +51,7 @@ class Unit(NamedTuple):
 
 
 def make_unit(layout: TaxelLayout, nominal: PadParameters, seed: int | None) -> tuple[Unit, PadParameters]:
-    """The unit of that number, or with None the nominal design, and its own parameters.
+    """Make the unit with a number, or the nominal design for None, and return it with its own parameters.
 
     Raises:
         InvalidValueError: The layout is not a flat grid, or the seed is not a whole number of 0 or more.
@@ -59,7 +59,7 @@ def make_unit(layout: TaxelLayout, nominal: PadParameters, seed: int | None) -> 
     if seed is not None and (not isinstance(seed, (int, np.integer)) or seed < 0):
         raise InvalidValueError(f"the number of a unit must be a whole number of 0 or more, got {seed!r}")
     if not layout.is_grid:
-        raise InvalidValueError("a magnetic pad needs a flat grid of taxels: a curved gel is another problem")
+        raise InvalidValueError("a magnetic pad needs a flat grid of taxels: curved gels are not supported")
     spread = None if seed is None else Spread(np.random.default_rng(seed))
     own = nominal if spread is None else spread.of(nominal)
     count, taxels = layout.taxels, layout.positions[:, :2].astype(np.float64)
@@ -95,7 +95,7 @@ def make_unit(layout: TaxelLayout, nominal: PadParameters, seed: int | None) -> 
 
 
 def _neighbours(rows: int, cols: int, rings: int) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
-    """``(K, N)`` the taxels in the rings around each one, itself among them, and which of them exist."""
+    """Return the taxels in the rings around each one, ``(K, N)``, including itself, and which of them exist."""
     steps = np.arange(-rings, rings + 1)
     row, col = np.divmod(np.arange(rows * cols), cols)
     row, col = row + np.repeat(steps, len(steps))[:, None], col + np.tile(steps, len(steps))[:, None]

@@ -1,4 +1,4 @@
-"""The pictures of a calibration: where the presses were cut, and how well the loads explain each channel."""
+"""Figures of a calibration: where the presses were cut, and how well the loads explain each channel."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from paxisim.calibrate.linear import AXES, LinearCalibration
 from paxisim.calibrate.loads import values_of
+from paxisim.calibrate.linear import AXES, LinearCalibration
 from paxisim.errors import InvalidValueError, MissingExtraError
 from paxisim.presses import FEW, Presses, find_presses
 from paxisim.recording import Recording
@@ -21,18 +22,18 @@ _INK, _LOAD, _PRESS, _CUT = "#444444", "#2b5c94", "#e4ecf5", "#c2030f"
 _MEASURED, _EXPECTED = "#9a9a9a", "#2b5c94"
 _AXIS_COLORS = ("#2b5c94", "#0b8a3a", "#d1711f")
 _MOST_POINTS = 6000  # of a line
-_LOW = 12.0  # thresholds that the lower panel shows
+_LOW = 12.0  # height of the lower panel, in multiples of the lower threshold above rest
 
 
 def plot_presses(presses: Presses) -> Figure:
-    """Draw the presses found in a load signal: the whole signal, and its lowest part enlarged.
+    """Plot the presses found in a load signal: the whole signal, and an enlarged view near rest.
 
     Args:
-        presses: What `paxisim.find_presses` returned.
+        presses: Result of `paxisim.find_presses`.
 
     Returns:
-        A figure without a window, ``figure.savefig("presses.png")``: presses are shaded, cuts between episodes are red
-        lines, and the thresholds dashed.
+        A figure that is not shown in a window; use ``figure.savefig("presses.png")``. Presses are shaded, cuts between
+        episodes are red lines, and thresholds are dashed lines.
 
     Raises:
         MissingExtraError: matplotlib is not installed.
@@ -43,14 +44,14 @@ def plot_presses(presses: Presses) -> Figure:
 
 
 def plot_calibration(readout: LinearCalibration, recording: Recording) -> Figure:
-    """Draw a calibration: the cuts, the held-out error of each channel, and the best and worst channel.
+    """Plot a calibration: the cuts, the held-out error of each channel, and the least and best explained channels.
 
     Args:
-        readout: What `paxisim.calibrate_readout` returned.
-        recording: The recording it was fitted to, or another one of the same sensor.
+        readout: Result of `paxisim.calibrate_readout`.
+        recording: The recording that the readout was fitted to, or another one of the same sensor.
 
     Returns:
-        A figure without a window, ``figure.savefig("calibration.png")``.
+        A figure that is not shown in a window; use ``figure.savefig("calibration.png")``.
 
     Raises:
         InvalidValueError: The recording does not fit the readout.
@@ -60,9 +61,7 @@ def plot_calibration(readout: LinearCalibration, recording: Recording) -> Figure
     values = values_of(recording, readout.loads)
     known = np.isfinite(values).all(axis=1)
     if recording.measured is None or known.sum() < FEW:
-        raise InvalidValueError(
-            "the picture of a calibration needs the measured tensor and 8 samples with a known load"
-        )
+        raise InvalidValueError("the figure of a calibration needs the measured tensor and 8 samples with a known load")
     names = ", ".join(load.name for load in readout.loads)
     title = f"{readout.used.sum()} channels from {names}, delay {1e3 * readout.delay:.1f} ms"
     figure.suptitle(title, fontsize="large", parse_math=False)
@@ -82,7 +81,7 @@ def plot_calibration(readout: LinearCalibration, recording: Recording) -> Figure
 
 
 def new_figure(purpose: str, size: tuple[float, float]) -> Figure:
-    """An empty figure without a window.
+    """Return an empty figure that is not shown in a window.
 
     Raises:
         MissingExtraError: matplotlib is not installed.
@@ -95,7 +94,7 @@ def new_figure(purpose: str, size: tuple[float, float]) -> Figure:
 
 
 def _elapsed(recording: Recording) -> NDArray[np.float64]:
-    """``(T,)`` seconds since the first sample; an episode whose clock begins anew follows the one before."""
+    """Return ``(T,)`` seconds since the first sample; an episode whose clock restarts follows the one before."""
     steps = np.diff(recording.time, prepend=recording.time[0])
     return np.cumsum(np.where(steps < 0, 1 / recording.rate if np.isfinite(recording.rate) else 0.0, steps))
 
@@ -128,7 +127,7 @@ def _draw_presses(axes: NDArray[np.object_], presses: Presses) -> None:
 
 
 def _draw_errors(ax: Axes, readout: LinearCalibration) -> None:
-    """Bars of the unexplained share of each channel, by axis; unused channels are crosses at the top."""
+    """Draw the unexplained share of each channel as bars by axis, and unused channels as crosses at the top."""
     left = np.clip(1 - readout.explained, 1e-6, 1.0)
     pads, _, rows, cols = readout.used.shape
     at = np.arange(pads * rows * cols)
@@ -155,12 +154,7 @@ def _draw_errors(ax: Axes, readout: LinearCalibration) -> None:
 
 
 def _draw_channel(
-    ax: Axes,
-    elapsed: NDArray[np.float64],
-    readout: LinearCalibration,
-    applied: Recording,
-    at: tuple[int, ...],
-    what: str,
+    ax: Axes, elapsed: NDArray[np.float64], readout: LinearCalibration, applied: Recording, at: tuple[int, ...], what: str
 ) -> None:
     assert applied.measured is not None
     assert applied.simulated is not None
@@ -180,7 +174,7 @@ def _draw_channel(
 
 
 def plain(ax: Axes) -> None:
-    """Leave axes without frame, ticks and grid."""
+    """Remove frame, ticks and grid from the axes."""
     ax.tick_params(length=0, colors=_INK, labelsize="small")
     ax.xaxis.label.set_color(_INK)
     ax.yaxis.label.set_color(_INK)

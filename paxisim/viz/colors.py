@@ -1,4 +1,4 @@
-"""The one colour scale of every picture: red for compression, blue for tension, the redder the harder."""
+"""Colour scale common to all figures: red for compression, blue for tension."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ STOPS: tuple[tuple[float, tuple[float, float, float]], ...] = (
 """(normal force / vmax, RGB): light grey at rest, red where pressed, blue where the normal force is negative."""
 
 UNKNOWN = (0.55, 0.55, 0.55)
-"""RGB of a taxel whose reading is not a number."""
+"""RGB of a taxel whose reading is NaN."""
 
 
 def taxel_colors(force: ArrayLike, vmax: float) -> NDArray[np.float64]:
     """Colour taxels by their normal force.
 
     Args:
-        force: ``(..., 3, rows, cols)`` newtons, pad frame. Only z, the normal force, counts.
-        vmax: Normal force (N) of full red, positive; at ``-vmax`` a taxel is full blue, beyond it stays so.
+        force: ``(..., 3, rows, cols)`` newtons, pad frame. Only z, the normal force, is used.
+        vmax: Normal force (N) of full red, positive; full blue is at ``-vmax``. Larger magnitudes are clipped.
 
     Returns:
-        ``(..., rows, cols, 4)`` opaque RGBA in 0..1; where the force is not a number, grey.
+        ``(..., rows, cols, 4)`` opaque RGBA in 0..1; grey where the force is NaN.
     """
     level = np.asarray(force, dtype=np.float64)[..., 2, :, :] / vmax
     levels = [stop for stop, _ in STOPS]

@@ -1,4 +1,4 @@
-"""How one pad, its shear arrows and the scales are put into matplotlib axes; `paxisim.viz.plot` is the front."""
+"""Drawing of a pad, its shear arrows and scales in matplotlib axes. The public functions are in `paxisim.viz.plot`."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from matplotlib.quiver import Quiver
 
 _GREEN, _INK = "#0b8a3a", "#444444"
-_SHORTEST = 0.02  # arrows shorter than this part of a pitch are left out
-_LETTER, _KEY = 0.09, 1.1  # inches of a title's letter, and of the reference arrow with its text
+_SHORTEST = 0.02  # arrows shorter than this fraction of a pitch are omitted
+_LETTER, _KEY = 0.09, 1.1  # width in inches of a letter in a title, and of the reference arrow with its text
 
 
 def draw_pad(
@@ -42,7 +42,7 @@ def draw_pad(
         above_key: Whether the title is above the reference arrow instead of beside it.
 
     Returns:
-        The taxels, one polygon each in row-major order, and the arrows, which are masked where there is no shear.
+        The taxels as polygons in row-major order, and the arrows, which are masked where there is no visible shear.
     """
     from matplotlib.collections import PolyCollection
     from matplotlib.colors import LinearSegmentedColormap, Normalize
@@ -64,7 +64,7 @@ def draw_pad(
     ax.set_aspect("equal")
     ax.set_xlim(x.min() - half_x, x.max() + half_x)
     ax.set_ylim(y.max() + half_y, y.min() - half_y)
-    # an empty title keeps the room that the reference arrow needs
+    # a blank title reserves the space that the reference arrow needs
     ax.set_title(title or " ", loc="left", fontsize="large", pad=26 if above_key else 8, parse_math=False)
     ax.set_xlabel("x (mm)", color=_INK)
     ax.set_ylabel("y (mm)", color=_INK)
@@ -77,7 +77,7 @@ def draw_pad(
 
 
 def beside_key(ax: Axes, layout: TaxelLayout, title: str) -> bool:
-    """Whether a title and the reference arrow have room side by side."""
+    """Whether a title and the reference arrow fit side by side."""
     height, width = layout.size
     inches = min(ax.bbox.width, ax.bbox.height * width / height) / ax.figure.dpi
     return _LETTER * len(title) + _KEY <= inches
@@ -87,8 +87,8 @@ def _draw_shear(ax: Axes, shear: NDArray[np.float64], layout: TaxelLayout, top: 
     pitch = 1e3 * min(layout.pitch)
     thickness = min(0.1 * pitch, 0.025 * 1e3 * max(layout.size))
     size = np.hypot(*shear)
-    invisible = ~(size > _SHORTEST * top)  # also where it is not a number
-    # "xy" takes length and direction in data units, so that positive y points down the inverted axis
+    invisible = ~(size > _SHORTEST * top)  # the negation also covers NaN
+    # "xy" measures length and direction in data units, so positive y points down the inverted axis
     u, v = np.ma.array(shear, mask=[invisible, invisible])
     x, y = 1e3 * layout.positions[:, :2].T
     arrows = ax.quiver(
@@ -97,21 +97,21 @@ def _draw_shear(ax: Axes, shear: NDArray[np.float64], layout: TaxelLayout, top: 
         **{"width": thickness, "headwidth": 3.2, "headlength": 3.4, "headaxislength": 3.0, "minlength": 0.0},
         **{"color": _GREEN, "edgecolor": "white", "linewidth": 0.6, "clip_on": False, "zorder": 3},
     )
-    arrows.set_in_layout(False)  # constrained layout misjudges their size
+    arrows.set_in_layout(False)  # constrained layout misjudges the size of the arrows
     return arrows
 
 
 def draw_scales(
     ax: Axes, drawn: tuple[PolyCollection, Quiver], layout: TaxelLayout, lowest: float, vmax: float, shear_max: float
 ) -> None:
-    """Draw the colour bar right of the axes and the reference arrow above them.
+    """Draw the colour bar to the right of the axes and the reference arrow above them.
 
     Args:
         ax: Axes in which `draw_pad` has drawn.
-        drawn: What it returned.
+        drawn: Return value of `draw_pad`.
         layout: The pad's taxels.
         lowest: Smallest normal force (N) that the colour bar shows, at least ``-vmax``.
-        vmax: Normal force (N) of full red, the largest it shows.
+        vmax: Normal force (N) of full red, the largest that the colour bar shows.
         shear_max: Shear force (N) whose arrow is one pitch long.
     """
     taxels, arrows = drawn
@@ -130,6 +130,6 @@ def draw_scales(
 
 
 def round_down(value: float) -> float:
-    """The largest of 1, 2, 5 times a power of ten that is not above `value`."""
+    """Round `value` down to 1, 2 or 5 times a power of ten."""
     power = 10.0 ** np.floor(np.log10(value))
     return float(f"{max(step for step in (1, 2, 5, 10) if step * power <= value * (1 + 1e-9)) * power:.1g}")

@@ -1,4 +1,4 @@
-"""HandOver: how a reader hands values to a slower thread without ever waiting for it."""
+"""HandOver: a queue that passes values to a slower thread without making the producer wait."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ Value = TypeVar("Value")
 
 
 class HandOver(Generic[Value]):
-    """A bounded queue between a producer that must not wait and a consumer that may be slow; the newest values win.
+    """A bounded queue between a producer that must not wait and a consumer that may be slow; newer values win.
 
-    The consumer, in a thread of its own, is called with all that has come since its last call. It is cheaper to do
-    several at a time, so it is not called more often than every `period`.
+    The consumer is called in its own thread with all values received since its last call. Processing several values
+    together is cheaper, so the calls are at least `period` apart.
 
     Attributes:
-        given: Values put in.
-        taken: Values that the consumer has done with.
-        dropped: Values left out: overtaken in the queue, or beyond the rate.
+        given: Number of values put into the queue.
+        taken: Number of values that the consumer has processed.
+        dropped: Number of values dropped, because the queue was full or the rate was exceeded.
     """
 
     def __init__(
@@ -33,11 +33,11 @@ class HandOver(Generic[Value]):
         """Start the consumer's thread.
 
         Args:
-            consume: Called with one or more values, oldest first, and how many had been given by then.
-            size: Values that wait at most; a newer one takes the place of the oldest.
-            period: Seconds between two calls.
-            rate: Values a second, at most, evenly chosen where there are more; None: all. What was spared in the last
-                second can be made up for, so that values that come late and together are not left out.
+            consume: Called with one or more values, oldest first, and the number of values given so far.
+            size: Maximum number of queued values; when the queue is full, a new value replaces the oldest.
+            period: Pause between two calls (s).
+            rate: Maximum number of values per second; None: no limit. If there are more, an evenly spaced selection is
+                used. Unused capacity of the last second carries over, so a late burst of values is not dropped.
         """
         self._consume, self._period, self._rate = consume, period, rate
         self.given = self.taken = self.dropped = 0
@@ -51,15 +51,15 @@ class HandOver(Generic[Value]):
         self._thread.start()
 
     def put(self, value: Value, wait: bool = False) -> None:
-        """Hand over a value. Never waits for the consumer, unless asked to.
+        """Queue a value. Does not wait for the consumer unless `wait` is set.
 
         Args:
             value: The value.
-            wait: Wait for room in the queue, so that none is overtaken.
+            wait: Wait for room in the queue instead of dropping the oldest value.
 
         Raises:
-            InvalidValueError: It was closed, also while this waited.
-            Exception: What the consumer raised; it takes no more.
+            InvalidValueError: The queue is closed, or was closed during the wait.
+            Exception: The exception that the consumer raised; it accepts no more values.
         """
         with self._changed:
             if wait:
@@ -68,17 +68,17 @@ class HandOver(Generic[Value]):
                 )
             self._raise_error()
             if self._closing.is_set():
-                raise InvalidValueError("the live view was closed, nothing more can be shown in it")
+                raise InvalidValueError("the live view was closed and can show nothing more")
             self.given += 1
             self.dropped += len(self._queue) == self._size
             self._queue.append(value)
             self._changed.notify_all()
 
     def close(self) -> None:
-        """Let the consumer finish what waits, and end its thread. May be called twice.
+        """Let the consumer finish the queued values, and end its thread. May be called twice.
 
         Raises:
-            Exception: What the consumer raised, unless `put` has raised it already.
+            Exception: The exception that the consumer raised, unless `put` has raised it already.
         """
         with self._changed:
             self._closing.set()
@@ -107,7 +107,7 @@ class HandOver(Generic[Value]):
                 credit, last = min(credit + self._rate * (now - last), max(self._rate, 1.0)), now
                 count = min(len(values), max(1, int(credit)))
                 credit -= count
-                chosen = np.linspace(len(values) - 1, 0, count).round().astype(int)[::-1]  # the newest among them
+                chosen = np.linspace(len(values) - 1, 0, count).round().astype(int)[::-1]  # includes the newest
                 self.dropped += len(values) - count
                 values = [values[i] for i in chosen]
             try:

@@ -1,4 +1,4 @@
-"""LiveView: pads drawn in Rerun while they are read; the reader is never slowed."""
+"""LiveView: pads drawn in Rerun while they are read, without slowing the reader."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from paxisim.viz.hand_over import HandOver
 from paxisim.viz.live_drawing import LiveDrawing, need_display
 from paxisim.viz.live_scene import Moment, Scale, Scene
 
-_CHECK = 1.0  # s between two looks at whether the file grows
-_PERIOD_WINDOW, _PERIOD_FILE = 1 / 30, 0.1  # s: what came in such a time is drawn at once
-_AT_ONCE = 256  # readings, where none may be left out
+_CHECK = 1.0  # s between checks that the file grows
+_PERIOD_WINDOW, _PERIOD_FILE = 1 / 30, 0.1  # s: readings received within this period are drawn together
+_AT_ONCE = 256  # size of the queue without a limit on the rate
 
 
 class LiveView:
-    """Pads where their taxels sit, normal force as colour and shear as arrows, total force and rate as plots.
+    """Live view with taxels at their positions, normal force as colour, shear as arrows, and plots of force and rate.
 
-    A thread of its own draws what came since it last did, at most `fps` readings a second. What it has no time for is
-    not drawn, oldest first, and counted. Needs Rerun (the ``live`` extra). A context manager.
+    A background thread draws the readings received since its last pass, at most `fps` per second. If it falls behind,
+    it drops the oldest readings and counts them. Needs Rerun (the ``live`` extra). Can be used as a context manager.
 
     Example::
 
@@ -50,18 +50,18 @@ class LiveView:
         """Open the viewer or the file.
 
         Args:
-            layout: The pads' taxels; one layout for each pad, or one for all.
+            layout: The pads' taxels; one layout per pad, or one for all pads.
             pads: ``(pads,)`` different names.
-            tensors: What will be shown: ``"measured"``, ``"simulated"``, or both, then with their difference.
-            save: An .rrd file to write, over one that exists. Default: show Rerun's viewer.
-            vmax: Normal force (N) of full red. Default: the largest of late, which fades in seconds.
+            tensors: Tensors to show: ``"measured"``, ``"simulated"``, or both, which also shows their difference.
+            save: An .rrd file to write; an existing file is overwritten. Default: open Rerun's viewer.
+            vmax: Normal force (N) of full red. Default: a recent peak that decays over seconds.
             shear_max: Shear force (N) whose arrow is one pitch long. Default: likewise.
-            unit: Unit of the tensors, for the plots' titles.
-            fps: Readings drawn a second, at most. None: as many as can be.
-            window: Seconds that the plots show. None: all.
+            unit: Unit of the tensors, for the titles of the plots.
+            fps: Maximum number of readings drawn per second. None: no limit.
+            window: Time span that the plots show (s). None: everything.
 
         Raises:
-            InvalidValueError: An argument that cannot be used.
+            InvalidValueError: An argument is invalid.
             MissingExtraError: Rerun is not installed.
             UnsupportedError: There is no display, or Rerun's viewer does not start.
             OSError: The file cannot be written.
@@ -88,17 +88,17 @@ class LiveView:
 
     @property
     def shown(self) -> int:
-        """Readings handed over."""
+        """Number of readings passed to `show`."""
         return self._queue.given
 
     @property
     def drawn(self) -> int:
-        """Readings drawn so far."""
+        """Number of readings drawn so far."""
         return self._queue.taken
 
     @property
     def dropped(self) -> int:
-        """Readings not drawn because a newer one was there."""
+        """Number of readings not drawn, because newer ones replaced them or `fps` was exceeded."""
         return self._queue.dropped
 
     def show(
@@ -109,17 +109,17 @@ class LiveView:
         *,
         wait: bool = False,
     ) -> None:
-        """Hand over a reading to be drawn. Takes microseconds.
+        """Queue a reading to be drawn. Takes microseconds unless `wait` is set.
 
         Args:
-            time: When it was taken (s, any clock); the view counts from the first one.
+            time: Timestamp of the reading (s, any clock); the view's time starts at the first reading.
             measured: ``(pads, 3, rows, cols)`` newtons, pad frames. Copied.
             simulated: The same for the simulation.
-            wait: Wait where the drawing is behind, so that none is left out.
+            wait: Wait while the queue is full instead of dropping a reading.
 
         Raises:
-            InvalidValueError: Neither tensor, or one of another shape; the view was closed.
-            OSError: What was drawn does not reach the file.
+            InvalidValueError: Neither tensor is given, a tensor has another shape, or the view was closed.
+            OSError: The drawing could not be written to the file.
         """
         if measured is None and simulated is None:
             raise InvalidValueError("expected measured, simulated or both to show, got neither")
@@ -132,10 +132,10 @@ class LiveView:
         self._queue.put(Moment(time - self._start, *tensors), wait)
 
     def close(self) -> None:
-        """Draw the last reading and finish the file; a viewer's window stays. May be called twice.
+        """Draw the remaining readings and finish the file; a viewer's window stays open. May be called twice.
 
         Raises:
-            OSError: Not all of it reached the file.
+            OSError: The drawing could not be written to the file.
         """
         if self._closed:
             return
@@ -147,13 +147,13 @@ class LiveView:
             self._drawing.close()
 
     def __enter__(self) -> LiveView:
-        """The view itself."""
+        """Return the view itself."""
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Close."""
+        """Close the view."""
         self.close()
 
     def _draw(self, moments: list[Moment], shown: int) -> None:

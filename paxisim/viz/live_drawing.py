@@ -1,10 +1,10 @@
-"""The live view's drawing in Rerun: which entity holds what, how the window is divided, and where it all goes.
+"""Drawing of the live view in Rerun: entities, window layout and output.
 
 Entities: ``pads/LINE/PAD/taxels`` and ``.../shear`` for the lines measured, simulated and residual; ``pads/names``;
-``force/PAD/measured`` and ``.../simulated``, the total x, y, z (N); ``rate``, moments read and drawn a second;
-``scale``, the force of full red and of an arrow one pitch long (N). All are on one timeline, ``time``, in seconds.
+``force/PAD/measured`` and ``.../simulated``, the total x, y, z (N); ``rate``, moments read and drawn per second;
+``scale``, the forces for full red and for an arrow one pitch long (N). All are on one timeline, ``time``, in seconds.
 
-Written for Rerun 0.23 and later, of which it uses only what has stayed the same.
+Written for Rerun 0.23 and later; uses only the part of its API that has not changed since.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ _AXES = {
     "measured": [(214, 69, 65), (46, 160, 67), (66, 120, 220)],
     "simulated": [(244, 170, 160), (160, 215, 165), (165, 195, 245)],
 }
-_RATE_EVERY = 0.5  # s between two points of the rate's plot
+_RATE_EVERY = 0.5  # s between points in the plot of the rate
 
 
 def import_rerun() -> ModuleType:
-    """Rerun's SDK.
+    """Import Rerun's SDK.
 
     Raises:
-        MissingExtraError: It is not installed.
-        UnsupportedError: It is, and cannot be used: too old, or together with something that does not fit it.
+        MissingExtraError: Rerun is not installed.
+        UnsupportedError: Rerun is installed but unusable: it is too old or conflicts with another package.
     """
     try:
         import rerun
@@ -49,7 +49,7 @@ def import_rerun() -> ModuleType:
 
 
 class LiveDrawing:
-    """Draws moments, one after another, into a file or into Rerun's viewer. For one thread at a time."""
+    """Draws moments in order into a file or into Rerun's viewer. Not thread-safe."""
 
     def __init__(
         self,
@@ -60,18 +60,18 @@ class LiveDrawing:
         save: Path | None = None,
         window: float | None = None,
     ) -> None:
-        """Open the file, or start the viewer, and draw what stays.
+        """Open the file, or start the viewer, and draw the static parts.
 
         Args:
-            scene: The pads.
-            scale: The forces of full colour and length.
-            unit: Their unit.
+            scene: Arrangement of the pads.
+            scale: Forces for full colour and for an arrow one pitch long.
+            unit: Unit of the forces.
             save: An .rrd file to write. Default: start the viewer.
-            window: Seconds that the plots show. Default: all.
+            window: Time span that the plots show (s). Default: everything.
 
         Raises:
             MissingExtraError: Rerun is not installed.
-            UnsupportedError: Its viewer does not start.
+            UnsupportedError: Rerun cannot be used, or its viewer does not start.
             OSError: The file cannot be written.
         """
         self._scene, self._scale, self._unit, self._path = scene, scale, unit, save
@@ -80,7 +80,7 @@ class LiveDrawing:
         self._axes = 2 if scene.flat else 3
         self._recording: Any = rr.RecordingStream("paxisim", recording_id=uuid.uuid4())
         if save is not None:
-            with save.open("wb"):  # a clear error where it cannot be written, which Rerun would only log
+            with save.open("wb"):  # raises if the file cannot be written, which Rerun would only log
                 pass
             self._recording.save(save)
         else:
@@ -100,8 +100,8 @@ class LiveDrawing:
         """Draw moments; several at once cost little more than one.
 
         Args:
-            moments: What to draw, oldest first, at least one; a tensor that one lacks keeps its last picture.
-            read: How many moments there were so far, those not drawn included.
+            moments: One or more moments, oldest first. A tensor that a moment lacks stays as last drawn.
+            read: Number of moments so far, including those not drawn.
         """
         parts = []
         for line in self._scene.lines:
@@ -109,7 +109,7 @@ class LiveDrawing:
             if there:
                 times, force = np.array([at for at, _ in there]), np.stack([tensor for _, tensor in there])
                 parts.append((line, times, force, *self._scene.split(force)))
-        # one scale for all, so that what is weaker looks weaker
+        # a common scale makes weaker tensors look weaker
         for _, times, _, normal, shear in parts:
             self._scale.update(times[-1], normal, shear)
         for line, times, force, normal, shear in parts:
@@ -139,7 +139,7 @@ class LiveDrawing:
         self._plot(["scale"], np.array([self._now]), np.array([[self._scale.vmax, self._scale.shear_max]]))
 
     def _plot(self, path: list[str], times: np.ndarray, values: np.ndarray) -> None:
-        """``(T, n)`` values of n curves."""
+        """Plot ``(T, n)`` values of n curves."""
         columns = self._rerun.Scalars.columns(scalars=values.reshape(-1))
         self._send(path, times, columns.partition(np.full(len(times), values.shape[1])))
 
@@ -150,7 +150,7 @@ class LiveDrawing:
         )
 
     def check(self) -> None:
-        """Raise `OSError` if what is drawn does not reach the file, as when the disk is full: Rerun only logs that."""
+        """Raise `OSError` if the drawing does not reach the file, e.g. on a full disk; Rerun only logs that."""
         if self._path is None or self._now is None:
             return
         try:
@@ -159,13 +159,13 @@ class LiveDrawing:
             self._plot_scale()
             self._recording.flush()
             written = self._path.stat().st_size > before
-        except RuntimeError:  # newer versions of Rerun say so
+        except RuntimeError:  # newer versions of Rerun raise this on a failed write
             written = False
         if not written:
             raise OSError(f"cannot write {self._path}: its disk may be full")
 
     def close(self) -> None:
-        """Finish the file, or leave the viewer to itself."""
+        """Finish the file, or disconnect from the viewer."""
         self._recording.disconnect()
 
     def _project(self, points: np.ndarray) -> np.ndarray:
@@ -173,7 +173,7 @@ class LiveDrawing:
 
     def _draw_fixed(self) -> None:
         rr, scene = self._rerun, self._scene
-        over = {"draw_order": 50.0} if scene.flat else {}  # Rerun draws points over arrows otherwise
+        over = {"draw_order": 50.0} if scene.flat else {}  # otherwise Rerun draws points on top of arrows
 
         def fix(path: str | list[str], entity: Any) -> None:
             self._recording.log(path, entity, static=True, strict=True)
@@ -207,7 +207,7 @@ class LiveDrawing:
             self._rate_from = (time, read, self._drawn)
 
     def _blueprint(self, window: float | None) -> Any:
-        """Pads on the left, plots on the right: a pad's total force each, the rate, the scale."""
+        """Return the window layout: pads on the left; plots of each pad's total force, rate and scale on the right."""
         import rerun.blueprint as rrb
 
         rr, plot, fit = self._rerun, {}, {}
@@ -223,14 +223,14 @@ class LiveDrawing:
         total = "total force" if self._unit == "N" else "sum over the taxels"
         plots = [
             *((rr.new_entity_path(["force", pad]), f"{pad}: {total} ({self._unit})") for pad in self._scene.pads),
-            ("/rate", "readings a second"),
+            ("/rate", "readings per second"),
             ("/scale", f"scale ({self._unit})"),
         ]
         views = [rrb.TimeSeriesView(origin=origin, name=name, **plot) for origin, name in plots]
         shares = [2] * len(self._scene.pads) + [1, 1]
         return rrb.Blueprint(
             rrb.Horizontal(
-                space(origin="/pads", name="pads (mm), from outside", **fit),
+                space(origin="/pads", name="pads (mm), seen from outside", **fit),
                 rrb.Vertical(*views, row_shares=shares),
                 column_shares=[3, 2],
             ),
@@ -239,16 +239,16 @@ class LiveDrawing:
 
 
 def need_display() -> None:
-    """Raise unless a window can be expected to open.
+    """Raise an error if no window can be opened.
 
     Raises:
-        UnsupportedError: There is no display (on Linux; elsewhere there always is one).
+        UnsupportedError: There is no display. Checked on Linux only; other systems always have one.
     """
     import os
 
     screens = ("DISPLAY", "WAYLAND_DISPLAY")
     if sys.platform.startswith("linux") and not any(os.environ.get(name) for name in screens):
         raise UnsupportedError(
-            f"the live view needs a display, and neither {' nor '.join(screens)} is set: --save FILE.rrd writes a "
-            "file, to be opened with `rerun FILE.rrd` on a machine with a screen"
+            f"the live view needs a display, but neither {' nor '.join(screens)} is set: --save FILE.rrd writes a "
+            "file that `rerun FILE.rrd` opens on a machine with a screen"
         )

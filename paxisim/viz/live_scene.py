@@ -1,8 +1,9 @@
-"""What the live view shows of one moment: where the taxels are drawn, their colours and arrows. No drawing, no I/O.
+"""Contents of the live view at one moment: positions, colours and arrows of the taxels. No drawing, no I/O.
 
-Lengths are in mm. The pads stand side by side along x as each is seen from outside (x right, y down); under the
-measured ones the simulated, under these the residual. On a flat grid, colours and arrows are those of `plot_pads`. On a
-curved pad the normal force is the one along the taxel's own normal, and the shear what is left, in three dimensions.
+Lengths are in mm. The pads are placed side by side along x, each seen from outside (x right, y down). The simulated
+pads are placed below the measured ones, and the residual below both. On a flat grid, colours and arrows are those of
+`plot_pads`. On a curved pad, the normal force is the component along the taxel's own normal, and the shear is the
+remainder, in three dimensions.
 """
 
 from __future__ import annotations
@@ -17,18 +18,18 @@ from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
 from paxisim.viz.colors import taxel_colors
 
-_GAP = 3.0  # pitches between pads, where the names go
-_SHORTEST = 0.02  # arrows shorter than this part of a pitch are left out, as in `plot_pads`
-_FAINTEST = 0.5  # N: the automatic scale goes no lower, lest the noise of a sensor at rest glows
-_FADE = 10.0  # s: how fast the automatic scale forgets a peak
+_GAP = 3.0  # gap between pads in pitches, which holds the names
+_SHORTEST = 0.02  # arrows shorter than this fraction of a pitch are omitted, as in `plot_pads`
+_FAINTEST = 0.5  # N: lower limit of the automatic scale, so that the noise of a sensor at rest stays faint
+_FADE = 10.0  # s: time constant of the automatic scale's decay after a peak
 
 
 @dataclass(frozen=True, eq=False)
 class Moment:
-    """What is known of one moment.
+    """Tensors at one moment.
 
     Attributes:
-        time: Seconds.
+        time: Time (s).
         measured: ``(pads, 3, rows, cols)`` newtons, pad frames, or None.
         simulated: The same for the simulation, or None.
     """
@@ -38,7 +39,7 @@ class Moment:
     simulated: NDArray[np.floating] | None = None
 
     def tensors(self) -> dict[str, NDArray[np.floating]]:
-        """Those that are there by name, and ``"residual"``, measured - simulated, where both are."""
+        """Return the available tensors by name, and ``"residual"``, measured - simulated, if both are available."""
         found = {"measured": self.measured, "simulated": self.simulated}
         tensors = {name: force for name, force in found.items() if force is not None}
         if self.measured is not None and self.simulated is not None:
@@ -47,20 +48,20 @@ class Moment:
 
 
 class Scene:
-    """The pads of one view.
+    """Arrangement of the pads in one view.
 
     Attributes:
-        pads: Their names.
-        lines: The tensors that are drawn, a line of pads each, from top to bottom.
-        flat: Whether all pads are flat grids, for which two dimensions are enough.
+        pads: Names of the pads.
+        lines: Names of the tensors drawn, one line of pads each, from top to bottom.
+        flat: Whether all pads are flat grids, for which two dimensions suffice.
         shape: Shape of one tensor, ``(pads, 3, rows, cols)``.
-        pitch: The smaller pitch (mm), the length of an arrow at full shear.
+        pitch: Smallest pitch (mm), the length of an arrow at full shear.
         radius: Radius of a drawn taxel (mm).
         positions: ``(pads, N, 3)`` taxel centres (mm) in the first line.
-        offsets: ``(lines, 3)`` what is added to them in each line (mm).
-        headings: ``(pads, 3)`` where the pads' names are written (mm).
-        margins: ``(lines, 3)`` where the lines' names are written (mm).
-        bounds: ``(2, 2)`` least and greatest x, y (mm) of all that, with room for the names.
+        offsets: ``(lines, 3)`` shift of each line relative to the first (mm).
+        headings: ``(pads, 3)`` positions of the pads' names (mm).
+        margins: ``(lines, 3)`` positions of the lines' names (mm).
+        bounds: ``(2, 2)`` smallest and largest x, y (mm) of the view, including the names.
     """
 
     def __init__(self, layouts: Sequence[TaxelLayout], pads: Sequence[str], tensors: Sequence[str]) -> None:
@@ -72,12 +73,13 @@ class Scene:
             tensors: ``"measured"``, ``"simulated"`` or both.
 
         Raises:
-            InvalidValueError: No pad, names that do not fit, layouts of different shapes, or an unknown tensor.
+            InvalidValueError: There are no pads, the names are not unique or not one per pad, the layouts have
+                different shapes, or a tensor is unknown.
         """
         if not layouts or len(layouts) != len(pads) or len(set(pads)) != len(pads):
-            raise InvalidValueError(f"expected a name of its own for each of {len(layouts)} pads, got {tuple(pads)}")
+            raise InvalidValueError(f"expected a unique name for each of {len(layouts)} pads, got {tuple(pads)}")
         if len({layout.shape for layout in layouts}) > 1:
-            raise InvalidValueError("pads of different rows or columns do not fit one tensor")
+            raise InvalidValueError("pads with different rows or columns do not fit in one tensor")
         if not tensors or not set(tensors) <= {"measured", "simulated"}:
             raise InvalidValueError(f"tensors must be 'measured', 'simulated' or both, got {tuple(tensors)}")
         both = ("measured", "simulated", "residual")
@@ -105,53 +107,52 @@ class Scene:
         self.bounds = np.array([[-3 * gap, -2 * gap], greatest])
 
     def check(self, force: NDArray[np.floating]) -> None:
-        """Raise `InvalidValueError` unless `force` is a tensor of these pads."""
+        """Raise `InvalidValueError` unless `force` has the shape of these pads."""
         if force.shape != self.shape:
             raise InvalidValueError(f"expected a tensor of shape {self.shape}, got {force.shape}")
 
     def split(self, force: NDArray[np.floating]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Forces into what presses on the surface and what drags along it.
+        """Split forces into normal and shear components.
 
         Args:
             force: ``(..., pads, 3, rows, cols)`` newtons, pad frames.
 
         Returns:
-            ``(..., pads, N)`` normal forces, positive where pressed, and ``(..., pads, N, 3)`` shear.
+            ``(..., pads, N)`` normal forces, positive for compression, and ``(..., pads, N, 3)`` shear forces.
         """
         taxels = np.asarray(force, dtype=np.float64).reshape(*force.shape[:-2], -1).swapaxes(-1, -2)
         normal = -np.einsum("...pnk,pnk->...pn", taxels, self._normals)
         return normal, taxels + normal[..., None] * self._normals
 
     def colors(self, normal: NDArray[np.float64], vmax: float) -> NDArray[np.uint8]:
-        """``(..., N)`` normal forces -> ``(..., N, 4)`` RGBA; full red at `vmax` newtons."""
+        """Convert ``(..., N)`` normal forces to ``(..., N, 4)`` RGBA; full red at `vmax` newtons."""
         as_tensor = np.broadcast_to(normal[..., None, None, :], (*normal.shape[:-1], 3, 1, normal.shape[-1]))
         return np.rint(255 * taxel_colors(as_tensor, vmax)[..., 0, :, :]).astype(np.uint8)
 
     def arrows(
         self, shear: NDArray[np.float64], shear_max: float
     ) -> list[tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]]:
-        """The arrows of each pad in the first line, moment after moment.
+        """Return the arrows of each pad in the first line, in order of the moments.
 
         Args:
             shear: ``(T, pads, N, 3)`` newtons.
             shear_max: Shear force (N) whose arrow is one pitch long.
 
         Returns:
-            For each pad ``(T,)`` how many arrows each moment has, ``(A, 3)`` tails above the taxels' surface and
-            ``(A, 3)`` vectors (mm); arrows too short to be seen, and those of readings that are not numbers, are left
-            out.
+            For each pad, the ``(T,)`` number of arrows at each moment, ``(A, 3)`` tails above the taxels' surface and
+            ``(A, 3)`` vectors (mm). Arrows that are too short to be visible or that are not finite are omitted.
         """
         vectors = shear * (self.pitch / shear_max)
         length = np.linalg.norm(vectors, axis=-1)
         shown = (length > _SHORTEST * self.pitch) & np.isfinite(length)
-        tails = self.positions + 1.1 * self.radius * self._normals  # inside the drawn taxels they would be hidden
+        tails = self.positions + 1.1 * self.radius * self._normals  # the drawn taxels would hide tails inside them
         tails = np.broadcast_to(tails, vectors.shape)
         masks = shown.swapaxes(0, 1)
         return [(mask.sum(axis=1), tails[:, i][mask], vectors[:, i][mask]) for i, mask in enumerate(masks)]
 
 
 class Scale:
-    """The forces of full colour and of an arrow one pitch long: given, or the largest of late, fading in seconds.
+    """Forces for full colour and for an arrow one pitch long: given, or a recent peak that decays over seconds.
 
     Attributes:
         vmax: Normal force (N) of full red.
@@ -159,7 +160,11 @@ class Scale:
     """
 
     def __init__(self, vmax: float | None = None, shear_max: float | None = None) -> None:
-        """Start.
+        """Set the scale.
+
+        Args:
+            vmax: Normal force (N) of full red. Default: automatic.
+            shear_max: Shear force (N) whose arrow is one pitch long. Default: automatic.
 
         Raises:
             InvalidValueError: A given force is not positive and finite.
@@ -172,10 +177,10 @@ class Scale:
         self._time: float | None = None
 
     def update(self, time: float, normal: NDArray[np.float64], shear: NDArray[np.float64]) -> None:
-        """Take in what is felt at `time` seconds.
+        """Update the automatic scale with the forces at `time`.
 
         Args:
-            time: Seconds; where it runs back nothing fades.
+            time: Time (s); if it runs backwards, the scale does not decay.
             normal: Normal forces (N), any shape.
             shear: ``(..., 3)`` shear forces (N).
         """
@@ -188,5 +193,5 @@ class Scale:
 
 
 def largest(values: NDArray[np.floating]) -> float:
-    """The largest of those that are finite; 0 where there is none."""
+    """Return the largest finite value, at least 0; 0 if there is none."""
     return float(np.max(values, initial=0.0, where=np.isfinite(values)))

@@ -1,4 +1,4 @@
-"""Where the live view's moments come from: a sensor's port, a recording, or a MuJoCo scene as it runs."""
+"""Sources of the live view: a sensor's port, a recording, or a running MuJoCo scene."""
 
 from __future__ import annotations
 
@@ -21,24 +21,24 @@ if TYPE_CHECKING:
     from paxisim.hw.device import TactileSensor
 
 RECORDINGS = (".mcap", ".npz", ".csv")
-_RECONNECT = 10.0  # s for which a port that went away is waited for
-_MAX_LAG = 0.05  # s: a slower simulation runs in slow motion instead of falling ever further behind
-_RATE = 100.0  # readings of a scene a second
+_RECONNECT = 10.0  # s to wait for a port that disappeared
+_MAX_LAG = 0.05  # s: limits the lag, so a slow simulation runs in slow motion
+_RATE = 100.0  # Hz, readings of a scene
 
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """Something to be looked at.
+    """A source of moments for the live view.
 
     Attributes:
         layouts: ``(pads,)`` layouts.
         pads: ``(pads,)`` names.
-        tensors: What its moments hold: ``"measured"``, ``"simulated"`` or both.
-        moments: What happens, in order; time counts from about 0.
-        ends: Whether it ends by itself.
+        tensors: Tensors in the moments: ``"measured"``, ``"simulated"`` or both.
+        moments: Iterator over the moments in order; time starts near 0.
+        ends: Whether the source ends by itself.
         unit: Unit of the tensors.
-        vmax: The largest normal force (N) there will be, where that is known.
-        shear_max: The largest shear (N), likewise.
+        vmax: Largest normal force (N) in the source, if known in advance.
+        shear_max: Largest shear force (N), likewise.
     """
 
     layouts: tuple[TaxelLayout, ...]
@@ -55,16 +55,17 @@ class Source:
 def open_source(
     source: str, profile: str | None, real_time: bool, calibration: Calibration | None = None
 ) -> Iterator[Source]:
-    """Open what the words name; closed when the context ends.
+    """Open a source; it is closed when the context ends.
 
     Args:
-        source: A recording or an MJCF file, by its suffix; everything else is a port.
-        profile: The profile of the sensor on a port, and of nothing else.
-        real_time: Whether a recording or a scene takes its time; else it is as fast as it can be.
-        calibration: Of the sensor on a port, and of nothing else.
+        source: A recording or an MJCF file, identified by its suffix, or a port.
+        profile: Profile of the sensor; required for a port and not allowed otherwise.
+        real_time: Whether a recording or a scene plays in real time; otherwise as fast as possible.
+        calibration: Calibration of the sensor; allowed for a port only.
 
     Raises:
-        InvalidValueError: A profile is missing or not wanted, or the file is not what its suffix says.
+        InvalidValueError: A profile is missing, a profile or calibration is not allowed, or the file does not match
+            its suffix.
         DeviceError: The sensor on the port cannot be read.
     """
     suffix = Path(source).suffix.lower()
@@ -83,7 +84,7 @@ def open_source(
         from paxisim.hw.profile import known_profiles
 
         known = ", ".join(known_profiles())
-        raise InvalidValueError(f"{source} is taken for a port, and a port needs --profile NAME; known: {known}")
+        raise InvalidValueError(f"{source} is treated as a port, which needs --profile NAME; known: {known}")
     else:
         from paxisim.hw.device import open_sensor
 
@@ -93,13 +94,13 @@ def open_source(
 
 
 def _readings(sensor: TactileSensor) -> Iterator[Moment]:
-    wait = _RECONNECT + 2  # a port that comes back within its time is no reason to stop looking
-    frame = sensor.latest(wait)  # the frames that came while the viewer started are of no interest
+    wait = _RECONNECT + 2  # longer than a reconnection, so that the view continues after one
+    frame = sensor.latest(wait)  # skip the frames that arrived while the viewer started
     while True:
         force = frame.force
         if wrong := in_error(frame.status):
             force = force.copy()
-            force[wrong] = np.nan  # as a recording has them
+            force[wrong] = np.nan  # as in a recording
         yield Moment(frame.time, measured=force)
         frame = sensor.read(wait)
 
@@ -110,7 +111,7 @@ def _recording(path: str, real_time: bool) -> Source:
     recording = Recording.load(path)
     tensors = {"measured": recording.measured, "simulated": recording.simulated}
     present = {name: tensor for name, tensor in tensors.items() if tensor is not None}
-    # an episode may count from 0 again; on the view's one clock it follows the one before
+    # the clock of an episode may restart at 0; in the view, the episode follows the one before
     steps = np.diff(recording.time, prepend=recording.time[0])
     forward = steps[steps > 0]
     shown = np.cumsum(np.where(steps < 0, np.median(forward) if len(forward) else 0.0, steps))
@@ -122,7 +123,7 @@ def _recording(path: str, real_time: bool) -> Source:
                 time.sleep(max(0.0, start + moment - time.monotonic()))
             yield Moment(float(moment), **{name: tensor[i] for name, tensor in present.items()})
 
-    # one scale for all of it, so that its beginning can be compared with its end; see Scale for the least
+    # one scale for the whole recording makes its beginning and end comparable
     normal = max(largest(np.abs(tensor[:, :, 2])) for tensor in present.values())
     shear = max(largest(np.hypot(tensor[:, :, 0], tensor[:, :, 1])) for tensor in present.values())
     return Source(

@@ -1,4 +1,4 @@
-"""plot_mounts: a picture of a gripper with its pads, to see at a glance where they went."""
+"""plot_mounts: figure of a gripper that shows where its pads are mounted."""
 
 from __future__ import annotations
 
@@ -20,23 +20,24 @@ if TYPE_CHECKING:
 _VIEWS = ((20, -60), (15, 30), (75, -90))  # elevation and azimuth (deg)
 _LIGHT = np.array([0.4, -0.5, 0.77])
 _GREY, _RED = np.array([0.72, 0.74, 0.78]), np.array([0.85, 0.2, 0.18])
-_ARROW, _NUMBER = 0.02, 0.026  # m, how far an arrow and a pad's number stand out
+_ARROW, _NUMBER = 0.02, 0.026  # m, length of an arrow and distance of a pad's number from the pad
 _SQUARE = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
 _CIRCLE = np.stack([np.cos(np.linspace(0, 2 * np.pi, 16)), np.sin(np.linspace(0, 2 * np.pi, 16))], axis=1)
 
 
 def plot_mounts(gripper: TactileGripper, qpos: NDArray[np.floating] | None = None) -> Figure:
-    """Draw a gripper from three sides: its geoms grey (meshes as the hulls MuJoCo collides), its pads red.
+    """Draw a gripper from three directions: its geoms in grey, its pads in red.
 
-    Each taxel that faces the viewer is drawn where it is, on top of what hides it. A pad that looks away altogether is
-    a dashed outline. An arrow leaves each pad along its outward normal; the white taxel is row 0, column 0.
+    Meshes are drawn as the convex hulls that MuJoCo uses for collisions. Each taxel that faces the viewer is drawn at
+    its position, on top of anything that hides it. A pad that faces away entirely is drawn as a dashed outline. An
+    arrow shows each pad's outward normal; the white taxel is row 0, column 0.
 
     Args:
         gripper: The gripper with pads, from `attach`.
-        qpos: ``(nq,)`` pose to draw. Default: with the gripper open.
+        qpos: ``(nq,)`` pose to draw. Default: the gripper open.
 
     Returns:
-        A figure without a window: ``figure.savefig("mounts.png")``.
+        A figure that is not shown in a window; use ``figure.savefig("mounts.png")``.
 
     Raises:
         MissingExtraError: matplotlib is not installed.
@@ -71,7 +72,7 @@ def plot_mounts(gripper: TactileGripper, qpos: NDArray[np.floating] | None = Non
 
 
 def _view(elevation: float, azimuth: float) -> NDArray[np.floating]:
-    """``(3, 3)`` rows: to the right, up and towards the viewer, who looks at the world from these angles (rad)."""
+    """Return ``(3, 3)`` rows right, up and towards the viewer, in the world frame, for these viewing angles (rad)."""
     towards = np.array([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)])
     right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
     return np.stack([right, np.cross(towards, right), towards])
@@ -81,12 +82,12 @@ def _open_pose(gripper: TactileGripper) -> NDArray[np.floating]:
     model = gripper.compile()
     try:
         return close_gripper(model).qpos[0]
-    except InvalidValueError:  # nothing closes, as on a wiping tool
+    except InvalidValueError:  # the gripper cannot close, such as a wiping tool
         return model.qpos0
 
 
 def _triangles(model: mujoco.MjModel, data: mujoco.MjData, pads: Pads) -> NDArray[np.floating]:
-    """``(n, 3, 3)`` corners (m, world frame) of everything but the pads."""
+    """Return the ``(n, 3, 3)`` triangle corners (m, world frame) of everything except the pads."""
     triangles = [np.zeros((0, 3, 3))]
     for geom in range(model.ngeom):
         shape = None if int(model.geom_bodyid[geom]) in pads.bodies else shape_of(model, geom)
@@ -101,7 +102,7 @@ def _draw_gripper(ax: Any, triangles: NDArray[np.floating], view: NDArray[np.flo
 
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-20)
-    # those that look away are hidden, and of the others the nearer ones are drawn later
+    # skip triangles that face away, and draw the others from far to near
     seen = np.flatnonzero(normals @ view[2] > 0)
     seen = seen[np.argsort((triangles[seen] @ view[2]).mean(axis=1))]
     colors = _GREY * (0.65 + 0.35 * np.clip(normals[seen] @ _LIGHT, 0, 1))[:, None]
@@ -117,7 +118,7 @@ def _draw_pad(
 
     geoms = pads.geoms[pad]
     size, axes = model.geom_size[geoms], data.geom_xmat[geoms].reshape(-1, 3, 3)
-    # the outward face of a cube is at -z; a sphere is a disc
+    # the outward face of a cube is at -z; a sphere is drawn as a disc
     is_sphere = int(model.geom_type[geoms[0]]) == int(mujoco.mjtGeom.mjGEOM_SPHERE)
     outline, half = (_CIRCLE, size[:, [0, 0, 0]]) if is_sphere else (_SQUARE, size)
     face = np.concatenate([outline, np.full((len(outline), 1), 0.0 if is_sphere else -1.0)], axis=1) * half[:, None]

@@ -1,8 +1,8 @@
-"""Pictures of the force tensor, as in the paper's Figure 1: redness is normal force, green arrows are shear.
+"""Figures of the force tensor, as in the paper's Figure 1: red shows normal force, green arrows show shear.
 
 Each pad is seen from outside, facing its sensing surface: x right, y down, row 0 at the top. Lengths are in mm,
 forces in newtons, both in the pad frame. A negative normal force is drawn blue, never red. Taxels that are not on
-a flat grid are flattened by their x and y. Needs matplotlib (the ``viz`` extra), but no display and no pyplot.
+a flat grid are projected onto the x-y plane. Needs matplotlib (the ``viz`` extra), but no display and no pyplot.
 """
 
 from __future__ import annotations
@@ -38,14 +38,14 @@ def plot_tactile(
     Args:
         tensor: ``(3, rows, cols)`` newtons, pad frame; numpy, torch or nested lists.
         layout: The pad's taxels.
-        ax: Axes to draw in. Default: those of a new figure, ``ax.figure``, which has no window:
+        ax: Axes to draw in. Default: axes in a new figure that is not shown in a window; use
             ``ax.figure.savefig("pad.png")``.
         vmax: Normal force (N) of full red. Default: the largest magnitude in `tensor`.
         shear_max: Shear force (N) whose arrow is one pitch long. Default: the largest in `tensor`.
         title: Title of the axes.
 
     Returns:
-        The axes, in mm, with a colour bar in newtons and a reference arrow.
+        The axes, in mm, with a colour bar in newtons and a reference arrow for shear.
 
     Raises:
         InvalidValueError: `tensor` is not of shape ``(3, rows, cols)``, or a maximum is not positive and finite.
@@ -70,7 +70,7 @@ def plot_pads(
     vmax: float | None = None,
     shear_max: float | None = None,
 ) -> Figure:
-    """Draw the readings of several pads at one moment, side by side and on one scale.
+    """Draw the readings of several pads at one moment, side by side and on a common scale.
 
     Args:
         tensor: ``(pads, 3, rows, cols)`` newtons, pad frame; numpy, torch or nested lists.
@@ -80,11 +80,12 @@ def plot_pads(
         shear_max: Shear force (N) whose arrow is one pitch long. Default: the largest in `tensor`.
 
     Returns:
-        A figure without a window, ``figure.savefig("pads.png")``; ``figure.axes[:pads]`` are the pads'.
+        A figure that is not shown in a window; use ``figure.savefig("pads.png")``. ``figure.axes[:pads]`` are the axes
+        of the pads.
 
     Raises:
-        InvalidValueError: `tensor` is not of shape ``(pads, 3, rows, cols)``, there are not as many names as pads,
-            or a maximum is not positive and finite.
+        InvalidValueError: `tensor` is not of shape ``(pads, 3, rows, cols)`` or has no pads, there are not as many
+            names as pads, or a maximum is not positive and finite.
         MissingExtraError: matplotlib is not installed.
     """
     force = _reading(tensor, layout, 4, "plot_pads draws the pads of one moment; plot_tactile draws one pad")
@@ -131,20 +132,20 @@ def _reading(tensor: Any, layout: TaxelLayout, ndim: int, hint: str) -> NDArray[
 
 
 def _scales(force: NDArray[np.float64], vmax: float | None, shear_max: float | None) -> tuple[float, float]:
-    """Both maxima, checked or taken from the reading; 1 N where nothing is felt."""
+    """Return both maxima, as given or taken from the reading; 1 N if the reading is zero."""
     felt = (np.abs(force[..., 2, :, :]), np.hypot(force[..., 0, :, :], force[..., 1, :, :]))
     found = []
     for name, given, values in zip(("vmax", "shear_max"), (vmax, shear_max), felt, strict=True):
         if given is not None and not (np.isfinite(given) and given > 0):
             raise InvalidValueError(f"{name} must be a positive finite force in N, got {given!r}")
         largest = float(np.max(values, initial=0.0, where=np.isfinite(values)))
-        # below a nanonewton a reading is rounding error, and its tiny scale would only confuse
+        # a reading below a nanonewton is rounding error, and its tiny scale would mislead
         found.append(float(given) if given is not None else largest if largest > 1e-9 else 1.0)
     return found[0], found[1]
 
 
 def _lowest(force: NDArray[np.float64], vmax: float) -> float:
-    """The end of the colour bar (N): 0, or where there are negative normal forces, their lowest."""
+    """Return the lower end of the colour bar (N): 0, or the lowest normal force if there are negative ones."""
     normal = force[..., 2, :, :]
     return max(-vmax, float(np.min(normal, initial=0.0, where=np.isfinite(normal))))
 

@@ -1,4 +1,4 @@
-"""The picture of a sensor's quality: intervals between frames, total force over time, noise of each taxel."""
+"""Figure of a sensor's quality: intervals between frames, total force over time, noise of each taxel."""
 
 from __future__ import annotations
 
@@ -20,18 +20,19 @@ if TYPE_CHECKING:
 _INK, _BARS = "#444444", "#5b7fa6"
 _PAD_COLORS = ("#2b5c94", "#d1711f", "#0b8a3a", "#7a4fa3")
 _MAX_COLUMNS = 4
-_MAX_POINTS = 4000  # of a line; more would only be drawn over one another
+_MAX_POINTS = 4000  # of a line; more would only overlap
 
 
 def plot_quality(quality: SensorQuality) -> Figure:
-    """Draw what `paxisim.hw.quality.measure_quality` found.
+    """Plot the result of `paxisim.hw.quality.measure_quality`.
 
     Args:
-        quality: What it returned.
+        quality: The result.
 
     Returns:
-        A figure without a window, ``figure.savefig("quality.png")``: the intervals between frames, the total force of
-        the pads over time without its mean, and the noise of each pad's taxels on one scale, the noisiest axis of each.
+        A figure that is not shown in a window; use ``figure.savefig("quality.png")``. It shows the intervals between
+        frames, the mean-subtracted total force of the pads over time, and the noise of each pad's taxels on a common
+        scale, taking the noisiest axis of each taxel.
 
     Raises:
         MissingExtraError: matplotlib is not installed.
@@ -53,11 +54,11 @@ def plot_quality(quality: SensorQuality) -> Figure:
     _draw_intervals(left.add_subplot(), quality)
     _draw_totals(right.subplots(3, 1, sharex=True), quality)
     noise = quality.noise.max(axis=1)
-    top = float(noise.max()) or 0.1  # nothing stirs: any scale will do
+    top = float(noise.max()) or 0.1  # without any noise, any scale will do
     axes = [lower.add_subplot(lines, columns, i + 1) for i in range(pads)]
     drawn = [_draw_noise(ax, quality.layout, noise[i], top, f"noise, {quality.pads[i]}") for i, ax in enumerate(axes)]
     bar = lower.colorbar(drawn[-1], ax=axes, location="bottom", shrink=0.5, aspect=45)
-    bar.set_label(f"noise of a taxel, its noisiest axis ({quality.unit})", color=_INK)
+    bar.set_label(f"noise of a taxel, noisiest axis ({quality.unit})", color=_INK)
     bar.ax.tick_params(length=0, colors=_INK, labelsize="small")
     bar.outline.set_visible(False)  # type: ignore[operator]
     return figure
@@ -65,14 +66,14 @@ def plot_quality(quality: SensorQuality) -> Figure:
 
 def _draw_intervals(ax: Axes, quality: SensorQuality) -> None:
     milliseconds = 1e3 * quality.intervals
-    # a few long ones would squeeze the rest into one bar; they are counted at the right edge
+    # a few long intervals would squeeze the rest into one bar, so they are counted at the right edge
     edge = max(float(np.percentile(milliseconds, 99.5)), 1.5 * float(np.median(milliseconds)))
     beyond = int(np.sum(milliseconds > edge))
     ax.hist(np.minimum(milliseconds, edge), bins=40, range=(0.0, edge), color=_BARS)
     ax.axvline(float(np.median(milliseconds)), color=_INK, linewidth=1)
     nominal = "" if quality.nominal_rate is None else f" (nominally {quality.nominal_rate:g})"
     ax.set_title(f"{quality.rate:.1f} Hz{nominal}, {quality.lost} frames lost", loc="left", fontsize="medium")
-    ax.set_xlabel("interval between frames (ms)" + (f"; {beyond} longer ones at the edge" if beyond else ""))
+    ax.set_xlabel("interval between frames (ms)" + (f"; {beyond} longer ones at the right edge" if beyond else ""))
     ax.set_ylabel("frames")
     _plain(ax)
 
@@ -94,7 +95,7 @@ def _draw_totals(axes: Sequence[Axes], quality: SensorQuality) -> None:
     for ax, axis in zip(axes, "xyz", strict=True):
         ax.set_ylabel(f"{axis} ({quality.unit})")
         _plain(ax)
-    axes[0].set_title("total force, its mean subtracted", loc="left", fontsize="medium")
+    axes[0].set_title("total force, mean subtracted", loc="left", fontsize="medium")
     axes[-1].set_xlabel("time (s)")
     if len(quality.pads) > 1:
         look = {"frameon": False, "fontsize": "small", "labelcolor": _INK}

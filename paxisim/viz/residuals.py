@@ -1,4 +1,4 @@
-"""The picture of what a calibration leaves: error of the load against the load and against other covariates."""
+"""Figure of a calibration's residuals: error of the estimated load against the load and other covariates."""
 
 from __future__ import annotations
 
@@ -18,26 +18,26 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MOST_COLUMNS = 4
-"""Quantities that errors are drawn against at most: the load, then covariates."""
+"""Maximum number of quantities that errors are plotted against: the load, then covariates."""
 _INK, _POINT, _LINE = "#444444", "#a9bdd6", "#2b5c94"
 _MOST_POINTS = 4000
-_BINS, _FEW = 15, 5  # of the line, and samples that a bin needs
+_BINS, _FEW = 15, 5  # number of bins of the line, and minimum number of samples in a bin
 
 
 def plot_residuals(calibration: Calibration, recording: Recording) -> Figure:
-    """Draw the error of the estimated load against the load itself and against the other covariates.
+    """Plot the error of the estimated load against the load itself and against the other covariates.
 
-    A calibration that is right leaves a level band. A slope against the load is a wrong gain, a bend is a sensor that
-    is not linear, and a slope against a covariate, such as a temperature or the gripper's opening, is something
-    that the calibration does not know of.
+    A correct calibration leaves a level band. A slope against the load indicates a wrong gain, and a curved band a
+    nonlinear sensor. A slope against a covariate, such as a temperature or the gripper's opening, indicates an effect
+    that the calibration does not model.
 
     Args:
-        calibration: What `paxisim.calibrate_sensor` returned.
-        recording: With the channels, the loads and any covariates of one value for each sample. Of a recording that the
-            calibration was not fitted to, the errors are held-out errors.
+        calibration: Result of `paxisim.calibrate_sensor`.
+        recording: A recording with the channels, the loads and any covariates with one value per sample. If the
+            calibration was not fitted to it, the errors are held-out errors.
 
     Returns:
-        A figure without a window: a row for each load, a column for each quantity.
+        A figure that is not shown in a window, with a row for each load and a column for each quantity.
 
     Raises:
         InvalidValueError: The recording does not fit the calibration.
@@ -50,7 +50,7 @@ def plot_residuals(calibration: Calibration, recording: Recording) -> Figure:
     values = values_of(recording, loads)
     known = np.isfinite(values).all(axis=1) & np.isfinite(recording.measured).all(axis=(1, 2, 3, 4))
     if not known.any():
-        raise InvalidValueError("the load and the channels are known together at no sample of the recording")
+        raise InvalidValueError("no sample of the recording has both a known load and known channels")
     part = recording[known]
     assert part.measured is not None
     load = calibration.readout.earlier(part, values[known])
@@ -79,7 +79,7 @@ def _draw(ax: Axes, against: NDArray[np.float64], error: NDArray[np.float64]) ->
     stride = -(-len(error) // _MOST_POINTS)
     ax.axhline(0, color=_INK, linewidth=0.8, linestyle="--")
     ax.plot(against[::stride], error[::stride], ".", color=_POINT, markersize=2, rasterized=True)
-    # bins of equal width, as the noise of a load at rest would sort itself into bins of equal count
+    # bins of equal width: with bins of equal count, the noise of a load at rest would be sorted across many bins
     edges = np.linspace(against.min(), against.max(), _BINS + 1)
     bins = np.clip(np.searchsorted(edges, against, side="right") - 1, 0, _BINS - 1)
     count, total = np.bincount(bins, minlength=_BINS), np.bincount(bins, error, minlength=_BINS)

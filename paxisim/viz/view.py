@@ -1,4 +1,4 @@
-"""The live view: MuJoCo's own viewer, with every taxel coloured by its normal force as the simulation runs."""
+"""Live view of a simulation: MuJoCo's own viewer, with every taxel coloured by its normal force."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from paxisim.models.readout import TactileReadout
 from paxisim.viz.colors import taxel_colors
 
 _FRAME = 1 / 60  # s
-_MAX_LAG = 0.05  # s: a slower simulation runs in slow motion instead of falling ever further behind
-_FADE = 2.0  # s: how fast the automatic scale forgets a peak
-_FAINTEST = 0.02  # N: the automatic scale goes no lower, lest rounding errors glow
-_CLOSING = 2.0  # s: the longest wait for the window to be gone
-_SHADE = 0.9  # of every second taxel's brightness
+_MAX_LAG = 0.05  # s: limits the lag, so a slow simulation runs in slow motion
+_FADE = 2.0  # s: time constant of the automatic scale's decay after a peak
+_FAINTEST = 0.02  # N: lower limit of the automatic scale, so that rounding errors stay faint
+_CLOSING = 2.0  # s: maximum wait for the window to close
+_SHADE = 0.9  # brightness factor of every second taxel
 _INSTEAD = "run it on a machine with a screen, or draw readings with paxisim.plot_tactile"
 
 
@@ -39,18 +39,18 @@ def view(
     """Open MuJoCo's viewer on a model with pads, run it in real time, and return when the window is closed.
 
     The taxels are coloured as in `color_taxels`; the corner of the window shows the force on each pad. Controls
-    can be set in the viewer's panel and objects pulled with the mouse. A simulation slower than real time runs
-    in slow motion. The taxels' own colours are put back at the end.
+    can be set in the viewer's panel, and objects can be pulled with the mouse. A simulation slower than real time runs
+    in slow motion. The taxels' original colours are restored at the end.
 
     Args:
         model: The compiled model; its taxels' ``geom_rgba`` changes while the window is open.
         data: The state to start from, stepped in place. Default: the model's initial state.
-        pads: The pads to colour. Default: all of the model's.
-        vmax: Normal force (N) of full red. Default: the largest taxel force of late, which fades in seconds.
+        pads: The pads to colour. Default: all pads of the model.
+        vmax: Normal force (N) of full red. Default: a recent peak of the taxel forces that decays over seconds.
 
     Raises:
         InvalidValueError: The model has no pads, or `vmax` is not positive and finite.
-        UnsupportedError: No window can be opened here.
+        UnsupportedError: No window can be opened on this machine.
     """
     pads = find_pads(model) if pads is None else pads
     if vmax is not None and not (np.isfinite(vmax) and vmax > 0):
@@ -84,11 +84,11 @@ def view(
 def color_taxels(model: mujoco.MjModel, pads: Pads, force: ArrayLike, vmax: float) -> None:
     """Write the colours of a reading into a model's taxels (``geom_rgba``). No window, no I/O.
 
-    Every second taxel is a shade darker than `taxel_colors` has it, so that the grid can be seen.
+    Every second taxel is a shade darker than the colour from `taxel_colors`, which makes the grid visible.
 
     Args:
         model: The compiled model; changed in place.
-        pads: Its pads.
+        pads: The model's pads.
         force: ``(pads, 3, rows, cols)`` newtons, pad frame.
         vmax: Normal force (N) of full red.
 
@@ -105,7 +105,7 @@ def color_taxels(model: mujoco.MjModel, pads: Pads, force: ArrayLike, vmax: floa
 
 
 def caption(pads: Pads, force: ArrayLike, vmax: float) -> tuple[str, str]:
-    """The words in the corner of the window, as MuJoCo takes them: names and values, a line each.
+    """Return the text in the corner of the window as MuJoCo expects it: names and values, one line each.
 
     Args:
         pads: The pads.
@@ -113,9 +113,9 @@ def caption(pads: Pads, force: ArrayLike, vmax: float) -> tuple[str, str]:
         vmax: Normal force (N) of full red.
 
     Returns:
-        Two texts of ``pads + 2`` lines: total x, y, z force of each pad, under a heading and over the scale.
+        Two texts of ``pads + 2`` lines: a heading, the total x, y, z force of each pad, and the scale.
     """
-    totals = np.round(np.asarray(force).sum(axis=(-2, -1)), 2) + 0.0  # no negative zero
+    totals = np.round(np.asarray(force).sum(axis=(-2, -1)), 2) + 0.0  # turns -0.0 into 0.0
     rows = [f"{x:6.2f} {y:6.2f} {z:6.2f}" for x, y, z in totals]
     heading = f"{'x':>6} {'y':>6} {'z':>6}"
     return "\n".join(["force (N)", *pads.names, "full red"]), "\n".join([heading, *rows, f"{vmax:20.2f}"])
@@ -123,12 +123,12 @@ def caption(pads: Pads, force: ArrayLike, vmax: float) -> tuple[str, str]:
 
 @contextmanager
 def _window(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[Any]:
-    """MuJoCo's viewer, or an error where it would wait forever for a window that cannot be opened."""
+    """Open MuJoCo's viewer; raise an error where it would wait forever for a window that cannot be opened."""
     screens = ("DISPLAY", "WAYLAND_DISPLAY")
     if sys.platform.startswith("linux") and not any(os.environ.get(name) for name in screens):
-        raise UnsupportedError(f"the live view needs a display, and neither {' nor '.join(screens)} is set: {_INSTEAD}")
+        raise UnsupportedError(f"the live view needs a display, but neither {' nor '.join(screens)} is set: {_INSTEAD}")
     if sys.platform != "darwin" and not _can_open_window():
-        raise UnsupportedError(f"the live view needs a window with OpenGL, which cannot be opened here: {_INSTEAD}")
+        raise UnsupportedError(f"the live view needs an OpenGL window, which cannot be opened here: {_INSTEAD}")
     from mujoco.viewer import launch_passive
 
     others = set(threading.enumerate())
@@ -141,13 +141,13 @@ def _window(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[Any]:
         yield viewer
     finally:
         viewer.close()
-        # a process that ends while the window is still being drawn dies of an X error
+        # a process that exits while the window is still being drawn crashes with an X error
         for thread in drawing:
             thread.join(_CLOSING)
 
 
 def _can_open_window() -> bool:
-    """Whether GLFW, which MuJoCo's viewer uses, gets a window; GLFW stays initialised, as the viewer wants it."""
+    """Whether GLFW, which MuJoCo's viewer uses, can open a window; leaves GLFW initialised, as the viewer requires."""
     import glfw
 
     with warnings.catch_warnings():

@@ -610,7 +610,7 @@ def test_a_missing_or_misshapen_covariate_is_refused(name):
     for key in transform.covariate_names:
         others = [n for n in transform.covariate_names if n != key]
         there = ", ".join(others) or "none"
-        with pytest.raises(InvalidValueError, match=f"^{name} needs the covariate '{key}'; there is {there}"):
+        with pytest.raises(InvalidValueError, match=f"^{name} needs the covariate '{key}'; available: {there}"):
             transform.run(frames(), TIME, {"unneeded": TIME, **dict.fromkeys(others, TIME)})
         with pytest.raises(InvalidValueError, match=f"^{name}: the covariate '{key}' of shape"):
             transform.run(frames(BATCH), TIME, {**covariates(name, BATCH), key: covariates(name, BATCH - 1)[key]})

@@ -111,7 +111,7 @@ def test_info_of_an_archive(capsys):
     out = capsys.readouterr().out
     assert max(map(len, out.splitlines())) <= 80
     assert "simulated (N a taxel): x 0 to 0, y 0 to 0, z 0 to 7.5" in out
-    assert "of the table: not known; 20 samples not or only partly known" in " ".join(out.split())
+    assert "of the table: unknown; 20 samples with unknown values" in " ".join(out.split())
     assert "1: from 1.900 s, 10 samples" in out
     assert "start:" not in out  # nobody said when it began
 
@@ -123,7 +123,7 @@ def test_info_says_how_many_samples_are_without_a_value(capsys):
     Recording(time=np.arange(3), measured=force, covariates=covariates, episode=[0, 0, 1]).save("a.npz")
     info(Path("a.npz"))
     out = " ".join(capsys.readouterr().out.split())
-    assert "measured (N a taxel); 1 sample not or only partly known: x 0 to 0" in out
+    assert "measured (N a taxel): x 0 to 0, y 0 to 0, z 0 to 0; 1 sample with unknown values" in out
     assert "resultant (N): 1 to 1" in out
     assert out.endswith("s, 1 sample")
 

@@ -97,7 +97,7 @@ def test_a_contact_that_the_scene_misses_is_said_with_its_distance(made, tmp_pat
     words = [str(tmp_path / "away.mcap"), "--scene", str(folder / "press.toml"), "-o", str(tmp_path / "out.npz")]
     assert main(["replay", *words]) == 0
     out, err = capsys.readouterr()
-    assert "mm from the nearest object: check where the object starts" in err
+    assert "mm from the nearest object: check the object's start pose" in err
     assert "Replay is in doubt in 3 of 3 cases" in out
 
 

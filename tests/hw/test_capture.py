@@ -232,7 +232,7 @@ def test_one_stream_has_one_source_and_one_shape(sensor, tmp_path):
     assert summary.extra[0].bad == 1
     assert "covariate/pose must keep its shape (1,), got (2,)" in summary.extra[0].problem
     assert summary.extra[1].samples == 0
-    assert "arm: the name resultant is kept" in summary.extra[1].problem
+    assert "arm: the name resultant is reserved" in summary.extra[1].problem
 
 
 class Enter(ExtraStream):

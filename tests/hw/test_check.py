@@ -104,7 +104,7 @@ def test_what_is_right_stays_as_it_is_and_is_said_so():
     assert result.profile == profile
     assert not result.changed
     assert all(finding.clear for finding in result.findings)
-    assert "where the profile has them" in str(result.findings[0])
+    assert "order: the taxels match the profile" in str(result.findings[0])
 
 
 def test_findings_are_plain_sentences():
@@ -112,7 +112,7 @@ def test_findings_are_plain_sentences():
     true = sensor(scan(12, 10, False, True, True), ("-y", "+x", "+z"), ((5, "left"), (2, "right")))
     text = "\n".join(map(str, check(true, believed).findings))
     assert "left and right must be exchanged" in text
-    assert "the pad's x is -y of the line, not +x" in text
+    assert "the pad's x is the wire's -y, not +x" in text
     assert "'left' is at 5 and 'right' is at 2" in text
 
 
@@ -154,7 +154,7 @@ def test_of_a_row_without_positions_only_axes_and_pads_are_told():
     true = replace(believed, axes=("-y", "-x", "+z"))
     result = check(true, believed)
     assert result.profile == true
-    assert "cannot be told" in str(result.findings[0])
+    assert "cannot be determined" in str(result.findings[0])
 
 
 @pytest.mark.skipif(importlib.util.find_spec("paxini_sdk") is None, reason="needs paxini-sdk")

@@ -108,7 +108,7 @@ def test_the_check_writes_the_profile_of_the_sensor_that_is_there(monkeypatch, c
     assert found.name == "mine"
     assert found.verified.startswith("paxisim device check, 20")
     said = capsys.readouterr().out
-    order = "left and right must be exchanged" if believed.has_positions else "order: cannot be told"
+    order = "left and right must be exchanged" if believed.has_positions else "order: cannot be determined"
     assert order in said
     assert "wrong where marked with !; wrote mine.toml" in said
     assert max(map(len, said.splitlines())) <= 120

@@ -344,7 +344,7 @@ def test_a_reading_that_never_comes():
 def test_bytes_that_never_fit_are_described():
     noise = random.Random(2).randbytes(200)
     babble = Sensor(change=lambda request, reply: noise)
-    with Conversation(babble) as board, pytest.raises(ProtocolError, match="does not fit"):
+    with Conversation(babble) as board, pytest.raises(ProtocolError, match="do not fit"):
         board.start()
 
 

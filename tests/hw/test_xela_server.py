@@ -177,11 +177,15 @@ def test_calibrated_forces_are_newtons() -> None:
 @pytest.mark.parametrize(
     ("message", "profile", "says"),
     [
-        ({"hello": 1}, "xela-uspa44", r"expects readings of a XELA server, but what came is none: text of no family: "),
-        (routine(**{"2": sensor(2)}), "xela-uspa44", "has no sensor 1, which profile 'xela-uspa44' names .*it has 2"),
-        (routine(**{"1": sensor(taxels=12)}), "xela-uspa44", r"uSPa44 of 12 taxels, but .* is for uSPa44 of 16"),
-        (routine(**{"1": sensor(model="uSPa46")}), "xela-uspa44", "is a uSPa46 of 16 taxels, but .* is for uSPa44"),
-        (routine(), "xela-uspa44-calibrated", "no calibrated values of sensor 1 .*switch them on"),
+        (
+            {"hello": 1},
+            "xela-uspa44",
+            r"expects readings of a XELA server, but received something else: text of no family: ",
+        ),
+        (routine(**{"2": sensor(2)}), "xela-uspa44", "has no sensor 1, which profile 'xela-uspa44' assigns .*it has 2"),
+        (routine(**{"1": sensor(taxels=12)}), "xela-uspa44", r"uSPa44 with 12 taxels, but .* is for uSPa44 with 16"),
+        (routine(**{"1": sensor(model="uSPa46")}), "xela-uspa44", "is a uSPa46 with 16 taxels, but .* is for uSPa44"),
+        (routine(), "xela-uspa44-calibrated", "no calibrated values for sensor 1 .*enable them"),
         ({"message": 3, "type": "routine"}, "xela-uspa44", "no sensor 1.* it has none"),
     ],
 )
@@ -201,12 +205,12 @@ def test_addresses_that_lead_nowhere_are_named(capsys: pytest.CaptureFixture[str
     with socket.create_server(("127.0.0.1", 0)) as taken:
         number = taken.getsockname()[1]
     closed = f"ws://127.0.0.1:{number}"
-    with pytest.raises(PortNotFoundError, match=f"cannot connect to {closed}: .*does the sensor's server run"):
+    with pytest.raises(PortNotFoundError, match=f"cannot connect to {closed}: .*is the sensor's server running"):
         open_sensor(closed, "xela-uspa44")
     for address in ("ws://", "ws://nowhere at all", "/dev/ttyACM0", "http://127.0.0.1"):
         with pytest.raises((InvalidValueError, PortNotFoundError), match=r"WebSocket server|cannot connect"):
             open_sensor(address, "xela-uspa44")
-    with pytest.raises(InvalidValueError, match=f"port '{closed}' is no serial port"):
+    with pytest.raises(InvalidValueError, match=f"port '{closed}' is not a serial port"):
         open_sensor(closed, "gen2-box-120")
     with contextlib.closing(socket.create_server(("127.0.0.1", 0))) as web:
 
@@ -216,7 +220,7 @@ def test_addresses_that_lead_nowhere_are_named(capsys: pytest.CaptureFixture[str
                 other.sendall(b"HTTP/1.1 200 OK\r\nContent-Length: 0\r\n\r\n")
 
         threading.Thread(target=answer, daemon=True).start()
-        with pytest.raises(ProtocolError, match="is no WebSocket server"):
+        with pytest.raises(ProtocolError, match="is not a WebSocket server"):
             open_sensor(f"ws://127.0.0.1:{web.getsockname()[1]}", "xela-uspa44")
     assert main(["record", closed, "--profile", "xela-uspa44", "-o", "never.mcap"]) == 2
     said = capsys.readouterr().err

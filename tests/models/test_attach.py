@@ -615,7 +615,7 @@ def test_fingertips_and_palm_in_two_calls():
             "body 'left_finger' has 2 geoms, there is no geom 2",
         ),
         ([Mount("left_finger", replaces=(-1,))], InvalidValueError, "there is no geom -1"),
-        ([LEFT, LEFT], InvalidValueError, "there would be two bodies named 'left_finger_pad': give the mounts names"),
+        ([LEFT, LEFT], InvalidValueError, "there would be two bodies named 'left_finger_pad': give each mount its"),
         ([Mount("hand", name="x"), Mount("left_finger", name="x")], InvalidValueError, "two bodies named 'x_pad'"),
         ([], InvalidValueError, "expected at least one mount, got none"),
     ],

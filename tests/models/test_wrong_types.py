@@ -35,7 +35,7 @@ def test_a_gripper_that_is_none(gripper):
 
 
 def test_a_compiled_model_is_no_gripper(models):
-    with pytest.raises(paxisim.InvalidValueError, match="got MjModel; give what it was compiled from"):
+    with pytest.raises(paxisim.InvalidValueError, match="got MjModel; pass the spec or file it was compiled from"):
         paxisim.attach(models[0][0], LAYOUT)
 
 

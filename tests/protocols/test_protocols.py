@@ -139,7 +139,7 @@ BAD = {
     "not a protocol": lambda text: "[]",
     "expected version 1 of a protocol, got 2": lambda text: text.replace('"version": 1', '"version": 2'),
     "max_speed must be a number, got 'fast'": lambda text: text.replace('"max_speed": 0.025', '"max_speed": "fast"'),
-    "name must be a text, got None": lambda text: text.replace('"name": "press",', ""),
+    "name must be a string, got None": lambda text: text.replace('"name": "press",', ""),
     "columns must be": lambda text: text.replace('["time",', '["t",'),
     "a waypoint must be a list of numbers": lambda text: text.replace("[0.0, 0.0, 0.0, -0.002]", '["now"]'),
     "a waypoint must be a time and a position of x, y, depth": lambda text: text.replace(

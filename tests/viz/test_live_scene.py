@@ -131,7 +131,7 @@ def test_the_scale_follows_a_peak_at_once_and_forgets_it_in_time():
     [
         ([], [], ["measured"], "0 pads"),
         ([GRID], ["a", "b"], ["measured"], "1 pads"),
-        ([GRID, GRID], ["a", "a"], ["measured"], "name of its own"),
+        ([GRID, GRID], ["a", "a"], ["measured"], "unique name"),
         ([GRID, TaxelLayout(2, 3, 1e-3)], ["a", "b"], ["measured"], "different rows"),
         ([GRID], ["a"], [], "tensors must be"),
         ([GRID], ["a"], ["residual"], "tensors must be"),

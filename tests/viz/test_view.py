@@ -163,7 +163,7 @@ def test_a_viewer_that_refuses_to_start_is_reported(model, monkeypatch):
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="other systems always have a display")
 @pytest.mark.parametrize(
     ("display", "message"),
-    [({}, "needs a display, and neither DISPLAY nor WAYLAND_DISPLAY is set"), ({"DISPLAY": ":987"}, "OpenGL")],
+    [({}, "needs a display, but neither DISPLAY nor WAYLAND_DISPLAY is set"), ({"DISPLAY": ":987"}, "OpenGL")],
 )
 def test_without_a_display_the_view_says_so(tmp_path, display, message):
     (tmp_path / "pad.xml").write_text(Pad(LAYOUT).to_xml())

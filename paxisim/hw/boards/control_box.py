@@ -1,4 +1,4 @@
-"""The conversation with a GEN1 or GEN2 control box: several pads, one request at a time."""
+"""Driver for a GEN1 or GEN2 control box: several pads, one request at a time."""
 
 from __future__ import annotations
 
@@ -19,47 +19,46 @@ from paxisim.hw.profile import Profile, Slot
 from paxisim.hw.transport import Transport
 
 REPLY_TIMEOUT = 0.1
-"""Seconds after which a request is repeated; 120 taxels were seen to take 3 ms, a version 10 ms."""
+"""Seconds after which a request is repeated; observed replies take 3 ms for 120 taxels and 10 ms for a version."""
 STALE = REPLY_TIMEOUT + 0.05
-"""Seconds after which waiting for a reply can only have been lengthened by the system, which stopped this program: what
-came then has an unknown age, and the time does not count."""
+"""Seconds of waiting that are only possible if the system suspended this program. The age of bytes received after such
+a wait is unknown, and the wait does not count towards the timeout."""
 QUIET = 0.03
-"""Seconds of silence behind the last byte after which a reply counts as lost."""
+"""Seconds of silence after the last byte before a reply counts as lost."""
 START_TIMEOUT = 1.0
 MODE_TIMEOUT = 2.0
-"""Seconds that the box may take to change its mode, by the vendor's document."""
+"""Seconds that the box may take to change its mode, according to the vendor's document."""
 PAUSE = 0.05
-"""Seconds between two looks at something that the box may take a while for."""
+"""Seconds between polls while the box completes a slow operation."""
 REFUSALS = 3
-"""Replies with an error before it is believed; the request may have been damaged on its way."""
+"""Number of error replies needed to accept an error; a single one may come from a request damaged in transit."""
 DEFAULT_MODE = 5
 LONGEST_ANSWER = 128
-"""Bytes of data in a reply that is not a reading; the longest is the version."""
+"""Maximum number of data bytes in a reply that is not a reading; the longest such reply is the version."""
 
 
 class ControlBox(Board):
-    """A box whose slots are its ports.
+    """A control box; each slot is one of its ports.
 
-    Settings, all optional: ``mode``, which says what parts hang on it (default 5, most GEN2 parts); ``address`` of the
-    taxels (default 1038); ``resultant_address``: of the block before them, read with them in one go; without it, the
-    taxels alone are read.
+    All settings are optional: ``mode``, which selects the kind of parts connected (default 5, most GEN2 parts);
+    ``address``, the address of the taxels (default 1038); ``resultant_address``, the address of the resultant block in
+    front of the taxels, which is read together with them. Without ``resultant_address``, only the taxels are read.
 
-    A pad that answers with an error while others are read gets that error as its status and reads zero.
+    If a pad answers with an error while others can be read, its status is that error and its counts are zero.
     """
 
     heard: ClassVar = {
         "replies of the family 'control-box', a GEN1 or GEN2 control box": partial(FrameDecoder, wire.parse_reply),
-        "of the host's own requests, which the line sends back (control-box)": partial(
-            FrameDecoder, wire.parse_request
-        ),
+        "echoes of the host's own requests (control-box)": partial(FrameDecoder, wire.parse_request),
     }
     questions = (wire.version_request().encode(),)
 
     def __init__(self, transport: Transport, profile: Profile, clock: Clock) -> None:
-        """Remember; no I/O.
+        """Store the arguments; no I/O.
 
         Raises:
-            InvalidValueError: A slot is no port, or the mode no byte, or the taxels do not follow the resultant.
+            InvalidValueError: A slot is not a port, the mode is not a byte, the taxels do not follow the resultant, or
+                the address range exceeds 16 bits.
         """
         super().__init__(transport, profile, clock)
         settings = profile.settings
@@ -68,13 +67,13 @@ class ControlBox(Board):
             raise InvalidValueError(f"mode must be a byte, got {self._mode}")
         ports = [slot.index for slot in profile.slots]
         if not all(0 <= port <= 0xFF for port in ports):
-            raise InvalidValueError(f"a control box's slots must have a port's number as their index, got {ports}")
+            raise InvalidValueError(f"slots of a control box must have a port number as their index, got {ports}")
         address = int(settings.get("address", registers.CONTROL_BOX_TAXELS))
         self._has_resultant = "resultant_address" in settings
         self._address = int(settings.get("resultant_address", address))
         self._offset = address - self._address
         if self._has_resultant and self._offset < taxels.BYTES_PER_TAXEL:
-            raise InvalidValueError("address must lie behind the resultant, at least 3 above resultant_address")
+            raise InvalidValueError("address must be at least 3 above resultant_address, behind the resultant")
         self._count = self._offset + taxels.BYTES_PER_TAXEL * profile.wire_layout.taxels
         if not 0 <= address <= 0xFFFF or self._address < 0 or self._count > 0xFFFF:
             raise InvalidValueError(f"address and the {self._count} bytes read must fit 16 bits, got {address}")
@@ -96,13 +95,13 @@ class ControlBox(Board):
         return self._line.skipped
 
     def start(self) -> None:
-        """See `Board.start`. Version, mode and its readback, then one reading of each port."""
+        """See `Board.start`. Queries the version, sets the mode and reads it back, then reads each port once."""
         self._line.recent = b""
-        # of any length: a box may report more or fewer taxels than the profile has
+        # accept any length: a box may report more or fewer taxels than the profile has
         self._decoder.parse = wire.parse_reply
         try:
             if self._ask(wire.version_request(), _is(wire.VERSION), START_TIMEOUT) is None:
-                self._fail("the version")
+                self._fail("the request for its version")
             self._set_mode()
             for slot in self.profile.slots:
                 self._check_port(slot)
@@ -113,13 +112,13 @@ class ControlBox(Board):
         """See `Board.read`.
 
         Raises:
-            ProtocolError: No port gives a reading, the box answers with an error for each.
-            DeviceTimeoutError: None came whole within `timeout` seconds.
-            PortNotFoundError: The port went away.
+            ProtocolError: No port gives a reading; the box answers with an error for each.
+            DeviceTimeoutError: A port gave no complete reply within `timeout` seconds.
+            PortNotFoundError: The port disappeared.
         """
         replies = self._read_ports(timeout)
         if self._stopped or self._arrival - self._first_arrival > len(replies) * STALE:
-            # this program was stopped before the last pad, and the first is far older
+            # this program was suspended between pads, so the first reading is much older than the last
             replies = self._read_ports(timeout)
         payloads, status, errors = [], [], []
         for slot, reply in zip(self.profile.slots, replies, strict=True):
@@ -137,11 +136,11 @@ class ControlBox(Board):
         return Reading(counts, resultant, tuple(status), self._arrival)
 
     def zero(self) -> None:
-        """See `Board.zero`. Error 6, which the box answers although it works, counts as success.
+        """See `Board.zero`. Error 6 counts as success: the box returns it although zeroing works.
 
         Raises:
             ProtocolError: The box refuses with another error.
-            DeviceTimeoutError: It does not answer.
+            DeviceTimeoutError: The box does not answer.
         """
         request = wire.write_request(registers.CONTROL_BOX_ZERO, 1)
         for slot in self.profile.slots:
@@ -154,50 +153,50 @@ class ControlBox(Board):
                 raise ProtocolError(f"port {_port(slot)} refuses zeroing: {wire.error_name(reply.error)}")
 
     def version(self) -> str:
-        """What the box says of itself; empty if it does not say."""
+        """Return the version string that the box reports; empty if it reports none."""
         reply = self._ask(wire.version_request(), _is(wire.VERSION), START_TIMEOUT)
         return "" if reply is None else reply.data.replace(b"\0", b"").decode("ascii", errors="replace").strip()
 
     def _set_mode(self) -> None:
-        """Set the mode and wait until the box reads it back."""
+        """Set the mode and wait until the box reports it."""
         deadline = self.clock.monotonic() + MODE_TIMEOUT
         reply = self._ask(wire.set_mode_request(self._mode), _may_acknowledge_mode, MODE_TIMEOUT)
         if reply is None:
-            self._fail(f"setting mode {self._mode}")
+            self._fail(f"the request to set mode {self._mode}")
         if reply.error:
             raise ProtocolError(f"the control box refuses mode {self._mode}: {wire.error_name(reply.error)}")
         while True:
             left = max(deadline - self.clock.monotonic(), REPLY_TIMEOUT)
             reply = self._ask(wire.get_mode_request(), _is(wire.GET_MODE), left)
             if reply is None:
-                self._fail("a question for its mode")
+                self._fail("the request for its mode")
             if reply.data == bytes([self._mode]):
                 return
             if self.clock.monotonic() >= deadline:
                 raise ProtocolError(
-                    f"the control box does not take mode {self._mode} within {MODE_TIMEOUT:g} s: it answers "
+                    f"the control box did not switch to mode {self._mode} within {MODE_TIMEOUT:g} s: it answers "
                     f"{reply.data.hex().upper() or 'nothing'}, {wire.error_name(reply.error)}; check the profile's mode"
                 )
             self.clock.sleep(PAUSE)
 
     def _check_port(self, slot: Slot) -> None:
-        """Hold what a port gives to the profile; a pad may need a moment after a change of mode."""
+        """Check a port's reading against the profile; a pad may need some time after a change of mode."""
         deadline = self.clock.monotonic() + START_TIMEOUT
         while True:
             reply = self._read_port(slot, self.clock.monotonic() + START_TIMEOUT)
             if reply is None:
-                self._fail(f"reading port {_port(slot)}")
+                self._fail(f"the request for reading port {_port(slot)}")
             if wire.parse_region(reply.data) is not None:
                 return
             if self.clock.monotonic() >= deadline:
                 raise ProtocolError(
                     f"port {_port(slot)} gives no reading of {self._count} bytes in mode {self._mode}: "
-                    f"{wire.error_name(reply.error)}; is a pad on that port, and does mode and part fit it?"
+                    f"{wire.error_name(reply.error)}; is a pad connected to that port, and do mode and part match it?"
                 )
             self.clock.sleep(PAUSE)
 
     def _read_ports(self, timeout: float) -> list[wire.Reply]:
-        """The reply of each pad."""
+        """Return the reply of each pad."""
         deadline = self.clock.monotonic() + timeout
         self._stopped, replies = False, []
         for slot in self.profile.slots:
@@ -210,7 +209,7 @@ class ControlBox(Board):
         return replies
 
     def _read_port(self, slot: Slot, deadline: float) -> wire.Reply | None:
-        """The reply with a region, or with an error; None if there is none by then."""
+        """Return a port's reply with a region or an error; None if there is none before `deadline`."""
         selected = self._select(slot, deadline - self.clock.monotonic())
         if selected is None or selected.error:
             return selected
@@ -231,14 +230,15 @@ class ControlBox(Board):
     def _ask(
         self, request: wire.Request, fits: Callable[[wire.Reply], bool], timeout: float, good: tuple[int, ...] = (0,)
     ) -> wire.Reply | None:
-        """The reply to `request`, which is repeated until `timeout`; None if there is none.
+        """Return the reply to `request`, which is repeated until `timeout`; None if there is none.
 
-        A reply with an error and no region is returned only if it comes again and again, or last.
+        A reply with an error and no region is returned only after `REFUSALS` of them, or as the last one before the
+        timeout.
         """
         deadline = self.clock.monotonic() + timeout
         refusals = 0
         if self._repeated:
-            # replies do not say which port they mean, so a late one must not be taken for the next port's
+            # replies do not name their port, so a late one must not be mistaken for the next port's
             self._line.collect(lambda _: False, QUIET)
             self._repeated = False
         while True:
@@ -262,10 +262,10 @@ class ControlBox(Board):
                 return reply
 
     def _fail(self, what: str) -> NoReturn:
-        """Say why there is no answer to something: silence, or bytes that do not fit."""
+        """Raise an error that says why `what` got no answer: silence, or bytes that do not fit."""
         if not self._line.recent:
             raise DeviceTimeoutError(
-                f"nothing came: is it a GEN1 or GEN2 control box, powered, at {self.profile.baud} baud?"
+                f"nothing came: is it a GEN1 or GEN2 control box, is it powered, and is {self.profile.baud} baud right?"
             )
         decoder = FrameDecoder(wire.parse_reply)
         replies = decoder.feed(self._line.recent) + decoder.flush()
@@ -278,11 +278,11 @@ class ControlBox(Board):
                 f"{', '.join(str(count) for count in sorted(counts))}; choose the profile of that part"
             )
         if replies:
-            raise DeviceTimeoutError(f"the control box speaks, but does not answer {what}; try to power it off and on")
+            raise DeviceTimeoutError(f"the control box responds, but not to {what}; try power-cycling it")
         from paxisim.hw.recognise import describe
 
         raise ProtocolError(
-            f"profile {self.profile.name!r} expects a GEN1 or GEN2 control box, but what came does not fit: "
+            f"profile {self.profile.name!r} expects a GEN1 or GEN2 control box, but the bytes received do not fit: "
             f"{describe(self._line.recent)}"
         )
 
@@ -296,6 +296,6 @@ def _is(kind: tuple[int, int]) -> Callable[[wire.Reply], bool]:
 
 
 def _may_acknowledge_mode(reply: wire.Reply) -> bool:
-    """Whether it can be the reply to setting a mode, whose SUB the document prints as another than the request's."""
+    """Whether `reply` can acknowledge a new mode; in the vendor's document its SUB differs from the request's."""
     others = (wire.GET_MODE, wire.SELECT_PORT, wire.READ, wire.WRITE)
     return reply.main == wire.SET_MODE[0] and (reply.main, reply.sub) not in others

@@ -1,4 +1,4 @@
-"""The older GEN1 hand board: streams, takes no requests, and is only listened to."""
+"""Driver for the older GEN1 hand board, which streams and accepts no requests."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from paxisim.hw.transport import Transport
 
 
 class HandBoard(ListenedBoard[Round]):
-    """A board whose slots are blocks of its rounds: 0 to 3, in the order of the tags.
+    """A hand board; each slot is a block of its rounds, 0 to 3 in the order of the tags.
 
-    A block whose state is not 01 is passed on with that state as its status, or 255 if the state is 00. Settings:
+    If the state of a block is not 01, the pad's status is that state, or 255 if the state is 00. Optional setting:
     ``signed_normal``, true for firmware that sends the normal force as a signed byte.
     """
 
@@ -27,10 +27,10 @@ class HandBoard(ListenedBoard[Round]):
     heard: ClassVar = {"rounds of the family 'hand-board', an older GEN1 hand board": RoundDecoder}
 
     def __init__(self, transport: Transport, profile: Profile, clock: Clock) -> None:
-        """Remember; no I/O.
+        """Store the arguments; no I/O.
 
         Raises:
-            InvalidValueError: A slot is no block, or the part has not the 15 taxels of a block.
+            InvalidValueError: A slot is not a block, or the profile's part does not have the 15 taxels of a block.
         """
         super().__init__(
             transport,
@@ -38,12 +38,12 @@ class HandBoard(ListenedBoard[Round]):
             clock,
             RoundDecoder(),
             whole="round",
-            silent=f"is it a GEN1 hand board, which sends without being asked, powered, at {profile.baud} baud?",
-            foreign=f"expects the rounds of a GEN1 hand board at {profile.baud} baud, but what came is no such round",
+            silent=f"is it a GEN1 hand board, which sends unprompted, is it powered, and is {profile.baud} baud right?",
+            foreign=f"expects the rounds of a GEN1 hand board at {profile.baud} baud, but received something else",
         )
         blocks = [slot.index for slot in profile.slots]
         if not set(blocks) <= set(range(BLOCKS)):
-            raise InvalidValueError(f"a hand board's slots must have an index from 0 to {BLOCKS - 1}, got {blocks}")
+            raise InvalidValueError(f"slots of a hand board must have an index from 0 to {BLOCKS - 1}, got {blocks}")
         if profile.wire_layout.taxels != TAXELS:
             raise InvalidValueError(
                 f"a block of the hand board has {TAXELS} taxels, but profile {profile.name!r} describes "

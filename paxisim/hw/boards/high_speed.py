@@ -1,4 +1,4 @@
-"""The conversation with a GEN3 high-speed board: up to 28 modules that are streamed together."""
+"""Driver for a GEN3 high-speed board: up to 28 modules, streamed together."""
 
 from __future__ import annotations
 
@@ -41,42 +41,44 @@ from paxisim.logs.schemas import NO_TAXELS
 REPLY_TIMEOUT = 0.15
 """Seconds after which a request is repeated."""
 ANSWER_TIMEOUT = 2.0
-"""Seconds after which no answer is expected any more."""
+"""Seconds after which an unanswered request fails."""
 STREAM_TIMEOUT = 0.5
-"""Seconds within which the stream starts or stops once it is told to."""
+"""Seconds within which the stream starts or stops after the command."""
 QUIET = 0.06
 """Seconds of silence after which the stream counts as stopped; its frames are 11 to 12 ms apart."""
 ATTEMPTS = 4
-"""How often switching the stream is tried, and an error is asked for again before it is believed."""
+"""Number of attempts to switch the stream, and number of error replies needed to accept an error."""
 
 
 class HighSpeed(Board):
     """A GEN3 high-speed board.
 
-    A slot's index is the module's number, 0 to 27. Setting, optional: ``palm_counts``, where the board keeps the counts
-    of modules 20 to 27: ``"contiguous"`` behind those of the fingers (default), or ``"0066"``.
+    A slot's index is the module's number, 0 to 27. Optional setting: ``palm_counts``, where the board keeps the taxel
+    counts of modules 20 to 27: ``"contiguous"`` (default), behind those of the fingers, or ``"0066"``, from register
+    0066 on.
 
-    A pad's `Reading.status` is the stream's error code, and `NO_TAXELS` where that fits.
+    A pad's `Reading.status` is the stream's error code, combined with `NO_TAXELS` if the pad reports a resultant but
+    all its taxels are zero.
     """
 
     heard: ClassVar = {
         "replies of the family 'high-speed', a GEN3 high-speed board": partial(FrameDecoder, parse_reply),
         "pushes of the family 'high-speed', a GEN3 high-speed board": partial(FrameDecoder, parse_push),
-        "of the host's own requests, which the line sends back (high-speed)": partial(FrameDecoder, parse_request),
+        "echoes of the host's own requests (high-speed)": partial(FrameDecoder, parse_request),
     }
     questions = (version_request().encode(),)
 
     def __init__(self, transport: Transport, profile: Profile, clock: Clock) -> None:
-        """Remember; no I/O.
+        """Store the arguments; no I/O.
 
         Raises:
-            InvalidValueError: A slot's index is no module, or ``palm_counts`` is none of the two.
+            InvalidValueError: A slot's index is not a module, or ``palm_counts`` is neither of the two values.
         """
         super().__init__(transport, profile, clock)
         for slot in profile.slots:
             if not 0 <= slot.index < registers.HIGH_SPEED_MODULES:
                 raise InvalidValueError(
-                    f"slots: index of {slot.name!r} must be a module in 0..{registers.HIGH_SPEED_MODULES - 1}, "
+                    f"slots: index of {slot.name!r} must be a module number in 0..{registers.HIGH_SPEED_MODULES - 1}, "
                     f"got {slot.index}"
                 )
         self._palm_counts = profile.settings.get("palm_counts", "contiguous")
@@ -101,7 +103,7 @@ class HighSpeed(Board):
         return self._line.skipped
 
     def start(self) -> None:
-        """See `Board.start`. The board streams from here on."""
+        """See `Board.start`. Also starts the stream."""
         self._line.recent = b""
         self._use(StreamLayout((), ()))
         self._waiting.clear()
@@ -126,7 +128,7 @@ class HighSpeed(Board):
             raise
 
     def read(self, timeout: float) -> Reading:
-        """See `Board.read`. Readings that came together are returned one after another, none is lost."""
+        """See `Board.read`. Readings that arrive together are returned one by one; none is lost."""
         if not self._waiting:
             self._keep(self._line.collect(self._is_reading, timeout))
         if not self._waiting:
@@ -135,28 +137,28 @@ class HighSpeed(Board):
         return self._reading(*self._waiting.popleft())
 
     def zero(self) -> None:
-        """See `Board.zero`. The stream pauses; all modules of the board are zeroed, also those of no pad."""
+        """See `Board.zero`. Pauses the stream and zeroes all modules of the board, even those without a pad."""
         with self._paused():
             done = self._ask(zero_request())
-            # what was measured before would be taken for zeroed readings
+            # readings measured before would be mistaken for zeroed ones
             self._waiting.clear()
         if any(done):
-            raise ProtocolError(f"the board could not zero: it answers {done.hex()}")
+            raise ProtocolError(f"the board could not zero its modules: it answers {done.hex()}")
 
     def version(self) -> str:
-        """The version that the board told when it was started; asking again would interrupt the stream."""
+        """Return the version that the board reported at start; querying it again would interrupt the stream."""
         return self._version
 
     def stop(self) -> None:
         """Stop the stream."""
         if self._streaming:
             self._streaming = False
-            # a board that is gone, or that talks on, cannot be left in a better state
+            # nothing more can be done for a board that is gone or keeps streaming
             with suppress(DeviceError):
                 self._hush()
 
     def _use(self, layout: StreamLayout) -> None:
-        """Expect pushes of this layout."""
+        """Set the layout of the pushes to expect."""
         self._layout = layout
         self._lengths = frozenset({0, layout.size})
         slots = self.profile.slots if layout.modules else ()
@@ -184,7 +186,7 @@ class HighSpeed(Board):
         return isinstance(message, Push) and len(message.data) == self._layout.size > 0
 
     def _keep(self, heard: list[tuple[float, Reply | Push]]) -> None:
-        """Put readings aside for `read`, and remember an error that came without one."""
+        """Queue readings for `read`, and store an error that came without a reading."""
         pushes = [(time, message) for time, message in heard if isinstance(message, Push)]
         self._waiting.extend(with_behind([(time, push) for time, push in pushes if self._is_reading(push)]))
         for _, push in pushes:
@@ -195,7 +197,7 @@ class HighSpeed(Board):
         return self._ask(read_request(register, count))
 
     def _ask(self, request: Request) -> bytes:
-        """The data of the reply to `request`, which is repeated if it is lost."""
+        """Return the data of the reply to `request`, which is repeated if no reply comes."""
         deadline = self.clock.monotonic() + ANSWER_TIMEOUT
         errors = 0
         while True:
@@ -219,14 +221,14 @@ class HighSpeed(Board):
                 self._fail(f"the board does not answer at register {request.register:04X}")
 
     def _hush(self) -> None:
-        """Stop the stream, whether it runs or not, and take in what is still on its way."""
+        """Stop the stream, whether or not it is running, and collect what is still in transit."""
         self._decoder.parse = incoming_parser(self._lengths) if self._layout.modules else parse_incoming
         for _ in range(ATTEMPTS):
             self.transport.write(push_request(False).encode())
             self._keep(self._line.collect(lambda _: False, STREAM_TIMEOUT, QUIET))
             if self._line.silent:
                 return
-        self._fail("the port talks on, though it was told to stop")
+        self._fail("the port keeps sending after the command to stop")
 
     def _begin(self) -> None:
         """Start the stream and wait for its first reading."""
@@ -241,7 +243,7 @@ class HighSpeed(Board):
 
     @contextmanager
     def _paused(self) -> Iterator[None]:
-        """Without the stream, where it runs: replies would drown in it."""
+        """Pause the stream if it is running, since replies would be lost in it."""
         if not self._streaming:
             yield
             return
@@ -252,14 +254,14 @@ class HighSpeed(Board):
             self._begin()
 
     def _count(self, module: int) -> int:
-        """How many taxels the board says that a module has."""
+        """Return the number of taxels that the board reports for a module."""
         register = registers.HIGH_SPEED_COUNTS + 2 * module
         if module >= registers.HIGH_SPEED_FIRST_PALM and self._palm_counts == "0066":
             register = registers.HIGH_SPEED_PALM_COUNTS + 2 * (module - registers.HIGH_SPEED_FIRST_PALM)
         return int.from_bytes(self._read(register, 2), "little")
 
     def _check(self, counts: dict[int, int]) -> None:
-        """Hold what the board reports to the profile."""
+        """Check the active modules and their numbers of taxels against the profile."""
         name, expected = self.profile.name, self.profile.wire_layout.taxels
         listed = ", ".join(f"{module} ({count} taxels)" for module, count in counts.items()) or "none"
         absent = [f"{slot.index} ({slot.name})" for slot in self.profile.slots if slot.index not in counts]
@@ -276,10 +278,11 @@ class HighSpeed(Board):
             )
 
     def _fail(self, what: str) -> NoReturn:
-        """Say why there is no answer: silence, or bytes that do not fit."""
+        """Raise an error that says why there is no answer: silence, or bytes that do not fit."""
         if not self._line.recent:
             raise DeviceTimeoutError(
-                f"{what}: nothing came; is it a GEN3 high-speed board, powered, at {self.profile.baud} baud?"
+                f"{what}: nothing came; is it a GEN3 high-speed board, is it powered, and is {self.profile.baud} baud "
+                "right?"
             )
         from paxisim.hw.recognise import describe
 
@@ -288,15 +291,15 @@ class HighSpeed(Board):
         )
 
     def _fail_stream(self) -> NoReturn:
-        """Say why there are no readings: none at all, or pushes of another length."""
+        """Raise an error that says why there are no readings: no push at all, or pushes of another length."""
         decoder = FrameDecoder(parse_push)
         pushes = decoder.feed(self._line.recent) + decoder.flush()
         sizes = sorted({len(push.data) for push in pushes if push.data})
         if not sizes:
             code = f"; it reports error {self._reported}" if self._reported else ""
-            raise DeviceTimeoutError(f"the board answers but streams nothing{code}; try to power it off and on")
+            raise DeviceTimeoutError(f"the board answers but streams nothing{code}; try power-cycling it")
         raise ProtocolError(
             f"the board's modules {list(self._layout.modules)} with {list(self._layout.taxels)} taxels make frames of "
-            f"{self._layout.size} bytes, but frames of {sizes} came; if palm modules are used, try the profile's other "
-            "setting of palm_counts"
+            f"{self._layout.size} bytes, but frames of {sizes} bytes came; if palm modules are in use, try the other "
+            "palm_counts setting in the profile"
         )

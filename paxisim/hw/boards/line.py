@@ -1,4 +1,4 @@
-"""Line: what a board hears, decoded, with the moment it came."""
+"""Line: a transport whose bytes are decoded into messages with arrival times."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from paxisim.hw.transport import Transport
 Message = TypeVar("Message")
 
 QUEUE_PAUSE = 2e-3
-"""Seconds of silence after which a port counts as read empty; a system hands on what it has kept piece by piece."""
+"""Seconds of silence after which a port counts as drained; the system delivers buffered bytes in pieces."""
 QUEUE_TIME = 20e-3
-"""Seconds that reading a port empty may take, for a line that is never silent."""
+"""Upper bound in seconds for draining a port, for a line that is never silent."""
 _KEPT = 4096
 
 
 class Line(Generic[Message]):
-    """A transport with a decoder behind it.
+    """A transport combined with a decoder.
 
     Attributes:
         silent: Whether the last `collect` ended with `quiet` seconds without a byte.
-        recent: The last bytes that came, up to 4096, to tell what speaks there if none of them fits.
+        recent: The last bytes received, up to 4096; they help identify the device if no message decodes.
     """
 
     def __init__(self, transport: Transport, clock: Clock, decoder: Decoder[Message]) -> None:
-        """Remember; no I/O."""
+        """Store the arguments; no I/O."""
         self.silent = True
         self.recent = b""
         self._transport, self._clock, self._decoder = transport, clock, decoder
@@ -43,23 +43,23 @@ class Line(Generic[Message]):
         return self._decoder.skipped
 
     def empty(self) -> None:
-        """Throw away what has arrived and was not yet returned."""
+        """Discard everything that has arrived but was not yet returned."""
         self._transport.discard_input()
         self._decoder.clear()
 
     def collect(
         self, until: Callable[[Message], bool], timeout: float, quiet: float | None = None
     ) -> list[tuple[float, Message]]:
-        """What comes, each with the moment of its arrival (s, monotonic), until one message fits.
+        """Return the messages received until one satisfies `until`, each with its arrival time (s, monotonic).
 
-        Several messages in one read have waited for this program, as when the system stopped it for a while. Then the
-        port is read empty, and all of them have the moment of that as their arrival: see `with_behind`.
+        Several messages in one read had to wait for this program, for example because the system suspended it. In that
+        case the port is drained, and all of them get the time of the drain as their arrival time; see `with_behind`.
 
         Args:
-            until: The message to wait for. What came with it is returned with it.
-            timeout: How long to wait for it (s).
-            quiet: Give up after so many seconds of silence behind the last byte, and with them what they left
-                incomplete; default: `timeout`.
+            until: Predicate for the message to wait for. Messages that arrive with it are returned as well.
+            timeout: Maximum time to wait for it (s).
+            quiet: Give up after this many seconds of silence since the last byte, and flush the decoder, which
+                discards any incomplete message; default: `timeout`.
         """
         deadline = self._clock.monotonic() + timeout
         quiet = timeout if quiet is None else quiet
@@ -68,7 +68,7 @@ class Line(Generic[Message]):
         while True:
             data = self._transport.read(max(wait, 0.0))
             now = self._clock.monotonic()
-            # a wait that the deadline cut short proves nothing
+            # a wait cut short by the deadline does not prove silence
             self.silent = not data and wait >= quiet
             messages = self._decoder.flush_at() if self.silent else self._take(data, now)
             if sum(came == now for came, _ in messages) > 1:
@@ -86,7 +86,7 @@ class Line(Generic[Message]):
     def _empty_queue(
         self, messages: list[tuple[float, Message]], came: float
     ) -> tuple[list[tuple[float, Message]], float]:
-        """Read on until nothing waits; all that came at `came` or since has come now."""
+        """Read until the port is drained; everything received at `came` or later gets the time of the last read."""
         rest, now = b"", came
         while now - came < QUEUE_TIME:
             data = self._transport.read(QUEUE_PAUSE)
@@ -99,7 +99,7 @@ class Line(Generic[Message]):
 
 
 def with_behind(messages: Sequence[tuple[float, Message]]) -> list[tuple[float, int, Message]]:
-    """Messages with their arrivals, and between them how many of those behind each arrived at the same moment."""
+    """Return ``(arrival, behind, message)``, where `behind` counts the later messages with the same arrival time."""
     out: list[tuple[float, int, Message]] = []
     for time, message in reversed(messages):
         out.append((time, out[-1][1] + 1 if out and out[-1][0] == time else 0, message))

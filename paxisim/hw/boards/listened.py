@@ -1,4 +1,4 @@
-"""Listened board: one that streams unasked and takes no commands."""
+"""Base class for boards that stream unprompted and accept no commands."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from paxisim.hw.profile import Profile
 from paxisim.hw.transport import Transport
 
 START_TIMEOUT = 2.0
-"""Seconds in which the first message must come; no source states how soon it does."""
+"""Seconds within which the first message must arrive; no source states how long a board takes."""
 
 
 class ListenedBoard(Board, Generic[Message]):
-    """A board of which every message is a reading.
+    """A board whose every message is a reading.
 
     Attributes:
-        kind: What the board is, in an error.
+        kind: Name of the kind of board, for error messages.
     """
 
     kind: ClassVar[str]
@@ -31,16 +31,16 @@ class ListenedBoard(Board, Generic[Message]):
         self, transport: Transport, profile: Profile, clock: Clock, decoder: Decoder[Message],
         *, whole: str, silent: str, foreign: str,
     ) -> None:  # fmt: skip
-        """Remember; no I/O.
+        """Store the arguments; no I/O.
 
         Args:
             transport: The port.
-            profile: Of the sensor.
-            clock: The host's.
-            decoder: Of the messages.
-            whole: A message in words.
-            silent: What to check where nothing comes.
-            foreign: What the profile expects, and that what came is none of it.
+            profile: Profile of the sensor.
+            clock: The host's clock.
+            decoder: Decoder of the board's messages.
+            whole: Name of a message, for error messages.
+            silent: What to check if nothing arrives, for error messages.
+            foreign: What the profile expects and that something else arrived, for error messages.
         """
         super().__init__(transport, profile, clock)
         self._whole, self._silent, self._foreign = whole, silent, foreign
@@ -49,7 +49,7 @@ class ListenedBoard(Board, Generic[Message]):
 
     @abstractmethod
     def _reading(self, time: float, behind: int, message: Message) -> Reading:
-        """What a message says; the times are those of `Reading`."""
+        """Convert a message to a reading; `time` and `behind` are those of `Reading`."""
 
     @property
     def skipped(self) -> int:
@@ -57,7 +57,7 @@ class ListenedBoard(Board, Generic[Message]):
         return self._line.skipped
 
     def start(self) -> None:
-        """See `Board.start`. Waits for the first message, which `read` then returns."""
+        """See `Board.start`. Waits for the first message, which the next `read` returns."""
         self._line.empty()
         self._line.recent = b""
         self._waiting.clear()
@@ -71,29 +71,29 @@ class ListenedBoard(Board, Generic[Message]):
         raise ProtocolError(f"profile {self.profile.name!r} {self._foreign}: {describe(self._line.recent)}")
 
     def read(self, timeout: float) -> Reading:
-        """See `Board.read`. Every message once, in the order they came."""
+        """See `Board.read`. Returns every message once, in order of arrival."""
         if not self._waiting:
             self._listen(timeout)
         if not self._waiting:
-            raise DeviceTimeoutError(f"no whole {self._whole} came within {timeout:g} s")
+            raise DeviceTimeoutError(f"no complete {self._whole} came within {timeout:g} s")
         return self._reading(*self._waiting.popleft())
 
     def zero(self) -> None:
-        """Not possible.
+        """Raise an error, since the board takes no commands.
 
         Raises:
-            UnsupportedError: Always: the board takes no commands.
+            UnsupportedError: Always.
         """
         raise UnsupportedError(f"a {self.kind} takes no commands, so it cannot be zeroed; zero it in software")
 
     def version(self) -> str:
-        """Empty: the board does not say."""
+        """Return an empty string: the board does not report a version."""
         return ""
 
     def _is_silence(self, heard: bytes) -> bool:
-        """Whether what came says nothing, not even what speaks there."""
+        """Whether `heard` gives no hint of what is connected."""
         return not heard
 
     def _listen(self, timeout: float) -> None:
-        """Wait until a message has come."""
+        """Wait until a message has arrived, and queue what came."""
         self._waiting.extend(with_behind(self._line.collect(lambda _: True, timeout)))

@@ -1,4 +1,4 @@
-"""The magnetometer board of AnySkin, ReSkin and eFlesh: streams, takes no requests, and is only listened to."""
+"""Driver for the magnetometer board of AnySkin, ReSkin and eFlesh, which streams and accepts no requests."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from paxisim.hw.transport import Transport
 
 
 class MagnetometerBoard(ListenedBoard[Burst]):
-    """A board with one pad, whose taxels are its chips. Its tensor is in microtesla.
+    """A board with one pad whose taxels are its magnetometer chips. The tensor is in microtesla.
 
-    Temperatures are not passed on. Setting, optional: ``text``, true for the sketch that prints its numbers.
+    Temperatures are discarded. Optional setting: ``text``, true for the sketch that prints its numbers as text.
     """
 
     kind = "magnetometer board"
     heard: ClassVar = {
         **{
-            f"bursts of {chips} chips of the family 'magnetometer-board', as AnySkin has": partial(BurstDecoder, chips)
+            f"bursts of {chips} chips of the family 'magnetometer-board', e.g. AnySkin": partial(BurstDecoder, chips)
             for chips in range(1, MOST_CHIPS + 1)
         },
         **{
@@ -35,13 +35,13 @@ class MagnetometerBoard(ListenedBoard[Burst]):
     }
 
     def __init__(self, transport: Transport, profile: Profile, clock: Clock) -> None:
-        """Remember; no I/O.
+        """Store the arguments; no I/O.
 
         Raises:
             InvalidValueError: The profile has more than one slot.
         """
         if len(profile.slots) != 1:
-            raise InvalidValueError(f"slots must list one pad: a magnetometer board has no more, got {profile.slots}")
+            raise InvalidValueError(f"slots must list one pad: a magnetometer board has only one, got {profile.slots}")
         chips, text = profile.wire_layout.taxels, bool(profile.settings.get("text", False))
         what = "lines of text" if text else f"bursts of {BYTES_PER_CHIP * chips + len(END)} bytes"
         super().__init__(
@@ -50,9 +50,9 @@ class MagnetometerBoard(ListenedBoard[Burst]):
             clock,
             TextDecoder(chips) if text else BurstDecoder(chips),
             whole=f"burst of {chips} chips",
-            silent="is it a magnetometer board, which sends without being asked once its port is open, and does its "
-            "sketch run?",
-            foreign=f"expects {what} from {chips} chips, but what came is none",
+            silent="is it a magnetometer board, which sends unprompted once its port is open, and is its sketch "
+            "running?",
+            foreign=f"expects {what} from {chips} chips, but received something else",
         )
 
     def _reading(self, time: float, behind: int, message: Burst) -> Reading:

@@ -1,4 +1,4 @@
-"""The conversation with a GEN3 serial converter, or with a GEN3 part on its own USB: one sensor, polled."""
+"""Driver for a GEN3 serial converter, or a GEN3 part with its own USB connection: one sensor, polled."""
 
 from __future__ import annotations
 
@@ -32,50 +32,49 @@ from paxisim.hw.profile import Profile
 from paxisim.hw.transport import Transport
 
 PAUSE = 0.005
-"""Seconds between polls, as the vendor's program leaves them."""
+"""Seconds between polls, the same as in the vendor's program."""
 PAUSE_BEFORE_ZERO = 0.5
 REPLY_TIMEOUT = 0.15
-"""Seconds after which a request is repeated; parts under load were seen to take 90 ms."""
+"""Seconds after which a request is repeated; parts under load were observed to take 90 ms."""
 STALE = REPLY_TIMEOUT + 0.05
-"""Seconds after which waiting for a reply can only have been lengthened by the system, which stopped this program: what
-came then has an unknown age, and the time does not count."""
+"""Seconds of waiting that are only possible if the system suspended this program. The age of bytes received after such
+a wait is unknown, and the wait does not count towards the timeout."""
 QUIET = 0.02
-"""Seconds of silence behind the last byte after which a reply counts as lost."""
+"""Seconds of silence after the last byte before a reply counts as lost."""
 START_TIMEOUT = 1.0
 SCANNED = range(9)
-"""Ids tried by the vendor's program."""
+"""Ids that the vendor's program tries."""
 SCAN_ROUNDS = 3
-"""Times that all ids are tried before the sensor counts as absent: a busy host may miss a whole round."""
+"""Number of passes over all ids before the sensor counts as absent; a busy host may miss a whole pass."""
 REFUSALS = 3
-"""Replies with an error before it is believed; the request may have been damaged on its way."""
+"""Number of error replies needed to accept an error; a single one may come from a request damaged in transit."""
 
 
 class SerialConverter(Board):
     """A GEN3 sensor that answers requests.
 
-    The profile has one slot, whose index is the sensor's id. Settings, all optional: ``resultant_address`` and
-    ``address`` of the taxels behind it, which are read in one go; ``part``, e.g. ``"PXSR-STDDP03G"``, the part that the
-    version must name if it names any; ``scan``: look for the sensor under ids 0 to 8 instead of trusting the slot.
+    The profile has one slot, whose index is the sensor's id. All settings are optional: ``resultant_address`` and
+    ``address``, the addresses of the resultant and of the taxels behind it, which are read together; ``part``, e.g.
+    ``"PXSR-STDDP03G"``, the part number that the sensor's version must name if it names one; ``scan``, true to look for
+    the sensor under its own id and ids 0 to 8 instead of relying on the slot's index.
     """
 
     heard: ClassVar = {
         "replies of the family 'serial-converter', a GEN3 converter or USB sensor": partial(FrameDecoder, parse_reply),
-        "of the host's own requests, which the line sends back (serial-converter)": partial(
-            FrameDecoder, parse_request
-        ),
+        "echoes of the host's own requests (serial-converter)": partial(FrameDecoder, parse_request),
     }
     questions = (b"".join(version_request(i).encode() for i in SCANNED),)
 
     def __init__(self, transport: Transport, profile: Profile, clock: Clock) -> None:
-        """Remember; no I/O.
+        """Store the arguments; no I/O.
 
         Raises:
-            InvalidValueError: The profile has more than one slot, its index is no id, its taxels do not follow the
-                resultant, or an address or the bytes read are more than a request can say.
+            InvalidValueError: The profile has more than one slot, its index is not an id, the taxels do not follow the
+                resultant, or an address or the number of bytes exceeds what a request can express.
         """
         super().__init__(transport, profile, clock)
         if len(profile.slots) != 1:
-            raise InvalidValueError(f"slots must list one pad: a serial converter has no more, got {profile.slots}")
+            raise InvalidValueError(f"slots must list one pad: a serial converter has only one, got {profile.slots}")
         slot, settings = profile.slots[0], profile.settings
         if not 0 <= slot.index <= 0xFF:
             raise InvalidValueError(
@@ -90,14 +89,14 @@ class SerialConverter(Board):
             )
         self._offset = address - self._start
         if self._offset < taxels.BYTES_PER_TAXEL:
-            raise InvalidValueError("address must lie behind the resultant, at least 3 above resultant_address")
+            raise InvalidValueError("address must be at least 3 above resultant_address, behind the resultant")
         self._count = self._offset + taxels.BYTES_PER_TAXEL * profile.wire_layout.taxels
         if self._count > MOST_READ:
             raise InvalidValueError(
-                f"from resultant_address {self._start} to the last taxel a reply must have at most {MOST_READ} bytes, "
+                f"a reply from resultant_address {self._start} to the last taxel must have at most {MOST_READ} bytes, "
                 f"got {self._count}: is address {address} right?"
             )
-        # 0: a write's reply, or a refusal; 3: a resultant alone
+        # 0: the reply to a write, or a refusal; 3: a resultant alone
         lengths = {0, taxels.BYTES_PER_TAXEL, registers.CONVERTER_VERSION_BYTES, self._count}
         self._decoder = FrameDecoder(reply_parser(lengths), stream=False)
         self._line: Line[Reply] = Line(transport, clock, self._decoder)
@@ -143,13 +142,13 @@ class SerialConverter(Board):
         )
 
     def zero(self) -> None:
-        """See `Board.zero`. Waits half a second first, as the sensor wants."""
+        """See `Board.zero`. Waits half a second first, as the sensor requires."""
         self.clock.sleep(PAUSE_BEFORE_ZERO)
         if self._ask(zero_request(self._id), START_TIMEOUT) is None:
             raise DeviceTimeoutError(f"id {self._id} did not acknowledge zeroing within {START_TIMEOUT:g} s")
 
     def version(self) -> str:
-        """What the sensor says of itself; empty if it does not say."""
+        """Return the version string that the sensor reports; empty if it reports none."""
         try:
             reply = self._ask(version_request(self._id), 4 * REPLY_TIMEOUT)
         except ProtocolError:
@@ -157,14 +156,14 @@ class SerialConverter(Board):
         return "" if reply is None else reply.data.replace(b"\0", b"").decode("ascii", errors="replace").strip()
 
     def _everything(self) -> Request:
-        """The request for resultant and taxels in one go."""
+        """Return the request for the resultant and the taxels together."""
         return read_request(self._id, self._start, self._count)
 
     def _scan(self) -> None:
-        """Find the id that answers, the profile's own first."""
+        """Find the id that answers, trying the profile's own id first."""
         index = self.profile.slots[0].index
         for candidate in SCAN_ROUNDS * (index, *(i for i in SCANNED if i != index)):
-            # the resultant, which every part has; a version some may lack
+            # every part has a resultant, but some may lack a version
             if self._ask(read_request(candidate, self._start, taxels.BYTES_PER_TAXEL), REPLY_TIMEOUT) is not None:
                 self._id = candidate
                 return
@@ -175,12 +174,12 @@ class SerialConverter(Board):
         named = re.search(r"PXSR-[A-Z0-9]+", version.upper())
         if expected and named and named[0] != expected.upper():
             raise ProtocolError(
-                f"profile {self.profile.name!r} is for part {expected}, but the sensor says that it is {named[0]} "
+                f"profile {self.profile.name!r} is for part {expected}, but the sensor reports part {named[0]} "
                 f"({version!r}); choose the profile of that part"
             )
 
     def _ask(self, request: Request, timeout: float) -> Reply | None:
-        """The reply to `request`, which is repeated until `timeout`; None if there is none.
+        """Return the reply to `request`, which is repeated until `timeout`; None if there is none.
 
         Raises:
             ProtocolError: The sensor refuses.
@@ -188,7 +187,7 @@ class SerialConverter(Board):
         deadline = self.clock.monotonic() + timeout
         refusals = 0
         if self._repeated:
-            # the answers to both requests look alike, and the later one must not be taken for the next reading
+            # replies to the original and the repeated request look alike; a late one must not pass as the next reading
             self._line.collect(lambda _: False, QUIET)
             self._repeated = False
         while True:
@@ -196,7 +195,7 @@ class SerialConverter(Board):
             if pause > 0:
                 self.clock.sleep(pause)
             self._line.empty()
-            # a late reply may be followed at once by that to the repeated request
+            # a late reply may be followed immediately by the reply to the repeated request
             self._decoder.stream = self._repeated
             asked = self.clock.monotonic()
             left = deadline - self.clock.monotonic()
@@ -226,16 +225,16 @@ class SerialConverter(Board):
                 return None
 
     def _fail(self, who: str = "") -> NoReturn:
-        """Say why there is no reading: silence, or bytes that do not fit."""
+        """Raise an error that says why there is no reading: silence, or bytes that do not fit."""
         who = who or f"id {self._id}"
         if not self._line.recent:
             raise DeviceTimeoutError(
-                f"nothing answers as {who}: is the sensor powered, is that its id (setting scan tries all), and is "
-                f"{self.profile.baud} baud its speed?"
+                f"nothing answers as {who}: is the sensor powered, is that its id (setting scan = true tries all), and "
+                f"is {self.profile.baud} baud right?"
             )
         from paxisim.hw.recognise import describe
 
         raise ProtocolError(
             f"profile {self.profile.name!r} expects a GEN3 serial converter that answers as {who} with {self._count} "
-            f"bytes, but what came does not fit: {describe(self._line.recent)}"
+            f"bytes, but the bytes received do not fit: {describe(self._line.recent)}"
         )

@@ -1,4 +1,4 @@
-"""XELA's server: a program of the vendor that reads the sensors' bus and streams their taxels over a WebSocket."""
+"""Driver for XELA's server, a vendor program that reads the sensor bus and streams the taxels over a WebSocket."""
 
 from __future__ import annotations
 
@@ -17,28 +17,28 @@ from paxisim.hw.profile import Profile
 from paxisim.hw.transport import Transport
 
 MISSING = 1
-"""Status of a pad that a message has no reading of."""
+"""Status of a pad whose reading is missing from a message."""
 
 
 class XelaServer(ListenedBoard[Routine]):
-    """The sensors behind one server. A slot's index is the sensor's number there. See its two subclasses.
+    """Base class for the sensors behind one server. A slot's index is the sensor's number on the server.
 
-    Setting, optional: ``model``, which the server must report, e.g. ``"uSPa44"``.
+    Optional setting: ``model``, the model that the server must report, e.g. ``"uSPa44"``.
     """
 
     kind = "XELA server"
 
     def __init__(self, transport: Transport, profile: Profile, clock: Clock) -> None:
-        """Remember; no I/O."""
+        """Store the arguments; no I/O."""
         super().__init__(
             transport,
             profile,
             clock,
             RoutineDecoder(),
             whole="message with readings",
-            silent="a server that welcomes and then is silent has no sensor: are they connected, and set up in its "
+            silent="a server that sends a welcome and nothing else has no sensor: are they connected and set up in its "
             "settings?",
-            foreign="expects readings of a XELA server, but what came is none",
+            foreign="expects readings of a XELA server, but received something else",
         )
 
     def start(self) -> None:
@@ -48,7 +48,7 @@ class XelaServer(ListenedBoard[Routine]):
         for slot in self.profile.slots:
             if slot.index not in sensors:
                 raise ProtocolError(
-                    f"the server has no sensor {slot.index}, which profile {self.profile.name!r} names as "
+                    f"the server has no sensor {slot.index}, which profile {self.profile.name!r} assigns to pad "
                     f"{slot.name!r}; it has {', '.join(map(str, sorted(sensors))) or 'none'}"
                 )
             self._check(slot.index, sensors[slot.index])
@@ -57,13 +57,13 @@ class XelaServer(ListenedBoard[Routine]):
         taxels, model = self.profile.wire_layout.taxels, self.profile.settings.get("model", found.model)
         if (found.taxels, found.model) != (taxels, model):
             raise ProtocolError(
-                f"sensor {number} of the server is a {found.model or 'sensor without a name'} of {found.taxels} "
-                f"taxels, but profile {self.profile.name!r} is for {model} of {taxels}"
+                f"sensor {number} of the server is a {found.model or 'sensor without a name'} with {found.taxels} "
+                f"taxels, but profile {self.profile.name!r} is for {model} with {taxels}"
             )
         if self._values(found) is None:
             raise ProtocolError(
-                f"the server sends no calibrated values of sensor {number} ({found.model}): switch them on in its "
-                "settings, if it has them for this model, or choose the profile of its raw counts"
+                f"the server sends no calibrated values for sensor {number} ({found.model}): enable them in its "
+                "settings if it supports them for this model, or choose the profile of its raw counts"
             )
 
     def _is_silence(self, heard: bytes) -> bool:
@@ -71,7 +71,7 @@ class XelaServer(ListenedBoard[Routine]):
 
     @abstractmethod
     def _values(self, reading: SensorReading) -> NDArray[np.float32] | None:
-        """``(N, 3)`` what the tensor is made of."""
+        """Return the ``(N, 3)`` values that fill the tensor; None if the reading lacks them."""
 
     def _reading(self, time: float, behind: int, message: Routine) -> Reading:
         taxels = self.profile.wire_layout.taxels
@@ -87,7 +87,7 @@ class XelaServer(ListenedBoard[Routine]):
 
 
 class XelaCounts(XelaServer):
-    """Its raw counts, from the middle of their range, near which they rest: zero them in software."""
+    """Raw counts relative to the middle of their range, which is near their value at rest; zero them in software."""
 
     heard: ClassVar = {"messages of the family 'xela-counts', or of the family 'xela-forces'": RoutineDecoder}
 
@@ -96,7 +96,7 @@ class XelaCounts(XelaServer):
 
 
 class XelaForces(XelaServer):
-    """The forces that it calibrates, of some models. No source states their unit; newtons are assumed."""
+    """Calibrated forces, which the server has for some models. No source states their unit; newtons are assumed."""
 
     heard: ClassVar = XelaCounts.heard
 

@@ -1,4 +1,4 @@
-"""EmulatedBoard: the board's side of a conversation as a state machine on bytes and time. No I/O."""
+"""EmulatedBoard: the board's end of the line as a state machine driven by bytes and time. No I/O."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from paxisim.hw.emulation.pads import EmulatedPads
 
 
 class EmulatedBoard(ABC):
-    """One board just after power-on. Times are seconds since the emulator started and never run back.
+    """One board, in its state after power-on. Times are in seconds since the emulator started and never decrease.
 
     Attributes:
-        pads: What hangs on it.
-        due: When `tick` has the next message (s); infinite: not before the host asks for something.
-        stream_rate: Messages a second (Hz) of a board that streams where the profile says nothing; its class then takes
-            ``rate``. None: it answers requests.
-        gate: Components of a taxel below so many counts read 0 on real boards of the family.
+        pads: The pads connected to the board.
+        due: Time of the next message from `tick` (s); infinite: none before the host sends a request.
+        stream_rate: Default message rate (Hz) of a board that streams, if the profile states none; the class then takes
+            a ``rate`` argument. None: the board answers requests.
+        gate: Threshold in counts below which a taxel's components read 0 on real boards of the family.
     """
 
     stream_rate: ClassVar[float | None] = None
@@ -29,25 +29,25 @@ class EmulatedBoard(ABC):
         """Power on.
 
         Args:
-            pads: What hangs on it.
-            wrong_status: Asked for each message; True: it is to carry an error byte.
+            pads: The pads connected to the board.
+            wrong_status: Called for each message; True makes the message carry an error byte.
         """
         self.pads = pads
         self._wrong_status = wrong_status
 
     @property
     def bytes_per_second(self) -> float:
-        """What its line carries: a start bit, 8 bits and a stop bit for each byte, where the baud rate is real."""
+        """Capacity of the line, with a start bit, 8 data bits and a stop bit per byte, if the baud rate is real."""
         return self.pads.profile.baud / 10
 
     def receive(self, data: bytes, now: float) -> bytes:
-        """What the board answers to bytes from the host, which may come in any pieces."""
+        """Return the board's answer to bytes from the host, which may arrive in any pieces."""
         return b"".join(self.answers(data, now))
 
     @abstractmethod
     def answers(self, data: bytes, now: float) -> list[bytes]:
-        """As `receive`, one item a message."""
+        """As `receive`, with one item per message."""
 
     def tick(self, now: float) -> bytes:
-        """The one message that is due by now, unasked or late; empty if none is."""
+        """Return the next message due by now, unprompted or delayed; empty if none is due."""
         return b""

@@ -1,4 +1,4 @@
-"""The GEN1 / GEN2 control box's side of the line. What it does on a request, see `paxisim.hw.frames.control_box`."""
+"""Emulated GEN1 / GEN2 control box. See `paxisim.hw.frames.control_box` for its messages."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from paxisim.hw.framing import FrameDecoder
 from paxisim.hw.profile import Profile
 
 VERSION_WAIT = 5e-3
-"""Seconds that the box takes to say who it is; public drivers wait 10 ms for it."""
+"""Delay of the version reply in seconds; public drivers wait 10 ms for it."""
 USB_SPEED = 165e3
-"""Bytes a second over the box's USB, where the baud rate means nothing: 120 taxels were seen to take 2 to 3 ms, and two
-pads 4 to 6 ms."""
+"""Bytes per second over the box's USB, where the baud rate has no effect: observed replies take 2 to 3 ms for 120
+taxels, and 4 to 6 ms for two pads."""
 CHANGED_SUB = 0xC009
-"""What the document prints as the SUB of the reply to `SET_MODE`."""
+"""SUB of the reply to `SET_MODE` as the vendor's document prints it."""
 PORTS = 21
-"""Public drivers use ports up to 20."""
+"""Number of ports; public drivers use ports up to 20."""
 LONGEST_READ = 1000
 RESULTANT_BLOCK = 30
 ZERO = bytes([3, 1])
@@ -29,14 +29,18 @@ _LENGTH, _MAIN, _SUB, _OVERFLOW, _PARAMETER, _NO_DATA, _OTHERS = 1, 3, 4, 5, 6, 
 
 
 class ControlBox(EmulatedBoard):
-    """Answers one request after another, and nothing unasked.
+    """Answers requests one at a time and sends nothing unprompted.
 
-    As on the real box: pads can be read once the mode fits and a port is selected, and a mode is in force at once,
-    though the document allows the box 2 s, since public drivers read without waiting; the version names the part; the
-    reply to a new mode carries another SUB; zeroing answers with an error although it works. Which error byte the real
-    box gives for a port without a pad, a wrong mode or a range that is not there, no source says: here 7 (no data), 7
-    and 5 (overflow).
-    Requests with a wrong check byte are not answered.
+    As on the real box:
+
+    - Pads can be read once the mode matches and a port is selected. A mode takes effect at once although the vendor's
+      document allows the box 2 s, since public drivers read without waiting.
+    - The version names the part.
+    - The reply to a new mode carries another SUB.
+    - Zeroing returns an error although it works.
+
+    No source states which error byte the real box returns for a port without a pad, a wrong mode or a nonexistent
+    range; this class returns 7 (no data), 7 and 5 (overflow). It does not answer requests with a wrong check byte.
     """
 
     def __init__(self, pads: EmulatedPads, *, wrong_status: Callable[[], bool] = lambda: False) -> None:
@@ -60,7 +64,7 @@ class ControlBox(EmulatedBoard):
                 reply = wire.Reply(reply.main, reply.sub, b"", _OTHERS, reply.index)
             wait = VERSION_WAIT if (request.main, request.sub) == wire.VERSION else 0.0
             if wait or self._late:
-                # one request is worked on at a time
+                # the box processes one request at a time
                 start = self._late[-1][0] if self._late else now
                 self._late.append((start + wait, reply.encode()))
             else:
@@ -117,7 +121,7 @@ class ControlBox(EmulatedBoard):
         return self._reply(request)
 
     def _pad(self) -> int | None:
-        """The pad on the selected port; None if there is none that can be read."""
+        """Return the pad on the selected port; None if there is none or the mode is wrong."""
         ports = [slot.index for slot in self.pads.profile.slots]
         return ports.index(self._port) if self._port in ports and self._mode == self._wanted_mode else None
 
@@ -149,16 +153,16 @@ class ControlBox(EmulatedBoard):
 
 
 def version_of(profile: Profile) -> bytes:
-    """A version that names the part, as a real one does (``PAXINI PXSR-STDDP03F-v1.0.5``), in at most 100 bytes.
+    """Return a version that names the part, like a real one (``PAXINI PXSR-STDDP03F-v1.0.5``), in at most 100 bytes.
 
-    The part is its code where the profile has one, else the profile's name without the board.
+    The part is the profile's part code if it has one, otherwise the profile's name without the board's suffix.
     """
     part = str(profile.settings.get("part") or profile.name.replace("-box", "").replace("-serial", "").upper())
     return f"PAXISIM {part[:80]}-v1.0.0".encode("ascii", errors="replace")
 
 
 def region(memory: dict[int, bytes], address: int, count: int) -> bytes | None:
-    """`count` bytes from `address` on, over regions that touch; None where some of them are not there."""
+    """Return `count` bytes from `address` on, across adjacent regions; None if any of them does not exist."""
     found = b""
     for start in sorted(memory):
         at = address + len(found) - start

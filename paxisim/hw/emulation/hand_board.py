@@ -1,4 +1,4 @@
-"""The older GEN1 hand board's side of the line: it streams, whoever listens. See `paxisim.hw.frames.hand_board`."""
+"""Emulated older GEN1 hand board, which streams whether or not a host listens. See `paxisim.hw.frames.hand_board`."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from paxisim.hw.emulation.streaming import StreamingBoard
 from paxisim.hw.frames import hand_board as wire
 
 RATE = 100.0
-"""Rounds a second (Hz) where the profile says nothing; no source states the board's rate."""
+"""Default rate of rounds (Hz) if the profile states none; no source states the board's rate."""
 _INVALID = 0
 
 
 class HandBoard(StreamingBoard):
-    """Sends a round of four blocks at its rate, and takes no requests.
+    """Sends rounds of four blocks at a fixed rate and accepts no requests.
 
-    Blocks without a pad are valid and read zero. A wrong status is a round whose first block is not valid.
+    Blocks without a pad are valid and read zero. A wrong status marks the block of the first pad as invalid.
     """
 
     stream_rate = RATE
@@ -28,8 +28,8 @@ class HandBoard(StreamingBoard):
         """Power on.
 
         Args:
-            pads: What hangs on it; a slot's index is its block.
-            rate: Rounds a second (Hz); None: one whenever `tick` is called.
+            pads: The pads connected to the board; a slot's index is its block.
+            rate: Rate of rounds (Hz); None: one round whenever `tick` is called.
             wrong_status: See `EmulatedBoard`.
         """
         super().__init__(pads, rate=rate, wrong_status=wrong_status)

@@ -1,4 +1,4 @@
-"""The GEN3 high-speed board's side of the line. See `paxisim.hw.frames.high_speed` and `.stream_layout`."""
+"""Emulated GEN3 high-speed board. See `paxisim.hw.frames.high_speed` and `paxisim.hw.frames.stream_layout`."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from paxisim.hw.frames import stream_layout
 from paxisim.hw.framing import FrameDecoder
 
 RATE = 83.0
-"""Pushes a second (Hz) where the profile says nothing: the lowest that was seen."""
+"""Default push rate (Hz) if the profile states none: the lowest rate observed."""
 VERSION = b"PAXISIM-EMU-1.0"
 RESET = 0x0022
 ERROR = 0x0023
@@ -28,14 +28,14 @@ _STREAM_ERROR = 7
 
 
 class HighSpeedBoard(StreamingBoard):
-    """Registers, and a stream of all active modules once it is switched on.
+    """Has registers, and streams all active modules once the stream is switched on.
 
-    The counts of the palm's modules stand at both places that sources name, behind those of the fingers and from 0066
-    on, for a host may ask at either. Both name register 0066: it holds the count of module 20 where the profile's
-    setting ``palm_counts`` is ``"0066"`` or there is no module 27, else of module 27.
+    The taxel counts of the palm modules are stored at both places that sources name, behind those of the fingers and
+    from register 0066 on, because a host may read either. Register 0066 belongs to both: it holds the count of module
+    20 if the profile's ``palm_counts`` setting is ``"0066"`` or there is no module 27, otherwise that of module 27.
 
-    What is read while the stream runs collides with it: the reply comes out inside the next push, which is lost. Writes
-    do not collide. Requests with a wrong check byte are not answered.
+    A read during the stream collides with it: the reply appears inside the next push, which is lost. Writes do not
+    collide. The board does not answer requests with a wrong check byte.
     """
 
     stream_rate = RATE
@@ -44,11 +44,11 @@ class HighSpeedBoard(StreamingBoard):
     def __init__(
         self, pads: EmulatedPads, *, rate: float | None = RATE, wrong_status: Callable[[], bool] = lambda: False
     ) -> None:
-        """Power on: all modules active, resultants and taxels, no stream.
+        """Power on: all modules active, resultants and taxels selected, stream off.
 
         Args:
-            pads: What hangs on it; a slot's index is its module.
-            rate: Pushes a second (Hz); None: one whenever `tick` is called.
+            pads: The pads connected to the board; a slot's index is its module.
+            rate: Push rate (Hz); None: one push whenever `tick` is called.
             wrong_status: See `EmulatedBoard`.
         """
         super().__init__(pads, rate=rate, wrong_status=wrong_status)
@@ -125,7 +125,7 @@ class HighSpeedBoard(StreamingBoard):
         return wire.Reply(wire.WRITE, register, DONE).encode()
 
     def _memory(self, now: float) -> dict[int, bytes]:
-        """What can be read, by first register."""
+        """Return the readable data by first register."""
         pads, size = self.pads, registers.HIGH_SPEED_MODULES
         counts = np.zeros(size, dtype="<u2")
         totals = np.zeros((size, 3), dtype="<i2")

@@ -1,4 +1,4 @@
-"""The magnetometer board's side of the line: it streams once a host listens. See `frames.magnetometer_board`."""
+"""Emulated magnetometer board, which streams once a host listens. See `paxisim.hw.frames.magnetometer_board`."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from paxisim.hw.emulation.streaming import StreamingBoard
 from paxisim.hw.frames.magnetometer_board import Burst
 
 RATE = 100.0
-"""Bursts a second (Hz) where the profile says nothing; the sketch sends as fast as it can read its chips."""
+"""Default burst rate (Hz) if the profile states none; the sketch sends as fast as it can read its chips."""
 STEP = 0.01
-"""Microtesla that numbers are multiples of: the last decimal that the text sketch prints; chips' steps are coarser."""
+"""Resolution of the flux (uT): the last decimal that the text sketch prints. The resolution of the chips is coarser."""
 TEMPERATURE = 25.0
-"""What each chip reports (degC)."""
+"""Temperature that each chip reports (degC)."""
 
 
 class MagnetometerBoard(StreamingBoard):
-    """Sends a burst at its rate, and takes no requests. There is no error byte that could be wrong."""
+    """Sends bursts at a fixed rate and accepts no requests. Bursts have no error byte."""
 
     stream_rate = RATE
 
@@ -29,9 +29,9 @@ class MagnetometerBoard(StreamingBoard):
         """Power on.
 
         Args:
-            pads: The one pad that it is.
-            rate: Bursts a second (Hz); None: one whenever `tick` is called.
-            wrong_status: Not asked.
+            pads: The board's one pad.
+            rate: Burst rate (Hz); None: one burst whenever `tick` is called.
+            wrong_status: Not used.
         """
         super().__init__(pads, rate=rate, wrong_status=wrong_status)
         self._text = bool(pads.profile.settings.get("text", False))

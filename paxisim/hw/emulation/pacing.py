@@ -1,4 +1,4 @@
-"""PacedLine: bytes on their way to the port, no faster than the line carries them. No I/O."""
+"""PacedLine: bytes in transit to the port, limited to the line's speed. No I/O."""
 
 from __future__ import annotations
 
@@ -9,31 +9,35 @@ from collections.abc import Sequence
 from paxisim.hw.faults import Piece
 
 GRAIN = 2e-3
-"""Seconds of line time that are handed over in one piece, as a USB adapter collects them."""
+"""Seconds of line time that are delivered as one piece, as a USB adapter does."""
 
 
 class PacedLine:
-    """A queue of bytes with the time at which each has passed the line (s, any clock that does not run back)."""
+    """A queue of bytes with the time at which each leaves the line (s, any clock that never runs backwards).
+
+    Attributes:
+        free_at: Time at which the last queued byte leaves the line (s).
+    """
 
     def __init__(self, bytes_per_second: float = math.inf) -> None:
         """Start empty.
 
         Args:
-            bytes_per_second: What the line carries; infinite: everything at once.
+            bytes_per_second: Speed of the line; infinite: everything passes at once.
         """
         self._speed = bytes_per_second
-        self._waiting: deque[tuple[float, bytes]] = deque()  # when its first byte begins to pass
+        self._waiting: deque[tuple[float, bytes]] = deque()  # each with the time at which its first byte starts
         self.free_at = -math.inf
 
     def put(self, pieces: Sequence[Piece], now: float) -> None:
-        """Send pieces, each so many seconds after the one before it, all behind what is already on its way."""
+        """Queue pieces behind those already in transit, each with its delay in seconds after the one before it."""
         for wait, data in pieces:
             start = max(self.free_at, now) + wait
             self._waiting.append((start, data))
             self.free_at = start + len(data) / self._speed
 
     def take(self, now: float) -> bytes:
-        """What has passed the line by now and was not taken yet."""
+        """Return the bytes that have left the line by now and were not taken yet."""
         passed = b""
         while self._waiting and self._waiting[0][0] <= now:
             start, data = self._waiting.popleft()
@@ -46,13 +50,13 @@ class PacedLine:
 
     @property
     def next(self) -> float:
-        """When it is worth calling `take` again: the end of the first piece, or a grain of it; infinite: never."""
+        """Next time to call `take`: the end of the first piece or of its first `GRAIN`; infinite: never."""
         if not self._waiting:
             return math.inf
         start, data = self._waiting[0]
         return start + min(len(data) / self._speed, GRAIN)
 
     def clear(self) -> None:
-        """Forget what is on its way."""
+        """Discard the bytes in transit."""
         self._waiting.clear()
         self.free_at = -math.inf

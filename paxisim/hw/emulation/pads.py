@@ -1,4 +1,4 @@
-"""EmulatedPads: what the firmware makes of the forces on the pads, before any protocol."""
+"""EmulatedPads: conversion of the forces on the pads to counts by the firmware, independent of any protocol."""
 
 from __future__ import annotations
 
@@ -12,23 +12,22 @@ from paxisim.hw import taxels
 from paxisim.hw.families import BYTES
 from paxisim.hw.profile import Profile
 
-# seconds since the emulator started -> (pads, 3, rows, cols) newtons of the profile's wire layout
+# seconds since the emulator started -> (pads, 3, rows, cols) newtons in the profile's wire layout
 Signal = Callable[[float], NDArray[np.floating]]
 
 # (pads, N, 3) counts of the taxels -> (pads, 3) counts that the board reports as the total
 Resultant = Callable[[NDArray[np.int16]], NDArray[np.integer]]
 
 GEN3_GATE = 2
-"""Components of real GEN3 taxels are 0 or at least so many counts."""
+"""Smallest nonzero value of a component on real GEN3 taxels, in counts."""
 
 _LOWEST, _HIGHEST = BYTES
 
 
 class EmulatedPads:
-    """The pads on a board, measured at their own rate and turned into whole counts.
+    """The pads on a board, measured at their own rate and converted to counts.
 
-    Between two measurements the last one is held. The counts are rounded, gated and clipped as
-    `Profile.to_counts` says.
+    The last measurement is held until the next one. `Profile.to_counts` rounds, gates and clips the counts.
     """
 
     def __init__(
@@ -40,19 +39,20 @@ class EmulatedPads:
         gate: int = 0,
         resultant: Resultant | None = None,
     ) -> None:
-        """Ask the signal once, to see that it fits.
+        """Evaluate the signal once to check it.
 
         Args:
-            profile: Which pads.
-            signal: The forces on them.
-            rate: Measurements a second (Hz); None: one whenever it is asked for.
-            gate: Components below so many counts read 0.
-            resultant: What the board reports as each pad's total. Default: the sum over the taxels, clipped to what
-                three bytes hold. No source says how a real board arrives at its total; it is not the sum.
+            profile: Profile of the pads.
+            signal: The forces on the pads.
+            rate: Measurement rate (Hz); None: one measurement for every distinct time requested.
+            gate: Threshold in counts below which components read 0.
+            resultant: Function that computes the total reported for each pad. Default: the sum over the taxels, clipped
+                to the range of the three bytes. No source states how a real board computes its total; it is not the
+                sum.
 
         Raises:
-            InvalidValueError: The signal gives another shape than the profile's pads have, or `rate` or `gate` cannot
-                be.
+            InvalidValueError: The signal fails, is not finite or does not have the shape of the profile's pads, or
+                `rate` or `gate` is out of range.
         """
         if rate is not None and not rate > 0:
             raise InvalidValueError(f"rate must be a positive number of Hz, got {rate!r}")
@@ -66,24 +66,24 @@ class EmulatedPads:
         self._measure(0.0)
 
     def counts(self, now: float) -> NDArray[np.int16]:
-        """``(pads, N, 3)`` counts in the order of the wire at that time (s since the start)."""
+        """Return the ``(pads, N, 3)`` counts in wire order at time `now` (s since the start)."""
         self._measure(now)
         return self._counts
 
     def taxels(self, pad: int, now: float) -> bytes:
-        """The ``3 N`` bytes of one pad's taxels."""
+        """Return the ``3 N`` bytes of one pad's taxels."""
         return taxels.to_bytes(self.counts(now)[pad])
 
     def totals(self, now: float) -> NDArray[np.int16]:
-        """``(pads, 3)`` counts that the board reports as the pads' totals."""
+        """Return the ``(pads, 3)`` counts that the board reports as the pads' totals."""
         return np.clip(self._resultant(self.counts(now)), _LOWEST, _HIGHEST).astype(np.int16)
 
     def total(self, pad: int, now: float) -> bytes:
-        """The three bytes of one pad's total."""
+        """Return the three bytes of one pad's total."""
         return taxels.to_bytes(self.totals(now)[pad])
 
     def zero(self, now: float, pad: int | None = None) -> None:
-        """Take what one pad, or all of them, feel now as zero."""
+        """Take the present forces on one pad, or on all of them, as zero."""
         which = slice(None) if pad is None else slice(pad, pad + 1)
         self._zero[which] = self._force(now)[which]
         self._measured_at = None
@@ -108,10 +108,10 @@ class EmulatedPads:
                 f"got {force.shape}"
             )
         if not np.all(np.isfinite(force)):
-            raise InvalidValueError(f"the signal must give finite forces, got some that are not at {now:.3f} s")
+            raise InvalidValueError(f"the signal must give finite forces, got some non-finite ones at {now:.3f} s")
         return force
 
 
 def clipped_sum(counts: NDArray[np.int16]) -> NDArray[np.integer]:
-    """``(pads, N, 3)`` counts -> ``(pads, 3)``: their sum, clipped to what three bytes hold."""
+    """Return the sum of ``(pads, N, 3)`` counts over the taxels, ``(pads, 3)``, clipped to the range of three bytes."""
     return np.clip(counts.sum(axis=1, dtype=np.int64), _LOWEST, _HIGHEST)

@@ -1,4 +1,4 @@
-"""Port: where hosts find an emulated board, seen from the board's end."""
+"""Port: the board's end of the port through which hosts reach an emulated board."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ class Port(Protocol):
 
     @property
     def name(self) -> str:
-        """What a host opens."""
+        """Name or address that a host opens."""
         ...
 
     @property
@@ -19,21 +19,21 @@ class Port(Protocol):
         ...
 
     def wait(self, seconds: float, wake: int, blocked: bool) -> None:
-        """Until the host sends, or takes bytes again if `blocked`, or `wake` becomes readable, or the time is over."""
+        """Wait until the host sends, accepts bytes again (if `blocked`), `wake` becomes readable, or the time is up."""
         ...
 
     def read(self) -> bytes:
-        """What the host has sent, at once."""
+        """Return the bytes that the host has sent, without waiting."""
         ...
 
     def write(self, data: bytes) -> int:
-        """Hand bytes to the host; how many of them it took."""
+        """Send bytes to the host and return how many of them were accepted."""
         ...
 
     def close(self) -> None:
-        """Take it away; the host's next access fails."""
+        """Close the port; the host's next access fails."""
         ...
 
     def reopened(self) -> Port:
-        """The port that is there when the board is plugged in again, after `close`."""
+        """Return the port that exists once the board is plugged in again, after `close`."""
         ...

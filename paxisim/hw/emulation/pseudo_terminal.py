@@ -1,4 +1,4 @@
-"""PseudoTerminal: a serial port without a wire, seen from the device's end."""
+"""PseudoTerminal: the device's end of a virtual serial port."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ class PseudoTerminal:
     """One pseudo-terminal, open until `close`.
 
     Attributes:
-        name: Its name, to be opened as any serial port.
+        name: The terminal's name, which a host opens like any serial port.
     """
 
     def __init__(self) -> None:
-        """Open it.
+        """Open the pseudo-terminal.
 
         Raises:
-            UnsupportedError: This system has none.
+            UnsupportedError: The system has no pseudo-terminals.
         """
         try:
             import tty
@@ -31,14 +31,14 @@ class PseudoTerminal:
             raise UnsupportedError("the emulator needs pseudo-terminals, which this system does not have") from error
         self._device, host = os.openpty()
         self.name = os.ttyname(host)
-        # no line of text, no echo, no characters with a meaning
+        # raw mode: no line buffering, no echo, no special characters
         tty.setraw(host)
         os.set_blocking(self._device, False)
-        # held by the host alone, so that its opening and closing show
+        # only the host keeps this end open, which makes its opening and closing detectable
         os.close(host)
 
     def reopened(self) -> PseudoTerminal:
-        """Another one, after `close`: it has another name."""
+        """Return a new pseudo-terminal, after `close`; it may have another name."""
         return PseudoTerminal()
 
     @property
@@ -49,23 +49,23 @@ class PseudoTerminal:
         return not any(events & select.POLLHUP for _, events in poll.poll(0))
 
     def wait(self, seconds: float, wake: int, blocked: bool) -> None:
-        """Until the host sends, or takes bytes again if `blocked`, or `wake` becomes readable, or the time is over."""
+        """Wait until the host sends, accepts bytes again (if `blocked`), `wake` becomes readable, or the time is up."""
         poll = select.poll()
         poll.register(wake, select.POLLIN)
         poll.register(self._device, select.POLLIN | (select.POLLOUT if blocked else 0))
         poll.poll(1e3 * seconds)
 
     def read(self) -> bytes:
-        """What the host has sent, at once."""
+        """Return the bytes that the host has sent, without waiting."""
         try:
             return os.read(self._device, _CHUNK)
         except OSError as error:
-            if error.errno in (errno.EAGAIN, errno.EIO):  # nothing there, no host there
+            if error.errno in (errno.EAGAIN, errno.EIO):  # no data, or no host
                 return b""
             raise
 
     def write(self, data: bytes) -> int:
-        """Hand bytes to the host; how many of them fitted into its buffer."""
+        """Send bytes to the host and return how many of them fitted into its buffer."""
         try:
             return os.write(self._device, data)
         except OSError as error:
@@ -74,6 +74,6 @@ class PseudoTerminal:
             raise
 
     def close(self) -> None:
-        """Take it away; the host's next access fails."""
+        """Close the device's end; the host's next access fails."""
         with contextlib.suppress(OSError):
             os.close(self._device)

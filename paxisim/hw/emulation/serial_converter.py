@@ -1,4 +1,4 @@
-"""The GEN3 serial converter's side of the line, one sensor. See `paxisim.hw.frames.serial_converter`."""
+"""Emulated GEN3 serial converter with one sensor. See `paxisim.hw.frames.serial_converter`."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ _PARAMETER, _OTHERS = 6, 0x0D
 
 
 class SerialConverter(EmulatedBoard):
-    """Answers what is addressed to its sensor's id; is silent to all else, requests with a wrong check byte included.
+    """Answers requests addressed to its sensor's id; ignores all others, and requests with a wrong check byte.
 
-    As on real parts, the status of a good read is 00 or 01, here in turn, and the reply to a write has no data
-    although it repeats their count. What is answered for an address that is not there, no source says: here status 6
+    As on real parts, the status of a good read is 00 or 01 (here alternating), and the reply to a write has no data
+    although it repeats their count. No source states the answer for a nonexistent address; this class returns status 6
     and no data.
     """
 

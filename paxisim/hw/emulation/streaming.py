@@ -1,4 +1,4 @@
-"""Streaming board: an emulated one that sends messages at a rate."""
+"""StreamingBoard: an emulated board that sends messages at a fixed rate."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from paxisim.hw.emulation.pads import EmulatedPads
 
 
 class StreamingBoard(EmulatedBoard):
-    """Sends a message at its rate from power-on, and takes no requests, unless a subclass says otherwise."""
+    """Sends messages at a fixed rate from power-on and accepts no requests, unless a subclass overrides this."""
 
     due = 0.0
 
@@ -20,25 +20,25 @@ class StreamingBoard(EmulatedBoard):
         """Power on.
 
         Args:
-            pads: What hangs on it.
-            rate: Messages a second (Hz); None: one whenever `tick` is called.
+            pads: The pads connected to the board.
+            rate: Message rate (Hz); None: one message whenever `tick` is called.
             wrong_status: See `EmulatedBoard`.
         """
         super().__init__(pads, wrong_status=wrong_status)
         self._period = 1 / rate if rate else 0.0
 
     def answers(self, data: bytes, now: float) -> list[bytes]:
-        """Nothing: the board does not listen."""
+        """Return an empty list: the board does not listen."""
         return []
 
     def tick(self, now: float) -> bytes:
         """See `EmulatedBoard.tick`."""
         if now < self.due:
             return b""
-        # what could not be sent in time is not sent later
+        # messages that could not be sent in time are dropped
         self.due = max(self.due + self._period, now) if self._period else now
         return self._message(now)
 
     @abstractmethod
     def _message(self, now: float) -> bytes:
-        """The message that is due."""
+        """Return the message that is due."""

@@ -1,4 +1,4 @@
-"""WebSocketServer: an address that hosts connect to, seen from the server's end. Same interface as `PseudoTerminal`."""
+"""WebSocketServer: the server's end of an address that hosts connect to. Same interface as `PseudoTerminal`."""
 
 from __future__ import annotations
 
@@ -16,27 +16,27 @@ if TYPE_CHECKING:
 
 HOST = "127.0.0.1"
 KEPT = 64
-"""Texts kept for a host that is late."""
+"""Maximum number of texts queued for a slow host."""
 _CLOSE_TIMEOUT = 1.0
 
 
 class WebSocketServer:
-    """A server that welcomes each host and then sends all of them each line it is given as a text.
+    """A server that welcomes each host and then sends every line written to it to all hosts, as one text per line.
 
     Attributes:
-        name: Its address, to be opened as any port.
+        name: The server's address, which a host opens like any port.
     """
 
     def __init__(self, welcome: bytes, first: int, tries: int = 1000) -> None:
-        """Listen, on this machine only.
+        """Start listening, on this machine only.
 
         Args:
             welcome: The line that each host gets first.
-            first: The port to listen on; where another program has it, the next one that is free.
-            tries: How many ports to try.
+            first: Port to listen on; if another program uses it, the next free port is taken.
+            tries: Number of ports to try.
 
         Raises:
-            PortAccessError: None of them is free.
+            PortAccessError: None of the ports is free, or the system refuses to listen.
             MissingExtraError: websockets is not installed.
         """
         self._welcome, self._line = welcome, b""
@@ -46,7 +46,7 @@ class WebSocketServer:
         threading.Thread(target=self._server.serve_forever, name="websocket server", daemon=True).start()
 
     def reopened(self) -> WebSocketServer:
-        """The same address again, after `close`."""
+        """Return a new server at the same address, after `close`."""
         return WebSocketServer(self._welcome, self._number, tries=1)
 
     @property
@@ -55,31 +55,31 @@ class WebSocketServer:
         return bool(self._queues)
 
     def wait(self, seconds: float, wake: int, blocked: bool) -> None:
-        """Until `wake` becomes readable, or the time is over; hosts say nothing that matters."""
+        """Wait until `wake` becomes readable or the time is up; messages from hosts are ignored."""
         poll = select.poll()
         poll.register(wake, select.POLLIN)
         poll.poll(1e3 * (min(seconds, 1e-3) if blocked else seconds))
 
     def read(self) -> bytes:
-        """Nothing: what hosts say is thrown away."""
+        """Return an empty string: messages from hosts are discarded."""
         return b""
 
     def write(self, data: bytes) -> int:
-        """Send what makes whole lines; how many bytes were taken: none while every host is late."""
+        """Send all complete lines and return the number of bytes accepted: 0 while the queue of every host is full."""
         hosts = list(self._queues.values())
         if hosts and all(host.full() for host in hosts):
             return 0
         *lines, self._line = (self._line + data).split(b"\n")
         for line in lines:
             for host in hosts:
-                with contextlib.suppress(queue.Full):  # one that is late loses what the others get
+                with contextlib.suppress(queue.Full):  # a slow host misses lines that the others get
                     host.put_nowait(line.decode(errors="replace"))
         return len(data)
 
     def close(self) -> None:
-        """Send the hosts away and stop listening."""
+        """Disconnect the hosts and stop listening."""
         self._server.shutdown()
-        for connection in list(self._queues):  # those that an older version of the package leaves open
+        for connection in list(self._queues):  # older versions of websockets leave these open
             connection.close()
 
     def _listen(self, first: int, tries: int) -> tuple[Server, int]:
@@ -96,7 +96,7 @@ class WebSocketServer:
         raise PortAccessError(f"no port from {first} to {first + tries - 1} on {HOST} is free to listen on")
 
     def _host(self, connection: ServerConnection) -> None:
-        """Serve one host, in a thread of its own, until it leaves."""
+        """Serve one host, in its own thread, until it disconnects."""
         from websockets.exceptions import ConnectionClosed
 
         lines: queue.Queue[str | None] = queue.Queue(KEPT)
@@ -108,7 +108,7 @@ class WebSocketServer:
             while True:
                 connection.recv()
         self._queues.pop(connection, None)
-        with contextlib.suppress(queue.Full):  # then it is busy, and meets the closed connection
+        with contextlib.suppress(queue.Full):  # if full, the sender is busy and will hit the closed connection
             lines.put_nowait(None)
 
 

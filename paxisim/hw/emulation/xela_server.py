@@ -1,4 +1,4 @@
-"""XELA's server from its own side: it sends a message with all its sensors at its rate. See `frames.xela_server`."""
+"""Emulated XELA server, which streams the readings of all its sensors. See `paxisim.hw.frames.xela_server`."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from paxisim.hw.emulation.websocket_server import WebSocketServer
 from paxisim.hw.frames.xela_server import MIDDLE, WELCOME, Routine, SensorReading
 
 RATE = 100.0
-"""Messages a second (Hz) where the profile says nothing."""
+"""Default message rate (Hz) if the profile states none."""
 COUNTS_PER_NEWTON = 2000
-"""Counts beside calibrated forces: a stand-in, as no source states them."""
+"""Counts per newton of calibrated force. This is a placeholder; no source states the value."""
 FIRST_PORT = 5000
-"""Where the vendor's server listens."""
+"""Port on which the vendor's server listens."""
 _LARGEST = 65_535
 
 
 def listen() -> WebSocketServer:
-    """The server's address: `FIRST_PORT`, or the next one that is free."""
+    """Return a server that listens on `FIRST_PORT`, or on the next free port."""
     return WebSocketServer(WELCOME, FIRST_PORT)
 
 
 class XelaCounts(StreamingBoard):
-    """Sends raw counts: the signal on top of `MIDDLE`."""
+    """Sends raw counts: `MIDDLE` plus the signal."""
 
     stream_rate = RATE
     _number = 0
@@ -50,7 +50,7 @@ class XelaCounts(StreamingBoard):
 
 
 class XelaForces(XelaCounts):
-    """Sends forces beside its counts, as a server that is set up to calibrate."""
+    """Sends forces in addition to counts, like a server with calibration enabled."""
 
     def _sensor(self, model: str, values: NDArray[np.float64]) -> SensorReading:
         return SensorReading(model, _raw(COUNTS_PER_NEWTON * values), values.astype(np.float32))

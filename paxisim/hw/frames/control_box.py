@@ -1,6 +1,6 @@
-"""Messages of the GEN1 / GEN2 control box: one request, one reply, nothing unasked. No I/O.
+"""Messages of the GEN1 / GEN2 control box: one reply per request, nothing unprompted. No I/O.
 
-A request and its reply, bytes left to right, numbers little-endian::
+A request and its reply, with bytes from left to right and little-endian numbers::
 
     offset   0            4    5      6     7    8   9            11
     request  55 AA 7B 7B  0E   INDEX  MAIN  SUB SUB  LEN LEN      DATA ...  LRC  55 AA 7D 7D
@@ -8,19 +8,20 @@ A request and its reply, bytes left to right, numbers little-endian::
     offset   0            4    5      6     7    8   9      10          12
     reply    55 AA 7B 7B  0E   INDEX  MAIN  SUB SUB  ERROR  LEN LEN     DATA ...  LRC  55 AA 7D 7D
 
-LEN counts the bytes of DATA. The LRC covers everything from ``0E`` to the last byte of DATA, the error byte included;
-head and tail are outside it. The reply to a read carries, as its DATA, ``status 7B address(2) count(2) payload``.
+LEN is the number of bytes of DATA. The LRC covers everything from ``0E`` to the last byte of DATA, including the error
+byte, but neither head nor tail. The DATA of the reply to a read is ``status 7B address(2) count(2) payload``.
 
-How reading can fail, and what happens then:
+Failures and how the parser handles them:
 
-- Bytes lost or flipped: head, ``0E``, LRC and tail must all fit, so a damaged frame passes only if its LRC collides,
-  which a single wrong byte never does but in LEN. What follows is found, for the search moves on by one byte.
-- LEN damaged: a frame that claims a length which cannot be expected is rejected at once (`reply_parser`), one that
-  claims too few bytes fails at its tail. One that claims another length that can be expected, and more than came, is
-  waited for; whoever knows that the line is silent calls ``flush``.
-- A head inside DATA: the frame around it is read first; inside a damaged frame the LRC and tail decide.
-- Requests and replies begin alike and nothing in them tells the direction, so each end parses what it expects. The
-  INDEX may stay 0 and is not relied on: a late reply is told by what it echoes.
+- Bytes lost or flipped: head, ``0E``, LRC and tail must all match, so a damaged frame passes only if its LRC collides.
+  A single wrong byte causes such a collision only in LEN. The next frame is found, since the search advances by one
+  byte at a time.
+- LEN damaged: a frame that claims an unexpected length is rejected at once (`reply_parser`), and one that claims too
+  few bytes fails at its tail. If a frame claims another expected length and not all of its bytes have come, the decoder
+  waits for them; a caller that knows that the line is silent calls ``flush``.
+- A head inside DATA: the enclosing frame is parsed first. Inside a damaged frame, LRC and tail decide.
+- Requests and replies begin alike and do not state their direction, so each end parses the kind that it expects. The
+  INDEX may stay 0 and is not relied on; a late reply is recognised by the fields that it echoes.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ TAIL = bytes.fromhex("55AA7D7D")
 FIX = 0x0E
 READ_FUNCTION = 0x7B
 
-# MAIN, then SUB as it is printed: its first byte on the wire is the high one
+# MAIN, then SUB with its first byte on the wire as the high byte, as in the vendor's document
 VERSION = (0x60, 0xA001)
 SET_MODE = (0x70, 0xC00C)
 GET_MODE = (0x70, 0xC00D)
@@ -46,9 +47,9 @@ WRITE = (0x70, 0xB002)
 
 REQUEST_OVERHEAD = 16
 REPLY_OVERHEAD = 17
-REGION_OVERHEAD = 6  # status, function, address, count: before the payload of a read's reply
+REGION_OVERHEAD = 6  # status, function, address and count precede the payload of the reply to a read
 LONGEST_REQUEST_DATA = 64
-LONGEST_REPLY_DATA = 1024  # the largest known part, 239 taxels and its resultant block, fills 753
+LONGEST_REPLY_DATA = 1024  # the largest known part, with 239 taxels and its resultant block, needs 753
 
 ERRORS = {
     0x00: "ok",
@@ -67,22 +68,22 @@ ERRORS = {
     0x12: "CRC",
 }
 ZERO_GOOD = (0x00, 0x06)
-"""Errors that zeroing answers where it works."""
+"""Errors that the box returns when zeroing works."""
 
 
 def error_name(code: int) -> str:
-    """An error byte for people, e.g. ``"error 0x07 (no data)"``."""
+    """Return a readable name of an error byte, e.g. ``"error 0x07 (no data)"``."""
     return f"error 0x{code:02X} ({ERRORS.get(code, 'unknown')})"
 
 
 @dataclass(frozen=True)
 class Request:
-    """What the host asks.
+    """A request from the host.
 
     Attributes:
         main: MAIN.
-        sub: SUB, its first byte on the wire being the high one.
-        data: Up to 65535 bytes.
+        sub: SUB; its first byte on the wire is the high byte.
+        data: DATA, up to 65535 bytes.
         index: INDEX, which may stay 0.
     """
 
@@ -92,19 +93,19 @@ class Request:
     index: int = 0
 
     def encode(self) -> bytes:
-        """The frame."""
+        """Encode the frame."""
         return _frame(bytes([FIX, self.index, self.main]) + self.sub.to_bytes(2, "big"), self.data)
 
 
 @dataclass(frozen=True)
 class Reply:
-    """What the box answers.
+    """A reply from the box.
 
     Attributes:
         main: MAIN.
-        sub: SUB, its first byte on the wire being the high one.
-        data: Up to 65535 bytes.
-        error: One of `ERRORS`; 0 is good.
+        sub: SUB; its first byte on the wire is the high byte.
+        data: DATA, up to 65535 bytes.
+        error: One of `ERRORS`; 0 means success.
         index: INDEX.
     """
 
@@ -115,19 +116,19 @@ class Reply:
     index: int = 0
 
     def encode(self) -> bytes:
-        """The frame."""
+        """Encode the frame."""
         header = bytes([FIX, self.index, self.main]) + self.sub.to_bytes(2, "big") + bytes([self.error])
         return _frame(header, self.data)
 
 
 @dataclass(frozen=True)
 class Region:
-    """The data of a read's reply.
+    """The data of the reply to a read.
 
     Attributes:
-        address: Where it begins.
-        payload: The bytes from there on.
-        status: 0 is good.
+        address: Address of the first byte.
+        payload: The bytes from that address on.
+        status: Status byte; 0 means success.
     """
 
     address: int
@@ -135,43 +136,46 @@ class Region:
     status: int = 0
 
     def encode(self) -> bytes:
-        """The data of the `Reply`."""
+        """Encode the data of the `Reply`."""
         count = len(self.payload).to_bytes(2, "little")
         return bytes([self.status, READ_FUNCTION]) + self.address.to_bytes(2, "little") + count + self.payload
 
 
 def version_request() -> Request:
-    """Ask who it is; the reply's data are ASCII."""
+    """Return the request for the version; the reply's data are ASCII."""
     return Request(*VERSION)
 
 
 def set_mode_request(mode: int) -> Request:
-    """Set the mode, which says what parts hang on it. The reply may carry another SUB than the request."""
+    """Return the request to set the mode, which selects the kind of parts connected.
+
+    The SUB of the reply may differ from the request's.
+    """
     return Request(*SET_MODE, bytes([mode]))
 
 
 def get_mode_request() -> Request:
-    """Ask for the mode; the reply's data are that one byte."""
+    """Return the request for the mode; the reply's data are that single byte."""
     return Request(*GET_MODE)
 
 
 def select_port_request(port: int) -> Request:
-    """Choose the port that the following reads and writes mean."""
+    """Return the request to select the port for the reads and writes that follow."""
     return Request(*SELECT_PORT, bytes([port]))
 
 
 def read_request(address: int, count: int) -> Request:
-    """Read `count` bytes from `address`; the reply's data are a `Region`."""
+    """Return the request for `count` bytes from `address` on; the reply's data are a `Region`."""
     return Request(*READ, bytes([READ_FUNCTION]) + address.to_bytes(2, "little") + count.to_bytes(2, "little"))
 
 
 def write_request(address: int, value: int) -> Request:
-    """Write one byte of the configuration; the reply's data are a status."""
+    """Return the request to write one configuration byte; the reply's data are a status."""
     return Request(*WRITE, bytes([address, value]))
 
 
 def parse_region(data: bytes) -> Region | None:
-    """The region in the data of a read's reply; None where the data are something else."""
+    """Return the region in the data of the reply to a read; None if the data are something else."""
     if len(data) < REGION_OVERHEAD or data[1] != READ_FUNCTION:
         return None
     address, count = int.from_bytes(data[2:4], "little"), int.from_bytes(data[4:6], "little")
@@ -192,8 +196,8 @@ def reply_parser(lengths: Container[int]) -> Parser[Reply]:
     """A `Parser` of replies, for the host's end of the line.
 
     Args:
-        lengths: How many bytes of data the replies to come may have; what claims another length is no frame, so that
-            nothing waits for bytes that never come.
+        lengths: Permitted numbers of data bytes. A reply that claims another length is rejected, so the decoder never
+            waits for bytes that do not come.
     """
 
     def parse(buffer: bytes, at: int) -> tuple[int, Reply] | Incomplete | Invalid:
@@ -218,7 +222,7 @@ def _frame(header: bytes, data: bytes) -> bytes:
 
 
 def _bounds(buffer: bytes, at: int, length_at: int, lengths: Container[int]) -> int | Incomplete | Invalid:
-    """The length of the frame at `at`, whose LEN stands `length_at` bytes behind its beginning."""
+    """Return the length of the frame at `at`; its LEN is `length_at` bytes after its beginning."""
     start = buffer[at : at + 5]
     if not (HEAD + bytes([FIX])).startswith(start):
         return NO_FRAME
@@ -229,7 +233,7 @@ def _bounds(buffer: bytes, at: int, length_at: int, lengths: Container[int]) -> 
     if size not in lengths:
         return NO_FRAME
     tail_at = data_at + size + 1
-    # a tail that has begun wrongly makes the rest not worth waiting for
+    # if the tail already mismatches, waiting for the rest is pointless
     if not TAIL.startswith(buffer[tail_at : tail_at + 4]):
         return NO_FRAME
     if len(buffer) < tail_at + 4:

@@ -1,27 +1,28 @@
-"""Rounds of the older GEN1 hand board, which streams them unasked. No I/O.
+"""Rounds of the older GEN1 hand board, which streams them unprompted. No I/O.
 
-A round is 200 bytes: four blocks of 50, always in this order::
+A round has 200 bytes: four blocks of 50, always in this order::
 
     offset   0          50         100        150
     tag      AA EE      CC EE      AA FF      CC FF       AA pulp, CC tip; EE, FF the two groups of fingers
 
     a block  tag(2)  state(1)  15 taxels x 3 (45)  undocumented(2)        state 01: valid
 
-There is **no checksum**. What cannot be detected: a flipped byte outside the tags, which changes one count, a state or
-an undocumented byte; 200 bytes, or a multiple, lost in one piece, which joins two rounds; the end of a round lost
-together with the beginning of the next; a byte added to the last block, which shifts the taxels behind it. What is
-detected, at the cost of the rounds it hits: a damaged tag, bytes lost in any other way, a wrong start.
+There is **no checksum**. Undetectable: a flipped byte outside the tags, which changes one count, a state or an
+undocumented byte; the loss of 200 contiguous bytes, or a multiple, which joins two rounds; the loss of the end of a
+round together with the beginning of the next; a byte added to the last block, which shifts the taxels after it.
+Detected, at the cost of the affected rounds: a damaged tag, any other loss of bytes, a wrong start.
 
-Tags are only two bytes and occur inside data too, so nothing less than the four tags of a whole round counts. Where
-even these stand at two places, as with one pattern of forces held through all four blocks, this decides:
+A tag has only two bytes and also occurs inside data, so the decoder requires the four tags of a whole round. Even
+these may match at two places, for example if the same pattern of forces is held in all four blocks. The decoder then
+decides as follows:
 
-- A round that begins where the last one ended is given out at once. Only if a tag inside it could as well be the
-  beginning of the next round, a few bytes having been lost, are the two bytes behind it waited for; unless these
-  are that tag, the round is given up.
-- While searching, a round with a rival (another place inside its 200 bytes where the tags fit as far as they have
-  come) waits until the tags in the bytes that follow refute one of the two: usually 50, at most 400 bytes more. Data
-  move and tags do not. If neither is refuted by then, the one with more states 01 wins, then the earlier one; should
-  that be the wrong one, it is left as soon as the data move.
+- A round that begins where the last one ended is returned at once. Only if a tag inside it could also be the beginning
+  of the next round, because a few bytes were lost, does the decoder wait for the two bytes after the round. Unless
+  these are that tag, the round is discarded.
+- While the decoder is searching, a round may have a rival: another place inside its 200 bytes where all tags received
+  so far match. The decoder then waits until the tags in the bytes that follow refute one of the two, usually after 50
+  and at most 400 more bytes, because data change and tags do not. If neither is refuted by then, the candidate with
+  more states 01 wins, then the earlier one. If that choice is wrong, the decoder drops it as soon as the data change.
 """
 
 from __future__ import annotations
@@ -37,10 +38,10 @@ BLOCKS = 4
 TAXELS = 15
 BLOCK = 50
 ROUND = 200
-LAST_DATA = 3 * BLOCK + 2  # what follows the last tag
+LAST_DATA = 3 * BLOCK + 2  # offset of the data after the last tag
 VALID = 0x01
 DECISION = 3 * ROUND
-"""Bytes from the beginning of a round that are enough to decide about it."""
+"""Number of bytes from the beginning of a round that suffice to accept or reject it."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,7 @@ class Block:
 
     Attributes:
         taxels: 45 bytes, x y z of 15 taxels.
-        state: `VALID` or something else.
+        state: `VALID`, or another value for an invalid block.
         rest: The two undocumented bytes.
     """
 
@@ -65,10 +66,10 @@ class Round:
     blocks: tuple[Block, ...]
 
     def encode(self) -> bytes:
-        """The 200 bytes.
+        """Encode the round as 200 bytes.
 
         Raises:
-            InvalidValueError: There are not four blocks, or one does not fill its 50 bytes.
+            InvalidValueError: There are not exactly four blocks, or one does not have exactly 50 bytes.
         """
         if len(self.blocks) != BLOCKS:
             raise InvalidValueError(f"a round has {BLOCKS} blocks, got {len(self.blocks)}")
@@ -80,13 +81,13 @@ class Round:
 
 
 class RoundDecoder(Decoder[Round]):
-    """A `Decoder` of rounds: it decides by the tags inside and behind them, where `FrameDecoder` has a check byte.
+    """A `Decoder` of rounds, which relies on the tags in and after a round instead of a check byte.
 
-    Fewer than `DECISION` bytes are held back.
+    It holds back fewer than `DECISION` bytes.
     """
 
     def __init__(self) -> None:
-        """Start with nothing, searching."""
+        """Start with an empty buffer, searching for the first round."""
         super().__init__()
         self._in_step = False
 
@@ -105,11 +106,11 @@ class RoundDecoder(Decoder[Round]):
         return begin, begin + ROUND, _parse(buffer[begin : begin + ROUND])
 
     def _choose(self, buffer: bytes, at: int, expected: int, silent: bool) -> int | None:
-        """Where the round begins whose earliest place is `at`; None: that needs more bytes than there are."""
+        """Return the start of the round whose first candidate is `at`; None if more bytes are needed to tell."""
         if len(buffer) < at + ROUND:
             return None
         in_step = self._in_step and at == expected
-        # in step, only a round whose last block was cut short can be mistaken for a whole one
+        # in step, only a round with a truncated last block can be mistaken for a complete one
         rivals = list(_places(buffer, at + (LAST_DATA if in_step else 1), at + ROUND))
         if not rivals:
             return at
@@ -128,7 +129,7 @@ def _parse(data: bytes) -> Round:
 
 
 def _tags(buffer: bytes, at: int) -> tuple[int, bool]:
-    """How many tags in a row fit a round that begins at `at`, and whether the next one is wrong."""
+    """Return how many consecutive tags match a round that begins at `at`, and whether the next one mismatches."""
     for k in range(DECISION // BLOCK):
         place = at + k * BLOCK
         seen = buffer[place : place + 2]
@@ -144,7 +145,7 @@ def _refuted(buffer: bytes, at: int) -> bool:
 
 
 def _places(buffer: bytes, start: int, stop: int) -> Iterator[int]:
-    """Where in ``[start, stop)`` a round may begin: all its tags fit, as far as they have come."""
+    """Yield the places in ``[start, stop)`` where a round may begin: all its tags received so far match."""
     at = buffer.find(TAGS[0][:1], start, stop)
     while at >= 0:
         fitting, wrong = _tags(buffer, at)
@@ -154,7 +155,7 @@ def _places(buffer: bytes, start: int, stop: int) -> Iterator[int]:
 
 
 def _cut_short(buffer: bytes, at: int) -> bool:
-    """Whether the first tag of the next round stands in the last block instead of behind it."""
+    """Whether the first tag of the next round is inside the last block instead of after it."""
     behind = buffer[at + ROUND : at + ROUND + 2]
     return not TAGS[0].startswith(behind) and buffer.find(TAGS[0], at + LAST_DATA, at + ROUND + 1) >= 0
 

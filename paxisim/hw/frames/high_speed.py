@@ -1,4 +1,4 @@
-"""Messages of the GEN3 high-speed board: requests and replies, and frames that it pushes unasked. No I/O.
+"""Messages of the GEN3 high-speed board: requests, replies, and frames that it pushes unprompted. No I/O.
 
 ::
 
@@ -9,25 +9,25 @@
     offset    0       2    3       5        6
 
 Numbers are little-endian; the LRC covers everything before it. FC 03 reads N <= 512 bytes, 10 writes N <= 10 bytes, 17
-zeroes. The data of a reply are the bytes read, or one byte after a write or zeroing, 00 for done. A reply with bit 7 of
-FC set is an error whose number is the rest of FC. FL is the length of a push's data plus 1, EC its error code. A write
-to the push register is answered with head AA 56: a push without data. What data a push has is told in
-`paxisim.hw.frames.stream_layout`.
+zeroes. The data of a reply are the bytes read, or one byte after a write or zeroing, with 00 for success. A reply with
+bit 7 of FC set is an error; its number is the rest of FC. FL is the length of a push's data plus 1, EC its error code.
+The reply to a write to the push register has the head AA 56: a push without data. See
+`paxisim.hw.frames.stream_layout` for the data of a push.
 
-How it fails, and what is done about it:
+Failures and how they are handled:
 
-- Replies drown in a running stream. The board stops it before it asks anything.
-- Several pushes lie in one read; all of them are returned.
-- A damaged FL could claim the following 64 kB, two seconds of the stream. `push_parser` takes the lengths that can be
-  expected, so such a frame is given up as soon as its header is there.
+- Replies are lost in a running stream. The driver stops the stream before it sends a request.
+- One read may contain several pushes; all of them are returned.
+- A damaged FL could claim the following 64 kB, two seconds of the stream. `push_parser` takes the set of permitted
+  lengths, so such a frame is rejected as soon as its header has arrived.
 - A push that lost two zeros passes its check byte together with the next one's head ``AA 56``, whose bytes add up to 0
-  as well: see `FrameDecoder`. Where FL is 256 to 511, a push that lost the low byte of FL may pass as one without data,
-  but with an error code, if the first bytes of its data happen to make up the check byte.
-- The heads differ in one byte: one flipped bit makes a push a reply. `push_parser` takes pushes alone.
-- A module that is switched off or on changes the length of every push; none fits any more until the board is read anew.
+  as well: see `FrameDecoder`. If FL is 256 to 511, a push that lost the low byte of FL may pass as a push without data
+  but with an error code, if the first bytes of its data happen to match the check byte.
+- The heads differ in one byte, so a flipped bit can turn a push into a reply. `push_parser` accepts only pushes.
+- Switching a module off or on changes the length of every push. No push matches then until the board is started anew.
 
-Layout and stream were observed on hardware by the author of a public driver; error replies, the limits of N and the
-acknowledgement of the push register are from a document or from code. This project tried nothing on a device.
+Layout and stream were observed on hardware by the author of a public driver. Error replies, the limits of N and the
+acknowledgement of the push register come from a document or from code. This project tested nothing on a device.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ PUSH_HEAD = b"\xaa\x56"
 LONGEST_READ = 512
 LONGEST_WRITE = 10
 LONGEST_PUSH = registers.HIGH_SPEED_MODULES * (6 + 3 * 239)
-"""Bytes of data in the longest push: every module is the part with most taxels."""
+"""Number of data bytes in the longest push, with every module the part with the most taxels."""
 
 _HEADER = 8
 _PUSH_HEADER = 6
@@ -58,13 +58,13 @@ _PUSH_HEADER = 6
 
 @dataclass(frozen=True)
 class Request:
-    """What the host asks of the board.
+    """A request from the host.
 
     Attributes:
         function: `READ`, `WRITE` or `ZERO`.
-        register: The first one.
-        count: Bytes to read or write.
-        data: The bytes to write; empty when reading.
+        register: The first register.
+        count: Number of bytes to read or write.
+        data: The bytes to write; empty for a read.
     """
 
     function: int
@@ -73,14 +73,15 @@ class Request:
     data: bytes = b""
 
     def encode(self) -> bytes:
-        """The frame.
+        """Encode the frame.
 
         Raises:
-            InvalidValueError: Another function; a count beyond what the board takes, or not that of the data.
+            InvalidValueError: The function is unknown, the count exceeds what the board accepts, or it does not match
+                the data.
         """
         if self.function not in FUNCTIONS:
             raise InvalidValueError(
-                f"function must be 03 (read), 10 (write) or 17 (zero), got {self.function:02X}: no other is ever sent"
+                f"function must be 03 (read), 10 (write) or 17 (zero), got {self.function:02X}; no other is ever sent"
             )
         limit = LONGEST_READ if self.function == READ else LONGEST_WRITE
         if not 1 <= self.count <= limit:
@@ -94,10 +95,10 @@ class Request:
 
 @dataclass(frozen=True)
 class Reply:
-    """What the board answers.
+    """A reply from the board.
 
     Attributes:
-        function: As in the request; with `ERROR_BIT` an error.
+        function: As in the request; an error sets `ERROR_BIT`.
         register: As in the request.
         data: The bytes read, or one byte after a write.
     """
@@ -108,15 +109,15 @@ class Reply:
 
     @property
     def error(self) -> int:
-        """The number of the error; 0 is none."""
+        """Error number; 0 means no error."""
         return self.function & ~ERROR_BIT if self.function & ERROR_BIT else 0
 
     def encode(self) -> bytes:
-        """The frame."""
+        """Encode the frame."""
         return _frame(REPLY_HEAD, self.function, self.register, len(self.data), self.data)
 
     def answers(self, request: Request) -> bool:
-        """Whether this is the reply to `request`: its register and function, and as many bytes as it reads."""
+        """Whether this replies to `request`: same register and function, and as many bytes as requested."""
         if self.register != request.register:
             return False
         if self.function & ERROR_BIT:
@@ -126,10 +127,10 @@ class Reply:
 
 @dataclass(frozen=True)
 class Push:
-    """What the board sends unasked, and its answer to switching that on or off.
+    """A frame that the board sends unprompted, or its answer to starting or stopping the stream.
 
     Attributes:
-        error: An error code; 0 is none.
+        error: Error code; 0 means no error.
         data: Resultants and taxels of the active modules, see `paxisim.hw.frames.stream_layout`; may be empty.
     """
 
@@ -137,33 +138,33 @@ class Push:
     data: bytes = b""
 
     def encode(self) -> bytes:
-        """The frame."""
+        """Encode the frame."""
         frame = PUSH_HEAD + b"\x00" + (len(self.data) + 1).to_bytes(2, "little") + bytes([self.error]) + self.data
         return frame + bytes([lrc(frame)])
 
 
 def read_request(register: int, count: int) -> Request:
-    """The request for `count` bytes from `register` on."""
+    """Return the request for `count` bytes from `register` on."""
     return Request(READ, register, count)
 
 
 def write_request(register: int, data: bytes) -> Request:
-    """The request to write `data` from `register` on."""
+    """Return the request to write `data` from `register` on."""
     return Request(WRITE, register, len(data), data)
 
 
 def version_request() -> Request:
-    """Ask who it is; the reply's data are ASCII."""
+    """Return the request for the version; the reply's data are ASCII."""
     return read_request(registers.HIGH_SPEED_VERSION, registers.HIGH_SPEED_VERSION_BYTES)
 
 
 def push_request(on: bool) -> Request:
-    """Start or stop the stream."""
+    """Return the request to start or stop the stream."""
     return write_request(registers.HIGH_SPEED_PUSH, b"\x01" if on else b"\x00")
 
 
 def zero_request() -> Request:
-    """Take what all modules read now as zero."""
+    """Return the request to take the present readings of all modules as zero."""
     return Request(ZERO, registers.HIGH_SPEED_ZERO, 1, b"\x01")
 
 
@@ -187,7 +188,7 @@ def push_parser(lengths: Container[int]) -> Parser[Push]:
     """A `Parser` of pushes, for the host's end of the line while the stream runs.
 
     Args:
-        lengths: How many bytes of data a push can have; what claims another length is no frame.
+        lengths: Permitted numbers of data bytes in a push. A frame that claims another length is rejected.
     """
 
     def parse(buffer: bytes, at: int) -> tuple[int, Push] | Incomplete | Invalid:
@@ -214,7 +215,7 @@ parse_push: Parser[Push] = push_parser(range(LONGEST_PUSH + 1))
 
 
 def incoming_parser(lengths: Container[int]) -> Parser[Reply | Push]:
-    """A `Parser` of both, for the moments when the stream is being stopped.
+    """A `Parser` of replies and pushes, for the time while the stream is being stopped.
 
     Args:
         lengths: As for `push_parser`.
@@ -222,7 +223,7 @@ def incoming_parser(lengths: Container[int]) -> Parser[Reply | Push]:
     parse_push = push_parser(lengths)
 
     def parse(buffer: bytes, at: int) -> tuple[int, Reply | Push] | Incomplete | Invalid:
-        # the heads differ, so what may be the one is never the other, but for a head of one byte
+        # the heads differ in the second byte; a head of one byte is left to parse_reply
         return parse_push(buffer, at) if buffer[at : at + 2] == PUSH_HEAD else parse_reply(buffer, at)
 
     return parse
@@ -243,7 +244,7 @@ def _frame(head: bytes, function: int, register: int, count: int, data: bytes) -
 
 
 def _whole_frame(buffer: bytes, at: int, head: bytes) -> bytes | Incomplete | Invalid:
-    """The request or reply at `at` once it is whole; its header is judged as soon as it is there."""
+    """Return the request or reply at `at` once it is complete; the header is checked as soon as it has arrived."""
     header = buffer[at : at + _HEADER]
     if not (head + b"\x00").startswith(header[:3]):
         return NO_FRAME

@@ -1,15 +1,15 @@
-"""Bursts of magnetometers, as the boards of AnySkin, ReSkin and eFlesh stream them unasked. No I/O.
+"""Magnetometer bursts that the boards of AnySkin, ReSkin and eFlesh stream unprompted. No I/O.
 
-A burst is, for each chip in the order of the board's bus, four little-endian float32, temperature (degC) and flux x,
-y, z (uT), then CR LF: ``16 chips + 2`` bytes, 82 for five chips. A second sketch of the same authors prints the
-numbers as text with two decimals, one burst a line. Sources: the sketches ``5X_binary_burst_stream`` and
+A burst holds four little-endian float32 for each chip, in the order of the board's bus: temperature (degC) and flux x,
+y, z (uT). It ends with CR LF: ``16 chips + 2`` bytes, 82 for five chips. A second sketch by the same authors prints the
+numbers as text with two decimals, one burst per line. Sources: the sketches ``5X_binary_burst_stream`` and
 ``5X_burst_stream`` of github.com/raunaqbhirangi/anyskin; the MIT package ``anyskin`` 1.0.0 reads the former.
 
-There is **no head, no checksum and no counter**, and CR LF may occur inside floats. So a burst counts where CR LF
-stands before and behind it, exactly one burst apart, and each number is one that a chip can give. One that holds CR
-LF inside as well waits for the CR LF of the next one. What cannot be detected: a changed byte that leaves a number
-plausible, whole bursts that are lost. What is detected, at the cost of the burst it hits: lost bytes; where they take
-the CR or LF, the next burst goes too, as its beginning is not known. In text a lost digit makes another number.
+There is **no header, no checksum and no counter**, and CR LF may occur inside floats. A burst is therefore accepted
+only if CR LF precedes and ends it, exactly one burst apart, and if each number is one that a chip can give. If a burst
+also contains CR LF, the decoder waits for the CR LF of the next burst. Undetectable: a changed byte that leaves a
+number plausible, and the loss of whole bursts. Detected, at the cost of the affected burst: lost bytes. If the CR or LF
+is lost, the next burst is lost too, since its beginning is unknown. In text, a lost digit yields a different number.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ from paxisim.hw.framing import Decoder
 END = b"\r\n"
 BYTES_PER_CHIP = 16
 MOST_CHIPS = 16
-"""Magnetometers looked for where the number is not known."""
+"""Largest number of magnetometers to try if the number is unknown."""
 LEAST, MOST = 1e-6, 1e6
-"""What a temperature or flux is between, unless it is 0: a chip's steps are larger than a tenth of a microtesla, and
-its range ends below 0.1 T. Bytes read out of step soon give others."""
+"""Bounds on the absolute value of a nonzero temperature or flux. A chip's steps are larger than a tenth of a
+microtesla, and its range ends below 0.1 T; misaligned bytes soon give values outside these bounds."""
 _NUMBER = re.compile(rb"-?\d{1,7}\.\d\d")
-_LONGEST_NUMBER = 12  # characters of it and its separator
+_LONGEST_NUMBER = 12  # characters, including the separator
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,25 +38,29 @@ class Burst:
     """One reading of all chips.
 
     Attributes:
-        values: ``(chips, 4)`` float32: temperature (degC) and flux x, y, z (uT) of each.
+        values: ``(chips, 4)`` float32: temperature (degC) and flux x, y, z (uT) of each chip.
     """
 
     values: NDArray[np.float32]
 
     def encode(self) -> bytes:
-        """As the binary sketch sends it."""
+        """Encode the burst as the binary sketch sends it."""
         return np.ascontiguousarray(self.values, dtype="<f4").tobytes() + END
 
     def encode_text(self) -> bytes:
-        """As the text sketch prints it: without a tab between one chip's z and the next one's temperature."""
+        """Encode the burst as the text sketch prints it: no tab between a chip's z and the next chip's temperature."""
         return b"".join(b"\t".join(b"%.2f" % value for value in chip) for chip in self.values.tolist()) + END
 
 
 class BurstDecoder(Decoder[Burst]):
-    """A `Decoder` of binary bursts of a known number of chips."""
+    """A `Decoder` of binary bursts with a known number of chips."""
 
     def __init__(self, chips: int) -> None:
-        """Start with nothing, searching."""
+        """Start with an empty buffer, searching for the first burst.
+
+        Args:
+            chips: Number of chips in a burst.
+        """
         super().__init__()
         self._floats = BYTES_PER_CHIP * chips
         self._stride = self._floats + len(END)
@@ -84,7 +88,7 @@ class BurstDecoder(Decoder[Burst]):
             at = begin
 
     def _search(self, buffer: bytes, at: int) -> int:
-        """Where the first burst between two CR LF begins; negative, ``-1 - place``: none yet, keep from `place` on."""
+        """Return the start of the first burst between two CR LF, or ``-1 - place``: none yet, keep from `place` on."""
         place = buffer.find(END, at)
         while place >= 0:
             begin = place + len(END)
@@ -97,7 +101,7 @@ class BurstDecoder(Decoder[Burst]):
         return -1 - max(keep, at)
 
     def _read(self, buffer: bytes, begin: int) -> Burst | None:
-        """The burst that begins there, if it is whole, ends in CR LF and holds numbers that can be."""
+        """Return the burst at `begin` if it is complete, ends in CR LF and holds plausible numbers; otherwise None."""
         floats = buffer[begin : begin + self._floats]
         if buffer[begin + self._floats : begin + self._stride] != END:
             return None
@@ -105,7 +109,7 @@ class BurstDecoder(Decoder[Burst]):
         return Burst(values) if _plausible(values) else None
 
     def _stands(self, buffer: bytes, begin: int, silent: bool) -> bool | None:
-        """Whether it is one though CR LF may stand inside it; None: that needs the next one."""
+        """Whether the burst is valid, given that it may contain CR LF; None if the next burst is needed to tell."""
         if buffer.find(END, begin, begin + self._floats) < 0:
             return True
         behind = begin + 2 * self._stride
@@ -115,10 +119,17 @@ class BurstDecoder(Decoder[Burst]):
 
 
 class TextDecoder(Decoder[Burst]):
-    """A `Decoder` of bursts as lines of text, of a known number of chips. The first line may be cut and is left out."""
+    """A `Decoder` of bursts as lines of text, with a known number of chips.
+
+    The first line is ignored, since it may be cut off.
+    """
 
     def __init__(self, chips: int) -> None:
-        """Start with nothing."""
+        """Start with an empty buffer.
+
+        Args:
+            chips: Number of chips in a burst.
+        """
         super().__init__()
         self._chips = chips
         self._in_step = False

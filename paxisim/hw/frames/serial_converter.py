@@ -1,4 +1,4 @@
-"""Messages of the GEN3 serial converter, and of a GEN3 part on its own USB: one request, one reply.
+"""Messages of the GEN3 serial converter, and of a GEN3 part with its own USB connection: one reply per request. No I/O.
 
 ::
 
@@ -7,22 +7,22 @@
     offset    0       2      4    5    6    7         11     13
 
 Numbers are little-endian; L is the length of the frame less 5; the LRC covers everything before it. Function FB reads N
-bytes, 79 writes the N bytes of data. A reply repeats ID, FC, ADDR and N; that to a write has no data although N is what
-the request said (15 bytes).
+bytes, 79 writes the N bytes of data. A reply repeats ID, FC, ADDR and N. The reply to a write has no data although it
+repeats the request's N (15 bytes in total).
 
-How it fails, and what is done about it:
+Failures and how they are handled:
 
-- Status 01 comes with valid readings on real parts: 00 and 01 are both good. Replies with another status may lack data.
-- A damaged L could claim the following 64 kB. `reply_parser` takes the lengths that can be expected, and N must fit L,
-  so such a frame is given up as soon as its header is there.
-- Replies carry no sequence number: a late one looks like the answer to a repeated request. The board reads the line
-  empty after a repetition.
-- An 8-bit check lets one frame in 256 with changed bytes pass; header fields that must repeat the request lower that.
-  Lost bytes are another matter, see `FrameDecoder`.
-- Functions 7A and 78 replace the firmware. They are not built, not encoded and not recognised here.
+- Real parts send status 01 with valid readings, so 00 and 01 are both good. Replies with another status may lack data.
+- A damaged L could claim the following 64 kB. `reply_parser` takes the set of permitted lengths, and N must match L, so
+  such a frame is rejected as soon as its header has arrived.
+- Replies carry no sequence number, so a late one looks like the reply to a repeated request. The driver drains the line
+  after a repetition.
+- An 8-bit check byte lets one in 256 frames with changed bytes pass; header fields that must repeat the request reduce
+  this rate. For lost bytes, see `FrameDecoder`.
+- Functions 7A and 78 replace the firmware. This module neither encodes nor recognises them.
 
-The write acknowledgement and the lengths were observed on hardware by the author of a public driver; the data of other
-functions are from code and the vendor's example programs. This project tried nothing on a device.
+The write acknowledgement and the lengths were observed on hardware by the author of a public driver. The data of other
+functions come from code and the vendor's example programs. This project tested nothing on a device.
 """
 
 from __future__ import annotations
@@ -39,13 +39,13 @@ WRITE = 0x79
 REQUEST_HEAD = b"\x55\xaa"
 REPLY_HEAD = b"\xaa\x55"
 LONGEST_WRITE = 16
-"""Bytes that a request may write; the longest known write has 1."""
+"""Maximum number of bytes that a request may write; the longest known write has 1."""
 LONGEST_READ = 4096
-"""Bytes that a reply may bring where nobody says how many are expected; the largest part needs 747."""
+"""Maximum number of data bytes in a reply if the expected number is unknown; the largest part needs 747."""
 MOST_READ = 0xFFFF - 10
-"""Bytes that a reply can bring at all, with an L of 16 bits."""
+"""Maximum number of data bytes in any reply, given the 16 bits of L."""
 GOOD = (0, 1)
-"""Status bytes of replies whose data are valid."""
+"""Status bytes of replies with valid data."""
 
 ERRORS = {
     0x00: "ok",
@@ -63,20 +63,20 @@ _HEADER = 13
 
 
 def error_name(status: int) -> str:
-    """A status byte for people, e.g. ``"error 0x07 (no data)"``."""
+    """Return a readable name of a status byte, e.g. ``"error 0x07 (no data)"``."""
     return f"error 0x{status:02X} ({ERRORS.get(status, 'unknown')})"
 
 
 @dataclass(frozen=True)
 class Request:
-    """What the host asks of the sensor.
+    """A request from the host.
 
     Attributes:
         id: The sensor's id, its module number plus 1.
         function: `READ` or `WRITE`.
-        address: Of the first byte.
-        count: Bytes to read or write.
-        data: The bytes to write; empty when reading.
+        address: Address of the first byte.
+        count: Number of bytes to read or write.
+        data: The bytes to write; empty for a read.
     """
 
     id: int
@@ -86,11 +86,11 @@ class Request:
     data: bytes = b""
 
     def encode(self) -> bytes:
-        """The frame.
+        """Encode the frame.
 
         Raises:
-            InvalidValueError: Another function than reading and writing, above all a firmware update; a count that is
-                not that of the data; too much data.
+            InvalidValueError: The function is neither read nor write (above all a firmware update), the count does not
+                match the data, or there are too many data.
         """
         if self.function not in (READ, WRITE):
             raise InvalidValueError(
@@ -108,14 +108,14 @@ class Request:
 
 @dataclass(frozen=True)
 class Reply:
-    """What the sensor answers.
+    """A reply from the sensor.
 
     Attributes:
         id: As in the request.
         function: As in the request.
         address: As in the request.
-        count: As in the request, for a write as well, which brings no data.
-        status: 0 and 1 are good.
+        count: As in the request, even for a write, whose reply has no data.
+        status: Status byte; 0 and 1 mean success.
         data: The bytes read.
     """
 
@@ -127,37 +127,37 @@ class Reply:
     data: bytes = b""
 
     def encode(self) -> bytes:
-        """The frame."""
+        """Encode the frame."""
         return _frame(REPLY_HEAD, self, bytes([self.status]) + self.data)
 
     def answers(self, request: Request) -> bool:
-        """Whether id, function, address and count are those of `request`."""
+        """Whether id, function, address and count equal those of `request`."""
         mine = (self.id, self.function, self.address, self.count)
         return mine == (request.id, request.function, request.address, request.count)
 
 
 def read_request(id: int, address: int, count: int) -> Request:
-    """The request for `count` bytes from `address` on."""
+    """Return the request for `count` bytes from `address` on."""
     return Request(id, READ, address, count)
 
 
 def version_request(id: int) -> Request:
-    """The request for the version: 100 bytes of ASCII, ended by zeros."""
+    """Return the request for the version: 100 bytes of ASCII, terminated by zeros."""
     return read_request(id, CONVERTER_VERSION, CONVERTER_VERSION_BYTES)
 
 
 def zero_request(id: int) -> Request:
-    """The request to take what the sensor reads now as zero."""
+    """Return the request to take the sensor's present reading as zero."""
     return Request(id, WRITE, CONVERTER_ZERO, 1, b"\x01")
 
 
 def answer(request: Request, data: bytes = b"", status: int = 0) -> Reply:
-    """The reply to `request`; `data` are the bytes read."""
+    """Return the reply to `request`; `data` holds the bytes read."""
     return Reply(request.id, request.function, request.address, request.count, status, data)
 
 
 def parse_request(buffer: bytes, at: int) -> tuple[int, Request] | Incomplete | Invalid:
-    """The request at `at`, for `FrameDecoder`: the sensor's side."""
+    """A `Parser` of requests, for the sensor's end of the line."""
     frame = _whole_frame(buffer, at, REQUEST_HEAD, range(LONGEST_WRITE + 1), extra=0)
     if not isinstance(frame, bytes):
         return frame
@@ -165,11 +165,11 @@ def parse_request(buffer: bytes, at: int) -> tuple[int, Request] | Incomplete | 
 
 
 def reply_parser(lengths: Container[int]) -> Parser[Reply]:
-    """A parser of replies, for `FrameDecoder`.
+    """A `Parser` of replies, for the host's end of the line.
 
     Args:
-        lengths: How many bytes of data a reply can have; 0 is that of a reply to a write, or to a read that is refused.
-            What claims another length is no frame.
+        lengths: Permitted numbers of data bytes in a reply; 0 is for the reply to a write or to a refused read. A frame
+            that claims another length is rejected.
     """
 
     def parse(buffer: bytes, at: int) -> tuple[int, Reply] | Incomplete | Invalid:
@@ -197,21 +197,21 @@ def _frame(head: bytes, message: Request | Reply, body: bytes) -> bytes:
 
 
 def _fields(frame: bytes) -> tuple[int, int, int, int]:
-    """Id, function, address and count."""
+    """Return id, function, address and count."""
     return frame[4], frame[6], int.from_bytes(frame[7:11], "little"), int.from_bytes(frame[11:13], "little")
 
 
 def _whole_frame(
     buffer: bytes, at: int, head: bytes, lengths: Container[int], extra: int
 ) -> bytes | Incomplete | Invalid:
-    """The frame at `at` once it is whole; its header is judged as soon as it is there.
+    """Return the frame at `at` once it is complete; the header is checked as soon as it has arrived.
 
     Args:
-        buffer: The bytes at hand.
-        at: Where the frame would begin.
+        buffer: The bytes available.
+        at: Offset at which the frame would begin.
         head: Its first two bytes.
-        lengths: How many bytes of data it can have.
-        extra: Bytes between header and data: 1 in a reply.
+        lengths: Permitted numbers of data bytes.
+        extra: Number of bytes between header and data: 1 in a reply.
     """
     header = buffer[at : at + _HEADER]
     if header[:2] != head[: len(header)]:

@@ -1,4 +1,4 @@
-"""What the high-speed board streams: the data of a push, and which modules they are of. No I/O."""
+"""Layout of the data in the high-speed board's pushes, and the register of its active modules. No I/O."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from paxisim.hw import registers, taxels
 
 RESULTANT_BYTES = 6
 RESULTANTS, TAXELS = 1, 2
-"""Bits of the data type: what is streamed."""
+"""Bits of the data type, which selects what is streamed."""
 
 
 @dataclass(frozen=True)
 class StreamLayout:
-    """What the data of a push are: for each active module in ascending order its resultant, then its taxels.
+    """Layout of the data in a push: the resultant and then the taxels of each active module, in ascending order.
 
-    A resultant has 6 bytes, three little-endian numbers of which only the low byte counts; a taxel has 3.
+    A resultant has 6 bytes, three little-endian 16-bit numbers of which only the low byte is used; a taxel has 3 bytes.
 
     Attributes:
         modules: Numbers of the active modules, ascending.
-        taxels: How many taxels each of them has.
-        data_type: Which of the two parts are sent: `RESULTANTS` and `TAXELS`, added.
+        taxels: Number of taxels of each active module.
+        data_type: Which parts are sent: the sum of `RESULTANTS` and `TAXELS`, or one of them.
     """
 
     modules: tuple[int, ...]
@@ -33,19 +33,19 @@ class StreamLayout:
 
     @property
     def size(self) -> int:
-        """Bytes of data in every push."""
+        """Number of data bytes in every push."""
         return sum(sum(self._parts(count)) for count in self.taxels)
 
     def resultant_at(self, module: int) -> slice:
-        """Where the resultant of an active module stands; empty if none are sent."""
+        """Return the slice of an active module's resultant; empty if resultants are not sent."""
         return self._at(module)[0]
 
     def taxels_at(self, module: int) -> slice:
-        """Where the taxels of an active module stand; empty if none are sent."""
+        """Return the slice of an active module's taxels; empty if taxels are not sent."""
         return self._at(module)[1]
 
     def encode(self, resultants: Sequence[NDArray[np.int16]], readings: Sequence[NDArray[np.int16]]) -> bytes:
-        """The data of a push.
+        """Encode the data of a push.
 
         Args:
             resultants: ``(3,)`` counts of each active module.
@@ -60,7 +60,7 @@ class StreamLayout:
         return b"".join(parts)
 
     def _parts(self, count: int) -> tuple[int, int]:
-        """Bytes of a module's resultant and of its `count` taxels."""
+        """Return the number of bytes of a module's resultant and of its `count` taxels."""
         return (
             RESULTANT_BYTES if self.data_type & RESULTANTS else 0,
             taxels.BYTES_PER_TAXEL * count if self.data_type & TAXELS else 0,
@@ -74,11 +74,11 @@ class StreamLayout:
 
 
 def active_modules(bitmap: bytes) -> tuple[int, ...]:
-    """Numbers of the active modules from the bytes of the register."""
+    """Return the numbers of the active modules, given the bytes of the register."""
     bits = int.from_bytes(bitmap, "little")
     return tuple(module for module in range(registers.HIGH_SPEED_MODULES) if bits >> module & 1)
 
 
 def active_bitmap(modules: Sequence[int]) -> bytes:
-    """The bytes of the register from the numbers of the active modules."""
+    """Return the bytes of the register, given the numbers of the active modules."""
     return sum(1 << module for module in set(modules)).to_bytes(registers.HIGH_SPEED_ACTIVE_BYTES, "little")

@@ -1,16 +1,17 @@
-"""Messages of XELA's server, which owns the sensors' bus and streams their taxels as JSON over a WebSocket. No I/O.
+"""Messages of XELA's server, which reads the sensor bus and streams the taxels as JSON over a WebSocket. No I/O.
 
-One message is one text, here a line. The first says ``{"message": "Welcome"}``. Each further one is a reading::
+Each message is one WebSocket text, represented here as a line. The first is ``{"message": "Welcome"}``; every further
+one is a reading::
 
     {"message": 17, "type": "routine",
      "1": {"time": 1700000000.0, "sensor": "1", "model": "uSPa44", "taxels": 16,
            "data": "7F10,7C20,8A00,...", "calibrated": [0.01, -0.02, 0.3, ...]},
      "2": {...}}
 
-A key of digits is a sensor. ``data`` holds x, y, z of each taxel as hexadecimal counts, row by row from the top left;
-``calibrated`` the same as numbers, only of some models and where the server's settings say so. Sources: the ROS
-packages of the vendor, github.com/mcsix/xela_server_ros2 (MIT). TCP carries the messages, so none is lost or damaged on
-the way; what is not such a message is left out.
+A key of digits denotes a sensor. ``data`` holds x, y, z of each taxel as hexadecimal counts, row by row from the top
+left. ``calibrated`` holds calibrated values in the same order, for some models and only if enabled in the server's
+settings. Source: the vendor's ROS packages, github.com/mcsix/xela_server_ros2 (MIT). TCP carries the messages, so none
+is lost or damaged in transit; anything that is not such a message is skipped.
 """
 
 from __future__ import annotations
@@ -28,19 +29,19 @@ from paxisim.hw.framing import Decoder
 END = b"\n"
 WELCOME = b'{"message": "Welcome"}' + END
 MIDDLE = 2**15
-"""Middle of the counts' 16 bits; public examples show about 32,000 at rest."""
+"""Middle of the 16-bit range of counts; public examples show about 32,000 at rest."""
 LONGEST = 2**18
-"""Bytes of a message at most; one of a hundred sensors of 16 taxels has 25,000."""
+"""Maximum number of bytes in a message; a message with a hundred sensors of 16 taxels has 25,000."""
 
 
 @dataclass(frozen=True, eq=False)
 class SensorReading:
-    """One sensor in one message.
+    """Reading of one sensor in one message.
 
     Attributes:
-        model: As the server names it, e.g. ``"uSPa44"``.
-        counts: ``(N, 3)`` float32, raw counts x, y, z of each taxel, whole numbers about `MIDDLE`.
-        forces: ``(N, 3)`` float32, what the server makes of them; None where it does not.
+        model: Model name that the server reports, e.g. ``"uSPa44"``.
+        counts: ``(N, 3)`` float32, raw counts x, y, z of each taxel; integers around `MIDDLE`.
+        forces: ``(N, 3)`` float32, the server's calibrated values; None if it sends none.
     """
 
     model: str
@@ -58,18 +59,18 @@ class Routine:
     """One message with readings.
 
     Attributes:
-        number: Counts the messages of the server.
-        sensors: The readings by the sensor's number.
+        number: The server's message counter.
+        sensors: Readings by sensor number.
     """
 
     number: int
     sensors: Mapping[int, SensorReading]
 
     def encode(self, time: float) -> bytes:
-        """As the server sends it, in a line.
+        """Encode the message as the server sends it, followed by a newline.
 
         Args:
-            time: What the sensors say of when they were read (s, Unix).
+            time: Timestamp of all sensors' readings (s, Unix).
         """
         message: dict[str, Any] = {"message": self.number, "type": "routine"}
         for number, reading in self.sensors.items():
@@ -86,7 +87,7 @@ class Routine:
 
 
 class RoutineDecoder(Decoder[Routine]):
-    """A `Decoder` of lines of which each is a message. Welcomes are passed over; other lines count as skipped."""
+    """A `Decoder` of lines with one message each. Ignores welcomes; counts lines that are not messages as skipped."""
 
     def _next(self, buffer: bytes, at: int, silent: bool) -> tuple[int, int, Routine | None]:
         begin = at
@@ -100,17 +101,17 @@ class RoutineDecoder(Decoder[Routine]):
                 begin = end
         if len(buffer) - at > LONGEST:
             return len(buffer), len(buffer), None
-        # a welcome goes with the message behind it
+        # the bytes of a welcome are attributed to the message after it
         return begin, begin, None
 
 
 def says_no_reading(line: bytes) -> bool:
-    """Whether a line is a message of the server that holds words alone, as its welcome does."""
+    """Whether a line is a message of the server that holds only a word, such as its welcome."""
     return isinstance(_parse(line), str)
 
 
 def _parse(line: bytes) -> Routine | str | None:
-    """The readings, the word of a message without any, or None: it is no message."""
+    """Return the readings, the word of a message without readings, or None if the line is not a message."""
     try:
         message = orjson.loads(line)
     except orjson.JSONDecodeError:
@@ -124,12 +125,12 @@ def _parse(line: bytes) -> Routine | str | None:
         return None
     readings = {key: _sensor(value) for key, value in message.items() if key.isdecimal() and len(key) < 6}
     sensors = {int(key): reading for key, reading in readings.items() if reading is not None}
-    # readings of which none can be read are those of something else
+    # if none of the readings can be parsed, the message comes from something else
     return Routine(number, sensors) if sensors or not readings else None
 
 
 def _sensor(value: Any) -> SensorReading | None:
-    """One sensor's reading; None: it is none, or its numbers do not fit one another."""
+    """Return one sensor's reading; None if the value is not a reading or its numbers are inconsistent."""
     if not isinstance(value, dict):
         return None
     taxels, data, model = value.get("taxels"), value.get("data"), value.get("model", "")
@@ -145,7 +146,7 @@ def _sensor(value: Any) -> SensorReading | None:
 
 
 def _forces(values: Any, taxels: int) -> NDArray[np.float32] | None:
-    """``(N, 3)`` calibrated values; None where there are none, or not as many numbers as there must be."""
+    """Return the ``(N, 3)`` calibrated values; None if they are missing, invalid or of the wrong number."""
     if not isinstance(values, list) or len(values) != 3 * taxels:
         return None
     if not all(isinstance(value, (int, float)) and abs(value) < 1e6 for value in values):

@@ -1,4 +1,4 @@
-"""Recordings with known truth: one effect, several, none, or one that is outside the vocabulary."""
+"""Recordings with known truth: one effect, several, none, or one outside the vocabulary of causes."""
 
 from dataclasses import dataclass, field
 from zlib import crc32
@@ -12,21 +12,25 @@ from hidden.exam.world import RATE, World
 
 SHAPES = ((4, 4), (6, 5), (12, 10), (1, 15))
 VISIBLE = {"effect": 0.02, "outsider": 0.3}
-"""The least signal; what would show less is drawn again."""
+"""Minimum signal; weaker draws are repeated."""
 ATTEMPTS = 6
 
 
 @dataclass
 class Case:
-    """A recording, and what is hidden in it.
+    """A recording and its hidden causes.
 
     Attributes:
-        time: (T,) s. measured, simulated: (T, pads, 3, rows, cols) N. covariates: (T,) by name. episode: (T,).
-        pitch: (row, column) m.
-        causes: names of what was hidden, in the order of the chain. truth: their figures.
-        signal: energy of what the effects change in the measured reading, over the energy of the noise.
-        signals: by cause, the same of what it changes beside the others.
-        ideal: (T, pads, 3, rows, cols) N, what the effects themselves make of the simulation, or None.
+        time: (T,) timestamps, s.
+        measured, simulated: (T, pads, 3, rows, cols) forces, N.
+        covariates: (T,) values by name.
+        episode: (T,) episode numbers.
+        pitch: (row, column) pitch, m.
+        causes: names of the hidden causes, in the order of the chain.
+        truth: true parameters by cause.
+        signal: energy of the effects' changes to the reading over the energy of the noise.
+        signals: the same by cause, for the change that it adds to the other effects.
+        ideal: (T, pads, 3, rows, cols) N, the simulation with the true effects applied, or None.
     """
 
     time: np.ndarray
@@ -45,17 +49,18 @@ class Case:
 
 def make(causes=(), *, seed, strength=None, ideal=False, shape=None, pads=None, rho=None, strong_noise=False,
          coarse=False):  # fmt: skip
-    """A recording in which `causes` are hidden.
+    """Make a recording with hidden causes.
 
     Args:
         causes: names of EFFECTS or OUTSIDERS.
-        seed: the recording, bit for bit.
-        strength: 0 to 1 for all causes; default: drawn for each, and again where a cause could not be seen.
-        ideal: whether to keep what the effects make of the simulation; outsiders have none.
-        shape: (rows, cols); default: drawn. pads: default: drawn.
+        seed: random seed; it determines the recording bit for bit.
+        strength: 0 to 1 for all causes; default: drawn for each, and redrawn if a cause is not visible.
+        ideal: whether to store the simulation with the true effects applied; not available for outsiders.
+        shape: (rows, cols); default: drawn.
+        pads: number of pads; default: drawn.
         rho: correlation of the noise; default: drawn.
-        strong_noise: five times the noise.
-        coarse: rounding to whole 0.1 N in any case; else half of the sensors round finer.
+        strong_noise: whether the noise is five times stronger.
+        coarse: whether readings are always rounded to 0.1 N; otherwise half of the sensors round more finely.
     """
     known = {**EFFECTS, **OUTSIDERS}
     unknown = set(causes) - set(known)
@@ -72,7 +77,7 @@ def make(causes=(), *, seed, strength=None, ideal=False, shape=None, pads=None, 
 
 
 def _once(order, seed, attempt, strength, ideal, shape, pads, options):
-    """One draw."""
+    """Make one attempt at a recording."""
 
     def source(name):
         return np.random.default_rng([seed, attempt, crc32(name.encode())])
@@ -123,7 +128,7 @@ def _once(order, seed, attempt, strength, ideal, shape, pads, options):
 
 
 def _changed(chain, force):
-    """What the effects of the fine clock make of `force`."""
+    """Apply the effects that act on the fine clock to `force`."""
     for effect in chain:
         if not effect.on_frames:
             force = effect.apply(force)
@@ -131,7 +136,7 @@ def _changed(chain, force):
 
 
 def _read(chain, frames, step=None):
-    """What the sensor says: rounded to its own step, through the effects on frames, within its range."""
+    """Return the sensor's reading: rounded to its own step, after effects on frames, clipped to its range."""
     out = np.round(frames / step) * step if step else frames
     for effect in chain:
         if effect.on_frames:
@@ -140,11 +145,11 @@ def _read(chain, frames, step=None):
 
 
 def _recorded(source, order, shape, pads, options):
-    """A sensor and its motions: the world, its flaws, its frames, and the forces that are and that are simulated."""
+    """Draw a sensor and its motions: the world, flaws and frames, and the true and simulated forces."""
     rng = source("sensor")
     drawn = SHAPES[int(rng.choice(len(SHAPES), p=[0.35, 0.4, 0.1, 0.15]))]
     rows, cols = shape or drawn
-    two = 1 + int(rng.random() < 0.5 and rows * cols < 100)  # a large pad alone, for its time
+    two = 1 + int(rng.random() < 0.5 and rows * cols < 100)  # only one large pad, to save time
     pads = pads or (2 if set(order) & set(NEEDS_TWO_PADS) else two)
     pitch = (float(rng.uniform(3e-3, 5e-3)), float(rng.uniform(3e-3, 5e-3)))
     where = contact.positions(rows, cols, pitch)
@@ -169,7 +174,7 @@ def _recorded(source, order, shape, pads, options):
 
 
 def _temperature(rng, start, steps, order):
-    """(episodes, steps) degC: the room, and in a fifth of the recordings a sensor that warms up by degrees."""
+    """Draw the temperature (episodes, steps), degC: nearly constant, or changing by several degrees in a fifth."""
     clock = start[:, None] + np.arange(steps) / RATE
     warm = rng.random() < 0.2 or "drift" in order or bool(set(order) & set(NEEDS_WARMTH))
     rise = rng.uniform(2, 8) * rng.choice([-1, 1], p=[0.2, 0.8])

@@ -1,4 +1,4 @@
-"""How an object spreads its force over the taxels."""
+"""Distribution of an object's force over the taxels."""
 
 from dataclasses import dataclass
 
@@ -10,11 +10,14 @@ INDENTERS = ("cylinder", "ellipsoid", "ring", "flat")
 
 @dataclass
 class Indenter:
-    """An object.
+    """An object that presses on the pads.
 
     Attributes:
-        kind: one of INDENTERS. angle: rad about z. size: (2,) half lengths in mean pitches. tilt: (2,) share a pitch.
-        growth: exponent with which the contact grows with the force.
+        kind: one of INDENTERS.
+        angle: rotation about z, rad.
+        size: (2,) half lengths, in mean pitches.
+        tilt: (2,) relative change of the pressure per pitch.
+        growth: exponent of the contact size as a function of the force.
     """
 
     kind: str
@@ -25,7 +28,7 @@ class Indenter:
 
 
 def draw(rng):
-    """An object at random."""
+    """Draw an object."""
     kind = str(rng.choice(INDENTERS))
     low, high = {"cylinder": (0.6, 2.6), "ellipsoid": (0.9, 2.0), "ring": (1.0, 1.8), "flat": (0.9, 2.2)}[kind]
     return Indenter(kind, rng.uniform(0, np.pi), rng.uniform(low, high, 2), rng.uniform(-0.3, 0.3, 2),
@@ -33,18 +36,19 @@ def draw(rng):
 
 
 def positions(rows, cols, pitch):
-    """(taxels, 2) m, x to the right and y down, about the middle."""
+    """Return taxel positions (taxels, 2), m, x to the right and y down, relative to the middle."""
     y, x = np.meshgrid((np.arange(rows) - (rows - 1) / 2) * pitch[0], (np.arange(cols) - (cols - 1) / 2) * pitch[1],
                        indexing="ij")  # fmt: skip
     return np.stack([x.ravel(), y.ravel()], 1)
 
 
 def pressure(indenter, apart, grown):
-    """Shares of the force, not yet of sum one.
+    """Return the unnormalised share of the force on each taxel.
 
     Args:
         indenter: the object.
-        apart: (..., taxels, 2) from its middle, in mean pitches. grown: (..., 1), by how much the contact has grown.
+        apart: (..., taxels, 2) offsets from the object's middle, in mean pitches.
+        grown: (..., 1) relative size of the contact.
     """
     c, s = np.cos(indenter.angle), np.sin(indenter.angle)
     u = (c * apart[..., 0] + s * apart[..., 1]) / grown
@@ -62,12 +66,14 @@ def pressure(indenter, apart, grown):
 
 
 def field(moves, indenters, where, pitch, shift=(0.0, 0.0)):
-    """(episodes, steps, pads, 3, taxels) N.
+    """Return the forces (episodes, steps, pads, 3, taxels), N.
 
     Args:
-        moves: the episodes. indenters: one for each.
-        where: (taxels, 2) m. pitch: (row, column) m.
-        shift: m, by how much the contact lies beside its place.
+        moves: the episodes.
+        indenters: one object per episode.
+        where: (taxels, 2) taxel positions, m.
+        pitch: (row, column) pitch, m.
+        shift: offset of the contact, m.
     """
     steps, pads = max(len(move.normal) for move in moves), moves[0].normal.shape[1]
     out = np.zeros((len(moves), steps, pads, 3, len(where)))

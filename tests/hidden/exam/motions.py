@@ -1,4 +1,4 @@
-"""What the gripper does: one episode of each kind, free at the beginning and at the end."""
+"""Motions of the gripper: episodes of several kinds, without contact at the beginning and at the end."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from scipy.signal import butter, sosfiltfilt
 from hidden.exam.world import RATE
 
 TRAVEL = 0.04
-"""m, the gripper's travel."""
+"""Travel of the gripper, m."""
 
 
 @dataclass
@@ -16,9 +16,11 @@ class Move:
     """One episode on the fine clock.
 
     Attributes:
-        normal: (steps, pads) N a pad. shear: (steps, pads, 2) N. twist: (steps, pads), share of the normal force
-            that goes around the middle of the contact.
-        centre: (steps, pads, 2), -1 to 1 from edge to edge. opening: (steps,) m.
+        normal: (steps, pads) normal force per pad, N.
+        shear: (steps, pads, 2) shear force per pad, N.
+        twist: (steps, pads) shear around the middle of the contact, as a share of the normal force.
+        centre: (steps, pads, 2) middle of the contact, -1 to 1 from edge to edge.
+        opening: (steps,) gripper opening, m.
     """
 
     normal: np.ndarray
@@ -30,7 +32,7 @@ class Move:
 
 @dataclass
 class Plan:
-    """What a kind of motion draws; forces are shares, of the peak and of the friction limit."""
+    """A drawn motion, with forces relative to the peak and to the friction limit."""
 
     normal: np.ndarray
     shear: np.ndarray | None = None
@@ -39,7 +41,7 @@ class Plan:
 
 
 def path(time, knots, values):
-    """Minimum-jerk moves from value to value, at rest at each knot."""
+    """Return minimum-jerk moves from value to value, at rest at each knot."""
     knots, values = np.asarray(knots, float), np.asarray(values, float)
     i = np.clip(np.searchsorted(knots, time, side="right") - 1, 0, len(knots) - 2)
     u = np.clip((time - knots[i]) / np.maximum(knots[i + 1] - knots[i], 1e-9), 0, 1)
@@ -50,17 +52,17 @@ def path(time, knots, values):
 
 
 def window(rng, time):
-    """First and last moment of contact."""
+    """Draw the first and last moment of contact."""
     return rng.uniform(0.4, 0.8), time[-1] - rng.uniform(0.5, 0.8)
 
 
 def held(time, begin, end, rise=0.4):
-    """Contact from `begin` to `end`."""
+    """Return a contact from `begin` to `end`."""
     return path(time, [0, begin, begin + rise, end - rise, end, time[-1] + 1], [0, 0, 1, 1, 0, 0])
 
 
 def sweep(rng, time):
-    """A sinusoid of force whose frequency rises."""
+    """Sinusoidal force with rising frequency."""
     begin, end = window(rng, time)
     u = np.clip((time - begin) / (end - begin), 0, 1)
     low, high = rng.uniform(0.2, 0.5), rng.uniform(1.5, 3.5)
@@ -84,7 +86,7 @@ def presses(rng, time):
 
 
 def rocking(rng, time):
-    """A held peg whose centre of pressure moves about."""
+    """A held peg with a moving centre of pressure."""
     begin, end = window(rng, time)
     hold = held(time, begin, end)
     f = rng.uniform(0.3, 1.2, 2)
@@ -102,7 +104,7 @@ def slides(rng, time):
     speed = np.gradient(centre, axis=0) * RATE
     fast = np.linalg.norm(speed, axis=1)
     way = np.cumsum(fast) / RATE
-    tooth = (way / rng.uniform(0.08, 0.25)) % 1  # drags along, then slips in the last tenth of each length
+    tooth = (way / rng.uniform(0.08, 0.25)) % 1  # sticks, then slips in the last tenth of each length
     rub = np.where(tooth < 0.9, 0.6 + 0.4 * tooth / 0.9, 1 - 4 * (tooth - 0.9))
     direction = speed / np.maximum(fast, 1e-6)[:, None]
     moving = fast / (fast + 0.05)
@@ -147,7 +149,7 @@ def wander(rng, time):
 
 
 def drags(rng, time):
-    """A firm grip that is pulled along one axis, then along the other, and twisted, without slip."""
+    """A firm grip pulled along one axis, then along the other, and twisted, without slip."""
     begin, end = window(rng, time)
     knots = np.linspace(begin + 0.4, end - 0.4, 9)
     a, b, c = rng.uniform(0.5, 0.9, 3) * rng.choice([-1, 1], 3)
@@ -161,7 +163,7 @@ CONTACT = {f.__name__: f for f in (sweep, presses, rocking, slides, taps, stairc
 
 
 def gripper(rng, time, whole):
-    """Opening and closing without contact, over the whole travel or a part; m."""
+    """Return the opening (m) over time, without contact, over the whole travel or a part of it."""
     stops = [0, TRAVEL, rng.uniform(0, TRAVEL)] if whole else list(rng.uniform(0, TRAVEL, 4))
     stops = stops[::-1] if rng.random() < 0.5 else stops
     knots = np.linspace(rng.uniform(0.3, 0.8), time[-1] - 0.4, 2 * len(stops) - 1)
@@ -169,10 +171,10 @@ def gripper(rng, time, whole):
 
 
 def draw(rng, pads):
-    """The episodes of a recording: all kinds of contact there is room for, and the free gripper.
+    """Draw the episodes of a recording: as many kinds of contact as fit, and the free gripper.
 
     Returns:
-        kinds, moves and (episodes,) s, where each begins.
+        The kinds, the moves, and the (episodes,) start times, s.
     """
     count = int(rng.integers(8, 13))
     free = int(rng.integers(2, 4))
@@ -190,7 +192,7 @@ def draw(rng, pads):
 
 
 def episode(rng, kind, time, pads, whole):
-    """One episode of a kind."""
+    """Draw one episode of a kind."""
     steps = len(time)
     if kind == "gripper":
         nothing = np.zeros((steps, pads, 2))
@@ -207,7 +209,7 @@ def episode(rng, kind, time, pads, whole):
     share[1:] = rng.uniform(0.5, 1, pads - 1)
     share = rng.permutation(share)
     mirror = np.ones((pads, 2))
-    mirror[1:, 0] = -1  # the second pad looks at the first
+    mirror[1:, 0] = -1  # the second pad faces the first
     middle = rng.uniform(-0.6, 0.6, 2) * (0.5 if plan.centre is not None else 1) + rng.uniform(-0.25, 0.25, (pads, 2))
     normal = peak * plan.normal[:, None] * share
     return Move(

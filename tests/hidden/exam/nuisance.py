@@ -1,4 +1,4 @@
-"""What is wrong with every sensor: noise, its clock, its range, and tolerances."""
+"""Imperfections of every sensor: noise, clock, range and tolerances."""
 
 from dataclasses import dataclass
 
@@ -13,12 +13,17 @@ RANGE = (-12.8, 25.5)
 
 @dataclass
 class Nuisance:
-    """One sensor's imperfections.
+    """Imperfections of one sensor.
 
     Attributes:
-        rate: frames a second. step: N, what readings are rounded to. average: s over which a frame is averaged.
-        sigma: (pads, 3, taxels) N, of the noise. coloured: share of its energy that is correlated; rho: how much.
-        gain: (pads, 3, taxels) about 1. shift: (2,) m, of the simulated contact.
+        rate: frames per second.
+        step: rounding step of the readings, N.
+        average: averaging time of a frame, s.
+        sigma: (pads, 3, taxels) standard deviation of the noise, N.
+        coloured: share of the noise energy that is correlated.
+        rho: correlation of that noise from frame to frame.
+        gain: (pads, 3, taxels) gains close to 1.
+        shift: (2,) offset of the simulated contact, m.
     """
 
     rate: float
@@ -32,7 +37,7 @@ class Nuisance:
 
 
 def draw(rng, channels, *, coarse, rho, strong_noise):
-    """A sensor's imperfections at random."""
+    """Draw the imperfections of a sensor."""
     rate = float(rng.choice(RATES))
     step = 0.1 if rng.random() < 0.5 else 0.01
     average = rng.uniform(0.001, 0.005) if rng.random() < 0.4 else 0.0
@@ -46,10 +51,12 @@ def draw(rng, channels, *, coarse, rho, strong_noise):
 
 @dataclass
 class Frames:
-    """When frames are taken.
+    """Times of the frames.
 
     Attributes:
-        episode: (frames,). stamp: (frames,) s since the episode began, as written down. taken: s, as it was.
+        episode: (frames,) episode numbers.
+        stamp: (frames,) recorded times since the start of the episode, s.
+        taken: (frames,) true times since the start of the episode, s.
     """
 
     episode: np.ndarray
@@ -57,7 +64,7 @@ class Frames:
     taken: np.ndarray
 
     def of(self, force, average=0.0, exact=False):
-        """Frames of `force` (episodes, steps, ...), straight between the steps."""
+        """Return the frames of `force` (episodes, steps, ...), interpolated linearly between steps."""
         if average:
             moments = [self.taken - part * average for part in (1 / 6, 1 / 2, 5 / 6)]
             return sum(self._at(force, moment) for moment in moments) / 3
@@ -72,7 +79,7 @@ class Frames:
 
 
 def frames(rng, nuisance, lengths):
-    """Frames of episodes that last `lengths` s: each is taken up to 2 ms beside its stamp."""
+    """Draw the frames of episodes of `lengths` s, each taken up to 2 ms before or after its stamp."""
     stamps = [rng.uniform(0, 1 / nuisance.rate) + np.arange(int((s - 0.05) * nuisance.rate)) / nuisance.rate
               for s in lengths]  # fmt: skip
     episode = np.repeat(np.arange(len(stamps)), [len(s) for s in stamps])
@@ -81,7 +88,7 @@ def frames(rng, nuisance, lengths):
 
 
 def noise(rng, nuisance, episode):
-    """(frames, pads, 3, taxels) N: white, and from frame to frame correlated; each episode begins anew."""
+    """Draw noise (frames, pads, 3, taxels), N: a white part and a correlated part that restarts with each episode."""
     shape = (len(episode), *nuisance.sigma.shape)
     slow = rng.normal(size=shape)
     rho = nuisance.rho
@@ -94,7 +101,7 @@ def noise(rng, nuisance, episode):
 
 
 def in_range(reading):
-    """What the sensor can say: normal forces are never negative."""
+    """Clip readings to the sensor's range; normal forces are never negative."""
     out = np.clip(reading, *RANGE)
     np.maximum(out[..., 2, :], 0, out=out[..., 2, :])
     return out

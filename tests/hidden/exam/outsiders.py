@@ -1,4 +1,4 @@
-"""Effects that no name of the vocabulary fits, each clearly visible."""
+"""Effects outside the vocabulary of causes, each clearly visible."""
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
@@ -10,7 +10,7 @@ NEEDS_WARMTH = ("warm_gain",)
 
 
 def warm_gain(rng, world, strength):
-    """A gain that follows the temperature: 10 to 30 % over what the recording spans."""
+    """A gain that depends on the temperature, by 10 to 30 % over the range of the recording."""
     share = size(strength, 0.1, 0.3) * rng.choice([-1, 1])
     t = world.temperature
     gain = 1 + share * (t - t[0, 0]) / np.abs(t - t[0, 0]).max()
@@ -18,7 +18,7 @@ def warm_gain(rng, world, strength):
 
 
 def other_pad(rng, world, strength):
-    """The force of one pad that appears on the other: 5 to 20 %."""
+    """Crosstalk from one pad to the other, 5 to 20 %."""
     share = size(strength, 0.05, 0.2)
     giver = int(rng.integers(2))
 
@@ -31,7 +31,7 @@ def other_pad(rng, world, strength):
 
 
 def speed_gain(rng, world, strength):
-    """A gain that depends on how fast the force of the taxel changes: up to 15 to 45 %."""
+    """A gain that depends on the rate of change of the taxel's force, by up to 15 to 45 %."""
     share = size(strength, 0.15, 0.45) * rng.choice([-1, 1])
     fast = rng.uniform(1, 3) * world.peak[2]
 
@@ -43,7 +43,7 @@ def speed_gain(rng, world, strength):
 
 
 def wear(rng, world, strength):
-    """A gain that falls with all the load a pad has carried: by 15 to 40 % until the end."""
+    """A gain that falls with the cumulative load of a pad, by 15 to 40 % by the end."""
     share = size(strength, 0.15, 0.4)
 
     def apply(force):
@@ -56,7 +56,7 @@ def wear(rng, world, strength):
 
 
 def softening(rng, world, strength):
-    """A taxel is softer below the largest load it has seen: 40 to 75 % at small forces. Each pause heals a part."""
+    """A taxel that is softer below its largest past load, 40 to 75 % at small forces. Each pause recovers a part."""
     share, keeps = size(strength, 0.4, 0.75), rng.uniform(0.2, 0.7)
 
     def apply(force):
@@ -72,7 +72,7 @@ def softening(rng, world, strength):
 
 
 def loose_row(rng, world, strength):
-    """A row, or a column of a sensor that has only one, whose contact comes and goes: 5 to 30 % of the time away."""
+    """A row with an intermittent connection, lost 5 to 30 % of the time; a column if the sensor has one row only."""
     away = size(strength, 0.05, 0.3)
     load = world.load.reshape(world.pads, world.rows, world.cols)
     lines = load.sum(axis=2) if world.rows > 1 else load[:, 0]
@@ -94,7 +94,7 @@ def loose_row(rng, world, strength):
 
 
 def held_pad(rng, world, strength):
-    """One pad that stands still for 0.1 to 0.6 s now and then, while the other goes on."""
+    """One pad that occasionally freezes for 0.1 to 0.6 s while the other goes on."""
     often = size(strength, 0.4, 1.5)
     pad = int(rng.integers(2))
     shape = world.opening.shape
@@ -113,7 +113,7 @@ def held_pad(rng, world, strength):
 
 
 def auto_zero(rng, world, strength):
-    """A sensor that takes a steady reading for its zero, within 15 down to 3 s."""
+    """A sensor that adapts its zero to steady readings, with a time constant of 15 down to 3 s."""
     tau = size(strength, 15, 3)
     steady = rng.uniform(0.1, 0.3) * world.peak[2]
 
@@ -130,7 +130,7 @@ def auto_zero(rng, world, strength):
 
 
 def mains(rng, world, strength):
-    """Hum of the mains with its third harmonic: 0.5 to 2 counts."""
+    """Mains hum with its third harmonic, 0.5 to 2 counts."""
     height = size(strength, 0.05, 0.2)
     frequency = float(rng.choice([50.0, 60.0])) + rng.uniform(-0.1, 0.1)
     each = rng.uniform(0.5, 1.5, world.channels) * rng.choice([-1, 1], world.channels)
@@ -140,7 +140,7 @@ def mains(rng, world, strength):
 
 
 def product(rng, world, strength):
-    """Shear that turns as the normal force grows, and a normal force from both shears: 60 to 150 % at the peak."""
+    """Shear that rotates with the normal force, and a normal force from both shears, 60 to 150 % at the peak."""
     share = size(strength, 0.6, 1.5) * rng.choice([-1, 1])
 
     def apply(force):
@@ -155,7 +155,7 @@ def product(rng, world, strength):
 
 
 def swapped_packets(rng, world, strength):
-    """Packets that arrive in the wrong order: 4 to 25 % of them change places with one two or three frames on."""
+    """Packets in the wrong order: 4 to 25 % of them swap places with a packet two or three frames later."""
     share = size(strength, 0.04, 0.25)
     frames = world.frames
     order = np.arange(len(frames))
@@ -168,7 +168,7 @@ def swapped_packets(rng, world, strength):
 
 
 def ranges(rng, world, strength):
-    """A sensor with two ranges that differ in gain by 8 to 25 %; a smoothed reading of the pad switches them."""
+    """A sensor with two ranges that differ in gain by 8 to 25 %, switched by a smoothed reading of the pad."""
     share = size(strength, 0.08, 0.25) * rng.choice([-1, 1])
     level = rng.uniform(0.3, 0.5)
 
@@ -185,4 +185,4 @@ OUTSIDERS = {
     for f in (warm_gain, other_pad, speed_gain, wear, softening, loose_row, held_pad, auto_zero, mains, product,
               swapped_packets, ranges)
 }  # fmt: skip
-"""By name: (rng, world, strength) -> Effect."""
+"""Effects by name: (rng, world, strength) -> Effect."""

@@ -9,11 +9,11 @@ from hidden.exam.effects import EFFECTS
 from hidden.exam.outsiders import OUTSIDERS
 
 UNFAIR = (
-    {"stiffening", "saturation"},  # two bent curves
-    {"axis_coupling", "rotation"},  # two matrices of axes
+    {"stiffening", "saturation"},  # two nonlinear curves
+    {"axis_coupling", "rotation"},  # two matrices that mix axes
     {"dead_band", "quantisation"},  # the coarse step hides the band
 )
-"""Pairs whose two causes do nearly the same."""
+"""Pairs of causes with nearly the same effect."""
 
 NULLS = ({}, {"rho": 0.95}, {"coarse": True})
 
@@ -30,9 +30,9 @@ class Task:
 
 
 def tasks(singles, pairs, nulls, outsiders, seed):
-    """That many questions of each kind; the same for the same arguments.
+    """Return the given number of questions of each kind; the same arguments give the same questions.
 
-    Seeds differ between questions, and a question's seed does not depend on how many others there are.
+    Seeds differ between questions, and a question's seed does not depend on the number of other questions.
     """
     fair = [pair for pair in combinations(EFFECTS, 2) if set(pair) not in UNFAIR]
     rng = np.random.default_rng([seed, 0])

@@ -1,4 +1,4 @@
-"""The generator of the exam: what it imports, that it repeats, and that its effects can be seen."""
+"""The generator of the exam: its imports, reproducibility, and the visibility of its effects."""
 
 import ast
 import sys
@@ -73,7 +73,7 @@ def test_drawn_single_is_visible(name):
     assert set(case.truth) == {name}
     assert np.isfinite(case.measured).all()
     assert np.isfinite(case.ideal).all()
-    # what the effects make of the simulation lies nearer to the measurement than the simulation does
+    # the simulation with the true effects is closer to the measurement than the simulation alone
     assert np.mean((case.measured - case.ideal) ** 2) < np.mean((case.measured - case.simulated) ** 2)
 
 

@@ -1,4 +1,4 @@
-"""What the effects know of a recording, and what an effect is."""
+"""The data that effects get about a recording, and the definition of an effect."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -6,25 +6,29 @@ from dataclasses import dataclass, field
 import numpy as np
 
 RATE = 500.0
-"""Steps a second of the clock on which the sensor's physics runs."""
+"""Rate (Hz) of the fine clock, on which the sensor's physics runs."""
 
 COUNT = 0.1
-"""N a count."""
+"""Newtons per count."""
 
 
 @dataclass
 class World:
-    """A recording on the fine clock. Episodes lie side by side, each filled up with free time to one length.
+    """A recording on the fine clock, with all episodes padded to the same length without contact.
 
     Forces have the shape (episodes, steps, pads, 3, taxels).
 
     Attributes:
-        rows, cols, pads: the sensor. pitch: (row, column) m. where: (taxels, 2) m, x and y about the middle.
-        start: (episodes,) s. opening: (episodes, steps) m. temperature: (episodes, steps) degC.
-        peak: (3,) N, the largest force of a taxel by axis, outliers apart.
-        load: (pads, taxels) N, the largest force that each taxel sees.
-        own_step: N, what the sensor rounds to.
-        frames: episode of each recorded frame.
+        rows, cols, pads: numbers of rows, columns and pads.
+        pitch: (row, column) pitch, m.
+        where: (taxels, 2) x and y of the taxels relative to the middle, m.
+        start: (episodes,) start times, s.
+        opening: (episodes, steps) gripper opening, m.
+        temperature: (episodes, steps) temperature, degC.
+        peak: (3,) largest force of a taxel by axis, without outliers, N.
+        load: (pads, taxels) largest normal force on each taxel, N.
+        own_step: rounding step of the sensor, N.
+        frames: (frames,) episode of each recorded frame.
     """
 
     rows: int
@@ -42,7 +46,7 @@ class World:
 
     @property
     def clock(self):
-        """(episodes, steps) s since the recording began."""
+        """(episodes, steps) time since the start of the recording, s."""
         return self.start[:, None] + np.arange(self.opening.shape[1]) / RATE
 
     @property
@@ -52,18 +56,18 @@ class World:
 
     @property
     def distance(self):
-        """(taxels, taxels, 2), from the second to the first, in mean pitches."""
+        """(taxels, taxels, 2) offsets from the second taxel to the first, in mean pitches."""
         return (self.where[:, None] - self.where[None]) / np.mean(self.pitch)
 
 
 @dataclass
 class Effect:
-    """What one effect does.
+    """One effect.
 
     Attributes:
-        truth: its figures.
-        apply: forces on the fine clock to forces.
-        on_frames: whether `apply` takes recorded frames (frames, pads, 3, taxels) instead, noise included.
+        truth: true parameters of the effect.
+        apply: function from forces on the fine clock to forces.
+        on_frames: whether `apply` instead takes recorded frames (frames, pads, 3, taxels), including noise.
     """
 
     truth: dict
@@ -72,12 +76,12 @@ class Effect:
 
 
 def size(strength, low, high):
-    """Log-uniform between `low` at strength 0 and `high` at 1."""
+    """Interpolate logarithmically from `low` at strength 0 to `high` at strength 1."""
     return float(low * (high / low) ** strength)
 
 
 def at_times(force, times):
-    """`force` at `times` (s since the episode began, one for each step), straight between steps, held at the ends."""
+    """Interpolate `force` linearly at `times` (s since the episode began, one per step), constant beyond the ends."""
     last = force.shape[1] - 1
     place = np.clip(np.asarray(times) * RATE, 0, last)
     before = np.minimum(place.astype(int), max(last - 1, 0))

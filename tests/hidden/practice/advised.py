@@ -1,20 +1,21 @@
-"""Motions that a diagnosis may ask for, as a careful user makes them: each a list of episodes at 500 Hz.
+"""Motions that a diagnosis may request, as a careful user performs them: lists of episodes at 500 Hz.
 
-They are named as the diagnosis names them, and made from its words alone.
+They have the names that the diagnosis uses and follow only its descriptions.
 """
 
 import numpy as np
 
 from hidden.practice.motions import KINDS, RATE, Motion, episode, path
 
-LIGHT, USUAL, HARD = 6.0, 12.0, 25.0  # N: a careful press, the usual one, over-range
+LIGHT, USUAL, HARD = 6.0, 12.0, 25.0  # N: a careful press, a usual one, over-range
 WIDTH = 6e-3
 
 
 def _made(curve, pads, *, at=(0.0, 0.0), drag=None, opening=0.02, width=WIDTH, indenter="ball"):
-    """An episode of the total normal force `curve` (N) on all pads.
+    """Return an episode with the total normal force `curve` (N) on all pads.
 
-    `at` is (2,) or (T, 2) m, `drag` (T, 2) shear as a share of the normal force, pads in turn mirrored along x.
+    `at` is the position (2,) or (T, 2), m, and `drag` (T, 2) the ratio of shear to normal force. Every other pad is
+    mirrored along x.
     """
     length = len(curve)
     mirror = np.array([[1.0, 1.0], [-1.0, 1.0]])[np.arange(pads) % 2]
@@ -26,13 +27,13 @@ def _made(curve, pads, *, at=(0.0, 0.0), drag=None, opening=0.02, width=WIDTH, i
 
 
 def _places(size, count, reach=0.6):
-    """(count, 2) places about the pad's middle, m, on a ring."""
+    """Return (count, 2) positions on a ring around the pad's middle, m."""
     angle = 2 * np.pi * np.arange(count) / count + 0.4
     return reach * np.stack([np.cos(angle) * size[1] / 2, np.sin(angle) * size[0] / 2], axis=-1)
 
 
 def triangles(rng, size, pads):
-    """Up and down in 0.4, 4 and 40 s, then 30 s holds on the way up and on the way down; the quick ones twice."""
+    """Ramps up and down in 0.4, 4 and 40 s, the quick ones twice, then 30 s holds on the way up and down."""
     quick = [path([(1.0, 0.0), (t, USUAL), (t, 0.0), (t, USUAL), (t, 0.0), (1.0, 0.0)], "linear") for t in (0.2, 2.0)]
     slow = path([(1.0, 0.0), (20.0, USUAL), (20.0, 0.0), (1.0, 0.0)], "linear")
     held = [(1.0, 0.0), (1.0, 6.0), (30.0, 6.0), (1.0, USUAL), (1.0, 6.0), (30.0, 6.0), (1.0, 0.0), (5.0, 0.0)]
@@ -42,13 +43,13 @@ def triangles(rng, size, pads):
 
 
 def holds(rng, size, pads):
-    """A quick press that is held for 30 s, and 60 s of rest after it, twice."""
+    """A quick press held for 30 s, followed by 60 s of rest, twice."""
     curve = path([(1.0, 0.0), (0.3, USUAL), (30.0, USUAL), (0.3, 0.0), (60.0, 0.0)], "linear")
     return [_made(curve, pads, at=at) for at in _places(size, 2, 0.3)]
 
 
 def taps(rng, size, pads):
-    """Quick taps, and swings from 0.3 to 8 Hz about a steady load."""
+    """Quick taps, and oscillations from 0.3 to 8 Hz about a steady load."""
     tap = [(0.04, USUAL), (0.1, USUAL), (0.04, 0.0), (0.4, 0.0)]
     t = np.arange(round(9 * RATE)) / RATE
     swings = 8.0 - 4.0 * np.cos(2 * np.pi * (0.3 * t + (8 - 0.3) * t**2 / (2 * 9.0)))
@@ -59,7 +60,7 @@ def taps(rng, size, pads):
 
 
 def gripper(rng, size, pads):
-    """The gripper opens and closes over its travel without contact, four times at its own pace."""
+    """The gripper opens and closes over its travel without contact, four times at different speeds."""
     out = []
     for period in (12.0, 8.0, 6.0, 4.0):
         t = np.arange(round(12 * RATE)) / RATE
@@ -68,7 +69,7 @@ def gripper(rng, size, pads):
 
 
 def staircase(rng, size, pads):
-    """Eight steps up to over-range and down again, on five places."""
+    """Eight steps up to over-range and down again, at five positions."""
     steps = HARD * np.arange(1, 9) / 8
     points = [(1.0, 0.0)]
     for level in [*steps, *steps[-2::-1], 0.0]:
@@ -85,7 +86,7 @@ def free(rng, size, pads):
 
 
 def slides(rng, size, pads):
-    """Along x, then along y, to and fro, at a light and at the usual load."""
+    """Slides along x, then along y, back and forth, at a light and at the usual load."""
     out = []
     for load in (LIGHT, USUAL):
         for axis in (0, 1):
@@ -98,7 +99,7 @@ def slides(rng, size, pads):
 
 
 def loads(rng, size, pads):
-    """Slides past slip at two loads, along both axes: as `slides`, with all the shear that friction gives."""
+    """Slides past slip at two loads along both axes: as `slides`, with the maximum shear that friction allows."""
     out = slides(rng, size, pads)
     for move in out:
         move.shear = np.clip(2.5 * move.shear, -0.6, 0.6)
@@ -106,7 +107,7 @@ def loads(rng, size, pads):
 
 
 def probe(rng, size, pads):
-    """A fine tip on eight single taxels, then a flat plate on all of them, at two loads."""
+    """A fine tip on eight single taxels, then a flat plate on all taxels, at two loads."""
     press = [(0.5, 1.0), (1.0, 1.0), (0.5, 0.0), (0.5, 0.0)]
     tip = path([(1.0, 0.0), *[(t, LIGHT * v) for t, v in press], *[(t, 0.5 * LIGHT * v) for t, v in press]], "linear")
     plate = path([(1.0, 0.0), *[(t, HARD * v) for t, v in press], *[(t, USUAL * v) for t, v in press]], "linear")
@@ -115,7 +116,7 @@ def probe(rng, size, pads):
 
 
 def light(rng, size, pads):
-    """From nothing, very slowly, to a light load and back, on four places, with shear both ways."""
+    """Very slow ramps from zero to a light load and back, at four positions, with shear in both directions."""
     curve = path([(1.0, 0.0), (8.0, 2.5), (8.0, 0.0), (1.0, 0.0)], "linear")
     out = []
     for number, at in enumerate(_places(size, 4, 0.4)):
@@ -125,14 +126,14 @@ def light(rng, size, pads):
 
 
 def places(rng, size, pads):
-    """Presses with some shear on twelve places, so that each taxel is loaded."""
+    """Presses with some shear at twelve positions, which load each taxel."""
     curve = path([(0.7, 0.0), (0.5, USUAL), (1.0, USUAL), (0.5, 0.0), (0.7, 0.0)], "linear")
     where = [*_places(size, 4, 0.35), *_places(size, 8, 0.75)]
     return [_made(curve, pads, at=at) for at in where]
 
 
 def corners(rng, size, pads):
-    """Off the middle of one pad at a time, each corner, then slides along each axis."""
+    """Presses near the corners of one pad at a time, then slides along each axis."""
     curve = path([(0.7, 0.0), (0.5, USUAL), (1.0, USUAL), (0.5, 0.0), (0.7, 0.0)], "linear")
     out = []
     for pad in range(pads):
@@ -144,13 +145,13 @@ def corners(rng, size, pads):
 
 
 def sessions(rng, size, pads):
-    """Ten episodes of 20 s, free before and after each press; with the pauses between them ten minutes."""
+    """Ten episodes of 20 s, free before and after each press; ten minutes including the pauses."""
     curve = path([(5.0, 0.0), (0.5, USUAL), (2.0, USUAL), (0.5, 0.0), (12.0, 0.0)], "linear")
     return [_made(curve, pads, at=at) for at in _places(size, 10, 0.3)]
 
 
 def repeats(rng, size, pads):
-    """One press ten times, five slow and five quick."""
+    """The same press ten times, five slow and five quick."""
     return [
         _made(path([(1.0, 0.0), (t, USUAL), (1.0, USUAL), (t, 0.0), (1.0, 0.0)], "linear"), pads)
         for t in (1.5, 0.2) * 5

@@ -1,4 +1,4 @@
-"""Recordings with known truth: one effect, several, none, or one that is outside the vocabulary."""
+"""Recordings with known truth: one effect, several, none, or one outside the vocabulary of causes."""
 
 from dataclasses import dataclass, field, replace
 
@@ -14,10 +14,11 @@ class Sensor:
     """A sensor with its faults, which can be recorded again.
 
     Attributes:
-        pad: its taxels. nuisance: its noise, clock and tolerances.
-        effects: by name, what each does to a force.
-        own_step: N a count, before an effect coarsened it.
-        warm: degC by which it warms up.
+        pad: taxels of the sensor.
+        nuisance: noise, clock and tolerances.
+        effects: function on forces of each effect, by name.
+        own_step: newtons per count, before an effect coarsens it.
+        warm: temperature rise, degC.
     """
 
     pad: Pad
@@ -27,7 +28,7 @@ class Sensor:
     warm: float
 
     def apply(self, force, episode):
-        """All effects, one after the other."""
+        """Apply all effects in order."""
         for effect in self.effects.values():
             force = effect(force, episode)
         return force
@@ -35,16 +36,20 @@ class Sensor:
 
 @dataclass
 class Case:
-    """A recording, and what is hidden in it.
+    """A recording and its hidden causes.
 
     Attributes:
-        time: (T,) s. measured, simulated: (T, pads, 3, rows, cols) N. covariates: (T,) by name. episode: (T,).
-        pitch: (row, column) m.
-        causes: names of what was hidden. truth: their figures.
-        signal: energy of the effect over the energy of the noise, both of what was measured.
-        signals: by cause, the same of what it changes beside the others; if asked for.
-        sensor: to record again, or to do experiments on.
-        ideal: (T, pads, 3, rows, cols) N, what the hidden effects themselves make of the simulation, or None.
+        time: (T,) timestamps, s.
+        measured, simulated: (T, pads, 3, rows, cols) forces, N.
+        covariates: (T,) values by name.
+        episode: (T,) episode numbers.
+        pitch: (row, column) pitch, m.
+        causes: names of the hidden causes.
+        truth: true parameters by cause.
+        signal: energy of the effects over the energy of the noise, both in the measured reading.
+        signals: the same by cause, for the change that it adds to the other effects; only if requested.
+        sensor: the sensor, for further recordings or experiments.
+        ideal: (T, pads, 3, rows, cols) N, the simulation with the true effects applied, or None.
     """
 
     time: np.ndarray
@@ -64,21 +69,22 @@ class Case:
 
 def make(causes=(), *, seed, family="development", rows=6, cols=5, pads=2, strength=None, duration=9.0, rho=None,
          strong_noise=False, coarse=False, rate=None, ideal=False, more=(), forms=()):  # fmt: skip
-    """A recording in which `causes` are hidden.
+    """Make a recording with hidden causes.
 
     Args:
         causes: names of EFFECTS or OUTSIDERS.
-        seed: the recording, bit for bit.
-        family: of motions and indenters, see `motions`.
+        seed: random seed; it determines the recording bit for bit.
+        family: family of motions and indenters, see `motions`.
+        rows, cols, pads: numbers of rows, columns and pads.
         strength: 0 to 1 for all causes; default: drawn for each.
-        duration: of an episode, s.
+        duration: duration of an episode, s.
         rho: correlation of the noise; default: drawn.
-        strong_noise: five times the noise.
-        coarse: rounding to whole 0.1 N in any case; else half of the sensors round finer.
-        rate: samples a second; default: drawn.
-        ideal: whether to keep what the effects make of the simulation, and `signals`; outsiders have none.
+        strong_noise: whether the noise is five times stronger.
+        coarse: whether readings are always rounded to 0.1 N; otherwise half of the sensors round more finely.
+        rate: sampling rate, Hz; default: drawn.
+        ideal: whether to store `signals` and the simulation with the true effects applied; not available for outsiders.
         more: kinds of episodes that follow those of the family.
-        forms: by name of an effect, its form; default: drawn for each.
+        forms: form of each effect by name; default: drawn.
     """
     rng = np.random.default_rng(seed)
     pitch = (4.35e-3, 4.52e-3)
@@ -112,12 +118,12 @@ def make(causes=(), *, seed, family="development", rows=6, cols=5, pads=2, stren
 
 
 def again(case, kinds, *, seed):
-    """The same sensor, recorded with the motions that were asked for, after the first recording on the same clock.
+    """Record the same sensor with requested motions, after the first recording and on the same clock.
 
     Args:
         case: the first recording.
         kinds: names of `advised.ADVISED`.
-        seed: of the motions and the noise.
+        seed: random seed of the motions and the noise.
     """
     rng = np.random.default_rng(seed)
     rows, cols = case.measured.shape[3:]
@@ -131,7 +137,7 @@ def again(case, kinds, *, seed):
 
 
 def joined(first, second):
-    """Two recordings of one sensor as one, the second after the first."""
+    """Concatenate two recordings of the same sensor."""
     both = {name: np.concatenate([getattr(first, name), getattr(second, name)]) for name in (
         "time", "measured", "simulated")}  # fmt: skip
     covariates = {n: np.concatenate([first.covariates[n], second.covariates[n]]) for n in first.covariates}
@@ -140,7 +146,7 @@ def joined(first, second):
 
 
 def _recorded(device, moves, starts, rng, ideal):
-    """What `device` reads of `moves` that begin at `starts`, with what is simulated of them."""
+    """Record `moves` that begin at `starts` with `device`, together with their simulation."""
     pad, nuisance = device.pad, device.nuisance
     parts, effect_energy, noise_energy = [], 0.0, 0.0
     each = dict.fromkeys(device.effects if ideal else (), 0.0)
@@ -152,7 +158,7 @@ def _recorded(device, moves, starts, rng, ideal):
         changed = device.apply(force, about)
         time, read = sensor.sample(changed, nuisance, rng, motions.RATE)
         at = np.minimum(np.round(time * motions.RATE).astype(int), len(force) - 1)
-        coarser = (nuisance.step**2 - device.own_step**2) / 12  # energy of rounding to more than the device's own step
+        coarser = (nuisance.step**2 - device.own_step**2) / 12  # rounding energy beyond that of the device's step
         effect_energy += float(np.sum((changed[at] - force[at]) ** 2) + len(at) * nuisance.noise.size * coarser)
         for name in each:
             others = {other: effect for other, effect in device.effects.items() if other != name}
@@ -170,7 +176,7 @@ def _recorded(device, moves, starts, rng, ideal):
     grid = (-1, pad.pads, 3, pad.rows, pad.cols)
     best = None
     if ideal:
-        coarse = nuisance.step if nuisance.step > device.own_step else 0.0  # then rounding is an effect
+        coarse = nuisance.step if nuisance.step > device.own_step else 0.0  # only then is rounding an effect
         best = sensor.in_range(sensor.rounded(join(5), coarse, nuisance.rounding) if coarse else join(5))
         best = best.reshape(grid).astype(np.float32)
     return Case(

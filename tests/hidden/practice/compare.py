@@ -1,11 +1,11 @@
-"""What a diagnosis says of an effect, against what was hidden, although the two have other parameters.
+"""Comparison of diagnosed effects with hidden ones, although the two have different parameters.
 
-The same experiment is done on the hidden effect, at 500 Hz, and on the fitted one, and what it reads is compared: see
+The same experiment runs on the hidden effect, at 500 Hz, and on the fitted one, and the readings are compared: see
 `experiments`.
 
-The error is relative to how far the hidden effect is from doing nothing, which is stricter than relative to a number
-such as a gain. Intervals are those of parameters, so that they are checked only where a parameter is one figure of the
-hidden effect: see `figures`.
+The error is relative to the distance of the hidden effect from no effect, which is stricter than an error relative to a
+value such as a gain. Intervals belong to parameters, so they are checked only for parameters that the hidden effect has
+too: see `figures`.
 """
 
 from dataclasses import dataclass
@@ -15,16 +15,17 @@ import numpy as np
 from hidden.practice.experiments import EXPERIMENTS, Bench
 from hidden.practice.figures import TRUE_PARAMETERS
 
-LITTLE = 0.02  # of the floor: where there is less headroom no share of it is given
+LITTLE = 0.02  # smallest headroom, relative to the floor, for which a share is computed
 
 
 @dataclass
 class Compared:
-    """How near a diagnosis came to an effect.
+    """Agreement of a diagnosis with a hidden effect.
 
     Attributes:
-        error: of what the experiment reads, over its distance from neutral.
-        inside: how many of the intervals hold the truth. intervals: how many there are.
+        error: error of the experiment's reading, relative to the distance of the true reading from neutral.
+        inside: number of intervals that contain the truth.
+        intervals: number of intervals.
     """
 
     error: float
@@ -33,10 +34,10 @@ class Compared:
 
 
 def compare(name, case, run, parameters):
-    """How near a diagnosis came to the effect `name` of a case.
+    """Compare a diagnosis with the effect `name` of a case.
 
     Args:
-        name: of the effect; it must be in the case and in the diagnosis.
+        name: name of the effect, which must be in the case and in the diagnosis.
         case: the recording.
         run: the fitted transform, ``run(x, time, covariates)`` on (T, pads, 3, rows, cols).
         parameters: (value, low, high) by name; low and high may be None.
@@ -50,14 +51,14 @@ def compare(name, case, run, parameters):
 
 
 def headroom_share(case, before, after):
-    """How much of the headroom above what the hidden effects themselves leave a model takes away, in energy.
+    """Return the share of the headroom that a model removes: the error energy above the floor of the true effects.
 
     Args:
-        case: made with ``ideal=True``.
-        before, after: root mean square error of simulation and model over that of the measured force.
+        case: the recording, made with ``ideal=True``.
+        before, after: root mean square errors of simulation and model, relative to that of the measured force.
 
     Returns:
-        1 for a model as good as the hidden effects put on the same simulation; None where there is next to no headroom.
+        1 for a model as good as the true effects applied to the same simulation; None if there is hardly any headroom.
     """
     if case.ideal is None:
         return None

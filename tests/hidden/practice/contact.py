@@ -1,19 +1,19 @@
-"""Where a contact presses: the force on each taxel under an indenter."""
+"""Contacts: the force on each taxel under an indenter."""
 
 import numpy as np
 
 
 def positions(rows, cols, pitch):
-    """(rows * cols, 2) taxel centres, m, x to the right and y down, row by row."""
+    """Return the (rows * cols, 2) taxel centres, m, x to the right and y down, row by row."""
     y, x = np.meshgrid((np.arange(rows) - (rows - 1) / 2) * pitch[0], (np.arange(cols) - (cols - 1) / 2) * pitch[1])
     return np.stack([x.T.ravel(), y.T.ravel()], axis=-1)
 
 
 def field(motion, where, pose_error=(0.0, 0.0)):
-    """(T, pads, 3, N) newtons on each taxel, object on pad, compression positive.
+    """Return the forces (T, pads, 3, N) of the object on each taxel, N, compression positive.
 
-    The pressure of a ball is Hertz's (a half ellipsoid), of a flat punch even with a soft rim, of an edge a ridge along
-    `motion.angle`. Shear is spread like the pressure, with a swirl that a rolling contact has.
+    The pressure is Hertz's half ellipsoid under a ball, uniform with a soft rim under a flat punch, and a ridge along
+    `motion.angle` under an edge. Shear is distributed like the pressure, plus the swirl of a rolling contact.
     """
     d = where[None, None] - (motion.centre[:, :, None] + np.asarray(pose_error))
     if motion.indenter == "edge":

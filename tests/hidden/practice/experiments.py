@@ -1,27 +1,27 @@
-"""Experiments: what is read of an effect, hidden or fitted, to compare the two.
+"""Experiments that measure a hidden or fitted effect, to compare the two.
 
-| cause | what is read |
+| cause | measured quantity |
 |---|---|
 | axis_gain | gain of each axis |
-| taxel_gain | gain of each taxel, as much as it was pressed |
+| taxel_gain | gain of each taxel, weighted by its load |
 | offset | reading without force, each channel |
-| drift | change of that from the recording's begin to each episode's |
-| stiffening | gain at 10, 25, 75 and 100 % of the peak, over that at 50 % |
-| poisson | all shear, along x and along y, that a load on a middle taxel makes |
-| crosstalk | share of a load on a taxel that its four neighbours read, mean over the taxels |
-| axis_coupling, rotation | matrix from the force to what is read |
+| drift | change of that reading from the start of the recording to the start of each episode |
+| stiffening | gain at 10, 25, 75 and 100 % of the peak, relative to that at 50 % |
+| poisson | total absolute shear, along x and along y, caused by a load on a middle taxel |
+| crosstalk | share of a taxel's load that each of its four neighbours reads, mean over the taxels |
+| axis_coupling, rotation | matrix from the force to the reading |
 | layout | where each force is read |
-| creep | further reading 1 s and 10 s after a step, as a share of that at once |
-| hysteresis | width of the loop at 25, 50 and 75 % of the peak over the reading there, second round |
+| creep | increase of the reading 1 s and 10 s after a step, relative to the immediate reading |
+| hysteresis | width of the loop at 25, 50 and 75 % of the peak, relative to the reading at the peak, second cycle |
 | low_pass, latency | lag behind a ramp, mean over its last second |
-| saturation | reading of three times the peak over that of a fifth |
-| dead_band | least force that is read by half |
+| saturation | reading at three times the peak, relative to that at a fifth of the peak |
+| dead_band | smallest force of which more than half is read |
 | quantisation | step |
-| dead_taxels | which taxels do not answer |
-| interference | change of the field over the opening's range, mean of each pad; normal only where it is positive |
+| dead_taxels | taxels that do not respond |
+| interference | change of the field over the range of openings, mean of each pad; normal only where it is positive |
 
-What depends on the force or moment at which a sensor reads right alone is left out: loops, gains and readings are
-relative to another reading, fields and drifts are changes.
+Quantities that depend only on the force or time at which a sensor is calibrated are left out: loops, gains and readings
+are relative to another reading, and fields and drifts are changes.
 """
 
 import numpy as np
@@ -30,14 +30,14 @@ from hidden.practice.effects import DT, Episode
 
 
 def read(case, name, x, opening, start):
-    """What a hidden effect makes of `x` (T, pads, 3, rows, cols) at 500 Hz."""
+    """Apply a hidden effect to `x` (T, pads, 3, rows, cols) at 500 Hz."""
     gap = np.broadcast_to(np.asarray(opening, dtype=float), (len(x),))
     episode = Episode(start, gap, np.full(len(x), 25.0))
     return case.sensor.effects[name](x.reshape(*x.shape[:3], -1), episode).reshape(x.shape)
 
 
 class Bench:
-    """The hidden effect and the fitted one, to put the same forces on."""
+    """A bench that applies the same forces to the hidden effect and to the fitted one."""
 
     def __init__(self, case, name, run):
         self.case, self._name, self._run = case, name, run
@@ -45,27 +45,27 @@ class Bench:
         self.start = float(case.time[0])
 
     def true(self, x, opening=0.02, start=None):
-        """What the hidden effect makes of `x` (T, pads, 3, rows, cols) at 500 Hz."""
+        """Apply the hidden effect to `x` (T, pads, 3, rows, cols) at 500 Hz."""
         return read(self.case, self._name, x, opening, self.start if start is None else start)
 
     def fitted(self, x, opening=0.02, time=None):
-        """What the fitted effect makes of it."""
+        """Apply the fitted effect to `x`."""
         gap = np.broadcast_to(np.asarray(opening, dtype=float), (len(x),))
         time = self.start + DT * np.arange(len(x)) if time is None else time
         return np.asarray(self._run(x, time, {"gripper_opening": gap, "temperature": np.full(len(x), 25.0)}))
 
     def still(self, value):
-        """(2, pads, 3, rows, cols) of a frame, or of a number."""
+        """Return two equal frames (2, pads, 3, rows, cols) from a frame or a number."""
         return np.zeros((2, *self.case.measured.shape[1:])) + value
 
     def line(self, forces):
-        """(T, 1, 3, 1, 1) of one taxel's normal force: enough for what acts on each channel alone."""
+        """Return normal forces on one taxel (T, 1, 3, 1, 1), sufficient for effects on single channels."""
         x = np.zeros((len(forces), 1, 3, 1, 1))
         x[:, 0, 2, 0, 0] = forces
         return x
 
     def both(self, x, read):
-        """What `read` says of both."""
+        """Evaluate `read` on both effects."""
         return read(self.true(x)), read(self.fitted(x))
 
 
@@ -101,7 +101,7 @@ def _stiffening(bench):
 
 
 def _probe(bench):
-    """A unit of normal force on a middle taxel of each pad, and where that is."""
+    """Return a unit normal force on a middle taxel of each pad, and its row and column."""
     row, col = bench.pad.rows // 2, bench.pad.cols // 2
     x = bench.still(0.0)
     x[:, :, 2, row, col] = 1.0
@@ -167,7 +167,7 @@ def _hysteresis(bench):
 def _lag(bench):
     t = np.arange(0, 4, DT)
     true = t - bench.true(bench.line(t))[:, 0, 2, 0, 0]
-    slow = float(np.median(np.diff(bench.case.time)))  # a fitted delay keeps only so many frames
+    slow = float(np.median(np.diff(bench.case.time)))  # a fitted delay works on frames of the recording's rate
     own = np.arange(0, 4, slow)
     fitted = own - bench.fitted(bench.line(own), time=bench.start + own)[:, 0, 2, 0, 0]
     return true[t > 3].mean(), fitted[own > 3].mean(), 0.0
@@ -206,7 +206,7 @@ def _interference(bench):
     x = np.zeros((9, *bench.case.measured.shape[1:]))
     true = bench.true(x, gaps)
     seen = np.ones(true.shape, bool)
-    seen[:, :, 2] = true[:, :, 2] > 0  # a normal reading does not go below 0, whatever the field
+    seen[:, :, 2] = true[:, :, 2] > 0  # a normal reading is never below 0, whatever the field
 
     def change(y):
         mean = (y * seen).sum(axis=0) / seen.sum(axis=0).clip(1)

@@ -1,4 +1,4 @@
-"""Figures of hidden effects which fitted parameters should have too."""
+"""True values of fitted parameters, computed from hidden effects."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from hidden.practice.experiments import read
 
 
 def _pressed_gains(case, fitted):
-    """Of the taxels that were pressed, as the device has them: with what no calibration has removed."""
+    """Return the gains of the pressed taxels, including the scatter that calibration has not removed."""
     load = np.sum(case.simulated[:, :, 2].astype(float) ** 2, axis=0)
     scatter = case.sensor.nuisance.scatter[:, 2].reshape(load.shape)
     gain = case.truth["taxel_gain"]["gain"][:, 0].reshape(load.shape) * scatter
@@ -23,19 +23,19 @@ def _places(prefix, values):
 
 
 def _without_force(case, name, start):
-    """(pads, 3, rows, cols) what the hidden effect reads at a time."""
+    """Return the reading (pads, 3, rows, cols) of the hidden effect without force at a given time."""
     return read(case, name, np.zeros((1, *case.measured.shape[1:])), 0.02, start)[0]
 
 
 def _offsets(case, fitted):
-    """None beside a field or a drift, which have constants of their own."""
+    """Return the offsets, unless a field or a drift with its own constants is present."""
     if {"interference", "drift"} & set(case.causes):
         return {}
     return _places("value", _without_force(case, "offset", case.time[0]))
 
 
 def _amplitudes(case, fitted):
-    """With which a curve of the fitted time constant changes over the recording as the hidden one does."""
+    """Return the amplitudes with which a curve of the fitted time constant matches the hidden change."""
     if case.truth["drift"]["form"] != "curve_and_walk":
         return {}
     begin, end = case.time[[0, -1]]
@@ -44,13 +44,13 @@ def _amplitudes(case, fitted):
 
 
 def _limit(case, fitted):
-    """None with a gain beside it, or without a force at which it is reached."""
+    """Return the limit, unless there is a gain beside it or no force reaches it."""
     truth = case.truth["saturation"]
     return {"limit": truth["limit"]} if truth["right_at"] == "small" and truth["form"] != "slow" else {}
 
 
 def _width(case, fitted):
-    """None if all of the force shrinks."""
+    """Return the width, unless all forces shrink."""
     truth = case.truth["dead_band"]
     return {} if truth["form"] == "shrink" else {"width": truth["width"]}
 
@@ -64,11 +64,11 @@ TRUE_PARAMETERS = {
         f"{'xyz'[j]}_to_{'xyz'[i]}": case.truth["axis_coupling"]["matrix"][i, j]
         for i, j in ((0, 2), (1, 2), (2, 0), (2, 1))
     },
-    # of the sensor, not of the force
+    # rotation of the sensor, not of the force
     "rotation": lambda case, fitted: _axes("about_", -case.truth["rotation"]["vector"]),
     "latency": lambda case, fitted: {"delay": case.truth["latency"]["delay"]},
     "saturation": _limit,
     "dead_band": _width,
 }
-"""By cause, the true figures of those fitted parameters that are one figure of the hidden effect too, of the case and
-the fitted ones; empty for forms that have no such figure."""
+"""Functions by cause that return the true values of fitted parameters that the hidden effect has too, from the case and
+the fitted values; the result is empty for forms without such parameters."""

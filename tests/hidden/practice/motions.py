@@ -1,8 +1,9 @@
-"""Motions that a tactile gripper makes, at 500 Hz: how hard, how far sideways, where, and how far open.
+"""Motions of a tactile gripper at 500 Hz: normal force, shear, contact position and gripper opening.
 
-Three families, which differ in shapes of the ramps, order of events and indenters: ``development`` (to build a
-diagnosis with), ``final`` (to judge it by: linear ramps become smooth ones, sines become triangles, a ball becomes an
-edge), and ``poor`` (one slow speed, one depth, nothing else: what a careless user records).
+There are three families, which differ in the shapes of the ramps, the order of events and the indenters:
+``development`` (to build a diagnosis), ``final`` (to evaluate it: linear ramps become smooth ones, sines become
+triangles, and a ball becomes an edge or a flat punch), and ``poor`` (one slow speed and one depth only, as a careless
+user records).
 """
 
 from dataclasses import dataclass
@@ -19,12 +20,12 @@ class Motion:
 
     Attributes:
         normal: (T, pads) total normal force, N.
-        shear: (T, pads, 2) total shear over total normal force, x and y.
-        centre: (T, pads, 2) where the indenter's middle is, m, x and y of the pad.
+        shear: (T, pads, 2) ratio of total shear to total normal force, x and y.
+        centre: (T, pads, 2) position of the indenter's middle, m, x and y of the pad.
         opening: (T,) gripper opening, m.
         width: radius of the contact, m.
         indenter: "ball", "edge" or "flat".
-        angle: of the edge, rad.
+        angle: angle of the edge, rad.
     """
 
     normal: np.ndarray
@@ -37,7 +38,7 @@ class Motion:
 
 
 def path(points, shape):
-    """A curve through (duration, value) pairs; `shape` is "linear" or "smooth" (no jump of the slope)."""
+    """Return a curve through (duration, value) pairs; `shape` is "linear" or "smooth" (continuous slope)."""
     pieces, value = [], points[0][1]
     for duration, target in points:
         count = max(1, round(duration * RATE))
@@ -54,7 +55,7 @@ def _fit(curve, length):
 
 
 def _swing(length, rng, shape, slow=0.3, fast=1.5):
-    """A swing of amplitude 1 whose frequency rises from `slow` to `fast`, Hz."""
+    """Return an oscillation of amplitude 1 with a frequency that rises from `slow` to `fast`, Hz."""
     t = np.arange(length) / RATE
     phase = 2 * np.pi * (slow * t + (fast - slow) * t**2 / (2 * max(t[-1], 1e-9))) + rng.uniform(0, 2 * np.pi)
     if shape == "linear":
@@ -63,7 +64,7 @@ def _swing(length, rng, shape, slow=0.3, fast=1.5):
 
 
 def _press(rng, shape, peak, speeds=(0.05, 1.0)):
-    """Free, up, hold, small swings under load, down: (duration, value) pairs."""
+    """Return (duration, value) pairs of a press: free, up, hold, small swings under load, down, free."""
     up, down = np.exp(rng.uniform(*np.log(speeds), 2))
     low = rng.uniform(0.3, 0.6) * peak
     quick = np.exp(rng.uniform(np.log(0.08), np.log(0.5), 4))
@@ -75,9 +76,9 @@ def _press(rng, shape, peak, speeds=(0.05, 1.0)):
 
 
 def episode(kind, family, rng, size, pads=2, duration=9.0):
-    """One episode of `kind`: "press", "slide", "reverse", "taps", "gripper" or "slow".
+    """Draw an episode of `kind`: "press", "slide", "reverse", "taps", "gripper" or "slow".
 
-    `size` is (height, width) of a pad in m.
+    `size` is the (height, width) of a pad in m.
     """
     shape = "smooth" if family == "final" else "linear"
     length = round(duration * RATE)

@@ -1,4 +1,4 @@
-"""Effects outside the vocabulary of causes: a diagnosis must say that something is left, and not name a neighbour."""
+"""Effects outside the vocabulary: a diagnosis must report that something is left, not name a similar cause."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from hidden.practice.effects import COUNT, DT, between, sign
 
 
 def mullins(rng, pad, strength):
-    """Rubber that softens with the largest load it has ever seen, for good."""
+    """Rubber that softens permanently with its largest past load."""
     soft = between(0.10, 0.35, strength)
     seen = np.zeros((pad.pads, 1, len(pad.where)))
 
@@ -20,7 +20,7 @@ def mullins(rng, pad, strength):
 
 
 def hum(rng, pad, strength):
-    """A mains line, or its alias, on all channels."""
+    """Mains hum, or its alias, on all channels."""
     size = between(0.5, 3.0, strength) * COUNT
     frequency = rng.uniform(2.0, 9.0)
     mix = rng.uniform(0.4, 1.0, (pad.pads, 3, len(pad.where)))
@@ -33,7 +33,7 @@ def hum(rng, pad, strength):
 
 
 def gain_control(rng, pad, strength):
-    """An amplifier that turns itself down under a large load and comes back within a second or two."""
+    """An amplifier that lowers its gain under a large load and recovers within a second or two."""
     depth = between(0.15, 0.5, strength)
     tau = rng.uniform(0.5, 2.0)
 
@@ -49,7 +49,7 @@ def gain_control(rng, pad, strength):
 
 
 def row_scan(rng, pad, strength):
-    """Rows are read one after another: each is later than the one above."""
+    """Rows are read in sequence: each is later than the one above."""
     whole = between(0.04, 0.2, strength)
 
     def apply(f, e):
@@ -63,7 +63,7 @@ def row_scan(rng, pad, strength):
 
 
 def swapped_neighbours(rng, pad, strength):
-    """Some pairs of neighbouring taxels have changed places."""
+    """Some pairs of neighbouring taxels are swapped."""
     count = 1 + round(3 * strength)
     near = np.argsort(np.linalg.norm(pad.where, axis=1))
     pairs = [(int(near[2 * i]), int(near[2 * i + 1])) for i in range(count)]
@@ -78,7 +78,7 @@ def swapped_neighbours(rng, pad, strength):
 
 
 def bursts(rng, pad, strength):
-    """Now and then all taxels jump for a moment, as under an electrostatic discharge."""
+    """All taxels occasionally jump for a moment, as in an electrostatic discharge."""
     size = between(3.0, 20.0, strength) * COUNT
     seed = int(rng.integers(2**31))
 
@@ -94,7 +94,7 @@ def bursts(rng, pad, strength):
 
 
 def rate_gain(rng, pad, strength):
-    """A gel that reads more while it is loaded fast than while it rests, by the square root of the speed."""
+    """A gel that reads more under fast loading, in proportion to the square root of the speed."""
     size = between(0.1, 0.4, strength)
 
     def apply(f, e):
@@ -105,7 +105,7 @@ def rate_gain(rng, pad, strength):
 
 
 def loose_wire(rng, pad, strength):
-    """A row that comes and goes with the load."""
+    """A row with an intermittent connection."""
     row = int(rng.integers(1, pad.rows - 1))
     share = between(0.15, 0.6, strength)
     seed = int(rng.integers(2**31))
@@ -121,7 +121,7 @@ def loose_wire(rng, pad, strength):
 
 
 def shear_softening(rng, pad, strength):
-    """Friction gives way: shear beyond a share of the normal force of the whole pad is lost."""
+    """Slip: shear beyond a share of the normal force of the whole pad is lost."""
     limit = between(0.35, 0.12, strength)
 
     def apply(f, e):
@@ -143,4 +143,4 @@ OUTSIDERS = {
 }  # fmt: skip
 
 LEARNT = {"swapped_neighbours": "swapped_taxels"}
-"""Those of which the vocabulary has learnt since, and by which name."""
+"""Outsiders that were added to the vocabulary later, with the names of their causes."""

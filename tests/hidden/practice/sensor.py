@@ -1,4 +1,4 @@
-"""What every real recording has besides the effect: noise, rounding, a clock that is not quite even, small errors."""
+"""Imperfections of every real recording: noise, rounding, clock jitter and small errors."""
 
 from dataclasses import dataclass
 
@@ -10,17 +10,17 @@ from hidden.practice.effects import COUNT
 
 @dataclass
 class Nuisance:
-    """What is drawn once for a recording.
+    """Imperfections that are drawn once per recording.
 
     Attributes:
-        rate: samples a second.
+        rate: sampling rate, Hz.
         noise: (pads, 3, N) standard deviation, N.
         rho: correlation of the noise from one 20 Hz sample to the next.
-        scatter: (pads, 3, N) gains about 1 that no calibration has removed.
-        pose_error: (2,) how far off the simulated contact is, m.
-        jitter: largest deviation of a sample's moment from its time stamp, s.
-        step: newtons a count.
-        rounding: "round" to the nearest count, or "floor": the middle of the count below which it lies.
+        scatter: (pads, 3, N) gains close to 1 that calibration has not removed.
+        pose_error: (2,) offset of the simulated contact, m.
+        jitter: largest deviation of a sample's true time from its timestamp, s.
+        step: newtons per count.
+        rounding: "round" to the nearest count, or "floor" to the middle of the step that contains the value.
     """
 
     rate: float
@@ -34,7 +34,7 @@ class Nuisance:
 
 
 def draw(rng, pads, taxels, step=COUNT, rho=None, strong=False):
-    """A sensor's nuisances; `strong` noise is five times the usual."""
+    """Draw the imperfections of a sensor; `strong` noise is five times the usual."""
     noise = np.exp(rng.uniform(np.log(0.05), np.log(0.5))) * COUNT * rng.uniform(0.7, 1.4, (pads, 3, taxels))
     return Nuisance(
         rate=float(rng.choice([20.0, 30.0, 50.0, 100.0], p=[0.4, 0.3, 0.2, 0.1])),
@@ -48,7 +48,7 @@ def draw(rng, pads, taxels, step=COUNT, rho=None, strong=False):
 
 
 def sample(force, nuisance, rng, fine_rate):
-    """(time, readings) of (T, pads, 3, N) forces at `fine_rate`: sampled, noisy, rounded, normal never negative."""
+    """Return (time, readings) of (T, pads, 3, N) forces at `fine_rate`: sampled, noisy, rounded, in range."""
     count = int(len(force) / fine_rate * nuisance.rate)
     time = np.arange(count) / nuisance.rate
     moment = np.clip((time + rng.uniform(-1, 1, count) * nuisance.jitter) * fine_rate, 0, len(force) - 1)
@@ -66,13 +66,13 @@ def sample(force, nuisance, rng, fine_rate):
 
 
 def rounded(read, step, rounding="round"):
-    """Readings in counts of `step`."""
+    """Round readings to counts of `step`."""
     counts = np.floor(read / step) + 0.5 if rounding == "floor" else np.round(read / step)
     return counts * step
 
 
 def in_range(read):
-    """(T, pads, 3, N) readings as a device can give them: a normal force is never negative."""
+    """Clip readings (T, pads, 3, N) to the device's range; normal forces are never negative."""
     read = read.copy()
     read[:, :, 2] = np.maximum(read[:, :, 2], 0)
     return np.clip(read, -12.8, 25.5)

@@ -1,4 +1,4 @@
-"""The comparison with the truth: the hidden effect itself is right, a sensor without it is off by all of it."""
+"""Comparison with the truth: the hidden effect itself has no error, a sensor without it has all of it."""
 
 import sys
 from functools import cache
@@ -16,8 +16,8 @@ from hidden.practice.effects import EFFECTS, FORMS, Episode
 
 SMALL = {"rows": 4, "cols": 3, "duration": 5.0}
 WITHOUT = {("saturation", "slow"), ("dead_band", "shrink"), ("drift", "linear"), ("drift", "temperature")}
-"""Forms without a figure of their own."""
-SMALL_SIGNALS = 26  # a seed whose saturation is right at small forces
+"""Forms without a true parameter."""
+SMALL_SIGNALS = 26  # a seed whose saturation is calibrated at small forces
 
 
 FORMED = [(name, form) for name, forms in FORMS.items() for form in forms]
@@ -33,7 +33,7 @@ def test_every_effect_can_be_compared():
     assert set(EXPERIMENTS) == set(EFFECTS)
 
 
-@pytest.mark.parametrize("seed", [21, 22])  # other conventions
+@pytest.mark.parametrize("seed", [21, 22])  # different calibration conventions
 @pytest.mark.parametrize(
     ("name", "form"), [of for of in FORMED if of[0] not in ("quantisation", "latency", "low_pass", "drift")]
 )
@@ -62,7 +62,7 @@ def test_a_step_is_read_off_a_ramp():
 
 
 def test_a_sensor_calibrated_elsewhere_has_no_error():
-    """The gain that a convention brings is no error of what is compared."""
+    """The gain due to a calibration convention does not count as an error."""
     for name in ("creep", "hysteresis", "stiffening", "saturation"):
         case = hidden(name)
 

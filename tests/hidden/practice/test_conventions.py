@@ -1,4 +1,4 @@
-"""Where a sensor with an effect is calibrated, there it reads right."""
+"""A sensor with an effect reads correctly where it was calibrated."""
 
 import sys
 from pathlib import Path
@@ -15,7 +15,7 @@ PAD = make((), seed=3, rows=4, cols=3, duration=5.0).sensor.pad
 
 
 def drawn(name, form, count=40, strength=0.8):
-    """Draws of an effect: `read` of (T,) normal forces on one taxel, and the truth."""
+    """Yield draws of an effect: a function `read` of (T,) normal forces on one taxel, and the truth."""
     for seed in range(count):
         apply, truth = EFFECTS[name](np.random.default_rng(seed), PAD, strength, form)
 

@@ -1,4 +1,4 @@
-"""Checks of the generator itself: it is independent, repeatable, and its effects are what they are called."""
+"""Checks of the generator: it is independent and reproducible, and its effects behave as named."""
 
 import ast
 import subprocess
@@ -20,12 +20,12 @@ SMALL = {"rows": 4, "cols": 3, "duration": 5.0}
 
 
 def imports(path):
-    """The modules that a file imports, by their full names."""
+    """Yield the full names of the modules that a file imports."""
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"{path.name} has a relative import, which hides what it reaches"
+            assert node.level == 0, f"{path.name} has a relative import, which hides its target"
             yield str(node.module)
 
 
@@ -58,7 +58,7 @@ def test_a_seed_gives_the_same_case_bit_for_bit(name):
 
 @pytest.mark.parametrize(
     ("name", "form"), [(name, form) for name in sorted(set(EFFECTS) - {"layout"}) for form in FORMS[name]]
-)  # a layout is wrong or not
+)  # a layout has no strength
 def test_effects_grow_with_their_strength(name, form):
     options = {**SMALL, "forms": {name: form}}
     signals = [make((name,), seed=3, strength=strength, **options).signal for strength in (0.0, 0.35, 0.7, 1.0)]

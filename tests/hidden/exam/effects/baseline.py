@@ -1,4 +1,4 @@
-"""What a sensor reads without a force: fields of the gripper, offsets, drift."""
+"""Readings without a force: magnetic fields of the gripper, offsets and drift."""
 
 import numpy as np
 
@@ -9,14 +9,14 @@ GRID = np.linspace(0, TRAVEL, 161)
 
 
 def dipole(moment, apart):
-    """Field of a dipole at `apart` (..., 3), without the constant."""
+    """Return the field of a dipole at `apart` (..., 3), without the physical constant."""
     r = np.linalg.norm(apart, axis=-1, keepdims=True)
     along = np.sum(apart * moment, axis=-1, keepdims=True)
     return 3 * along * apart / r**5 - moment / r**3
 
 
 def interference(rng, world, strength):
-    """One magnet or two that pass by as the gripper opens; 0.2 to 5 counts over its travel."""
+    """One or two magnets that pass by as the gripper opens, 0.2 to 5 counts over its travel."""
     count = int(rng.choice([1, 2]))
     taxels = np.concatenate([world.where, np.zeros((len(world.where), 1))], 1)
     field = np.zeros((len(GRID), world.pads, 3, len(world.where)))
@@ -26,10 +26,10 @@ def interference(rng, world, strength):
         for pad in range(world.pads):
             aside = rng.normal(size=3)
             place = aside / np.linalg.norm(aside) * (reach + rng.uniform(0.015, 0.05))
-            place[2] = abs(place[2]) + 0.008  # behind the pad or beside it
+            place[2] = abs(place[2]) + 0.008  # behind or beside the pad
             way = rng.normal(size=3) * [1, 1, 0.3]
             way /= np.linalg.norm(way)
-            if way @ place < 0:  # it leaves as the gripper opens, so it never meets a taxel
+            if way @ place < 0:  # it moves away as the gripper opens, so it never hits a taxel
                 way = -way
             at = place + GRID[:, None] * way
             b = dipole(moment / np.linalg.norm(moment), taxels[None] - at[:, None])
@@ -55,14 +55,14 @@ def interference(rng, world, strength):
 
 
 def offset(rng, world, strength):
-    """A constant for each channel; 0.2 to 3 counts."""
+    """A constant for each channel, 0.2 to 3 counts."""
     counts = size(strength, 0.2, 3)
     form = str(rng.choice(["each", "some", "smooth"]))
     unit = rng.uniform(0.5, 1.4, world.channels) * rng.choice([-1, 1], world.channels)
     if form == "some":
         keep = rng.random(world.channels) < 0.4
         unit = np.where(keep | ~keep.any(), unit, 0)
-    if form == "smooth":  # as of a magnetised part close by
+    if form == "smooth":  # as from a magnetised part nearby
         slope = rng.normal(size=(world.pads, 3, 2))
         plane = slope @ (world.where / np.abs(world.where).max()).T + rng.normal(size=(world.pads, 3, 1))
         unit = plane / np.sqrt(np.mean(plane**2))
@@ -71,13 +71,13 @@ def offset(rng, world, strength):
 
 
 def drift(rng, world, strength):
-    """A zero that wanders; 0.5 to 10 % of the peak in 10 min."""
+    """A drifting zero, 0.5 to 10 % of the peak in 10 min."""
     share = size(strength, 0.005, 0.1)
     form = str(rng.choice(["logarithmic", "temperature", "two_exponentials"]))
     before = float(rng.choice([0.0, 1.0]) * rng.uniform(60, 300))
     scale, fast, slow, mix = rng.uniform(20, 200), rng.uniform(60, 200), rng.uniform(400, 1500), rng.uniform(0.3, 0.7)
     unit = rng.normal(size=world.channels)
-    if rng.random() < 0.5:  # most channels the same way
+    if rng.random() < 0.5:  # most channels drift in the same direction
         unit = 0.35 * unit + rng.choice([-1, 1], (1, 3, 1))
     unit /= np.sqrt(np.mean(unit**2))
 

@@ -1,4 +1,4 @@
-"""What a sensor's electronics does to time."""
+"""Effects of a sensor's electronics on timing: low-pass filters and latency."""
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
@@ -8,7 +8,7 @@ from hidden.exam.world import RATE, Effect, at_times, size
 
 
 def hann(force, cutoff):
-    """A causal window of Hann."""
+    """Filter with a causal Hann window."""
     length = max(round(0.72 / cutoff * RATE), 3)
     kernel = np.hanning(length + 2)[1:-1]
     kernel = (kernel / kernel.sum()).reshape(-1, 1, 1, 1)[None]
@@ -16,7 +16,7 @@ def hann(force, cutoff):
 
 
 def cascade(force, cutoff, stages):
-    """Running means, one after the other."""
+    """Filter with running means in series."""
     length = max(round(0.443 / cutoff / np.sqrt(stages) * RATE), 2)
     for _ in range(stages):
         force = uniform_filter1d(force, length, axis=1, origin=(length - 1) // 2, mode="nearest")
@@ -24,7 +24,7 @@ def cascade(force, cutoff, stages):
 
 
 def low_pass(rng, world, strength):
-    """15 Hz down to 1 Hz."""
+    """A low-pass filter with a cut-off of 15 Hz down to 1 Hz."""
     cutoff = size(strength, 15, 1)
     form = str(rng.choice(["bessel", "hann", "one_pole", "running_means"]))
     order, stages = int(rng.integers(2, 5)), int(rng.integers(1, 4))
@@ -46,11 +46,11 @@ def low_pass(rng, world, strength):
 
 
 def latency(rng, world, strength):
-    """5 to 120 ms: a delay, or one behind a converter with a clock of its own."""
+    """A delay of 5 to 120 ms, with or without a converter that has its own clock."""
     delay = size(strength, 0.005, 0.12)
     form = str(rng.choice(["delay", "converter"]))
     rate, phase = float(rng.choice([91.0, 176.0])), rng.random()
     time = np.arange(world.opening.shape[1]) / RATE - delay
-    if form == "converter":  # the whole delay lies at the mean of what the clock adds
+    if form == "converter":  # the mean delay, including that of the clock, equals `delay`
         time = (np.floor((time + 0.5 / rate) * rate + phase) - phase) / rate
     return Effect({"delay": delay, "form": form}, lambda force: at_times(force, time))

@@ -1,4 +1,4 @@
-"""What happens to a force by itself: stiffening, dead band, saturation, rounding."""
+"""Memoryless curves from force to reading: stiffening, dead band, saturation, rounding."""
 
 import numpy as np
 from scipy.optimize import brentq
@@ -7,25 +7,25 @@ from hidden.exam.world import COUNT, Effect, size
 
 
 def ogden(stretch, power):
-    """Nominal stress of one Ogden term in simple tension."""
+    """Return the nominal stress of one Ogden term in simple tension."""
     return stretch ** (power - 1) - stretch ** (-power / 2 - 1)
 
 
 def bent(form, bend, power):
-    """A curve through (0, 0) and (1, 1) that is (1 + bend) / 2 in the middle."""
+    """Return a curve through (0, 0) and (1, 1) whose value in the middle is (1 + bend) / 2."""
     if form == "rational":
         q = (1 + bend) / (1 - bend)
         return lambda u: q * u / (1 + (q - 1) * u)
     if form == "exponential":
-        b = -2 * np.log((1 + bend) / (1 - bend))  # the logistic function of -b / 2 is the middle
+        b = -2 * np.log((1 + bend) / (1 - bend))  # the value in the middle is the logistic function of -b / 2
         return lambda u: np.expm1(b * u) / np.expm1(b)
-    if bend < 0:  # pressed together
+    if bend < 0:  # compression
 
         def curve(u, strain):
             return ogden(1 - strain * u, power) / ogden(1 - strain, power)
 
         high = 0.75
-    else:  # drawn apart
+    else:  # tension
 
         def curve(u, strain):
             return ogden(1 + strain * u, 1.0) / ogden(1 + strain, 1.0)
@@ -36,7 +36,7 @@ def bent(form, bend, power):
 
 
 def stiffening(rng, world, strength):
-    """A force that is not proportional: by 3 to 28 % at half of the peak, against a straight line to the peak."""
+    """A nonlinear response that differs at half of the peak by 3 to 28 % from a straight line to the peak."""
     bend = size(strength, 0.03, 0.28) * rng.choice([-1, 1])
     form = str(rng.choice(["exponential", "ogden", "rational"]))
     curve = bent(form, bend, rng.uniform(2, 5))
@@ -57,7 +57,7 @@ def stiffening(rng, world, strength):
 
 
 def dead_band(rng, world, strength):
-    """Small forces that are not seen; 0.5 to 3 counts."""
+    """A dead band of 0.5 to 3 counts for small forces."""
     counts = size(strength, 0.5, 3)
     width = counts * COUNT
     form = str(rng.choice(["shrink", "gate", "smooth"]))
@@ -76,7 +76,7 @@ def dead_band(rng, world, strength):
 
 
 def saturation(rng, world, strength):
-    """Readings that come to an end, at 95 down to 40 % of the peak."""
+    """A limit of the readings at 95 down to 40 % of the peak."""
     share = size(strength, 0.95, 0.4)
     form = str(rng.choice(["clip", "langevin", "rational"]))
     power, right = rng.uniform(2.5, 5), str(rng.choice(["small", "peak"]))
@@ -97,13 +97,13 @@ def saturation(rng, world, strength):
 
 
 def quantisation(rng, world, strength):
-    """Rounding to 0.15 to 0.6 N, noise included."""
+    """Rounding to steps of 0.15 to 0.6 N, after the noise."""
     step = size(strength, 0.15, 0.6)
     form = str(rng.choice(["round", "mid_rise", "field"]))
     scale = rng.uniform(0.85, 1.15, 3)[:, None] * np.ones(world.channels)
 
     def apply(reading):
-        if form == "mid_rise":  # never says zero, but half a step to either side
+        if form == "mid_rise":  # never zero, but half a step above or below
             return (np.floor(reading / step) + 0.5) * step
         unit = step * scale if form == "field" else step
         return np.round(reading / unit) * unit

@@ -1,4 +1,4 @@
-"""Gains by axis and by taxel, and taxels that do not answer."""
+"""Gains by axis and by taxel, and dead taxels."""
 
 import numpy as np
 from scipy.ndimage import gaussian_filter
@@ -7,7 +7,7 @@ from hidden.exam.world import Effect, size
 
 
 def axis_gain(rng, world, strength):
-    """A gain for each axis, sometimes one for all; 3 to 30 %."""
+    """A gain per axis, sometimes the same for all axes, 3 to 30 %."""
     share = size(strength, 0.03, 0.3)
     common = rng.random() < 0.25
     unit = rng.uniform(0.3, 1, 3) * rng.choice([-1, 1], 3)
@@ -19,7 +19,7 @@ def axis_gain(rng, world, strength):
 
 
 def taxel_gain(rng, world, strength):
-    """Gains that scatter from taxel to taxel; sigma 3 to 20 %."""
+    """Gains that vary between taxels, with a sigma of 3 to 20 %."""
     sigma = size(strength, 0.03, 0.2)
     form = str(rng.choice(["lognormal", "one_sided", "smooth"]))
     channels = world.channels if rng.random() < 0.5 else (world.pads, 1, len(world.where))
@@ -38,7 +38,7 @@ def taxel_gain(rng, world, strength):
 
 
 def dead_taxels(rng, world, strength):
-    """One to four taxels that read nothing, a constant, or 3 % of the force; they are pressed somewhere."""
+    """One to four pressed taxels that read nothing, a constant, or 3 % of the force."""
     count = 1 + round(3 * strength)
     form = str(rng.choice(["dead", "stuck", "weak"]))
     pressed = np.argwhere(world.load > 0.1 * world.load.max())

@@ -1,4 +1,4 @@
-"""Hysteresis: the way back differs from the way there, however slow."""
+"""Hysteresis: loading and unloading curves differ, at any speed."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from hidden.exam.world import Effect, size
 
 
 def dahl(u, width, power):
-    """Dahl's friction, -1 to 1, of `u` (steps, channels): it turns over about `width`."""
+    """Return Dahl's friction, -1 to 1, of `u` (steps, channels); it reverses over about `width`."""
     out = np.zeros_like(u)
     state = np.zeros(u.shape[1], u.dtype)
     for i, step in enumerate(np.diff(u, axis=0), start=1):
@@ -19,7 +19,7 @@ def dahl(u, width, power):
 
 
 def slips(u, limits, weights):
-    """Springs that slip, each at its limit; sum -1 to 1."""
+    """Return the sum, -1 to 1, of springs that slip at their limits."""
     out = np.zeros_like(u)
     limits = limits[:, None].astype(u.dtype)
     gain = (weights / limits[:, 0]).astype(u.dtype)
@@ -33,7 +33,7 @@ def slips(u, limits, weights):
 
 
 def relays(u, up, down, weights, ramp):
-    """Preisach's relays with ramps: on as |u| rises past `up`, off as it falls below `down`; all off at zero."""
+    """Return Preisach's relays with ramps: on when |u| rises past `up`, off when it falls below `down` or is zero."""
     x = np.abs(u)
     out = np.zeros_like(u)
     state = np.zeros((len(up), u.shape[1]), u.dtype)
@@ -53,7 +53,7 @@ def relays(u, up, down, weights, ramp):
 
 
 def drawn(rng):
-    """A form, and its operator of forces in units of the peak, 1 at the peak on the way up or -1 to 1."""
+    """Draw a form and its operator on forces in units of the peak; its range is 1 at the loaded peak, or -1 to 1."""
     form = str(rng.choice(["preisach", "dahl", "maxwell_slip"]))
     width, power = rng.uniform(0.25, 0.6), int(rng.integers(1, 3))
     spread, middle = rng.uniform(0.3, 0.8), rng.uniform(0.25, 0.5)
@@ -71,9 +71,9 @@ def drawn(rng):
 
 
 def hysteresis(rng, world, strength):
-    """A loop whose two ways differ by 2 to 15 % of the peak where they differ most.
+    """A loop whose loading and unloading curves differ by at most 2 to 15 % of the peak.
 
-    It is right for small forces, at the peak, or in the middle of the loop.
+    The sensor is calibrated for small forces, at the peak, or in the middle of the loop.
     """
     loop = size(strength, 0.02, 0.15)
     form, operator = drawn(rng)

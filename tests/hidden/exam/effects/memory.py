@@ -1,4 +1,4 @@
-"""Creep: a force that goes on changing while the load is held."""
+"""Creep: readings that keep changing under a constant load."""
 
 import numpy as np
 from scipy.optimize import nnls
@@ -8,7 +8,7 @@ from hidden.exam.world import RATE, Effect, size
 
 
 def fractional(tau, order):
-    """Relaxation times and weights of 1 - E(-(t / tau)^order), E the Mittag-Leffler function, by its spectrum."""
+    """Return relaxation times and weights of 1 - E(-(t / tau)^order), with the spectrum of the Mittag-Leffler E."""
     times = tau * np.logspace(-2, 2, 11)
     s = (tau / times) ** order
     weights = s * np.sin(order * np.pi) / (s**2 + 2 * s * np.cos(order * np.pi) + 1)
@@ -16,13 +16,13 @@ def fractional(tau, order):
 
 
 def logarithmic(tau, decades):
-    """Of log(1 + t): each relaxation time weighs the same, from one end to the other."""
+    """Return relaxation times and weights of log(1 + t), with equal weights over `decades`."""
     times = tau * np.logspace(-decades / 2, decades / 2, 9)
     return times, np.full(9, 1 / 9)
 
 
 def stretched(tau, order):
-    """Of 1 - exp(-(t / tau)^order), by least squares."""
+    """Return relaxation times and weights of 1 - exp(-(t / tau)^order), by least squares."""
     times, t = tau * np.logspace(-2, 1.5, 10), tau * np.logspace(-3, 2, 120)
     weights, _ = nnls(np.exp(-t[:, None] / times), np.exp(-((t / tau) ** order)))
     keep = weights > 1e-3
@@ -31,18 +31,21 @@ def stretched(tau, order):
 
 STRIDE = 5
 SLOW = 0.25
-"""s; what takes longer runs on every fifth step."""
+"""Relaxation times from this (s) on are computed on every fifth step only."""
 
 
 def followed(rows, start, place, times, weights, rate):
-    """What follows `rows` (rows, steps), straight between steps, with each of `times`; earlier episodes add to it.
+    """Return the weighted sum of lagged `rows`, including what remains from earlier episodes.
 
     Args:
-        rows: forces. start: (episodes,) s. place: (episodes, channels), whether a channel has a row in an episode.
-        times, weights: of the relaxation. rate: steps a second.
+        rows: (rows, steps) forces, linear between steps.
+        start: (episodes,) start times, s.
+        place: (episodes, channels) whether a channel has a row in an episode.
+        times, weights: relaxation times (s) and their weights.
+        rate: steps per second.
 
     Returns:
-        (episodes, channels, steps).
+        The lagged forces (episodes, channels, steps).
     """
     steps = rows.shape[1]
     length = (steps - 1) / rate
@@ -68,7 +71,7 @@ def followed(rows, start, place, times, weights, rate):
 
 
 def relaxed(force, world, times, weights):
-    """What follows the force with these relaxation times; it remembers earlier episodes over the pauses."""
+    """Return the force lagged with these relaxation times, with memory of earlier episodes across the pauses."""
     episodes, steps = force.shape[:2]
     flat = np.moveaxis(force.reshape(episodes, steps, -1), 1, 2)
     place = np.any(flat != 0, axis=2)
@@ -88,10 +91,10 @@ def relaxed(force, world, times, weights):
 
 
 def creep(rng, world, strength):
-    """2 to 25 % that come late, with 0.2 to 60 s.
+    """A delayed response of 2 to 25 %, with a time constant of 0.2 to 60 s.
 
-    A sensor that was calibrated with quick loads is right at once and ends too high; one with held loads is at once
-    too low and ends right.
+    A sensor calibrated with quick loads is right at once and ends too high; one calibrated with held loads starts too
+    low and ends right.
     """
     share = size(strength, 0.02, 0.25)
     form = str(rng.choice(["fractional", "logarithmic", "stretched"]))

@@ -1,4 +1,4 @@
-"""Linear mixing: taxels in another place, turned axes, forces that reach their neighbours."""
+"""Linear mixing: permuted taxels, rotated axes, and crosstalk between taxels."""
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -7,7 +7,7 @@ from hidden.exam.world import Effect, size
 
 
 def layout(rng, world, strength):
-    """Taxels, pads or axes that are written down in another order; the same at each strength."""
+    """A wrong order of taxels or pads, or a wrong sign of an axis; independent of the strength."""
     kinds = ["columns", "sign_x", "sign_y"]
     kinds += ["rows"] if world.rows > 1 else []
     kinds += ["transposed"] if world.rows == world.cols else []
@@ -23,7 +23,7 @@ def layout(rng, world, strength):
 
 
 def poisson(rng, world, strength):
-    """Shear away from where the pad is pressed; at most 2 to 15 % of the largest force, under a round contact."""
+    """Shear away from a load; its maximum is 2 to 15 % of the largest force under a round contact."""
     share = size(strength, 0.02, 0.15)
     form = str(rng.choice(["gaussian", "half_space", "screened"]))
     apart = world.distance
@@ -49,14 +49,14 @@ def poisson(rng, world, strength):
 
 
 def crosstalk(rng, world, strength):
-    """Forces that reach other taxels, with either sign; 1 to 12 % at the next one."""
+    """Crosstalk to other taxels, with either sign, 1 to 12 % at the nearest one."""
     share = size(strength, 0.01, 0.12)
     form = str(rng.choice(["dipoles", "measured", "neighbours"]))
     taxels = len(world.where)
     apart = world.distance
     r = np.linalg.norm(apart, axis=-1) + np.eye(taxels)
     loses = rng.random() < 0.5
-    if form == "dipoles":  # a magnet's field falls with the cube, and turns its sign beside its axis
+    if form == "dipoles":  # a magnet's field falls with distance cubed and changes sign beside its axis
         along = (3 * (apart / r[..., None]) ** 2 - 1) / 2
         unit = np.stack([along[..., 0], along[..., 1], np.ones_like(r)]) / r**3
     elif form == "measured":
@@ -69,7 +69,7 @@ def crosstalk(rng, world, strength):
     mix = share * unit * (1 - np.eye(taxels))
     total = np.abs(mix).sum(axis=1).max()
     mix *= min(1, 0.6 / total)
-    if loses:  # the giving taxel keeps the rest
+    if loses:  # the loaded taxel loses what others receive
         mix = mix - np.stack([np.diag(m.sum(axis=0)) for m in mix])
     into = np.swapaxes(mix, 1, 2)
 
@@ -80,7 +80,7 @@ def crosstalk(rng, world, strength):
 
 
 def turned(force, matrix):
-    """`matrix` (3, 3) or (pads, 3, 3, taxels) times each taxel's force."""
+    """Multiply each taxel's force by `matrix` (3, 3) or (pads, 3, 3, taxels)."""
     columns = [force[:, :, :, axis, None] for axis in range(3)]
     if matrix.ndim == 2:
         return sum(matrix[:, axis, None] * columns[axis] for axis in range(3))
@@ -88,7 +88,7 @@ def turned(force, matrix):
 
 
 def axis_coupling(rng, world, strength):
-    """Axes that leak into one another; 2 to 20 %."""
+    """Coupling between axes, 2 to 20 %."""
     share = size(strength, 0.02, 0.2)
     form = str(rng.choice(["normal_to_shear", "shear_to_normal", "x_with_y", "all"]))
     matrix = np.zeros((3, 3))
@@ -106,7 +106,7 @@ def axis_coupling(rng, world, strength):
 
 
 def rotation(rng, world, strength):
-    """A sensor that is mounted turned by 2 to 20 degrees about z, and tilted by 0.5 to 5."""
+    """A mounting error: rotation by 2 to 20 degrees about z and a tilt of up to 0.5 to 5 degrees."""
     degrees = size(strength, 2, 20) * rng.choice([-1, 1])
     tilt = size(strength, 0.5, 5) * rng.uniform(0.2, 1)
     angle = rng.uniform(0, 2 * np.pi)

@@ -1,4 +1,4 @@
-"""What effects share: the sensor, the episode, and how sizes, signs and forms are drawn."""
+"""Shared code of the effects: the sensor, the episode, and draws of sizes, signs and forms."""
 
 import functools
 from dataclasses import dataclass
@@ -21,24 +21,24 @@ class Pad:
 
     @property
     def away(self):
-        """(N, N, 2) from the second taxel to the first, m."""
+        """(N, N, 2) offsets from the second taxel to the first, m."""
         return self.where[:, None] - self.where[None]
 
     @property
     def distance(self):
-        """(N, N) between taxels, in pitches."""
+        """(N, N) distances between taxels, in pitches."""
         r = np.linalg.norm(self.away, axis=-1)
         return r / np.median(np.sort(r, axis=1)[:, 1])
 
     @property
     def unit(self):
-        """(N, 2) taxel centres, -1 to 1 over the pad."""
+        """(N, 2) taxel centres, scaled to -1 to 1 over the pad."""
         return self.where / np.abs(self.where).max(axis=0).clip(1e-9)
 
 
 @dataclass
 class Episode:
-    """What an effect may know of an episode: seconds since the recording began, (T,) opening (m), (T,) degC."""
+    """Episode data for an effect: start since the recording began (s), (T,) opening (m), (T,) temperature (degC)."""
 
     start: float
     opening: np.ndarray
@@ -46,17 +46,17 @@ class Episode:
 
 
 def between(low, high, strength):
-    """Log-linearly from `low` to `high`."""
+    """Interpolate logarithmically from `low` at strength 0 to `high` at strength 1."""
     return float(low * (high / low) ** strength)
 
 
 def sign(rng, *shape):
-    """-1 or 1."""
+    """Draw -1 or 1."""
     return rng.choice([-1.0, 1.0], shape) if shape else float(rng.choice([-1.0, 1.0]))
 
 
 def smooth(rng, pad, *shape):
-    """(*shape, N) that vary smoothly over the pad: mean 0, standard deviation 1."""
+    """Draw values (*shape, N) that vary smoothly over the pad, with mean 0 and standard deviation 1."""
     x, y = pad.unit.T
     values = rng.standard_normal((*shape, 5)) @ np.stack([x, y, x * y, x**2, y**2])
     values = values - values.mean(axis=-1, keepdims=True)
@@ -64,12 +64,12 @@ def smooth(rng, pad, *shape):
 
 
 def forms(*names):
-    """An effect that is drawn from several forms, or has the one that is asked for; its truth says which."""
+    """Decorate an effect that has several forms: one is drawn or requested, and stored in its truth."""
 
     def given(effect):
         @functools.wraps(effect)
         def drawn(rng, pad, strength, form=None):
-            own = names[rng.integers(len(names))]  # drawn in any case: what follows does not depend on it
+            own = names[rng.integers(len(names))]  # always drawn, so that later draws do not depend on `form`
             if form is not None and form not in names:
                 raise ValueError(f"{effect.__name__} has the forms {names}, got {form!r}")
             apply, truth = effect(rng, pad, strength, form or own)

@@ -1,4 +1,4 @@
-"""Curves from the force to the reading, without memory: stiffening, saturation and dead band."""
+"""Memoryless curves from force to reading: stiffening, saturation and dead band."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from hidden.practice.effects.common import COUNT, between, forms, sign
 
 @forms("cubic", "power", "hardening")
 def stiffening(rng, pad, strength, form):
-    """Right at a force that is drawn between none and the peak."""
+    """Stiffening with a calibration force drawn up to the peak."""
     side, right_at = sign(rng), rng.uniform(0.05, 1.0)
     if form == "power":
         bend = between(0.03, 0.5 if side > 0 else 0.3, strength) * side
@@ -22,7 +22,7 @@ def stiffening(rng, pad, strength, form):
         return 1 + bend * (size - right_at)
 
     def apply(f, e):
-        # the first two bend with the whole force of a taxel, the third each axis by itself
+        # the first two depend on the norm of a taxel's force, the third on each axis separately
         size = np.abs(f) if form == "hardening" else np.linalg.norm(f, axis=2, keepdims=True)
         return f * gain(size / pad.peak)
 
@@ -31,7 +31,7 @@ def stiffening(rng, pad, strength, form):
 
 @forms("knee", "clip", "slow")
 def saturation(rng, pad, strength, form):
-    """Right at small forces, or with a gain that makes the peak right."""
+    """Saturation calibrated at small forces, or at the peak with a gain."""
     limit = (0.95 - 0.55 * strength) * pad.peak
     knee, power = rng.uniform(0.1, 0.3), rng.uniform(3.0, 8.0)
     right_at = ("small", "peak")[rng.integers(2)]
@@ -50,7 +50,7 @@ def saturation(rng, pad, strength, form):
 
 @forms("logistic", "gate", "shrink")
 def dead_band(rng, pad, strength, form):
-    """`shrink` takes its width from what is read above it too, with or without a gain that makes the peak right."""
+    """Dead band; `shrink` also subtracts the width from larger forces, with or without a gain that fits the peak."""
     width = between(0.5, 3.0, strength) * COUNT
     soft = 0.12 * width
     right_at = ("edge", "peak")[rng.integers(2)] if form == "shrink" else "above"

@@ -1,4 +1,4 @@
-"""Gains, offsets and taxels that do not answer."""
+"""Gains, offsets, quantisation and dead taxels."""
 
 import numpy as np
 
@@ -35,18 +35,18 @@ def offset(rng, pad, strength, form):
         value = size * (0.7 * sign(rng, pad.pads, 3, 1) + 0.3 * smooth(rng, pad, pad.pads, 3))
     else:
         value = size * sign(rng, *shape) * rng.uniform(0.5, 1.0, shape)
-    if form == "sparse":  # few, which are larger
+    if form == "sparse":  # fewer, but larger
         some = rng.permutation(value.size).reshape(shape) < max(3, round(0.2 * value.size))
         value = np.where(some, 1.5 * value, 0.0)
-    value[:, 2] = np.abs(value[:, 2])  # a normal reading cannot go below zero
+    value[:, 2] = np.abs(value[:, 2])  # a normal reading cannot be negative
     return lambda f, e: f + value, {"offset": value}
 
 
 @forms("round", "floor")
 def quantisation(rng, pad, strength, form):
-    """`floor` reads the middle of the step below which a force lies: half a step beside `round`."""
+    """Rounding; `floor` reads the middle of the step that contains the force, half a step off the grid of `round`."""
     step = between(0.15, 0.6, strength)
-    return lambda f, e: f, {"step": step}  # taken up by the electronics, after the noise
+    return lambda f, e: f, {"step": step}  # applied by the electronics, after the noise
 
 
 @forms("zero", "stuck", "faint")

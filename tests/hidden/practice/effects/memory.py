@@ -1,4 +1,4 @@
-"""Effects that know the past: creep, hysteresis, low-pass and latency."""
+"""Effects with memory: creep, hysteresis, low-pass and latency."""
 
 import numpy as np
 from scipy.signal import lfilter
@@ -8,7 +8,7 @@ from hidden.practice.effects.common import DT, between, forms
 
 @forms("two_modes", "one_mode", "many_modes")
 def creep(rng, pad, strength, form):
-    """Right at once (`held` 0), under loads that are held (`held` 1), or between."""
+    """Creep, calibrated at once (`held` 0), under held loads (`held` 1), or in between."""
     total = between(0.02, 0.25, strength)
     tau = float(np.exp(rng.uniform(np.log(0.25), np.log(8.0))))
     spread = {"two_modes": [1 / 1.8, 1.8], "one_mode": [1.0], "many_modes": np.geomspace(1 / 6, 6, 9)}[form]
@@ -26,10 +26,10 @@ def creep(rng, pad, strength, form):
 
 @forms("bouc_wen", "play", "return_curves")
 def hysteresis(rng, pad, strength, form):
-    """A loop of a drawn width, beside a gain that makes small signals, the full load or the middle of the loop right.
+    """A loop of given width, with a gain that calibrates small signals, the full load or the middle of the loop.
 
-    `play`: operators with a spread of thresholds. `return_curves`: after each turn an exponential way to an envelope
-    that opens with the load.
+    `play`: operators with a range of thresholds. `return_curves`: after each reversal, exponential curves towards an
+    envelope that widens with the load.
     """
     width = between(0.02, 0.15, strength)
     scale = rng.uniform(0.15, 0.35) * pad.peak
@@ -51,7 +51,7 @@ def hysteresis(rng, pad, strength, form):
 
 
 def _bouc_wen(f, scale, beta, n, thresholds, weights, peak):
-    """The state bends towards the direction of motion and saturates near 1."""
+    """Return a state that follows the direction of motion and saturates near 1."""
     z, out = np.zeros(f.shape[1:]), np.empty_like(f)
     step = np.diff(f, axis=0, prepend=f[:1]) / scale
     for i in range(len(f)):
@@ -61,7 +61,7 @@ def _bouc_wen(f, scale, beta, n, thresholds, weights, peak):
 
 
 def _play(f, scale, beta, n, thresholds, weights, peak):
-    """What play operators, each with its threshold, lag behind."""
+    """Return the mean lag of play operators with different thresholds."""
     r = thresholds.reshape(-1, *(1,) * (f.ndim - 1))
     w = (weights / weights.sum()).reshape(r.shape)
     at, out = np.zeros((len(thresholds), *f.shape[1:])), np.empty_like(f)
@@ -72,7 +72,7 @@ def _play(f, scale, beta, n, thresholds, weights, peak):
 
 
 def _return_curves(f, scale, beta, n, thresholds, weights, peak):
-    """Of the way since the last turn alone, whatever the speed."""
+    """Return a state that depends only on the path since the last reversal, not on the speed."""
     z, out = np.zeros(f.shape[1:]), np.empty_like(f)
     step = np.diff(f, axis=0, prepend=f[:1])
     left = np.exp(-np.abs(step) / scale)
@@ -85,7 +85,7 @@ def _return_curves(f, scale, beta, n, thresholds, weights, peak):
 
 @forms("two_poles", "one_pole", "moving_average")
 def low_pass(rng, pad, strength, form):
-    """3 dB down at the cut-off."""
+    """Low-pass with 3 dB attenuation at the cut-off."""
     cutoff = between(15.0, 1.0, strength)
     poles = 2 if form == "two_poles" else 1
     a = np.exp(-2 * np.pi * cutoff * (1.55 if poles == 2 else 1.0) * DT)
@@ -105,10 +105,10 @@ def low_pass(rng, pad, strength, form):
 
 @forms("pure", "frames", "uneven")
 def latency(rng, pad, strength, form):
-    """`frames`: whole frames of the sensor's own clock, each read until the next. `uneven`: the delay wanders."""
+    """Latency; `frames`: frames of the sensor's own clock, each held until the next; `uneven`: a varying delay."""
     delay = between(0.005, 0.120, strength)
     clock, period, phase = rng.choice([91.0, 176.0]), rng.choice([0.25, 0.5, 1.0]), rng.uniform(0, 2 * np.pi)
-    clock = max(clock, 0.5 / delay)  # on average it is at least half a frame late
+    clock = max(clock, 0.5 / delay)  # the mean delay is at least half a frame
 
     def apply(f, e):
         t = DT * np.arange(len(f))

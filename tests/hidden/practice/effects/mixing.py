@@ -1,4 +1,4 @@
-"""What mixes taxels or axes: Poisson's shear, crosstalk, axis coupling, rotation and the layout."""
+"""Effects that mix taxels or axes: Poisson shear, crosstalk, axis coupling, rotation and the layout."""
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -8,7 +8,7 @@ from hidden.practice.effects.common import between, forms, sign
 
 @forms("push", "gradient", "bell")
 def poisson(rng, pad, strength, form):
-    """`push` away from the load, `gradient` of the normal force, or the slope of a bell around the load."""
+    """Poisson shear: a `push` away from the load, the `gradient` of the normal force, or the slope of a `bell`."""
     amount = between(0.02, 0.15, strength) * rng.uniform(0.8, 1.2, 2)
     r, d = pad.distance, pad.away
     if form == "push":
@@ -30,9 +30,9 @@ def poisson(rng, pad, strength, form):
 
 @forms("exponential", "inverse_square", "mixed_signs")
 def crosstalk(rng, pad, strength, form):
-    """With or without the loss, to a taxel, of what its neighbours get of it.
+    """Crosstalk, with or without a loss of the loaded taxel equal to what its neighbours receive.
 
-    `mixed_signs`: an own size for each axis and each two taxels, one in four with the opposite sign.
+    `mixed_signs`: a separate size for each axis and pair of taxels, one in four with the opposite sign.
     """
     amount = between(0.01, 0.12, strength)
     r = pad.distance
@@ -50,7 +50,7 @@ def crosstalk(rng, pad, strength, form):
 
 @forms("both_ways", "normal_to_shear", "with_shear")
 def axis_coupling(rng, pad, strength, form):
-    """`with_shear`: x and y mix too, as much in both directions, which no rotation does."""
+    """Axis coupling; `with_shear` also mixes x and y symmetrically, which no rotation does."""
     size = between(0.02, 0.20, strength)
     matrix = np.eye(3)
     matrix[:2, 2] = size * sign(rng, 2) * rng.uniform(0.5, 1.0, 2)

@@ -1,18 +1,18 @@
-"""What is read without force and does not stay: the field of the gripper, and drift."""
+"""Varying readings without force: the magnetic field of the gripper, and drift."""
 
 import numpy as np
 
 from hidden.practice.effects.common import COUNT, DT, between, forms, sign
 
-TRAVEL = 0.04  # m, of the gripper
+TRAVEL = 0.04  # travel of the gripper, m
 
 
 @forms("dipole", "two_dipoles", "quadratic")
 def interference(rng, pad, strength, form):
-    """A field that follows the opening, zeroed at one opening within the travel.
+    """A field that depends on the opening, zeroed at one opening within the travel.
 
-    `two_dipoles`: opposite ones, further away, so that the field changes much over the pad. `quadratic`: a polynomial
-    in the opening for each pad and axis, with a slope over the pad.
+    `two_dipoles`: opposite dipoles at a larger distance, whose field varies strongly over the pad. `quadratic`: a
+    polynomial in the opening for each pad and axis, with a gradient over the pad.
     """
     size = between(0.2, 5.0, strength) * COUNT
     moment = rng.standard_normal(3)
@@ -27,7 +27,7 @@ def interference(rng, pad, strength, form):
         here = np.concatenate([pad.where, np.zeros((len(pad.where), 1))], axis=1)
         out = np.empty((len(opening), pad.pads, 3, len(here)))
         for p in range(pad.pads):
-            side = 1.0 if p % 2 == 0 else -1.0  # every other pad faces the other way
+            side = 1.0 if p % 2 == 0 else -1.0  # every other pad faces the opposite direction
             across = 0.004 * side + aside + 0 * opening
             away = np.stack([across, 0.003 + 0 * opening, -(height + further + opening)], axis=-1)
             r = here[None] - away[:, None]
@@ -52,9 +52,9 @@ def interference(rng, pad, strength, form):
 
 @forms("curve_and_walk", "linear", "temperature")
 def drift(rng, pad, strength, form):
-    """Zeroed when the recording begins, or minutes before.
+    """Drift, zeroed at the start of the recording or minutes before.
 
-    `temperature`: of the sensor's own electronics, quick and slow parts and a room that swings; no thermometer sees it.
+    `temperature`: self-heating with quick and slow parts and an oscillating room temperature, which no covariate shows.
     """
     size = between(0.005, 0.10, strength) * pad.peak
     amount = size * sign(rng, pad.pads, 3, 1) * rng.uniform(0.5, 1.0, (pad.pads, 3, len(pad.where)))
