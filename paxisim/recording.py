@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 from paxisim._renamed import warn_renamed
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
-from paxisim.logs.recording_arrays import RecordingArrays, CountsToForce, Method, episode_starts, rate_of, unit_of
 from paxisim.logs.checks import check_fields
 from paxisim.logs.concatenate import concatenate
 from paxisim.logs.recording_arrays import CountsToForce, Method, RecordingArrays, episode_starts, rate_of, unit_of
@@ -328,3 +327,8 @@ class Recording:
     def to_arrays(self) -> RecordingArrays:
         """Return the plain arrays in the form that `paxisim.logs` uses, without copying."""
         return RecordingArrays(**vars(self))
+
+    def to_aligned(self) -> RecordingArrays:
+        """Old name of `to_arrays`."""
+        warn_renamed("Recording.to_aligned", "Recording.to_arrays")
+        return self.to_arrays()

@@ -209,21 +209,49 @@ def test_star_import_and_dir():
     assert set(PUBLIC) <= set(dir(paxisim))
 
 
-def test_type_checkers_see_the_names_that_are_imported_lazily():
-    tree = ast.parse(Path(paxisim.__file__).read_text(encoding="utf-8"))
-    for_checkers = {}
-    for node in tree.body:
-        lazily = isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
-        for statement in node.body if lazily else [node]:
-            if isinstance(statement, ast.ImportFrom) and statement.module.startswith("paxisim."):
-                for alias in statement.names:
-                    if alias.name == "lazy":
-                        alias.asname = "lazy"  # not public
-                    assert alias.asname == alias.name, "without `as` a type checker treats the name as private"
-                    for_checkers[alias.name] = statement.module
-    del for_checkers["__version__"], for_checkers["lazy"]
-    assert for_checkers == {name: home for home, names in paxisim._HOMES.items() for name in names}
-    assert for_checkers.keys() == set(DEFINED)
+STUBS = [Path(paxisim.__file__).parent / part / "__init__.pyi" for part in ("", "augment", "diagnose")]
+
+
+@pytest.mark.parametrize("stub", STUBS, ids=lambda stub: stub.parent.name)
+def test_type_checkers_see_the_names_that_are_imported_lazily(stub):
+    for statement in ast.parse(stub.read_text(encoding="utf-8")).body:
+        assert isinstance(statement, ast.ImportFrom)
+        for alias in statement.names:
+            assert alias.asname == alias.name, "without `as` a type checker takes the name for private"
+
+
+@pytest.mark.parametrize(
+    ("package", "old", "new"),
+    [
+        (paxisim, "Readout", "LinearCalibration"),
+        (paxisim, "measured", "heights_from_map"),
+        (paxisim.augment, "Memory", "StatefulTransform"),
+    ],
+)
+def test_an_old_name_works_and_warns(package, old, new):
+    with pytest.warns(DeprecationWarning, match=rf"{old} is now called {package.__name__}\.{new}"):
+        assert getattr(package, old) is getattr(package, new)
+    assert old not in dir(package)
+
+
+def test_old_methods_work_and_warn():
+    x = np.ones((1, 3, 2, 2), np.float32)
+    gain = paxisim.augment.AxisGain((1.0, 2.0, 3.0))
+    with pytest.warns(DeprecationWarning, match="broadcast_parameter"):
+        np.testing.assert_array_equal(gain.fit("gain", x), gain.broadcast_parameter("gain", x))
+    with pytest.warns(DeprecationWarning, match="broadcast_covariate"):
+        np.testing.assert_array_equal(
+            gain.fit_covariate("t", {"t": 2.0}, x), gain.broadcast_covariate("t", {"t": 2.0}, x)
+        )
+    recording = paxisim.Recording(np.arange(3.0), np.zeros((3, *x.shape), np.float32))
+    with pytest.warns(DeprecationWarning, match="to_arrays"):
+        assert recording.to_aligned().time is recording.to_arrays().time
+
+
+def test_a_name_that_is_also_a_module_stays_the_function():
+    import paxisim.augment.parameter_spec as module
+
+    assert paxisim.augment.parameter is module.parameter
 
 
 def test_a_public_name_is_what_its_home_defines():

@@ -21,7 +21,6 @@ from paxisim.augment.transform import STAGES, Covariates, State, Transform
 from paxisim.errors import InvalidValueError, PaxisimError, UnknownNameError
 from paxisim.files import parse_file, whole_file
 from paxisim.layout import TaxelLayout
-from paxisim.files import parse_file, whole_file
 from paxisim.logs.text import parse_json
 
 FORMAT = "paxisim-chain/1"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from paxisim.augment.parameter_spec import namespace
-from paxisim.augment.transform import Covariates, StatefulTransform, State
+from paxisim.augment.transform import Covariates, State, StatefulTransform
 
 
 class Clocked(StatefulTransform):

@@ -65,7 +65,9 @@ class CovariateField(Transform):
     def apply(self, x: Any, covariates: Covariates) -> Any:
         """See `Transform.apply`."""
         xp = namespace(x)
-        lifted = [self.broadcast_covariate(n, covariates, x) - m for n, m in zip(self.covariates, self.middle, strict=True)]
+        lifted = [
+            self.broadcast_covariate(n, covariates, x) - m for n, m in zip(self.covariates, self.middle, strict=True)
+        ]
         away = xp.stack([one[..., 0, 0, 0, 0] for one in xp.broadcast_arrays(*lifted)], axis=-1)
         u = away @ as_like(np.asarray(self.directions).T, x)
         modes = xp.concat([u, u * u - 1], axis=-1)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from paxisim.augment.low_pass import lag, lag_sequence
 from paxisim.augment.modes import check_modes, each_mode, over_modes
 from paxisim.augment.parameter_spec import namespace, parameter
-from paxisim.augment.transform import Covariates, StatefulTransform, State, keep
+from paxisim.augment.transform import Covariates, State, StatefulTransform, keep
 
 
 @dataclass(frozen=True, eq=False)

@@ -83,7 +83,9 @@ class Crosstalk(Transform):
             gained = xp.reshape(xp.reshape(force, (-1, rows * cols)) @ weights[0], force.shape)
         else:
             gained = force @ weights
-        exchanged = gained - self.broadcast_parameter("taken", x)[..., 0] * force * xp.sum(weights, axis=-1)[..., None, :]
+        exchanged = (
+            gained - self.broadcast_parameter("taken", x)[..., 0] * force * xp.sum(weights, axis=-1)[..., None, :]
+        )
         return x + self.broadcast_parameter("strength", x) * xp.reshape(exchanged, (*exchanged.shape[:-1], rows, cols))
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from paxisim.augment.modes import check_modes, each_mode, over_modes
 from paxisim.augment.parameter_spec import Parameter, check, is_torch, namespace, parameter
-from paxisim.augment.transform import Covariates, StatefulTransform, State
+from paxisim.augment.transform import Covariates, State, StatefulTransform
 
 
 @dataclass(frozen=True, eq=False)

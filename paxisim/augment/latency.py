@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from paxisim.augment.parameter_spec import as_like, can_look, is_torch, namespace, parameter
 from paxisim.augment.random_numbers import SEEDS, check_seed, no_draws, uniform
-from paxisim.augment.transform import Covariates, StatefulTransform, State
+from paxisim.augment.transform import Covariates, State, StatefulTransform
 from paxisim.errors import InvalidValueError
 
 
@@ -96,7 +96,11 @@ class Latency(StatefulTransform):
         xp = namespace(x)
         frames = xp.concat([_slot(x)] * self.capacity, axis=-5)
         ages = xp.zeros_like(frames[..., :1, :1, :1, :1])
-        longest = xp.zeros_like(x[..., :1, :1, :1, :1]) + self.broadcast_parameter("delay", x) + self.broadcast_parameter("jitter", x)
+        longest = (
+            xp.zeros_like(x[..., :1, :1, :1, :1])
+            + self.broadcast_parameter("delay", x)
+            + self.broadcast_parameter("jitter", x)
+        )
         return (frames, ages, longest, no_draws(x))
 
     def advance(self, x: Any, state: State, dt: Any, covariates: Covariates) -> tuple[Any, State]:

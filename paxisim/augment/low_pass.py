@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.augment.parameter_spec import namespace, parameter
-from paxisim.augment.transform import Covariates, StatefulTransform, State, keep
+from paxisim.augment.transform import Covariates, State, StatefulTransform, keep
 
 _LARGE = 2_000  # numbers in a frame above which the overhead of one call per frame is negligible
 

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 from paxisim.augment.parameter_spec import namespace, parameter
 from paxisim.augment.random_numbers import SEEDS, check_seed, no_draws, normal
-from paxisim.augment.transform import Covariates, StatefulTransform, State
+from paxisim.augment.transform import Covariates, State, StatefulTransform
 
 
 @dataclass(frozen=True, eq=False)

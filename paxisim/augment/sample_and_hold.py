@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from paxisim.augment.parameter_spec import namespace, parameter
-from paxisim.augment.transform import Covariates, StatefulTransform, State, keep
+from paxisim.augment.transform import Covariates, State, StatefulTransform, keep
 
 
 @dataclass(frozen=True, eq=False)

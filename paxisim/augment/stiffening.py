@@ -45,7 +45,11 @@ class Stiffening(Transform):
     def apply(self, x: Any, covariates: Covariates) -> Any:
         """See `Transform.apply`."""
         xp = namespace(x)
-        ratio, knee, shared = x / self.broadcast_parameter("scale", x), self.broadcast_parameter("knee", x), self.broadcast_parameter("shared", x)
+        ratio, knee, shared = (
+            x / self.broadcast_parameter("scale", x),
+            self.broadcast_parameter("knee", x),
+            self.broadcast_parameter("shared", x),
+        )
         own = ratio**2
         square = knee**2 + shared * xp.sum(own, axis=-3, keepdims=True) + (1 - shared) * own  # above 0, for the root
         return x * (square / (1 + knee**2)) ** ((self.broadcast_parameter("exponent", x) - 1) / 2)

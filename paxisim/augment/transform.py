@@ -23,6 +23,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from paxisim._renamed import warn_renamed
 from paxisim.augment.parameter_spec import (
     AXES,
     Parameter,
@@ -46,7 +47,8 @@ STAGES = ("gel", "magnets", "electronics", "firmware")
 class Transform:
     """Base class of the transforms; the module docstring describes the shapes and the three ways to apply one.
 
-    Subclasses are frozen dataclasses. Those without memory implement `apply`; those with memory derive from `StatefulTransform`.
+    Subclasses are frozen dataclasses. Those without memory implement `apply`; those with memory derive from
+    `StatefulTransform`.
 
     Attributes:
         stage: Position in the physical chain, one of `STAGES`.

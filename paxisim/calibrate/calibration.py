@@ -16,7 +16,6 @@ from paxisim.calibrate.fit import calibrate_readout
 from paxisim.calibrate.linear import LinearCalibration
 from paxisim.calibrate.load_model import LoadModel, fit_load_model
 from paxisim.calibrate.loads import COMPONENTS, MOST, Excitation, Load
-from paxisim.calibrate.linear import LinearCalibration
 from paxisim.errors import InvalidValueError
 from paxisim.files import parse_file, whole_file
 from paxisim.logs.document import finite
@@ -42,7 +41,7 @@ class Calibration:
     profile: str = ""
 
     def to_force(self, channels: NDArray[np.floating]) -> NDArray[np.float32]:
-        """Convert ``(..., pads, 3, rows, cols)`` channels to newtons, each separately; see `LinearCalibration.to_force`."""
+        """Convert ``(..., pads, 3, rows, cols)`` channels to newtons; see `LinearCalibration.to_force`."""
         return self.readout.to_force(channels).astype(np.float32)
 
     def total_force(self, channels: NDArray[np.floating]) -> NDArray[np.float32] | None:

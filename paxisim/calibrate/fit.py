@@ -12,7 +12,6 @@ from paxisim.calibrate.delay import LEAST, Delay, fit_delay, half_width
 from paxisim.calibrate.lagged import Array, Lagged, Sums
 from paxisim.calibrate.linear import LinearCalibration
 from paxisim.calibrate.loads import Excitation, Load, excitation_of, find_loads, values_of
-from paxisim.calibrate.linear import LinearCalibration
 from paxisim.errors import InvalidValueError
 from paxisim.presses import find_presses
 from paxisim.recording import Recording

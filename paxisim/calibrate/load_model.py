@@ -11,7 +11,6 @@ from paxisim.calibrate.fit import blocks_of, least_ridge
 from paxisim.calibrate.lagged import MOST, Array, block_sums
 from paxisim.calibrate.linear import LinearCalibration
 from paxisim.calibrate.loads import Load, values_of
-from paxisim.calibrate.linear import LinearCalibration
 from paxisim.errors import InvalidValueError
 from paxisim.recording import Recording
 

@@ -29,8 +29,6 @@ def info(recording: Annotated[Path, tyro.conf.Positional]) -> None:
         recording: Recording: .mcap, .npz, .parquet, .csv or .hdf5 (robosuite, robomimic).
             Or the folder of a LeRobotDataset (v3).
     """
-    from paxisim.logs.resample import describe_bursts
-    from paxisim.logs.recording_arrays import unit_of
     from paxisim.logs.describe import HEADER, describe_episodes, describe_stream
     from paxisim.logs.recording_arrays import unit_of
     from paxisim.logs.resample import describe_bursts

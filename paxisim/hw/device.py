@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator, Sequence
 from types import TracebackType
 
 from paxisim.errors import DeviceError, DeviceTimeoutError, InvalidValueError
-from paxisim.hw.frame_joiner import FrameJoiner
 from paxisim.hw.board import Board
 from paxisim.hw.calibrated import SensorCalibration
 from paxisim.hw.clock import Clock, SystemClock

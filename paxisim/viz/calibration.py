@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from paxisim.calibrate.linear import AXES, LinearCalibration
 from paxisim.calibrate.loads import values_of
-from paxisim.calibrate.linear import AXES, LinearCalibration
 from paxisim.errors import InvalidValueError, MissingExtraError
 from paxisim.presses import FEW, Presses, find_presses
 from paxisim.recording import Recording
@@ -154,7 +153,12 @@ def _draw_errors(ax: Axes, readout: LinearCalibration) -> None:
 
 
 def _draw_channel(
-    ax: Axes, elapsed: NDArray[np.float64], readout: LinearCalibration, applied: Recording, at: tuple[int, ...], what: str
+    ax: Axes,
+    elapsed: NDArray[np.float64],
+    readout: LinearCalibration,
+    applied: Recording,
+    at: tuple[int, ...],
+    what: str,
 ) -> None:
     assert applied.measured is not None
     assert applied.simulated is not None
