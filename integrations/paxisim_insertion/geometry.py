@@ -7,6 +7,7 @@ The frame of a peg lies in the middle of its bottom, z up; the frame of a base l
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -77,16 +78,16 @@ def to_mjcf(pieces: Pieces, name: str, rgba: str, **attributes: str) -> tuple[li
         label = f"{name}_{index}"
         shape = {"name": label, "group": "1", "rgba": rgba, **attributes}
         if isinstance(piece, (trimesh.primitives.Box, trimesh.primitives.Cylinder)):
-            shape["pos"] = _numbers(np.asarray(piece.primitive.transform)[:3, 3])
+            shape["pos"] = numbers(np.asarray(piece.primitive.transform)[:3, 3])
         if isinstance(piece, trimesh.primitives.Box):
-            shape |= {"type": "box", "size": _numbers(np.asarray(piece.primitive.extents) / 2)}
+            shape |= {"type": "box", "size": numbers(np.asarray(piece.primitive.extents) / 2)}
         elif isinstance(piece, trimesh.primitives.Cylinder):
             size = np.array([piece.primitive.radius, piece.primitive.height], dtype=float) / [1, 2]
-            shape |= {"type": "cylinder", "size": _numbers(size)}
+            shape |= {"type": "cylinder", "size": numbers(size)}
         else:
             # MuJoCo centres a mesh on its centre of mass and shifts the geom accordingly, so it needs no pos
             shape |= {"type": "mesh", "mesh": label}
-            meshes.append(ET.Element("mesh", {"name": label, "vertex": _numbers(piece.vertices.reshape(-1))}))
+            meshes.append(ET.Element("mesh", {"name": label, "vertex": numbers(piece.vertices.reshape(-1))}))
         geoms.append(ET.Element("geom", shape))
     return geoms, meshes
 
@@ -117,5 +118,6 @@ def _ring(radius: float, half: float, depth: float) -> Pieces:
     return pieces
 
 
-def _numbers(values: object) -> str:
+def numbers(values: Any) -> str:
+    """Format numbers for MJCF."""
     return " ".join(f"{value:.9g}" for value in np.asarray(values, dtype=float))

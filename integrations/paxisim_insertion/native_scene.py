@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 import paxisim
 
 from .arm import measure_arm
+from .geometry import numbers
 from .pads import PAD, ScenePads
-from .scene import HALF_OPEN, SIDES, TABLE_HEIGHT, TABLE_SIZE, Scene, add_objects, text
+from .scene import HALF_OPEN, SIDES, TABLE_HEIGHT, TABLE_SIZE, Scene, add_objects
 from .tasks import Parameters, Task
 
 TIMESTEP = 5e-3
@@ -125,8 +126,8 @@ class NativeScene(Scene):
         assets, world = ET.SubElement(root, "asset"), ET.SubElement(root, "worldbody")
         half = np.array(TABLE_SIZE) / 2
         at = [0, 0, TABLE_HEIGHT - half[2]]
-        ET.SubElement(world, "geom", name="table", type="box", size=text(half), pos=text(at), group="1")
-        hand = ET.SubElement(world, "body", name="hand", pos=text(self.base), gravcomp="1")
+        ET.SubElement(world, "geom", name="table", type="box", size=numbers(half), pos=numbers(at), group="1")
+        hand = ET.SubElement(world, "body", name="hand", pos=numbers(self.base), gravcomp="1")
         ET.SubElement(hand, "inertial", pos="0 0 0", mass="0.1", diaginertia="1e-3 1e-3 1e-3")
         for index, (name, axis) in enumerate(_AXES.items()):
             ET.SubElement(hand, "joint", name=name, type="slide" if index < 3 else "hinge", axis=axis)

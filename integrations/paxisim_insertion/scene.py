@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 import paxisim
 
-from .geometry import base_pieces, contact_attributes, peg_pieces, to_mjcf
+from .geometry import base_pieces, contact_attributes, numbers, peg_pieces, to_mjcf
 from .reward import Insertion, insertion
 from .tasks import Parameters, Task
 
@@ -226,18 +226,13 @@ def add_objects(world: ET.Element, assets: ET.Element, task: Task, parameters: P
     """Add the base and the peg, which is a free body, to an MJCF model."""
     touched = contact_attributes(parameters)
     at = np.array([0.0, 0.0, TABLE_HEIGHT + parameters.floor])
-    base = ET.SubElement(world, "body", {"name": "base", "pos": text(at)})
+    base = ET.SubElement(world, "body", {"name": "base", "pos": numbers(at)})
     geoms, meshes = to_mjcf(base_pieces(task, parameters), "base", _BASE_COLOUR, **touched)
     base.extend(geoms)
     above = at + [0, 0, parameters.hole_depth + 0.1]
-    peg = ET.SubElement(world, "body", {"name": "peg", "pos": text(above)})
+    peg = ET.SubElement(world, "body", {"name": "peg", "pos": numbers(above)})
     ET.SubElement(peg, "freejoint", {"name": "peg"})
     density = str(parameters.density)
     geoms, more = to_mjcf(peg_pieces(task, parameters), "peg", _PEG_COLOUR, density=density, **touched)
     peg.extend(geoms)
     assets.extend(meshes + more)
-
-
-def text(values: Any) -> str:
-    """Format numbers for MJCF."""
-    return " ".join(f"{value:.9g}" for value in np.asarray(values, dtype=float))

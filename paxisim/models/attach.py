@@ -17,8 +17,9 @@ from paxisim.layout import TaxelLayout
 from paxisim.models import names
 from paxisim.models.gel import Gel
 from paxisim.models.load import compile_spec, compile_whole, load_spec, one_line
+from paxisim.models.mjcf import numbers
 from paxisim.models.mount import Mount
-from paxisim.models.pad import Pad, numbers
+from paxisim.models.pad import Pad
 from paxisim.models.pads import Pads, find_pads
 from paxisim.sensors import sensor as find_sensor
 

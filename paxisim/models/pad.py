@@ -17,6 +17,8 @@ from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
 from paxisim.models import names, touch_grid
 from paxisim.models.gel import CONTACTS, Gel
+from paxisim.models.mjcf import numbers
+from paxisim.models.surface import check_heights
 
 DENSITY = 1200.0
 """Density (kg/m^3) behind the default mass: between silicone (1100) and a thin circuit board (1850)."""
@@ -225,25 +227,6 @@ def cubes(
     halves = np.column_stack([footprint[:, 1] / 2, footprint[:, 0] / 2, height / 2])
     quats = Rotation.from_matrix(frames).as_quat()[:, [3, 0, 1, 2]]
     return centres, halves, quats
-
-
-def check_heights(heights: NDArray[np.floating], layout: TaxelLayout) -> NDArray[np.floating]:
-    """Return `heights` as ``(..., rows, cols)`` floats (m).
-
-    Raises:
-        InvalidValueError: The heights have the wrong shape, or are not positive and finite.
-    """
-    heights = np.asarray(heights, dtype=np.float64)
-    if heights.shape[-2:] != (layout.rows, layout.cols):
-        raise InvalidValueError(f"heights must have shape (..., {layout.rows}, {layout.cols}), got {heights.shape}")
-    if not np.all(np.isfinite(heights)) or np.any(heights <= 0):
-        raise InvalidValueError("heights must be positive and finite: they are the thickness of the cubes in m")
-    return heights
-
-
-def numbers(values) -> str:
-    """Format numbers as MJCF text, with nine significant digits and without negative zero."""
-    return " ".join(f"{float(value) + 0.0:.9g}" for value in values)
 
 
 def _footprints(layout: TaxelLayout) -> NDArray[np.floating]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
 from paxisim.models import names
+from paxisim.models.surface import check_heights
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,8 +194,6 @@ def set_surface(model: mujoco.MjModel, pads: Pads, heights: NDArray[np.floating]
         InvalidValueError: The heights have the wrong shape or are not positive and finite, or the pads belong to
             another model.
     """
-    from paxisim.models.pad import check_heights
-
     check_pads(model, pads)
     heights = check_heights(heights, pads.layout)
     pads_shape = (len(pads), pads.layout.rows, pads.layout.cols)

@@ -53,6 +53,20 @@ def heights_from_map(layout: TaxelLayout, height_map: ArrayLike, thickness: floa
     return result
 
 
+def check_heights(heights: NDArray[np.floating], layout: TaxelLayout) -> NDArray[np.floating]:
+    """Return `heights` as ``(..., rows, cols)`` floats (m).
+
+    Raises:
+        InvalidValueError: The heights have the wrong shape, or are not positive and finite.
+    """
+    heights = np.asarray(heights, dtype=np.float64)
+    if heights.shape[-2:] != (layout.rows, layout.cols):
+        raise InvalidValueError(f"heights must have shape (..., {layout.rows}, {layout.cols}), got {heights.shape}")
+    if not np.all(np.isfinite(heights)) or np.any(heights <= 0):
+        raise InvalidValueError("heights must be positive and finite: they are the thickness of the cubes in m")
+    return heights
+
+
 def _area_means(values: NDArray[np.floating], bins: int) -> NDArray[np.floating]:
     """Average ``(n, ...)`` over `bins` equal intervals of the first axis, including fractions of a sample."""
     total = np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])

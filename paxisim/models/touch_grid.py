@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from paxisim.errors import InvalidValueError, UnsupportedError
 from paxisim.layout import TaxelLayout
 from paxisim.models import names
+from paxisim.models.mjcf import numbers
 from paxisim.models.pads import Pads, check_pads
 
 PLUGIN = "mujoco.sensor.touch_grid"
@@ -62,7 +63,7 @@ def add_sensor(parent: etree._Element, pad: str, layout: TaxelLayout) -> None:
     plugin = etree.SubElement(parent, "plugin", name=name, plugin=PLUGIN, objtype="site", objname=name)
     config = {
         "size": f"{layout.cols} {layout.rows}",
-        "fov": f"{fov[0]:.9g} {fov[1]:.9g}",
+        "fov": numbers(fov),
         "gamma": "0",
         "nchannel": "3",
     }

@@ -15,6 +15,7 @@ from paxisim.hw.boards.control_box import ControlBox
 from paxisim.hw.clock import SystemClock
 from paxisim.hw.frames import control_box as wire
 from paxisim.hw.frames.control_box import Region, Reply, Request, parse_reply, parse_request, reply_parser
+from paxisim.hw.frames.errors import CONTROL_BOX, error_name
 from paxisim.hw.framing import FrameDecoder
 from paxisim.hw.recognise import describe
 from paxisim.hw.taxels import to_bytes, to_counts
@@ -99,8 +100,8 @@ def test_taxels_wrap_no_sign():
 
 
 def test_errors_have_names():
-    assert wire.error_name(7) == "error 0x07 (no data)"
-    assert wire.error_name(0x63) == "error 0x63 (unknown)"
+    assert error_name(7, CONTROL_BOX) == "error 0x07 (no data)"
+    assert error_name(0x63, CONTROL_BOX) == "error 0x63 (unknown)"
 
 
 def test_data_too_long_to_encode():

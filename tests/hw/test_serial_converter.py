@@ -23,6 +23,7 @@ from paxisim.errors import DeviceTimeoutError, InvalidValueError, ProtocolError
 from paxisim.hw.boards.serial_converter import SerialConverter
 from paxisim.hw.clock import SystemClock
 from paxisim.hw.frames import serial_converter as frames
+from paxisim.hw.frames.errors import SERIAL_CONVERTER, error_name
 from paxisim.hw.frames.serial_converter import READ, WRITE, Reply, Request, answer
 from paxisim.hw.framing import FrameDecoder
 from paxisim.hw.taxels import to_bytes
@@ -100,8 +101,8 @@ def test_a_request_whose_data_do_not_fit_its_count_is_not_encoded(request_):
 
 
 def test_errors_have_names():
-    assert frames.error_name(7) == "error 0x07 (no data)"
-    assert frames.error_name(0x63) == "error 0x63 (unknown)"
+    assert error_name(7, SERIAL_CONVERTER) == "error 0x07 (no data)"
+    assert error_name(0x63, SERIAL_CONVERTER) == "error 0x63 (unknown)"
 
 
 @repeatable

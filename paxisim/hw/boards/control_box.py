@@ -14,6 +14,7 @@ from paxisim.hw.board import Board, Reading
 from paxisim.hw.boards.line import Line
 from paxisim.hw.clock import Clock
 from paxisim.hw.frames import control_box as wire
+from paxisim.hw.frames.errors import CONTROL_BOX, error_name
 from paxisim.hw.framing import FrameDecoder
 from paxisim.hw.profile import Profile, Slot
 from paxisim.hw.transport import Transport
@@ -124,7 +125,7 @@ class ControlBox(Board):
         for slot, reply in zip(self.profile.slots, replies, strict=True):
             region = wire.parse_region(reply.data)
             if region is None:
-                errors.append(f"port {_port(slot)}: {wire.error_name(reply.error)}")
+                errors.append(f"port {_port(slot)}: {error_name(reply.error, CONTROL_BOX)}")
             payloads.append(bytes(self._count) if region is None else region.payload)
             status.append(reply.error or (region.status if region else 0))
         if len(errors) == len(self.profile.slots):
@@ -150,7 +151,7 @@ class ControlBox(Board):
             if reply is None:
                 raise DeviceTimeoutError(f"port {_port(slot)} did not acknowledge zeroing within {START_TIMEOUT:g} s")
             if reply.error not in wire.ZERO_GOOD:
-                raise ProtocolError(f"port {_port(slot)} refuses zeroing: {wire.error_name(reply.error)}")
+                raise ProtocolError(f"port {_port(slot)} refuses zeroing: {error_name(reply.error, CONTROL_BOX)}")
 
     def version(self) -> str:
         """Return the version string that the box reports; empty if it reports none."""
@@ -164,7 +165,7 @@ class ControlBox(Board):
         if reply is None:
             self._fail(f"the request to set mode {self._mode}")
         if reply.error:
-            raise ProtocolError(f"the control box refuses mode {self._mode}: {wire.error_name(reply.error)}")
+            raise ProtocolError(f"the control box refuses mode {self._mode}: {error_name(reply.error, CONTROL_BOX)}")
         while True:
             left = max(deadline - self.clock.monotonic(), REPLY_TIMEOUT)
             reply = self._ask(wire.get_mode_request(), _is(wire.GET_MODE), left)
@@ -175,7 +176,8 @@ class ControlBox(Board):
             if self.clock.monotonic() >= deadline:
                 raise ProtocolError(
                     f"the control box did not switch to mode {self._mode} within {MODE_TIMEOUT:g} s: it answers "
-                    f"{reply.data.hex().upper() or 'nothing'}, {wire.error_name(reply.error)}; check the profile's mode"
+                    f"{reply.data.hex().upper() or 'nothing'}, {error_name(reply.error, CONTROL_BOX)}; "
+                    "check the profile's mode"
                 )
             self.clock.sleep(PAUSE)
 
@@ -191,7 +193,8 @@ class ControlBox(Board):
             if self.clock.monotonic() >= deadline:
                 raise ProtocolError(
                     f"port {_port(slot)} gives no reading of {self._count} bytes in mode {self._mode}: "
-                    f"{wire.error_name(reply.error)}; is a pad connected to that port, and do mode and part match it?"
+                    f"{error_name(reply.error, CONTROL_BOX)}; is a pad connected to that port, and do mode and part "
+                    "match it?"
                 )
             self.clock.sleep(PAUSE)
 

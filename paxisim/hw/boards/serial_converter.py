@@ -13,13 +13,13 @@ from paxisim.hw import registers, taxels
 from paxisim.hw.board import Board, Reading
 from paxisim.hw.boards.line import Line
 from paxisim.hw.clock import Clock
+from paxisim.hw.frames.errors import SERIAL_CONVERTER, error_name
 from paxisim.hw.frames.serial_converter import (
     GOOD,
     MOST_READ,
     READ,
     Reply,
     Request,
-    error_name,
     parse_reply,
     parse_request,
     read_request,
@@ -218,7 +218,7 @@ class SerialConverter(Board):
                 if refusals == REFUSALS:
                     raise ProtocolError(
                         f"id {self._id} refuses function {request.function:02X} at {request.address} "
-                        f"({request.count} bytes): {error_name(reply.status)}"
+                        f"({request.count} bytes): {error_name(reply.status, SERIAL_CONVERTER)}"
                     )
             self._repeated = True
             if self.clock.monotonic() >= deadline:

@@ -51,29 +51,8 @@ REGION_OVERHEAD = 6  # status, function, address and count precede the payload o
 LONGEST_REQUEST_DATA = 64
 LONGEST_REPLY_DATA = 1024  # the largest known part, with 239 taxels and its resultant block, needs 753
 
-ERRORS = {
-    0x00: "ok",
-    0x01: "length",
-    0x02: "check byte",
-    0x03: "main command",
-    0x04: "sub command",
-    0x05: "overflow",
-    0x06: "parameter",
-    0x07: "no data",
-    0x0A: "arrangement",
-    0x0C: "host id",
-    0x0D: "others",
-    0x10: "get",
-    0x11: "execute",
-    0x12: "CRC",
-}
 ZERO_GOOD = (0x00, 0x06)
 """Errors that the box returns when zeroing works."""
-
-
-def error_name(code: int) -> str:
-    """Return a readable name of an error byte, e.g. ``"error 0x07 (no data)"``."""
-    return f"error 0x{code:02X} ({ERRORS.get(code, 'unknown')})"
 
 
 @dataclass(frozen=True)
@@ -105,7 +84,7 @@ class Reply:
         main: MAIN.
         sub: SUB; its first byte on the wire is the high byte.
         data: DATA, up to 65535 bytes.
-        error: One of `ERRORS`; 0 means success.
+        error: One of `paxisim.hw.frames.errors.CONTROL_BOX`; 0 means success.
         index: INDEX.
     """
 

@@ -47,24 +47,8 @@ MOST_READ = 0xFFFF - 10
 GOOD = (0, 1)
 """Status bytes of replies with valid data."""
 
-ERRORS = {
-    0x00: "ok",
-    0x01: "length",
-    0x02: "check byte",
-    0x03: "main command",
-    0x04: "sub command",
-    0x05: "overflow",
-    0x06: "parameter",
-    0x07: "no data",
-    0x0A: "arrangement",
-}
 
 _HEADER = 13
-
-
-def error_name(status: int) -> str:
-    """Return a readable name of a status byte, e.g. ``"error 0x07 (no data)"``."""
-    return f"error 0x{status:02X} ({ERRORS.get(status, 'unknown')})"
 
 
 @dataclass(frozen=True)
