@@ -10,8 +10,8 @@ import numpy as np
 
 from paxisim.errors import DeviceTimeoutError, InvalidValueError, ProtocolError
 from paxisim.hw import registers, taxels
-from paxisim.hw.board import Board, Reading
-from paxisim.hw.boards.line import Line
+from paxisim.hw.board import Reading
+from paxisim.hw.boards.line import Line, LineBoard
 from paxisim.hw.clock import Clock
 from paxisim.hw.frames import control_box as wire
 from paxisim.hw.frames.errors import CONTROL_BOX, error_name
@@ -38,7 +38,7 @@ LONGEST_ANSWER = 128
 """Maximum number of data bytes in a reply that is not a reading; the longest such reply is the version."""
 
 
-class ControlBox(Board):
+class ControlBox(LineBoard):
     """A control box; each slot is one of its ports.
 
     All settings are optional: ``mode``, which selects the kind of parts connected (default 5, most GEN2 parts);
@@ -84,16 +84,6 @@ class ControlBox(Board):
         self._line: Line[wire.Reply] = Line(transport, clock, self._decoder)
         self._repeated = self._stopped = False
         self._first_arrival = self._arrival = 0.0
-
-    @property
-    def bad_checksums(self) -> int:
-        """See `Board.bad_checksums`."""
-        return self._line.bad_checksums
-
-    @property
-    def skipped(self) -> int:
-        """See `Board.skipped`."""
-        return self._line.skipped
 
     def start(self) -> None:
         """See `Board.start`. Queries the version, sets the mode and reads it back, then reads each port once."""

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from paxisim.errors import DeviceError, DeviceTimeoutError, InvalidValueError, ProtocolError
 from paxisim.hw import registers, taxels
-from paxisim.hw.board import Board, Reading
-from paxisim.hw.boards.line import Line, with_behind
+from paxisim.hw.board import Reading
+from paxisim.hw.boards.line import Line, LineBoard, with_behind
 from paxisim.hw.clock import Clock
 from paxisim.hw.frames.high_speed import (
     Push,
@@ -50,7 +50,7 @@ ATTEMPTS = 4
 """Number of attempts to switch the stream, and number of error replies needed to accept an error."""
 
 
-class HighSpeed(Board):
+class HighSpeed(LineBoard):
     """A GEN3 high-speed board.
 
     A slot's index is the module's number, 0 to 27. Optional setting: ``palm_counts``, where the board keeps the taxel
@@ -91,16 +91,6 @@ class HighSpeed(Board):
         self._waiting: deque[tuple[float, int, Push]] = deque()
         self._reported = 0
         self._use(StreamLayout((), ()))
-
-    @property
-    def bad_checksums(self) -> int:
-        """See `Board.bad_checksums`."""
-        return self._line.bad_checksums
-
-    @property
-    def skipped(self) -> int:
-        """See `Board.skipped`."""
-        return self._line.skipped
 
     def start(self) -> None:
         """See `Board.start`. Also starts the stream."""

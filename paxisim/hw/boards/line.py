@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
+from paxisim.hw.board import Board
 from paxisim.hw.clock import Clock
 from paxisim.hw.framing import Decoder
 from paxisim.hw.transport import Transport
@@ -96,6 +97,22 @@ class Line(Generic[Message]):
             now = self._clock.monotonic()
         messages = [(now if time == came else time, message) for time, message in messages]
         return messages + self._take(rest, now), now
+
+
+class LineBoard(Board):
+    """A board that speaks over a `Line`, whose decoder counts what it discards."""
+
+    _line: Line[Any]
+
+    @property
+    def bad_checksums(self) -> int:
+        """See `Board.bad_checksums`."""
+        return self._line.bad_checksums
+
+    @property
+    def skipped(self) -> int:
+        """See `Board.skipped`."""
+        return self._line.skipped
 
 
 def with_behind(messages: Sequence[tuple[float, Message]]) -> list[tuple[float, int, Message]]:

@@ -7,8 +7,8 @@ from collections import deque
 from typing import ClassVar, Generic
 
 from paxisim.errors import DeviceTimeoutError, ProtocolError, UnsupportedError
-from paxisim.hw.board import Board, Reading
-from paxisim.hw.boards.line import Line, Message, with_behind
+from paxisim.hw.board import Reading
+from paxisim.hw.boards.line import Line, LineBoard, Message, with_behind
 from paxisim.hw.clock import Clock
 from paxisim.hw.framing import Decoder
 from paxisim.hw.profile import Profile
@@ -18,7 +18,7 @@ START_TIMEOUT = 2.0
 """Seconds within which the first message must arrive; no source states how long a board takes."""
 
 
-class ListenedBoard(Board, Generic[Message]):
+class ListenedBoard(LineBoard, Generic[Message]):
     """A board whose every message is a reading.
 
     Attributes:
@@ -50,11 +50,6 @@ class ListenedBoard(Board, Generic[Message]):
     @abstractmethod
     def _reading(self, time: float, behind: int, message: Message) -> Reading:
         """Convert a message to a reading; `time` and `behind` are those of `Reading`."""
-
-    @property
-    def skipped(self) -> int:
-        """See `Board.skipped`."""
-        return self._line.skipped
 
     def start(self) -> None:
         """See `Board.start`. Waits for the first message, which the next `read` returns."""

@@ -10,8 +10,8 @@ import numpy as np
 
 from paxisim.errors import DeviceTimeoutError, InvalidValueError, ProtocolError
 from paxisim.hw import registers, taxels
-from paxisim.hw.board import Board, Reading
-from paxisim.hw.boards.line import Line
+from paxisim.hw.board import Reading
+from paxisim.hw.boards.line import Line, LineBoard
 from paxisim.hw.clock import Clock
 from paxisim.hw.frames.errors import SERIAL_CONVERTER, error_name
 from paxisim.hw.frames.serial_converter import (
@@ -50,7 +50,7 @@ REFUSALS = 3
 """Number of error replies needed to accept an error; a single one may come from a request damaged in transit."""
 
 
-class SerialConverter(Board):
+class SerialConverter(LineBoard):
     """A GEN3 sensor that answers requests.
 
     The profile has one slot, whose index is the sensor's id. All settings are optional: ``resultant_address`` and
@@ -108,16 +108,6 @@ class SerialConverter(Board):
     def id(self) -> int:
         """The id under which the sensor answers."""
         return self._id
-
-    @property
-    def bad_checksums(self) -> int:
-        """See `Board.bad_checksums`."""
-        return self._line.bad_checksums
-
-    @property
-    def skipped(self) -> int:
-        """See `Board.skipped`."""
-        return self._line.skipped
 
     def start(self) -> None:
         """See `Board.start`."""
