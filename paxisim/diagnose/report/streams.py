@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from paxisim.diagnose.problem import peak_of
 from paxisim.layout import TaxelLayout
-from paxisim.logs.aligned import episode_spans
+from paxisim.logs.recording_arrays import episode_spans
 from paxisim.scene.parameters import SceneParameter
 
 
