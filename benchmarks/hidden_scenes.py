@@ -1,10 +1,11 @@
 """How often a wrong number of a scene is found: ``python benchmarks/hidden_scenes.py --out scenes.jsonl --jobs 2``.
 
-A bench that the diagnosis never sees (`hidden_scene/bench.py`) has one number wrong, two causes, or nothing. It has
-another time step, other contact settings and a finer pad than the scene, servos with friction, a clock that jitters,
-and a tip that sits otherwise in its holder in each episode. Printed for each case are what was named, with rivals, and
-whether the number that was hidden lies within its 90 % interval; beside it what least squares say (`baseline.py`).
-A case takes some minutes, so that outcomes are kept in a file, and a run that was ended goes on.
+A bench that the diagnosis never sees (`hidden_scene/bench.py`) differs from the scene in one cause, in two, or in none.
+It also has another time step, other contact settings and a finer pad than the scene, servos with friction, a jittering
+clock, and a tip whose pose in its holder varies between episodes. The script prints the verdict, the named causes and
+their rivals for each case. A table compares them with least squares (`baseline.py`) and counts how often the 90 %
+intervals contain the true values. A case takes some minutes, so outcomes are kept in a file, and an interrupted run
+resumes.
 """
 
 from __future__ import annotations
@@ -39,19 +40,20 @@ IN_SCENE = set(CAUSES)
 
 @dataclass(frozen=True)
 class Outcome:
-    """What was said of a case.
+    """Outcome of a case.
 
     Attributes:
-        cause: The cause in the scene that was hidden; empty for none.
-        beside: That in the sensor.
+        cause: Hidden cause in the scene; empty for none.
+        beside: Hidden cause in the sensor; empty for none.
         seed: Random seed.
-        named: What was named.
-        rivals: Rivals of what was named.
-        within: Of the numbers that were hidden and found, how many lie within their intervals, and of how many.
-        verdict: The verdict.
-        seconds: That the diagnosis took.
-        baseline: What least squares over all numbers of the scene names.
-        baseline_within: Of the numbers that were hidden, how many lie within its intervals, and of how many.
+        named: Named causes.
+        rivals: Rivals of the named causes.
+        within: Number of hidden values, among those fitted, that lie within their 90 % intervals, and number of those
+            fitted.
+        verdict: Verdict of the diagnosis.
+        seconds: Duration of the diagnosis.
+        baseline: Causes named by least squares over all numbers of the scene.
+        baseline_within: Number of hidden values that lie within its 90 % intervals, and number of hidden values.
     """
 
     cause: str
@@ -67,17 +69,17 @@ class Outcome:
 
     @property
     def hidden(self) -> set[str]:
-        """What was wrong."""
+        """The hidden causes."""
         return {name for name in (self.cause, self.beside) if name}
 
 
 def solve(task: tuple[str, str, int], sensor: str, replays: Path) -> Outcome:
-    """Diagnose one case: a cause of the scene, one of the sensor, and a seed."""
+    """Diagnose one case, given by a cause of the scene, a cause of the sensor and a seed."""
     warnings.simplefilter("ignore")
     cause, beside, seed = task
     drawn = case(cause, seed, sensor=sensor, beside=beside)
     parameters = drawn.scene.parameters()
-    with TemporaryDirectory(dir=replays) as own:  # no two cases have a replay in common
+    with TemporaryDirectory(dir=replays) as own:  # no two cases share a replay
         begun = time.monotonic()
         found = paxisim.diagnose(drawn.recording, scene=drawn.scene, replays=Path(own))
         seconds = time.monotonic() - begun
@@ -108,15 +110,15 @@ def main(
     sensor: Literal["chain", "reference"] = "chain",
     replays: Path = Path(),
 ) -> None:
-    """Diagnose the cases that a file does not have yet, and print a table of all.
+    """Diagnose the cases that are not in a file yet, and print a table of all cases.
 
     Args:
-        out: File with a line of JSON for each case, to which cases are added.
-        seeds: Cases of each cause.
-        first: The first seed. Seeds below 100 were looked at while the search was built.
-        jobs: Cases at the same time.
-        sensor: What reads the forces: a chain of gains, noise and counts, or the magnetic reference pad.
-        replays: Folder in which replays are kept for as long as a case takes.
+        out: File with one line of JSON per case, to which new cases are appended.
+        seeds: Number of cases per cause.
+        first: First seed. Seeds below 100 were used while the search was developed.
+        jobs: Number of cases to run in parallel.
+        sensor: Sensor that reads the forces: a chain of gains, noise and counts, or the magnetic reference pad.
+        replays: Folder for the replays, which are deleted after each case.
     """
     tasks = [
         task
@@ -152,20 +154,20 @@ def _read(path: Path) -> list[Outcome]:
 
 
 def _table(outcomes: list[Outcome]) -> None:
-    print("\n| hidden | cases | exactly | named | named or rival | within | least squares exactly | its within |")
+    print("\n| hidden | cases | exact | named | named or rival | covered | least squares: exact | its covered |")
     print("|---|---|---|---|---|---|---|---|")
     alone = [one for one in outcomes if not one.beside]
     for name in CAUSES:
         _row(name, [one for one in alone if one.cause == name])
-    _row("any one", [one for one in alone if one.cause])
+    _row("any single cause", [one for one in alone if one.cause])
     _row("nothing", [one for one in alone if not one.cause])
-    _row("one of the scene, one of the sensor", [one for one in outcomes if one.beside])
+    _row("one in the scene, one in the sensor", [one for one in outcomes if one.beside])
 
 
 def _row(label: str, own: list[Outcome]) -> None:
     if not own:
         return
-    # the magnetic pad has causes of the sensor of its own
+    # the magnetic pad has sensor causes of its own, so the scene's causes are compared separately
     exact = sum(one.hidden & IN_SCENE == set(one.named) & IN_SCENE and one.hidden <= set(one.named) for one in own)
     only = sum(one.hidden == set(one.named) for one in own)
     named = sum(one.hidden <= set(one.named) for one in own)

@@ -1,7 +1,7 @@
-"""The baseline: least squares over all numbers of the scene at once, as a system identification would do it.
+"""The baseline: least squares over all numbers of the scene at once, as in system identification.
 
-It has the same replays as the diagnosis, drawn straight between them, but no poses of each episode, no causes of the
-sensor, no tolerances and no held-out episodes.
+It uses the same replays as the diagnosis, interpolated linearly, but no poses per episode, no causes of the sensor, no
+tolerances and no held-out episodes.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from paxisim.diagnose.inside.responses import SHOWN
 from paxisim.diagnose.inside.study import Study
 from paxisim.scene.replays import Replays
 
-EVERY = 4  # frames
-NORMAL_90 = 1.645  # standard deviations, half a 90 % interval
+EVERY = 4  # every n-th frame is fitted
+NORMAL_90 = 1.645  # half-width of a 90 % interval, in standard deviations
 
 
 @dataclass(frozen=True)
 class Fitted:
-    """What least squares says.
+    """Result of the least squares.
 
     Attributes:
-        named: Causes with a number that is off by what matters, whose 90 % interval excludes the scene's value.
-        intervals: ``(low, high)`` of each number, in SI units, by name.
+        named: Causes with a number that is materially off and whose 90 % interval excludes the scene's value.
+        intervals: 90 % interval ``(low, high)`` of each number by name, in SI units.
     """
 
     named: tuple[str, ...]
@@ -40,7 +40,7 @@ def fit(recording: paxisim.Recording, scene: paxisim.Scene, replays: Path) -> Fi
     Args:
         recording: Measured forces and the streams that drive the scene.
         scene: The scene.
-        replays: Folder where replays are kept.
+        replays: Folder in which replays are kept.
     """
     replay = scene.prepare(recording)
     recording = replay.paired([replay.run(number) for number in replay.episodes])

@@ -1,8 +1,8 @@
-"""The bench: what really happens, in a model that shares little with the scene of the diagnosis.
+"""The bench: the ground truth, a model that shares little with the scene given to the diagnosis.
 
-A stage with servos, which have friction, presses a round tip on a pad of nine spheres a taxel, where the scene has
-four. Time step,
-cone, solver and contacts differ from the scene's. In each episode the tip sits in its holder a little otherwise.
+A stage driven by servos with friction presses a round tip on a pad of nine spheres per taxel, where the scene has four.
+Time step, solver and contact settings differ from the scene's. The pose of the tip in its holder varies between
+episodes.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import paxisim
 
 LAYOUT = paxisim.TaxelLayout(4, 4, (5e-3, 5e-3))  # the sensor
 SCENE = paxisim.TaxelLayout(8, 8, (2.5e-3, 2.5e-3))  # the scene's pad
-FINE = paxisim.TaxelLayout(12, 12, (5e-3 / 3, 5e-3 / 3))  # the bench's
+FINE = paxisim.TaxelLayout(12, 12, (5e-3 / 3, 5e-3 / 3))  # the bench's pad
 BALL = 3.5e-3  # m, diameter of the spheres that carry the contacts
 GEL = paxisim.Gel(modulus=400e3)
 TIP = (27e-3, 21e-3, 18e-3)  # half axes (m) of the ellipsoid that presses
@@ -28,23 +28,23 @@ OPTION = 'cone="elliptic" impratio="12" iterations="30" ls_iterations="20" toler
 SETTLE = 0.2  # s
 RATE = 50.0  # Hz
 JITTER = 2e-3  # s
-ENCODERS = (1e-6, 1e-6, 1e-5, 1e-6)  # m, m, rad, m
+ENCODERS = (1e-6, 1e-6, 1e-5, 1e-6)  # encoder resolutions: m, m, rad, m
 
 
 @dataclass(frozen=True)
 class Truth:
-    """What the bench is really like.
+    """True parameters of the bench; multiples are relative to the nominal value.
 
     Attributes:
-        friction: Of the gel.
-        stiffness: Of the gel, as a multiple.
-        force: What the motor of the closing exerts, as a multiple.
-        mount: Pose of the pad on its mount: m, m and two angles (rad) about its x and y.
-        bumps: ``(bumps, 4)`` place x and y, width and height (m) of bumps on the pad.
-        size: Of the tip, as a multiple.
-        place: Pose of the tip in its holder in all episodes: x, y, z (m) and turns about them (rad).
-        zero: By how much the closing is deeper (m) than its encoder says.
-        spread: Standard deviations of the tip's pose from one episode to the other: m and rad.
+        friction: Friction coefficient of the gel.
+        stiffness: Stiffness of the gel, as a multiple.
+        force: Force of the closing motor, as a multiple of its command.
+        mount: Offset of the pad on its mount: x and y (m), and rotations about its x and y (rad).
+        bumps: ``(bumps, 4)`` bumps on the pad: position x and y, width and height (m).
+        size: Size of the tip, as a multiple.
+        place: Mean pose of the tip in its holder: x, y, z (m) and rotations about them (rad).
+        zero: Depth of the closing (m) beyond its encoder reading.
+        spread: Standard deviations of the tip's pose between episodes: position (m) and rotation (rad).
     """
 
     friction: float = 1.0
@@ -64,13 +64,14 @@ def run(
     """Move the stage and read the pad.
 
     Args:
-        truth: The bench.
-        commands: For each episode ``(steps, 4)`` what the joints are told to do; the last a force (N) if `by_force`.
-        by_force: Whether the closing is a motor.
-        rng: For the poses and the clock.
+        truth: True parameters of the bench.
+        commands: Commands of the joints in each episode, ``(steps, 4)``; the last one is a force (N) if `by_force`.
+        by_force: Whether a motor drives the closing.
+        rng: Random generator for the poses and the clock.
 
     Returns:
-        ``(T,)`` times, ``(T, 3, 4, 4)`` newtons, ``(T, 5)`` encoders and the closing's command, ``(T,)`` episodes.
+        Times ``(T,)`` in seconds, forces ``(T, 3, 4, 4)`` in newtons, the four encoders and the command of the closing
+        ``(T, 5)``, and episode numbers ``(T,)``.
     """
     times, forces, streams, episodes = [], [], [], []
     begin = 0.0
@@ -166,7 +167,7 @@ def _mjcf(truth: Truth, pose, by_force: bool) -> str:
     </mujoco>
     """
     tilt = Rotation.from_rotvec([truth.mount[2], truth.mount[3], 0.0])
-    facing = Rotation.from_quat([1.0, 0.0, 0.0, 0.0])  # face up: the pad's z points down
+    facing = Rotation.from_quat([1.0, 0.0, 0.0, 0.0])  # the pad faces up, so its z axis points down
     offset = facing.apply([truth.mount[0], truth.mount[1], 0.0])
     whole = np.roll((facing * tilt).as_quat(), 1)
     mount = paxisim.Mount("plate", tuple(offset), tuple(whole), name="pad")

@@ -1,4 +1,4 @@
-"""Cases: what is wrong on the bench, drawn by seed, and the recording and the scene that a diagnosis is given."""
+"""Cases: a random error of the scene, and the recording and scene that a diagnosis is given."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ CAUSES = (
     "friction", "gel_stiffness", "grip_force", "mount_offset", "mount_tilt", "surface", "object_size", "object_pose",
     "joint_offset",
 )  # fmt: skip
-COUNT = 0.1  # N
-NOISE = 0.03  # N, before rounding
+COUNT = 0.1  # N per count
+NOISE = 0.03  # N, standard deviation before rounding
 
 
 @dataclass(frozen=True)
@@ -23,11 +23,11 @@ class Case:
     """One recording to be diagnosed.
 
     Attributes:
-        causes: What is wrong, the scene's and the sensor's.
-        truth: The bench.
-        values: The numbers of the scene that would be right, by name, of causes that one number holds.
-        recording: What was recorded.
-        scene: The scene as one believes it to be.
+        causes: True causes, in the scene and in the sensor.
+        truth: True parameters of the bench.
+        values: True values of the scene's numbers by name; empty for an uneven surface.
+        recording: The recording.
+        scene: The nominal scene, without the true errors.
     """
 
     causes: tuple[str, ...]
@@ -41,11 +41,10 @@ def case(cause: str, seed: int, *, sensor: str = "chain", beside: str = "", epis
     """Draw a case.
 
     Args:
-        cause: The scene's cause, empty if nothing is wrong.
+        cause: Cause in the scene; empty for none.
         seed: Random seed.
-        sensor: ``"chain"`` or ``"reference"``: what reads the forces.
-        beside: A cause of the sensor that is wrong, too: ``"axis_gain"``, ``"latency"`` or ``"creep"``.
-        episodes: Number of episodes, of 6 s each.
+        sensor: Sensor that reads the forces: ``"chain"`` or ``"reference"``.
+        beside: Additional cause in the sensor: ``"axis_gain"``, ``"latency"`` or ``"creep"``; empty for none.
     """
     rng = np.random.default_rng([seed, 7, CAUSES.index(cause) + 1 if cause else 0, len(beside)])
     truth, values = _wrong(cause, rng)
@@ -64,7 +63,7 @@ def case(cause: str, seed: int, *, sensor: str = "chain", beside: str = "", epis
 
 
 def _wrong(cause: str, rng: np.random.Generator) -> tuple[Truth, dict[str, float]]:
-    """The bench, and the numbers by which the scene is wrong."""
+    """Draw the bench, and return it with the true values of the scene's wrong numbers."""
 
     def either(low: float, high: float) -> float:
         return float(rng.choice([-1, 1]) * rng.uniform(low, high))
@@ -106,7 +105,7 @@ def _wrong(cause: str, rng: np.random.Generator) -> tuple[Truth, dict[str, float
 
 
 def _sensor_fault(name: str, rng: np.random.Generator) -> list[paxisim.augment.Transform]:
-    """The fault of the sensor."""
+    """Draw the fault of the sensor."""
     if name == "axis_gain":
         return [
             paxisim.augment.AxisGain(
@@ -121,7 +120,7 @@ def _sensor_fault(name: str, rng: np.random.Generator) -> list[paxisim.augment.T
 
 
 def _read(faults, force, time, episode, sensor: str, seed: int, rng: np.random.Generator) -> np.ndarray:
-    """What the sensor reports, in counts."""
+    """Return the sensor's readings (N), rounded to counts."""
     chain = paxisim.Chain(faults)
     parts = []
     for number in np.unique(episode):
@@ -136,7 +135,7 @@ def _read(faults, force, time, episode, sensor: str, seed: int, rng: np.random.G
 
 
 def scene(by_force: bool) -> paxisim.Scene:
-    """The scene as one believes it to be: MuJoCo's usual settings, a sharp block, a pad of one cube a taxel."""
+    """Return the nominal scene: other solver settings than the bench, and a pad of four spheres per taxel."""
     motor = '<actuator><motor name="depth" joint="depth"/></actuator>' if by_force else ""
     text = f"""
     <mujoco model="stage">

@@ -1,4 +1,4 @@
-"""What the stage is told to do: presses, holds and slides at several places, turned from one episode to the next."""
+"""Commands of the stage: presses, holds and slides at several places, at another turn in each episode."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ SECONDS = 6.0
 TURNS = np.radians([0, 90, 45, -45, 180, 0, 90, -90])
 
 
-def episodes(rng: np.random.Generator, by_force: bool, count: int = EPISODES) -> list[NDArray[np.float64]]:
-    """For each episode ``(steps, 4)`` x, y, turn and depth, or the force (N) of the closing."""
-    return [_episode(rng, turn, by_force) for turn in np.resize(TURNS, count)]
+def episodes(rng: np.random.Generator, by_force: bool) -> list[NDArray[np.float64]]:
+    """Return the commands of each episode, ``(steps, 4)``: x, y (m), turn (rad), and depth (m) or closing force (N)."""
+    return [_episode(rng, turn, by_force) for turn in TURNS[:EPISODES]]
 
 
 def _episode(rng: np.random.Generator, turn: float, by_force: bool) -> NDArray[np.float64]:

@@ -1,13 +1,13 @@
-"""Broken: streams that do not correspond, and what must be said of each.
+"""Broken: streams that do not correspond, and the required response to each.
 
-What counts as told, written down before the engine was run on them:
+Criteria of success, fixed before the engine was run on these streams:
 
 - noise in both, other episodes: the verdict is ``unrelated``, or the recording is refused.
-- shifted: the warning that the clocks are apart, with the shift to 0.15 s, and no cause.
-- other units: the recording is refused, in words that have "newtons" in them; of microtesla also "paxisim calibrate".
+- shifted: a warning that the clocks differ, with the shift to within 0.15 s, and no cause.
+- other units: the recording is refused with a message that contains "newtons", or "paxisim calibrate" for microtesla.
 - swapped pads: ``layout`` and nothing else.
-- one stream frozen: it is refused, the verdict is ``unrelated``, or a warning or left-over line says that a stream does
-  not change, while nothing but `dead_taxels` is named.
+- one stream frozen: the recording is refused, the verdict is ``unrelated``, or a warning or left-over line says that a
+  stream does not change and nothing but `dead_taxels` is named.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from paxisim.recording import Recording
 
 
 def _noise(rng: np.random.Generator, base: Base, memory: float) -> Recording:
-    """Noise of its own in both streams, as strong as the forces; `memory` is what is left after a frame."""
+    """Independent noise in both streams, as strong as the forces; `memory` is its correlation from frame to frame."""
 
     def coloured() -> Floats:
         white, out = rng.normal(size=base.scene.force.shape), np.zeros(base.scene.force.shape)
@@ -43,7 +43,7 @@ def _coloured(rng: np.random.Generator, base: Base) -> Recording:
 
 
 def _shuffled(rng: np.random.Generator, base: Base) -> Recording:
-    """Simulated episodes in another order, each from the beginning of the measured one; none stays in its place."""
+    """Simulated episodes in another order, each aligned with the start of a measured one; none stays in its place."""
     recording = base.recording
     numbers = np.unique(recording.episode)
     order = rng.permutation(len(numbers))
@@ -59,18 +59,18 @@ def _shuffled(rng: np.random.Generator, base: Base) -> Recording:
 
 
 def _other_motion(rng: np.random.Generator, base: Base) -> Recording:
-    """The simulation of another run: its presses begin at other times and go at other speeds."""
+    """Simulation of another run, whose presses start at other times and have other speeds."""
     recording, time = base.recording, base.recording.time
     run = np.cumsum(np.exp(rng.normal(0, 1.0, 60)))
     warped = np.interp(time, np.linspace(time[0], time[-1], 60), (run - run[0]) / (run[-1] - run[0]))
-    then = time[0] + (1 - warped) * (time[-1] - time[0])  # and from the end to the beginning
+    then = time[0] + (1 - warped) * (time[-1] - time[0])  # time is warped and reversed
     flat = np.asarray(recording.simulated, dtype=float).reshape(len(time), -1)
     moved = np.stack([np.interp(then, time, c) for c in flat.T], axis=1)
     return replace(recording, simulated=moved.reshape(len(time), 1, 3, 1, 5).astype(np.float32))
 
 
 def _late(recording: Recording, shift: float) -> Recording:
-    """The measured stream `shift` seconds late on a clock of its own."""
+    """Measured stream delayed by `shift` seconds, as if by a clock of its own."""
     flat = np.asarray(recording.measured, dtype=float).reshape(len(recording), -1)
     moved = np.stack([np.interp(recording.time - shift, recording.time, c) for c in flat.T], axis=1)
     return replace(recording, measured=moved.reshape(len(recording), 1, 3, 1, 5).astype(np.float32))
@@ -85,7 +85,7 @@ def _scaled(factor: float) -> Callable[[np.random.Generator, Base], Recording]:
 
 
 def _swapped_pads(rng: np.random.Generator, base: Base) -> Recording:
-    """Two pads, the second pressed in the later two thirds of each episode; the measured ones are swapped."""
+    """Two pads, the second pressed in the later two thirds of each episode; the measured pads are swapped."""
 
     def second(values: Floats) -> Floats:
         out = values.copy()
@@ -118,7 +118,7 @@ def _frozen(stream: str, since: float) -> Callable[[np.random.Generator, Base], 
 
 
 def _microtesla(source: Source, unit: str) -> Recording:
-    """The channels as they were recorded, beside their regression in newtons."""
+    """Channels as recorded (microtesla), paired with their regression in newtons."""
     real = source.both[1]
     own = np.isin(real.press, np.arange(real.used.start, real.used.stop))
     simulated = tensor(source.simulated(1, "fine"))
@@ -144,7 +144,7 @@ BROKEN: dict[str, Callable[[np.random.Generator, Base], Recording]] = {
 
 
 def broken(source: Source, seed: int) -> list[Case]:
-    """All of them, each once, and the shifts and units."""
+    """Return one case of each kind, plus the clock shifts and the units."""
     out = []
     for number, (kind, make) in enumerate(BROKEN.items()):
         rng = np.random.default_rng([seed, 3, number])
@@ -158,5 +158,5 @@ def broken(source: Source, seed: int) -> list[Case]:
     for unit in ("uT", ""):
         kind = "microtesla" if unit else "microtesla, unit not said"
         recording = _microtesla(source, unit)
-        out.append(Case(f"broken:{len(out)}", "broken", kind, "press_2 as it was recorded", recording))
+        out.append(Case(f"broken:{len(out)}", "broken", kind, "press_2 as recorded", recording))
     return out

@@ -1,12 +1,12 @@
-"""Cases: real signals with one effect each, real signals as they are (nulls), and streams that do not correspond.
+"""Cases: real signals with one effect each, unchanged real signals (nulls), and streams that do not correspond.
 
-A case is a drawn run of presses of both recordings. The presses of eFlesh have one speed, at which memory, filters and
-delays cannot be told apart. So their **clocks run faster**, each press by a drawn factor of `SPEEDS`, and frames are
-left out until all have the same rate. Values are not touched, and both streams are treated alike: what was slow in
-the sensor stays the same on both sides, and only what is injected, in seconds of the new clock, tells the speeds
-apart. One null in four keeps its own clock.
+A case is a random run of presses from both recordings. All eFlesh presses have the same speed, at which memory, filters
+and delays cannot be told apart. Therefore the **clock of each press runs faster** by a random factor of `SPEEDS`, and
+frames are dropped until all presses have the same frame rate. Values stay as they are, and both streams are treated
+alike: slow effects of the real sensor stay the same in both, and only the injected effect, in seconds of the new clock,
+depends on the speed. One null in four keeps its own clock.
 
-The effect acts on the real signal, so the sensor's noise passes through it: a filter smooths it, a limit cuts it off.
+The effect acts on the real signal, so it also acts on the sensor's noise: a filter smooths it, a limit clips it.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from injected.real import Real, load_both, regressions, simulate
 from paxisim.recording import Recording
 
 SPEEDS = {3: 2, 6: 4, 12: 8}
-"""How many times faster a clock runs, and of how many frames one is kept then."""
+"""Speed-up of the clock, and the number of frames of which one is kept."""
 SLOW = {1: 3}
-FEWEST = 8  # presses of a case
+FEWEST = 8  # fewest presses of a case
 
 EFFECTS: dict[str, Callable[[np.random.Generator, Scene], Effect]] = {
     "axis_gain": curves.axis_gain,
@@ -50,22 +50,22 @@ EFFECTS: dict[str, Callable[[np.random.Generator, Scene], Effect]] = {
     "rotation": places.rotation,
     "interference": places.interference,
 }
-"""By kind, how an effect is drawn."""
+"""Function that draws an effect, by kind."""
 
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A recording to be diagnosed, with what is known of it.
+    """A recording to be diagnosed, with its ground truth.
 
     Attributes:
-        name: Such as ``injected:3``.
+        name: Name, such as ``injected:3``.
         group: ``injected``, ``null`` or ``broken``.
-        kind: Of the effect, of the null or of the broken stream.
-        words: What was drawn.
-        recording: As a user has it.
-        ideal: ``(T, 1, 3, 1, 5)`` newtons, what the effect makes of the simulation; None for broken streams.
-        signal: Energy of what the effect changes, over that of what the regression leaves of the real signal.
-        shift: Seconds by which the measured clock is late, for streams that are shifted.
+        kind: Kind of effect, null or broken stream.
+        words: Description of the random draw.
+        recording: The recording that a user would have.
+        ideal: ``(T, 1, 3, 1, 5)`` newtons, simulation with the effect; None for broken streams.
+        signal: Energy of the effect on the real signal, relative to that of the regression's residual.
+        shift: Delay of the measured clock (s), for shifted streams.
     """
 
     name: str
@@ -83,9 +83,9 @@ class Base:
     """A run of presses: the real signal and its regression.
 
     Attributes:
-        recording: Measured and simulated, with the robot's pose and, if it was drawn, a joint's angle.
-        scene: Of the same.
-        words: Which presses, regression and clock.
+        recording: Measured and simulated streams, with the robot's pose and, if drawn, a joint angle.
+        scene: The same signal, for drawing an effect.
+        words: Description of the presses, the regression and the clock.
     """
 
     recording: Recording
@@ -94,26 +94,26 @@ class Base:
 
 
 class Source:
-    """Both recordings and their regressions, each made once."""
+    """Both recordings and their regressions, each computed once."""
 
     def __init__(self, folder: Path):
-        """Read `folder`, see `load_both`."""
+        """Load the recordings from `folder`, see `load_both`."""
         self.both = load_both(folder)
         self._simulated: dict[tuple[int, str], Floats] = {}
 
     def simulated(self, which: int, name: str) -> Floats:
-        """``(T, 3, 5)`` newtons of a recording's regression."""
+        """``(T, 3, 5)`` newtons, regression of a recording."""
         if (which, name) not in self._simulated:
             self._simulated[which, name] = simulate(self.both[which], name)
         return self._simulated[which, name]
 
     def base(self, rng: np.random.Generator, *, own_clock: bool = False, joint: bool | None = None) -> Base:
-        """Draw presses, a regression, clocks and perhaps a joint that moves.
+        """Draw presses, a regression, clocks and possibly a moving joint.
 
         Args:
-            rng: Source of randomness.
-            own_clock: Whether the clocks stay as they were.
-            joint: Whether there is a joint's angle; default: in every other case.
+            rng: Random generator.
+            own_clock: Whether the clocks stay unchanged.
+            joint: Whether the recording has a joint angle; by default with probability 0.5.
         """
         name = regressions()[int(rng.integers(len(regressions())))]
         pool = [(which, press) for which, real in enumerate(self.both) for press in _used(real)]
@@ -157,18 +157,18 @@ def _used(real: Real) -> range:
 
 
 def _joint(rng: np.random.Generator, time: Floats) -> Floats:
-    """``(T,)`` rad, a joint that moves to and fro by itself."""
+    """``(T,)`` rad, angle of a joint that swings independently of the presses."""
     periods, phases = rng.uniform(4.0, 25.0, 3), rng.uniform(0, 2 * np.pi, 3)
     return 0.6 * np.sin(2 * np.pi * time[:, None] / periods + phases).sum(axis=1) / np.sqrt(1.5)
 
 
 def tensor(force: Floats) -> np.ndarray:
-    """``(T, 1, 3, 1, 5)`` float32 of ``(T, 3, 5)``."""
+    """Convert ``(T, 3, 5)`` to ``(T, 1, 3, 1, 5)`` float32."""
     return force[:, None, :, None, :].astype(np.float32)
 
 
 def inject(base: Base, effect: Effect, name: str, kind: str) -> Case:
-    """The case of an effect on a base; a null if the effect changes nothing."""
+    """Return the case of an effect on a base."""
     force, simulated = base.scene.force, np.asarray(base.recording.simulated, dtype=float)[:, 0, :, 0]
     changed = effect.apply(force)
     left = float(np.sum((force - simulated) ** 2))
@@ -184,7 +184,7 @@ def inject(base: Base, effect: Effect, name: str, kind: str) -> Case:
 
 
 def injected(source: Source, seed: int, count: int, kinds: Sequence[str] = tuple(EFFECTS)) -> list[Case]:
-    """Cases that go through the kinds in turn; case number n is the same for any count."""
+    """Return cases that cycle through the kinds; case number n is the same for any count."""
     out = []
     for number in range(count):
         kind = kinds[number % len(kinds)]
@@ -195,7 +195,7 @@ def injected(source: Source, seed: int, count: int, kinds: Sequence[str] = tuple
 
 
 def nulls(source: Source, seed: int, count: int) -> list[Case]:
-    """The real signal against its own regression, nothing injected."""
+    """Return cases that pair the real signal with its own regression, without an effect."""
     out = []
     for number in range(count):
         base = source.base(np.random.default_rng([seed, 2, number]), own_clock=number % 4 == 3)

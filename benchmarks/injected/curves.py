@@ -1,4 +1,4 @@
-"""Curves: gains, nonlinearities and rounding, each reading for itself and at once."""
+"""Curves: gains, nonlinearities and rounding, which act on each reading separately and without delay."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from injected.effect import Effect, Floats, Scene, between, either, signed
 
 
 def axis_gain(rng: np.random.Generator, scene: Scene) -> Effect:
-    """One, two or all axes read too much or too little."""
+    """Axis gain: one, two or all axes read too high or too low."""
     gain = np.ones(3)
     axes = rng.choice(3, int(rng.integers(1, 4)), replace=False)
     gain[axes] += signed(rng, 0.08, 0.35, len(axes))
@@ -16,7 +16,7 @@ def axis_gain(rng: np.random.Generator, scene: Scene) -> Effect:
 
 
 def taxel_gain(rng: np.random.Generator, scene: Scene) -> Effect:
-    """Each taxel reads too much or too little, in all axes alike."""
+    """Taxel gain: all or two taxels read too high or too low, equally on all axes."""
     form = either(rng, "all", "two")
     gain = np.ones(5)
     taxels = np.arange(5) if form == "all" else rng.choice(5, 2, replace=False)
@@ -25,7 +25,7 @@ def taxel_gain(rng: np.random.Generator, scene: Scene) -> Effect:
 
 
 def stiffening(rng: np.random.Generator, scene: Scene) -> Effect:
-    """The gain depends on the force, in one way for all taxels."""
+    """Stiffening: the gain depends on the force, in the same way for all taxels."""
     form, right = either(rng, "power", "quadratic", "sinh"), either(rng, "at the peak", "at half", "at zero")
     joint = either(rng, "of the taxel's force", "of each axis")
     size = float(signed(rng, 0.15, 0.35, 1)[0])
@@ -44,11 +44,11 @@ def stiffening(rng: np.random.Generator, scene: Scene) -> Effect:
         load = np.abs(force) if joint == "of each axis" else np.linalg.norm(force, axis=1, keepdims=True)
         return force * gain(load / scene.peak) / gain(np.array(at))
 
-    return Effect(f"{form} {size:.2f} {joint}, right {right}", apply)
+    return Effect(f"{form} {size:.2f} {joint}, reads correctly {right}", apply)
 
 
 def saturation(rng: np.random.Generator, scene: Scene) -> Effect:
-    """Large forces are read as less."""
+    """Saturation: large forces are read too low."""
     form, limits = either(rng, "hard", "knee", "tanh"), either(rng, "in newtons", "of each axis")
     share, right = rng.uniform(0.5, 0.8), either(rng, "at small forces", "at the peak")
     limit = share * (np.full((3, 1), scene.peak) if limits == "in newtons" else scene.axis_peaks)
@@ -60,13 +60,15 @@ def saturation(rng: np.random.Generator, scene: Scene) -> Effect:
             return 1.2 * limit * np.tanh(force / (1.2 * limit))
         return force / (1 + np.abs(force / limit) ** 4) ** 0.25
 
-    # a sensor calibrated at the peak force reads that right, on each axis
+    # a sensor calibrated at the peak force reads the peak correctly on each axis
     gain = scene.axis_peaks / cut(scene.axis_peaks[None])[0] if right == "at the peak" else np.ones((3, 1))
-    return Effect(f"{form} at {share:.2f} of the peak {limits}, right {right}", lambda force: gain * cut(force))
+    return Effect(
+        f"{form} at {share:.2f} of the peak {limits}, reads correctly {right}", lambda force: gain * cut(force)
+    )
 
 
 def dead_band(rng: np.random.Generator, scene: Scene) -> Effect:
-    """Small forces are not read."""
+    """Dead band: small forces are not read."""
     form, width = either(rng, "shrinks", "jumps", "sets in"), between(rng, 0.25, 0.8)
 
     def apply(force: Floats) -> Floats:
@@ -81,7 +83,7 @@ def dead_band(rng: np.random.Generator, scene: Scene) -> Effect:
 
 
 def quantisation(rng: np.random.Generator, scene: Scene) -> Effect:
-    """Readings are whole steps."""
+    """Quantisation: readings are multiples of a step."""
     form, step = either(rng, "rounds", "truncates"), between(rng, 0.2, 0.6)
 
     def apply(force: Floats) -> Floats:

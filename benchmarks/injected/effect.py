@@ -1,4 +1,4 @@
-"""Effect: what is injected, and what an effect may know of the recording it is drawn for."""
+"""Effect: an injected effect, and the properties of the recording that its draw depends on."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 Apply = Callable[[Floats], Floats]
-"""From ``(T, 3, 5)`` newtons to the same."""
+"""Maps ``(T, 3, 5)`` newtons to readings of the same shape."""
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """The recording an effect is drawn for.
+    """The recording for which an effect is drawn.
 
     Attributes:
         time: ``(T,)`` seconds, not decreasing.
-        force: ``(T, 3, 5)`` newtons, the signal without the effect.
-        peaks: ``(3, 5)`` newtons that each channel reaches, 99.5 % quantile.
-        noise: ``(3, 5)`` newtons of noise.
-        angle: ``(T,)`` rad, a joint that moves by itself.
+        force: ``(T, 3, 5)`` newtons, signal without the effect.
+        peaks: ``(3, 5)`` newtons, peak of each channel, 99.5 % quantile.
+        noise: ``(3, 5)`` newtons, noise of each channel.
+        angle: ``(T,)`` rad, angle of a joint that moves independently.
     """
 
     time: Floats
@@ -33,22 +33,22 @@ class Scene:
 
     @property
     def peak(self) -> float:
-        """Newtons that the most loaded channel reaches."""
+        """Peak of the most loaded channel (N)."""
         return float(self.peaks.max())
 
     @property
     def axis_peaks(self) -> Floats:
-        """``(3, 1)`` the same of each axis."""
+        """``(3, 1)`` newtons, peak of each axis."""
         return self.peaks.max(axis=1, keepdims=True)
 
 
 @dataclass(frozen=True, eq=False)
 class Effect:
-    """An effect with its numbers drawn.
+    """An effect with drawn parameters.
 
     Attributes:
         words: Its form, convention and strength.
-        apply: What it does to a signal at the scene's times.
+        apply: Applies the effect to a signal sampled at the scene's times.
     """
 
     words: str
@@ -56,15 +56,15 @@ class Effect:
 
 
 def either(rng: np.random.Generator, *choices: str) -> str:
-    """One of them."""
+    """Draw one of the choices."""
     return choices[int(rng.integers(len(choices)))]
 
 
 def between(rng: np.random.Generator, low: float, high: float) -> float:
-    """A number, its logarithm evenly distributed."""
+    """Draw a log-uniform number."""
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
 def signed(rng: np.random.Generator, low: float, high: float, size: int) -> Floats:
-    """``(size,)`` the same of either sign."""
+    """Draw ``(size,)`` log-uniform numbers with random signs."""
     return np.exp(rng.uniform(np.log(low), np.log(high), size)) * rng.choice([-1.0, 1.0], size)

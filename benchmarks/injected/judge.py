@@ -1,4 +1,4 @@
-"""Judge: what counts as right, written down before the engine was run on any effect (`Outcome.warned` after seed 1)."""
+"""Judge: criteria of success, fixed before the engine was run on any effect (`Outcome.warned`: after seed 1)."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from injected.cases import Case
 from paxisim.errors import InvalidValueError
 from paxisim.recording import Recording
 
-HALF = 0.5  # of the injected change that the model must make, for its place to be right
+HALF = 0.5  # share of the injected change that the model must reproduce for the place to be right
 LAG = r"lags simulated by (-?[\d.]+) s"
-SHIFT = 0.15  # s, by which the shift of a clock may be off
+SHIFT = 0.15  # s, tolerance of the reported clock shift
 
 CLASSES: Mapping[str, tuple[str, ...]] = {
     "gain": ("axis_gain", "taxel_gain"),
@@ -36,7 +36,7 @@ CLASSES: Mapping[str, tuple[str, ...]] = {
     "dead": ("dead_taxels",),
     "rounding": ("quantisation",),
 }
-"""Causes that are of one kind."""
+"""Causes of each kind."""
 CAUSES: Mapping[str, str] = {
     "dead_taxel": "dead_taxels",
     "dies_halfway": "dead_taxels",
@@ -44,21 +44,29 @@ CAUSES: Mapping[str, str] = {
     "reversed_columns": "layout",
     "axis_sign": "layout",
 }
-"""By kind of effect its cause, where that has another name."""
+"""Cause of each kind of effect whose cause has another name."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a case.
+    """Outcome of a case.
 
     Attributes:
-        name: Of the case. group: of it. kind: of it. words: of it. signal: of it. shift: of it.
-        verdict: Of the diagnosis; ``refused`` or ``crashed`` if there is none.
-        named: Causes. rivals: of each. confidence: of each.
-        explained: Held-out share of the explainable error, by the diagnosis' own noise floor.
-        match: Share of the injected change of the simulation that the model makes, 1 if it makes just that one.
-        said: Warnings and what is left over; the message if it was refused.
-        seconds: That it took.
+        name: Name of the case, as in `Case`.
+        group: Group of the case.
+        kind: Kind of the case.
+        words: Description of the case.
+        signal: Signal of the case.
+        shift: Clock shift of the case (s).
+        verdict: Verdict of the diagnosis; ``refused`` or ``crashed`` if there is none.
+        named: Named causes.
+        rivals: Rivals of each named cause.
+        confidence: Confidence of each named cause.
+        explained: Explained share of the explainable error on held-out data, by the diagnosis' own noise floor.
+        match: Share of the injected change that the model reproduces in the simulation; 1 if it is reproduced exactly.
+        said: Warnings and left-over structure; the message if the recording was refused.
+        seconds: Duration of the diagnosis.
+        memory: Peak memory of the process (GB).
     """
 
     name: str
@@ -84,29 +92,29 @@ class Outcome:
 
     @property
     def causes(self) -> frozenset[str]:
-        """The named causes; a cause of its own for swapped taxels is one of layout."""
+        """The named causes; a separate cause for swapped taxels counts as ``layout``."""
         return frozenset("layout" if "swap" in name else name for name in self.named)
 
     @property
     def exact(self) -> bool:
-        """Whether what was injected was named, and nothing else."""
+        """Whether exactly the injected causes were named."""
         return self.verdict not in ("refused", "crashed", "unrelated") and self.causes == set(self.true)
 
     @property
     def kind_and_place(self) -> bool:
-        """Whether all names are of the right kind, and the model does half of what was injected to each channel."""
+        """Whether all named causes are of the right kind, and the model reproduces over half of the injected change."""
         right = {kind_of(name) for name in self.causes} == {kind_of(name) for name in self.true}
         return right and self.match is not None and self.match > HALF
 
     @property
     def false_and_explained(self) -> bool:
-        """Whether it was said to be explained, by a name of another kind."""
+        """Whether the verdict is ``explained`` but a named cause is of another kind."""
         kinds = {kind_of(name) for name in self.true}
         return self.verdict == "explained" and any(kind_of(name) not in kinds for name in self.causes)
 
     @property
     def told(self) -> bool:
-        """Whether streams that do not correspond are told for what they are; see `injected.broken`."""
+        """Whether streams that do not correspond are recognised as such; see `injected.broken`."""
         said = " ".join(self.said).lower()
         refused = self.verdict == "refused"
         if self.kind.startswith("shifted"):
@@ -124,7 +132,7 @@ class Outcome:
 
     @property
     def warned(self) -> bool:
-        """Whether the words are there, whatever is named beside them."""
+        """Whether the problem is reported, whatever else is named."""
         said = " ".join(self.said).lower()
         if self.kind.startswith("shifted"):
             found = re.search(LAG, said)
@@ -134,17 +142,17 @@ class Outcome:
 
     @property
     def right(self) -> bool:
-        """Whether this is what is asked for."""
+        """Whether the outcome meets the criterion of its group."""
         return {"injected": self.exact, "null": self.exact, "broken": self.told}[self.group]
 
 
 def kind_of(cause: str) -> str:
-    """The class of a cause; its own name if it has none."""
+    """Return the kind of a cause; its own name if it belongs to none."""
     return next((kind for kind, causes in CLASSES.items() if cause in causes), cause)
 
 
 def write(case: Case, folder: Path) -> Path:
-    """A case as files, which any version of the engine can read; the path of its description."""
+    """Write a case to files that any version of the engine can read, and return the path of its description."""
     path = folder / (case.name.replace(":", "-") + ".json")
     case.recording.save(path.with_suffix(".npz"))
     if case.ideal is not None:
@@ -155,7 +163,7 @@ def write(case: Case, folder: Path) -> Path:
 
 
 def solve(path: Path) -> Outcome:
-    """Diagnose a case that `write` wrote; a crash is an outcome, too."""
+    """Diagnose a case written by `write`; a crash counts as an outcome."""
     about = json.loads(path.read_text())
     recording = Recording.load(path.with_suffix(".npz"))
     begin = time.perf_counter()
@@ -188,7 +196,7 @@ def _without(about: Mapping[str, object], verdict: str, said: str, seconds: floa
 
 
 def _match(recording: Recording, model: paxisim.augment.Chain, ideal: Path) -> float | None:
-    """How much of what the effect does to the simulation the model does, too."""
+    """Return the share of the effect's change of the simulation that the model reproduces."""
     if not ideal.exists():
         return None
     x, wanted = np.asarray(recording.simulated, dtype=float), np.load(ideal).astype(float)
@@ -204,19 +212,19 @@ def _memory() -> float:
 
 
 def as_line(outcome: Outcome, engine: str) -> str:
-    """An outcome as a line of JSON."""
+    """Return an outcome as a line of JSON."""
     return json.dumps({"engine": engine, **asdict(outcome)}) + "\n"
 
 
 def from_line(line: str, engine: str) -> Outcome:
-    """What `as_line` gave.
+    """Read an outcome from a line written by `as_line`.
 
     Raises:
-        SystemExit: It is of another engine.
+        SystemExit: The outcome is from another version of the engine.
     """
     row = json.loads(line)
     if row.pop("engine") != engine:
-        raise SystemExit("the file holds outcomes of another version of the engine: give another file to --json")
+        raise SystemExit("the file holds outcomes of another version of the engine: pass a different file to --json")
     for key in ("named", "said"):
         row[key] = tuple(row[key])
     return Outcome(**{**row, "rivals": {name: tuple(others) for name, others in row["rivals"].items()}})

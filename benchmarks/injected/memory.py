@@ -1,4 +1,4 @@
-"""Memory: effects of the past, in seconds (creep, filters, delays) or of the way it was reached (loops)."""
+"""Memory: effects of the past, over time (creep, filters, delays) or over the loading path (hysteresis)."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import numpy as np
 
 from injected.effect import Effect, Floats, Scene, between, either
 
-FINE = 8  # steps between two frames, of equations that are integrated
+FINE = 8  # integration steps per frame
 
 
 def creep(rng: np.random.Generator, scene: Scene) -> Effect:
-    """Under a held force the reading goes on changing."""
+    """Creep: the reading keeps changing under a held force."""
     form, right = (
         either(rng, "power of time", "logarithm of time", "stretched exponential"),
         either(rng, "at once", "held"),
@@ -33,17 +33,17 @@ def creep(rng: np.random.Generator, scene: Scene) -> Effect:
         crept = force + np.tensordot(kernel, changes, axes=(1, 0))
         return crept / (1 + size) if right == "held" else crept
 
-    return Effect(f"{form}, {size:.2f} after {held:.0f} s, tau {tau:.1f} s, right {right}", apply)
+    return Effect(f"{form}, {size:.2f} after {held:.0f} s, tau {tau:.1f} s, reads correctly {right}", apply)
 
 
 def hysteresis(rng: np.random.Generator, scene: Scene) -> Effect:
-    """Readings differ on the way up and down, however slow."""
+    """Hysteresis: loading and unloading give different readings, at any speed."""
     form, right = either(rng, "slips", "Duhem", "Bouc-Wen"), either(rng, "in small swings", "at large forces")
     size, reach = between(rng, 0.08, 0.2), rng.uniform(0.1, 0.4)
     scale = scene.peaks if either(rng, "own", "common") == "own" else np.full((3, 5), scene.peak)
 
     def lag(force: Floats) -> Floats:
-        """``(T, 3, 5)`` newtons from about -1 to 1 times `reach` of the scale, a part of the way behind."""
+        """``(T, 3, 5)`` newtons, lagging part of the reading, about -1 to 1 times `reach` times the scale."""
         if form == "slips":  # many elements, each held by friction until its own spring pulls harder
             limits = scale * (reach * np.linspace(0.1, 2.0, 12))[:, None, None]
             held, out = np.zeros_like(limits), np.zeros_like(force)
@@ -63,15 +63,15 @@ def hysteresis(rng: np.random.Generator, scene: Scene) -> Effect:
         return out * reach * scale
 
     def apply(force: Floats) -> Floats:
-        # in small swings the lagging part moves along with the force, at large ones it stays behind
+        # the lagging part follows small swings of the force, and stays behind in large ones
         loop = lag(force)
         return force - size * (force - loop) if right == "in small swings" else force + size * loop
 
-    return Effect(f"{form}, {size:.2f} within {reach:.2f} of the peak, right {right}", apply)
+    return Effect(f"{form}, {size:.2f} within {reach:.2f} of the peak, reads correctly {right}", apply)
 
 
 def latency(rng: np.random.Generator, scene: Scene) -> Effect:
-    """Readings are late."""
+    """Latency: readings are delayed."""
     form, delay = either(rng, "straight between frames", "holds the last frame"), between(rng, 0.06, 0.25)
 
     def apply(force: Floats) -> Floats:
@@ -85,7 +85,7 @@ def latency(rng: np.random.Generator, scene: Scene) -> Effect:
 
 
 def low_pass(rng: np.random.Generator, scene: Scene) -> Effect:
-    """Fast changes are smoothed."""
+    """Low-pass: fast changes are smoothed."""
     form, tau = either(rng, "moving mean", "four poles", "one pole"), between(rng, 0.1, 0.4)
     fine = np.arange(scene.time[0], scene.time[-1] + 0.005, 0.005)
 

@@ -1,4 +1,4 @@
-"""Places: effects between axes and between taxels, taxels that fail or are swapped, and zeros that are not zero."""
+"""Places: effects between axes and between taxels, failed or swapped taxels, and wrong zeros."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ NAMES = "xyz"
 
 
 def axis_coupling(rng: np.random.Generator, scene: Scene) -> Effect:
-    """A force on one axis is read on another, too."""
+    """Axis coupling: a force on one axis is also read on another."""
     to, of = (int(k) for k in rng.choice(3, 2, replace=False))
     share = float(signed(rng, 0.08, 0.25, 1)[0])
-    back = {to, of} == {0, 1}  # one way in the plane of the pad would be half a rotation
+    back = {to, of} == {0, 1}  # within the plane of the pad, one-way coupling would be half a rotation
 
     def apply(force: Floats) -> Floats:
         out = force.copy()
@@ -26,7 +26,7 @@ def axis_coupling(rng: np.random.Generator, scene: Scene) -> Effect:
 
 
 def rotation(rng: np.random.Generator, scene: Scene) -> Effect:
-    """The sensor is turned about its normal."""
+    """Rotation: the sensor is turned about its normal."""
     angle = float(signed(rng, 0.08, 0.3, 1)[0])
     c, s = np.cos(angle), np.sin(angle)
     matrix = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
@@ -34,7 +34,7 @@ def rotation(rng: np.random.Generator, scene: Scene) -> Effect:
 
 
 def crosstalk(rng: np.random.Generator, scene: Scene) -> Effect:
-    """Taxels read a part of what their neighbours carry."""
+    """Crosstalk: taxels read part of their neighbours' load."""
     form, loses = either(rng, "1/r^3", "next only", "exponential"), either(rng, "loses it", "keeps it")
     strength = between(rng, 0.05, 0.15) * (np.ones(3) if rng.random() < 0.5 else rng.uniform(0.5, 1.5, 3))
     apart = np.abs(np.arange(5)[:, None] - np.arange(5)[None, :]).astype(float)
@@ -55,7 +55,7 @@ def dead_taxel(rng: np.random.Generator, scene: Scene) -> Effect:
 
 
 def dies_halfway(rng: np.random.Generator, scene: Scene) -> Effect:
-    """One or two taxels stick at a constant from some time on."""
+    """One or two taxels get stuck at a constant during the recording."""
     return _dead(rng, scene, rng.uniform(0.35, 0.65))
 
 
@@ -96,7 +96,7 @@ def axis_sign(rng: np.random.Generator, scene: Scene) -> Effect:
 
 
 def offset(rng: np.random.Generator, scene: Scene) -> Effect:
-    """Readings at rest are not zero."""
+    """Offset: readings at rest are not zero."""
     form, size = either(rng, "each channel", "one axis", "three channels"), between(rng, 0.15, 0.5)
     zero = size * rng.normal(size=(3, 5))
     if form == "one axis":
@@ -107,7 +107,7 @@ def offset(rng: np.random.Generator, scene: Scene) -> Effect:
 
 
 def drift(rng: np.random.Generator, scene: Scene) -> Effect:
-    """Readings at rest change slowly."""
+    """Drift: readings at rest change slowly."""
     form, size = either(rng, "straight", "root", "logarithm", "late rise"), between(rng, 0.3, 1.0)
     run = (scene.time - scene.time[0]) / (scene.time[-1] - scene.time[0])
     course = {
@@ -117,14 +117,14 @@ def drift(rng: np.random.Generator, scene: Scene) -> Effect:
         "late rise": 1 / (1 + np.exp(-8 * (run - 0.5))) - 1 / (1 + np.exp(4)),
     }[form]
     amount = size * rng.normal(size=(3, 5))
-    return Effect(f"{form}, {size:.2f} N in all", lambda force: force + course[:, None, None] * amount)
+    return Effect(f"{form}, {size:.2f} N in total", lambda force: force + course[:, None, None] * amount)
 
 
 def interference(rng: np.random.Generator, scene: Scene) -> Effect:
-    """A magnet that a joint carries past the taxels is read as a force."""
+    """Interference: a magnet that a joint carries past the taxels is read as a force."""
     form, size = either(rng, "dipole that passes by", "straight", "bent"), between(rng, 0.3, 1.2)
     amount = rng.normal(size=(3, 5))
-    if form == "dipole that passes by":  # each taxel sees it nearest at an angle of its own
+    if form == "dipole that passes by":  # the magnet is nearest to each taxel at a different angle
         away = (scene.angle[:, None] - np.linspace(-0.6, 0.6, 5)) / 0.9
         field = amount * (1 + away**2)[:, None, :] ** -1.5
     elif form == "straight":

@@ -1,11 +1,11 @@
-"""Real: the presses of eFlesh as forces of a pad of 1x5 taxels, and what smooth regressions make of them.
+"""Real: the eFlesh presses as forces on a pad of 1x5 taxels, and smooth regressions of them.
 
-The channels are fields (microtesla), and the load cell gives one force. What each taxel carries is not known, so
-newtons are made by **one** factor for all channels of a recording: the summed gain of the five normal channels, as
-`paxisim.calibrate_readout` fits it to the *other* recording. The five normal forces then add up to about the load,
-and the pattern over channels stays that of the sensor; a gain for each channel would turn it into fifteen copies of
-one curve, in which swapped taxels, crosstalk and leaks between axes could not be seen. The sensor's x is taken for
-the normal axis, as pressing is positive there in all five magnetometers; its z and y are the two shears.
+The channels are fields (microtesla), and the load cell gives one force. The load on each taxel is unknown. Therefore
+**one** factor converts all channels of a recording to newtons: the summed gain of the five normal channels, as fitted
+by `paxisim.calibrate_readout` to the *other* recording. The five normal forces then add up to about the load, and the
+pattern over the channels remains that of the sensor. A gain for each channel would turn it into fifteen copies of one
+curve, in which swapped taxels, crosstalk and coupling between axes could not be seen. The sensor's x serves as the
+normal axis, because pressing is positive there in all five magnetometers; its z and y are the two shears.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ import paxisim
 
 Floats = NDArray[np.float64]
 AXES = (2, 1, 0)
-"""The sensor's axes that serve as x, y and z of the pad."""
+"""Axes of the sensor that serve as x, y and z of the pad."""
 SETTLED = (3, 2)
-"""Presses at the start of each recording in which the sensor had not settled; they are left out."""
+"""Number of presses at the start of each recording in which the sensor had not settled; they are left out."""
 USED = (slice(4, 9), slice(3, 10))
 """Presses of each recording that cases are made of; those around them only train the regressions."""
-GRID = 0.05  # s, on which the motion is smoothed
-TAUS = (0.5, 2.0, 8.0, 30.0)  # s, of the past of the load that a regression sees
+GRID = 0.05  # s, sampling interval at which the motion is smoothed
+TAUS = (0.5, 2.0, 8.0, 30.0)  # s, time constants of the load history that a regression sees
 RIDGE = 1e-4
-LOAD, DEPTH = 33.0, 12.0  # N and mm, what the motion reaches
+LOAD, DEPTH = 33.0, 12.0  # N and mm, range of the motion
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,10 +40,10 @@ class Real:
         time: ``(T,)`` seconds.
         force: ``(T, 3, 5)`` newtons.
         press: ``(T,)`` number of the press.
-        load: ``(T,)`` newtons of the load cell.
-        depth: ``(T,)`` mm that the indenter has gone down.
-        covariates: ``(T,)`` each, where the robot is.
-        field: ``(T, 1, 3, 1, 5)`` the channels as they were recorded (microtesla).
+        load: ``(T,)`` newtons, force of the load cell.
+        depth: ``(T,)`` mm, depth of the indenter.
+        covariates: Position of the robot, ``(T,)`` each.
+        field: ``(T, 1, 3, 1, 5)`` channels as recorded (microtesla).
         noise: ``(3, 5)`` newtons, standard deviation of the sensor's noise, from second differences.
         first: Number of the first press in which the sensor had settled.
         used: Presses that cases are made of.
@@ -62,10 +62,10 @@ class Real:
 
 
 def load_both(folder: Path) -> tuple[Real, Real]:
-    """Both recordings, each in newtons by the readout of the other.
+    """Load both recordings, each converted to newtons with the readout fitted to the other.
 
     Args:
-        folder: With ``press_1`` and ``press_2``, see `paxisim.logs.eflesh`.
+        folder: Folder that holds ``press_1`` and ``press_2``, see `paxisim.logs.eflesh`.
     """
     both = [paxisim.Recording.load(folder / f"press_{n}.sensor.csv", missing="drop") for n in (1, 2)]
     readouts = [paxisim.calibrate_readout(recording, "load") for recording in both]
@@ -88,18 +88,19 @@ def load_both(folder: Path) -> tuple[Real, Real]:
 
 
 def regressions() -> tuple[str, ...]:
-    """Names of the regressions."""
+    """Return the names of the regressions."""
     return tuple(_BUILD)
 
 
 def simulate(real: Real, name: str) -> Floats:
-    """``(T, 3, 5)`` newtons, what a regression predicts of each press; that press took no part in its fit.
+    """``(T, 3, 5)`` newtons, prediction of each press by a regression fitted to the other presses.
 
     Args:
         real: The recording.
-        name: Of `regressions`. ``fine`` and ``coarse`` are ridge regressions on bells over depth and load, each going
-            on linearly from press to press, apart on the way down and up, and on the past of the load; ``mean`` is the
-            mean of the other presses at the same time after the press began, with a straight line from press to press.
+        name: One of `regressions`. ``fine`` and ``coarse`` are ridge regressions on Gaussian bumps over depth and load
+            and on the history of the load; the bumps over depth differ between loading and unloading and change
+            linearly from press to press. ``mean`` is the mean of the other presses at the same time since the press
+            began, with a linear trend from press to press.
     """
     out = np.zeros_like(real.force)
     design = _BUILD[name](real)
@@ -110,7 +111,7 @@ def simulate(real: Real, name: str) -> Floats:
 
 
 def leaves(real: Real, simulated: Floats) -> Floats:
-    """``(3, 5)`` what a regression leaves in the presses that are used, in units of the sensor's noise (RMS)."""
+    """``(3, 5)`` RMS residual of a regression in the used presses, in units of the sensor's noise."""
     used = np.isin(real.press, np.arange(real.used.start, real.used.stop))
     return np.sqrt(np.mean((real.force - simulated)[used] ** 2, axis=0)) / real.noise
 
@@ -125,7 +126,7 @@ def _predicted(design: Floats, force: Floats, train: NDArray[np.bool_], test: ND
 
 
 def _bells(values: Floats, count: int) -> Floats:
-    """``(T, count)`` bells over 0 to 1."""
+    """``(T, count)`` Gaussian bumps with centres from 0 to 1."""
     centres = np.linspace(0, 1, count)
     return np.exp(-0.5 * ((values[:, None] - centres) * (count - 1)) ** 2)
 
@@ -141,12 +142,12 @@ def _ridge(real: Real, count: int, width: float) -> Floats:
 
 
 def _mean(real: Real) -> Floats:
-    """Bells over the time since a press began, apart for each, and going on linearly from press to press."""
+    """Gaussian bumps over the time since a press began, and the same with a linear trend from press to press."""
     since = np.empty(len(real.time))
     for number in np.unique(real.press):
         own = real.press == number
         depth = _smooth(real.time[own], real.depth[own], 0.3)
-        down = np.argmax(depth > DEPTH / 2)  # halfway down, as the cut between presses is in the middle of a rest
+        down = np.argmax(depth > DEPTH / 2)  # halfway down, because presses are cut in the middle of a rest
         since[own] = real.time[own] - real.time[own][down]
     run = np.linspace(-1, 1, len(real.time))[:, None]
     bells = _bells(np.clip((since + 12) / 40, 0, 1), 60)
@@ -159,7 +160,7 @@ def _smooth(time: Floats, values: Floats, width: float) -> Floats:
 
 
 def _relaxed(time: Floats, values: Floats, tau: float) -> Floats:
-    """``(T,)`` what follows `values` with a time constant (s)."""
+    """``(T,)`` first-order low-pass of `values` with time constant `tau` (s)."""
     out, share = values.copy(), -np.expm1(-np.diff(time) / tau)
     for i in range(1, len(values)):
         out[i] = out[i - 1] + share[i - 1] * (values[i] - out[i - 1])

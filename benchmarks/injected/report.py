@@ -1,4 +1,4 @@
-"""Report: the table of injections, by kind, and what was said where it was wrong."""
+"""Report: the table of results, by group and kind, and the diagnoses of cases that are wrong."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ def show(outcomes: Sequence[Outcome], *, kinds: bool, misses: bool) -> None:
     """Print the table.
 
     Args:
-        outcomes: Of all cases.
-        kinds: Whether to print a row for each kind, too.
-        misses: Whether to print a line for each case that is not right.
+        outcomes: Outcomes of all cases.
+        kinds: Whether to print a row for each kind as well.
+        misses: Whether to print a line for each case that is wrong.
     """
     groups = {name: [o for o in outcomes if o.group == name] for name in ("injected", "null", "broken")}
     effects, empty, broken = groups.values()
@@ -25,21 +25,22 @@ def show(outcomes: Sequence[Outcome], *, kinds: bool, misses: bool) -> None:
     _row("injected effects: exact", ">= 75 %", effects, lambda o: o.exact)
     _row("injected effects: kind and place right", ">= 90 %", effects, lambda o: o.kind_and_place)
     _row("nulls with a name", "0 %", empty, lambda o: bool(o.named) or o.verdict in ("crashed", "refused"))
-    _row("explained, by a name of another kind (all of these)", "0 %", effects + empty, lambda o: o.false_and_explained)
-    _row("streams that do not correspond: told", "100 %", broken, lambda o: o.told)
-    _row("    the words are there, whatever is named beside them", "", broken, lambda o: o.warned)
-    _row("crashed or not done in time (all)", "0 %", outcomes, lambda o: o.verdict == "crashed")
+    _row("explained by a cause of another kind (all of these)", "0 %", effects + empty, lambda o: o.false_and_explained)
+    _row("streams that do not correspond: detected", "100 %", broken, lambda o: o.told)
+    _row("    reported, whatever else is named", "", broken, lambda o: o.warned)
+    _row("crashed or timed out (all)", "0 %", outcomes, lambda o: o.verdict == "crashed")
     seconds = [o.seconds for o in outcomes]
     if seconds:
         print(
-            f"seconds a diagnosis: median {np.median(seconds):.1f}, p90 {np.quantile(seconds, 0.9):.1f}, largest "
-            f"{max(seconds):.1f}; largest memory {max(o.memory for o in outcomes):.2f} GB"
+            f"seconds per diagnosis: median {np.median(seconds):.1f}, p90 {np.quantile(seconds, 0.9):.1f}, maximum "
+            f"{max(seconds):.1f}; peak memory {max(o.memory for o in outcomes):.2f} GB"
         )
     signals = [o.signal for o in effects]
     if signals:
         low, middle, high = np.quantile(signals, [0, 0.5, 1])
         print(
-            f"energy of the effects over that of what is left of the real signal: {low:.3g}, {middle:.3g}, {high:.3g}"
+            f"energy of the effects over that of the regression's residual (minimum, median, maximum): {low:.3g}, "
+            f"{middle:.3g}, {high:.3g}"
         )
     if kinds:
         _kinds(outcomes)
@@ -68,7 +69,7 @@ def _kinds(outcomes: Sequence[Outcome]) -> None:
 
 
 def said(o: Outcome) -> str:
-    """What was said of a case, in a line."""
+    """Return a case and its diagnosis as two lines of text."""
     names = ", ".join(
         name + f" {o.confidence.get(name, 0):.2f}" + (f" ({' '.join(o.rivals[name])})" if o.rivals.get(name) else "")
         for name in o.named

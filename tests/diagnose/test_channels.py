@@ -59,7 +59,7 @@ def test_the_report_takes_no_channel_for_a_force_on_the_pad():
 
 def test_a_black_box_that_explains_more_is_commented_on():
     figures = HeldOut(0.2, 0.1, 0.02, "repeated motions", Interval(0.75, 0.7, 0.8), (0.7, 0.8), 0.05, 0.95)
-    assert "20% of the explainable error more" in black_box_in_words(figures)
+    assert "another 20% of the explainable error" in black_box_in_words(figures)
     assert black_box_in_words(replace(figures, ceiling_explained=0.79)) == ""
 
 

@@ -34,7 +34,7 @@ def test_a_field_follows_sixteen_joints(name):
     found = diagnosed(recording, NEAR)
     assert names(found) == ["interference"]
     assert found.heldout.explained.value > 0.9
-    assert f"A straight line in {name}[" in found.causes[0].evidence
+    assert f"A linear function of {name}[" in found.causes[0].evidence
     # the model takes the covariates as they were recorded
     given = (recording.simulated, recording.time, recording.covariates)
     left = recording.measured - found.model.run(*given)

@@ -86,7 +86,7 @@ def test_a_wrong_friction_is_found_with_its_value_and_goes_into_the_scene(kept, 
     assert again.scene_values == found.scene_values
     assert again.scene.gel == found.scene.gel
     page = (tmp_path / "diagnosis" / "report.html").read_text()
-    assert "When it slides" in page
+    assert "When sliding" in page
     assert "friction" in str(found)
 
 

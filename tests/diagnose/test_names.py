@@ -65,7 +65,7 @@ def test_a_saturation_that_one_press_alone_reaches_is_named():
 def test_what_may_explain_nothing_is_not_named():
     found = paxisim.diagnose(recording_of(make(("drift",), seed=9_100_006, strength=0.74, family="final", **SMALL)))
     assert names(found) == ["drift"]
-    assert any(line.startswith("offset was fitted and is not named") for line in found.symptoms.warnings)
+    assert any(line.startswith("offset was fitted but not named") for line in found.symptoms.warnings)
 
 
 def test_a_press_beside_its_place_is_no_cause():

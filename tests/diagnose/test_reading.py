@@ -162,5 +162,5 @@ def test_what_was_read_off_is_left_out_of_what_is_left_to_explain():
 
 def test_a_sensor_that_does_not_answer_at_all_is_refused():
     made = problem(lambda force, time: 0 * force)
-    with pytest.raises(InvalidValueError, match="no taxel answers"):
+    with pytest.raises(InvalidValueError, match="no taxel responds"):
         read_off(made, [cause("dead_taxels")])

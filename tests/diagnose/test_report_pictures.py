@@ -128,7 +128,7 @@ def test_a_cause_of_the_users_own_has_the_plain_pictures(given):
     with drawing():
         (effect,) = effects((found_cause("shaken"),), chain, streams_of(given))
         titles = [picture.title for picture in evidence(effect)]
-    assert titles[0] == "Deviation without shaken, and what shaken adds"
+    assert titles[0] == "Deviation without shaken, and effect of shaken"
     assert len(titles) == 2
 
 

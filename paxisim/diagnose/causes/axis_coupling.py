@@ -9,7 +9,7 @@ from paxisim.diagnose.cause import Cause, Free, Values, one_away
 from paxisim.diagnose.causes.channel_curve import mixes_alike
 from paxisim.diagnose.problem import Problem
 
-# in the plane of the pad only the symmetric part: the antisymmetric part is `rotation` about the normal
+# Within the plane of the pad only the symmetric part: the antisymmetric part is a `rotation` about the normal.
 COUPLED = {
     "z_to_x": ((0, 2),),
     "z_to_y": ((1, 2),),

@@ -13,22 +13,22 @@ from paxisim.diagnose.cause import Cause, Local, Values
 from paxisim.diagnose.problem import FloatArray, Problem
 
 KNOTS = 9
-BEND = 0.01  # of the peak; materiality of the deviation of a curve from a straight line
-_STEP = 0.01  # of the peak; finite difference at a knot
-_PRIOR = 3.0  # of the peak; standard deviation of the prior at a knot, for knots without load
+BEND = 0.01  # materiality of the deviation of a curve from a straight line, in units of the peak
+_STEP = 0.01  # finite difference at a knot, in units of the peak
+_PRIOR = 3.0  # standard deviation of the prior at a knot, in units of the peak; for knots without load
 
 
 def mixes_alike(problem: Problem) -> str:
     """Why causes that mix or swap channels cannot be tested; empty if they can."""
     return (
-        "the simulation is the load that a calibration used, so mixing between channels is not identifiable"
+        "the simulation is the load used for calibration, so mixing between channels is not identifiable"
         if problem.one_load
         else ""
     )
 
 
 def no_neighbours(problem: Problem) -> str:
-    """Why causes that act between taxels cannot be tested; empty if they can."""
+    """Why causes that act between neighbouring taxels cannot be tested; empty if they can."""
     return "a pad of a single taxel has no neighbours" if problem.alive[0, 0].size == 1 else mixes_alike(problem)
 
 
@@ -56,7 +56,7 @@ def _curve(values: Values, problem: Problem) -> augment.ChannelCurve:
 def _solve(
     problem: Problem, y: FloatArray, end: Callable[[FloatArray], FloatArray], near: FloatArray | None
 ) -> FloatArray:
-    """``(KNOTS, pads, 3, rows, cols)`` N, best-fitting errors, channel by channel; see `Local.solve`."""
+    """``(KNOTS, pads, 3, rows, cols)`` N, best-fitting errors at the knots, channel by channel; see `Local.solve`."""
     low, high = (np.asarray(value) for value in _ends(problem))
     shapes = np.moveaxis(hats(y, low, high, KNOTS), 1, 0)  # (KNOTS, T, ...)
     step = _STEP * problem.peak
@@ -83,7 +83,7 @@ def _normal(problem: Problem, effects: FloatArray) -> FloatArray:
 
 
 def _error(problem: Problem, prediction: FloatArray, fitted: FloatArray) -> FloatArray:
-    """``(KNOTS, pads, 3, rows, cols)`` N, half widths of 90% intervals, with episodes as replicates."""
+    """``(KNOTS, pads, 3, rows, cols)`` N, half-widths of 90% intervals, with episodes as replicates."""
     low, high = (np.asarray(value) for value in _ends(problem))
     shapes = np.moveaxis(hats(problem.simulated, low, high, KNOTS), 1, 0)
     effects = np.stack([problem.weigh(shape) for shape in shapes])

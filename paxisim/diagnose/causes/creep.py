@@ -1,4 +1,4 @@
-"""Creep: under a constant load the reading keeps changing, and it recovers slowly after release."""
+"""Creep: the reading keeps changing under a constant load and recovers slowly after release."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ from paxisim import augment
 from paxisim.diagnose.cause import Cause, Free, Gauge
 from paxisim.diagnose.problem import Problem
 
-HELD = "0 if the sensor reads right at once, 1 if it reads right after creep has ended"
+HELD = "0 if the sensor reads correctly at once, 1 if it reads correctly after creep has ended"
 
-SLOW = "part of the amplitude that comes with tau_2; the rest comes with tau_1"
+SLOW = "share of the amplitude with time constant tau_2; the rest has tau_1"
 
-PRESSES = 5.0  # times the longest press: a slower mode shows less than a fifth of itself, and its gauge is a mere gain
+PRESSES = 5.0  # times the longest press; of a slower mode less than a fifth shows, and its gauge acts like a gain
 FASTEST, SLOWEST = 0.15, 200.0  # s
 
 
 def _slowest(problem: Problem) -> float:
-    """The longest time constant (s) that the recording can show."""
+    """Longest time constant (s) that the recording can show."""
     longest = 0.0
     for span in problem.episodes:
         time = problem.time[span]
         edges = np.flatnonzero(np.diff(problem.at_rest[span], prepend=True, append=True))
-        ends = np.minimum(edges, len(time) - 1).reshape(-1, 2)  # of the presses
+        ends = np.minimum(edges, len(time) - 1).reshape(-1, 2)  # first and last frame of each press
         longest = max(longest, float(np.max(time[ends[:, 1]] - time[ends[:, 0]], initial=0.0)))
     return float(np.clip(PRESSES * longest, 2.0, SLOWEST))
 
@@ -43,7 +43,7 @@ def _starts(problem: Problem) -> list[tuple[float, ...]]:
     return [(0.1, tau, 0.0, min(5.0, slowest) if tau < 3 else 0.5) for tau in taus]
 
 
-# two modes share one amplitude: modes of opposite signs would cancel, and fit what is not creep
+# The two modes share one amplitude: modes of opposite signs would cancel and fit effects other than creep.
 CREEP = Cause(
     "creep",
     20,
@@ -54,6 +54,6 @@ CREEP = Cause(
     gauge=Gauge("calibrated_held", lambda v, p: 1 / max(1 + v[0], 0.2), HELD),
     remembers=True,
     misfit=0.01,
-    words="Under a constant load the reading keeps changing, and it recovers slowly after release.",
+    words="The reading keeps changing under a constant load and recovers slowly after release.",
     picture="holds",
 )

@@ -9,7 +9,7 @@ from paxisim.diagnose.cause import AXES, Cause, Free, Values
 from paxisim.diagnose.causes.channel_curve import no_neighbours
 from paxisim.diagnose.problem import Problem
 
-SHARED = 0.012  # materiality: share of its load that a taxel passes to its neighbours
+SHARED = 0.012  # materiality of the share of its load that a taxel passes on to its neighbours
 
 
 def _size(values: Values, problem: Problem) -> float:
@@ -23,11 +23,11 @@ CROSSTALK = Cause(
     lambda v, p: augment.Crosstalk(tuple(v[:3]), length=1.0, far=v[3], taken=v[4]),
     "probe",
     lambda p: (
-        # the forms: the gel moves all axes alike, a magnet's field reaches each in another way
+        # two forms: a gel moves all axes alike, a magnet's field reaches each axis differently
         *(Free(f"strength_{axis}", "1", 0.0, -0.3, 0.3, 0.02, 0.001) for axis in AXES),
-        Free("far", "1", 0.5, 0.0, 3.0, 0.5, words="factor on taxels beyond the next neighbours"),
-        # the gauge: calibrated with single taxels (0, nothing is lost), or with flat presses (1, which read right)
-        Free("taken", "1", 0.5, 0.0, 1.0, 0.3, words="share of what neighbours get that the taxel loses"),
+        Free("far", "1", 0.5, 0.0, 3.0, 0.5, words="factor for taxels beyond the nearest neighbours"),
+        # the gauge: calibrated on single taxels (0: nothing is lost), or with flat presses (1: they are read correctly)
+        Free("taken", "1", 0.5, 0.0, 1.0, 0.3, words="0 if a taxel keeps its load, 1 if it loses what it passes on"),
     ),
     lambda p: [
         (*(0.02 * np.array(axes)), far, taken)

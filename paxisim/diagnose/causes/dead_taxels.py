@@ -1,4 +1,4 @@
-"""Dead taxels: taxels that do not respond, or are stuck at a level, always or from some moment on; read off."""
+"""Dead taxels: taxels that never respond, stop responding or are stuck at a level; read off the streams."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from paxisim.diagnose.causes.read_only import not_made
 from paxisim.diagnose.problem import FloatArray, Problem
 from paxisim.diagnose.silent import CLEAR, FRAMES, pressed_beyond
 
-FAINT = 0.3  # share of a shear that a working taxel reads at least
-CONSISTENT = 1.6  # z-score of the summed response over episodes that counts as a response
-FAR = 4.0  # times the typical reading at rest plus what is immaterial
+FAINT = 0.3  # smallest shear gain of a working taxel
+CONSISTENT = 1.6  # smallest z-score of the response summed over episodes that counts as a response
+FAR = 4.0  # an unusual level exceeds this many times the typical reading at rest plus the immaterial level
 MISSING = 8.0  # z-score of the missing response of a stuck taxel
-STILL = 1.8  # standard deviation of a stuck taxel, in units of the noise
-UNMOVED = 0.2  # of the drift of the other taxels of the pad and axis
+STILL = 1.8  # largest standard deviation of a stuck taxel, in units of the noise
+UNMOVED = 0.2  # largest drift of a stuck taxel, relative to that of the other taxels of its pad and axis
 LATE = 0.1  # s, time constant of a taxel that responds late
 
 
 def _read(problem: Problem) -> Reading | None:
-    """Taxels that do not respond on any axis although the simulation presses them."""
+    """Return the taxels that do not respond on any axis although they are pressed in the simulation."""
     simulated, measured = problem.simulated, problem.measured
     level, noise = np.median(measured, axis=0), np.median(problem.sigma, axis=0)
     floor = max(0.6 * problem.step, 0.03)
@@ -40,7 +40,7 @@ def _read(problem: Problem) -> Reading | None:
         each = np.stack([np.sum(x[span] * y[span], axis=0) for span in problem.episodes])
         slope = each.sum(axis=0) / np.maximum(energy, 1e-12)
         told = energy > (40 * noise[:, axis]) ** 2  # otherwise noise alone would decide
-        if axis < 2:  # slow noise may resemble a faint response, but not the same one in all episodes
+        if axis < 2:  # slow noise may resemble a faint response, but not consistently in all episodes
             shared = np.abs(each.sum(axis=0)) > CONSISTENT * np.sqrt(np.sum(each**2, axis=0))
             told &= shared | (np.abs(slope) > FAINT)
         dead &= ~told | (np.abs(slope) < 0.12)
@@ -52,7 +52,7 @@ def _read(problem: Problem) -> Reading | None:
     gone = np.broadcast_to(dead[:, None], problem.alive.shape)
     since = np.where(gone, 0.0, np.inf)
     failures = failures_of(problem)
-    if failures is not None:  # a taxel that failed early may seem to be dead all along
+    if failures is not None:  # a taxel that failed early may seem to have been dead all along
         gone = np.where(failures.failed.any(axis=1, keepdims=True), failures.failed, gone)
         since = np.where(gone, np.where(failures.failed, failures.since, 0.0), np.inf)
         level = np.where(failures.failed, failures.level, level)
@@ -69,9 +69,9 @@ def _read(problem: Problem) -> Reading | None:
 
 
 def _still(problem: Problem, level: FloatArray, noise: FloatArray, floor: float) -> NDArray[np.bool_]:
-    """``(pads, rows, cols)`` taxels stuck at an unusual level on all axes while they are pressed, however lightly.
+    """``(pads, rows, cols)`` taxels that are stuck at an unusual level on all axes while pressed, however lightly.
 
-    This suffices for a taxel with a non-zero reading, which no dead band suppresses, if the force spans a count.
+    Light presses suffice if the force spans a count, because no dead band suppresses a non-zero reading.
     """
     usual = np.median(np.abs(level), axis=(2, 3), keepdims=True)
     far = (np.abs(level) > FAR * (usual + floor)).any(axis=1) | _unmoved(problem, floor)
@@ -89,7 +89,7 @@ def _still(problem: Problem, level: FloatArray, noise: FloatArray, floor: float)
 
 
 def _unmoved(problem: Problem, floor: float) -> NDArray[np.bool_]:
-    """``(pads, rows, cols)`` taxels whose reading before contact stays constant while that of others drifts."""
+    """``(pads, rows, cols)`` taxels whose reading before contact stays constant while that of the others drifts."""
     spans = [span for span in problem.episodes if problem.untouched[span].any()]
     if len(spans) < 2:
         return np.zeros_like(problem.alive[:, 0])

@@ -14,7 +14,7 @@ SHAPES = tuple(
     (tau, start)
     for start in (0.0, 60.0, 120.0, 240.0, 480.0)  # the gauge: the sensor may have been zeroed before the recording
     for tau in (60.0, 120.0, 250.0, 500.0, 1000.0, 4000.0)
-    if start <= 2 * tau  # later, what drifts is a constant
+    if start <= 2 * tau  # later, the drift has settled and is a constant
 )
 
 NUMBERS = {"tau": "", "start": "seconds from zeroing to the start of the recording"}

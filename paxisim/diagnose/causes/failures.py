@@ -1,8 +1,8 @@
-"""Failures: channels that respond until some moment and then no more, read off the streams for `dead_taxels`.
+"""Failures: channels that stop responding at some moment, read off the streams for `dead_taxels`.
 
-The moment is where two lines leave least of a channel: before it a multiple of the simulated force plus a constant,
-after it a constant. It counts only if the channel answered forces of the same size before, and then misses what it
-should have answered.
+The moment minimises the squared residual of a channel under a model with two parts: before the moment a multiple of
+the simulated force plus a constant, after it a constant. A failure counts only if the channel responded to forces of
+the same size before the moment, and the response that should follow after it is missing.
 """
 
 from __future__ import annotations
@@ -15,25 +15,26 @@ from numpy.typing import NDArray
 from paxisim.diagnose.problem import FloatArray, Problem
 from paxisim.diagnose.silent import CLEAR, FRAMES, pressed_beyond
 
-ANSWERED = 0.3  # of a force, that a channel that worked has read at least
-SILENT = 0.12  # of a force, that one that has failed reads at most
-TOLD = 8.0  # z-score of what was answered before, and of what is missing after
-STILL = 1.8  # standard deviation of a failed channel within an episode, in units of its noise
-FAR = 4.0  # times noise and rounding: a reading as far from that at rest is not one of a taxel that nothing touches
-TWICE = 2  # episodes in which a taxel that reads as at rest must be missed: one contact may have passed it by
-FROZEN = 20  # changes that are missing where noise would have made them
-FITS = 0.1  # of the energy on a pad, that may be where it is not simulated while a taxel is missed
-RESTING = 8  # frames at rest that tell a channel's noise in an episode
+ANSWERED = 0.3  # smallest gain of a channel before it fails
+SILENT = 0.12  # largest gain of a failed channel
+TOLD = 8.0  # z-score of the response before the failure, and of the missing response after it
+STILL = 1.8  # largest standard deviation of a failed channel within an episode, in units of its noise
+FAR = 4.0  # times noise and rounding; an untouched taxel does not read that far from its level at rest
+TWICE = 2  # missing responses needed of a taxel that reads its rest level, as one contact may have missed it
+FROZEN = 20  # changes that noise should have caused and that are missing
+FITS = 0.1  # largest misfit of the other taxels while a response is missing, as a share of the pad's simulated energy
+RESTING = 8  # fewest frames at rest needed to estimate a channel's noise in an episode
 
 
 @dataclass(frozen=True, eq=False)
 class Failures:
-    """Channels that have failed, ``(pads, 3, rows, cols)`` each.
+    """Channels that have failed; each array is ``(pads, 3, rows, cols)``.
 
     Attributes:
-        failed: Which.
-        since: Seconds after the recording's first frame, halfway between the last that answered and the next.
-        level: What they have read since then (N).
+        failed: Whether the channel has failed.
+        since: Time of the failure in seconds after the recording's first frame, halfway between the last frame before
+            the failure and the first one after it.
+        level: Reading since then (N).
     """
 
     failed: NDArray[np.bool_]
@@ -42,9 +43,10 @@ class Failures:
 
 
 def failures_of(problem: Problem) -> Failures | None:
-    """The channels that fail in the course of a recording; None if there are none.
+    """Return the channels that fail during a recording; None if there are none.
 
-    A taxel that stops on all axes has one moment; where its shear is too weak to tell, it goes with the normal force.
+    A taxel that fails on all axes has one moment of failure. Where its shear is too weak to show a failure, the shear
+    channels follow the normal force.
     """
     if not problem.runs_through:
         return None
@@ -65,7 +67,7 @@ def failures_of(problem: Problem) -> Failures | None:
 
 
 def _noise(problem: Problem) -> FloatArray:
-    """``(pads, 3, rows, cols)`` N, of each channel at rest in the usual episode, slow noise included."""
+    """``(pads, 3, rows, cols)`` N, noise of each channel at rest, slow noise included; median over the episodes."""
     rests = [problem.measured[span][problem.at_rest[span]] for span in problem.episodes]
     spreads = [rest.std(axis=0) for rest in rests if len(rest) >= RESTING]
     usual = np.median(problem.sigma, axis=0)
@@ -73,7 +75,7 @@ def _noise(problem: Problem) -> FloatArray:
 
 
 def _costs(problem: Problem, noise: FloatArray, pad: int) -> FloatArray:
-    """``(T - 1, 3, rows, cols)`` squares, in noise units, left of a pad if its channels fail at frame 1, 2, ..."""
+    """``(T - 1, 3, rows, cols)`` squared residuals of a pad, in noise units, if its channels fail at frame 1, 2, ..."""
     x = problem.simulated[:, pad] - problem.simulated[:, pad].mean(axis=0)
     y = (problem.measured[:, pad] - problem.measured[:, pad].mean(axis=0)) / noise[pad]
     count = np.arange(1, len(x)).reshape(-1, 1, 1, 1)
@@ -85,25 +87,30 @@ def _costs(problem: Problem, noise: FloatArray, pad: int) -> FloatArray:
     force = np.maximum(before(x * x) - sum_x**2 / count, 1e-12)
     answer = before(x * y) - sum_x * sum_y / count
     left = yy - sum_y**2 / count - answer**2 / force
-    rest = len(x) - count  # the means are 0 over all, so that the sums after are those before with the other sign
+    rest = len(x) - count  # the overall means are 0, so the sums after the failure are minus those before it
     return left + np.sum(y * y, axis=0) - yy - sum_y**2 / rest
 
 
 def _judged(
     problem: Problem, noise: FloatArray, moment: NDArray[np.intp]
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_], FloatArray]:
-    """Of channels that may each fail at some frame: whether it is told, whether they are silent after, and at what.
+    """Judge channels that may each fail at some frame.
 
     Args:
         problem: The recording.
-        noise: ``(pads, 3, rows, cols)`` N.
-        moment: ``(pads, 3, rows, cols)`` the frame.
+        noise: ``(pads, 3, rows, cols)`` N, noise of each channel.
+        moment: ``(pads, 3, rows, cols)`` frame at which each channel may fail.
+
+    Returns:
+        Three arrays ``(pads, 3, rows, cols)``: whether the channel certainly fails, whether it is silent afterwards,
+        and its reading then (N).
     """
     after = np.arange(len(problem.time)).reshape(-1, 1, 1, 1, 1) >= moment
     size = np.abs(problem.simulated)
     most = np.max(size, axis=0, where=after, initial=0.0)
     touched = (pressed_beyond(problem, max(0.06 * problem.peak, CLEAR)) & (problem.simulated > 0))[:, :, 2:]
-    force, answer, _ = (s.sum(axis=0) for s in _sums(problem, ~after & (size <= most)))  # forces as there are after
+    # before the failure, only forces as small as those after it count
+    force, answer, _ = (s.sum(axis=0) for s in _sums(problem, ~after & (size <= most)))
     slope = answer / np.maximum(force, 1e-12)
     maybe = (np.abs(slope) > ANSWERED) & (np.abs(answer) > TOLD * noise * np.sqrt(force))
     maybe &= (touched & ~after).sum(axis=0) >= FRAMES
@@ -117,7 +124,8 @@ def _judged(
     missing = np.abs(slope) * forces - np.sign(slope) * answers
     maybe &= silent & (np.abs(answer) < SILENT * force) & (missing.sum(axis=0) > TOLD * noise * np.sqrt(force))
     maybe &= (touched & after).sum(axis=0) >= FRAMES
-    maybe &= (after & (size < SILENT * most)).sum(axis=0) >= FRAMES  # let go again: else it may be saturated, or late
+    # the load must be released again: otherwise the channel may be saturated or late
+    maybe &= (after & (size < SILENT * most)).sum(axis=0) >= FRAMES
     told, level = _confirmed(problem, noise, after, maybe, touched, missing > TOLD / 2 * noise * np.sqrt(forces))
     return told, silent, level
 
@@ -130,15 +138,18 @@ def _confirmed(
     touched: NDArray[np.bool_],
     missed: NDArray[np.bool_],
 ) -> tuple[NDArray[np.bool_], FloatArray]:
-    """``(pads, 3, rows, cols)`` channels that are missed where the contact is, and what their taxels read (N).
+    """Return the channels whose response is missing although the contact is there, and the readings of their taxels.
 
     Args:
         problem: The recording.
-        noise: ``(pads, 3, rows, cols)`` N.
-        after: ``(T, pads, 3, rows, cols)`` the frames after the failure.
+        noise: ``(pads, 3, rows, cols)`` N, noise of each channel.
+        after: ``(T, pads, 3, rows, cols)`` frames after the failure.
         maybe: ``(pads, 3, rows, cols)`` channels that may have failed.
-        touched: ``(T, pads, 1, rows, cols)`` where their taxels are loaded.
-        missed: ``(episodes, pads, 3, rows, cols)`` where their answer is missing.
+        touched: ``(T, pads, 1, rows, cols)`` frames in which their taxels are loaded.
+        missed: ``(episodes, pads, 3, rows, cols)`` episodes in which their response is missing.
+
+    Returns:
+        Two arrays ``(pads, 3, rows, cols)``: the failed channels, and their readings (N).
     """
     told, level = maybe.copy(), np.zeros(maybe.shape)
     for pad, axis, row, col in np.argwhere(np.broadcast_to(maybe.any(axis=1, keepdims=True), maybe.shape)):
@@ -154,7 +165,7 @@ def _confirmed(
 
 
 def _sums(problem: Problem, where: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """``(episodes, pads, 3, rows, cols)`` N^2: squared force, force times reading, squared reading, without means."""
+    """Sums ``(episodes, pads, 3, rows, cols)`` (N^2) of force^2, force * reading and reading^2, means subtracted."""
     out = []
     for span in problem.episodes:
         own = where[span]
@@ -168,14 +179,14 @@ def _sums(problem: Problem, where: NDArray[np.bool_]) -> tuple[FloatArray, Float
 
 
 def _fits(problem: Problem, pad: int, others: NDArray[np.bool_], span: slice, loaded: NDArray[np.bool_]) -> bool:
-    """Whether, while a taxel is loaded, the others of its pad read what is simulated: then the contact is there.
+    """Whether the other taxels of a pad read the simulated force while a taxel is loaded, so that the contact is there.
 
     Args:
         problem: The recording.
-        pad: Number of the pad.
+        pad: Index of the pad.
         others: ``(rows, cols)`` taxels that have not failed.
-        span: An episode.
-        loaded: Its frames in which the taxel is loaded.
+        span: Samples of an episode.
+        loaded: Frames of the episode in which the taxel is loaded.
     """
     if loaded.sum() < FRAMES:
         return False
@@ -188,9 +199,9 @@ def _fits(problem: Problem, pad: int, others: NDArray[np.bool_], span: slice, lo
 
 
 def _stays(problem: Problem, read: FloatArray, after: NDArray[np.bool_], least: float) -> tuple[float, bool]:
-    """What a channel that may have failed reads, and whether one that works would not read it without force.
+    """Return the reading (N) of a channel that may have failed, and whether it rules out a working, unloaded channel.
 
-    It is far from what it read at rest, or it does not change at all although noise changed it at rest.
+    It does if the reading is far from the level at rest, or never changes although noise changed it at rest.
     """
     level, rest = float(np.median(read[after])), ~after & problem.at_rest
     if not rest.any():

@@ -5,9 +5,9 @@ from __future__ import annotations
 from paxisim import augment
 from paxisim.diagnose.cause import Cause, Free, Gauge, one_away
 
-RADII = (0.02, 0.06, 0.15, 0.4)  # of the peak; radii of the play operators
+RADII = (0.02, 0.06, 0.15, 0.4)  # radii of the play operators, in units of the peak
 
-SMALL = "0 if the sensor reads large forces right, 1 if it reads swings right that are too small for a loop"
+SMALL = "0 if the sensor reads large forces correctly, 1 if it correctly reads swings too small for a loop"
 
 HYSTERESIS = Cause(
     "hysteresis",

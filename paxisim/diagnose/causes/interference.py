@@ -1,4 +1,4 @@
-"""Interference: a magnetic field from outside is read as a force; it changes with the pose of the gripper or hand."""
+"""Interference: an external magnetic field that changes with the pose of the gripper or hand is read as a force."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ def _make(values: Values, problem: Problem) -> augment.CovariateField:
 def _barred(problem: Problem) -> str:
     if problem.directions is not None:
         return ""
-    return "no covariate was recorded that varies without contact, such as gripper_opening or the angle of a joint"
+    return "no covariate that varies without contact was recorded, such as gripper_opening or a joint angle"
 
 
 INTERFERENCE = Cause(
     "interference",
-    77.5,  # it is fitted with the zero
+    77.5,  # next to offset and drift, as it is fitted together with the zero
     _make,
     "gripper",
     course=Course("amounts", _curves),
     planes=True,  # the gauge: the field need not be zero at the start of the recording
     misfit=0.02,
     barred=_barred,
-    words="A magnetic field from outside is read as a force; it changes with the pose.",
+    words="An external magnetic field that changes with the pose is read as a force.",
     picture="covariate",
 )

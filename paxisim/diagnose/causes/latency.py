@@ -9,8 +9,8 @@ from paxisim.diagnose.problem import Problem
 
 
 def _barred(problem: Problem) -> str:
-    """Why a delay cannot be told."""
-    return "the clocks of the two streams were aligned, which takes a constant delay away" if problem.aligned else ""
+    """Why a delay cannot be tested; empty if it can."""
+    return "the clocks of the two streams were aligned, which removes any constant delay" if problem.aligned else ""
 
 
 LATENCY = Cause(

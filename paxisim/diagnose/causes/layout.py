@@ -13,23 +13,24 @@ from paxisim.diagnose.causes.channel_curve import mixes_alike
 from paxisim.diagnose.causes.read_only import not_made
 from paxisim.diagnose.problem import FloatArray, Problem, with_noise
 
-MOST_MOVED = 0.7  # share of the taxels that are moved, which must correlate as well there
-EQUALLY = 0.02  # difference of two correlations that are equally good
-LOADED = 0.05  # of the largest load on a taxel
+MOST_MOVED = 0.7  # share of the moved taxels that must correlate at least as well at their new place
+EQUALLY = 0.02  # largest difference between correlations that count as equal
+LOADED = 0.05  # least load on a taxel that counts, in units of the largest load on a taxel
 CLEARLY = 0.05  # least gain in correlation for a layout fault to be named
 
 
 def _read(problem: Problem) -> Reading | None:
-    """The layout for which the streams correlate clearly better than for the given one, if there is one.
+    """Return the layout under which the streams correlate clearly better than under the given one, if there is one.
 
-    The order of taxels and pads follows from the normal force, regardless of its sign; that of axes from all forces.
+    The order of taxels and pads is found from the normal force regardless of its sign, that of the axes from all three
+    forces.
     """
     normal, wanted = problem.measured[:, :, 2], problem.simulated[:, :, 2]
     pads, rows, cols = wanted.shape[1:]
     orders = list(itertools.permutations(range(pads))) if pads <= 3 else [tuple(range(pads))]
 
     def alike_either_way(simulated: FloatArray) -> FloatArray:
-        """As `_alike`, for a normal force whose sign may be reversed."""
+        """Like `_alike`, for a normal force whose sign may be reversed."""
         alike = _alike(normal, simulated, problem)
         return -alike if alike.mean() < 0 else alike
 
@@ -59,7 +60,7 @@ def _read(problem: Problem) -> Reading | None:
 
 
 def _fits_all(measured: FloatArray, given: FloatArray, moved: FloatArray) -> bool:
-    """Whether most taxels that are moved correlate as well there, not only the few that carry most of the load."""
+    """Whether most moved taxels correlate as well at their new place, not only the few that carry most of the load."""
 
     def each(simulated: FloatArray) -> FloatArray:
         a, b = measured - measured.mean(axis=0), simulated - simulated.mean(axis=0)
@@ -71,7 +72,7 @@ def _fits_all(measured: FloatArray, given: FloatArray, moved: FloatArray) -> boo
 
 
 def _alike(measured: FloatArray, simulated: FloatArray, problem: Problem) -> FloatArray:
-    """Correlation in each episode with a load, relative to the median of each taxel."""
+    """Correlation in each episode that has a load; the median of each taxel is subtracted from the measurement."""
     out = []
     least = max(0.1 * float(np.abs(simulated).max()), problem.step)
     for span in problem.episodes:
@@ -83,7 +84,7 @@ def _alike(measured: FloatArray, simulated: FloatArray, problem: Problem) -> Flo
 
 
 def _axes(problem: Problem, simulated: FloatArray) -> tuple[tuple[int, int, int], tuple[int, int, int]]:
-    """Signs and order of the axes, from their correlation with the simulated ones."""
+    """Signs and order of the axes, from their correlations with the simulated axes."""
 
     def alike(i: int, j: int) -> FloatArray:
         return _alike(problem.measured[:, :, i], simulated[:, :, j], problem)
@@ -103,7 +104,7 @@ def _axes(problem: Problem, simulated: FloatArray) -> tuple[tuple[int, int, int]
 
 
 def _turned(problem: Problem, simulated: FloatArray, axis: int, other: int) -> bool:
-    """Whether a shear has the opposite sign of the simulated one, after regressing out the normal force.
+    """Whether a shear reading has the opposite sign of the simulated shear, with the normal force regressed out.
 
     Leakage of the normal force into the shear reading may exceed the small shear of a press.
     """

@@ -18,7 +18,7 @@ def _make(values: Values, problem: Problem) -> Transform:
 
 
 def capacity(problem: Problem, delay: float) -> int:
-    """Number of frames that a latency must buffer to cover its delay."""
+    """Number of frames that a latency must buffer to cover a delay of `delay` seconds."""
     return int(max(16, 4 * abs(delay) / problem.interval + 4))
 
 
@@ -30,7 +30,7 @@ LOW_PASS = Cause(
     lambda p: (
         Free("tau_1", "s", 0.0, 0.0, 2.0, 0.02, 0.003),
         Free("tau_2", "s", 0.0, 0.0, 2.0, 0.02, 0.003),
-        # the gauge: a filter with many poles, or with linear phase, delays more than two poles do
+        # the gauge: filters with many poles or with linear phase delay more than two poles do
         Free(
             "delay", "1", 0.0, 0.0, 1.0, 0.3, spread=1.0, words="delay beyond the filter, as a share of tau_1 + tau_2"
         ),

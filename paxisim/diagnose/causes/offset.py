@@ -10,7 +10,7 @@ from paxisim.diagnose.problem import Problem
 
 
 def _zero_is_fitted(problem: Problem) -> str:
-    return "the zero of each channel is part of its readout" if problem.one_load else ""
+    return "the calibrated readout of each channel includes its zero" if problem.one_load else ""
 
 
 OFFSET = Cause(

@@ -9,14 +9,14 @@ from paxisim.diagnose.causes.channel_curve import no_neighbours
 POISSON = Cause(
     "poisson",
     40,
-    # in steps of 0.01, as each falloff has a kernel of its own
+    # rounded to 0.01, because each falloff needs its own kernel
     lambda v, p: augment.Poisson(v[0], v[1], reach=2.9, falloff=round(v[2], 2)),
     "probe",
     lambda p: (
         Free("cx", "1", 0.0, 0.0, 1.0, 0.05, 0.008),
         Free("cy", "1", 0.0, 0.0, 1.0, 0.05, 0.008),
-        # the forms: nearly the gradient of the load (a short falloff), or a push that reaches far
-        Free("falloff", "pitch", 1.0, 0.2, 4.0, 0.6, spread=2.0, words="distance over which it decays"),
+        # two forms: nearly the gradient of the load (short falloff), or a long-range push (long falloff)
+        Free("falloff", "pitch", 1.0, 0.2, 4.0, 0.6, spread=2.0, words="decay length of the push on the neighbours"),
     ),
     lambda p: [(0.1, 0.0, 1.0), (0.0, 0.1, 1.0), (0.1, 0.1, 0.4)],
     misfit=0.03,

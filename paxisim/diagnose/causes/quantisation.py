@@ -1,4 +1,4 @@
-"""Quantisation: readings are rounded to steps coarser than those of the device; read off the readings."""
+"""Quantisation: readings are rounded to steps coarser than the device's own; read off the recording."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from paxisim.diagnose.causes.read_only import not_made
 from paxisim.diagnose.problem import Problem
 
 DEVICE_STEP = 0.1  # N per count of a PaXini sensor
-COARSER = 1.2  # times that step; coarser rounding is a cause
+COARSER = 1.2  # in units of that step; coarser rounding is a cause
 
 
 def _read(problem: Problem) -> Reading | None:

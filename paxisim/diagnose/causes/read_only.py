@@ -1,4 +1,4 @@
-"""Read only: causes that are read off the recording have no parameters to be made from."""
+"""Read only: a `Cause.make` for causes that are read off the recording and have no parameters."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from paxisim.errors import InvalidValueError
 
 
 def not_made(name: str) -> Callable[[Values, Problem], Transform]:
-    """A `Cause.make` that refuses."""
+    """Return a `Cause.make` that raises an `InvalidValueError`."""
 
     def make(values: Values, problem: Problem) -> Transform:
         raise InvalidValueError(f"{name} is read off the recording and cannot be made from parameters")

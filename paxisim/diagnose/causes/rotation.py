@@ -8,7 +8,7 @@ from paxisim.diagnose.causes.channel_curve import mixes_alike
 from paxisim.diagnose.problem import Problem
 
 TILT = 0.01  # rad, standard deviation of the prior for the tilt of a sensor in its mount
-MOST_TILT = 0.09
+MOST_TILT = 0.09  # rad
 
 
 def _free(problem: Problem) -> tuple[Free, ...]:

@@ -9,7 +9,7 @@ from paxisim.diagnose.cause import Cause, Free, Gauge, Values
 from paxisim.diagnose.causes.channel_curve import bent_apart
 from paxisim.diagnose.problem import FloatArray, Problem
 
-REACHED = 1.1  # times the peak; a larger limit acts like stiffening
+REACHED = 1.1  # materiality of the limit, in units of the peak; a larger limit acts like stiffening
 
 
 def _limits(values: Values) -> FloatArray:
@@ -25,17 +25,17 @@ def _make(values: Values, problem: Problem) -> augment.Saturation:
 def _gain(values: Values, problem: Problem) -> FloatArray:
     read = _make(values, problem)(problem.peaks[None, None, :, None, None])[0, 0, :, 0, 0]
     gains = problem.peaks / np.maximum(read, 0.1 * problem.peaks)
-    return np.maximum(gains, gains[2])  # shear may have been calibrated with the gain of normal force
+    return np.maximum(gains, gains[2])  # shear may have been calibrated with the normal force's gain
 
 
 def _starts(problem: Problem) -> list[Values]:
-    """Limits that are the same for all axes, and limits at a share of what each axis reaches."""
+    """One limit for all axes, and limits at a share of each axis's own peak."""
     shapes = [(0.5, 0.2), (0.7, 0.2), (0.9, 0.2), (0.9, 0.8)]
     own = float(problem.peaks[0] / problem.peaks[2])
     return [(share * problem.peak, softness, shear) for share, softness in shapes for shear in (1.0, own)]
 
 
-AT_PEAK = "0 if the sensor reads small forces right, 1 if it reads the peak force right"
+AT_PEAK = "0 if the sensor reads small forces correctly, 1 if it reads the peak force correctly"
 
 SATURATION = Cause(
     "saturation",
@@ -45,7 +45,7 @@ SATURATION = Cause(
     lambda p: (
         Free("limit", "N", 2.0 * p.peak, 0.15 * p.peak, 3 * p.peak, 0.1 * p.peak, 0.2 * p.peak),
         Free("softness", "1", 0.3, 0.0, 1.0, 0.2, words="share of the limit over which it sets in"),
-        # the forms: a range in newtons, or one in units of the sensor, which is another in newtons for each axis
+        # two forms: one range in newtons, or one range in sensor units, which differs in newtons between axes
         Free("shear", "1", 1.0, 0.05, 2.0, 0.2, spread=0.5, words="limit of shear relative to that of normal force"),
     ),
     _starts,

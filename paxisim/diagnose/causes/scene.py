@@ -1,7 +1,7 @@
-"""Causes inside the scene: what is simulated is not what was touched, whatever the sensor makes of it.
+"""Causes inside the scene: the simulated contact differs from the real one, independently of the sensor.
 
-Each is one or several numbers of `paxisim.Scene.parameters`. What they do is read off replays, `paxisim.diagnose`
-being given the scene.
+Each cause is one or more numbers of `paxisim.Scene.parameters`. Their effects are computed from replays, for which
+`paxisim.diagnose` needs the scene.
 """
 
 from __future__ import annotations
@@ -17,22 +17,22 @@ from paxisim.diagnose.problem import FloatArray, Problem
 from paxisim.scene.parameters import Group
 
 FIRST = -10.0
-"""Place in the chain: before all that a sensor does."""
+"""Place in the chain: before all effects of the sensor."""
 MISFIT = 0.1
-"""Share of a scene cause's effect that its form may leave: a real object and a real gel are not those of a scene, and
-between the replays its effect is straight."""
-_UNSEEN = "no replay shows what it does: see the warnings"
+"""Share of a scene cause's effect that its form may leave unexplained: real objects and gels differ from those of the
+scene, and the effect is interpolated linearly between replays."""
+_UNSEEN = "no replay shows its effect (see the warnings)"
 _MISSING = {
     "grip_force": "in this mode the scene follows positions, whatever force that takes",
-    "object_size": "the scene has no object: a movable body that carries no pad",
-    "object_pose": "the scene has no object: a movable body that carries no pad",
-    "joint_offset": "no stream moves a joint of the scene",
+    "object_size": "the scene has no object (a movable body without a pad)",
+    "object_pose": "the scene has no object (a movable body without a pad)",
+    "joint_offset": "no recorded stream drives a joint of the scene",
     "surface": "the pads have too few taxels",
 }
 
 
 def _numbers(problem: Problem, group: Group) -> tuple[Free, ...]:
-    """The numbers of a cause, in the units in which they are shown."""
+    """Return the numbers of a cause, in display units."""
     assert problem.scene is not None
     out = []
     for one in problem.scene.of(group):
@@ -59,7 +59,7 @@ def _scene_cause(group: Group, excites: str, words: str, picture: str, price: fl
 
     def barred(problem: Problem) -> str:
         if problem.scene is None:
-            return "it is in the scene, which the diagnosis was not given"
+            return "it belongs to the scene, and no scene was given"
         if problem.scene.of(group):
             return ""
         return _UNSEEN if group in problem.scene.failed else _MISSING.get(group, _UNSEEN)
@@ -81,22 +81,22 @@ def _scene_cause(group: Group, excites: str, words: str, picture: str, price: fl
 
 
 SCENE_CAUSES: tuple[Cause, ...] = (
-    _scene_cause("friction", "loads", "The gel's surface is rougher or smoother than the scene's.", "slip"),
-    _scene_cause("gel_stiffness", "staircase", "The gel is stiffer or softer than the scene's.", "closing"),
-    _scene_cause("grip_force", "loads", "The actuators exert more or less than the scene's.", "closing"),
-    _scene_cause("mount_offset", "regrasps", "A pad sits off its place in the scene.", "mount"),
+    _scene_cause("friction", "loads", "The gel's surface is rougher or smoother than in the scene.", "slip"),
+    _scene_cause("gel_stiffness", "staircase", "The gel is stiffer or softer than in the scene.", "closing"),
+    _scene_cause("grip_force", "loads", "The actuators exert more or less force than in the scene.", "closing"),
+    _scene_cause("mount_offset", "regrasps", "A pad is not where the scene puts it.", "mount"),
     _scene_cause("mount_tilt", "regrasps", "A pad is mounted at an angle.", "mount"),
     _scene_cause("surface", "places", "A pad's surface is uneven.", "height_map", price=2.0),
-    _scene_cause("object_size", "objects", "The object is larger or smaller than the scene's.", "closing"),
+    _scene_cause("object_size", "objects", "The object is larger or smaller than in the scene.", "closing"),
     _scene_cause(
-        "object_pose", "regrasps", "The object sits elsewhere in its holder in all episodes.", "mount", price=1.5
+        "object_pose", "regrasps", "The object sits elsewhere in its holder, in all episodes.", "mount", price=1.5
     ),
-    _scene_cause("joint_offset", "objects", "A drive's zero is off.", "closing"),
+    _scene_cause("joint_offset", "objects", "The zero of a joint is off.", "closing"),
 )
 
 
 def _by_chance(problem: Problem) -> tuple[Free, ...]:
-    """The mean of poses that scatter from episode to episode; it is within two standard errors of 0."""
+    """Return the numbers of the mean of poses that scatter about 0, bounded to two standard errors."""
     out = []
     for number, one in zip(_numbers(problem, "object_pose"), problem.scene.of("object_pose"), strict=True):  # type: ignore[union-attr]
         spread = SPREAD[one.parameter.unit] * SHOWN[one.parameter.unit][1] / np.sqrt(len(problem.episodes))
@@ -105,7 +105,7 @@ def _by_chance(problem: Problem) -> tuple[Free, ...]:
 
 
 def _no_pose(problem: Problem) -> str:
-    return "" if problem.scene is not None and problem.scene.of("object_pose") else "no object was placed"
+    return "" if problem.scene is not None and problem.scene.of("object_pose") else "the scene has no placed object"
 
 
 MEAN_POSE = Cause(
@@ -119,7 +119,7 @@ MEAN_POSE = Cause(
     misfit=0.0,
     barred=_no_pose,
 )
-"""What the poses of a few episodes have in common by chance, so that no cause is named for it."""
+"""The chance mean of the poses of a few episodes, fitted so that no cause is named for it."""
 
 IMPRATIO = replace(
     _scene_cause("impratio", "varied", "MuJoCo's contacts creep under shear, at a rate that no gel has.", "plain"),
@@ -128,4 +128,4 @@ IMPRATIO = replace(
     tacit=True,
     misfit=0.0,
 )
-"""How slowly contacts creep: a solver setting that changes what is simulated, and for which no cause is named."""
+"""MuJoCo's ``impratio``, which sets how fast contacts creep: a solver setting, fitted but never named as a cause."""

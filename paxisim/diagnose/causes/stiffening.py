@@ -1,4 +1,4 @@
-"""Stiffening: the reading is not proportional to the force, with one curve for all taxels."""
+"""Stiffening: the reading is not proportional to the force; all taxels share one curve."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ def _free(problem: Problem) -> tuple[Free, ...]:
             1.3 * peak,
             0.2 * peak,
             spread=0.5 * peak,
-            words="force that reads right",
+            words="force that is read correctly",
         ),
-        # the forms: a power law (small knee), or a gain that grows with the square of the force (large knee)
+        # two forms: a power law (small knee), or a gain that grows with the square of the force (large knee)
         Free(
             "knee",
             "1",
@@ -36,12 +36,10 @@ def _free(problem: Problem) -> tuple[Free, ...]:
             30.0,
             0.3,
             spread=3.0,
-            words="a power law if small, a gain quadratic in force if large",
+            words="power law if small, gain quadratic in force if large",
         ),
-        # the gel acts on all axes together (1), an electronic readout on each axis separately (0)
-        Free(
-            "shared", "1", 1.0, 0.0, 1.0, 0.3, spread=1.0, words="0 if each axis stiffens by itself, 1 if all together"
-        ),
+        # a gel stiffens on all axes together (1), an electronic readout on each axis separately (0)
+        Free("shared", "1", 1.0, 0.0, 1.0, 0.3, spread=1.0, words="0 if axes stiffen separately, 1 if all together"),
     )
 
 

@@ -1,7 +1,7 @@
-"""Swapped taxels: pairs of taxels of a pad have changed places; read off the streams.
+"""Swapped taxels: pairs of taxels on a pad are swapped; read off the streams.
 
-A reversal or transposition that fits all the taxels it moves is a fault of the `layout`, which is read first and keeps
-its name: on pads of two taxels, of three in a line, or of 2x2, some of them swap but two.
+A reversal or transposition that fits all the taxels it moves is a `layout` fault. The layout is read first and takes
+precedence: on pads of two taxels, of three in a row, or of 2x2, some layout faults swap only two taxels.
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ from paxisim.diagnose.causes.channel_curve import mixes_alike
 from paxisim.diagnose.causes.read_only import not_made
 from paxisim.diagnose.problem import FloatArray, Problem, with_noise
 
-LOADED = 0.1  # of the energy of the pad's most loaded taxel, that one of a pair has: edges depend on where a contact is
-LEAVES = 0.5  # of what a taxel's own force leaves of its reading, that the other's force leaves at most
-GAINS = (0.3, 3.0)  # of a taxel that reads the other's force
-TOLD = 8.0  # times the noise: root of the energy that a swap takes away at least, also in an episode that tells
-MOST = 0.8  # share of the episodes that tell, in which the swap is better
-TWICE = 2  # episodes that must tell: in one the contact may be elsewhere than simulated
+LOADED = 0.1  # least energy of one taxel of a pair, as a share of the most loaded taxel's; weak loads depend on placing
+LEAVES = 0.5  # largest residual with the other taxel's force, relative to that with the taxel's own force
+GAINS = (0.3, 3.0)  # allowed gains of a taxel that reads the other's force
+TOLD = 8.0  # root of the energy that a swap must remove, in noise units; also defines an episode that is decisive
+MOST = 0.8  # share of the decisive episodes in which the swap must fit better
+TWICE = 2  # decisive episodes needed, because in a single one the contact may be misplaced
 
 
 def _read(problem: Problem) -> Reading | None:
-    """The pairs of which each taxel reads the other's force clearly better than its own, on all axes that tell."""
+    """Return the pairs in which each taxel reads the other's force clearly better than its own."""
     pairs = [pair for pad in range(len(problem.alive)) for pair in _pairs(problem, pad)]
     if not pairs:
         return None
@@ -34,7 +34,10 @@ def _read(problem: Problem) -> Reading | None:
 
 
 def _pairs(problem: Problem, pad: int) -> list[tuple[int, int, int, int, int]]:
-    """The pairs of a pad; both taxels of one must read the other's normal force best of all."""
+    """Return the swapped pairs of a pad.
+
+    The normal force that a taxel of a pair reads best must be the other's, and the shear must not contradict the swap.
+    """
     cols = problem.alive.shape[-1]
     left, load = _left(problem, pad, 2)
     own = np.diagonal(left, axis1=1, axis2=2)
@@ -58,11 +61,15 @@ def _pairs(problem: Problem, pad: int) -> list[tuple[int, int, int, int, int]]:
 
 
 def _left(problem: Problem, pad: int, axis: int) -> tuple[FloatArray, FloatArray]:
-    """Squares that the force on one taxel leaves of another's reading, in noise units, and those of the forces (N^2).
+    """Fit the reading of each taxel of a pad by the force on each taxel.
 
-    They are ``(episodes, taxels, taxels)``, the taxel that reads first, and ``(taxels,)``. The gain is free, but one
-    for all episodes; where that of another taxel is beyond `GAINS`, all of the reading is left. So a motion in which
-    forces go together, as of presses at one place, tells nothing.
+    The gain of a fit is free but shared by all episodes. Where the gain of another taxel's force is outside `GAINS`,
+    the whole reading counts as residual. A motion in which all forces are proportional, such as presses at one place,
+    therefore decides nothing.
+
+    Returns:
+        Squared residuals in noise units, ``(episodes, taxels, taxels)`` with the reading taxel first, and the squared
+        forces (N^2), ``(taxels,)``.
     """
     noise = np.median(problem.sigma[:, pad, axis], axis=0).ravel()
     products, forces, readings = [], [], []
@@ -89,6 +96,6 @@ SWAPPED_TAXELS = Cause(
     "probe",
     read=_read,
     barred=mixes_alike,
-    words="Pairs of taxels have changed places.",
+    words="Pairs of taxels are swapped.",
     picture="mapping",
 )

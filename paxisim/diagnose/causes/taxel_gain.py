@@ -1,6 +1,6 @@
 """Taxel gain: each taxel has its own gain, fitted in closed form.
 
-Gains are shrunk towards their common value (empirical Bayes) where episodes say little or disagree.
+Gains are shrunk towards their common value (empirical Bayes) where the episodes are uninformative or disagree.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from paxisim.diagnose.causes.channel_curve import bent_apart
 from paxisim.diagnose.noise import Tolerance, differences
 from paxisim.diagnose.problem import FloatArray, Problem
 
-GAIN_PRIOR = 0.1  # standard deviation of the prior of the gains
+GAIN_PRIOR = 0.1  # initial standard deviation of the prior of the gains
 LEAST_SPREAD = 0.01  # smallest estimate of that standard deviation
 TELLS = 1e-3  # relative to the largest weight; less loaded taxels do not inform the prior
-ROUNDS = 5
+ROUNDS = 5  # iterations of the empirical Bayes estimate
 MATERIAL = 0.026  # materiality of the standard deviation of the gains
 
 
@@ -28,7 +28,7 @@ def taxel_gains(
 ) -> FloatArray:
     """``(pads, rows, cols)`` best-fitting gains, see `drawn`; the arguments are those of `Local.solve`.
 
-    Everything after the gains acts on each taxel separately, so one perturbation of all gains yields all slopes.
+    Everything after the gains acts on each taxel separately, so a single perturbation of all gains yields all slopes.
     """
     rounds = 3 if near is None else 1
     gains = np.ones((x.shape[1], *x.shape[3:])) if near is None else near
@@ -53,15 +53,15 @@ def by_episode(problem: Problem, values: FloatArray) -> FloatArray:
 
 
 def drawn(pulls: FloatArray, weights: FloatArray) -> tuple[FloatArray, float]:
-    """Deviations of the gains from 1, and the weight of the shrinkage towards the common gain.
+    """Return the deviations of the gains from 1, and the weight of the shrinkage towards the common gain.
 
-    A misplaced contact persists for a whole episode, and so does the effect of another cause, so that errors within an
-    episode are correlated. Their excess variance is estimated from the scatter of the gain between episodes, and the
-    prior variance from the scatter between well-loaded taxels (empirical Bayes).
+    A misplaced contact or another cause acts for a whole episode, so errors within an episode are correlated. Their
+    excess variance is estimated from the scatter of the gain between episodes, and the prior variance from the scatter
+    between well-loaded taxels (empirical Bayes).
 
     Args:
         pulls: ``(episodes, pads, rows, cols)`` sum of load times residual at gains of 1, in units of the noise.
-        weights: The same sum of the squared load.
+        weights: ``(episodes, pads, rows, cols)`` sum of the squared load, in the same units.
     """
     pull, weight = pulls.sum(axis=0), weights.sum(axis=0)
     tells, told = weights > TELLS * weights.max(), weight > TELLS * weight.max()
@@ -81,10 +81,10 @@ def drawn(pulls: FloatArray, weights: FloatArray) -> tuple[FloatArray, float]:
 
 
 def _error(problem: Problem, prediction: FloatArray, gains: FloatArray) -> FloatArray:
-    """``(pads, rows, cols)`` half the width of each taxel's 90% interval.
+    """``(pads, rows, cols)`` half-width of each taxel's 90% interval.
 
     It combines the scatter between episodes, the tolerated gain errors of the axes, the tolerated position error of
-    contacts, and, for taxels that were hardly pressed, the scatter of the other gains.
+    contacts and, for barely pressed taxels, the scatter of the other gains.
     """
     count = len(problem.episodes)
     load = problem.weigh(prediction)
@@ -117,7 +117,7 @@ def _size(gains: Values, problem: Problem) -> float:
 
 TAXEL_GAIN = Cause(
     "taxel_gain",
-    75,  # it commutes with filters, and placed after them it does not slow down their fit
+    75,  # it commutes with the filters, and behind them it does not slow down their fit
     lambda v, p: augment.TaxelGain(np.asarray(v)),
     "places",
     local=Local("gain", "1", taxel_gains, _error),

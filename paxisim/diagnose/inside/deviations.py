@@ -1,6 +1,6 @@
-"""Deviations: what the objects' poses in single episodes explain of a residual, taken out of it.
+"""Deviations: remove from a residual the part that the objects' poses in individual episodes explain.
 
-A fit that left them in would bend to them: where an object lies 0.2 mm lower in one episode, a mount seems tilted.
+Otherwise the fit would absorb them: if an object lies 0.2 mm lower in one episode, a mount seems tilted.
 """
 
 from __future__ import annotations
@@ -15,23 +15,23 @@ from paxisim.diagnose.inside.responses import SPREAD, Responses
 FloatArray = NDArray[np.float64]
 
 REMEMBERED = 1000.0
-"""Numbers that share their error: what a model is wrong by lasts for longer than a frame, on many taxels."""
+"""Number of samples that share one error: model errors last longer than a frame and extend over many taxels."""
 
 
 class Deviations:
-    """Poses of each episode that differ from their mean, which stays: it is a cause of its own.
+    """Deviations of each episode's poses from their mean; the mean stays, as it is a cause of its own.
 
-    What is taken out is linear in the residual: poses of a normal distribution (`SPREAD`) that sum to zero over the
-    episodes, by least squares.
+    The removed part is linear in the residual: a least-squares fit of poses with a normal prior (`SPREAD`) that sum to
+    zero over the episodes.
     """
 
     def __init__(self, scene: Responses, weight: FloatArray, episodes: Sequence[slice]) -> None:
-        """Prepare.
+        """Precompute the least-squares matrices.
 
         Args:
-            scene: What the poses do.
-            weight: ``(T, pads, 3, rows, cols)`` what a residual is multiplied by.
-            episodes: The samples of each episode.
+            scene: Effects of the poses.
+            weight: ``(T, pads, 3, rows, cols)`` weights of the residual.
+            episodes: Samples of each episode.
         """
         slopes = [scene.slope(one) * SPREAD[one.parameter.unit] * weight for one in scene.poses]
         self._columns = [np.stack([s[span].ravel() for s in slopes]) for span in episodes]
@@ -42,11 +42,11 @@ class Deviations:
 
     @classmethod
     def of(cls, scene: Responses, weight: FloatArray, episodes: Sequence[slice]) -> Deviations | None:
-        """The same, or None where there is no object, or but one episode."""
+        """Return the deviations, or None if there is no object or only one episode."""
         return cls(scene, weight, episodes) if scene.poses and len(episodes) > 1 else None
 
     def removed(self, residual: FloatArray) -> FloatArray:
-        """``(T, pads, 3, rows, cols)`` a weighed residual without them."""
+        """``(T, pads, 3, rows, cols)`` a weighted residual without the part that the poses explain."""
         parts = [residual[span].ravel() for span in self._episodes]
         right = np.stack([own @ part for own, part in zip(self._columns, parts, strict=True)])
         mean = self._common @ np.einsum("eij,ej->i", self._inverses, right)

@@ -1,8 +1,8 @@
-"""Poses: where the object was in its holder in each episode, which no two grasps repeat.
+"""Poses: the pose of the object in its holder in each episode, which no two grasps repeat.
 
-They are a nuisance: what differs between episodes is fitted and taken out, their mean is a cause of its own
-(`object_pose`) and stays. What is wrong in all episodes alike, with any number of the scene or the gain of an axis, is
-fitted beside them, or they would bend to it.
+Poses are nuisance parameters: their differences between episodes are fitted and removed, while their mean stays, as a
+cause of its own (`object_pose`). Errors common to all episodes, in any number of the scene or in the gain of an axis,
+are fitted together with the poses, which would otherwise absorb them.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from paxisim.diagnose.inside.responses import SPREAD
 from paxisim.diagnose.problem import FloatArray, Problem
 from paxisim.scene.parameters import SceneParameter
 
-WIDE = 3.0  # steps, the standard deviation of a number of the scene
+WIDE = 3.0  # standard deviation of the prior of a number of the scene, in steps
 MOST = 3.0
-"""Spreads by which an episode may differ from the mean."""
-TURNS = 5  # of poses and gains
+"""Largest deviation of an episode's pose from the mean, in units of `SPREAD`."""
+TURNS = 5  # alternations between fitting the gains and the poses
 
 Poses = Mapping[int, Mapping[SceneParameter, float]]
 
@@ -32,14 +32,14 @@ def fitted_poses(
     episode: NDArray[np.integer],
     before: Poses,
 ) -> dict[int, dict[SceneParameter, float]]:
-    """The pose of each episode, by which it differs from their mean.
+    """Return the deviation of each episode's pose from the mean of all episodes.
 
     Args:
-        problem: The recording, simulated with the poses as they are known so far.
-        predict: From ``(T, pads, 3, rows, cols)`` newtons that are simulated in the thinned frames, to what is read in
-            the compared ones.
-        episode: ``(T,)`` the number of the episode of each sample.
-        before: The poses so far.
+        problem: The recording, simulated with the current poses.
+        predict: Function from the force simulated in the thinned frames, ``(T, pads, 3, rows, cols)`` newtons, to the
+            predicted reading in the compared frames.
+        episode: ``(T,)`` number of each sample's episode.
+        before: Current poses.
     """
     assert problem.scene is not None
     numbers = problem.scene.poses
@@ -52,7 +52,7 @@ def fitted_poses(
     own = thin.at_compared(problem.at_thinned(episode))
     known = np.unique(own)
 
-    with_poses = replace(rows, scene=None)  # a residual that still has them
+    with_poses = replace(rows, scene=None)  # its residuals are not freed of the poses
     target = with_poses.weigh(rows.measured - rows.read(base) + base)
     simulated = with_poses.weigh(base)
     columns, centre = [], []
@@ -63,7 +63,7 @@ def fitted_poses(
             columns.append(np.where(np.reshape(own == number, (-1, 1, 1, 1, 1)), moved, 0.0))
             centre.append(-before.get(int(number), {}).get(one.parameter, 0.0) / spread)
     count = len(columns)
-    for one in thin.scene.each:  # what is wrong in all episodes is no pose
+    for one in thin.scene.each:  # errors common to all episodes are no pose errors
         if one.parameter.group != "object_pose":
             wide = WIDE * one.parameter.step
             columns.append(with_poses.weigh(predict(thin.simulated + thin.scene.slope(one) * wide) - base))
@@ -80,13 +80,13 @@ def fitted_poses(
 
 
 def _steps(target: FloatArray, simulated: FloatArray, columns: FloatArray, centre: FloatArray) -> FloatArray:
-    """``(columns,)`` shares of columns that explain a target best, beside a gain for each axis that is nobody's pose.
+    """``(columns,)`` coefficients of the columns that fit a target best, together with a free gain for each axis.
 
     Args:
-        target: ``(T, pads, 3, rows, cols)`` what is measured.
-        simulated: The same, to which the columns are added.
-        columns: ``(columns, T, pads, 3, rows, cols)``.
-        centre: ``(columns,)`` where shares are expected, with a standard deviation of 1.
+        target: ``(T, pads, 3, rows, cols)`` measured stream.
+        simulated: ``(T, pads, 3, rows, cols)`` simulated stream, to which the columns are added.
+        columns: ``(columns, T, pads, 3, rows, cols)`` effects.
+        centre: ``(columns,)`` prior means of the coefficients; their prior standard deviation is 1.
     """
     steps = np.zeros(len(columns))
     gram = np.einsum("ctpkij,dtpkij->kcd", columns, columns, optimize=True)

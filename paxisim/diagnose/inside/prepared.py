@@ -1,4 +1,4 @@
-"""Prepared: a replayed recording made ready for the search, whose frames are known again after some were dropped."""
+"""Prepared: a replayed recording made ready for the search, with frame numbers that survive dropped frames."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from paxisim.diagnose.rules import Rules
 from paxisim.recording import Recording
 
 REPLAYED = Tolerance(gain=0.02, time=0.003, place=0.04)
-"""What a replay in a scene may be off by: its time steps and the cubes or spheres of its pad are coarse."""
+"""Tolerated errors of a replay in a scene, whose time steps and pad elements (cubes or spheres) are coarse."""
 RULES = Rules(contest=8)
-"""There are the scene's causes among the candidates, too."""
-_FRAME = "frame of the replay"  # a covariate
+"""More candidates per place than by default, because the scene's causes join the sensor's."""
+_FRAME = "frame of the replay"  # name of the covariate
 
 
 def with_frames(recording: Recording) -> Recording:
-    """The recording with the numbers of its frames as a covariate."""
+    """Return the recording with its frame numbers as a covariate."""
     return recording.with_covariate(_FRAME, np.arange(len(recording)))
 
 
 def problem_with(recording: Recording, responses: Responses | None) -> Problem:
-    """A recording made ready, with what its scene does in the frames that it still has, if there is one."""
+    """Return the problem of a recording, with the responses of its scene, if given, in the frames that remain."""
     if responses is None:
         return problem_of(recording)
     frames = np.rint(recording.covariates[_FRAME]).astype(np.intp)

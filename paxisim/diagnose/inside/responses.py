@@ -1,4 +1,4 @@
-"""Responses: what the simulated stream does when a number of the scene changes, from replays at a few of its values."""
+"""Responses: how the simulated stream changes with a number of the scene, from replays at a few of its values."""
 
 from __future__ import annotations
 
@@ -14,28 +14,28 @@ from paxisim.scene.parameters import SceneParameter
 FloatArray = NDArray[np.float64]
 
 SHOWN: Mapping[str, tuple[str, float]] = {"m": ("mm", 1e3), "rad": ("deg", degrees(1)), "1": ("1", 1.0)}
-"""By SI unit the one in which numbers of a scene are fitted and reported, and how many of it one SI unit is."""
+"""By SI unit: the display unit, in which numbers of a scene are fitted and reported, and the factor from SI to it."""
 
 
 def in_si(unit: str, values: tuple[float, float]) -> tuple[float, float]:
-    """Values in one of the units in which numbers of a scene are shown, in its SI unit."""
+    """Convert values from a display unit of `SHOWN` to SI."""
     times = next(times for shown, times in SHOWN.values() if shown == unit)
     return values[0] / times, values[1] / times
 
 
 SPREAD: Mapping[str, float] = {"m": 0.2e-3, "rad": radians(0.5)}
-"""Standard deviation of a pose from one episode to another: that of a grasp on a stage or a gripper (ours)."""
+"""Standard deviation of an object's pose between episodes, for grasps on a stage or in a gripper (our choice)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Response:
-    """What one number of a scene does.
+    """Effect of one number of a scene.
 
     Attributes:
         parameter: The number.
-        middle: The value that it is changed from: the nominal one, or that of the centre of its cause.
-        values: ``(values,)`` its values for which there are replays, ascending, without the middle.
-        changes: ``(values, T, pads, 3, rows, cols)`` N, what is simulated then, less what is simulated in the middle.
+        middle: Value from which it is changed: the nominal value, or that at the centre of its cause.
+        values: ``(values,)`` replayed values, ascending, without the middle.
+        changes: ``(values, T, pads, 3, rows, cols)`` N, simulated stream at each value minus that at the middle.
     """
 
     parameter: SceneParameter
@@ -46,11 +46,11 @@ class Response:
 
 @dataclass(frozen=True, eq=False)
 class Centre:
-    """What all numbers of a cause do together at the values that were fitted.
+    """Joint effect of all numbers of a cause at their fitted values.
 
     Attributes:
-        values: The values, in SI units, in the order of the numbers.
-        change: ``(T, pads, 3, rows, cols)`` N, what is simulated then, less what is simulated as it is.
+        values: Fitted values in SI units, in the order of the numbers.
+        change: ``(T, pads, 3, rows, cols)`` N, simulated stream at these values minus that of the unchanged scene.
     """
 
     values: FloatArray
@@ -59,16 +59,16 @@ class Centre:
 
 @dataclass(frozen=True, eq=False)
 class Responses:
-    """What the numbers of a scene do, on straight lines between the replays.
+    """Effects of the numbers of a scene, interpolated linearly between the replays.
 
-    Lines are chosen because a contact comes and goes at once: a curve through three replays would swing. From the
-    nominal values to the centre of a cause its effect grows in proportion; what its numbers do besides is what they do
-    at the centre.
+    Interpolation is linear because contacts appear and vanish abruptly, so a curve through three replays would
+    overshoot. From the nominal values to the centre of a cause, its effect grows in proportion. Deviations from that
+    path have the effect they have at the centre.
 
     Attributes:
-        each: The numbers.
-        centres: By cause, where numbers were fitted before.
-        rows: ``(T,)`` the frames of the replays that are meant.
+        each: Effect of each number.
+        rows: ``(T,)`` selected frames of the replays.
+        centres: Centres by cause, for causes with numbers that were fitted before.
         failed: Causes with numbers that could not be replayed.
     """
 
@@ -79,24 +79,24 @@ class Responses:
     _taken: dict[str, NDArray[np.float32]] = field(default_factory=dict, repr=False)
 
     def select(self, which: NDArray[np.intp]) -> Responses:
-        """Those of some frames."""
+        """Return the responses in some frames."""
         return replace(self, rows=self.rows[which], _taken={})
 
     def of(self, group: str) -> list[Response]:
-        """The numbers of a cause."""
+        """Return the responses of the numbers of a cause."""
         return [one for one in self.each if one.parameter.group == group]
 
     @property
     def poses(self) -> list[Response]:
-        """The numbers of the objects' poses."""
+        """Responses of the numbers of the objects' poses."""
         return self.of("object_pose")
 
     def change(self, group: str, values: Sequence[float]) -> FloatArray:
-        """``(T, pads, 3, rows, cols)`` N, what a cause adds to the simulated stream.
+        """``(T, pads, 3, rows, cols)`` N, change of the simulated stream by a cause.
 
         Args:
-            group: The cause.
-            values: Of its numbers, in the units of `SHOWN`.
+            group: Name of the cause.
+            values: Values of its numbers, in the units of `SHOWN`.
         """
         numbers, centre = self.of(group), self.centres.get(group)
         si = np.array([v / SHOWN[one.parameter.unit][1] for one, v in zip(numbers, values, strict=True)])
@@ -112,7 +112,7 @@ class Responses:
         return total.reshape(len(self.rows), *numbers[0].changes.shape[2:]).astype(np.float64)
 
     def _stack(self, group: str) -> NDArray[np.float32]:
-        """``(1 + values, numbers of the stream)`` the centre of a cause, and its replays."""
+        """``(1 + values, size of the stream)`` changes at the centre of a cause and in its replays."""
         if group not in self._taken:
             changes = [one.changes[:, self.rows] for one in self.of(group)]
             centre = self.centres[group].change[self.rows] if group in self.centres else np.zeros_like(changes[0][0])
@@ -121,7 +121,7 @@ class Responses:
         return self._taken[group]
 
     def slope(self, one: Response) -> FloatArray:
-        """``(T, pads, 3, rows, cols)`` N, what a number adds for each of its unit near the middle."""
+        """``(T, pads, 3, rows, cols)`` N per SI unit, derivative of the simulated stream near the middle."""
         below, above = np.flatnonzero(one.values < one.middle), np.flatnonzero(one.values > one.middle)
         sides = [*below[-1:], *above[:1]]
         slopes = [one.changes[k, self.rows] / (one.values[k] - one.middle) for k in sides]
@@ -129,7 +129,10 @@ class Responses:
 
 
 def _shares(one: Response, value: float) -> FloatArray:
-    """``(values,)`` of the two replays that a value lies between, or is beyond; the middle adds nothing."""
+    """``(values,)`` weights of the replays in a linear interpolation at a value; beyond the replays it extrapolates.
+
+    The change at the middle is 0 and needs no weight.
+    """
     known = np.sort(np.append(one.values, one.middle))
     right = int(np.clip(np.searchsorted(known, value), 1, len(known) - 1))
     share = (value - known[right - 1]) / (known[right] - known[right - 1])

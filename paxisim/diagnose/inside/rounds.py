@@ -1,12 +1,12 @@
-"""Rounds: replays and searches in turn, by which causes inside a scene are found beside those of the sensor.
+"""Rounds: alternate replays and searches to find causes inside a scene together with those of the sensor.
 
-1. The pose of the object in each episode is fitted (`poses.py`), beside all numbers of the scene, from replays in which
-   each of them is moved a little.
-2. Each number is replayed at a few values around its nominal one (`study.py`).
-3. The search sees what the numbers do as causes like any other (`diagnose/causes/scene.py`), in residuals from which is
-   taken what poses still explain (`deviations.py`).
-4. For the causes that it found, replays near their fitted values take the place of the first ones, the poses are fitted
-   again, now as the sensor reads them, and the search is repeated.
+1. Fit the pose of the object in each episode together with all numbers of the scene (`poses.py`), from replays in which
+   each number is changed a little.
+2. Replay each number at a few values around its nominal value (`study.py`).
+3. Search. The effects of the numbers are candidate causes like any other (`diagnose/causes/scene.py`). What the poses
+   still explain of a residual is removed from it (`deviations.py`).
+4. Replace the replays of the causes found by replays near their fitted values, fit the poses again, now through the
+   sensor model found, and repeat the search.
 """
 
 from __future__ import annotations
@@ -34,21 +34,21 @@ from paxisim.scene.parameters import SceneParameter
 from paxisim.scene.replays import Replays
 from paxisim.scene.scene import Scene
 
-PLACINGS = 2  # times that poses are fitted before anything else
-PLACED, SCREENED, FIRST = 0.1, 0.35, 0.6  # of the work, when the poses, the replays and the first search are done
+PLACINGS = 2  # fits of the poses before anything else
+PLACED, SCREENED, FIRST = 0.1, 0.35, 0.6  # progress after the poses, the replays and the first search
 
 Tell = Callable[[str, float], None]
 
 
 @dataclass(frozen=True, eq=False)
 class FoundInScene:
-    """What the rounds lead to.
+    """Result of the rounds.
 
     Attributes:
-        searched: The last search.
-        scene: The scene with the values that were found.
-        values: By name, the numbers that were fitted, in SI units.
-        streams: What it simulates.
+        searched: Result of the last search.
+        scene: The scene with the fitted values.
+        values: Fitted numbers by name, in SI units.
+        streams: Streams simulated in that scene.
     """
 
     searched: Searched
@@ -69,7 +69,7 @@ def in_scene(
     """See `paxisim.diagnose`.
 
     Returns:
-        What was found, or a diagnosis that says that the streams are not of one motion.
+        The result, or a diagnosis that the two streams are not of the same motion.
     """
     tell("replaying the motion", 0.0)
     replay = scene.prepare(recording)
@@ -103,12 +103,12 @@ def _simulated(recording: Recording, study: Study) -> Recording:
 
 
 def _part(tell: Tell, start: float, end: float) -> Tell:
-    """The shares of one of the searches, the rest of the work being what it is after the last."""
+    """Return a progress callback for one part of the work, which runs from `start` to `end` of the whole."""
     return lambda stage, share: tell(stage, start + (end - start) * share)
 
 
 def _values(fit: Fit, problem: Problem, study: Study) -> dict[str, float]:
-    """The scene's numbers that were fitted, in SI units, without what poses have in common by chance."""
+    """Return the fitted numbers of the scene in SI units, without the chance mean of the poses."""
     shown = {
         number.name: float(value)
         for cause in fit.causes
@@ -126,7 +126,7 @@ def _poses(begun: Begun, study: Study, predict: Callable[[FloatArray], FloatArra
 
 
 def _read_by(fitter: Fitter, fit: Fit) -> Callable[[FloatArray], FloatArray]:
-    """What the model that was found makes of forces that are simulated in the thinned frames."""
+    """Return a function from forces simulated in the thinned frames to the readings that the fitted model predicts."""
     thin, rows = fitter.problem, fitter.rows(fit.causes, fit.shapes)
 
     def read(simulated: FloatArray) -> FloatArray:
@@ -137,7 +137,7 @@ def _read_by(fitter: Fitter, fit: Fit) -> Callable[[FloatArray], FloatArray]:
 
 
 def _matters(item: SceneParameter, value: float, named: Sequence[str]) -> bool:
-    """Whether a number is of a cause that is named, or a setting of the solver that is far from the scene's."""
+    """Whether a number belongs to a named cause, or is a solver setting materially different from the scene's."""
     return item.group in named or (item.group == "impratio" and abs(value - item.nominal) > item.material)
 
 

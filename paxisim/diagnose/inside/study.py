@@ -1,4 +1,4 @@
-"""Study: the replays of a scene that a diagnosis needs, at its nominal values and around them."""
+"""Study: the replays of a scene that a diagnosis needs, at and around the nominal values."""
 
 from __future__ import annotations
 
@@ -14,31 +14,35 @@ from paxisim.scene.parameters import SceneParameter
 from paxisim.scene.replays import Replays, Values
 
 SCREENED = (-2.0, 2.0)
-"""Steps from its nominal value at which each number is replayed before the search."""
+"""Offsets from its nominal value, in steps, at which each number is replayed before the search."""
 GLANCE, POSES = (1.0,), (-1.0, 1.0)
-"""The same before the poses of single episodes are known, and of these poses."""
+"""The same before the poses of the episodes are known: for the scene's other numbers, and for the poses."""
 NEAR = (-0.5, 0.5)
-"""Steps from its fitted value, after it, the other numbers of its cause having theirs."""
+"""Offsets from its fitted value, in steps, after the search; other numbers of its cause keep their fitted values."""
 
 TOGETHER = 4
-"""Numbers that are replayed at once: as many as keep the processes busy, and few enough to tell how far it is."""
+"""Numbers replayed in one batch: enough to keep the processes busy, few enough to report progress often."""
 
 Tell = Callable[[str, float], None]
 
 
 class Study:
-    """What a scene simulates of a recorded motion when its numbers change.
+    """Replays of a recorded motion in a scene whose numbers change.
 
     Attributes:
-        replays: What simulates.
-        parameters: The scene's numbers by name.
-        base: ``(T, pads, 3, rows, cols)`` N, the scene as it is, with the poses that are known.
-        poses: By episode, by how much the objects' poses differ from their mean.
-        unstable: By name, why a number was not studied.
+        replays: Runs the simulations.
+        parameters: Numbers of the scene by name.
+        base: ``(T, pads, 3, rows, cols)`` N, stream simulated at nominal values with the current poses.
+        poses: Deviations of the objects' poses from their mean, by episode.
+        unstable: Why a number was left out, by name.
     """
 
     def __init__(self, replays: Replays) -> None:
-        """Nothing is simulated yet but the scene as it is, which the recording has."""
+        """Start from the stream that the recording already holds, simulated at nominal values.
+
+        Args:
+            replays: Runs the simulations.
+        """
         assert replays.recording.simulated is not None
         self.replays, self.parameters = replays, replays.scene.parameters()
         self.base: NDArray[np.float32] = replays.recording.simulated
@@ -48,12 +52,12 @@ class Study:
         self._centres: dict[str, tuple[Values, NDArray[np.float32]]] = {}
 
     def glance(self, tell: Tell) -> None:
-        """Replay the motion with each number moved a little, the objects' poses to either side."""
+        """Replay the motion with each number changed a little, the objects' poses in both directions."""
         poses = {item: POSES for item in self.parameters.values() if item.group == "object_pose"}
         self._screen(dict.fromkeys(self.parameters.values(), GLANCE) | poses, tell)
 
     def screen(self, tell: Tell) -> None:
-        """Replay it with each number but poses moved to either side, in the place of earlier replays."""
+        """Replay the motion with each number except poses changed in both directions; replaces earlier replays."""
         others = [item for item in self.parameters.values() if item.group != "object_pose"]
         for item in others:
             self._changes.pop(item, None)
@@ -63,11 +67,11 @@ class Study:
         parameters = list(steps)
         for first in range(0, len(parameters), TOGETHER):
             some = parameters[first : first + TOGETHER]
-            tell(f"replaying with another {some[0].name}", first / len(parameters))
+            tell(f"replaying with a different {some[0].name}", first / len(parameters))
             self._replay({item: [item.nominal + by * item.step for by in steps[item]] for item in some})
 
     def _replay(self, wanted: Mapping[SceneParameter, list[float]], centre: Values | None = None) -> None:
-        """Add replays at some values of numbers, one number at a time, from nominal values or from a centre."""
+        """Add replays that change one number at a time, from the nominal values or from a centre."""
         clipped = {item: {float(np.clip(v, item.low, item.high)) for v in values} for item, values in wanted.items()}
         middle = {item: item.nominal for item in wanted} | dict(centre or {})
         pairs = [(item, v) for item, values in clipped.items() for v in sorted(values - {middle[item]})]
@@ -80,19 +84,22 @@ class Study:
                 self._changes.setdefault(item, {})[value] = force - base
 
     def move(self, poses: Poses) -> None:
-        """Take up poses of the objects.
+        """Adopt new poses of the objects and simulate the base stream again.
+
+        Args:
+            poses: Deviations of the objects' poses from their mean, by episode.
 
         Raises:
-            UnsupportedError: The simulation becomes unstable with them.
+            UnsupportedError: The simulation becomes unstable with these poses.
         """
         self.poses = poses
         self.base = self.replays.run_each(self._with_poses({}))
 
     def refine(self, values: Mapping[str, float]) -> None:
-        """Replay with some numbers near the values that were fitted, in the place of their other replays.
+        """Replay with some numbers near their fitted values; replaces the other replays of these numbers.
 
         Args:
-            values: By name.
+            values: Fitted values by name, in SI units.
         """
         for group in dict.fromkeys(self.parameters[name].group for name in values):
             numbers = [item for item in self.parameters.values() if item.group == group and item.name in values]
@@ -103,7 +110,7 @@ class Study:
             self._replay({item: [value + by * item.step for by in NEAR] for item, value in centre.items()}, centre)
 
     def responses(self) -> Responses:
-        """What the numbers do."""
+        """Return the effects of the numbers."""
         each, middles = [], {item: v for own, _ in self._centres.values() for item, v in own.items()}
         for item in self.parameters.values():
             known = self._changes.get(item)
@@ -120,7 +127,10 @@ class Study:
         return Responses(tuple(each), np.arange(len(self.base)), centres, failed)
 
     def fitted(self, values: Mapping[str, float]) -> NDArray[np.float32]:
-        """``(T, pads, 3, rows, cols)`` N, the scene with the fitted values, all at once.
+        """``(T, pads, 3, rows, cols)`` N, stream simulated with all fitted values at once.
+
+        Args:
+            values: Fitted values by name, in SI units.
 
         Raises:
             UnsupportedError: The simulation becomes unstable.
@@ -128,7 +138,7 @@ class Study:
         return self.replays.run_each(self._with_poses({self.parameters[n]: v for n, v in values.items()}))
 
     def _with_poses(self, values: Mapping[SceneParameter, float]) -> dict[int, dict[SceneParameter, float]]:
-        """By episode the values, those of poses added to the episode's own."""
+        """Return the values for each episode; values of poses are added to the episode's own pose."""
         out = {}
         for number in self.replays.episodes:
             own = dict(self.poses.get(number, {}))

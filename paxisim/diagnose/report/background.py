@@ -1,4 +1,4 @@
-"""Background: readings at rest, against a covariate and against time."""
+"""Background: pictures of readings at rest, against a covariate and against time."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _KNOWN = {label for label, _ in _LABELS.values()}
 
 
 def covariate(effect: Effect) -> list[Picture]:
-    """The mean reading of a pad at rest against the covariate that it follows, on the two most affected axes."""
+    """Mean reading of a pad at rest against the covariate that it follows, on the two most affected axes."""
     frames, pictures = _at_rest(effect), []
     for pad, axis in effect.axes[:2]:
         _, without, model = effect.sums(pad, axis)
@@ -42,7 +42,7 @@ def _against(effect: Effect, pad: int, axis: int, x: Series, frames: NDArray[np.
     taxels = effect.streams.layout.taxels
     measured, without, model = (values[frames] / taxels for values in effect.sums(pad, axis))
     x, seen, adds = x[frames], measured - without, model - without
-    middle = float(np.mean(seen - adds))  # known up to a constant only
+    middle = float(np.mean(seen - adds))  # the effect is determined only up to a constant
     figure, axes = panel()
     marks.cloud(axes, x, seen)
     marks.level(axes, middle)
@@ -55,14 +55,14 @@ def _against(effect: Effect, pad: int, axis: int, x: Series, frames: NDArray[np.
     place = f"{effect.streams.pad(pad)}, {AXES[axis]}"
     return finish(
         figure,
-        f"With no contact, {place} changes by {swing:.2g} N with {what}",
+        f"{place}: the reading without contact changes by {swing:.2g} N with {what}",
         f"Mean reading of {place} at rest against {label}. The points follow the curve of the model with "
         f"{effect.cause.name}, which spans {swing:.3g} N.",
     )
 
 
 def zero(effect: Effect) -> list[Picture]:
-    """The reading at rest in time, and the zero of each taxel as maps."""
+    """Reading at rest over time, and maps of the zero of each taxel."""
     first = effect.streams.episodes[0]
     return _zeros(
         effect, _added(effect, first), "The sensor does not read zero at rest", "Reading of each taxel at rest"
@@ -70,10 +70,10 @@ def zero(effect: Effect) -> list[Picture]:
 
 
 def zero_in_time(effect: Effect) -> list[Picture]:
-    """The reading at rest in time, and how far the zero of each taxel moves as maps."""
+    """Reading at rest over time, and maps of the drift of each taxel's zero."""
     first, last = effect.streams.episodes[0], effect.streams.episodes[-1]
     change = _added(effect, last) - _added(effect, first)
-    return _zeros(effect, change, "The zero drifts", "How far the zero of each taxel drifts")
+    return _zeros(effect, change, "The zero drifts", "Drift of each taxel's zero over the recording")
 
 
 def _zeros(effect: Effect, shift: Series, title: str, title_of_maps: str) -> list[Picture]:
@@ -95,12 +95,12 @@ def _zeros(effect: Effect, shift: Series, title: str, title_of_maps: str) -> lis
 
 
 def _added(effect: Effect, span: slice) -> Series:
-    """``(pads, 3, rows, cols)`` N that the cause adds on average over an episode."""
+    """``(pads, 3, rows, cols)`` N, mean effect of the cause over an episode."""
     return np.mean(effect.model[span] - effect.without[span], axis=0, dtype=float)
 
 
 def _in_time(effect: Effect, shift: Series, title: str) -> Picture:
-    """The mean over the taxels of one pad and axis that shift in the same direction; averaging reduces the noise."""
+    """Mean reading over the taxels of one pad and axis that shift in the same direction; averaging reduces noise."""
     sides = np.stack([np.clip(shift, 0, None), np.clip(-shift, 0, None)]).sum(axis=(3, 4))
     side, pad, axis = (int(i) for i in np.unravel_index(int(sides.argmax()), sides.shape))
     taxels = shift[pad, axis] * (1 - 2 * side) > 0

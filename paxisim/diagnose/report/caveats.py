@@ -1,4 +1,4 @@
-"""Caveats: what a reader should not rely on, in words."""
+"""Caveats: warnings about results that a reader should not rely on."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ MOST = 8  # channels listed
 
 
 def caveats(found: Explanation, dropped: Mapping[str, Interval], pads: tuple[str, ...]) -> tuple[str, ...]:
-    """What not to rely on, a line each.
+    """Return the warnings, one line each.
 
     Args:
-        found: The causes.
-        dropped: Causes that were fitted and are not named, see `Explained`.
+        found: Explanation of the recording.
+        dropped: Causes that were fitted but not named, see `Explained`.
         pads: Names of the pads.
     """
     silent = found.off.raw.alive & ~found.off.judged.alive
@@ -28,10 +28,10 @@ def caveats(found: Explanation, dropped: Mapping[str, Interval], pads: tuple[str
 
 
 def silent_in_words(silent: NDArray[np.bool_], pads: tuple[str, ...]) -> tuple[str, ...]:
-    """Warnings about excluded channels.
+    """Return warnings about excluded channels.
 
     Args:
-        silent: ``(pads, 3, rows, cols)``.
+        silent: ``(pads, 3, rows, cols)`` whether a channel is excluded.
         pads: Names of the pads.
     """
     whole = silent.all(axis=(2, 3))
@@ -40,7 +40,7 @@ def silent_in_words(silent: NDArray[np.bool_], pads: tuple[str, ...]) -> tuple[s
         axes = [" and ".join(AXES[axis] for axis in np.flatnonzero(own)) for own in whole]
         names = ", ".join(f"{own} of pad {pad}" for own, pad in zip(axes, pads, strict=True) if own)
         warnings.append(
-            f"{names} never change although the simulation does. Either the sensor does not measure them, or they are "
+            f"{names} never change although the simulation does: either the sensor does not measure them, or they are "
             "not connected. They were excluded"
         )
     single = np.argwhere(silent & ~whole[:, :, None, None])
@@ -49,13 +49,13 @@ def silent_in_words(silent: NDArray[np.bool_], pads: tuple[str, ...]) -> tuple[s
         more = f" and {len(single) - MOST} more" if len(single) > MOST else ""
         warnings.append(
             f"{names}{more} never change{'s' if len(single) == 1 else ''} under load although the other axes of the "
-            "taxel respond: dead channels. They were excluded"
+            "taxel respond. Such dead channels were excluded"
         )
     return tuple(warnings)
 
 
 def at_bounds(found: Explanation) -> dict[str, str]:
-    """Warnings of numbers that the data would push beyond what is allowed, by cause."""
+    """Return warnings about parameters that the fit pushes against a bound, by cause."""
     lines = {}
     for named in found.fitted:
         for free in named.cause.free(found.problem):
@@ -69,20 +69,20 @@ def at_bounds(found: Explanation) -> dict[str, str]:
 
 
 def _dropped(dropped: Mapping[str, Interval]) -> tuple[str, ...]:
-    """Causes of which it is not certain that they explain anything."""
+    """Return warnings about causes that may explain nothing."""
     return tuple(
-        f"{name} was fitted and is not named: it takes {percentage(share)} off the error of the held-out episodes that "
-        "it affects, which may be nothing"
+        f"{name} was fitted but not named: it reduces the error of the held-out episodes that it affects by "
+        f"{percentage(share)}, which may be no improvement at all"
         for name, share in dropped.items()
     )
 
 
 def near_misses(shares: Mapping[str, float], least: float) -> dict[str, LeftOver]:
-    """Causes that fall a little short of being named, in words.
+    """Return causes that fall a little short of being named.
 
     Args:
-        shares: By cause, what it gains as a share of what it must.
-        least: The share from which on a cause is mentioned.
+        shares: Gain of each cause, as a share of the gain required to name it.
+        least: Smallest share at which a cause is mentioned.
     """
     return {
         name: LeftOver(

@@ -1,4 +1,4 @@
-"""Channels: one curve a channel, for a cause that fits each channel by itself."""
+"""Channels: pictures with one curve per channel, for a cause that fits each channel separately."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from paxisim.diagnose.report.curves import force_force
 from paxisim.diagnose.report.effect import Effect
 from paxisim.diagnose.report.style import AXES, MUTED, WIDTH, Picture, binned, finish
 
-COLUMNS, MOST = 3, 6  # channels drawn
+COLUMNS, MOST = 3, 6  # columns of panels, and most channels drawn
 
 
 def channel_curves(effect: Effect) -> list[Picture]:
-    """Force against force of one channel, and the deviation of the most affected channels from their straight lines."""
+    """Force against force for one channel, and the deviation of the most affected channels from a straight line."""
     return [force_force(effect), _bends(effect)]
 
 
@@ -40,6 +40,6 @@ def _bends(effect: Effect) -> Picture:
     return finish(
         figure,
         f"Deviation from the straight line, the {len(order)} most affected channels",
-        f"Measured force minus force in the model without {name}, against the latter, a panel for each channel. The "
-        f"means lie on the curve of the model with {name}.",
+        f"Measured force minus force in the model without {name}, against the latter, one panel per channel. The means "
+        f"lie on the curve of the model with {name}.",
     )

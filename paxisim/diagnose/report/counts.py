@@ -1,4 +1,4 @@
-"""Counts: which values a sensor reads at all, for causes that round the readings to steps."""
+"""Counts: pictures of the values that a sensor reads, for causes that round the readings to steps."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _PARTS = 9  # bins per step; odd, so that each multiple lies in the middle of a 
 
 
 def steps(effect: Effect) -> list[Picture]:
-    """A histogram of the readings, and measured against expected force near zero."""
+    """Histogram of the readings, and measured against expected force near zero."""
     step = in_newtons(effect)
     return [_histogram(effect, step), force_force(effect, "A smooth force is read in steps", _NEAR * step)]
 

@@ -1,4 +1,4 @@
-"""Curves: measured against expected force, for causes that act on each reading by itself."""
+"""Curves: pictures of measured against expected force, for causes that act on each reading separately."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from paxisim.diagnose.report import marks
 from paxisim.diagnose.report.effect import Effect, Series
 from paxisim.diagnose.report.style import AXES, EXTENDED, INK, Picture, binned, finish, panel, scattered
 
-_NEAR = 4.0  # widths of the affected range of small forces that are shown
-_WINDING = 3.0  # times its range, beyond which a sorted curve goes up and down too often to be one curve
+_NEAR = 4.0  # range of small forces shown, in units of the affected range
+_WINDING = 3.0  # times its range; a curve with a larger total variation depends on more than this force
 
 
 def curves(effect: Effect) -> list[Picture]:
@@ -18,7 +18,7 @@ def curves(effect: Effect) -> list[Picture]:
 
 
 def small_forces(effect: Effect) -> list[Picture]:
-    """As `curves`, zoomed in on small forces."""
+    """Like `curves`, zoomed in on small forces."""
     near = max(_NEAR * in_newtons(effect), 5 * effect.streams.step)
     return [force_force(effect, near=near), _bend(effect, near)]
 
@@ -29,13 +29,13 @@ def gains(effect: Effect) -> list[Picture]:
 
 
 def in_newtons(effect: Effect) -> float:
-    """The first parameter of the cause that is a force (N): the size of what the cause does."""
+    """Size of the cause (N): its first parameter in newtons, or the largest force if it has none."""
     sizes = (p.value.value for p in effect.cause.parameters if p.unit == "N")
     return next(sizes, float(np.abs(effect.without).max()))
 
 
 def _shown(measured: Series, lacking: Series, model: Series, near: float) -> tuple[Series, Series, Series]:
-    """The samples under a force of at most `near` (N), those at rest left out."""
+    """Return the samples with a force of at most `near` (N), without those at rest."""
     most = float(np.abs(lacking).max())
     kept = (np.abs(lacking) > 0.004 * min(near, most)) & (np.abs(lacking) <= near)
     if kept.sum() < 20:
@@ -44,11 +44,11 @@ def _shown(measured: Series, lacking: Series, model: Series, near: float) -> tup
 
 
 def force_force(effect: Effect, title: str = "", near: float = np.inf) -> Picture:
-    """Measured force on the most affected channel against the force in the model without the cause.
+    """Draw measured force on the most affected channel against force in the model without the cause.
 
     Args:
-        effect: Of the cause.
-        title: Default: what the cause is.
+        effect: Effect of the cause.
+        title: Title of the picture; default: the description of the cause.
         near: Largest force shown (N).
     """
     channel, name = effect.channel, effect.cause.name
@@ -67,8 +67,8 @@ def force_force(effect: Effect, title: str = "", near: float = np.inf) -> Pictur
     return finish(
         figure,
         f"{title} ({effect.place(channel)})",
-        f"Measured force against force in the model without {name}, {effect.place(channel)}. The points leave the "
-        f"straight line; the model with {name} follows them.",
+        f"Measured force against force in the model without {name}, {effect.place(channel)}. The points deviate "
+        f"from the straight line; the model with {name} follows them.",
     )
 
 
@@ -84,7 +84,7 @@ def _bend(effect: Effect, near: float = np.inf) -> Picture:
     marks.level(axes)
     order = np.argsort(lacking, kind="stable")
     at, curve = scattered(lacking[order], adds[order], points=250)
-    if np.abs(np.diff(curve)).sum() > _WINDING * np.ptp(curve):  # it depends on more than this force: draw its mean
+    if np.abs(np.diff(curve)).sum() > _WINDING * np.ptp(curve):  # it depends on more than this force: draw the mean
         at, curve = x, fitted
     marks.with_cause(axes, at, curve, name)
     marks.means(axes, x, mean)

@@ -1,4 +1,4 @@
-"""Effect: what one cause adds to the simulated stream when all other causes are present, and where it shows best."""
+"""Effect: the contribution of one cause to the simulated stream, with all other causes present."""
 
 from __future__ import annotations
 
@@ -40,32 +40,32 @@ class Effect:
 
     @property
     def member(self) -> Transform:
-        """The cause's transform, without the chain that wraps a transform placed later than its stage."""
+        """Transform of the cause, without the chain that wraps a transform placed later than its stage."""
         return _unwrapped(self.chain[self.cause.name])
 
     @property
     def about(self) -> Cause | None:
-        """The cause as registered; None if no cause of that name is registered any more."""
+        """The registered cause; None if no cause of that name is registered any more."""
         return cause(self.cause.name) if self.cause.name in known_causes() else None
 
     @cached_property
     def energy(self) -> Series:
-        """``(episodes, pads, 3, rows, cols)`` N^2, energy that the cause adds to the channels in use."""
+        """``(episodes, pads, 3, rows, cols)`` N^2, energy that the cause adds to each channel in use."""
         added = [np.sum((self.model[s] - self.without[s]) ** 2, axis=0, dtype=float) for s in self.streams.episodes]
         return np.where(self.streams.alive, added, 0.0)
 
     @cached_property
     def reduced(self) -> Series:
-        """``(episodes, pads, 3, rows, cols)`` N^2, by how much the cause reduces the squared error.
+        """``(episodes, pads, 3, rows, cols)`` N^2, reduction of the squared error by the cause.
 
-        -inf on channels that it does not affect.
+        It is -inf on channels that the cause does not affect.
         """
         affected = self.energy.sum(axis=0) > 1e-6 * self.energy.sum(axis=0).max()
         less = np.array([np.sum(self.nearer(s), axis=0) for s in self.streams.episodes], dtype=np.float64)
         return np.where(affected, less, -np.inf)
 
     def nearer(self, where: tuple[slice | int, ...] | slice) -> Series:
-        """By how much the cause reduces the squared error (N^2) of the samples of these channels."""
+        """Reduction of the squared error (N^2) by the cause, for each selected sample and channel."""
         measured, without, model = (a[where].astype(float) for a in (self.streams.measured, self.without, self.model))
         return np.asarray((measured - without) ** 2 - (measured - model) ** 2, dtype=np.float64)
 
@@ -88,7 +88,7 @@ class Effect:
     def sums(self, pad: int, axis: int, span: slice | None = None) -> tuple[Series, Series, Series]:
         """Total force on a pad along an axis (N): measured, model without the cause, full model.
 
-        Of calibrated channels, which each estimate the load, it is the mean.
+        For calibrated channels, each of which estimates the load, it is the mean instead.
         """
         where = span or slice(None)
         arrays = (self.streams.measured, self.without, self.model)
@@ -102,13 +102,13 @@ class Effect:
         return tuple(a[where].astype(float) for a in arrays)  # type: ignore[return-value]
 
     def place(self, channel: Channel) -> str:
-        """A channel in words, for a title."""
+        """Description of a channel, for a title."""
         pad, axis, row, col = channel
         return f"{self.streams.pad(pad)}, taxel ({row}, {col}), {'xyz'[axis]}"
 
 
 def effects(causes: tuple[FoundCause, ...], chain: Chain, streams: Streams) -> list[Effect]:
-    """The effect of each cause that has a member in the chain, or is in the scene."""
+    """Return the effect of each cause that has a member in the chain or belongs to the scene."""
     inside = streams.in_scene
     scene = streams.simulated if inside is None else inside.simulated
     model, out = run(chain, streams, scene), []
@@ -121,7 +121,7 @@ def effects(causes: tuple[FoundCause, ...], chain: Chain, streams: Streams) -> l
 
 
 def run(chain: Chain, streams: Streams, simulated: NDArray[np.float32] | None = None) -> NDArray[np.float32]:
-    """``(T, pads, 3, rows, cols)`` float32: output of the chain on the simulated stream, or on another one.
+    """``(T, pads, 3, rows, cols)`` float32 N, output of the chain for the simulated stream, or for another one.
 
     The state is reset at the start of each episode, except for drift and failures, which continue across episodes.
     """
@@ -141,7 +141,7 @@ def _unwrapped(member: Transform) -> Transform:
 
 
 def _continued(member: Transform, elapsed: float) -> Transform:
-    """A member as it stands after `elapsed` seconds."""
+    """Return a member advanced by `elapsed` seconds."""
     if isinstance(member, Chain):
         return Chain([_continued(m, elapsed) for m in member], member.names)
     return member.later(elapsed) if isinstance(member, Clocked) else member

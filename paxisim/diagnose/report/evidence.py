@@ -1,4 +1,4 @@
-"""Evidence: what speaks for a cause, in words."""
+"""Evidence: one or two sentences that state the evidence for a cause."""
 
 from __future__ import annotations
 
@@ -11,28 +11,28 @@ from paxisim.diagnose.report.followed import followed
 
 
 def evidence(problem: Problem, named: Named, gain: FloatArray, share: Interval) -> str:
-    """What speaks for a cause.
+    """Return the evidence for a cause in words.
 
     Args:
         problem: The recording.
         named: The cause.
-        gain: ``(episodes,)`` N^2 that it takes away of each.
-        share: The same of all, as a share of what can be explained.
+        gain: ``(episodes,)`` N^2, reduction of each episode's squared error by the cause.
+        share: Total reduction, as a share of the explainable error.
     """
     shown = showing(gain)
     worse = int((gain[shown] > 0).sum())
     return (
-        f"Without it the model predicts {worse} of the {int(shown.sum())} affected held-out episodes less accurately; "
-        f"it explains {share.value:.0%} of the explainable error.{_covariate(problem, named)}"
+        f"Without this cause, the model predicts {worse} of the {int(shown.sum())} affected held-out episodes less "
+        f"accurately. The cause explains {share.value:.0%} of the explainable error.{_covariate(problem, named)}"
     )
 
 
 def _covariate(problem: Problem, named: Named) -> str:
-    """The covariate that goes with what the cause reads without force; empty if it knows of none."""
+    """Return a sentence on the covariate that the cause follows without contact; empty if it uses no covariate."""
     if not named.transform.covariate_names or named.cause.course is None:
         return ""
     rows, rest = problem.thinned, problem.thinned.at_rest
     rest = rest if rest.any() else np.ones_like(rest)
     added = rows.run(named.transform, np.zeros_like(rows.simulated))[rest]
     name, share = followed(named.transform, rows.covariates, added.reshape(len(added), -1), rest)
-    return f" A straight line in {name} explains {share:.0%} of what it adds without contact."
+    return f" A linear function of {name} explains {share:.0%} of its effect without contact."

@@ -1,4 +1,4 @@
-"""Faults: a short description of a layout fault, swapped or dead taxels, for causes without numeric parameters."""
+"""Faults: short descriptions of causes without numeric parameters: layout faults, swapped taxels and dead taxels."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ _AXES = "xyz"
 
 
 def fault_in_words(diagnosis: Diagnosis, name: str) -> str:
-    """The layout fault, the swapped or the dead taxels in words; empty for other causes.
+    """Describe a layout fault, swapped taxels or dead taxels; empty for other causes.
 
     Args:
-        diagnosis: With the model and the names of the pads.
-        name: Name of a cause.
+        diagnosis: Diagnosis with the model and the names of the pads.
+        name: Name of the cause.
     """
     if name not in diagnosis.model.names:
         return ""
     member = diagnosis.model[name]
-    if isinstance(member, Chain) and len(member) == 1:  # wrapped, as it comes later than its stage
+    if isinstance(member, Chain) and len(member) == 1:  # a transform placed later than its stage is wrapped in a chain
         member = member[0]
     pads = [place.where for place in diagnosis.symptoms.pads]
     if isinstance(member, LayoutFault):
@@ -82,7 +82,7 @@ def _taxels(fault: DeadTaxels, pads: Sequence[str]) -> list[str]:
 
 
 def _since(fault: DeadTaxels, taxel: tuple[int, int, int]) -> str:
-    """Which axes of a taxel have failed, and when; empty for all of them from the beginning."""
+    """Say which axes of a taxel have failed and since when; empty for all axes from the start."""
     if not isinstance(fault, FailingTaxels):
         return ""
     pad, row, col = taxel

@@ -1,4 +1,4 @@
-"""Followed: the covariate that goes with what a cause adds."""
+"""Followed: the covariate that the effect of a cause follows."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ def followed(
     added: NDArray[np.floating],
     frames: NDArray[np.bool_],
 ) -> tuple[str, float]:
-    """The name of the covariate that goes best with what a transform adds, and the share that it explains.
+    """Return the covariate that explains most of a transform's effect linearly, and the share that it explains.
 
     Args:
-        transform: With covariates.
-        covariates: ``(T,)`` each, by name.
-        added: ``(frames, channels)`` N, what it adds to the frames that count.
-        frames: ``(T,)`` whether a frame counts.
+        transform: Transform with covariates.
+        covariates: Covariates by name, ``(T,)`` each.
+        added: ``(frames, channels)`` N, effect of the transform in the selected frames.
+        frames: ``(T,)`` selected frames.
     """
     apart = added - added.mean(axis=0)
     whole = max(float(np.sum(apart**2)), 1e-300)

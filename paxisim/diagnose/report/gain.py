@@ -1,4 +1,4 @@
-"""Gain: held-out error of simulation, extended model and black box; gain by cause and by episode."""
+"""Gain: pictures of the error of simulation, extended model and black box, and of the gain by cause and by episode."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from paxisim.diagnose.report.style import EXTENDED, INK, MUTED, PAPER, SIMULATED
 
 
 def gain_pictures(diagnosis: Diagnosis) -> list[Picture]:
-    """How much the extended model improves on held-out episodes."""
+    """Return pictures of the improvement by the extended model."""
     pictures = [_bars(diagnosis.heldout, bool(diagnosis.causes))]
     if diagnosis.causes:
         pictures.append(_causes(diagnosis))
@@ -17,7 +17,7 @@ def gain_pictures(diagnosis: Diagnosis) -> list[Picture]:
 
 
 def percent(value: float) -> str:
-    """A share as text, without meaningless digits for a black box that fails."""
+    """Format a share in percent, without meaningless digits for a failing black box."""
     return f"{value:.1%}" if value < 10 else "over 1000%"
 
 
@@ -82,7 +82,7 @@ def _causes(diagnosis: Diagnosis) -> Picture:
     words = ", ".join(f"{cause.name} {cause.gain.value:.0%}" for cause in causes)
     return finish(
         figure,
-        "Gain of each cause: full model against the model without it",
+        "Gain of each cause: full model compared with the model without it",
         f"Gain of each cause, with intervals: {words}.",
         legend=False,
     )

@@ -1,4 +1,4 @@
-"""Inside: pictures of causes inside the scene: slip, force against closing, where the pad sits, and its surface."""
+"""Inside: pictures of causes inside the scene: slip, force during closing, displaced pads, and uneven surfaces."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from paxisim.diagnose.report.style import EXTENDED, MEASURED, MUTED, SIMULATED, 
 from paxisim.scene.parameters import SceneParameter
 from paxisim.scene.parameters import height_map as surface_of
 
-_SLIDES = 0.05  # of the largest normal force, from which on slip is looked at
-_EXAGGERATED = 0.25  # of the pad, that the largest displacement is drawn as
+_SLIDES = 0.05  # least normal force at which slip is evaluated, as a share of the largest
+_EXAGGERATED = 0.25  # largest size of a displacement in the drawing, as a share of the pad
 _COLOURS = (MEASURED, SIMULATED, EXTENDED)
 
 
 def slip(effect: Effect) -> list[Picture]:
-    """Shear against normal force, whose largest ratio is the friction."""
+    """Shear against normal force; their largest ratio is the friction coefficient."""
     pad = effect.axes[0][0]
     forces = [_resultants(a[:, pad]) for a in (effect.streams.measured, effect.without, effect.model)]
     pressed = forces[0][1] > _SLIDES * forces[0][1].max()
@@ -27,12 +27,12 @@ def slip(effect: Effect) -> list[Picture]:
     axes.set_xlabel(f"normal force on {effect.streams.pad(pad)}, N")
     axes.set_ylabel("shear, N")
     ratios = [float(np.quantile(s[pressed] / n[pressed], 0.95)) for s, n in forces]
-    title = f"When it slides, shear is {ratios[0]:.2f} of the normal force, {ratios[1]:.2f} in the scene as it is"
-    return [finish(figure, title, f"{title}; {ratios[2]:.2f} with the friction that was found.")]
+    title = f"When sliding, shear is {ratios[0]:.2f} of the normal force ({ratios[1]:.2f} in the unchanged scene)"
+    return [finish(figure, title, f"{title}; {ratios[2]:.2f} with the fitted friction.")]
 
 
 def closing(effect: Effect) -> list[Picture]:
-    """The total force against the stream that presses, or against time if none does."""
+    """Total force on a pad against the covariate that it follows best, or against time if there is none."""
     pad, axis = effect.axes[0]
     names = {name: values for name, values in effect.streams.covariates.items() if np.ptp(values) > 0}
     measured, lacking, model = effect.sums(pad, axis)
@@ -49,12 +49,12 @@ def closing(effect: Effect) -> list[Picture]:
     axes.locator_params(axis="x", nbins=5)
     axes.set_xlabel(label)
     axes.set_ylabel(f"{'xyz'[axis]} force on {effect.streams.pad(pad)}, N")
-    title = "Force against what presses"
-    return [finish(figure, title, f"{title}: measured, in the scene as it is, and with {effect.cause.name}.")]
+    title = "Total force on the most affected pad"
+    return [finish(figure, title, f"{title}: measured, in the unchanged scene, and with {effect.cause.name}.")]
 
 
 def mount(effect: Effect) -> list[Picture]:
-    """Where the pad or the object really sits, its displacement drawn larger than it is."""
+    """Fitted place of each pad or object, with its displacement magnified."""
     numbers = _numbers(effect)
     pictures = []
     for target in dict.fromkeys(item.target for item in numbers):
@@ -88,16 +88,16 @@ def _displaced(effect: Effect, target: str, own: dict[SceneParameter, float]) ->
             axes.plot(*(line + shift).T, color=SIMULATED, linestyle=style, linewidth=1.0, label=label)
     axes.set_aspect("equal")
     axes.invert_yaxis()  # rows grow downwards
-    larger = f" (displacement drawn {times:g} times)" if times != 1 else ""
+    larger = f" (displacement magnified {times:g} times)" if times != 1 else ""
     axes.set_xlabel(f"x of {target}, mm{larger}")
     axes.set_ylabel("y, mm")
     said = [f"{1e3 * v:+.2f} mm" if i.unit == "m" else f"{np.degrees(v):+.2f} deg" for i, v in own.items()]
     parts = ", ".join(f"{item.name} {text}" for item, text in zip(own, said, strict=True))
-    return finish(figure, f"Where {target} sits", f"{target} is off its place: {parts}.")
+    return finish(figure, f"Place of {target}", f"{target} is displaced: {parts}.")
 
 
 def height_map(effect: Effect) -> list[Picture]:
-    """The surface of each pad that was found, as a map."""
+    """Maps of the fitted surface of each pad."""
     layout, numbers = effect.streams.layout, _numbers(effect)
     heights: dict[str, dict[int, float]] = {}
     for item, value in numbers.items():
@@ -105,17 +105,17 @@ def height_map(effect: Effect) -> list[Picture]:
     maps = {pad: surface_of(layout, own) for pad, own in heights.items()}
     limit = max(float(np.abs(one).max()) for one in maps.values()) or 1.0
     figure = grid_of_maps(layout, list(maps.values()), list(maps), 2, limit, signed=True, unit=" mm")
-    title = f"The surface stands out by up to {max(float(one.max()) for one in maps.values()):.2f} mm"
-    return [finish(figure, title, f"{title}; maps of the height of each pad.", legend=False)]
+    title = f"The surface rises by up to {max(float(one.max()) for one in maps.values()):.2f} mm"
+    return [finish(figure, title, f"{title}; maps of the height of each pad's surface.", legend=False)]
 
 
 def _labels(effect: Effect) -> tuple[str, str, str]:
-    """What the three streams are, whose colours are `_COLOURS`."""
-    return ("measured", "in the scene as it is", f"with {effect.cause.name}")
+    """Labels of the three streams, which are drawn in `_COLOURS`."""
+    return ("measured", "unchanged scene", f"with {effect.cause.name}")
 
 
 def _numbers(effect: Effect) -> dict[SceneParameter, float]:
-    """The cause's numbers in the scene, with the values that were found."""
+    """Return the cause's numbers of the scene with their fitted values."""
     inside = effect.streams.in_scene
     assert inside is not None
     own = {item: inside.values[name] for name, item in inside.parameters.items() if name in inside.values}

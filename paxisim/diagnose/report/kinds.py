@@ -1,4 +1,4 @@
-"""Kinds: the kinds of pictures that show a cause. `Cause.picture` names one of them."""
+"""Kinds: the kinds of pictures that can show a cause, selected by `Cause.picture`."""
 
 from __future__ import annotations
 
@@ -42,9 +42,9 @@ PICTURES: Mapping[str, Callable[[Effect], list[Picture]]] = {
     "zero": zero,
     "zero_in_time": zero_in_time,
 }
-"""By kind, the function that draws the pictures of an effect."""
+"""The function that draws the pictures of an effect, by kind."""
 
 
 def evidence(effect: Effect) -> list[Picture]:
-    """The pictures of a cause, of the kind that the cause declares; plain ones if it is no longer registered."""
+    """Return the pictures of a cause, of the kind that it declares; plain ones if it is no longer registered."""
     return PICTURES[effect.about.picture if effect.about else "plain"](effect)

@@ -1,4 +1,4 @@
-"""Loops: force against force, for causes that depend on the direction of loading."""
+"""Loops: pictures of force against force, for causes that depend on the direction of loading."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from paxisim.diagnose.report.style import AXES, EXTENDED, MEASURED, Picture, fin
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_NEAR = 0.3  # of the largest effect: episodes and taxels that show less are ignored
+_NEAR = 0.3  # share of the largest effect; episodes and taxels with less are ignored
 
 
 def loops(effect: Effect) -> list[Picture]:
-    """The loop of measured against simulated force, and its deviation from the straight line."""
+    """Loop of measured against simulated force, and its deviation from the straight line."""
     pad, axis, _, _ = effect.channel
     name = effect.cause.name
     number = _simplest(effect)
@@ -39,8 +39,8 @@ def loops(effect: Effect) -> list[Picture]:
     closed = finish(
         figure,
         "Loading and unloading follow different curves",
-        f"Measured force against force in the model without {name}, {place}. The measured loop is followed by the "
-        f"model with {name}; without it, only the straight line remains.",
+        f"Measured force against force in the model without {name}, {place}. The model with {name} follows the "
+        "measured loop; without it, only the straight line remains.",
     )
 
     figure, axes = panel(3.0)
@@ -62,7 +62,7 @@ def loops(effect: Effect) -> list[Picture]:
 
 
 def _simplest(effect: Effect) -> int:
-    """The episode with the fewest reversals, of those that show the cause well."""
+    """Index of the episode with the fewest reversals, among those that show the cause well."""
     pad, axis, _, _ = effect.channel
     energy = effect.energy[:, pad, axis].sum(axis=(1, 2))
     turns = []
@@ -73,7 +73,7 @@ def _simplest(effect: Effect) -> int:
 
 
 def _arrows(axes: Axes, x: Series, y: Series) -> None:
-    """The direction of travel, once during loading and once during unloading, near the middle of the range."""
+    """Draw the direction of travel near the middle of the range, once during loading and once during unloading."""
     middle = (float(x.min()) + float(x.max())) / 2
     for way in (1, -1):
         crossing = np.flatnonzero((x[:-1] - middle) * way <= 0) if len(x) > 1 else np.zeros(0, dtype=int)

@@ -1,4 +1,4 @@
-"""Maps: a value for each taxel, drawn at the position of the taxel."""
+"""Maps: pictures with a value for each taxel, drawn at its position."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-MOST_PADS = 4  # drawn; the worst ones if there are more
+MOST_PADS = 4  # pads drawn; the worst ones if there are more
 
 
 def places(streams: Streams, extended: bool = True) -> list[Picture]:
-    """Maps of the error of each taxel, by pad and axis: before and, if there is a model, after."""
+    """Return maps of the error of each taxel, by pad and axis: before and, if there is a model, after."""
     before = _error(streams, streams.simulated)
     after = _error(streams, streams.extended) if extended else None
     pads = sorted(np.argsort(-(before**2).sum(axis=(1, 2, 3)), kind="stable")[:MOST_PADS].tolist())
@@ -33,7 +33,7 @@ def places(streams: Streams, extended: bool = True) -> list[Picture]:
 
 
 def _error(streams: Streams, other: NDArray[np.float32]) -> NDArray[np.float64]:
-    """``(pads, 3, rows, cols)`` N, RMS error, summed episode by episode to save memory."""
+    """``(pads, 3, rows, cols)`` N, RMS error, accumulated episode by episode to save memory."""
     square = sum(np.sum((streams.measured[s] - other[s]) ** 2, axis=0, dtype=float) for s in streams.episodes)
     return np.sqrt(square / len(streams.time)) * streams.alive
 
@@ -77,15 +77,15 @@ def grid_of_maps(
     unit: str = " N",
     strip: bool = True,
 ) -> Figure:
-    """A figure of maps that share a colour scale, with the scale below.
+    """Return a figure of maps that share a colour scale, with the scale below.
 
     Args:
-        layout: Where the taxels are.
-        maps: ``(rows, cols)`` each.
-        titles: One for each map.
-        columns: Number of maps side by side.
+        layout: Layout of the taxels.
+        maps: Values of each map, ``(rows, cols)``.
+        titles: Title of each map.
+        columns: Number of maps per row.
         limit: Value at full colour.
-        signed: Whether negative values have a separate colour.
+        signed: Whether negative values have their own colour.
         unit: Unit on the scale.
         strip: Whether to draw the scale.
     """

@@ -1,4 +1,4 @@
-"""Marks: how pictures of evidence draw the measurement, and the model with and without a cause."""
+"""Marks: drawing of the measurement, and of the model with and without a cause."""
 
 from __future__ import annotations
 
@@ -15,41 +15,41 @@ DASHES = (0, (4, 1.5))
 
 
 def cloud(axes: Axes, x: np.ndarray, y: np.ndarray, faint: bool = False) -> None:
-    """Measured samples as points; faint ones are drawn behind their means, without a legend entry."""
+    """Draw measured samples as points; faint ones serve as a backdrop for their means and have no legend entry."""
     x, y = scattered(x, y)
     alpha, label = (0.18, None) if faint else (0.35, "measured")
     axes.plot(x, y, "o", color=MEASURED, alpha=alpha, markersize=2.8, markeredgewidth=0, label=label)
 
 
 def means(axes: Axes, x: np.ndarray, y: np.ndarray) -> None:
-    """Binned means of measured samples."""
+    """Draw binned means of measured samples."""
     axes.plot(x, y, "o", color=MEASURED, markersize=4.5, markeredgewidth=0, label="measured, mean")
 
 
 def points(axes: Axes, x: np.ndarray, y: np.ndarray) -> None:
-    """A few measured samples, drawn individually."""
+    """Draw a few measured samples as individual points."""
     axes.plot(x, y, "o", color=MEASURED, markersize=4, alpha=0.8, markeredgewidth=0, label="measured")
 
 
 def without(axes: Axes, x: np.ndarray, y: np.ndarray) -> None:
-    """The model without the cause."""
+    """Draw the model without the cause."""
     axes.plot(x, y, color=SIMULATED, linewidth=1.4, linestyle=DASHES, label="without")
 
 
 def level(axes: Axes, value: float = 0.0) -> None:
-    """The model without the cause, where it is constant."""
+    """Draw the model without the cause where it is constant."""
     axes.axhline(value, color=SIMULATED, linewidth=1.3, linestyle=DASHES, label="without")
 
 
 def with_cause(axes: Axes, x: np.ndarray, y: np.ndarray, name: str) -> None:
-    """The model with the cause."""
+    """Draw the model with the cause."""
     axes.plot(x, y, color=EXTENDED, linewidth=1.8, label=f"with {name}")
 
 
 def force_trace(
     axes: Axes, time: np.ndarray, measured: np.ndarray, lacking: np.ndarray, model: np.ndarray, name: str
 ) -> None:
-    """Measured force against time, and the model with and without the cause."""
+    """Draw measured force against time, and the model with and without the cause."""
     axes.plot(time, measured, color=MEASURED, linewidth=2.5, label="measured")
     without(axes, time, lacking)
     axes.plot(time, model, color=EXTENDED, linewidth=1.4, label=f"with {name}")
@@ -57,5 +57,5 @@ def force_trace(
 
 
 def level_across(axes: Axes, value: float) -> None:
-    """As `level`, for a value along x."""
+    """Draw a vertical line, like `level` for a value along x."""
     axes.axvline(value, color=SIMULATED, linewidth=1.3, linestyle=DASHES, label="without")

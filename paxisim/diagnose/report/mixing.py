@@ -1,4 +1,4 @@
-"""Mixing: coupling between axes, and between neighbouring taxels."""
+"""Mixing: pictures of coupling between axes and between neighbouring taxels."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def _loads(effect: Effect) -> Series:
 
 
 def _mixing(effect: Effect, pad: int) -> Series:
-    """``(3, 3)`` least-squares matrix of the model: rows are axes read, columns axes of the force."""
+    """``(3, 3)`` least-squares coupling matrix of the model; rows are axes of the reading, columns of the force."""
     x = np.stack([effect.sums(pad, axis)[1] for axis in range(3)])
     y = np.stack([effect.sums(pad, axis)[2] for axis in range(3)])
     ridge = 1e-9 * max(float(np.trace(x @ x.T)), 1e-12) * np.eye(3)
@@ -63,7 +63,7 @@ def _leak(effect: Effect, pad: int, into: int, source: int) -> Picture:
         figure,
         f"{AXES[into]} reads {abs(slope):.0%} of the {AXES[source]} force ({name})",
         f"Measured {AXES[into]} force of {name} minus force in the model without {effect.cause.name}, against the "
-        f"{AXES[source]} force. The points follow the model's line, of slope {slope:.3g}.",
+        f"{AXES[source]} force. The points follow the model's line, whose slope is {slope:.3g}.",
     )
 
 
@@ -101,7 +101,7 @@ def _matrix(effect: Effect, matrix: Series, pad: int) -> Picture:
 
 
 def neighbours(effect: Effect) -> list[Picture]:
-    """One moment as a map, and the deviation of a taxel against the mean force on its neighbours."""
+    """Maps of one moment, and the deviation of a taxel against the mean force on its neighbours."""
     axis = effect.channel[1]
     near, _ = _around(effect)
     weight = near / max(int(near.sum()), 1)
@@ -110,7 +110,7 @@ def neighbours(effect: Effect) -> list[Picture]:
 
 
 def outward_shear(effect: Effect) -> list[Picture]:
-    """One moment as a map, and the shear of a taxel against the normal force on either side of it."""
+    """Maps of one moment, and the shear of a taxel against the difference in normal force across it."""
     axis = effect.channel[1]
     near, away = _around(effect)
     # a neighbour at smaller x pushes towards larger x
@@ -121,7 +121,7 @@ def outward_shear(effect: Effect) -> list[Picture]:
 
 
 def _around(effect: Effect) -> tuple[np.ndarray, Series]:
-    """Which taxels are neighbours of the most affected one, and ``(taxels, 2)`` m, where each is as seen from it."""
+    """Neighbours of the most affected taxel, ``(taxels,)``, and positions relative to it, ``(taxels, 2)`` m."""
     layout, (_, _, row, col) = effect.streams.layout, effect.channel
     where = layout.positions[:, :2]
     away = where - where[row * layout.cols + col]
@@ -130,7 +130,7 @@ def _around(effect: Effect) -> tuple[np.ndarray, Series]:
 
 
 def _strongest(effect: Effect, pad: int) -> int:
-    """The sample around which the cause adds most energy to a pad, smoothed over five samples."""
+    """Index of the sample around which the cause adds most energy to a pad, smoothed over five samples."""
     adds = np.array([np.sum((effect.model[t, pad] - effect.without[t, pad]) ** 2) for t in range(len(effect.model))])
     return int(np.convolve(adds, np.ones(5), mode="same").argmax())
 
@@ -170,14 +170,14 @@ def _moment(effect: Effect, shear: bool) -> Picture:
         f"Shear points away from the contact (up to {largest:.2g} N; shading: normal force)"
         if shear
         else f"One moment: deviation of each taxel (full colour: {largest:.2g} N)",
-        f"Maps of {place}: measured force minus force in the model without {effect.cause.name}, and what the cause "
-        "adds. The two agree.",
+        f"Maps of {place}: measured force minus force in the model without {effect.cause.name}, and the effect of the "
+        "cause. The two agree.",
         legend=False,
     )
 
 
 def _beside(effect: Effect, source: int, weight: Series, label: str) -> Picture:
-    """The deviation on the most affected channel against a weighted mean of the force on axis `source` around it."""
+    """Deviation on the most affected channel against a weighted mean of the surrounding force on axis `source`."""
     channel = effect.channel
     pad, axis, row, col = channel
     measured, without, model = effect.at(channel)

@@ -37,8 +37,8 @@ TAILS = {
     "no_discrepancy": "The residual is within noise and tolerances.",
     "explained": "The residual shows no further structure.",
     "ambiguous": "This recording cannot separate the rival causes. See What to record next.",
-    "partly_explained": "Structure is left, a cause is a near miss, or a number is at its bound. See What remains.",
-    "unexplained": "The residual has structure, so it is not noise. See What remains.",
+    "partly_explained": "Structure remains, a cause is a near miss, or a parameter is at its bound. See What remains.",
+    "unexplained": "The residual has structure, so it is not just noise. See What remains.",
     "unrelated": "Nothing was fitted. See What remains and What to record next.",
 }
 ONE_EPISODE_HEAD = "{causes} may explain the difference"
@@ -46,7 +46,7 @@ ONE_EPISODE_TAIL = "A single episode cannot confirm a cause. Record several epis
 
 
 def page(diagnosis: Diagnosis) -> str:
-    """The report; see `Diagnosis.report`.
+    """Return the report as HTML; see `Diagnosis.report`.
 
     Raises:
         MissingExtraError: matplotlib or jinja2 is not installed.
@@ -65,7 +65,7 @@ def page(diagnosis: Diagnosis) -> str:
 
 
 def head(diagnosis: Diagnosis) -> str:
-    """The head of the report as HTML: the verdict, and the causes with their gains."""
+    """Return the head of the report as HTML: the verdict, and the causes with their gains."""
     sentence, figures = _sentence(diagnosis), diagnosis.heldout
     lines = [f"<h4>{escape(_head(diagnosis))}</h4>", f"<p>{escape(sentence)}</p>"]
     if diagnosis.causes:
@@ -141,12 +141,12 @@ def _head(diagnosis: Diagnosis) -> str:
 
 
 def _words(name: str) -> str:
-    """What a cause is, in a sentence; empty if it is no longer registered."""
+    """Return the one-sentence description of a cause; empty if it is no longer registered."""
     return cause(name).words if name in known_causes() else ""
 
 
 def _reads_ahead(model: Chain) -> bool:
-    """Whether a reading depends on future frames, because the simulated stream is the one that lags."""
+    """Whether a reading depends on future frames because the simulated stream lags the measured one."""
     return any(
         _reads_ahead(member) if isinstance(member, Chain) else isinstance(member, Latency) and np.min(member.delay) < 0
         for member in model
@@ -154,7 +154,7 @@ def _reads_ahead(model: Chain) -> bool:
 
 
 def _parameters(diagnosis: Diagnosis, cause: FoundCause) -> list[tuple[str, str]]:
-    """Names and values as text; many are summarised by their range."""
+    """Names and values of the parameters as text; long arrays are summarised by their range."""
     if words := fault_in_words(diagnosis, cause.name):
         return [("fault", words)]
     return parameters_in_words(cause.parameters)

@@ -1,4 +1,4 @@
-"""Plain: pictures for any cause: measured and predicted deviation in time, and against each other."""
+"""Plain: pictures for any cause: measured and modelled deviation over time, and against each other."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from paxisim.diagnose.report.style import AXES, Picture, finish, panel, thin
 
 
 def plain(effect: Effect) -> list[Picture]:
-    """The measured deviation and what the cause adds, in time and against each other."""
+    """Measured deviation and effect of the cause, over time and against each other."""
     channel, name = effect.channel, effect.cause.name
     number = int(effect.energy[(slice(None), *channel)].argmax())
     span = effect.streams.episodes[number]
@@ -26,8 +26,8 @@ def plain(effect: Effect) -> list[Picture]:
     axes.set_ylabel(f"deviation on {AXES[channel[1]]}, N")
     in_time = finish(
         figure,
-        f"Deviation without {name}, and what {name} adds",
-        f"Measured force minus force in the model without {name}, and what {name} adds, against time, {place}, "
+        f"Deviation without {name}, and effect of {name}",
+        f"Measured force minus force in the model without {name}, and the effect of {name}, against time, {place}, "
         f"episode {number}.",
     )
 
@@ -38,12 +38,12 @@ def plain(effect: Effect) -> list[Picture]:
     marks.level(axes)
     ends = np.array([adds.min(), adds.max()])
     marks.with_cause(axes, ends, ends, name)
-    axes.set_xlabel(f"{name} adds, N")
+    axes.set_xlabel(f"effect of {name}, N")
     axes.set_ylabel("measured deviation, N")
     against = finish(
         figure,
-        f"Measured deviation against what {name} adds",
-        f"Measured force minus force in the model without {name}, against what {name} adds, {place}. The points "
+        f"Measured deviation against the effect of {name}",
+        f"Measured force minus force in the model without {name}, against the effect of {name}, {place}. The points "
         "scatter around the line of equality.",
     )
     return [in_time, against]

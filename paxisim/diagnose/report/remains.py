@@ -1,4 +1,4 @@
-"""Remains: the residual that no cause explains, by frequency and by force."""
+"""Remains: pictures of the residual that no cause explains, by frequency and by force."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from paxisim.diagnose.report.marks import DASHES
 from paxisim.diagnose.report.streams import Streams
 from paxisim.diagnose.report.style import EXTENDED, SIMULATED, Picture, finish, logarithmic, panel
 
-_LINE = 6.0  # power of a spectral line over that of its surroundings
+_LINE = 6.0  # least power of a spectral line, relative to its surroundings
 _BINS = 12  # force bins
 
 
 def remains(streams: Streams, extended: bool) -> list[Picture]:
-    """The residual by frequency and by force, of the simulation and, if there is one, of the extended model."""
+    """Return the residual of the simulation and, if there is one, of the extended model, by frequency and by force."""
     kinds = [(streams.simulated, SIMULATED, "simulated", DASHES if extended else "-")]
     if extended:
         kinds.append((streams.extended, EXTENDED, "extended", "-"))
@@ -44,7 +44,7 @@ def _frequencies(streams: Streams, kinds) -> Picture:  # type: ignore[no-untyped
 
 
 def _spectrum(streams: Streams, other: np.ndarray) -> tuple[Series, Series]:
-    """Frequencies (Hz) and the residual's amplitude spectral density (N per root Hz), mean of channels and episodes."""
+    """Frequencies (Hz), and the residual's amplitude spectral density (N/√Hz), averaged over channels and episodes."""
     interval = float(np.median(np.diff(streams.time[streams.episodes[0]])))
     typical = int(np.median([s.stop - s.start for s in streams.episodes]))  # shorter episodes are ignored
     length = min(typical, max(32, round(8.0 / interval)))

@@ -17,13 +17,13 @@ from paxisim.scene.parameters import SceneParameter
 
 @dataclass(frozen=True, eq=False, repr=False)
 class InScene:
-    """What the scene simulates with the values that a diagnosis found.
+    """Streams simulated in the scene with the fitted values.
 
     Attributes:
-        simulated: ``(T, pads, 3, rows, cols)`` float32 newtons, with all of them.
-        without: The same, with those of one cause left at their nominal values, by cause.
-        parameters: The scene's numbers by name.
-        values: By name, the values that were found, in SI units.
+        simulated: ``(T, pads, 3, rows, cols)`` float32 newtons, with all fitted values.
+        without: The same with the numbers of one cause at their nominal values, by cause.
+        parameters: Numbers of the scene by name.
+        values: Fitted values by name, in SI units.
     """
 
     simulated: NDArray[np.float32]
@@ -38,18 +38,18 @@ class Streams:
 
     Attributes:
         time: ``(T,)`` seconds.
-        episode: ``(T,)`` the number of each sample's episode, 0, 1, ...
+        episode: ``(T,)`` number of each sample's episode, 0, 1, ...
         measured: ``(T, pads, 3, rows, cols)`` float32 newtons.
-        simulated: The same, as recorded.
-        extended: The same, the mean reading predicted by the extended model fitted to other episodes.
-        covariates: ``(T,)`` each, by name.
+        simulated: Simulated stream as recorded, of the same shape.
+        extended: Mean reading predicted by the extended model fitted to other episodes, of the same shape.
+        covariates: Covariates by name, ``(T,)`` each.
         pads: Names of the pads.
         layout: Layout of the taxels.
         step: Newtons per count, 0 if the sensor does not quantise.
         alive: ``(pads, 3, rows, cols)`` channels in use, without those that the sensor does not measure.
-        calibrated: Whether each channel is an estimate of the load, see `paxisim.calibrate_readout`, so that their sum
-            is not the force on the pad.
-        in_scene: What the scene simulates with the values that were found; None if the scene was not given.
+        calibrated: Whether each channel estimates the whole load (see `paxisim.calibrate_readout`). If so, the sum of
+            the channels is not the force on the pad.
+        in_scene: Streams simulated in the scene with the fitted values; None if no scene was given.
     """
 
     time: NDArray[np.float64]
@@ -66,7 +66,7 @@ class Streams:
     in_scene: InScene | None = None
 
     def pad(self, number: int) -> str:
-        """A pad in words, "pad left" or "pad0"."""
+        """Return a pad's name for a title, such as "pad left" or "pad0"."""
         return pad_in_words(self.pads[number])
 
     @property
@@ -81,10 +81,10 @@ class Streams:
 
     @property
     def at_rest(self) -> NDArray[np.bool_]:
-        """``(T,)`` whether no taxel is pressed."""
+        """``(T,)`` True where no taxel is pressed."""
         return np.abs(self.simulated).max(axis=(1, 2, 3, 4)) < 0.01 * max(self.peak, 1e-9)
 
 
 def pad_in_words(name: str) -> str:
-    """The name of a pad, after the word "pad" unless it begins with it."""
+    """Return the name of a pad, preceded by the word "pad" unless the name starts with it."""
     return name if name.startswith("pad") else f"pad {name}"

@@ -1,7 +1,7 @@
 """Style: the common style of all pictures in a report, and the conversion of a figure to inline SVG.
 
-Each picture is as wide as a phone screen, so that its text matches the size of the page's text; wider windows show
-several side by side. Colours are CSS variables in the SVG, so that they follow the page's dark mode.
+Each picture is as wide as a phone screen, so its text has the size of the page's text. Wider windows show several
+pictures side by side. Colours are CSS variables in the SVG, so they follow the page's dark mode.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _VARIABLES = {INK: "ink", PAPER: "paper", MUTED: "muted", GRID: "grid", SIMULATE
 
 WIDTH, HEIGHT = 3.75, 2.7  # inches; 360 CSS pixels wide
 AXES = "xyz"
-_LONG = re.compile(r"(\.\d\d)\d+")  # two decimals of a point are enough
+_LONG = re.compile(r"(\.\d\d)\d+")  # coordinates are cut to two decimals, to save space
 POINTS = 500  # most points in a line or cloud
 
 
@@ -37,7 +37,7 @@ class Picture:
 
     Attributes:
         source: SVG as a data URI, for ``img``.
-        title: What to see in it.
+        title: Caption that says what the picture shows.
         alt: Alternative text for readers who cannot see it.
     """
 
@@ -48,13 +48,13 @@ class Picture:
 
 @contextmanager
 def drawing() -> Iterator[None]:
-    """Context with the matplotlib settings of a report; restores the previous ones on exit."""
+    """Context with the matplotlib settings of a report; restores the previous settings on exit."""
     from matplotlib import rc_context
 
     settings: Any = {
         "font.family": "DejaVu Sans",
         "font.size": 9.0,
-        "text.parse_math": False,  # a name with dollars is a name
+        "text.parse_math": False,  # names may contain dollar signs
         "axes.labelsize": 9.0,
         "xtick.labelsize": 8.0,
         "ytick.labelsize": 8.0,
@@ -85,7 +85,7 @@ def drawing() -> Iterator[None]:
 
 
 def panel(height: float = HEIGHT) -> tuple[Figure, Axes]:
-    """A figure as wide as a phone screen, with one set of axes."""
+    """Return a figure as wide as a phone screen, with one set of axes."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(WIDTH, height), layout="constrained")
@@ -93,7 +93,7 @@ def panel(height: float = HEIGHT) -> tuple[Figure, Axes]:
 
 
 def finish(figure: Figure, title: str, alt: str, legend: bool = True) -> Picture:
-    """The figure as a `Picture`, with a legend of its labelled lines above the axes."""
+    """Convert a figure to a `Picture`, with a legend of its labelled lines above the axes."""
     if legend:
         labelled = {}
         for axes in figure.axes:
@@ -127,7 +127,7 @@ def _data_uri(svg: str) -> str:
 
 
 def logarithmic(axes: Axes, which: str, values: np.ndarray) -> None:
-    """Make axis "x" or "y" logarithmic, with ticks at 1, 2 and 5 for a small range, else at powers of ten."""
+    """Make axis "x" or "y" logarithmic, with ticks at 1, 2 and 5 for a small range, otherwise at powers of ten."""
     low, high = float(values.min()), float(values.max())
     steps = (1, 2, 5) if high < 300 * low else (1,)
     powers = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
@@ -139,13 +139,13 @@ def logarithmic(axes: Axes, which: str, values: np.ndarray) -> None:
 
 
 def thin(*arrays: np.ndarray, points: int = POINTS) -> tuple[np.ndarray, ...]:
-    """Every n-th sample, so that at most `points` remain."""
+    """Keep every n-th sample, so that at most `points` remain."""
     step = max(1, -(-len(arrays[0]) // points))
     return tuple(array[::step] for array in arrays)
 
 
 def scattered(x: np.ndarray, *others: np.ndarray, points: int = POINTS) -> tuple[np.ndarray, ...]:
-    """At most `points` samples, spread evenly over the range of `x`: sparse regions are kept, dense ones thinned."""
+    """Keep at most `points` samples, spread evenly over the range of `x`: only dense regions are thinned."""
     if len(x) <= points:
         return (x, *others)
     low, high = float(x.min()), float(x.max())
@@ -160,7 +160,7 @@ def scattered(x: np.ndarray, *others: np.ndarray, points: int = POINTS) -> tuple
 
 
 def binned(x: np.ndarray, *others: np.ndarray, bins: int = 24, least: int = 5) -> tuple[np.ndarray, ...]:
-    """Means of all arrays in `bins` equal bins over the range of `x`, where there are at least `least` samples."""
+    """Means of all arrays in `bins` equal bins over the range of `x`, for bins with at least `least` samples."""
     low, high = float(x.min()), float(x.max())
     cell = np.minimum((bins * (x - low) / max(high - low, 1e-12)).astype(int), bins - 1)
     count = np.bincount(cell, minlength=bins)

@@ -1,4 +1,4 @@
-"""Symptoms: where the error is, before and after: pads, taxels, axes, phases, frequencies, covariates."""
+"""Symptoms: the error by pad, taxel, axis, phase, frequency and covariate, before and after the correction."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from paxisim.diagnose.problem import FloatArray, Problem
 WORST = 10  # taxels listed
 BANDS = ((0.0, 0.2), (0.2, 1.0), (1.0, 3.0), (3.0, 10.0), (10.0, np.inf))  # Hz
 PHASES = ("free", "loading", "holding", "unloading", "sliding")
-_STILL = 0.05  # peaks per second; a force that changes more slowly is held
+_STILL = 0.05  # peaks per second; a force that changes more slowly counts as held
 
 
 def symptoms(
@@ -23,12 +23,12 @@ def symptoms(
     warnings: tuple[str, ...] = (),
     left_over: tuple[LeftOver, ...] = (),
 ) -> Symptoms:
-    """Where the error is.
+    """Locate the error.
 
     Args:
         problem: The recording.
-        simulated: ``(T, pads, 3, rows, cols)`` newtons, the simulation as recorded.
-        prediction: The same for the extended model.
+        simulated: ``(T, pads, 3, rows, cols)`` newtons, simulation as recorded.
+        prediction: Prediction of the extended model, of the same shape.
         pads: Names of the pads.
         warnings: Warnings about the recording.
         left_over: Structure in the residual, and near misses.
@@ -61,9 +61,10 @@ def symptoms(
 
 
 def phases_of(problem: Problem) -> np.ndarray:
-    """``(T, pads)`` one of `PHASES`; sliding: the centre of pressure moves, or shear changes faster than the force.
+    """``(T, pads)`` phase of the motion, one of `PHASES`.
 
-    The axes of calibrated channels are not those of a force, so nothing slides there.
+    A contact slides if its centre of pressure moves, or its shear changes faster than the normal force. The axes of
+    calibrated channels are not those of a force, so they never count as sliding.
     """
     x = problem.simulated
     normal = np.abs(x).sum(axis=(2, 3, 4)) if problem.calibrated else x[:, :, 2].sum(axis=(2, 3))
@@ -89,7 +90,7 @@ def phases_of(problem: Problem) -> np.ndarray:
 
 
 def _bands(problem: Problem, residual: FloatArray) -> FloatArray:
-    """Energy of a residual in each of `BANDS`."""
+    """``(BANDS,)`` energy of a residual in each band."""
     power = np.zeros(len(BANDS))
     for span in problem.episodes:
         values = residual[span].reshape(span.stop - span.start, -1)
@@ -107,7 +108,7 @@ def _band_name(band: tuple[float, float]) -> str:
 
 
 def _covariates(problem: Problem, before: FloatArray, after: FloatArray) -> tuple[Place, ...]:
-    """The largest squared correlation of a pad's mean residual on an axis with each covariate and with time."""
+    """Largest squared correlation of a pad's mean residual on an axis with each covariate and with time, at rest."""
     rest = problem.at_rest if problem.at_rest.sum() >= 20 else np.ones(len(problem.time), dtype=bool)
     found = []
     for name, values in {"time": problem.time, **problem.covariates}.items():

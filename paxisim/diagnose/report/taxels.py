@@ -1,4 +1,4 @@
-"""Taxels: causes with a value for each taxel, as maps beside the channel that shows them best."""
+"""Taxels: pictures of causes with a value for each taxel: maps, and the channel that shows the cause best."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from paxisim.diagnose.report.style import AXES, Picture, finish, panel, thin
 
 
 def taxel_map(effect: Effect) -> list[Picture]:
-    """The gain of each taxel as a map, and force against force for the taxel that changes most."""
+    """Map of the gain of each taxel, and force against force for the most affected taxel."""
     streams, member = effect.streams, effect.member
     assert isinstance(member, TaxelGain)
     gains = np.asarray(member.gain, dtype=float)
@@ -29,15 +29,15 @@ def taxel_map(effect: Effect) -> list[Picture]:
     )  # fmt: skip
     spread = finish(
         figure,
-        f"Gains of the taxels deviate by {gains.min():+.0f}% to {gains.max():+.0f}%",
-        f"Maps of the fitted gain of each taxel, from {gains.min():+.1f}% to {gains.max():+.1f}%.",
+        f"Taxel gains deviate from 1 by {gains.min():+.0f}% to {gains.max():+.0f}%",
+        f"Maps of the fitted gain of each taxel, as deviations from 1: {gains.min():+.1f}% to {gains.max():+.1f}%.",
         legend=False,
     )
-    return [spread, force_force(effect, "The taxel with the largest effect")]
+    return [spread, force_force(effect, "The most affected taxel")]
 
 
 def silent_map(effect: Effect) -> list[Picture]:
-    """Which taxels do not respond, and one of them while it is pressed."""
+    """Maps of the taxels that do not respond, and the trace of one of them under load."""
     streams, member = effect.streams, effect.member
     assert isinstance(member, DeadTaxels)
     gone = np.asarray(member.dead, dtype=float) + np.asarray(member.stuck, dtype=float)
@@ -59,7 +59,7 @@ def silent_map(effect: Effect) -> list[Picture]:
 
 
 def mapping(effect: Effect) -> list[Picture]:
-    """The force as simulated, as measured, and as simulated with the corrected mapping."""
+    """Pictures of the force as simulated, as measured, and as simulated with the corrected mapping."""
     member = effect.member
     if isinstance(member, SwappedTaxels):
         return [_moved(effect), _swapped(effect)]
@@ -102,9 +102,9 @@ def _moved(effect: Effect) -> Picture:
     figure = grid_of_maps(streams.layout, maps, titles, 3, float(np.max(maps)) or 1.0)
     return finish(
         figure,
-        "The same contact with another taxel order",
+        "One contact: simulated, measured, and with the corrected order of taxels",
         f"Maps of the normal force {streams.time[at] - streams.time[span.start]:.1f} s into episode {number}: "
-        "simulated, measured, and simulated with the corrected layout, which agrees with the measured one.",
+        "simulated, measured, and simulated with the corrected order, which agrees with the measurement.",
         legend=False,
     )
 

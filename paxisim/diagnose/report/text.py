@@ -1,4 +1,4 @@
-"""Text: a diagnosis as a table for the terminal."""
+"""Text: a diagnosis as plain text for the terminal."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from paxisim.diagnose.diagnosis import Diagnosis, FittedParameter, HeldOut, Interval, Place, Symptoms, Verdict
 
 WIDTH = 80
-MANY = 8  # numbers of an array; if there are more, their range is given
-INDEX = re.compile(r"(_\d+)+$")  # of a number in its array
+MANY = 8  # most elements of an array listed one by one; longer arrays are summarised by their range
+INDEX = re.compile(r"(_\d+)+$")  # index of an element at the end of a parameter's name
 
 SENTENCES: Mapping[Verdict, str] = {
     "no_discrepancy": "The simulation agrees with the measurement within noise and tolerances.",
@@ -34,17 +34,17 @@ ONE_EPISODE = (
 EXPLAINS = "Explains: by how much the error grows when the model is refitted without the cause."
 CONFIDENCE = (
     "Confidence: how often the cause passes its test when episodes are resampled, divided among the cause and "
-    "its rivals. A cause with a number at its bound counts one rival more."
+    "its rivals. A parameter at its bound counts as one more rival."
 )
 
 
 def is_of_one_episode(diagnosis: Diagnosis) -> bool:
-    """Whether the verdict is ambiguous because nothing was held out, rather than because of rivals."""
+    """Whether the verdict is ambiguous because no episode was held out, rather than because of rivals."""
     return diagnosis.verdict == "ambiguous" and not any(item.rivals for item in diagnosis.causes)
 
 
 def text_of(diagnosis: Diagnosis) -> str:
-    """The diagnosis as text, 80 columns wide."""
+    """Return the diagnosis as text, 80 columns wide."""
     sentence = ONE_EPISODE if is_of_one_episode(diagnosis) else SENTENCES[diagnosis.verdict]
     lines = [f"Verdict: {diagnosis.verdict}", *_wrap(sentence, "  ")]
     lines += [line for warning in diagnosis.symptoms.warnings for line in _wrap(f"Warning: {warning}", "")]
@@ -69,7 +69,7 @@ def text_of(diagnosis: Diagnosis) -> str:
 
 
 def reasons_of(diagnosis: Diagnosis) -> dict[str, list[str]]:
-    """The causes that the recording cannot test, by reason, without those that the caller excluded."""
+    """Return the causes that the recording cannot test by reason, without those that the caller excluded."""
     reasons: dict[str, list[str]] = {}
     for name, why in diagnosis.not_testable.items():
         if why != NOT_ASKED:
@@ -98,14 +98,14 @@ def _table(diagnosis: Diagnosis) -> list[str]:
 
 
 def percentage(value: Interval) -> str:
-    """An estimate and its interval."""
+    """Format an estimate and its interval in percent."""
     if value.low is None or value.high is None:
         return f"{value.value:.1%}"
     return f"{value.value:.1%} [{value.low:.1%}, {value.high:.1%}]"
 
 
 def parameters_in_words(parameters: Sequence[FittedParameter]) -> list[tuple[str, str]]:
-    """Names and values of the parameters; of many numbers of one array the range is given."""
+    """Return names and values of the parameters as text; long arrays are summarised by their range."""
     lines = []
     for own in _arrays(parameters).values():
         values = [p.value.value for p in own]
@@ -118,7 +118,7 @@ def parameters_in_words(parameters: Sequence[FittedParameter]) -> list[tuple[str
 
 
 def _arrays(parameters: Sequence[FittedParameter]) -> dict[str, list[FittedParameter]]:
-    """The parameters by name, those of one array together."""
+    """Group the parameters by name; elements of one array form a group."""
     arrays: dict[str, list[FittedParameter]] = {}
     for parameter in parameters:
         arrays.setdefault(INDEX.sub("", parameter.name), []).append(parameter)
@@ -126,7 +126,7 @@ def _arrays(parameters: Sequence[FittedParameter]) -> dict[str, list[FittedParam
 
 
 def meanings(parameters: Sequence[FittedParameter]) -> list[tuple[str, str]]:
-    """Names that do not speak for themselves, of the parameters that are listed, with what they mean."""
+    """Return names and meanings of the listed parameters that have an explanation."""
     listed = [p for own in _arrays(parameters).values() if len(own) <= MANY for p in own]
     return [(p.name, p.words) for p in listed if p.words]
 
@@ -151,13 +151,13 @@ def _figures(heldout: HeldOut, extended: bool) -> list[str]:
 
 
 def black_box_in_words(heldout: HeldOut) -> str:
-    """What it means that the black box explains more than the model; empty if it does not."""
+    """Return a sentence on what the black box explains beyond the model; empty if it explains no more."""
     ceiling, explained = heldout.ceiling_explained, heldout.explained
     if ceiling is None or explained is None or ceiling <= (explained.high or explained.value):
         return ""
     return (
-        f"The black box explains {ceiling - explained.value:.0%} of the explainable error more than the model. The "
-        "forces and their past determine this part, but no known cause describes it."
+        f"The black box explains another {ceiling - explained.value:.0%} of the explainable error. This part depends "
+        "on the forces and their history, but no known cause describes it."
     )
 
 

@@ -1,4 +1,4 @@
-"""Timing: causes that act over time: slow changes during holds, delays, and lost bandwidth."""
+"""Timing: pictures of causes that act over time: slow changes during holds, delays, and lost bandwidth."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from paxisim.diagnose.report.style import (
     thin,
 )
 
-_EDGE = 12.0  # width of the picture of an edge, in delays
+_EDGE = 12.0  # duration shown around an edge, in units of the delay
 _MOST = 4  # episodes used to find the shift
 
 
 def holds(effect: Effect) -> list[Picture]:
-    """Force on a pad during a hold, and how the deviation changes with time."""
+    """Force on a pad over time, and its deviation from the model without the cause."""
     pad, axis = effect.axes[0]
     number = effect.best_episode(pad, axis)
     span = effect.streams.episodes[number]
@@ -56,13 +56,13 @@ def holds(effect: Effect) -> list[Picture]:
         figure,
         "The deviation changes slowly during the hold and decays after release",
         f"Measured force minus force in the model without {name} against time, {place}. The model with {name} follows "
-        f"it, up to {np.abs(model - lacking).max():.3g} N.",
+        f"it and reaches {np.abs(model - lacking).max():.3g} N.",
     )
     return [whole, grows]
 
 
 def shift(effect: Effect) -> list[Picture]:
-    """The fastest edge, and the error against the shift between the streams."""
+    """Force at the edge that shows the cause best, and the error against the shift between the streams."""
     lags, errors = _shifted(effect, effect.channel)
     late = float(lags[errors.argmin()]) > 0
     title = f"The measurement {'lags behind' if late else 'leads'} the simulation"
@@ -70,7 +70,7 @@ def shift(effect: Effect) -> list[Picture]:
 
 
 def edges(effect: Effect) -> list[Picture]:
-    """The fastest edge, and the transfer function from simulated to measured force."""
+    """Force at the edge that shows the cause best, and the gain from simulation to measurement against frequency."""
     lags, errors = _shifted(effect, effect.channel)
     return [_edge(effect, lags, errors, "Fast edges are smoothed"), _swings(effect, effect.channel)]
 
@@ -96,12 +96,12 @@ def _edge(effect: Effect, lags: Series, errors: Series, title: str) -> Picture:
     axes.set_xlabel("time in the episode, s")
     axes.set_ylabel(f"{AXES[channel[1]]} force, N")
     place = f"{effect.place(channel)}, episode {number}"
-    alt = f"The fastest edge on {place}. The measured points lie on the model with {name}."
+    alt = f"Force at a fast edge on {place}. The measured points lie on the model with {name}."
     return finish(figure, title, alt)
 
 
 def _shifted(effect: Effect, channel: Channel) -> tuple[Series, Series]:
-    """Lags (s), and the RMS error (N) of the model without the cause, shifted by each lag, on a pad and axis."""
+    """Return lags (s), and the RMS error (N) of the model without the cause shifted by each lag, on a pad and axis."""
     streams, (pad, axis, _, _) = effect.streams, channel
     interval = float(np.median(np.diff(streams.time[streams.episodes[0]])))
     most = np.argsort(-effect.energy[:, pad, axis].sum(axis=(1, 2)), kind="stable")[:_MOST]
@@ -157,7 +157,7 @@ def _shift(effect: Effect, channel: Channel, lags: Series, errors: Series) -> Pi
 
 
 def _swings(effect: Effect, channel: Channel) -> Picture:
-    """Gain from the model without the cause to the measurement, by frequency."""
+    """Gain from the model without the cause to the measurement, against frequency."""
     streams = effect.streams
     interval = float(np.median(np.diff(streams.time[streams.episodes[0]])))
     typical = int(np.median([s.stop - s.start for s in streams.episodes]))  # shorter episodes are left out
@@ -185,5 +185,5 @@ def _swings(effect: Effect, channel: Channel) -> Picture:
         figure,
         "The gain falls with frequency",
         f"Gain from simulated to measured force against frequency, {effect.place(channel)}. The measured points fall "
-        "with frequency like the model with the cause.",
+        "with frequency, like the model with the cause.",
     )

@@ -1,4 +1,4 @@
-"""Traces: the worst episodes in time, and the error by phase, frequency, pad and axis."""
+"""Traces: pictures of the worst episodes over time, and of the error by phase, frequency, pad and axis."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ SECONDS = 40.0  # longest trace
 
 
 def worst_episodes(streams: Streams, extended: bool = True) -> list[Picture]:
-    """The episodes with the largest error, each with its worst channel."""
+    """Return traces of the episodes with the largest error, each with its worst channel."""
     square = [np.sum((streams.measured[s] - streams.simulated[s]) ** 2, axis=0, dtype=float) for s in streams.episodes]
     energy = np.where(streams.alive, square, 0.0)
     order = np.argsort(-energy.sum(axis=(1, 2, 3, 4)), kind="stable")[:EPISODES]
@@ -78,7 +78,7 @@ def _trace(streams: Streams, number: int, energy: np.ndarray, with_model: bool) 
 
 
 def _near_worst(time: np.ndarray, error: np.ndarray) -> slice:
-    """The samples within `SECONDS` around the largest error."""
+    """Return the samples of the `SECONDS` around the largest error."""
     if time[-1] - time[0] <= SECONDS:
         return slice(0, len(time))
     middle = np.clip(time[np.abs(error).argmax()], time[0] + SECONDS / 2, time[-1] - SECONDS / 2)
@@ -87,17 +87,21 @@ def _near_worst(time: np.ndarray, error: np.ndarray) -> slice:
 
 
 def shares(symptoms: Symptoms, extended: bool = True) -> list[Picture]:
-    """The error by phase of the motion, by frequency, and by pad and axis; before and, if there is a model, after."""
+    """Return the error by phase of the motion, frequency, and pad and axis; before and, if there is a model, after."""
     pictures = []
     if sum(place.before for place in symptoms.pads) <= 0:
         return pictures
     for name, group in (("phase", symptoms.phases), ("frequency", symptoms.frequencies)):
         if group:
             most = max(group, key=lambda place: place.before)
-            pictures.append(_shares(f"By {name}: {most.where} has {most.before:.0%}", name, group, extended))
+            pictures.append(
+                _shares(f"Error by {name}, largest share: {most.where} {most.before:.0%}", name, group, extended)
+            )
     pads = [replace(place, where=pad_in_words(place.where)) for place in symptoms.pads]
     worst = [max(group, key=lambda place: place.before) for group in (pads, symptoms.axes)]
-    title = "By pad and axis: " + ", ".join(f"{place.where} has {place.before:.0%}" for place in worst)
+    title = "Error by pad and axis, largest shares: " + ", ".join(
+        f"{place.where} {place.before:.0%}" for place in worst
+    )
     return [*pictures, _shares(title, "pad and axis", (*pads, *symptoms.axes), extended)]
 
 

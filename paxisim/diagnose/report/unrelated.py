@@ -1,4 +1,4 @@
-"""Unrelated: what is said of streams that are not of one motion, or whose clocks are far apart."""
+"""Unrelated: messages about streams that are not of the same motion, or whose clocks are far apart."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from paxisim.diagnose.diagnosis import Diagnosis, HeldOut, LeftOver, Symptoms
 from paxisim.recording import Recording
 
 CLOCKS = (
-    "the clocks of the two streams are apart: measured lags simulated by {:.2f} s. The streams were aligned first, so "
-    "that a delay of the sensor itself cannot be told; check the clocks"
+    "the clocks of the two streams differ: measured lags simulated by {:.2f} s. The streams were aligned first, so a "
+    "delay of the sensor itself cannot be determined; check the clocks"
 )
 CHECKS = (
-    "check that both streams were recorded in the same motion, that their clocks agree, that both are in newtons, and "
-    "that pads and episodes are in the same order"
+    "check that both streams were recorded during the same motion, that their clocks agree, that both are in newtons, "
+    "and that pads and episodes are in the same order"
 )
 
 
 def unrelated(recording: Recording, warnings: Sequence[str], match: Correspondence) -> Diagnosis:
-    """That the streams are not of one motion: nothing is fitted then.
+    """Return the diagnosis of streams that are not of the same motion, in which nothing is fitted.
 
     Args:
-        recording: With both streams.
-        warnings: What else was found while it was checked.
-        match: How the streams go together.
+        recording: Recording with both streams.
+        warnings: Other warnings about the recording.
+        match: How well the streams correspond.
     """
     assert recording.measured is not None
     assert recording.simulated is not None
