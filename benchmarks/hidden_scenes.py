@@ -80,14 +80,19 @@ def solve(task: tuple[str, str, int], sensor: str, replays: Path) -> Outcome:
     drawn = case(cause, seed, sensor=sensor, beside=beside)
     parameters = drawn.scene.parameters()
     with TemporaryDirectory(dir=replays) as own:  # no two cases share a replay
-        begun = time.monotonic()
-        found = paxisim.diagnose(drawn.recording, scene=drawn.scene, replays=Path(own))
-        seconds = time.monotonic() - begun
         beside_it = fit(drawn.recording, drawn.scene, Path(own))
+        ends = [(*beside_it.intervals[n], v) for n, v in drawn.values.items()]
+        baseline = list(beside_it.named), [sum(bool(low <= v <= high) for low, high, v in ends), len(ends)]
+        begun = time.monotonic()
+        try:
+            found = paxisim.diagnose(drawn.recording, scene=drawn.scene, replays=Path(own))
+        except paxisim.PaxisimError as error:  # counts as nothing named
+            seconds = round(time.monotonic() - begun, 1)
+            return Outcome(cause, beside, seed, [], [], [0, 0], f"refused: {error}", seconds, *baseline)
+        seconds = time.monotonic() - begun
     values = {p.name: p.value for c in found.causes for p in c.parameters}
     known = [(values[n], v * SHOWN[parameters[n].unit][1]) for n, v in drawn.values.items() if n in values]
     within = sum(bool(i.low is not None and i.high is not None and i.low <= v <= i.high) for i, v in known)
-    ends = [(*beside_it.intervals[n], v) for n, v in drawn.values.items()]
     return Outcome(
         cause,
         beside,
@@ -97,8 +102,7 @@ def solve(task: tuple[str, str, int], sensor: str, replays: Path) -> Outcome:
         [within, len(known)],
         found.verdict,
         round(seconds, 1),
-        list(beside_it.named),
-        [sum(bool(low <= v <= high) for low, high, v in ends), len(ends)],
+        *baseline,
     )
 
 

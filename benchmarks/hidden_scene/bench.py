@@ -2,7 +2,8 @@
 
 A stage driven by servos with friction presses a round tip on a pad of nine spheres per taxel, where the scene has four.
 Time step, solver and contact settings differ from the scene's. The pose of the tip in its holder varies between
-episodes.
+episodes. The cone is elliptic as in the scene: under a pyramidal cone a held shear force slips away, so that shear
+differs from the scene's by three times its size, which no gel does.
 """
 
 from __future__ import annotations

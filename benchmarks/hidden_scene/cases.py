@@ -45,6 +45,7 @@ def case(cause: str, seed: int, *, sensor: str = "chain", beside: str = "", epis
         seed: Random seed.
         sensor: Sensor that reads the forces: ``"chain"`` or ``"reference"``.
         beside: Additional cause in the sensor: ``"axis_gain"``, ``"latency"`` or ``"creep"``; empty for none.
+        episodes: Number of episodes, of 6 s each.
     """
     rng = np.random.default_rng([seed, 7, CAUSES.index(cause) + 1 if cause else 0, len(beside)])
     truth, values = _wrong(cause, rng)

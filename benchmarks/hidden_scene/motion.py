@@ -12,9 +12,9 @@ SECONDS = 6.0
 TURNS = np.radians([0, 90, 45, -45, 180, 0, 90, -90])
 
 
-def episodes(rng: np.random.Generator, by_force: bool) -> list[NDArray[np.float64]]:
+def episodes(rng: np.random.Generator, by_force: bool, count: int = EPISODES) -> list[NDArray[np.float64]]:
     """Return the commands of each episode, ``(steps, 4)``: x, y (m), turn (rad), and depth (m) or closing force (N)."""
-    return [_episode(rng, turn, by_force) for turn in TURNS[:EPISODES]]
+    return [_episode(rng, turn, by_force) for turn in np.resize(TURNS, count)]
 
 
 def _episode(rng: np.random.Generator, turn: float, by_force: bool) -> NDArray[np.float64]:
