@@ -30,7 +30,7 @@ from paxisim.cli.protocol import protocol
 from paxisim.cli.record import record
 from paxisim.cli.replay import replay
 from paxisim.cli.scene import scene_init, scene_make
-from paxisim.cli.sensor import sensor_check, sensor_profiles, sensor_quality
+from paxisim.cli.device import device_check, device_profiles, device_quality
 from paxisim.cli.sensors import sensors
 from paxisim.cli.view import view
 from paxisim.errors import PaxisimError
@@ -56,7 +56,7 @@ VERBS = {
 GROUPS = {
     "scene": ({"init": scene_init, "make": scene_make}, "Write the scene of a recording, or a ready-made one."),
     "sensor": (
-        {"check": sensor_check, "quality": sensor_quality, "profiles": sensor_profiles},
+        {"check": device_check, "quality": device_quality, "profiles": device_profiles},
         "Check a real sensor, measure its quality, list profiles.",
     ),
 }
