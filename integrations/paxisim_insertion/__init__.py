@@ -1,6 +1,6 @@
 """The paper's six blind insertion tasks in robosuite, as gymnasium environments.
 
-Importing it registers ``paxisim/RY-2mm-v0``, ``RU-2mm``, ``SQ-2mm``, ``SQ-1mm``, ``SX-2mm`` and ``SY-2mm``:
+Importing this package registers ``paxisim/RY-2mm-v0``, ``RU-2mm``, ``SQ-2mm``, ``SQ-1mm``, ``SX-2mm`` and ``SY-2mm``:
 ``gymnasium.make("paxisim/SX-2mm-v0", method="GCS")``.
 """
 

@@ -1,6 +1,6 @@
 """paxisim in robosuite: tactile versions of its grippers, and the tensor they read as an observable.
 
-Importing it registers ``PaxiPandaGripper``, ``PaxiRobotiq85Gripper``, ``PaxiRobotiq140Gripper``,
+Importing this package registers ``PaxiPandaGripper``, ``PaxiRobotiq85Gripper``, ``PaxiRobotiq140Gripper``,
 ``PaxiXArm7Gripper`` and ``PaxiRethinkGripper`` with robosuite.
 """
 

@@ -1,4 +1,4 @@
-"""The shell command: ``paxisim VERB``, one file a verb."""
+"""The shell command ``paxisim VERB``, with one file per verb."""
 
 from __future__ import annotations
 
@@ -31,6 +31,7 @@ from paxisim.cli.protocol import protocol
 from paxisim.cli.record import record
 from paxisim.cli.replay import replay
 from paxisim.cli.scene import scene_init, scene_make
+from paxisim.cli.device import device_check, device_profiles, device_quality
 from paxisim.cli.sensors import sensors
 from paxisim.cli.view import view
 from paxisim.errors import PaxisimError
@@ -55,7 +56,7 @@ VERBS = {
 # verbs that are followed by another
 GROUPS = {
     "scene": ({"init": scene_init, "make": scene_make}, "Write the scene of a recording, or a ready-made one."),
-    "device": (
+    "sensor": (
         {"check": device_check, "quality": device_quality, "profiles": device_profiles},
         "Check a real sensor, measure its quality, list profiles.",
     ),
@@ -67,10 +68,10 @@ def main(arguments: list[str] | None = None) -> int:
     """Run a verb.
 
     Args:
-        arguments: The words after ``paxisim``; default: those of the process.
+        arguments: The words after ``paxisim``; default: the arguments of the process.
 
     Returns:
-        The exit status: 0, or 2 after one line on stderr that says what was wrong.
+        Exit status: 0 on success, 2 after an error that is reported in one line on stderr, 130 after Ctrl-C.
     """
     warnings.showwarning = _show_warning
     if (sys.argv[1:] if arguments is None else arguments) == ["--version"]:
@@ -97,10 +98,10 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def parse(arguments: list[str] | None) -> Callable[[], None]:
-    """The verb with its options, ready to be called.
+    """Return the verb with its options, ready to be called.
 
     Raises:
-        SystemExit: Help was asked for and given (0), or the words do not parse (a sentence that says why).
+        SystemExit: With status 0 after printing the requested help, or with an error message if parsing failed.
     """
     words = sys.argv[1:] if arguments is None else arguments
     if words and words[0] in OLD_VERBS:
@@ -129,11 +130,11 @@ def parse(arguments: list[str] | None) -> Callable[[], None]:
 
 
 def _deferred(verb: Callable[..., None], explained: bool) -> Callable[..., Callable[[], None]]:
-    """Has the options of `verb`, but only returns the call: parsing and running fail differently.
+    """Return a function with the options of `verb` that only returns the call, to tell parse errors from others.
 
     Args:
         verb: The verb.
-        explained: Whether its whole text is wanted; a list of verbs has a line for each.
+        explained: Whether to keep the whole docstring; a list of verbs shows one line for each.
     """
 
     @functools.wraps(verb)
@@ -148,7 +149,7 @@ def _deferred(verb: Callable[..., None], explained: bool) -> Callable[..., Calla
 def _group(
     verbs: Mapping[str, Callable[..., None]], description: str, words: Sequence[str]
 ) -> Callable[..., Callable[[], None]]:
-    """A verb that is followed by one of `verbs`."""
+    """Return a verb that is followed by one of `verbs`."""
 
     def pick(verb):
         return verb

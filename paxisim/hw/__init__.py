@@ -1,7 +1,7 @@
-"""Real sensors: bytes on a serial line to the same tensor that the simulator gives, and a sensor made of bytes.
+"""Real sensors: a driver that turns bytes on a serial line into the simulator's tensor, and an emulator of the sensors.
 
 From the line up: `framing` and `frames` (bytes and messages, no I/O), `registers` (addresses), `transport` (a serial
-port), `boards` (the conversation with each kind of board), `profile` (which part, in which order and signs),
-`device` (frames of newtons, from one port or several), `capture` (into a file). `emulator` is the other end of the
-line.
+port), `boards` (the protocol of each family of boards), `profile` (which part is connected, with the order and signs of
+its taxels), `device` (frames of the tensor, from one or several ports), `capture` (recording to a file). `emulator` is
+the other end of the line.
 """

@@ -1,1 +1,1 @@
-"""Recordings on disk: streams at their own rates, and the formats they come in."""
+"""Recordings on disk: file formats, and the alignment of streams with different sampling rates."""

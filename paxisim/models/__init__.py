@@ -1,1 +1,1 @@
-"""MuJoCo: pads, their surface and gel, how they get onto a gripper, and how they are read."""
+"""MuJoCo models: pads, their surface and gel, their attachment to grippers, and their readout."""

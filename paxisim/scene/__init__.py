@@ -1,1 +1,1 @@
-"""Replay: a simulated scene that the streams of a recording move."""
+"""Replay: a simulated scene driven by the streams of a recording."""

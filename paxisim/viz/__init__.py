@@ -1,1 +1,1 @@
-"""Pictures of the force tensor (matplotlib) and the live view of a model's pads (MuJoCo's viewer)."""
+"""Pictures of the force tensor (matplotlib), and live views of pads (Rerun, MuJoCo's viewer)."""

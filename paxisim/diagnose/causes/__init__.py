@@ -1,4 +1,4 @@
-"""The causes that come with paxisim, in the order of the chain."""
+"""The built-in causes, in chain order."""
 
 from paxisim.diagnose.cause import Cause
 from paxisim.diagnose.causes.axis_coupling import AXIS_COUPLING

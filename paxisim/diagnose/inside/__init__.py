@@ -1,1 +1,1 @@
-"""Causes inside the scene: replays of a motion with other values of the scene, and what the search makes of them."""
+"""Causes inside the scene: replays of a motion with changed scene parameters, and the search over their effects."""

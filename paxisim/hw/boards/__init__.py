@@ -1,1 +1,1 @@
-"""The host's side of the conversation with each family of boards."""
+"""The host's side of the protocol of each family of boards."""

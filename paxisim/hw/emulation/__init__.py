@@ -1,1 +1,1 @@
-"""The board's side of the conversation, for each family."""
+"""The board's side of the protocol of each family of boards."""

@@ -1,1 +1,1 @@
-"""The messages of each family of boards, both directions, as bytes. No I/O."""
+"""Encoding and decoding of the messages of each family of boards, in both directions. No I/O."""
