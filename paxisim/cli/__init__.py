@@ -31,7 +31,6 @@ from paxisim.cli.protocol import protocol
 from paxisim.cli.record import record
 from paxisim.cli.replay import replay
 from paxisim.cli.scene import scene_init, scene_make
-from paxisim.cli.device import device_check, device_profiles, device_quality
 from paxisim.cli.sensors import sensors
 from paxisim.cli.view import view
 from paxisim.errors import PaxisimError
