@@ -10,10 +10,10 @@ import orjson
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
 from paxisim.logs import schemas
-from paxisim.logs.aligned import Aligned
+from paxisim.logs.recording_arrays import RecordingArrays
 
 
-def about_text(recording: Aligned) -> str:
+def about_text(recording: RecordingArrays) -> str:
     """Return the JSON text for a recording.
 
     Raises:
@@ -59,7 +59,7 @@ def checked_metadata(path: Path, metadata: dict[str, Any]) -> None:
 
 
 def read_about(path: Path, about: Any) -> dict[str, Any]:
-    """Return the fields ``layout``, ``pads`` and ``metadata`` of an `Aligned` from the parsed JSON text.
+    """Return the fields ``layout``, ``pads`` and ``metadata`` of an `RecordingArrays` from the parsed JSON text.
 
     Raises:
         InvalidValueError: The document does not have the expected form; the message names `path`.

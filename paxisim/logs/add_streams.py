@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError
 from paxisim.logs import schemas
-from paxisim.logs.align import resample
-from paxisim.logs.aligned import Aligned, Method, episode_spans, episode_starts
+from paxisim.logs.resample import resample
+from paxisim.logs.recording_arrays import RecordingArrays, Method, episode_spans, episode_starts
 from paxisim.logs.columns import streams_from_columns
 from paxisim.logs.mcap_save import log_times
 from paxisim.logs.stream import Stream
@@ -64,8 +64,8 @@ def read_streams(path: Path) -> Streams:
 
 
 def add_streams(
-    recording: Aligned, path: Path, streams: Streams, methods: Mapping[str, Method], max_gap: float | None
-) -> Aligned:
+    recording: RecordingArrays, path: Path, streams: Streams, methods: Mapping[str, Method], max_gap: float | None
+) -> RecordingArrays:
     """Return the recording, whose fields must have been checked, with the streams of `path` added as covariates.
 
     Values are NaN where a stream is unknown.
@@ -96,7 +96,7 @@ def add_streams(
             if number in parts:
                 values[span] = resample(parts[number], at[span], methods[name], max_gap)
         covariates[name] = values
-    return Aligned(**{**vars(recording), "covariates": covariates})
+    return RecordingArrays(**{**vars(recording), "covariates": covariates})
 
 
 def _read_mcap(path: Path) -> dict[str, Stream]:
@@ -115,14 +115,14 @@ def _read_mcap(path: Path) -> dict[str, Stream]:
     return found
 
 
-def _from_columns(path: Path, columns: dict[str, NDArray[Any]]) -> Aligned:
+def _from_columns(path: Path, columns: dict[str, NDArray[Any]]) -> RecordingArrays:
     try:
         return streams_from_columns(columns)
     except InvalidValueError as error:
         raise InvalidValueError(f"{path}: {error}") from error
 
 
-def _of_table(path: Path, table: Aligned) -> Streams:
+def _of_table(path: Path, table: RecordingArrays) -> Streams:
     """Return the covariates of a table; if it numbers its episodes, time restarts at 0 with each episode."""
     time = table.time
     if not np.all(np.isfinite(time)):

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.layout import TaxelLayout
 from paxisim.logs import schemas
-from paxisim.logs.aligned import Aligned, Method
+from paxisim.logs.recording_arrays import RecordingArrays, Method
 from paxisim.logs.stream import Log, Stream
 
 # a pause longer than this many usual intervals is a gap, in which the stream is unknown
@@ -22,7 +22,7 @@ _AT_ONCE = 1_000_000
 _BLOCK = 4096  # samples interpolated per block, to limit memory
 
 
-def align(log: Log, method: Method | Mapping[str, Method] = "linear", max_gap: float | None = None) -> Aligned:
+def resample_log(log: Log, method: Method | Mapping[str, Method] = "linear", max_gap: float | None = None) -> RecordingArrays:
     """Return the streams of `log` at the times of its measured tensors, or of the simulated ones if none was measured.
 
     Args:
@@ -65,7 +65,7 @@ def align(log: Log, method: Method | Mapping[str, Method] = "linear", max_gap: f
         zero: Any = at[0]
     else:
         zero = np.asarray(zeros, dtype=np.int64)[mark]
-    return Aligned(
+    return RecordingArrays(
         time=(at - zero) / 1e9,
         measured=arrays.pop("measured", None),
         simulated=arrays.pop("simulated", None),

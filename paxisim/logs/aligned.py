@@ -1,4 +1,4 @@
-"""Aligned: the arrays of a recording over one time axis, as read from and written to files."""
+"""RecordingArrays: the arrays of a recording over one time axis, as read from and written to files."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Method = Literal["linear", "nearest", "previous"]
 
 
 @dataclass(frozen=True, eq=False)
-class Aligned:
+class RecordingArrays:
     """Fields of `paxisim.Recording` before they are checked."""
 
     time: NDArray[np.float64]

@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
-from paxisim.logs.aligned import Aligned, episode_starts
+from paxisim.logs.recording_arrays import RecordingArrays, episode_starts
 
 # reserved names: files store these as separate fields
 _FIELDS_NOT_METADATA = ("format", "layout", "pads", "time_zero_ns")
 
 
-def check_fields(given: Aligned) -> Aligned:
+def check_fields(given: RecordingArrays) -> RecordingArrays:
     """Return the fields with the dtypes and defaults of `paxisim.Recording`; arrays that already match are not copied.
 
     Raises:
@@ -42,7 +42,7 @@ def check_fields(given: Aligned) -> Aligned:
     taken = [name for name in _FIELDS_NOT_METADATA if name in given.metadata]
     if taken:
         raise InvalidValueError(f"metadata must not hold {taken[0]!r}, which is a reserved name")
-    return Aligned(time, measured, simulated, covariates, episode, layout, pads, dict(given.metadata))
+    return RecordingArrays(time, measured, simulated, covariates, episode, layout, pads, dict(given.metadata))
 
 
 def numbers(name: str, value: Any, dtype: type) -> NDArray[Any]:

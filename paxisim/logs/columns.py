@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError
-from paxisim.logs.aligned import Aligned, episode_starts
+from paxisim.logs.recording_arrays import RecordingArrays, episode_starts
 
 INDEX_COLUMNS = ("timestamp", "time", "episode_index", "frame_index", "index")
 _NOT_COVARIATES = (*INDEX_COLUMNS, "task_index")
@@ -38,7 +38,7 @@ _SPARSE = 100  # an array with a column for fewer than one in this many componen
 _COMPONENT = re.compile(r"(.+)\.(\d{1,9}(?:_\d{1,9}){0,15})")
 
 
-def to_columns(recording: Aligned) -> dict[str, NDArray[np.generic]]:
+def to_columns(recording: RecordingArrays) -> dict[str, NDArray[np.generic]]:
     """Return the columns, each ``(T,)`` and a view where possible.
 
     Raises:
@@ -67,7 +67,7 @@ def to_columns(recording: Aligned) -> dict[str, NDArray[np.generic]]:
     return columns
 
 
-def from_columns(columns: Mapping[str, NDArray[Any]]) -> Aligned:
+def from_columns(columns: Mapping[str, NDArray[Any]]) -> RecordingArrays:
     """Return the arrays of a table; the inverse of `to_columns`. Only one of the two time columns is required.
 
     Raises:
@@ -87,7 +87,7 @@ def from_columns(columns: Mapping[str, NDArray[Any]]) -> Aligned:
     )
 
 
-def streams_from_columns(columns: Mapping[str, NDArray[Any]]) -> Aligned:
+def streams_from_columns(columns: Mapping[str, NDArray[Any]]) -> RecordingArrays:
     """Return the time, episodes and covariates of a table, which needs no taxels; a column ``(T, n)`` is a covariate.
 
     Raises:
@@ -110,7 +110,7 @@ def streams_from_columns(columns: Mapping[str, NDArray[Any]]) -> Aligned:
         else:
             covariates.setdefault(name, {})[()] = values
     episode: Any = columns.get("episode_index")  # checked and converted by `Recording`
-    return Aligned(
+    return RecordingArrays(
         time=time, covariates={name: _array(name, parts) for name, parts in covariates.items()} | whole, episode=episode
     )
 

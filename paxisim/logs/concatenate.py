@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from paxisim.errors import InvalidValueError
-from paxisim.logs.aligned import Aligned, unit_of
+from paxisim.logs.recording_arrays import RecordingArrays, unit_of
 
 
-def concatenate(parts: Sequence[Aligned]) -> Aligned:
+def concatenate(parts: Sequence[RecordingArrays]) -> RecordingArrays:
     """Join recordings; see `paxisim.Recording.concatenate`. The fields of each part must have been checked."""
     first = parts[0]
     for i, part in enumerate(parts[1:], start=1):
@@ -38,7 +38,7 @@ def concatenate(parts: Sequence[Aligned]) -> Aligned:
     episode = np.concatenate(episodes)
     if len(np.unique(episode[begins])) < begins.sum():
         episode = np.cumsum(begins) - 1
-    return Aligned(
+    return RecordingArrays(
         np.concatenate([part.time for part in parts]),
         None if first.measured is None else np.concatenate([p.measured for p in parts if p.measured is not None]),
         None if first.simulated is None else np.concatenate([p.simulated for p in parts if p.simulated is not None]),
@@ -50,7 +50,7 @@ def concatenate(parts: Sequence[Aligned]) -> Aligned:
     )
 
 
-def _check_covariates(number: int, part: Aligned, first: Aligned) -> None:
+def _check_covariates(number: int, part: RecordingArrays, first: RecordingArrays) -> None:
     only = sorted(part.covariates.keys() ^ first.covariates.keys())
     if only:
         common = sorted(part.covariates.keys() & first.covariates.keys())
@@ -66,7 +66,7 @@ def _check_covariates(number: int, part: Aligned, first: Aligned) -> None:
             )
 
 
-def _metadata(parts: Sequence[Aligned]) -> dict[str, object]:
+def _metadata(parts: Sequence[RecordingArrays]) -> dict[str, object]:
     """Return the entries that all recordings share, and the first one's start, from which its time counts."""
     first = parts[0].metadata
     return {

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.layout import TaxelLayout
 from paxisim.logs import schemas
-from paxisim.logs.aligned import Aligned, CountsToForce
+from paxisim.logs.recording_arrays import RecordingArrays, CountsToForce
 from paxisim.logs.columns import from_columns
 from paxisim.logs.text import parse_json
 
@@ -50,7 +50,7 @@ def read_csv(
     layout: TaxelLayout | None = None,
     pads: tuple[str, ...] | None = None,
     profile: CountsToForce | None = None,
-) -> tuple[Aligned, bool]:
+) -> tuple[RecordingArrays, bool]:
     """Read a CSV file of any of the three kinds.
 
     Args:
@@ -214,7 +214,7 @@ class _Board:
         layout: TaxelLayout | None,
         pads: tuple[str, ...] | None,
         profile: CountsToForce | None,
-    ) -> Aligned:
+    ) -> RecordingArrays:
         for pad in pads or ():
             if pad not in self.pads:
                 raise UnknownNameError("pad", pad, self.pads)
@@ -244,7 +244,7 @@ class _Board:
             if layout.taxels != taxels:
                 raise InvalidValueError(f"the pads of {self.path} have {taxels} taxels, layout has {layout.taxels}")
             force = layout.from_flat((values * RESOLUTION).astype(np.float32).reshape(len(values), len(pads), -1))
-        return Aligned(
+        return RecordingArrays(
             time=time - time[0],
             measured=force,
             covariates={} if resultant is None else {"resultant": resultant},

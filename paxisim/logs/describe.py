@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from paxisim.logs import schemas
-from paxisim.logs.align import GAP_INTERVALS, usual_interval
-from paxisim.logs.aligned import Aligned
+from paxisim.logs.resample import GAP_INTERVALS, usual_interval
+from paxisim.logs.recording_arrays import RecordingArrays
 from paxisim.logs.mcap_save import log_times
 from paxisim.logs.stream import Log, Stream
 
@@ -56,7 +56,7 @@ def describe_episodes(log: Log, first: int) -> list[str]:
     return lines
 
 
-def log_of(recording: Aligned) -> Log:
+def log_of(recording: RecordingArrays) -> Log:
     """Convert a recording read from a table to a log, to describe it."""
     time, starts, _ = log_times(recording)
     streams = {name: getattr(recording, name) for name in schemas.TACTILE_STREAMS}

@@ -27,8 +27,8 @@ from numpy.typing import NDArray
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
 from paxisim.logs import schemas
-from paxisim.logs.align import align as align_log
-from paxisim.logs.aligned import Aligned, Method
+from paxisim.logs.resample import resample_log
+from paxisim.logs.recording_arrays import RecordingArrays, Method
 from paxisim.logs.stream import Log, Stream
 
 SENSOR, STATES = ".sensor.csv", ".states.csv"
@@ -37,7 +37,7 @@ MAX_GAP = 2.0  # s
 _NO_READING = -1.0
 
 
-def read_eflesh(path: Path, align: Method | Mapping[str, Method] = "linear", max_gap: float | None = None) -> Aligned:
+def read_eflesh(path: Path, align: Method | Mapping[str, Method] = "linear", max_gap: float | None = None) -> RecordingArrays:
     """Read ``NAME.sensor.csv`` and the ``NAME.states.csv`` beside it.
 
     Args:
@@ -72,7 +72,7 @@ def read_eflesh(path: Path, align: Method | Mapping[str, Method] = "linear", max
     }
     layout = TaxelLayout(1, magnetometers, (1e-2, 1e-2)).to_dict()
     about = {"source": path.name, "sensor": "eflesh", "unit": "uT", "layout": layout, "pads": ("eflesh",)}
-    return align_log(Log(streams, about), align, MAX_GAP if max_gap is None else max_gap)
+    return resample_log(Log(streams, about), align, MAX_GAP if max_gap is None else max_gap)
 
 
 def _table(path: Path) -> NDArray[np.float64]:

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError, MissingExtraError
-from paxisim.logs.aligned import Aligned
+from paxisim.logs.recording_arrays import RecordingArrays
 
 _DEMO = re.compile(r"demo_(\d+)")
 # errors of h5py for damaged data, or for a group in place of a dataset
@@ -34,7 +34,7 @@ _NOT_SUCH = (OSError, LookupError, RuntimeError, TypeError, ValueError, Attribut
 _SIZES = {"free": (7, 6), "ball": (4, 3)}  # size of a joint in qpos and qvel; other types have one value in each
 
 
-def read_hdf5(path: Path) -> Aligned:
+def read_hdf5(path: Path) -> RecordingArrays:
     """Read all demonstrations, with or without a tensor.
 
     Raises:
@@ -57,7 +57,7 @@ def read_hdf5(path: Path) -> Aligned:
         raise InvalidValueError(f"{path} is not a complete HDF5 file of robosuite or robomimic: {error}") from error
 
 
-def _read(path: Path, file: Any) -> Aligned:
+def _read(path: Path, file: Any) -> RecordingArrays:
     data = file.get("data")
     demos = sorted((int(match[1]), data[name]) for name in (data or ()) if (match := _DEMO.fullmatch(name)))
     if not demos:
@@ -71,7 +71,7 @@ def _read(path: Path, file: Any) -> Aligned:
             raise InvalidValueError(f"{part.place} differs from {parts[0].place} in {', '.join(differ)}")
     arrays = {name: np.concatenate([part.arrays[name] for part in parts]) for name in parts[0].arrays}
     tensor = arrays.pop(parts[0].tactile, None)
-    return Aligned(
+    return RecordingArrays(
         np.concatenate([part.time for part in parts]),
         measured=None if parts[0].has_states else tensor,
         simulated=tensor if parts[0].has_states else None,

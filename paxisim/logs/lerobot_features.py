@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError, UnknownNameError
-from paxisim.logs.aligned import Aligned, unit_of
+from paxisim.logs.recording_arrays import RecordingArrays, unit_of
 from paxisim.logs.schemas import COVARIATE, RESULTANT
 
 PREFIXES = {"measured": "observation.tactile", "simulated": "observation.simulated"}
@@ -56,7 +56,7 @@ class Feature:
         return self.values.shape[1:] or (1,)
 
 
-def features_of(recording: Aligned, state: Sequence[str] = (), action: Sequence[str] = ()) -> list[Feature]:
+def features_of(recording: RecordingArrays, state: Sequence[str] = (), action: Sequence[str] = ()) -> list[Feature]:
     """Return the features of a recording, whose fields must have been checked.
 
     Args:
@@ -92,7 +92,7 @@ def _is_part(name: str, feature: str) -> bool:
     return name.startswith(f"{feature}.") and len(name) > len(feature) + 1
 
 
-def _states(recording: Aligned, acts: Iterable[str]) -> list[str]:
+def _states(recording: RecordingArrays, acts: Iterable[str]) -> list[str]:
     own = [name for name in recording.covariates if name == STATE or _is_part(name, STATE)]
     return own or [
         name
@@ -105,7 +105,7 @@ def _is_own(name: str) -> bool:
     return name.startswith(_OWN_NAMES)
 
 
-def _tactile(recording: Aligned) -> Iterable[Feature]:
+def _tactile(recording: RecordingArrays) -> Iterable[Feature]:
     assert recording.layout is not None
     about = {"unit": unit_of(recording.metadata), "layout": recording.layout.to_dict()}
     for stream, prefix in PREFIXES.items():
@@ -118,7 +118,7 @@ def _tactile(recording: Aligned) -> Iterable[Feature]:
             yield Feature(name, _as_float32(name, tensor[:, i]), ["axis", "row", "column"], info)
 
 
-def _vector(recording: Aligned, feature: str, parts: Sequence[str]) -> Feature:
+def _vector(recording: RecordingArrays, feature: str, parts: Sequence[str]) -> Feature:
     """Stack covariates into one vector feature; its components are named as in `paxisim.logs.columns`."""
     arrays, names = [], []
     for part in parts:
@@ -132,7 +132,7 @@ def _vector(recording: Aligned, feature: str, parts: Sequence[str]) -> Feature:
     return Feature(feature, _as_float32(feature, values), names, _info(recording, parts))
 
 
-def _alone(recording: Aligned, name: str) -> Feature:
+def _alone(recording: RecordingArrays, name: str) -> Feature:
     values = recording.covariates[name]
     if values.ndim - 1 > MOST_AXES:
         raise InvalidValueError(f"{name!r} has samples of {values.ndim - 1} axes, LeRobot allows at most {MOST_AXES}")
@@ -143,7 +143,7 @@ def _alone(recording: Aligned, name: str) -> Feature:
     return Feature(feature, _as_float32(name, values), names, _info(recording, [name]))
 
 
-def _info(recording: Aligned, parts: Sequence[str]) -> dict[str, Any]:
+def _info(recording: RecordingArrays, parts: Sequence[str]) -> dict[str, Any]:
     return {"covariates": [[part, list(recording.covariates[part].shape[1:])] for part in parts]}
 
 

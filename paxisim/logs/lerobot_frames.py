@@ -17,12 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError
-from paxisim.logs.aligned import Aligned, Method, episode_spans, episode_starts, rate_of
+from paxisim.logs.recording_arrays import RecordingArrays, Method, episode_spans, episode_starts, rate_of
 from paxisim.logs.retime import at_rate
 from paxisim.logs.select import known_samples, take
 
 
-def frame_rate(recording: Aligned, fps: int | None) -> int:
+def frame_rate(recording: RecordingArrays, fps: int | None) -> int:
     """Return the frame rate (Hz) of the dataset: `fps` if given, otherwise the recording's rounded sampling rate.
 
     Raises:
@@ -44,7 +44,7 @@ def frame_rate(recording: Aligned, fps: int | None) -> int:
     return round(rate)
 
 
-def on_frames(recording: Aligned, fps: int, align: Method = "linear", drop: bool = False) -> tuple[Aligned, bool]:
+def on_frames(recording: RecordingArrays, fps: int, align: Method = "linear", drop: bool = False) -> tuple[RecordingArrays, bool]:
     """Return the recording with one sample per frame, and whether it was resampled.
 
     Args:
@@ -71,7 +71,7 @@ def _is_regular(time: NDArray[np.float64], fps: int) -> bool:
     return np.array_equal(np.round((time - time[0]) * fps), np.arange(len(time)))
 
 
-def _without_unknown(frames: Aligned) -> Aligned:
+def _without_unknown(frames: RecordingArrays) -> RecordingArrays:
     assert frames.episode is not None
     known = known_samples(frames)
     if not known.any():
@@ -86,7 +86,7 @@ def _without_unknown(frames: Aligned) -> Aligned:
     return left
 
 
-def _renumbered(left: Aligned, episode: NDArray[np.integer]) -> dict[str, Any]:
+def _renumbered(left: RecordingArrays, episode: NDArray[np.integer]) -> dict[str, Any]:
     """Return the metadata with ``tasks`` keyed by the new episode numbers."""
     metadata = dict(left.metadata)
     tasks = metadata.get("tasks")

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError
 from paxisim.logs.about import read_about
-from paxisim.logs.aligned import episode_starts
-from paxisim.logs.atomic import parse_file
+from paxisim.logs.recording_arrays import episode_starts
+from paxisim.files import parse_file
 from paxisim.logs.parquet import column_values, is_text, read_table
 from paxisim.logs.text import parse_json
 

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
-from paxisim.logs.aligned import Aligned
+from paxisim.logs.recording_arrays import RecordingArrays
 from paxisim.logs.columns import streams_from_columns
 from paxisim.logs.lerobot_features import MOST_AXES, PREFIXES
 from paxisim.logs.lerobot_meta import INDICES, Meta, read_meta
@@ -31,7 +31,7 @@ from paxisim.logs.parquet import column_values, component_names, is_numeric, rea
 _DTYPE = re.compile(r"(float|int|uint)\d{1,2}|bool")
 
 
-def read_lerobot(path: Path, pads: Sequence[str] | None = None) -> Aligned:
+def read_lerobot(path: Path, pads: Sequence[str] | None = None) -> RecordingArrays:
     """Read all episodes, with or without a tensor.
 
     Args:
@@ -61,7 +61,7 @@ def read_lerobot(path: Path, pads: Sequence[str] | None = None) -> Aligned:
     names = list(dict.fromkeys(pad for part in found for pad in part.pads))
     if found and (found[0].unit or "N") != (metadata.get("unit") or "N"):
         metadata["unit"] = found[0].unit or "N"
-    return Aligned(
+    return RecordingArrays(
         time,
         measured=_tensor(meta, "measured", found, names),
         simulated=_tensor(meta, "simulated", found, names),

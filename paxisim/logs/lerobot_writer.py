@@ -22,8 +22,8 @@ import numpy as np
 
 from paxisim.errors import InvalidValueError
 from paxisim.logs.about import about_text
-from paxisim.logs.aligned import Aligned, Method, episode_spans, rate_of
-from paxisim.logs.atomic import whole_folder
+from paxisim.logs.recording_arrays import RecordingArrays, Method, episode_spans, rate_of
+from paxisim.files import whole_folder
 from paxisim.logs.lerobot_features import Feature, features_of
 from paxisim.logs.lerobot_frames import frame_rate, on_frames
 from paxisim.logs.lerobot_meta import ABOUT, INDICES, INFO
@@ -36,7 +36,7 @@ VERSION = "v3.0"
 
 def write_lerobot(
     path: Path,
-    recording: Aligned,
+    recording: RecordingArrays,
     *,
     fps: int | None = None,
     task: str | None = None,
@@ -49,7 +49,7 @@ def write_lerobot(
 
     Args:
         path: Output folder; must not exist yet.
-        recording: A recording whose fields were checked, as returned by `paxisim.Recording.to_aligned`.
+        recording: A recording whose fields were checked, as returned by `paxisim.Recording.to_arrays`.
         fps: Frame rate (Hz); default: the recording's rounded sampling rate. See `paxisim.logs.lerobot_frames`.
         task: Description of the task; default: ``task`` or, by episode, ``tasks`` in the metadata, or empty.
         state: Covariates that make up ``observation.state``. See `paxisim.logs.lerobot_features`.
@@ -101,7 +101,7 @@ def write_lerobot(
     return f"LeRobotDataset {VERSION}, {counts}, {names}"
 
 
-def _task(frames: Aligned, episode: int, given: str | None) -> str:
+def _task(frames: RecordingArrays, episode: int, given: str | None) -> str:
     if given is not None:
         return given
     by_episode = frames.metadata.get("tasks")

@@ -10,12 +10,12 @@ from pathlib import Path
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
 from paxisim.logs.add_streams import Streams, add_streams, read_streams
-from paxisim.logs.align import check_max_gap, methods_by_name
-from paxisim.logs.aligned import Aligned, CountsToForce, Method
+from paxisim.logs.resample import check_max_gap, methods_by_name
+from paxisim.logs.recording_arrays import RecordingArrays, CountsToForce, Method
 from paxisim.logs.checks import check_fields
 
 
-def load_aligned(
+def load_arrays(
     path: Path,
     *,
     align: Method | Mapping[str, Method] = "linear",
@@ -24,7 +24,7 @@ def load_aligned(
     pads: tuple[str, ...] | None = None,
     profile: CountsToForce | None = None,
     streams: Iterable[Path] = (),
-) -> Aligned:
+) -> RecordingArrays:
     """Load a recording; see `paxisim.Recording.load`.
 
     Without `streams`, the fields are not checked yet. The result may hold more than the requested `pads`.
@@ -43,7 +43,7 @@ def load_aligned(
     return found
 
 
-def _checked(path: Path, found: Aligned) -> Aligned:
+def _checked(path: Path, found: RecordingArrays) -> RecordingArrays:
     try:
         return check_fields(found)
     except InvalidValueError as error:
@@ -62,7 +62,7 @@ def _load(
     layout: TaxelLayout | None,
     pads: tuple[str, ...] | None,
     profile: CountsToForce | None,
-) -> Aligned:
+) -> RecordingArrays:
     if path.is_dir():
         if profile is not None:
             raise InvalidValueError(f"profile is for the counts of a board's CSV file; {path} is a folder")
@@ -92,11 +92,11 @@ def _load(
     elif suffix in (".h5", ".hdf5"):
         found = _load_hdf5(path)
     elif suffix == ".mcap":
-        from paxisim.logs.align import align as align_log
+        from paxisim.logs.resample import resample_log
         from paxisim.logs.mcap_reader import read_log
 
         log = read_log(path)
-        found = align_log(log, align, max_gap)
+        found = resample_log(log, align, max_gap)
         if not log.complete:
             _warn_of_part(path, "cut off or damaged", found)
     else:
@@ -107,7 +107,7 @@ def _load(
     return found if layout is None else replace(found, layout=layout)
 
 
-def _load_parquet(path: Path) -> Aligned:
+def _load_parquet(path: Path) -> RecordingArrays:
     from paxisim.logs.columns import from_columns
     from paxisim.logs.parquet import read_parquet
 
@@ -122,7 +122,7 @@ def _load_parquet(path: Path) -> Aligned:
     return replace(found, **about)
 
 
-def _load_hdf5(path: Path) -> Aligned:
+def _load_hdf5(path: Path) -> RecordingArrays:
     from paxisim.logs.hdf5 import read_hdf5
 
     found = read_hdf5(path)
@@ -134,7 +134,7 @@ def _load_hdf5(path: Path) -> Aligned:
     return found
 
 
-def _load_lerobot(path: Path, pads: tuple[str, ...] | None) -> Aligned:
+def _load_lerobot(path: Path, pads: tuple[str, ...] | None) -> RecordingArrays:
     from paxisim.logs.lerobot_reader import features_in_words, read_lerobot
 
     found = read_lerobot(path, pads)
@@ -147,7 +147,7 @@ def _load_lerobot(path: Path, pads: tuple[str, ...] | None) -> Aligned:
     return found
 
 
-def save_aligned(path: Path, recording: Aligned) -> None:
+def save_arrays(path: Path, recording: RecordingArrays) -> None:
     """Save a recording; see `paxisim.Recording.save`."""
     suffix = path.suffix.lower()
     if suffix == ".mcap":
@@ -162,7 +162,7 @@ def save_aligned(path: Path, recording: Aligned) -> None:
         raise InvalidValueError(f"a recording is saved as .mcap or .npz, got {path}")
 
 
-def _warn_of_part(path: Path, what: str, found: Aligned) -> None:
+def _warn_of_part(path: Path, what: str, found: RecordingArrays) -> None:
     samples = f"{len(found.time)} sample{'s' * (len(found.time) != 1)}"
     text = f"{path} is {what}; the intact part was read: {samples}, the last at {found.time[-1]:.3f} s"
     warnings.warn(text, stacklevel=5)  # at the caller of Recording.load

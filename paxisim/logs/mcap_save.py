@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError
 from paxisim.logs import schemas
-from paxisim.logs.aligned import Aligned, episode_starts
-from paxisim.logs.atomic import whole_file
+from paxisim.logs.recording_arrays import RecordingArrays, episode_starts
+from paxisim.files import whole_file
 from paxisim.logs.mcap_writer import LogWriter
 
 
-def write_mcap(path: Path, recording: Aligned) -> None:
+def write_mcap(path: Path, recording: RecordingArrays) -> None:
     """Write every stream at the recording's times.
 
     Log time is ``metadata["start"]`` (Unix seconds, default 0) plus the recording's time. An episode that does not
@@ -40,7 +40,7 @@ def write_mcap(path: Path, recording: Aligned) -> None:
                 log.write_at(schemas.COVARIATE + name, now, values[i])
 
 
-def log_times(recording: Aligned) -> tuple[NDArray[np.int64], list[int], list[int]]:
+def log_times(recording: RecordingArrays) -> tuple[NDArray[np.int64], list[int], list[int]]:
     """Return log times (ns) of the samples, indices of the episodes' first samples, and log times of their time 0.
 
     Raises:

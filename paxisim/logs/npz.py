@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from paxisim.errors import InvalidValueError
 from paxisim.logs import schemas
 from paxisim.logs.about import about_text, read_about
-from paxisim.logs.aligned import Aligned
-from paxisim.logs.atomic import whole_file
+from paxisim.logs.recording_arrays import RecordingArrays
+from paxisim.files import whole_file
 from paxisim.logs.limits import most_unpacked, refuse_unpacked
 
 # errors of numpy and zipfile for data that are not an archive, or a damaged one
@@ -49,7 +49,7 @@ _RATIO = 100  # limit on the compression ratio; paxisim itself does not compress
 _ARRAYS = ("time", "measured", "simulated", "episode")
 
 
-def write_npz(path: Path, recording: Aligned) -> None:
+def write_npz(path: Path, recording: RecordingArrays) -> None:
     """Write the arrays without loss of precision.
 
     Raises:
@@ -63,7 +63,7 @@ def write_npz(path: Path, recording: Aligned) -> None:
         np.savez(file, about=np.array(text), **arrays)
 
 
-def read_npz(path: Path) -> Aligned:
+def read_npz(path: Path) -> RecordingArrays:
     """Read what `write_npz` wrote, or an archive with the same keys.
 
     Raises:
@@ -88,7 +88,7 @@ def read_npz(path: Path) -> Aligned:
         found = ", ".join(arrays) or "nothing"
         raise InvalidValueError(f"{path} must hold 'time' and 'measured' or 'simulated' (or both), got {found}")
     _refuse_infinite(arrays, f"{path}: ")
-    return Aligned(
+    return RecordingArrays(
         **{name: arrays[name] for name in _ARRAYS if name in arrays},
         covariates={
             name.removeprefix(schemas.COVARIATE): value

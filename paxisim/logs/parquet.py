@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError, MissingExtraError, UnsupportedError
 from paxisim.logs.about import about_text, read_about
-from paxisim.logs.aligned import Aligned
-from paxisim.logs.atomic import whole_file
+from paxisim.logs.recording_arrays import RecordingArrays
+from paxisim.files import whole_file
 from paxisim.logs.columns import to_columns
 from paxisim.logs.limits import most_unpacked, refuse_unpacked
 from paxisim.logs.parquet_footer import column_chunks
@@ -44,7 +44,7 @@ def require_pyarrow() -> None:
         raise UnsupportedError(f"the installed pyarrow cannot be used: {error}") from error
 
 
-def write_parquet(path: Path, recording: Aligned) -> None:
+def write_parquet(path: Path, recording: RecordingArrays) -> None:
     """Write the table, with layout, pad names and metadata as JSON under ``paxisim`` in its schema.
 
     Raises:

@@ -10,16 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError, UnknownNameError
-from paxisim.logs.aligned import Aligned, episode_starts
+from paxisim.logs.recording_arrays import RecordingArrays, episode_starts
 
 
 def select(
-    recording: Aligned,
+    recording: RecordingArrays,
     episodes: Iterable[int] | None,
     pads: Iterable[str] | None,
     covariates: Iterable[str] | None,
     known: bool,
-) -> Aligned:
+) -> RecordingArrays:
     """Select parts of a recording; see `paxisim.Recording.select`. Its fields must have been checked."""
     if covariates is not None:
         recording = _with_covariates(recording, _names(covariates))
@@ -34,7 +34,7 @@ def _names(given: str | Iterable[str]) -> tuple[str, ...]:
     return (given,) if isinstance(given, str) else tuple(given)
 
 
-def take(recording: Aligned, samples: slice | NDArray[Any]) -> Aligned:
+def take(recording: RecordingArrays, samples: slice | NDArray[Any]) -> RecordingArrays:
     """Return the given samples of every stream; a slice does not copy."""
     return replace(
         recording,
@@ -46,14 +46,14 @@ def take(recording: Aligned, samples: slice | NDArray[Any]) -> Aligned:
     )
 
 
-def _with_covariates(recording: Aligned, names: tuple[str, ...]) -> Aligned:
+def _with_covariates(recording: RecordingArrays, names: tuple[str, ...]) -> RecordingArrays:
     for name in names:
         if name not in recording.covariates:
             raise UnknownNameError("covariate", name, recording.covariates)
     return replace(recording, covariates={name: recording.covariates[name] for name in names})
 
 
-def _with_pads(recording: Aligned, names: tuple[str, ...]) -> Aligned:
+def _with_pads(recording: RecordingArrays, names: tuple[str, ...]) -> RecordingArrays:
     if not names or len(set(names)) < len(names):
         raise InvalidValueError(f"pads must name different pads, at least one, got {list(names)}")
     for name in names:
@@ -73,7 +73,7 @@ def _with_pads(recording: Aligned, names: tuple[str, ...]) -> Aligned:
     )
 
 
-def _in_episodes(recording: Aligned, wanted: list[int]) -> NDArray[np.bool_]:
+def _in_episodes(recording: RecordingArrays, wanted: list[int]) -> NDArray[np.bool_]:
     assert recording.episode is not None
     numbers = recording.episode[episode_starts(recording.episode)]
     missing = [number for number in wanted if number not in numbers]
@@ -83,7 +83,7 @@ def _in_episodes(recording: Aligned, wanted: list[int]) -> NDArray[np.bool_]:
     return np.isin(recording.episode, np.asarray(wanted, dtype=np.int64))
 
 
-def known_samples(recording: Aligned) -> NDArray[np.bool_]:
+def known_samples(recording: RecordingArrays) -> NDArray[np.bool_]:
     """Return a mask ``(T,)`` of the samples at which no tensor and no covariate has a NaN."""
     known = np.ones(len(recording.time), dtype=bool)
     for array in (recording.measured, recording.simulated, *recording.covariates.values()):
@@ -93,7 +93,7 @@ def known_samples(recording: Aligned) -> NDArray[np.bool_]:
     return known
 
 
-def _known(recording: Aligned) -> Aligned:
+def _known(recording: RecordingArrays) -> RecordingArrays:
     known = known_samples(recording)
     if not known.any():
         raise InvalidValueError("no sample is left: there is none at which all streams are known")

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from paxisim._version import __version__
 from paxisim.errors import PaxisimError, UnsupportedError
-from paxisim.logs.atomic import whole_file
+from paxisim.files import whole_file
 from paxisim.recording import Recording
 from paxisim.scene.changed import changed
 from paxisim.scene.parameters import SceneParameter

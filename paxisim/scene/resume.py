@@ -19,7 +19,7 @@ import numpy as np
 
 from paxisim._version import __version__
 from paxisim.errors import InvalidValueError, UnsupportedError
-from paxisim.logs.atomic import whole_file
+from paxisim.files import whole_file
 from paxisim.recording import Recording
 from paxisim.scene.replay import FITS, Replay, SimulatedEpisode
 from paxisim.scene.scene import Scene

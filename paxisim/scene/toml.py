@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from paxisim.errors import InvalidValueError, UnknownNameError
-from paxisim.logs.atomic import parse_file, whole_file
+from paxisim.files import parse_file, whole_file
 from paxisim.logs.text import parse_toml
 from paxisim.models.gel import Gel
 from paxisim.models.mount import Mount

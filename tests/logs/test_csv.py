@@ -174,7 +174,7 @@ def test_pads_of_different_kinds_are_chosen_by_name(tmp_path):
 
 def test_a_plain_table_comes_back(tmp_path):
     original = recording(6)
-    columns = to_columns(original.to_aligned())
+    columns = to_columns(original.to_arrays())
     text = ",".join(columns) + "\n"
     for row in zip(*columns.values(), strict=True):
         text += ",".join(repr(value.item()) for value in row) + "\n"

@@ -27,7 +27,7 @@ def in_little_memory(code, *words, most=64 * MEBIBYTE):
     before = f"""
 import resource, sys
 import numpy, orjson, zipfile, mcap.reader, zstandard, paxisim
-import paxisim.logs.load, paxisim.logs.npz, paxisim.logs.mcap_reader, paxisim.logs.align, paxisim.logs.csv
+import paxisim.logs.load, paxisim.logs.npz, paxisim.logs.mcap_reader, paxisim.logs.resample, paxisim.logs.csv
 paxisim.Recording
 with open("/proc/self/statm") as file:
     used = int(file.read().split()[0]) * resource.getpagesize()

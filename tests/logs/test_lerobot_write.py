@@ -28,7 +28,7 @@ from pyarrow import parquet
 
 
 def write(path, original, **options):
-    return lerobot_writer.write_lerobot(path, original.to_aligned(), **options)
+    return lerobot_writer.write_lerobot(path, original.to_arrays(), **options)
 
 
 def press(lengths=(30, 20), rate=50.0, **changes):

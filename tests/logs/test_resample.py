@@ -5,7 +5,7 @@ import pytest
 from log_files import START, counts
 
 from paxisim.errors import InvalidValueError, UnknownNameError
-from paxisim.logs.align import align, resample
+from paxisim.logs.resample import resample, resample_log
 from paxisim.logs.mcap_writer import LogWriter
 from paxisim.logs.stream import Log, Stream
 from paxisim.recording import Recording
@@ -168,7 +168,7 @@ def test_episodes_begin_at_their_marks(tmp_path):
 def test_simulated_alone_gives_the_time_axis():
     force = counts(3)
     log = Log({"simulated": Stream(START + np.array([0, 5, 9]), force)})
-    found = align(log)
+    found = resample_log(log)
     assert found.measured is None
     assert found.simulated is force
     assert found.time.tolist() == [0, 5e-9, 9e-9]
