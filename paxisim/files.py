@@ -1,4 +1,4 @@
-"""A file or folder that is written whole or not at all, and a file whose errors say which it is."""
+"""Atomic writing of files and folders, and parsing of files with errors that name the file."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ _Parsed = TypeVar("_Parsed")
 
 @contextlib.contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """A path to write to in the same folder; what is there at the end takes the place of `path`.
+    """Yield a temporary path in the same folder, which replaces `path` at the end.
 
-    After an error nothing is left of it, and a file that was at `path` before stays as it was.
+    After an error the temporary file is removed, and an existing file at `path` stays as it was.
 
     Raises:
         InvalidValueError: The path is a folder, or its folder does not exist.
@@ -40,11 +40,11 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 @contextlib.contextmanager
 def whole_folder(path: Path) -> Iterator[Path]:
-    """A new folder beside `path` to write to, which becomes `path` at the end; after an error nothing is left of it.
+    """Yield a new temporary folder beside `path`, which becomes `path` at the end and is removed after an error.
 
     Raises:
-        OutputExistsError: There is something at the path.
-        InvalidValueError: Its folder does not exist.
+        OutputExistsError: The path already exists.
+        InvalidValueError: Its parent folder does not exist.
     """
     refuse_existing(path)
     if not path.absolute().parent.is_dir():
@@ -60,22 +60,22 @@ def whole_folder(path: Path) -> Iterator[Path]:
 
 
 def refuse_existing(path: Path) -> None:
-    """Raise if there is something at the path of a folder that is to be made.
+    """Check that the path of a folder to be created does not exist yet.
 
     Raises:
-        OutputExistsError: There is.
+        OutputExistsError: The path already exists.
     """
     if path.exists() or path.is_symlink():
-        raise OutputExistsError(f"{path} exists; a folder is never written over, name a new one")
+        raise OutputExistsError(f"{path} exists; folders are never overwritten, choose a new name")
 
 
 def parse_file(path: Path, parse: Callable[[str], _Parsed]) -> _Parsed:
-    """What `parse` makes of the file's text.
+    """Return the result of `parse` for the file's text.
 
     Raises:
-        InvalidValueError: The file is no UTF-8 text, or `parse` raises it; the message names the file.
-        UnknownNameError: `parse` raises it; the message names the file.
-        FileNotFoundError: There is no such file.
+        InvalidValueError: The file is not UTF-8 text, or `parse` raises this error; the message names the file.
+        UnknownNameError: `parse` raises this error; the message names the file.
+        FileNotFoundError: The file does not exist.
     """
     try:
         return parse(path.read_text(encoding="utf-8"))

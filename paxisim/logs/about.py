@@ -1,4 +1,4 @@
-"""What a table or an archive says about a recording: layout, pads and metadata as one JSON text."""
+"""Layout, pads and metadata of a recording as one JSON text, as stored in tables and archives."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from paxisim.logs.recording_arrays import RecordingArrays
 
 
 def about_text(recording: RecordingArrays) -> str:
-    """The text.
+    """Return the JSON text for a recording.
 
     Raises:
         InvalidValueError: The metadata cannot be written as JSON.
@@ -32,11 +32,10 @@ def about_text(recording: RecordingArrays) -> str:
 
 
 def checked_metadata(path: Path, metadata: dict[str, Any]) -> None:
-    """Refuse what readers rely on and a file from elsewhere may say otherwise.
+    """Check the metadata entries that readers rely on and that a file from another program may get wrong.
 
     Raises:
-        InvalidValueError: The layout, the names of the pads, the unit or the time are of another kind; `path` is for
-            the message.
+        InvalidValueError: The layout, the pad names, the unit or a time has the wrong type; the message names `path`.
     """
     layout, pads = metadata.get("layout"), metadata.get("pads")
     if pads is not None and not (isinstance(pads, list) and all(isinstance(pad, str) for pad in pads)):
@@ -60,10 +59,10 @@ def checked_metadata(path: Path, metadata: dict[str, Any]) -> None:
 
 
 def read_about(path: Path, about: Any) -> dict[str, Any]:
-    """The fields ``layout``, ``pads`` and ``metadata`` of a `RecordingArrays`, from what the text holds.
+    """Return the fields ``layout``, ``pads`` and ``metadata`` of an `RecordingArrays` from the parsed JSON text.
 
     Raises:
-        InvalidValueError: It is not such a text; `path` is for the message.
+        InvalidValueError: The document does not have the expected form; the message names `path`.
     """
     given = {"layout": None, "pads": [], "metadata": {}, **about} if isinstance(about, dict) else {}
     layout, pads, metadata = given.get("layout"), given.get("pads"), given.get("metadata")

@@ -1,10 +1,10 @@
-"""add_streams: what another file recorded of the same motion, as covariates at the times of a recording.
+"""add_streams: streams that another file recorded during the same motion, resampled as covariates of a recording.
 
-Which of the two clocks the files share is said by the file that is added:
+The added file determines how the two time axes are matched:
 
-- It counts its **episodes** (a column ``episode_index``, as LeRobot's, or the demonstrations of an HDF5 file): its time
-  begins with each episode, as the recording's does, and episodes of the same number belong together.
-- Else its times are those of the **recording's clock**: Unix time, where the recording knows when it began.
+- If it numbers its **episodes** (a column ``episode_index`` as in LeRobot, or the demonstrations of an HDF5 file), its
+  time starts anew with each episode, as the recording's does, and episodes with the same number are matched.
+- Otherwise its times are on the **recording's clock**: Unix time if the recording knows when it started.
 """
 
 from __future__ import annotations
@@ -19,22 +19,24 @@ from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError
 from paxisim.logs import schemas
+from paxisim.logs.resample import resample
+from paxisim.logs.recording_arrays import RecordingArrays, Method, episode_spans, episode_starts
 from paxisim.logs.columns import streams_from_columns
 from paxisim.logs.mcap_save import log_times
 from paxisim.logs.recording_arrays import Method, RecordingArrays, episode_spans, episode_starts
 from paxisim.logs.resample import resample
 from paxisim.logs.stream import Stream
 
-# by name the samples of each episode, or of the whole file under None
+# the samples of each stream by episode number, or under None for the whole file
 Streams = dict[str, dict["int | None", Stream]]
 
 
 def read_streams(path: Path) -> Streams:
-    """The streams of numbers in a file, at their own times.
+    """Return the numeric streams of a file at their own times.
 
     Raises:
-        InvalidValueError: It is of another kind, or has no stream of numbers.
-        FileNotFoundError: There is no such file.
+        InvalidValueError: The file has an unsupported format or no numeric stream.
+        FileNotFoundError: The file does not exist.
     """
     if path.is_dir():
         from paxisim.logs.lerobot_reader import read_lerobot
@@ -48,7 +50,7 @@ def read_streams(path: Path) -> Streams:
 
         columns, is_cut = read_csv_columns(path)
         if is_cut:
-            warnings.warn(f"{path} is cut off: its last line is not whole and was left out", stacklevel=4)
+            warnings.warn(f"{path} is cut off: its last line is incomplete and was skipped", stacklevel=4)
         return _of_table(path, _from_columns(path, columns))
     if suffix == ".parquet":
         from paxisim.logs.parquet import read_parquet
@@ -59,21 +61,23 @@ def read_streams(path: Path) -> Streams:
 
         return _of_table(path, read_hdf5(path))
     raise InvalidValueError(
-        f"streams are added from a .mcap, .csv, .parquet, .h5 or .hdf5 file or a LeRobotDataset's folder, got {path}"
+        f"streams must come from a .mcap, .csv, .parquet, .h5 or .hdf5 file or a LeRobotDataset folder, got {path}"
     )
 
 
 def add_streams(
     recording: RecordingArrays, path: Path, streams: Streams, methods: Mapping[str, Method], max_gap: float | None
 ) -> RecordingArrays:
-    """The recording, whose fields were checked, with the streams of `path` as covariates; NaN where not known.
+    """Return the recording, whose fields must have been checked, with the streams of `path` added as covariates.
+
+    Values are NaN where a stream is unknown.
 
     Raises:
-        InvalidValueError: A name is taken, or the file has nothing of the time or the episodes of the recording.
+        InvalidValueError: A name is already in use, or the file shares no time or no episode with the recording.
     """
     taken = [name for name in streams if name in recording.covariates]
     if taken:
-        raise InvalidValueError(f"{path}: the recording has a covariate {taken[0]!r} already")
+        raise InvalidValueError(f"{path}: the recording already has a covariate {taken[0]!r}")
     episode = recording.episode
     assert episode is not None
     counts_episodes = None not in next(iter(streams.values()))
@@ -105,11 +109,11 @@ def _read_mcap(path: Path) -> dict[str, Stream]:
         return read_joints(path)
     log = read_log(path)
     if not log.complete:
-        warnings.warn(f"{path} is cut off or damaged; what is whole was read", stacklevel=5)
+        warnings.warn(f"{path} is cut off or damaged; the intact part was read", stacklevel=5)
     prefix = schemas.COVARIATE
     found = {name.removeprefix(prefix): stream for name, stream in log.streams.items() if name.startswith(prefix)}
     if not found:
-        raise InvalidValueError(f"{path} is a recording without covariates: there is no stream to add")
+        raise InvalidValueError(f"{path} is a recording without covariates, so there is no stream to add")
     return found
 
 
@@ -121,10 +125,10 @@ def _from_columns(path: Path, columns: dict[str, NDArray[Any]]) -> RecordingArra
 
 
 def _of_table(path: Path, table: RecordingArrays) -> Streams:
-    """The covariates of a table, whose time begins anew with each episode where it counts them."""
+    """Return the covariates of a table; if it numbers its episodes, time restarts at 0 with each episode."""
     time = table.time
     if not np.all(np.isfinite(time)):
-        raise InvalidValueError(f"{path}: every row must have a time, row {int(np.argmin(np.isfinite(time)))} has none")
+        raise InvalidValueError(f"{path}: every row must have a time; row {int(np.argmin(np.isfinite(time)))} has none")
     spans: dict[int | None, slice] = {None: slice(None)}
     if table.episode is not None:
         found = [(table.episode[span.start], span) for span in episode_spans(table.episode)]
@@ -135,12 +139,14 @@ def _of_table(path: Path, table: RecordingArrays) -> Streams:
     for number, span in spans.items():
         own = time[span]
         if np.any(np.diff(own) < 0):
-            raise InvalidValueError(f"{path}: the time runs back, from {own[:-1][np.diff(own) < 0][0]:.9g} s on")
+            raise InvalidValueError(
+                f"{path}: time must not decrease, but does after {own[:-1][np.diff(own) < 0][0]:.9g} s"
+            )
         at = np.round((own if number is None else own - own[0]) * 1e9).astype(np.int64)
         for name, values in table.covariates.items():
             streams[name][number] = Stream(at, np.asarray(values[span], dtype=np.float64))
     if not streams:
-        raise InvalidValueError(f"{path} has no stream of numbers beside its times")
+        raise InvalidValueError(f"{path} has no numeric stream besides its times")
     return streams
 
 
@@ -150,11 +156,11 @@ def _check_episodes(path: Path, streams: Streams, episode: NDArray[np.int64]) ->
     missing = [number for number in wanted if number not in there]
     if len(missing) == len(wanted):
         raise InvalidValueError(
-            f"{path} has no episode of the recording: it has the episodes {_listed(there)}, the recording "
+            f"{path} has none of the recording's episodes: it has episodes {_listed(there)}, the recording has "
             f"{_listed(wanted)}"
         )
     if missing:
-        warnings.warn(f"{path} has no episode {_listed(missing)}: its streams are not known there", stacklevel=5)
+        warnings.warn(f"{path} has no episode {_listed(missing)}; its streams are NaN there", stacklevel=5)
 
 
 def _check_overlap(path: Path, streams: Streams, at: NDArray[np.int64]) -> None:
@@ -162,8 +168,8 @@ def _check_overlap(path: Path, streams: Streams, at: NDArray[np.int64]) -> None:
     end = max(int(stream.nanoseconds[-1]) for parts in streams.values() for stream in parts.values())
     if begin > at[-1] or end < at[0]:
         raise InvalidValueError(
-            f"{path} does not overlap with the recording: it reaches from {begin * 1e-9:.3f} s to {end * 1e-9:.3f} s, "
-            f"the recording from {at[0] * 1e-9:.3f} s to {at[-1] * 1e-9:.3f} s; both must be on one clock, Unix time "
+            f"{path} does not overlap the recording: it spans {begin * 1e-9:.3f} s to {end * 1e-9:.3f} s, the "
+            f"recording {at[0] * 1e-9:.3f} s to {at[-1] * 1e-9:.3f} s; both must use the same clock, Unix time "
             "(s since 1970) for a live recording"
         )
 

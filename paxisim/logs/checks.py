@@ -1,4 +1,4 @@
-"""check_fields: the fields of a recording, converted, checked against each other, with the defaults filled in."""
+"""check_fields: convert the fields of a recording, check them against each other and fill in defaults."""
 
 from __future__ import annotations
 
@@ -11,15 +11,16 @@ from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
 from paxisim.logs.recording_arrays import RecordingArrays, episode_starts
 
-# kept in fields of their own, so that a file holds each of them once
+# reserved names: files store these as separate fields
 _FIELDS_NOT_METADATA = ("format", "layout", "pads", "time_zero_ns")
 
 
 def check_fields(given: RecordingArrays) -> RecordingArrays:
-    """The same fields with the dtypes and defaults of `paxisim.Recording`; arrays that fit are not copied.
+    """Return the fields with the dtypes and defaults of `paxisim.Recording`; arrays that already match are not copied.
 
     Raises:
-        InvalidValueError: Shapes that do not fit, no tensor or sample at all, a time that is not finite or runs back.
+        InvalidValueError: Shapes do not match, there is no tensor or no sample, or time is not finite or decreases
+            within an episode.
     """
     time = numbers("time", given.time, np.float64)
     if time.ndim != 1 or not len(time):
@@ -40,15 +41,15 @@ def check_fields(given: RecordingArrays) -> RecordingArrays:
     _check_order(time, episode)
     taken = [name for name in _FIELDS_NOT_METADATA if name in given.metadata]
     if taken:
-        raise InvalidValueError(f"metadata must not hold {taken[0]!r}, files keep that name for themselves")
+        raise InvalidValueError(f"metadata must not hold {taken[0]!r}, which is a reserved name")
     return RecordingArrays(time, measured, simulated, covariates, episode, layout, pads, dict(given.metadata))
 
 
 def numbers(name: str, value: Any, dtype: type) -> NDArray[Any]:
-    """The array of that dtype; `name` is for the message.
+    """Return `value` as an array of the given dtype; error messages call it `name`.
 
     Raises:
-        InvalidValueError: It holds no numbers, or has rows of different lengths.
+        InvalidValueError: The value is not numeric, or its rows differ in length.
     """
     try:
         array = np.asarray(value)
@@ -84,7 +85,7 @@ def _pads(given: Any, count: int) -> tuple[str, ...]:
         raise InvalidValueError(f"pads must be a sequence of names, got the string {given!r}")
     pads = tuple(str(name) for name in given) or tuple(f"pad{i}" for i in range(count))
     if len(pads) != count or len(set(pads)) != count:
-        raise InvalidValueError(f"pads must be {count} different names, one for each pad, got {list(pads)}")
+        raise InvalidValueError(f"pads must be {count} different names, one per pad, got {list(pads)}")
     return pads
 
 
@@ -94,7 +95,7 @@ def _covariate(name: Any, value: Any, samples: int) -> NDArray[np.float64]:
     covariate = numbers(f"covariates[{name!r}]", value, np.float64)
     if covariate.ndim == 0 or len(covariate) != samples or not covariate.size:
         raise InvalidValueError(
-            f"covariates[{name!r}] must be ({samples}, ...) as time has so many, got shape {covariate.shape}"
+            f"covariates[{name!r}] must have shape ({samples}, ...) to match time, got {covariate.shape}"
         )
     return covariate
 
@@ -104,7 +105,7 @@ def _episode(given: Any, samples: int) -> NDArray[np.int64]:
         return np.zeros(samples, dtype=np.int64)
     episode = np.asarray(given)
     if episode.shape != (samples,):
-        raise InvalidValueError(f"episode must have shape {(samples,)} as time has, got {episode.shape}")
+        raise InvalidValueError(f"episode must have shape {(samples,)} to match time, got {episode.shape}")
     whole = numbers("episode", episode, np.float64)
     if not np.all(np.isfinite(whole)) or np.any(whole != np.round(whole)):
         raise InvalidValueError("episode must hold whole numbers")
@@ -118,12 +119,12 @@ def _check_order(time: NDArray[np.float64], episode: NDArray[np.int64]) -> None:
     found, counts = np.unique(episode[starts], return_counts=True)
     if counts.max() > 1:
         number = found[counts.argmax()]
-        raise InvalidValueError(f"the samples of an episode must be adjacent, those of episode {number} are not")
+        raise InvalidValueError(f"the samples of an episode must be adjacent; those of episode {number} are not")
     back = np.diff(time) < 0
     back[starts[1:] - 1] = False
     if back.any():
         at = int(back.argmax())
         raise InvalidValueError(
-            f"time must not run back within an episode: sample {at + 1} is at {time[at + 1]:.9g} s, "
+            f"time must not decrease within an episode: sample {at + 1} is at {time[at + 1]:.9g} s, "
             f"the one before at {time[at]:.9g} s"
         )

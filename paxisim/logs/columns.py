@@ -1,18 +1,18 @@
-"""A recording as a table: one row a sample, one named column a number.
+"""A recording as a table, with one row per sample and one named column per value.
 
 | column | holds |
 |---|---|
 | ``timestamp`` | seconds since the first sample of the episode |
-| ``time`` | seconds, the recording's own time |
-| ``episode_index`` | the episode's number |
-| ``frame_index`` | counts the samples of the episode from 0 |
-| ``index`` | counts all samples from 0 |
+| ``time`` | the recording's time in seconds |
+| ``episode_index`` | the episode number |
+| ``frame_index`` | sample index within the episode, from 0 |
+| ``index`` | sample index over all episodes, from 0 |
 | ``tactile.PAD.ROW_COL.AXIS`` | measured force (N), e.g. ``tactile.left.0_9.z`` |
 | ``simulated.PAD.ROW_COL.AXIS`` | simulated force (N) |
-| ``NAME``, ``NAME.0``, ``NAME.0_1`` | a covariate; its components, where it is an array |
+| ``NAME``, ``NAME.0``, ``NAME.0_1`` | a covariate, or its components if it is an array |
 
-These are the flat ``thing.part`` names that LeRobot robots give their observations, and its data sets' names for times
-and episodes.
+Column names follow the flat ``thing.part`` names of LeRobot observations, and the names for times and episodes in
+LeRobot datasets.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ INDEX_COLUMNS = ("timestamp", "time", "episode_index", "frame_index", "index")
 _NOT_COVARIATES = (*INDEX_COLUMNS, "task_index")
 _PREFIXES = {"measured": "tactile", "simulated": "simulated"}
 _TAXEL = re.compile(r"(tactile|simulated)\.(.+)\.(\d{1,9})_(\d{1,9})\.([xyz])")
-_SPARSE = 100  # an array of which fewer than one in so many components has a column is a mistake
+_SPARSE = 100  # an array with a column for fewer than one in this many components is taken for a mistake
 _COMPONENT = re.compile(r"(.+)\.(\d{1,9}(?:_\d{1,9}){0,15})")
 
 
 def to_columns(recording: RecordingArrays) -> dict[str, NDArray[np.generic]]:
-    """The columns, each ``(T,)`` and a view where it can be one.
+    """Return the columns, each ``(T,)`` and a view where possible.
 
     Raises:
         InvalidValueError: A covariate has the name of another column.
@@ -62,16 +62,16 @@ def to_columns(recording: RecordingArrays) -> dict[str, NDArray[np.generic]]:
         for at in np.ndindex(values.shape[1:]):
             column = name + ("." + "_".join(map(str, at)) if at else "")
             if column in columns:
-                raise InvalidValueError(f"a table cannot have the covariate {name!r}: {column!r} is another column")
+                raise InvalidValueError(f"a table cannot hold the covariate {name!r}: {column!r} is already a column")
             columns[column] = values[(slice(None), *at)]
     return columns
 
 
 def from_columns(columns: Mapping[str, NDArray[Any]]) -> RecordingArrays:
-    """The arrays of a table; the inverse of `to_columns`. Index columns but one of the times may be missing.
+    """Return the arrays of a table; the inverse of `to_columns`. Only one of the two time columns is required.
 
     Raises:
-        InvalidValueError: No time, no taxels, or taxels that make no grid that is the same for all pads.
+        InvalidValueError: There is no time or no taxel, or the taxels do not form the same grid on all pads.
     """
     taxels: dict[str, dict[tuple[str, int, int, int], NDArray[np.float64]]] = {}
     for name, values in columns.items():
@@ -88,10 +88,10 @@ def from_columns(columns: Mapping[str, NDArray[Any]]) -> RecordingArrays:
 
 
 def streams_from_columns(columns: Mapping[str, NDArray[Any]]) -> RecordingArrays:
-    """Time, episodes and covariates of a table, which may have no taxels; a column ``(T, n)`` is a covariate.
+    """Return the time, episodes and covariates of a table, which needs no taxels; a column ``(T, n)`` is a covariate.
 
     Raises:
-        InvalidValueError: No time, or components of a covariate that are not numbered from 0 on.
+        InvalidValueError: There is no time, or the components of a covariate are not numbered from 0.
     """
     time = columns.get("time", columns.get("timestamp"))
     if time is None:
@@ -120,14 +120,14 @@ def _grid(
 ) -> NDArray[np.float32]:
     rows = 1 + max(row for _, row, _, _ in taxels)
     cols = 1 + max(col for _, _, col, _ in taxels)
-    # looked for before there is room for them: a number that is wrong may ask for more than there is
+    # checked before the tensor is allocated: a wrong index could ask for more memory than there is
     wanted = ((pad, row, col, axis) for pad in pads for axis in range(3) for row in range(rows) for col in range(cols))
     missing = next((taxel for taxel in wanted if taxel not in taxels), None)
     if missing is not None:
         last = max(taxels, key=lambda taxel: max(taxel[1:3]))
         raise InvalidValueError(
             f"the table has no column {_name(prefix, *missing)}; every pad must have {rows}x{cols} taxels with x, y "
-            f"and z, as there is {_name(prefix, *last)}"
+            f"and z, because there is {_name(prefix, *last)}"
         )
     tensor = np.empty((len(next(iter(taxels.values()))), len(pads), 3, rows, cols), np.float32)
     for pad, axis, row, col in np.ndindex(tensor.shape[1:]):
@@ -146,8 +146,8 @@ def _array(name: str, parts: Mapping[tuple[int, ...], NDArray[np.float64]]) -> N
     if math.prod(shape) > _SPARSE * len(parts):
         column = f"{name}.{'_'.join(map(str, max(parts, key=max)))}"
         raise InvalidValueError(
-            f"the column {column!r} makes {name!r} an array of shape {shape}, of which the table has {len(parts)} "
-            f"column{'s' * (len(parts) != 1)}; number them from 0 on"
+            f"the column {column!r} makes {name!r} an array of shape {shape}, but the table has only {len(parts)} "
+            f"column{'s' * (len(parts) != 1)} of it; number them from 0"
         )
     values = np.full((len(next(iter(parts.values()))), *shape), np.nan)
     for at, column in parts.items():

@@ -1,4 +1,4 @@
-"""concatenate: several recordings as one."""
+"""concatenate: join several recordings into one."""
 
 from __future__ import annotations
 
@@ -11,25 +11,25 @@ from paxisim.logs.recording_arrays import RecordingArrays, unit_of
 
 
 def concatenate(parts: Sequence[RecordingArrays]) -> RecordingArrays:
-    """See `paxisim.Recording.concatenate`; the fields of each part must have been checked."""
+    """Join recordings; see `paxisim.Recording.concatenate`. The fields of each part must have been checked."""
     first = parts[0]
     for i, part in enumerate(parts[1:], start=1):
         for what in ("layout", "pads"):
             if getattr(part, what) != getattr(first, what):
                 raise InvalidValueError(
-                    f"recordings of different {what} cannot be concatenated: the first has {getattr(first, what)}, "
+                    f"recordings with different {what} cannot be concatenated: the first has {getattr(first, what)}, "
                     f"number {i} (from 0) has {getattr(part, what)}"
                 )
         for what in ("measured", "simulated"):
             if (getattr(part, what) is None) != (getattr(first, what) is None):
                 without = i if getattr(part, what) is None else 0
                 raise InvalidValueError(
-                    f"all recordings that are concatenated must have a {what} tensor, or none: number {without} (from "
+                    f"either all concatenated recordings must have a {what} tensor, or none: number {without} (from "
                     "0) has none"
                 )
         if unit_of(part.metadata) != unit_of(first.metadata):
             raise InvalidValueError(
-                f"recordings of different units cannot be concatenated: the first is in {unit_of(first.metadata)}, "
+                f"recordings with different units cannot be concatenated: the first is in {unit_of(first.metadata)}, "
                 f"number {i} (from 0) in {unit_of(part.metadata)}"
             )
         _check_covariates(i, part, first)
@@ -55,8 +55,8 @@ def _check_covariates(number: int, part: RecordingArrays, first: RecordingArrays
     if only:
         common = sorted(part.covariates.keys() & first.covariates.keys())
         raise InvalidValueError(
-            f"recordings that are concatenated must have the same covariates, but the first and number {number} (from "
-            f"0) do not share {', '.join(only)}; keep what they share with select(covariates={common})"
+            f"concatenated recordings must have the same covariates, but the first and number {number} (from 0) do "
+            f"not share {', '.join(only)}; keep the shared ones with select(covariates={common})"
         )
     for name, values in part.covariates.items():
         if values.shape[1:] != first.covariates[name].shape[1:]:
@@ -67,7 +67,7 @@ def _check_covariates(number: int, part: RecordingArrays, first: RecordingArrays
 
 
 def _metadata(parts: Sequence[RecordingArrays]) -> dict[str, object]:
-    """What all say alike, and the start of the first, from which its time counts."""
+    """Return the entries that all recordings share, and the first one's start, from which its time counts."""
     first = parts[0].metadata
     return {
         name: value

@@ -1,14 +1,14 @@
-"""Recordings that come as CSV: what a board's own recorders write, and plain tables.
+"""CSV recordings: files written by a board's own recorders, and plain tables.
 
-Three kinds, told apart by their columns. In the first two every number is a count of 0.1 N as it came from the board:
-signed for x and y, unsigned for z. An empty cell is not known: NaN.
+There are three kinds, recognised by their columns. In the first two, every number is a raw count of 0.1 N from the
+board: signed for x and y, unsigned for z. An empty cell is unknown and becomes NaN.
 
-- **Host program** (one row a frame): ``Timestamp`` is the time of day, ``HH:MM:SS.mmm``; ``F-M-NxN-X[i]`` (and Y, Z) is
-  taxel ``i`` of module ``M`` (0 proximal, 1 middle, 2 tip, 3 nail; 0 to 7 on the palm) of finger ``F`` (0 thumb to
+- **Host program** (one row per frame): ``Timestamp`` is the time of day, ``HH:MM:SS.mmm``; ``F-M-NxN-X[i]`` (and Y, Z)
+  is taxel ``i`` of module ``M`` (0 proximal, 1 middle, 2 tip, 3 nail; 0 to 7 on the palm) of finger ``F`` (0 thumb to
   4 little, 5 palm); ``F-M-1x1-X`` is the module's resultant. A pad is named ``F-M``.
-- **paxini-sdk, "native"**: before the columns may stand a line ``# {JSON}`` on firmware and modules. Then
+- **paxini-sdk, "native"**: an optional first line ``# {JSON}`` describes firmware and modules. The columns are
   ``timestamp_iso`` (local time), ``timestamp_monotonic_s`` (s), ``PAD_ptNNN_fx_lsb`` (and fy, fz), and
-  ``PAD_resultant_fx_lsb``; a pad is named as ``index_tip``.
+  ``PAD_resultant_fx_lsb``. Pads have names such as ``index_tip``.
 - **Plain**: newtons, with the columns of `paxisim.logs.columns`.
 
 The resultants become the covariate ``resultant``, ``(T, pads, 3)`` newtons.
@@ -29,11 +29,12 @@ from numpy.typing import NDArray
 from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.layout import TaxelLayout
 from paxisim.logs import schemas
+from paxisim.logs.recording_arrays import RecordingArrays, CountsToForce
 from paxisim.logs.columns import from_columns
 from paxisim.logs.recording_arrays import CountsToForce, RecordingArrays
 from paxisim.logs.text import parse_json
 
-RESOLUTION = 0.1  # newtons a count
+RESOLUTION = 0.1  # newtons per count
 _COUNTS = np.iinfo(np.int16)
 _GREATEST = float(np.finfo(np.float32).max)
 _DAY = 86400.0
@@ -55,17 +56,18 @@ def read_csv(
 
     Args:
         path: The file.
-        layout: The pads' taxels; their ``vendor_order`` says which taxel of the file is where.
-        pads: Only these pads of a board's file, by their names there, in this order. Needed where a hand has pads of
-            different numbers of taxels, of which a recording holds one kind. Of a plain table all are read.
-        profile: How counts become newtons, for a board's file.
+        layout: Taxel layout of the pads; its ``vendor_order`` maps the file's taxels to the grid.
+        pads: Names of the pads to read from a board's file, in this order. Needed if the hand's pads differ in their
+            number of taxels, because a recording holds pads of one kind. Ignored for a plain table, which is read
+            completely.
+        profile: Conversion from counts to newtons, for a board's file.
 
     Returns:
-        What it holds, and whether a last row that is cut off was left out.
+        The recording, and whether an incomplete last row was skipped.
 
     Raises:
-        InvalidValueError: None of these files, or a row that is not like the others; the message has its line.
-        UnknownNameError: There is no such pad.
+        InvalidValueError: The file is of none of the three kinds, or a row is malformed; the message has its line.
+        UnknownNameError: A pad does not exist.
     """
     table = _Table(path)
     for time_column, parse, read_time in (
@@ -74,7 +76,7 @@ def read_csv(
     ):
         if time_column in table.names:
             if table.last_may_be_cut and len(table.lines) > 1:
-                table.lines.pop()  # a recorder ends each row with a newline, so the last number may lack digits
+                table.lines.pop()  # recorders end each row with a newline, so the last number may be truncated
                 table.is_cut = True
             return _Board(table, parse).read(read_time(table), layout, pads, profile), table.is_cut
     if profile is not None:
@@ -88,25 +90,25 @@ def read_csv(
 
 
 def read_csv_columns(path: Path) -> tuple[dict[str, NDArray[np.float64]], bool]:
-    """The columns of a plain table by their names, and whether a last row that is cut off was left out.
+    """Return the columns of a plain table by name, and whether an incomplete last row was skipped.
 
     Raises:
-        InvalidValueError: No table of numbers, or a row that is not like the others; the message has its line.
-        FileNotFoundError: There is no such file.
+        InvalidValueError: The file is not a table of numbers, or a row is malformed; the message has its line.
+        FileNotFoundError: The file does not exist.
     """
     table = _Table(path)
     return table.columns(), table.is_cut
 
 
 class _Table:
-    """The text of a CSV file.
+    """Text of a CSV file, split into lines.
 
     Attributes:
-        comment: What a first line ``# {JSON}`` says.
-        names: Of the columns.
-        lines: The rows, not empty, the last one with as many values as there are names.
-        last_may_be_cut: True if no newline ends the last row.
-        is_cut: True if a row that is not whole was left out at the end.
+        comment: Contents of an optional first line ``# {JSON}``.
+        names: Column names.
+        lines: The non-empty rows; the last one has a value for every column.
+        last_may_be_cut: True if the last row does not end with a newline.
+        is_cut: True if an incomplete last row was skipped.
     """
 
     def __init__(self, path: Path) -> None:
@@ -117,7 +119,7 @@ class _Table:
         except UnicodeDecodeError as error:
             raise InvalidValueError(
                 f"{path}: expected a CSV file in UTF-8, got the byte {error.object[error.start]:#04x} after "
-                f"{error.start} bytes; save it as UTF-8"
+                f"{error.start} bytes; save the file as UTF-8"
             ) from error
         last_may_be_cut = not text.endswith("\n")
         lines = [line for line in text.splitlines() if line.strip()]
@@ -145,33 +147,33 @@ class _Table:
             self.is_cut = True
         self.last_may_be_cut = last_may_be_cut
         if not self.lines:
-            raise InvalidValueError(f"{path} has no whole row, or is no CSV file: it begins with {lines[0][:40]!r}")
+            raise InvalidValueError(f"{path} has no complete row or is not a CSV file; it begins {lines[0][:40]!r}")
 
     def numbers(self, names: list[str]) -> NDArray[np.float64]:
-        """``(T, columns)``; an empty cell is NaN."""
+        """Return the named columns as ``(T, columns)``; an empty cell is NaN."""
         columns = [self.names.index(name) for name in names]
         try:
             if any(line.count(",") != len(self.names) - 1 for line in self.lines):
                 raise ValueError("rows of different lengths, or commas in quotes")
             return np.loadtxt(self.lines, delimiter=",", usecols=columns, ndmin=2, comments=None, quotechar='"')
-        except ValueError:  # slowly, to find what is wrong, or empty
+        except ValueError:  # slow path: finds the malformed cell, and accepts empty ones
             values = np.empty((len(self.lines), len(columns)))
             for i, row in enumerate(self.rows()):
                 values[i] = [self._number(row[at], i, at) for at in columns]
             return values
 
     def columns(self) -> dict[str, NDArray[np.float64]]:
-        """Every column of a plain table; its times and numbers are such that a recording can hold them."""
+        """Return every column of a plain table, after checking that a recording can hold its times and values."""
         values = self.numbers(self.names)
         for name in [name for name in ("timestamp", "time") if name in self.names]:
             _check_times(self, values[:, [self.names.index(name)]], name)
         self.check(
-            values, self.names, _GREATEST, "a number must be finite and below 3.4e38 (an empty cell is not known)"
+            values, self.names, _GREATEST, "a number must be finite and below 3.4e38 (leave the cell empty if unknown)"
         )
         return dict(zip(self.names, values.T, strict=True))
 
     def check(self, values: NDArray[np.float64], names: list[str], limit: float, expected: str) -> None:
-        """Refuse what is further from 0 than `limit`; NaN passes."""
+        """Raise an error if a magnitude exceeds `limit`; NaN passes."""
         wrong = np.abs(values) > limit
         if wrong.any():
             row, at = np.argwhere(wrong)[0]
@@ -180,7 +182,7 @@ class _Table:
             )
 
     def rows(self) -> Iterator[list[str]]:
-        """The texts of each row."""
+        """Yield the cells of each row as text."""
         for i, row in enumerate(csv.reader(self.lines)):
             if len(row) != len(self.names):
                 raise InvalidValueError(
@@ -193,12 +195,12 @@ class _Table:
             return float(text) if text.strip() else float("nan")
         except ValueError:
             raise InvalidValueError(
-                f"{self.path}, line {self.first_row + row}, column {self.names[column]!r}: {text!r} is no number"
+                f"{self.path}, line {self.first_row + row}, column {self.names[column]!r}: {text!r} is not a number"
             ) from None
 
 
 class _Board:
-    """A file of counts."""
+    """A file of raw counts written by a board's recorder."""
 
     def __init__(self, table: _Table, parse: Callable[[str], _Column | None]) -> None:
         self.table, self.path = table, table.path
@@ -222,7 +224,7 @@ class _Board:
         if len(set(counts.values())) > 1:
             listed = ", ".join(f"{pad} has {count}" for pad, count in counts.items())
             raise InvalidValueError(
-                f"a recording holds pads of one kind, those of {self.path} differ in their taxels: {listed}; "
+                f"a recording holds pads of one kind, but those of {self.path} differ in their taxels: {listed}; "
                 "choose with pads=[...]"
             )
         taxels = counts[pads[0]]
@@ -236,7 +238,7 @@ class _Board:
             resultant = self._numbers(totals).reshape(-1, len(pads), 3) * RESOLUTION
         if profile is not None:
             if layout is not None:
-                raise InvalidValueError("give layout or profile, not both: a profile says the layout")
+                raise InvalidValueError("give layout or profile, not both: a profile defines the layout")
             layout, force = profile.layout, _to_force(values, profile)
         else:
             layout = layout or TaxelLayout(1, taxels, (1e-3, 1e-3))
@@ -276,11 +278,11 @@ class _Board:
 
 
 def _to_force(counts: NDArray[np.float64], profile: CountsToForce) -> NDArray[np.float32]:
-    """The newtons of counts, of which some may be NaN."""
+    """Convert counts, some of which may be NaN, to newtons."""
     missing = np.isnan(counts)
     force = profile.to_force(np.where(missing, 0, counts).astype(np.int16))
     if missing.any():
-        # ones that go the way of the counts come out where a missing count takes part
+        # convert a mask of ones in the same way: outputs that are not 0 depend on a missing count
         force = np.where(profile.to_force(missing.astype(np.int16)) != 0, np.float32(np.nan), force)
     return force
 
@@ -308,11 +310,11 @@ def _seconds(table: _Table) -> NDArray[np.float64]:
 
 
 def _check_times(table: _Table, times: NDArray[np.float64], name: str) -> None:
-    table.check(times, [name], schemas.LATEST * 1e-9, "a time must be in seconds, not beyond the year 2262")
+    table.check(times, [name], schemas.LATEST * 1e-9, "a time must be in seconds and not beyond the year 2262")
 
 
 def _time_of_day(table: _Table) -> NDArray[np.float64]:
-    """Seconds since the midnight before the first row; a day is added where midnight passes."""
+    """Return seconds since the midnight before the first row, adding a day at each midnight passed."""
     times = np.empty(len(table.lines))
     at = table.names.index("Timestamp")
     for i, row in enumerate(table.rows()):

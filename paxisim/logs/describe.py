@@ -1,25 +1,27 @@
-"""What a log holds, in words."""
+"""Text description of the contents of a log."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from paxisim.logs import schemas
+from paxisim.logs.resample import GAP_INTERVALS, usual_interval
+from paxisim.logs.recording_arrays import RecordingArrays
 from paxisim.logs.mcap_save import log_times
 from paxisim.logs.recording_arrays import RecordingArrays
 from paxisim.logs.resample import GAP_INTERVALS, usual_interval
 from paxisim.logs.stream import Log, Stream
 
-# behind the name of the stream
+# follows the stream's name
 HEADER = "  samples       s      Hz  gaps  longest s  lost  errors"
-_EPISODES = 20  # listed one by one
+_EPISODES = 20  # at most this many are listed individually
 
 
 def describe_stream(name: str, stream: Stream, width: int) -> str:
-    """A row of the table below `HEADER`.
+    """Return a row of the table below `HEADER`.
 
-    A gap is an interval of more than five times the usual one; lost are readings that the device counted and the file
-    lacks; errors are samples with a pad whose status was not good, whose forces count as not known.
+    A gap is an interval of more than five times the usual one. Lost readings were counted by the device but are missing
+    from the file. Errors are samples with a pad in an error status, whose forces are treated as unknown.
     """
     time = stream.nanoseconds
     short = name if len(name) <= width else name[: width - 3] + "..."
@@ -39,13 +41,13 @@ def describe_stream(name: str, stream: Stream, width: int) -> str:
 
 
 def describe_episodes(log: Log, first: int) -> list[str]:
-    """A line for each episode: when it begins, after `first` (ns), and its tactile samples."""
+    """Return a line for each episode with its start, relative to `first` (ns), and its number of tactile samples."""
     marks = log.streams["episode"]
     name = next((name for name in schemas.TACTILE_STREAMS if name in log.streams), None)
     begins = np.append(marks.nanoseconds[1:], np.iinfo(np.int64).max)
     counts = np.zeros(len(begins), dtype=np.int64)
     if name:
-        # what precedes the first mark belongs to it
+        # samples before the first mark belong to its episode
         ends = np.searchsorted(log.streams[name].nanoseconds, begins, side="left")
         counts = np.diff(ends, prepend=0)
     lines = [f"{len(counts)} episode{'s' * (len(counts) != 1)}"]
@@ -57,7 +59,7 @@ def describe_episodes(log: Log, first: int) -> list[str]:
 
 
 def log_of(recording: RecordingArrays) -> Log:
-    """A table's streams as a log, for its description."""
+    """Convert a recording read from a table to a log, to describe it."""
     time, starts, _ = log_times(recording)
     streams = {name: getattr(recording, name) for name in schemas.TACTILE_STREAMS}
     streams |= {schemas.COVARIATE + name: values for name, values in recording.covariates.items()}

@@ -1,4 +1,4 @@
-"""Document: dataclasses from what JSON holds of them, and numbers that JSON can hold."""
+"""Document: dataclasses rebuilt from JSON, and values restricted to what JSON can represent."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from typing import Any, Union, get_args, get_origin, get_type_hints
 
 
 def built(kind: Any, document: Any) -> Any:
-    """What `dataclasses.asdict` and JSON made of a value, as it was.
+    """Rebuild a value from the JSON of its `dataclasses.asdict`.
 
     Args:
-        kind: The type: a dataclass, a tuple of one type, either of them or None, or what JSON holds itself.
-        document: From JSON.
+        kind: Type of the value: a dataclass, a tuple of one type, an optional of either, or a native JSON type.
+        document: The parsed JSON.
 
     Raises:
         KeyError: A field is missing.
-        TypeError: A field is no object or no list where one was expected.
+        TypeError: A field is not an object or a list where one was expected.
     """
     if is_dataclass(kind):
         hints = get_type_hints(kind)
@@ -32,7 +32,7 @@ def built(kind: Any, document: Any) -> Any:
 
 
 def finite(value: Any) -> Any:
-    """Mappings, lists and numbers, with None for numbers that JSON has none for."""
+    """Return nested mappings, lists and numbers with None in place of non-finite numbers, which JSON lacks."""
     if isinstance(value, Mapping):
         return {name: finite(item) for name, item in value.items()}
     if isinstance(value, (list, tuple)):

@@ -2,15 +2,16 @@
 
 | in ``data/demo_N`` | becomes |
 |---|---|
-| ``states``: MuJoCo's time, qpos and qvel | the time; for each joint the covariates ``JOINT`` and ``JOINT.velocity``, \
-by the names in the attribute ``model_file``, and ``states`` where that does not fit |
+| ``states``: MuJoCo's time, qpos and qvel | the time, and for each joint the covariates ``JOINT`` and \
+``JOINT.velocity``, named as in the attribute ``model_file``; the covariate ``states`` if the model does not match |
 | ``actions`` | the covariate ``actions`` |
-| ``obs/NAME`` of one number or a row of numbers a sample | the covariate ``NAME`` |
-| ``obs/NAME`` of shape ``(T, pads, 3, rows, cols)`` | the tensor: simulated where there are ``states``, measured else |
+| ``obs/NAME`` with a number or a vector per sample | the covariate ``NAME`` |
+| ``obs/NAME`` of shape ``(T, pads, 3, rows, cols)`` | the tensor: simulated if there are ``states``, otherwise \
+measured |
 | ``model_file`` of the first demonstration | ``metadata["scene"]`` |
 
-Demonstration N is episode N, and its time begins at 0. Without ``states``, samples are one over the ``control_freq`` of
-``data``'s attribute ``env_args`` or ``env_info`` apart. Images and other arrays are left out.
+Demonstration N is episode N, and its time begins at 0. Without ``states``, the sampling interval is one over the
+``control_freq`` in ``data``'s attribute ``env_args`` or ``env_info``. Images and other arrays are skipped.
 """
 
 from __future__ import annotations
@@ -28,32 +29,32 @@ from paxisim.errors import InvalidValueError, MissingExtraError
 from paxisim.logs.recording_arrays import RecordingArrays
 
 _DEMO = re.compile(r"demo_(\d+)")
-# of h5py, for what is damaged, or a group where a dataset should be
+# errors of h5py for damaged data, or for a group in place of a dataset
 _NOT_SUCH = (OSError, LookupError, RuntimeError, TypeError, ValueError, AttributeError, OverflowError, MemoryError)
-_SIZES = {"free": (7, 6), "ball": (4, 3)}  # numbers of a joint in qpos and qvel; others have one each
+_SIZES = {"free": (7, 6), "ball": (4, 3)}  # size of a joint in qpos and qvel; other types have one value in each
 
 
 def read_hdf5(path: Path) -> RecordingArrays:
-    """Read all demonstrations; there may be no tensor in them.
+    """Read all demonstrations, with or without a tensor.
 
     Raises:
-        InvalidValueError: Not such a file, or demonstrations that differ in what they hold.
+        InvalidValueError: The file does not have this format, or its demonstrations differ in their contents.
         MissingExtraError: h5py is not installed.
-        FileNotFoundError: There is no such file.
+        FileNotFoundError: The file does not exist.
     """
     try:
         import h5py
     except ModuleNotFoundError as error:
         raise MissingExtraError("h5py", "hdf5", "an HDF5 file") from error
     with open(path, "rb"):
-        pass  # h5py's own error for a file that is missing is an OSError without a word on which
+        pass  # for a missing file, h5py raises an OSError that does not name it
     try:
         with h5py.File(path, "r") as file:
             return _read(path, file)
     except InvalidValueError:
         raise
     except _NOT_SUCH as error:
-        raise InvalidValueError(f"{path} is no whole HDF5 file of robosuite or robomimic: {error}") from error
+        raise InvalidValueError(f"{path} is not a complete HDF5 file of robosuite or robomimic: {error}") from error
 
 
 def _read(path: Path, file: Any) -> RecordingArrays:
@@ -84,11 +85,12 @@ class _Demo:
     """One demonstration.
 
     Attributes:
-        place: For messages.
-        time: ``(T,)`` s from its beginning.
-        arrays: The covariates, and the tensor under its name `tactile`, if there is one.
-        has_states: It comes from a simulation.
-        scene: The text of its MJCF, or "".
+        place: File and group, for messages.
+        time: ``(T,)`` seconds since the demonstration began.
+        arrays: The covariates, and the tensor under the name `tactile`, if there is one.
+        tactile: Name of the tensor in `arrays`, or "".
+        has_states: Whether there are ``states``, that is, the demonstration was simulated.
+        scene: Text of its MJCF, or "".
     """
 
     def __init__(self, place: str, group: Any, interval: float | None) -> None:
@@ -117,7 +119,7 @@ class _Demo:
             self.time = np.arange(count) * interval
         for key, value in self.arrays.items():
             if len(value) != len(self.time):
-                raise InvalidValueError(f"{place}: {key} has {len(value)} samples, the time has {len(self.time)}")
+                raise InvalidValueError(f"{place}: {key} has {len(value)} samples, time has {len(self.time)}")
 
     def shapes(self) -> dict[str, tuple[int, ...]]:
         return {name: value.shape[1:] for name, value in self.arrays.items()}
@@ -128,22 +130,22 @@ class _Demo:
         if not shape or getattr(dataset.dtype, "kind", "") not in "biuf" or (len(shape) > 2 and not is_tactile):
             return
         if name in self.arrays:
-            raise InvalidValueError(f"{self.place}: two streams would have the name {name!r}")
+            raise InvalidValueError(f"{self.place}: two streams would have the same name {name!r}")
         if is_tactile and self.tactile:
             raise InvalidValueError(
-                f"{self.place} has two tensors, obs/{self.tactile} and obs/{name}; a recording has one for all pads"
+                f"{self.place} has two tensors, obs/{self.tactile} and obs/{name}; a recording holds one for all pads"
             )
         self.tactile = name if is_tactile else self.tactile
         self.arrays[name] = self._numbers(name, dataset)
 
     def _numbers(self, name: str, dataset: Any) -> NDArray[np.float64]:
-        if dataset.size > dataset.id.get_storage_size() * 1024:  # what is not stored reads as made-up zeros
+        if dataset.size > dataset.id.get_storage_size() * 1024:  # values that are not stored would read as zeros
             raise InvalidValueError(f"{self.place}: {name} has shape {dataset.shape}, but its values are not stored")
         return np.asarray(dataset[()], dtype=np.float64)
 
 
 def _joints(scene: str, states: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
-    """Position and velocity of each joint; nothing where the states are not those of the scene."""
+    """Return the position and velocity of each joint; empty if the states do not match the scene."""
     names, sizes = [], []
     for name, kind in _joints_of(scene):
         names.append(name)
@@ -160,7 +162,7 @@ def _joints(scene: str, states: NDArray[np.float64]) -> dict[str, NDArray[np.flo
 
 
 def _joints_of(scene: str) -> Iterator[tuple[str, str]]:
-    """Name and type of each joint of an MJCF, in MuJoCo's order: a body's own before those of its children."""
+    """Yield the name and type of each joint of an MJCF in MuJoCo's order: a body's own before those of its children."""
     from lxml import etree
 
     try:
@@ -177,7 +179,7 @@ def _joints_of(scene: str) -> Iterator[tuple[str, str]]:
 
 
 def _interval(data: Any) -> float | None:
-    """Seconds from one sample to the next, where the file says how often its robot was controlled."""
+    """Return the sampling interval (s) from the robot's control frequency, or None if the file does not state it."""
     for attribute in ("env_args", "env_info"):
         try:
             about = json.loads(_text(data.attrs.get(attribute, "{}")))

@@ -1,16 +1,16 @@
-"""lerobot_features: which feature of a LeRobotDataset holds which stream of a recording.
+"""lerobot_features: mapping of a recording's streams to the features of a LeRobotDataset.
 
 | feature | shape | holds |
 |---|---|---|
-| ``observation.tactile.PAD`` | ``(3, rows, cols)`` | what the pad measured |
-| ``observation.simulated.PAD`` | ``(3, rows, cols)`` | what the simulation says of it |
-| ``action`` | ``(n,)`` | the covariates ``action``, ``actions`` and ``action.NAME``, or those that are named |
-| ``observation.state`` | ``(n,)`` | ``observation.state`` and ``observation.state.NAME``, or those that are named; \
-where there are neither, every other covariate of a number or a row of numbers but ``resultant`` |
+| ``observation.tactile.PAD`` | ``(3, rows, cols)`` | the pad's measured tensor |
+| ``observation.simulated.PAD`` | ``(3, rows, cols)`` | the pad's simulated tensor |
+| ``action`` | ``(n,)`` | the covariates ``action``, ``actions`` and ``action.NAME``, or the given ones |
+| ``observation.state`` | ``(n,)`` | ``observation.state`` and ``observation.state.NAME``, or the given covariates; if \
+there are neither, every other scalar or vector covariate except ``resultant`` |
 | ``observation.NAME`` | its own, or ``(1,)`` | any other covariate |
 
-All are float32. LeRobot allows no ``/`` in a feature's name, so there it is a ``.``; what a feature held is in its
-``info``, as LeRobot keeps it: ``stream``, ``pad``, ``unit`` and ``layout``, or ``covariates``.
+All are float32. LeRobot does not allow ``/`` in a feature's name, so it is replaced by ``.``. The feature's ``info``,
+which LeRobot preserves, records its origin: ``stream``, ``pad``, ``unit`` and ``layout``, or ``covariates``.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ PREFIXES = {"measured": "observation.tactile", "simulated": "observation.simulat
 STATE = "observation.state"
 ACTION = "action"
 MOST_AXES = 5
-"""Axes of a frame that LeRobot can hold."""
-_OWN_NAMES = ("observation.", "next.")  # of features of LeRobot's own, which keep them
+"""Maximum number of axes of a frame in LeRobot."""
+_OWN_NAMES = ("observation.", "next.")  # prefixes of LeRobot's own features, whose names stay as they are
 
 
 @dataclass(frozen=True)
@@ -39,10 +39,10 @@ class Feature:
     """A feature of a LeRobotDataset.
 
     Attributes:
-        name: As in ``meta/info.json``.
+        name: Name in ``meta/info.json``.
         values: ``(T, *shape)``, or ``(T,)`` for the shape ``(1,)``.
-        names: Of its components or axes, if any.
-        info: What else is known of it, as JSON can hold it.
+        names: Names of its components or axes, if any.
+        info: Further information as a JSON object.
     """
 
     name: str
@@ -52,22 +52,22 @@ class Feature:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Of one frame."""
+        """Shape of one frame."""
         return self.values.shape[1:] or (1,)
 
 
 def features_of(recording: RecordingArrays, state: Sequence[str] = (), action: Sequence[str] = ()) -> list[Feature]:
-    """The features of a recording whose fields were checked.
+    """Return the features of a recording, whose fields must have been checked.
 
     Args:
         recording: The recording.
-        state: Names of the covariates of ``observation.state``, in this order; default: see above.
-        action: Names of the covariates of ``action``, in this order; default: see above.
+        state: Names of the covariates that make up ``observation.state``, in this order; default: see above.
+        action: Names of the covariates that make up ``action``, in this order; default: see above.
 
     Raises:
-        InvalidValueError: Two features would have the same name, a covariate would be in two or has too many axes, or
+        InvalidValueError: Two features would have the same name, a covariate is given twice or has too many axes, or
             a value is infinite or too large for float32.
-        UnknownNameError: There is no such covariate.
+        UnknownNameError: A covariate does not exist.
     """
     covariates = recording.covariates
     for name in (*state, *action):
@@ -77,14 +77,14 @@ def features_of(recording: RecordingArrays, state: Sequence[str] = (), action: S
     states = list(state) or _states(recording, acts)
     twice = sorted(name for name in covariates if (*acts, *states).count(name) > 1)
     if twice:
-        raise InvalidValueError(f"the covariate {twice[0]!r} is named twice, expected once in state or action")
+        raise InvalidValueError(f"the covariate {twice[0]!r} is named twice; name it only once in state or action")
     found = [*_tactile(recording)]
     found += [_vector(recording, name, parts) for name, parts in ((STATE, states), (ACTION, acts)) if parts]
     found += [_alone(recording, name) for name in covariates if name not in (*acts, *states)]
     names = [feature.name for feature in found]
     if len(set(names)) < len(names):
         double = next(name for name in names if names.count(name) > 1)
-        raise InvalidValueError(f"two streams would be the feature {double!r} of the LeRobotDataset; rename one")
+        raise InvalidValueError(f"two streams map to the feature {double!r} of the LeRobotDataset; rename one of them")
     return found
 
 
@@ -119,7 +119,7 @@ def _tactile(recording: RecordingArrays) -> Iterable[Feature]:
 
 
 def _vector(recording: RecordingArrays, feature: str, parts: Sequence[str]) -> Feature:
-    """Covariates side by side; the names of the components are those of `paxisim.logs.columns`."""
+    """Stack covariates into one vector feature; its components are named as in `paxisim.logs.columns`."""
     arrays, names = [], []
     for part in parts:
         values = recording.covariates[part]
@@ -135,7 +135,7 @@ def _vector(recording: RecordingArrays, feature: str, parts: Sequence[str]) -> F
 def _alone(recording: RecordingArrays, name: str) -> Feature:
     values = recording.covariates[name]
     if values.ndim - 1 > MOST_AXES:
-        raise InvalidValueError(f"{name!r} has samples of {values.ndim - 1} axes, LeRobot holds at most {MOST_AXES}")
+        raise InvalidValueError(f"{name!r} has samples of {values.ndim - 1} axes, LeRobot allows at most {MOST_AXES}")
     feature = _allowed(name if _is_own(name) else f"observation.{name}")
     names = None
     if values.ndim <= 2:
@@ -155,5 +155,5 @@ def _as_float32(name: str, values: NDArray[Any]) -> NDArray[np.float32]:
     with np.errstate(over="ignore"):
         found = np.asarray(values, dtype=np.float32)
     if np.isinf(found).any():
-        raise InvalidValueError(f"{name!r} holds a value that is infinite or too large for float32; write NaN for it")
+        raise InvalidValueError(f"{name!r} holds a value that is infinite or too large for float32; use NaN instead")
     return found

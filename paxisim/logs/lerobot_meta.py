@@ -1,4 +1,4 @@
-"""lerobot_meta: what the folder ``meta`` of a LeRobotDataset, format v3, says of it."""
+"""lerobot_meta: contents of the folder ``meta`` of a LeRobotDataset, format v3."""
 
 from __future__ import annotations
 
@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from paxisim.errors import InvalidValueError
 from paxisim.files import parse_file
 from paxisim.logs.about import read_about
+from paxisim.logs.recording_arrays import episode_starts
+from paxisim.files import parse_file
 from paxisim.logs.parquet import column_values, is_text, read_table
 from paxisim.logs.recording_arrays import episode_starts
 from paxisim.logs.text import parse_json
@@ -26,13 +28,13 @@ _CONVERT = "python -m lerobot.datasets.v30.convert_dataset_v21_to_v30 --repo-id 
 
 @dataclass(frozen=True)
 class Meta:
-    """What is known of a dataset before its frames are read.
+    """Metadata of a dataset, read before its frames.
 
     Attributes:
         path: The dataset's folder.
-        features: By name an object with a list of whole numbers ``shape``.
-        frames: How many it should have, if it says so.
-        about: What paxisim wrote of the recording, or nothing.
+        features: Features by name, each an object whose ``shape`` is a list of whole numbers.
+        frames: Number of frames stated by the dataset, or None.
+        about: Description that paxisim wrote of the recording; empty if another program wrote the dataset.
         robot: LeRobot's name of the robot, or None.
     """
 
@@ -43,9 +45,10 @@ class Meta:
     robot: str | None
 
     def clock(self, indices: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """When each episode begins (s), and its number; `indices` are LeRobot's numbers of them, in order.
+        """Return the start time (s) and the number of each episode; `indices` are LeRobot's episode numbers, in order.
 
-        As paxisim wrote them; 0 s and LeRobot's numbers where it did not, or episodes came or went since.
+        Both come from paxisim's description. Without one, or if episodes were added or removed since, the start times
+        are 0 s and the numbers are LeRobot's.
         """
         begins, numbers = self.about.get("begins", ()), self.about.get("episodes", ())
         is_as_written = np.array_equal(indices, np.arange(len(begins))) and len(numbers) == len(begins)
@@ -54,16 +57,16 @@ class Meta:
         return np.asarray(begins, dtype=np.float64), np.asarray(numbers, dtype=np.int64)
 
     def metadata(self, task: NDArray[np.int64], episode: NDArray[np.int64]) -> dict[str, Any]:
-        """The recording's metadata, with the task in words: ``task``, or ``tasks`` by the episode's number.
+        """Return the recording's metadata with the task's text as ``task``, or as ``tasks`` by episode number.
 
         Args:
-            task: ``(T,)`` the index of each frame's task.
-            episode: ``(T,)`` the number of each frame's episode.
+            task: ``(T,)`` task index of each frame.
+            episode: ``(T,)`` episode number of each frame.
         """
         metadata: dict[str, Any] = {"source": self.path.resolve().name}
         metadata |= {} if self.robot is None else {"robot_type": self.robot}
         metadata = dict(self.about["metadata"]) if self.about else metadata
-        for name in ("task", "tasks"):  # what the dataset says counts
+        for name in ("task", "tasks"):  # replaced by those of the dataset
             metadata.pop(name, None)
         texts = _tasks(self.path / TASKS)
         starts = episode_starts(episode)
@@ -76,13 +79,13 @@ class Meta:
 
 
 def read_meta(path: Path) -> Meta:
-    """Read ``meta/info.json``, and ``meta/paxisim.json`` where there is one.
+    """Read ``meta/info.json`` and, if it exists, ``meta/paxisim.json``.
 
     Raises:
-        InvalidValueError: There is none, it is of another version, or not what it should be.
+        InvalidValueError: ``meta/info.json`` is missing, or a file has another version or is malformed.
     """
     if not (path / INFO).is_file():
-        raise InvalidValueError(f"{path} is a folder, but no LeRobotDataset: expected {INFO} in it")
+        raise InvalidValueError(f"{path} is a folder, but not a LeRobotDataset: expected {INFO} in it")
     info = parse_file(path / INFO, parse_json)
     _check_version(path, info)
     features = info.get("features")
@@ -101,13 +104,13 @@ def _check_version(path: Path, info: Any) -> None:
     version = info.get("codebase_version") if isinstance(info, dict) else None
     found = re.fullmatch(r"v?(\d{1,3})(\.\d{1,3}){0,2}", version) if isinstance(version, str) else None
     if found is None:
-        raise InvalidValueError(f"{path / INFO} is of no LeRobotDataset: expected codebase_version, such as v3.0")
+        raise InvalidValueError(f"{path / INFO} is not from a LeRobotDataset: expected codebase_version, e.g. v3.0")
     if int(found[1]) < 3:
         raise InvalidValueError(
-            f"{path} is a LeRobotDataset {version}, expected v3; LeRobot 0.4 converts one of v2.1: {_CONVERT}"
+            f"{path} is a LeRobotDataset {version}, expected v3; convert v2.1 with LeRobot 0.4: {_CONVERT}"
         )
     if int(found[1]) > 3:
-        raise InvalidValueError(f"{path} is a LeRobotDataset {version}, which is newer than this paxisim: expected v3")
+        raise InvalidValueError(f"{path} is a LeRobotDataset {version}, but this paxisim reads only v3")
 
 
 def _is_feature(feature: Any) -> bool:
@@ -126,16 +129,16 @@ def _checked(path: Path, about: Any) -> dict[str, Any]:
 
 
 def _tasks(path: Path) -> dict[int, str]:
-    """The tasks' texts by their index, from the one column of texts."""
+    """Return the tasks' texts by index, taken from the only text column."""
     if not path.is_file():
         return {}
     table = read_table(path, lambda field: field.name == "task_index" or is_text(field.type))
     texts = [name for name in table.column_names if name != "task_index"]
     if len(texts) != 1 or "task_index" not in table.column_names:
-        raise InvalidValueError(f"{path} must have a column task_index and one of texts, it has {table.column_names}")
+        raise InvalidValueError(f"{path} must have a column task_index and one text column, got {table.column_names}")
     index = column_values(f"{path}, column 'task_index'", table["task_index"])
     try:
         found = zip(index.tolist(), table[texts[0]].to_pylist(), strict=True)
     except UnicodeDecodeError as error:
-        raise InvalidValueError(f"{path}: the texts of the tasks must be UTF-8: {error}") from error
+        raise InvalidValueError(f"{path}: the task texts must be UTF-8: {error}") from error
     return {int(number): text or "" for number, text in found if math.isfinite(number)}

@@ -1,11 +1,11 @@
 """lerobot_reader: a LeRobotDataset, format v3, as a recording.
 
-A feature of shape ``(3, rows, cols)`` that has "tactile" in its name is a pad, and one of ``(pads, 3, rows, cols)`` so
-many. They are measured newtons, unless ``info`` of the feature says otherwise, as `paxisim.logs.lerobot_features`
-writes it. All other features of numbers are covariates; a vector whose components have names is one for each, such as
-``action.NAME``. Images, videos and texts are left out.
+A feature of shape ``(3, rows, cols)`` with "tactile" in its name is a pad, and one of shape ``(pads, 3, rows, cols)``
+is several pads. Both hold measured newtons unless the feature's ``info``, as written by
+`paxisim.logs.lerobot_features`, says otherwise. All other numeric features are covariates. A vector with named
+components becomes one covariate per component, such as ``action.NAME``. Images, videos and texts are skipped.
 
-The time counts from the first frame of each episode, or as in the recording that paxisim wrote.
+Time counts from the first frame of each episode, unless paxisim wrote the dataset: then it is that of the recording.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
+from paxisim.logs.recording_arrays import RecordingArrays
 from paxisim.logs.columns import streams_from_columns
 from paxisim.logs.lerobot_features import MOST_AXES, PREFIXES
 from paxisim.logs.lerobot_meta import INDICES, Meta, read_meta
@@ -32,16 +33,17 @@ _DTYPE = re.compile(r"(float|int|uint)\d{1,2}|bool")
 
 
 def read_lerobot(path: Path, pads: Sequence[str] | None = None) -> RecordingArrays:
-    """Read all episodes; there may be no tensor in them.
+    """Read all episodes, with or without a tensor.
 
     Args:
         path: The dataset's folder.
-        pads: The pads that are asked for, or none; others are left out where they differ from them.
+        pads: Names of the requested pads. If tactile features differ in grid, layout or unit, those without a requested
+            pad are skipped. Empty: skip all tactile features. None: read all.
 
     Raises:
         MissingExtraError, UnsupportedError: pyarrow cannot be used.
-        InvalidValueError: No such dataset, one of another version, one that is damaged or not whole, or pads that
-            differ in grid, layout or unit.
+        InvalidValueError: The folder is not a LeRobotDataset of this version, the dataset is damaged or incomplete, or
+            its pads differ in grid, layout or unit.
     """
     require_pyarrow()
     meta = read_meta(path)
@@ -56,7 +58,7 @@ def read_lerobot(path: Path, pads: Sequence[str] | None = None) -> RecordingArra
     if pads is not None and (not pads or _difference(found)):
         found = [part for part in found if set(part.pads) & set(pads)]
     if said := _difference(found):
-        raise InvalidValueError(f"{path}: {said}, and a recording has one for all pads; load some of them by pads")
+        raise InvalidValueError(f"{path}: {said}, but all pads of a recording share one; select some with pads")
     names = list(dict.fromkeys(pad for part in found for pad in part.pads))
     if found and (found[0].unit or "N") != (metadata.get("unit") or "N"):
         metadata["unit"] = found[0].unit or "N"
@@ -73,14 +75,14 @@ def read_lerobot(path: Path, pads: Sequence[str] | None = None) -> RecordingArra
 
 
 def features_in_words(path: Path) -> str:
-    """What a dataset without a tactile feature has instead."""
+    """Return the features of a dataset as text, for a message about the missing tactile feature."""
     listed = [f"{name} {feature['shape']}" for name, feature in read_meta(path).features.items() if name not in INDICES]
     return ", ".join(listed[:8]) + (" ..." if len(listed) > 8 else "") or "nothing"
 
 
 @dataclass(frozen=True)
 class _Pads:
-    """What a tactile feature holds; `tensor` is ``(T, pads, 3, rows, cols)``."""
+    """Pads of a tactile feature; `tensor` is ``(T, pads, 3, rows, cols)``."""
 
     feature: str
     stream: str
@@ -95,7 +97,7 @@ class _Pads:
         info = info if isinstance(info, dict) else {}
         layout, unit, stream, pad = (info.get(name) for name in ("layout", "unit", "stream", "pad"))
         if not isinstance(unit, str | None):
-            raise InvalidValueError(f"{meta.path}: the unit of {feature} must be a text such as N, got {unit!r:.80}")
+            raise InvalidValueError(f"{meta.path}: the unit of {feature} must be a string such as N, got {unit!r:.80}")
         if stream not in tuple(PREFIXES):
             stream = "simulated" if feature.startswith(f"{PREFIXES['simulated']}.") else "measured"
         name = "pad" if feature in PREFIXES.values() else feature
@@ -113,13 +115,13 @@ class _Pads:
 
 def _layout(document: Any, grid: tuple[int, ...]) -> TaxelLayout:
     said = [document.get(name) for name in ("rows", "cols")] if isinstance(document, dict) else list(grid)
-    if said != list(grid):  # looked at before there is room for so many taxels
+    if said != list(grid):  # checked before memory is allocated for the taxels
         raise InvalidValueError(f"it has rows and cols {said!r:.40}, the frames have {list(grid)}")
     return TaxelLayout.from_dict(document)
 
 
 def _columns(meta: Meta) -> dict[str, NDArray[Any]]:
-    """Each column ``(T, *shape)``, or ``(T,)`` where the shape is ``(1,)``, of all data files together."""
+    """Return the columns of all data files, each ``(T, *shape)``, or ``(T,)`` for the shape ``(1,)``."""
     files = sorted((meta.path / "data").glob("*/*.parquet"))
     if not files:
         raise InvalidValueError(f"{meta.path} has no frames: expected data/chunk-000/file-000.parquet")
@@ -129,7 +131,7 @@ def _columns(meta: Meta) -> dict[str, NDArray[Any]]:
     frames = sum(len(part["timestamp"]) for part in parts)
     if meta.frames is not None and frames != meta.frames:
         raise InvalidValueError(
-            f"{meta.path} is not whole: by meta/info.json it has {meta.frames} frames, its data files hold {frames}"
+            f"{meta.path} is incomplete: meta/info.json states {meta.frames} frames, the data files hold {frames}"
         )
     return {name: np.concatenate([part.pop(name) for part in parts]) for name in names}
 
@@ -139,13 +141,13 @@ def _read(meta: Meta, file: Path, names: Sequence[str]) -> dict[str, NDArray[Any
     found = {}
     for name in names:
         if name not in table.column_names:
-            raise InvalidValueError(f"{file} has no column {name!r} of numbers, as meta/info.json says")
+            raise InvalidValueError(f"{file} has no numeric column {name!r}, although meta/info.json lists it")
         shape = (1,) if name in INDICES else tuple(meta.features[name]["shape"])
         dtype = np.float32 if len(shape) > 2 else np.float64
         values = column_values(f"{file}, column {name!r}", table[name], dtype)
         if (values.shape[1:] or (1,)) != shape:
             raise InvalidValueError(
-                f"{file}: {name} has the shape {values.shape[1:] or (1,)}, expected {shape} as in meta/info.json"
+                f"{file}: {name} has shape {values.shape[1:] or (1,)}, expected {shape} as in meta/info.json"
             )
         found[name] = values.reshape(len(values)) if shape == (1,) else values
     return found
@@ -153,7 +155,7 @@ def _read(meta: Meta, file: Path, names: Sequence[str]) -> dict[str, NDArray[Any
 
 def _whole(meta: Meta, name: str, values: NDArray[Any]) -> NDArray[np.int64]:
     if not np.all((values >= 0) & (values < 2**31) & (values == np.round(values))):
-        raise InvalidValueError(f"{meta.path}: {name} must hold whole numbers from 0 on")
+        raise InvalidValueError(f"{meta.path}: {name} must hold whole numbers of at least 0")
     return values.astype(np.int64)
 
 
@@ -164,7 +166,7 @@ def _is_tactile(meta: Meta, name: str) -> bool:
 
 
 def _difference(found: Sequence[_Pads]) -> str:
-    """What two features of pads do not share, and a recording has one of for all pads; empty if there is nothing."""
+    """Describe a property that a recording needs to be equal for all pads but that differs; empty if none does."""
     for part in found[1:]:
         for what, of in (("grids", lambda p: p.tensor.shape[-2:]), ("layouts", lambda p: p.layout), ("units", _unit)):
             if of(part) != of(found[0]):
@@ -211,7 +213,7 @@ def _covariates(
 
 
 def _parts(feature: Mapping[str, Any], values: NDArray[Any]) -> dict[str, NDArray[np.float64]]:
-    """The covariates that paxisim put into a feature, by what its ``info`` says; empty where it says nothing."""
+    """Return the covariates that paxisim stored in a feature, according to its ``info``; empty if it lists none."""
     info = feature.get("info")
     listed = info.get("covariates") if isinstance(info, dict) else None
     if not isinstance(listed, list):

@@ -1,7 +1,7 @@
-"""lerobot_stats: what LeRobot normalises a feature by.
+"""lerobot_stats: the statistics by which LeRobot normalises a feature.
 
-The statistics have the shape that LeRobot's own have: one for each index of the feature's last axis, over all frames
-and all other axes. So LeRobot can add episodes to the dataset and merge it with others.
+They have the same shape as LeRobot's own: one value for each index of the feature's last axis, taken over all frames
+and all other axes. LeRobot can therefore add episodes to the dataset and merge it with others.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ QUANTILES = {"q01": 0.01, "q10": 0.1, "q50": 0.5, "q90": 0.9, "q99": 0.99}
 
 
 def feature_stats(values: NDArray[Any]) -> dict[str, list[Any]]:
-    """Minimum, maximum, mean, standard deviation and quantiles of what is known, and the number of frames.
+    """Return minimum, maximum, mean, standard deviation and quantiles of the known values, and the number of frames.
 
     Args:
         values: ``(T, *shape)``, or ``(T,)`` for the shape ``(1,)``.
 
     Returns:
-        By name a list of the length of the last axis, but for ``count`` of length 1; NaN where nothing is known.
+        Lists by name, each as long as the last axis except ``count``, which has length 1; NaN if no value is known.
     """
     flat = values.reshape(-1, values.shape[-1] if values.ndim > 1 else 1)
     columns = [_column_stats(flat[:, i]) for i in range(flat.shape[1])]

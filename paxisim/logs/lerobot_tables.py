@@ -15,16 +15,16 @@ from paxisim.logs.lerobot_meta import TASKS
 from paxisim.logs.lerobot_stats import feature_stats
 
 FILE = "chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
-"""Where a file lies in its folder, by its numbers."""
+"""Path of a file within its folder, from its chunk and file index."""
 CHUNK_FILES = 1000
-"""Files of a chunk."""
+"""Number of files per chunk."""
 FILE_MEGABYTES = 100
-"""Size beyond which a file of frames does not grow, as in LeRobot; an episode that is larger is in one of its own."""
-_ROWS = 8192  # of a row group
+"""Maximum size of a file of frames, as in LeRobot; a larger episode is stored in a file of its own."""
+_ROWS = 8192  # per row group
 
 
 def write_frames(folder: Path, features: Sequence[Feature], spans: Sequence[slice]) -> list[int]:
-    """Write the frames below ``data``; gives the number of the file of each episode, whose frames are `spans`."""
+    """Write the frames below ``data`` and return each episode's file number; `spans` are the episodes' frames."""
     import pyarrow as pa
     from pyarrow import parquet
 
@@ -56,7 +56,7 @@ def write_frames(folder: Path, features: Sequence[Feature], spans: Sequence[slic
 
 
 def _column(values: NDArray[Any]) -> Any:
-    """Arrow's array of ``(T,)``, ``(T, n)`` or ``(T, a, b, ...)``, with lists nested as LeRobot's."""
+    """Return an Arrow array of ``(T,)``, ``(T, n)`` or ``(T, a, b, ...)`` values, nested as in LeRobot."""
     import pyarrow as pa
 
     shape = values.shape[1:]
@@ -71,7 +71,7 @@ def _column(values: NDArray[Any]) -> Any:
 def write_episodes(
     folder: Path, features: Sequence[Feature], spans: Sequence[slice], tasks: Sequence[str], files: Sequence[int]
 ) -> None:
-    """Write where each episode lies, its task in words, and its statistics; `files` is what `write_frames` gave."""
+    """Write each episode's location, task and statistics; `files` is the result of `write_frames`."""
     table: dict[str, list[Any]] = {
         "episode_index": list(range(len(spans))),
         "tasks": [[task] for task in tasks],
@@ -89,7 +89,7 @@ def write_episodes(
 
 
 def write_tasks(folder: Path, tasks: Sequence[str]) -> None:
-    """Write the tasks' texts. LeRobot reads the table by pandas, and finds a text as the name of its row."""
+    """Write the tasks' texts. LeRobot reads the table with pandas and expects the text as the row's index label."""
     names = "__index_level_0__"
     columns = [
         {"name": name, "field_name": field, "pandas_type": kind, "numpy_type": numpy, "metadata": None}

@@ -5,9 +5,9 @@
 | ``meta/info.json`` | frame rate, counts, the features of `paxisim.logs.lerobot_features` |
 | ``meta/stats.json`` | statistics of each feature over all frames, as in `paxisim.logs.lerobot_stats` |
 | ``meta/tasks.parquet`` | the tasks' texts |
-| ``meta/episodes/chunk-000/file-000.parquet`` | where each episode lies, its length, task and statistics |
-| ``meta/paxisim.json`` | pads and metadata of the recording, its episodes' numbers, and when each begins (s) |
-| ``data/chunk-000/file-000.parquet`` ... | the frames; a new file where one would grow beyond 100 MB |
+| ``meta/episodes/chunk-000/file-000.parquet`` | location, length, task and statistics of each episode |
+| ``meta/paxisim.json`` | pads and metadata of the recording, and the number and start time (s) of each episode |
+| ``data/chunk-000/file-000.parquet`` ... | the frames; a new file begins where one would exceed 100 MB |
 """
 
 from __future__ import annotations
@@ -23,6 +23,8 @@ import numpy as np
 from paxisim.errors import InvalidValueError
 from paxisim.files import whole_folder
 from paxisim.logs.about import about_text
+from paxisim.logs.recording_arrays import RecordingArrays, Method, episode_spans, rate_of
+from paxisim.files import whole_folder
 from paxisim.logs.lerobot_features import Feature, features_of
 from paxisim.logs.lerobot_frames import frame_rate, on_frames
 from paxisim.logs.lerobot_meta import ABOUT, INDICES, INFO
@@ -45,26 +47,27 @@ def write_lerobot(
     align: Method = "linear",
     drop: bool = False,
 ) -> str:
-    """Write the dataset, whole or not at all.
+    """Write the dataset atomically: after an error nothing is left of it.
 
     Args:
-        path: The folder, which must not exist yet.
-        recording: A recording whose fields were checked, as `paxisim.Recording.to_arrays` gives it.
-        fps: Frames a second; default: the recording's rate, rounded. See `paxisim.logs.lerobot_frames`.
-        task: What is done, in words; default: ``task`` or, by episode, ``tasks`` in the metadata, or nothing.
+        path: Output folder; must not exist yet.
+        recording: A recording whose fields were checked, as returned by `paxisim.Recording.to_arrays`.
+        fps: Frame rate (Hz); default: the recording's rounded sampling rate. See `paxisim.logs.lerobot_frames`.
+        task: Description of the task; default: ``task`` or, by episode, ``tasks`` in the metadata, or empty.
         state: Covariates that make up ``observation.state``. See `paxisim.logs.lerobot_features`.
         action: Covariates that make up ``action``.
-        align: How values are interpolated where the recording is not as regular as the dataset.
-        drop: Leave out frames at which a value is not known, and begin an episode anew after them.
+        align: Interpolation method if the recording must be resampled to regular frames.
+        drop: Drop frames with an unknown value, and start a new episode after them.
 
     Returns:
-        What was written, in a line.
+        One-line summary of the written dataset.
 
     Raises:
         MissingExtraError, UnsupportedError: pyarrow cannot be used.
-        OutputExistsError: There is something at the path.
-        InvalidValueError: No frame rate, no frame left, a stream that is never known, or what `features_of` refuses.
-        UnknownNameError: There is no such covariate.
+        OutputExistsError: The path already exists.
+        InvalidValueError: There is no frame rate or no frame left, a stream is never known, or `features_of` raises
+            this error.
+        UnknownNameError: A covariate does not exist.
     """
     require_pyarrow()
     fps = frame_rate(recording, fps)
@@ -84,7 +87,7 @@ def write_lerobot(
         "episodes": [int(frames.episode[span.start]) for span in spans],
         "begins": [float(frames.time[span.start]) for span in spans],
     }
-    del about["layout"]  # each feature has it
+    del about["layout"]  # stored with each feature
     with whole_folder(path) as folder:
         files = write_frames(folder, features, spans)
         write_episodes(folder, features, spans, texts, files)
@@ -93,7 +96,7 @@ def write_lerobot(
         _write_json(folder / "meta/stats.json", stats)
         _write_json(folder / ABOUT, about)
     rate = rate_of(recording.time, recording.episode)
-    why = "as its samples are less regular" if f"{rate:.0f}" == str(fps) else f"from {rate:.4g} Hz"
+    why = "because its samples are irregular" if f"{rate:.0f}" == str(fps) else f"from {rate:.4g} Hz"
     how = f", resampled {why}" if is_resampled else ""
     names = " ".join(feature.name for feature in features if feature.name not in INDICES)
     counts = f"{len(spans)} episode{'s' * (len(spans) != 1)}, {len(frames.time)} frames at {fps} Hz{how}"
@@ -114,7 +117,7 @@ def _check_texts(texts: Sequence[str]) -> None:
         try:
             text.encode()
         except UnicodeEncodeError:
-            raise InvalidValueError(f"{text!r:.80} holds characters that no file can, such as half of a pair") from None
+            raise InvalidValueError(f"{text!r:.80} cannot be encoded as UTF-8, e.g. it has a lone surrogate") from None
 
 
 def _indices(spans: Sequence[slice], tasks: Sequence[int], fps: int) -> list[Feature]:
@@ -166,8 +169,8 @@ def _warn_of_unknown(features: Sequence[Feature]) -> None:
     if names:
         count = int(np.any([unknown[name] for name in names], axis=0).sum())
         warnings.warn(
-            f"{count} of {len(unknown[names[0]])} frames hold NaN, for what is not known, in {', '.join(names)}; few "
-            "policies can be trained on those: --missing drop (drop=True) leaves them out",
+            f"{count} of {len(unknown[names[0]])} frames hold NaN (unknown values) in {', '.join(names)}; few policies "
+            "can be trained on such frames: drop them with --missing drop (drop=True)",
             stacklevel=3,
         )
 
@@ -176,6 +179,6 @@ def _refuse_unknown(stats: dict[str, dict[str, list[Any]]]) -> None:
     for name, found in stats.items():
         if np.isnan(found["mean"]).any():
             raise InvalidValueError(
-                f"{name} holds values that are not known at any frame, and LeRobot needs statistics of each: leave "
-                "the pad or the covariate out (--pads, Recording.select)"
+                f"{name} holds values that are not known at any frame, and LeRobot needs statistics of each: exclude "
+                "the pad or the covariate (--pads, Recording.select)"
             )

@@ -1,7 +1,7 @@
-"""How much a file may unpack to, so that a small one cannot fill the memory.
+"""Limits on the decompressed size of a file, so that a small malicious file cannot exhaust the memory.
 
-A recording of an unloaded hand is zeros, which compress several hundred times; a file that is made to do harm, many
-thousand times. The limit follows from the file's size, and the environment variable `VARIABLE` (bytes) overrides it.
+A recording of an unloaded hand is all zeros and compresses by a factor of several hundred; a decompression bomb, by
+many thousands. The limit follows from the file's size, and the environment variable `VARIABLE` (bytes) overrides it.
 """
 
 from __future__ import annotations
@@ -12,15 +12,15 @@ from pathlib import Path
 from paxisim.errors import InvalidValueError
 
 VARIABLE = "PAXISIM_MAX_UNPACKED"
-AT_LEAST = 4 << 20  # bytes; a small file may be one with little but zeros in it
+AT_LEAST = 4 << 20  # bytes; a small file may contain almost only zeros
 
 
 def most_unpacked(path: Path, ratio: int) -> int:
-    """Bytes that the file may hold once it is unpacked: `ratio` times its size, and a little for small ones.
+    """Return the maximum decompressed size (bytes) of the file: `ratio` times its size, plus a margin for small files.
 
     Raises:
-        InvalidValueError: The environment variable is set to no number of bytes.
-        FileNotFoundError: There is no such file.
+        InvalidValueError: The environment variable is not a number of bytes.
+        FileNotFoundError: The file does not exist.
     """
     given = os.environ.get(VARIABLE)
     if given is None:
@@ -31,7 +31,7 @@ def most_unpacked(path: Path, ratio: int) -> int:
 
 
 def refuse_unpacked(path: Path, size: int, most: int) -> None:
-    """Raise if the file would unpack to more than the limit.
+    """Check that the file unpacks to no more than the limit.
 
     Raises:
         InvalidValueError: `size` is more than `most` bytes.

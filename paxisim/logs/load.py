@@ -1,4 +1,4 @@
-"""Recording files by their suffix."""
+"""Loading and saving of recordings, with the format chosen by the file suffix."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from pathlib import Path
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
 from paxisim.logs.add_streams import Streams, add_streams, read_streams
+from paxisim.logs.resample import check_max_gap, methods_by_name
+from paxisim.logs.recording_arrays import RecordingArrays, CountsToForce, Method
 from paxisim.logs.checks import check_fields
 from paxisim.logs.recording_arrays import CountsToForce, Method, RecordingArrays
 from paxisim.logs.resample import check_max_gap, methods_by_name
@@ -25,7 +27,10 @@ def load_arrays(
     profile: CountsToForce | None = None,
     streams: Iterable[Path] = (),
 ) -> RecordingArrays:
-    """See `paxisim.Recording.load`; nothing is checked yet, and only a CSV file is read for some of its pads."""
+    """Load a recording; see `paxisim.Recording.load`.
+
+    Without `streams`, the fields are not checked yet. The result may hold more than the requested `pads`.
+    """
     check_max_gap(max_gap)
     added: dict[Path, Streams] = {}
     for other in streams:
@@ -48,7 +53,7 @@ def _checked(path: Path, found: RecordingArrays) -> RecordingArrays:
 
 
 def _part(align: Method | Mapping[str, Method], wanted: Callable[[str], bool]) -> Method | Mapping[str, Method]:
-    """What `align` says of the streams whose names are wanted."""
+    """Return `align`, restricted to the wanted stream names if it is a mapping."""
     return align if isinstance(align, str) else {name: method for name, method in align.items() if wanted(name)}
 
 
@@ -72,10 +77,10 @@ def _load(
 
         found, is_cut = read_csv(path, layout=layout, pads=pads, profile=profile)
         if is_cut:
-            _warn_of_part(path, "cut off: its last line is not whole", found)
+            _warn_of_part(path, "cut off: its last line is incomplete", found)
         return found
     if profile is not None:
-        raise InvalidValueError(f"profile is for the counts of a board's CSV file; {path} holds none")
+        raise InvalidValueError(f"profile is for the counts of a board's CSV file; {path} has no counts")
     if is_eflesh:
         from paxisim.logs.eflesh import read_eflesh
 
@@ -89,6 +94,7 @@ def _load(
     elif suffix in (".h5", ".hdf5"):
         found = _load_hdf5(path)
     elif suffix == ".mcap":
+        from paxisim.logs.resample import resample_log
         from paxisim.logs.mcap_reader import read_log
         from paxisim.logs.resample import resample_log
 
@@ -98,8 +104,8 @@ def _load(
             _warn_of_part(path, "cut off or damaged", found)
     else:
         raise InvalidValueError(
-            "a recording is read from a .mcap, .npz, .csv, .parquet or .hdf5 file, or from the folder of a "
-            f"LeRobotDataset, got {path}"
+            "a recording must be a .mcap, .npz, .csv, .parquet or .hdf5 file, or the folder of a LeRobotDataset, got "
+            f"{path}"
         )
     return found if layout is None else replace(found, layout=layout)
 
@@ -125,8 +131,8 @@ def _load_hdf5(path: Path) -> RecordingArrays:
     found = read_hdf5(path)
     if found.measured is None and found.simulated is None:
         raise InvalidValueError(
-            f"{path} has no tensor: expected a dataset of shape (T, pads, 3, rows, cols) in obs; add it to a recording "
-            "that has one with streams (paxisim convert --streams)"
+            f"{path} has no tensor: expected a dataset of shape (T, pads, 3, rows, cols) in obs; to add the other "
+            "streams to a recording that has one, use streams (paxisim convert --streams)"
         )
     return found
 
@@ -138,14 +144,14 @@ def _load_lerobot(path: Path, pads: tuple[str, ...] | None) -> RecordingArrays:
     if found.measured is None and found.simulated is None:
         raise InvalidValueError(
             f"{path} has no tactile feature{'' if pads is None else ' of those pads'}: expected one such as "
-            f"observation.tactile.PAD of shape (3, rows, cols), it has {features_in_words(path)}; streams adds what it "
-            "has to a recording (paxisim convert --streams)"
+            f"observation.tactile.PAD of shape (3, rows, cols), got {features_in_words(path)}; to add these to a "
+            "recording, use streams (paxisim convert --streams)"
         )
     return found
 
 
 def save_arrays(path: Path, recording: RecordingArrays) -> None:
-    """See `paxisim.Recording.save`."""
+    """Save a recording; see `paxisim.Recording.save`."""
     suffix = path.suffix.lower()
     if suffix == ".mcap":
         from paxisim.logs.mcap_save import write_mcap
@@ -161,5 +167,5 @@ def save_arrays(path: Path, recording: RecordingArrays) -> None:
 
 def _warn_of_part(path: Path, what: str, found: RecordingArrays) -> None:
     samples = f"{len(found.time)} sample{'s' * (len(found.time) != 1)}"
-    text = f"{path} is {what}; what is whole was read: {samples}, the last at {found.time[-1]:.3f} s"
+    text = f"{path} is {what}; the intact part was read: {samples}, the last at {found.time[-1]:.3f} s"
     warnings.warn(text, stacklevel=5)  # at the caller of Recording.load

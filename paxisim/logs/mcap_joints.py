@@ -1,4 +1,4 @@
-"""Streams of numbers in an MCAP file of another program: joint states of ROS 2 or in JSON, and other JSON topics.
+"""Numeric streams in an MCAP file of another program: joint states from ROS 2 or in JSON, and other JSON topics.
 
 | message | streams |
 |---|---|
@@ -6,8 +6,9 @@
 ``JOINT.velocity``, ``JOINT.effort`` |
 | other JSON | ``topic/FIELD`` for each number or list of numbers, ``topic/FIELD.PART`` inside an object |
 
-A joint that several topics have is named ``topic/JOINT``. A sample's time is the message's own: ``header.stamp``, or in
-JSON ``timestamp`` ({sec, nsec}) or ``time`` (Unix seconds). Where it has none, it is the time at which it was logged.
+A joint that appears in several topics is named ``topic/JOINT``. The time of a sample is the message's own timestamp:
+``header.stamp``, or in JSON ``timestamp`` ({sec, nsec}) or ``time`` (Unix seconds). If there is none, it is the log
+time.
 """
 
 from __future__ import annotations
@@ -32,19 +33,19 @@ _JOINT_STATES = ("sensor_msgs/msg/JointState", "sensor_msgs/JointState")
 _KINDS = (("position", ""), ("velocity", ".velocity"), ("effort", ".effort"))
 _TIMES = ("timestamp", "header", "time")
 
-# what reads a message: name within the topic, nanoseconds where the message says them, a number or a list of numbers
+# parser of a message; yields the name within the topic, the message's time in ns or None, and a number or list of them
 _Parse = Callable[[bytes], Iterator[tuple[str, "int | None", Any]]]
 
 
 def read_joints(path: Path) -> dict[str, Stream]:
-    """The streams by name.
+    """Return the streams by name.
 
-    A file that is cut off or damaged gives what is whole, with a warning.
+    If the file is cut off or damaged, the intact part is read, with a warning.
 
     Raises:
-        InvalidValueError: It is no MCAP file, or has no such message.
-        MissingExtraError: It has joint states of ROS 2, and what reads them is not installed.
-        FileNotFoundError: There is no such file.
+        InvalidValueError: The file is not an MCAP file or has no supported message.
+        MissingExtraError: It has ROS 2 joint states, and the package that reads them is not installed.
+        FileNotFoundError: The file does not exist.
     """
     reader = _Reader(path)
     records = McapRecords(path)
@@ -54,22 +55,22 @@ def read_joints(path: Path) -> dict[str, Stream]:
     if not streams:
         topics = ", ".join(sorted(reader.unread)) or "none"
         raise InvalidValueError(
-            f"{path} has no stream of numbers: expected sensor_msgs/msg/JointState of ROS 2, or JSON messages; its "
-            f"other topics are: {topics}" + (f"; {reader.bad} messages could not be read" if reader.bad else "")
+            f"{path} has no numeric stream: expected ROS 2 sensor_msgs/msg/JointState or JSON messages; its other "
+            f"topics are: {topics}" + (f"; {reader.bad} messages could not be read" if reader.bad else "")
         )
     if not records.is_whole or reader.bad:
         what = "" if records.is_whole else " is cut off or damaged;"
-        bad = f" {reader.bad} messages that could not be read were left out;" if reader.bad else ""
-        warnings.warn(f"{path}:{what}{bad} what is whole was read", stacklevel=6)  # at the caller of Recording.load
+        bad = f" {reader.bad} messages that could not be read were skipped;" if reader.bad else ""
+        warnings.warn(f"{path}:{what}{bad} the intact part was read", stacklevel=6)  # at the caller of Recording.load
     return streams
 
 
 class _Reader:
-    """Takes the records one after another.
+    """Collects samples from the records, taken one after another.
 
     Attributes:
-        bad: How many messages could not be read.
-        unread: Topics, with their type, that hold something else.
+        bad: Number of messages that could not be read.
+        unread: Topics of unsupported message types, each with its type.
     """
 
     def __init__(self, path: Path) -> None:
@@ -93,7 +94,7 @@ class _Reader:
                 self._message(Message.read(as_stream(body), len(body)))
         except MissingExtraError:
             raise
-        except Exception:  # what a damaged message raises in whatever reads it
+        except Exception:  # a damaged message can raise anything in its parser
             self.bad += 1
 
     def _message(self, message: Message) -> None:
@@ -104,7 +105,7 @@ class _Reader:
             numbers = np.array(value, dtype=np.float64)  # None becomes NaN
             samples = self._samples.setdefault((topic.strip("/"), name), _Samples(numbers.shape))
             if numbers.shape != samples.shape:
-                raise ValueError(f"{name} has shape {numbers.shape}, before it had {samples.shape}")
+                raise ValueError(f"{name} has shape {numbers.shape}, previously {samples.shape}")
             samples.time.append(message.log_time if at is None else at)
             samples.values.frombytes(numbers.tobytes())
 
@@ -130,7 +131,7 @@ class _Reader:
         try:
             from mcap_ros2.decoder import DecoderFactory
         except ModuleNotFoundError as error:
-            raise MissingExtraError("mcap_ros2", "ros2", f"{self._path}, a recording of ROS 2,") from error
+            raise MissingExtraError("mcap_ros2", "ros2", f"{self._path}, a ROS 2 recording,") from error
         decode = DecoderFactory().decoder_for("cdr", schema)
         assert decode is not None
 
@@ -144,7 +145,7 @@ class _Reader:
 
 
 class _Samples:
-    """What grows: 16 bytes a number, as how many there are is only known at the end."""
+    """Growing buffers for the samples of a stream, whose number is known only at the end of the file."""
 
     def __init__(self, shape: tuple[int, ...]) -> None:
         self.shape = shape
@@ -191,7 +192,7 @@ def _numbers(name: str, at: int | None, value: Any) -> Iterator[tuple[str, int |
 
 
 def _time(message: dict[str, Any]) -> int | None:
-    """Nanoseconds since 1970, where the message has them."""
+    """Return the message's time in nanoseconds since 1970, or None if it has none."""
     header = message.get("header")
     stamp = header.get("stamp") if isinstance(header, dict) else message.get("timestamp")
     if isinstance(stamp, dict) and "sec" in stamp:

@@ -1,4 +1,4 @@
-"""read_log: an MCAP recording, as far as it is whole."""
+"""read_log: read the intact part of an MCAP recording."""
 
 from __future__ import annotations
 
@@ -20,20 +20,21 @@ from paxisim.logs.mcap_records import DAMAGE, McapRecords, as_stream
 from paxisim.logs.stream import Log, Stream
 
 _CODES = {np.float32: "f", np.float64: "d", np.int64: "q"}
-_MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time; then the data
+_MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time; the data follow
 
 
 def read_log(path: str | Path) -> Log:
     """Read a recording that `LogWriter` wrote.
 
-    The file may end anywhere, as after a crash, or have damaged parts: what is whole is read, and `Log.complete` is
-    False. It is read chunk by chunk; the tensors take 4 bytes a number and half as much while they grow. What a pad
-    says with a status other than 0 (or `schemas.NO_TAXELS`, which is no error) is no force: it becomes NaN.
+    The file may be truncated, as after a crash, or have damaged parts: the intact part is read, and `Log.complete` is
+    False. The file is read chunk by chunk; the tensors take 4 bytes per number, and half as much again while they grow.
+    Readings of a pad with a status other than 0 or `schemas.NO_TAXELS`, which is not an error, are not forces and
+    become NaN.
 
     Raises:
-        InvalidValueError: The file is no MCAP file, not a recording of paxisim, cut off before it says so, or damaged
-            so that no sample can be read.
-        FileNotFoundError: There is no such file.
+        InvalidValueError: The file is not an MCAP file or not a recording of paxisim, is cut off before its
+            description, or is so damaged that no sample can be read.
+        FileNotFoundError: The file does not exist.
     """
     path = Path(path)
     reader = _Reader(path)
@@ -45,11 +46,11 @@ def read_log(path: str | Path) -> Log:
 
 
 def is_recording(path: Path) -> bool:
-    """True if `read_log` reads it: the metadata that says so comes before the samples.
+    """Return whether `read_log` can read the file, judged by the metadata record that precedes the samples.
 
     Raises:
-        InvalidValueError: The file is no MCAP file.
-        FileNotFoundError: There is no such file.
+        InvalidValueError: The file is not an MCAP file.
+        FileNotFoundError: The file does not exist.
     """
     for opcode, body in McapRecords(path):
         if opcode == Opcode.METADATA:
@@ -64,7 +65,7 @@ def is_recording(path: Path) -> bool:
 
 
 class _Reader:
-    """Takes the records of a file one after another."""
+    """Collects samples and metadata from the records of a file, taken one after another."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -143,13 +144,13 @@ class _Reader:
                 f"(its topics: {topics})"
             )
         if self.metadata is None:
-            raise InvalidValueError(f"{self.path} is an MCAP file that ends before it says what it holds")
+            raise InvalidValueError(f"{self.path} is an MCAP file that ends before its description")
         if self.damaged and not any(samples.count for samples in self.samples.values()):
-            raise InvalidValueError(f"{self.path} is damaged: no sample of it can be read")
+            raise InvalidValueError(f"{self.path} is damaged: none of its samples can be read")
         if self.scene is not None:
             self.metadata["scene"] = self.scene
         streams = {}
-        for name in list(self.samples):  # taken out one by one, as sorting a long one copies it
+        for name in list(self.samples):  # removed one by one, because sorting a long stream copies it
             samples = self.samples.pop(name)
             if samples.count:
                 streams[name] = samples.stream()
@@ -157,7 +158,7 @@ class _Reader:
 
 
 class _Samples:
-    """Grows in place, as how many there are is only known at the end of the file."""
+    """Buffers that grow in place, because the number of samples is known only at the end of the file."""
 
     def __init__(self, dtype: type) -> None:
         self.count = 0
@@ -167,7 +168,7 @@ class _Samples:
         self.nanoseconds = np.empty(0, np.int64)
         self.sequence = np.empty(0, np.int64)
         self.has_sequence = True
-        self.errors: int | None = None  # of a stream that has a status
+        self.errors: int | None = None  # None for a stream without a status
         self.values = np.empty((0, 0), dtype)
 
     def add(
@@ -178,8 +179,8 @@ class _Samples:
         sequence: int | None = None,
         wrong: Sequence[int] = (),
     ) -> None:
-        """Take a sample; what the pads `wrong` say in it is not known."""
-        # before there is room for it: a shape may claim more than a memory holds
+        """Add a sample, with NaN for the pads listed in `wrong`."""
+        # checked before memory is allocated: a damaged shape may claim more than there is
         if not all(type(size) is int and size > 0 for size in shape) or math.prod(shape) != len(values):
             raise ValueError(f"{len(values)} values of shape {shape}")
         if not self.count:
@@ -204,7 +205,7 @@ class _Samples:
         self.count += 1
 
     def _resize(self, count: int, width: int) -> None:
-        # in place: the system moves pages, no second copy exists
+        # in place: the operating system moves pages, so there is no second copy
         self.values.resize((count, width), refcheck=False)
         self.nanoseconds.resize(count, refcheck=False)
         self.sequence.resize(count, refcheck=False)

@@ -1,4 +1,4 @@
-"""McapRecords: the records of an MCAP file, as far as it is whole."""
+"""McapRecords: the records in the intact part of an MCAP file."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from paxisim.logs.limits import most_unpacked, refuse_unpacked
 
 _RECORD = struct.Struct("<BQ")  # opcode, length
 _FOOTER = struct.Struct("<BQQQI")  # opcode, length, start of the summary, of its offsets, checksum
-_RATIO = 1000  # of what a chunk unpacks to; that of 28 pads at rest, whose numbers are zeros, is 400
+_RATIO = 1000  # limit on the compression ratio; 28 pads at rest, whose values are all zeros, reach 400
 _CHECKSUM = struct.Struct("<I")
-# what parsing a damaged record may raise; decompressors raise subclasses of Exception of their own
+# errors from parsing a damaged record; decompressors raise their own subclasses of Exception
 DAMAGE = (
     McapError,
     struct.error,
@@ -37,33 +37,33 @@ DAMAGE = (
 
 
 class McapRecords:
-    """The records of a file, to be gone through once; the file may end anywhere, and have damaged chunks.
+    """Records of a file, for a single iteration; the file may be truncated and have damaged chunks.
 
-    Chunks are opened one by one. The channels and schemas of the summary come first, as else they are lost with the
-    chunk that has them.
+    Chunks are opened one by one. The channels and schemas of the summary come first, because they would otherwise be
+    lost if the chunk that contains them is damaged.
 
     Attributes:
-        damaged: A chunk could not be read.
-        has_footer: The records reached the one that ends a file.
+        damaged: Whether a chunk could not be read.
+        has_footer: Whether the footer was reached, the record that ends a file.
     """
 
     def __init__(self, path: Path) -> None:
-        """Remember the path; the file is opened when the records are gone through."""
+        """Store the path; the file is opened on iteration."""
         self._path = path
         self._most = self._unpacked = 0
         self.damaged = self.has_footer = self._ends_well = False
 
     @property
     def is_whole(self) -> bool:
-        """The end was reached, and every chunk read."""
+        """Whether the end was reached and every chunk could be read."""
         return self._ends_well and not self.damaged
 
     def __iter__(self) -> Iterator[tuple[int, bytes]]:
-        """Opcode and body of each record.
+        """Yield the opcode and body of each record.
 
         Raises:
-            InvalidValueError: It is no MCAP file, or unpacks to more than `paxisim.logs.limits` allows.
-            FileNotFoundError: There is no such file.
+            InvalidValueError: The file is not an MCAP file, or unpacks to more than `paxisim.logs.limits` allows.
+            FileNotFoundError: The file does not exist.
         """
         with open(self._path, "rb") as file:
             size = self._path.stat().st_size
@@ -88,11 +88,11 @@ class McapRecords:
             chunk = Chunk.read(as_stream(body))
             data = unpacked(chunk, self._most - self._unpacked)
             if chunk.uncompressed_crc not in (0, zlib.crc32(data)):
-                raise ValueError("a check sum that does not fit")
+                raise ValueError("the checksum does not match")
         except UnpackedTooLarge as error:
             refuse_unpacked(self._path, self._unpacked + error.size, self._most)
             raise
-        except Exception:  # each decompressor has an error of its own, and more than one
+        except Exception:  # each decompressor raises several errors of its own
             self.damaged = True
             return
         self._unpacked += len(data)
@@ -100,24 +100,24 @@ class McapRecords:
 
 
 class UnpackedTooLarge(Exception):
-    """A chunk unpacks to more than it may."""
+    """A chunk unpacks to more than the limit."""
 
     def __init__(self, size: int) -> None:
-        """With the least number of bytes that it unpacks to."""
+        """Store the size (bytes) that the chunk unpacks to at least."""
         self.size = size
 
 
 def unpacked(chunk: Chunk, most: int) -> bytes:
-    """The records of a chunk; no more than `most` bytes are unpacked, whatever the chunk says of itself.
+    """Return the records of a chunk; whatever size it declares, unpacking stops once `most` bytes are exceeded.
 
     Raises:
-        UnpackedTooLarge: There is more.
-        Exception: Whatever the decompressor raises for damaged data.
+        UnpackedTooLarge: The chunk unpacks to more than `most` bytes.
+        Exception: Any error of the decompressor for damaged data.
     """
     if chunk.compression == "zstd":
         import zstandard
 
-        # room for what the data say is made only where that is little; else it grows with what is there
+        # streaming allocates memory as data arrive, not by the declared size
         with zstandard.ZstdDecompressor().stream_reader(chunk.data) as reader:
             data = _at_most(reader.read, most)
     elif chunk.compression == "lz4":
@@ -144,14 +144,14 @@ def _at_most(read: Callable[[int], bytes], most: int) -> bytes:
 
 
 def as_stream(body: bytes) -> Any:
-    """A record's body as mcap's own records read it."""
+    """Wrap a record's body in the stream from which mcap's record classes read."""
     from mcap.data_stream import ReadDataStream
 
     return ReadDataStream(io.BytesIO(body))
 
 
 def _summary(file: io.BufferedReader, size: int) -> list[tuple[int, bytes]]:
-    """The records at the end that repeat the channels, which else are lost with the chunk that has them; often none."""
+    """Return the records of the summary at the end, which repeats schemas and channels; empty if there is none."""
     end = len(MCAP0_MAGIC) + _FOOTER.size
     if size < end + len(MCAP0_MAGIC):
         return []
@@ -168,13 +168,13 @@ def _summary(file: io.BufferedReader, size: int) -> list[tuple[int, bytes]]:
 
 
 def _records(file: io.BufferedIOBase | io.BufferedReader, size: int) -> Iterator[tuple[int, bytes]]:
-    """The records of a file or chunk that are there whole, up to the footer."""
+    """Yield the complete records of a file or chunk, up to the footer."""
     while True:
         head = file.read(_RECORD.size)
         if len(head) < _RECORD.size:
             return
         opcode, length = _RECORD.unpack(head)
-        # no record has opcode 0: it is what a disk that lost its power leaves at the end of a file
+        # opcode 0 is no record: a disk that lost power leaves zeros at the end of a file
         if opcode == 0 or length > size - file.tell():
             return
         yield opcode, file.read(length)
@@ -188,5 +188,5 @@ def _not_mcap(path: Path, head: bytes) -> str:
     kinds = {b"PK": "a zip or npz file", b"PAR1": "a Parquet file", b"#ROSBAG": "a ROS 1 bag", b"SQLite": "a ROS 2 bag"}
     kind = next((kind for start, kind in kinds.items() if head.startswith(start)), "")
     if MCAP0_MAGIC.startswith(head):
-        return f"{path} is an MCAP file that ends before it says what it holds"
+        return f"{path} is an MCAP file that ends before its description"
     return f"{path} is not an MCAP file" + (f" but {kind}" if kind else f": it begins with {head!r}")

@@ -1,4 +1,4 @@
-"""A recording in memory as an MCAP file."""
+"""Writing of a recording in memory to an MCAP file."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from paxisim.errors import InvalidValueError
 from paxisim.files import whole_file
 from paxisim.logs import schemas
+from paxisim.logs.recording_arrays import RecordingArrays, episode_starts
+from paxisim.files import whole_file
 from paxisim.logs.mcap_writer import LogWriter
 from paxisim.logs.recording_arrays import RecordingArrays, episode_starts
 
@@ -18,12 +20,12 @@ from paxisim.logs.recording_arrays import RecordingArrays, episode_starts
 def write_mcap(path: Path, recording: RecordingArrays) -> None:
     """Write every stream at the recording's times.
 
-    Log time is ``metadata["start"]`` (Unix seconds, default 0) plus the recording's time. An episode whose time does
-    not begin after the end of the one before, as with a clock that starts anew, is put one second behind it; the file
-    says at which log time each episode's time is 0, so that it loads with its own.
+    Log time is ``metadata["start"]`` (Unix seconds, default 0) plus the recording's time. An episode that does not
+    begin after the end of the previous one, as with a clock that restarts, is shifted to one second after it. The file
+    stores the log time at which each episode's time is 0, so loading restores the original times.
 
     Raises:
-        InvalidValueError: A value or metadata that the file cannot hold.
+        InvalidValueError: The file cannot hold a value or the metadata.
     """
     at, starts, zeros = log_times(recording)
     metadata = {**recording.metadata, "layout": recording.layout, "pads": recording.pads, "time_zero_ns": zeros}
@@ -41,10 +43,10 @@ def write_mcap(path: Path, recording: RecordingArrays) -> None:
 
 
 def log_times(recording: RecordingArrays) -> tuple[NDArray[np.int64], list[int], list[int]]:
-    """Each sample's log time (ns), the index of each episode's first sample, and the log time of each one's time 0.
+    """Return log times (ns) of the samples, indices of the episodes' first samples, and log times of their time 0.
 
     Raises:
-        InvalidValueError: A time that nanoseconds since 1970 in an int64 do not reach.
+        InvalidValueError: A time exceeds the range of int64 nanoseconds since 1970.
     """
     _check_reach(float(np.abs(recording.time).max()))
     episode = recording.episode
@@ -60,13 +62,13 @@ def log_times(recording: RecordingArrays) -> tuple[NDArray[np.int64], list[int],
 def _check_reach(seconds: float) -> None:
     if not seconds * 1e9 < schemas.LATEST:
         raise InvalidValueError(
-            "the samples' times must be in seconds, and counted from metadata['start'] (s since 1970-01-01), if there "
-            f"is one, they must end before 2262-04-11; they reach {seconds:.9g} s"
+            "the samples' times must be in seconds and, counted from metadata['start'] (s since 1970-01-01) if given, "
+            f"must end before 2262-04-11; they reach {seconds:.9g} s"
         )
 
 
 def _zeros(offset: np.ndarray, starts: np.ndarray, start: object) -> list[int]:
-    """For each episode the log time (ns) at which its time is 0."""
+    """Return the log time (ns) at which the time of each episode is 0."""
     zero = round(start * 1e9) if isinstance(start, (int, float)) and math.isfinite(start) else 0
     # log times cannot be negative
     zero = max(zero, -int(offset[starts[0]]))

@@ -1,4 +1,4 @@
-"""LogWriter: an MCAP file written while its samples arrive, which opens whenever the program ends."""
+"""LogWriter: an MCAP file that is written as samples arrive and stays readable if the program is killed."""
 
 from __future__ import annotations
 
@@ -28,22 +28,23 @@ from paxisim.logs import schemas
 _RANGE = "1970-01-01 UTC, up to 2262-04-11"
 # numbers are written as the shortest text that reads back to the same float32 or float64
 _JSON = orjson.OPT_SERIALIZE_NUMPY | orjson.OPT_NON_STR_KEYS
-# readers take a number for a float64 first; of all float32 only this one's shortest text then rounds to its neighbour
+# readers parse a number as float64 first; this is the only float32 whose shortest text then rounds to its neighbour
 _ROUNDED_TWICE = np.float32(7.038531e-26)
 
 
 class LogWriter:
-    """Writes one MCAP file, one topic a stream (`paxisim.logs.schemas`). A context manager; several threads may write.
+    """Writes one MCAP file with one topic per stream (`paxisim.logs.schemas`).
 
-    Samples are collected to compressed chunks. A chunk ends, and goes to the operating system whole, `flush_interval`
-    after the one before, at the next `write`, or at `flush`; a program that is killed loses no more than the samples
-    since. The description of the file is written at once.
+    The writer is a context manager, and several threads may write. Samples are collected into compressed chunks. A
+    chunk is handed to the operating system as a whole by `flush`, and at the latest by the first `write` that follows
+    the previous flush by `flush_interval`. A program that is killed loses at most the samples since then. The
+    description of the file is written immediately.
 
-    When a write to the disk fails, the error is raised, the file is cut to its last whole chunk and can be loaded,
+    If a write to disk fails, the error is raised, the file is truncated to its last complete chunk and can be loaded,
     and nothing more is written to it.
 
     Attributes:
-        held: Samples in the file, by stream: those of whole chunks, which nothing takes away any more.
+        held: Number of samples by stream that are safely in the file, in complete chunks.
     """
 
     def __init__(
@@ -52,11 +53,13 @@ class LogWriter:
         """Create the file and write its description.
 
         Args:
-            path: The file.
-            metadata: What `Log.metadata` gives back: the layout (a `TaxelLayout` or its ``to_dict``), the pads'
-                names, sensor, profile; ``scene`` is the text of the scene's MJCF. The version of paxisim is added.
-            flush_interval: Seconds of samples that may be lost when the program is killed.
-            overwrite: Take the place of a file that is there.
+            path: Path of the file.
+            metadata: Metadata, returned as `Log.metadata` when the file is read: the layout (a `TaxelLayout` or its
+                ``to_dict``), the pads' names, sensor, profile; ``scene`` is the text of the scene's MJCF. The version
+                of paxisim is added.
+            flush_interval: Time (s) between flushes; at most the samples of this time are lost if the program is
+                killed.
+            overwrite: Whether to replace an existing file.
 
         Raises:
             OutputExistsError: The file exists and `overwrite` is off.
@@ -75,9 +78,9 @@ class LogWriter:
         try:
             self._file = _WholeWrites(path, "wb" if overwrite else "xb")
         except FileExistsError as error:
-            raise OutputExistsError(f"{path} exists already; a recording is not written over it") from error
+            raise OutputExistsError(f"{path} already exists; a recording does not overwrite it") from error
         try:
-            stream: Any = self._file  # a binary file, though of none of the types that Writer declares
+            stream: Any = self._file  # a binary file, but not of a type that Writer declares
             self._writer = Writer(stream)
             self._writer.start(library=f"paxisim {__version__}")
             self._writer.add_metadata(schemas.METADATA, record)
@@ -95,35 +98,36 @@ class LogWriter:
 
         Args:
             stream: ``"measured"``, ``"simulated"``, ``"covariate/NAME"`` or ``"episode"``.
-            time: When it was measured, seconds since 1970-01-01 UTC. Streams need not be in step.
-            values: ``(pads, 3, rows, cols)`` newtons; a covariate's number or array; an episode's number, which
-                begins now. A stream's shape stays the same. NaN means not known.
-            extra: More fields of the message, for a tactile one ``sequence``, ``status`` and ``resultant``
-                (see `paxisim.hw.frame.Frame`). None leaves a field out. A pad whose status is not 0 loads as NaN.
+            time: Time of the measurement, seconds since 1970-01-01 UTC. Streams need not be synchronous.
+            values: ``(pads, 3, rows, cols)`` newtons; a covariate's number or array; or the number of the episode
+                that begins now. A stream's shape must stay the same. NaN means unknown.
+            extra: Additional fields of the message; for a tactile one ``sequence``, ``status`` and ``resultant``
+                (see `paxisim.hw.frame.Frame`). Fields that are None are omitted. A pad in an error status (neither 0
+                nor `paxisim.logs.schemas.NO_TAXELS`) loads as NaN.
 
         Raises:
-            InvalidValueError: No such stream, another shape than before, an infinite value, a time before 1970 or after
-                2262, a status that is not one number a pad. What was written before is not touched.
-            OSError: The disk is full or failed, now or before; the file is valid up to its last whole chunk.
+            InvalidValueError: The stream does not exist or changes its shape, a value is infinite, the time is before
+                1970 or after 2262, or the status is not one number per pad. Earlier samples are not affected.
+            OSError: The disk is full or failed, now or earlier; the file is valid up to its last complete chunk.
         """
-        if not 0 <= time <= schemas.LATEST * 1e-9:  # as for NaN
+        if not 0 <= time <= schemas.LATEST * 1e-9:  # also true for NaN
             raise InvalidValueError(f"the time of a sample must be in seconds since {_RANGE}, got {time!r}")
         self.write_at(stream, round(time * 1e9), values, **extra)
 
     def write_at(self, stream: str, nanoseconds: int, values: ArrayLike, **extra: Any) -> None:
-        """`write`, for a time in whole nanoseconds since 1970-01-01 UTC, of which a float64 holds only every 200th."""
+        """Write one sample at a time in ns since 1970-01-01 UTC, of which a float64 resolves only about every 200th."""
         if not 0 <= nanoseconds <= schemas.LATEST:
             raise InvalidValueError(f"the time of a sample must be in nanoseconds since {_RANGE}, got {nanoseconds!r}")
         is_tactile = stream in schemas.TACTILE_STREAMS
         array = np.asarray(values, dtype=np.float32 if is_tactile else np.float64)
         if np.isinf(array).any():
-            raise InvalidValueError(f"a sample of {stream!r} holds an infinite value, which a file cannot")
+            raise InvalidValueError(f"a sample of {stream!r} holds an infinite value; use NaN for unknown values")
         # beyond 2**53 a float64 skips whole numbers
         if stream == "episode" and not (array.shape == () and array == np.round(array) and abs(array) < 2**53):
             raise InvalidValueError(f"an episode must be a whole number, got {array.tolist()!r}")
         status = extra.get("status")
         if is_tactile and status is not None and np.shape(status) != array.shape[:1]:
-            raise InvalidValueError(f"status must be one number a pad, shape {array.shape[:1]}, got {status!r}")
+            raise InvalidValueError(f"status must be one number per pad, shape {array.shape[:1]}, got {status!r}")
         sec, nsec = divmod(int(nanoseconds), 10**9)
         fields = {"timestamp": {"sec": sec, "nsec": nsec}}
         with self._lock:
@@ -142,7 +146,7 @@ class LogWriter:
                 message = {**fields, "shape": array.shape, "value": array.ravel()}
             for name, value in extra.items():
                 if value is not None:
-                    # the JSON library takes row-major arrays alone
+                    # orjson accepts only row-major arrays
                     message[name] = np.asarray(value, order="C") if isinstance(value, np.ndarray) else value
             data = orjson.dumps(message, option=_JSON)
             self._samples[stream] = self._samples.get(stream, 0) + 1
@@ -152,9 +156,9 @@ class LogWriter:
                 self._flush()
 
     def flush(self) -> None:
-        """End the chunk and hand everything to the operating system: it outlives the program from here on.
+        """End the chunk and hand all samples to the operating system, so that they survive the end of the program.
 
-        To be called about every second where samples may stop coming.
+        Call this about once a second if samples may stop arriving.
 
         Raises:
             OSError: The disk is full or failed.
@@ -170,7 +174,7 @@ class LogWriter:
 
     @contextlib.contextmanager
     def _counting(self) -> Iterator[None]:
-        """Count what is in the file, if it grows meanwhile: a chunk is written first, whole, before all else."""
+        """Update `held` if the file grows meanwhile: a complete chunk is written before anything else."""
         before = self._file.tell()
         try:
             yield
@@ -180,22 +184,22 @@ class LogWriter:
 
     @property
     def size(self) -> int:
-        """Bytes of the file."""
+        """Size of the file in bytes."""
         return self._file.tell()
 
     @property
     def is_in_place(self) -> bool:
-        """Whether the file is still at its path, neither deleted nor moved nor replaced by another."""
+        """Whether the file is still at its path: not deleted, moved or replaced by another."""
         try:
             return os.path.samestat(os.stat(self._path), self._stat)
         except OSError:
             return False
 
     def close(self) -> None:
-        """Finish the file. May be called twice; after a failed write nothing is left to do.
+        """Finish the file. May be called twice; after a failed write it does nothing.
 
         Raises:
-            OSError: The disk is full or failed; the file is valid up to its last whole chunk.
+            OSError: The disk is full or failed; the file is valid up to its last complete chunk.
         """
         with self._lock, _uninterrupted():
             if self._file.closed:
@@ -208,7 +212,7 @@ class LogWriter:
                 self._file.close()
 
     def __enter__(self) -> LogWriter:
-        """The writer."""
+        """Return the writer."""
         return self
 
     def __exit__(
@@ -232,7 +236,7 @@ class LogWriter:
         if stream in self._channels:
             channel, shape = self._channels[stream]
             if array.shape != shape:
-                raise InvalidValueError(f"samples of {stream!r} had shape {shape} so far, now one has {array.shape}")
+                raise InvalidValueError(f"samples of {stream!r} must keep the shape {shape}, got {array.shape}")
             return channel
         topic, schema = _topic(stream, array)
         document = orjson.dumps(schema)
@@ -251,9 +255,9 @@ _LEAST_END = (
 
 
 class _WholeWrites:
-    """A file that takes each piece of bytes whole, or none of it: what a failed write left behind is cut off.
+    """File whose writes are atomic: the remains of a failed write are cut off.
 
-    The MCAP writer hands over whole records, so the file always ends with one.
+    The MCAP writer hands over complete records, so the file always ends with one.
     """
 
     def __init__(self, path: str | Path, mode: str) -> None:
@@ -262,11 +266,11 @@ class _WholeWrites:
         self.error: BaseException | None = None
 
     def check(self) -> None:
-        """Raise if the file takes nothing any more: the error that ended it, again, if there was one."""
+        """Raise an error if the file can no longer be written: that of an earlier failed write, if there was one."""
         if self.error is not None:
             raise self.error
         if self.closed:
-            raise InvalidValueError("the recording was closed, nothing can be written to it")
+            raise InvalidValueError("the recording was closed; nothing more can be written to it")
 
     @property
     def closed(self) -> bool:
@@ -292,15 +296,15 @@ class _WholeWrites:
         return size
 
     def _end_here(self) -> None:
-        """Cut off what is half written, and close the file with the least end that MCAP allows, if that fits."""
-        with contextlib.suppress(OSError):  # not every file can be cut, and why it failed is to be told
+        """Cut off the incomplete write, and end the file with the shortest ending that MCAP allows, if it fits."""
+        with contextlib.suppress(OSError):  # some files cannot be truncated; the original error is the one to report
             self._raw.truncate(self._size)
             self._raw.seek(self._size)
             if self._raw.write(_LEAST_END) != len(_LEAST_END):
                 self._raw.truncate(self._size)
 
     def flush(self) -> None:
-        """Nothing is held back."""
+        """Do nothing, because writes are not buffered."""
 
     def close(self) -> None:
         self._raw.close()
@@ -308,9 +312,9 @@ class _WholeWrites:
 
 @contextlib.contextmanager
 def _uninterrupted() -> Iterator[None]:
-    """Let Ctrl-C wait: in the middle of a chunk its exception would cost the chunk."""
+    """Delay Ctrl-C: its exception in the middle of a chunk would lose the chunk."""
     handler = signal.getsignal(signal.SIGINT)
-    # other threads get no signal, and may not say what happens to one
+    # other threads receive no signals and may not set a handler
     if threading.current_thread() is not threading.main_thread() or not callable(handler):
         yield
         return
@@ -333,11 +337,11 @@ def _topic(stream: str, array: np.ndarray) -> tuple[str, dict[str, Any]]:
         return "/episode", schemas.EPISODE
     if stream.startswith(schemas.COVARIATE) and len(stream) > len(schemas.COVARIATE):
         return f"/{stream}", schemas.SCALAR if array.ndim == 0 else schemas.ARRAY
-    raise InvalidValueError(f"unknown stream {stream!r}; there are measured, simulated, episode and covariate/NAME")
+    raise InvalidValueError(f"unknown stream {stream!r}; expected measured, simulated, episode or covariate/NAME")
 
 
 def _describe(metadata: Mapping[str, Any]) -> tuple[dict[str, str], str | None]:
-    """The file's metadata record, each value as JSON, and the scene's MJCF."""
+    """Return the file's metadata record, with each value as JSON, and the scene's MJCF."""
     values: dict[str, Any] = {"paxisim": __version__, **metadata}
     scene = values.pop("scene", None)
     if scene is not None and not isinstance(scene, str):

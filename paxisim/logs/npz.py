@@ -1,7 +1,7 @@
 """A recording as a numpy archive.
 
 Keys: ``time``, ``measured``, ``simulated``, ``episode``, ``covariate/NAME`` as in `paxisim.Recording`, and ``about``, a
-JSON text with the layout, the pads' names and the metadata. One that was made by hand needs ``time`` and a tensor only.
+JSON text with the layout, the pads' names and the metadata. Only ``time`` and a tensor are required.
 """
 
 from __future__ import annotations
@@ -23,10 +23,12 @@ from paxisim.errors import InvalidValueError
 from paxisim.files import whole_file
 from paxisim.logs import schemas
 from paxisim.logs.about import about_text, read_about
+from paxisim.logs.recording_arrays import RecordingArrays
+from paxisim.files import whole_file
 from paxisim.logs.limits import most_unpacked, refuse_unpacked
 from paxisim.logs.recording_arrays import RecordingArrays
 
-# what numpy and zipfile raise for bytes that are none of theirs
+# errors of numpy and zipfile for data that are not an archive, or a damaged one
 _NOT_WHOLE = (
     ValueError,
     TypeError,
@@ -45,12 +47,12 @@ _NOT_WHOLE = (
     zipfile.BadZipFile,
     zlib.error,
 )
-_RATIO = 100  # of unpacked numbers; paxisim does not pack them
+_RATIO = 100  # limit on the compression ratio; paxisim itself does not compress
 _ARRAYS = ("time", "measured", "simulated", "episode")
 
 
 def write_npz(path: Path, recording: RecordingArrays) -> None:
-    """Write the arrays; bit exact.
+    """Write the arrays without loss of precision.
 
     Raises:
         InvalidValueError: The metadata cannot be written as JSON, or a value is infinite.
@@ -67,26 +69,26 @@ def read_npz(path: Path) -> RecordingArrays:
     """Read what `write_npz` wrote, or an archive with the same keys.
 
     Raises:
-        InvalidValueError: Not an npz file, damaged, or without time and a tensor.
+        InvalidValueError: The file is not an npz file, is damaged, or lacks time or a tensor.
     """
     with open(path, "rb") as file:
         try:
             with np.load(file, allow_pickle=False) as archive:
                 _check_sizes(path, archive.zip)
-                # by the names in the zip: to numpy, "a.npy" may also be the array "a"
+                # uses the names in the zip, because numpy accepts both "a" and "a.npy" for the array "a"
                 names = archive.zip.namelist()
                 arrays: dict[str, Any] = {name.removesuffix(".npy"): archive[name] for name in names}
             plain = [name for name, values in arrays.items() if not isinstance(values, np.ndarray)]
             if plain:
-                raise ValueError(f"{plain[0]!r} is no array")
+                raise ValueError(f"{plain[0]!r} is not an array")
             about = orjson.loads(str(arrays["about"])) if "about" in arrays else {}
         except InvalidValueError:
             raise
         except _NOT_WHOLE as error:
-            raise InvalidValueError(f"{path} is not a whole npz file: {error}") from error
+            raise InvalidValueError(f"{path} is not a complete npz file: {error}") from error
     if "time" not in arrays or not {"measured", "simulated"} & arrays.keys():
         found = ", ".join(arrays) or "nothing"
-        raise InvalidValueError(f"{path} must hold 'time' and 'measured' or 'simulated' (or both), it holds {found}")
+        raise InvalidValueError(f"{path} must hold 'time' and 'measured' or 'simulated' (or both), got {found}")
     _refuse_infinite(arrays, f"{path}: ")
     return RecordingArrays(
         **{name: arrays[name] for name in _ARRAYS if name in arrays},
@@ -100,7 +102,7 @@ def read_npz(path: Path) -> RecordingArrays:
 
 
 def _check_sizes(path: Path, archive: zipfile.ZipFile) -> None:
-    """Look before anything is unpacked: at what the archive says of its members, and each member of its array."""
+    """Check the declared sizes of the archive's members and of their arrays before anything is unpacked."""
     members = archive.infolist()
     refuse_unpacked(path, sum(member.file_size for member in members), most_unpacked(path, _RATIO))
     for member in members:
@@ -109,16 +111,14 @@ def _check_sizes(path: Path, archive: zipfile.ZipFile) -> None:
             read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
             shape, _, dtype = read(file)
             size = math.prod(shape) * dtype.itemsize
-            # numpy makes room for the array before it reads one
+            # numpy allocates the array before it reads the data
             if min(shape, default=0) < 0 or size > member.file_size:
-                raise ValueError(
-                    f"{member.filename} says that it has {size} bytes of numbers, it has {member.file_size}"
-                )
+                raise ValueError(f"{member.filename} declares {size} bytes of numbers, but holds {member.file_size}")
 
 
 def _refuse_infinite(arrays: Mapping[str, NDArray[Any]], where: str = "") -> None:
     for name, values in arrays.items():
-        if values.dtype.kind == "f" and np.isinf(values).any():  # as an MCAP file and a table
+        if values.dtype.kind == "f" and np.isinf(values).any():  # consistent with MCAP files and tables
             raise InvalidValueError(
-                f"{where}{name!r} holds an infinite value, which a file cannot; write NaN for not known"
+                f"{where}{name!r} holds an infinite value, which a file cannot store; use NaN for unknown values"
             )

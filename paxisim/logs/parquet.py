@@ -1,7 +1,7 @@
-"""Parquet tables, with the columns of `paxisim.logs.columns`: those of paxisim, and those of LeRobot's data sets.
+"""Parquet tables with the columns of `paxisim.logs.columns`, written by paxisim or from LeRobot datasets.
 
-A column of LeRobot that holds a vector, such as ``observation.state``, becomes one array; where ``meta/info.json`` of
-the data set names its components, a column for each, ``observation.state.NAME``. Images and texts are left out.
+A LeRobot column that holds a vector, such as ``observation.state``, becomes one array. If ``meta/info.json`` of the
+dataset names the vector's components, each becomes a column ``observation.state.NAME``. Images and texts are skipped.
 """
 
 from __future__ import annotations
@@ -17,35 +17,37 @@ from numpy.typing import NDArray
 from paxisim.errors import InvalidValueError, MissingExtraError, UnsupportedError
 from paxisim.files import whole_file
 from paxisim.logs.about import about_text, read_about
+from paxisim.logs.recording_arrays import RecordingArrays
+from paxisim.files import whole_file
 from paxisim.logs.columns import to_columns
 from paxisim.logs.limits import most_unpacked, refuse_unpacked
 from paxisim.logs.parquet_footer import column_chunks
 from paxisim.logs.recording_arrays import RecordingArrays
 from paxisim.logs.text import parse_json
 
-_ROWS = 8192  # of a row group
+_ROWS = 8192  # per row group
 _ABOUT = b"paxisim"
-_RATIO = 1000  # of what a file unpacks to; that of 28 pads at rest, whose numbers are zeros, is 540
-_NOT_WHOLE = (OSError, ValueError, MemoryError)  # of pyarrow, beside its own
+_RATIO = 1000  # limit on the compression ratio; 28 pads at rest, whose values are all zeros, reach 540
+_NOT_WHOLE = (OSError, ValueError, MemoryError)  # errors that pyarrow raises besides its own
 
 
 def require_pyarrow() -> None:
-    """Raise unless a Parquet file can be read and written.
+    """Check that Parquet files can be read and written.
 
     Raises:
         MissingExtraError: pyarrow is not installed.
-        UnsupportedError: It does not work with what else is installed, as new versions do not with numpy 1.
+        UnsupportedError: pyarrow does not work with other installed packages, as new versions with numpy 1.
     """
     try:
         import pyarrow.parquet  # noqa: F401
     except ModuleNotFoundError as error:
         raise MissingExtraError("pyarrow", "parquet", "a Parquet file") from error
     except ImportError as error:
-        raise UnsupportedError(f"the pyarrow that is installed cannot be used: {error}") from error
+        raise UnsupportedError(f"the installed pyarrow cannot be used: {error}") from error
 
 
 def write_parquet(path: Path, recording: RecordingArrays) -> None:
-    """Write the table; the layout, the pads' names and the metadata are JSON under ``paxisim`` in its schema.
+    """Write the table, with layout, pad names and metadata as JSON under ``paxisim`` in its schema.
 
     Raises:
         MissingExtraError, UnsupportedError: See `require_pyarrow`.
@@ -67,12 +69,12 @@ def write_parquet(path: Path, recording: RecordingArrays) -> None:
 
 
 def read_parquet(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-    """The columns of numbers, ``(T,)`` or ``(T, n)`` each, and the fields of `paxisim.logs.about` where it has them.
+    """Return the numeric columns, each ``(T,)`` or ``(T, n)``, and the fields of `paxisim.logs.about`, if present.
 
     Raises:
         MissingExtraError, UnsupportedError: See `require_pyarrow`.
-        InvalidValueError: It is no Parquet file, or a vector has different lengths.
-        FileNotFoundError: There is no such file.
+        InvalidValueError: The file is not a Parquet file, or a vector changes its length.
+        FileNotFoundError: The file does not exist.
     """
     table = read_table(path, _is_numeric)
     names = component_names(_features_near(path))
@@ -91,12 +93,12 @@ def read_parquet(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
 
 
 def read_table(path: Path, wanted: Callable[[Any], bool]) -> Any:
-    """The columns of a file whose fields, as Arrow has them, are wanted: an Arrow table with at least one row.
+    """Return an Arrow table of the columns whose Arrow field satisfies `wanted`; it has at least one row.
 
     Raises:
         MissingExtraError, UnsupportedError: See `require_pyarrow`.
-        InvalidValueError: It is no Parquet file, has no rows, or unpacks to far more than its size.
-        FileNotFoundError: There is no such file.
+        InvalidValueError: The file is not a Parquet file, has no rows, or unpacks to far more than its size.
+        FileNotFoundError: The file does not exist.
     """
     require_pyarrow()
     import pyarrow as pa
@@ -107,26 +109,27 @@ def read_table(path: Path, wanted: Callable[[Any], bool]) -> Any:
             source = parquet.ParquetFile(pa.PythonFile(file))
             names = [field.name for field in source.schema_arrow if wanted(field)]
             _check_size(path, names)
-            # threads that pyarrow is still starting when a short process ends would abort it
+            # a short process would abort if it ended while pyarrow is still starting threads
             table = source.read(columns=names, use_threads=False)
         except InvalidValueError:
             raise
         except (pa.ArrowException, *_NOT_WHOLE) as error:
             said = (str(error).splitlines() or [type(error).__name__])[0]
-            raise InvalidValueError(f"{path} is no whole Parquet file: {said}") from error
+            raise InvalidValueError(f"{path} is not a complete Parquet file: {said}") from error
     if not table.num_rows:
         raise InvalidValueError(f"{path} has no rows")
     return table
 
 
 def _check_size(path: Path, names: Sequence[str]) -> None:
-    """Look at what the file says that it holds, before anything is unpacked."""
+    """Check the declared size of the columns before anything is unpacked."""
     size, wanted = 0, set(names)
     for chunk in column_chunks(path):
         parts = ".".join(chunk.path).split(".")
-        # of "a.b.c" pyarrow also reads what goes on behind "a" or "a.b", where those are wanted
+        # pyarrow reads "a.b.c" also if only its prefix "a" or "a.b" is wanted
         if any(".".join(parts[:count]) in wanted for count in range(1, len(parts) + 1)):
-            size += chunk.values * (chunk.size if chunk.is_text else 8)  # a text may be stored once for all rows
+            # a text may be stored only once for all rows, by dictionary encoding
+            size += chunk.values * (chunk.size if chunk.is_text else 8)
     refuse_unpacked(path, size, most_unpacked(path, _RATIO))
 
 
@@ -135,7 +138,7 @@ def _is_numeric(field: Any) -> bool:
 
 
 def is_numeric(kind: Any, most_nested: int) -> bool:
-    """Whether a column of that Arrow type holds numbers, in at most so many lists within one another."""
+    """Return whether a column of an Arrow type holds numbers, in at most `most_nested` levels of lists."""
     import pyarrow as pa
 
     depth, kind = 0, _stored(kind)
@@ -146,17 +149,17 @@ def is_numeric(kind: Any, most_nested: int) -> bool:
 
 
 def is_text(kind: Any) -> bool:
-    """Whether a column of that Arrow type holds texts."""
+    """Return whether a column of an Arrow type holds text."""
     import pyarrow as pa
 
     return pa.types.is_string(kind) or pa.types.is_large_string(kind)
 
 
 def column_values(place: str, column: Any, dtype: type = np.float64) -> NDArray[Any]:
-    """``(T, ...)``: the numbers of a column, of which each row holds an array of the same shape; null is NaN.
+    """Return the numbers of a column as ``(T, ...)``; each row holds an array of the same shape, and null is NaN.
 
     Raises:
-        InvalidValueError: A row is missing, or has another shape; `place` is for the message.
+        InvalidValueError: A row is missing or differs in shape; the message names `place`.
     """
     import pyarrow as pa
 
@@ -184,7 +187,7 @@ def _is_list(kind: Any) -> bool:
 
 
 def _stored(kind: Any) -> Any:
-    """What an extension type is stored as; LeRobot's tensors have one where its library is imported."""
+    """Return the storage type of an extension type; LeRobot's tensors have one if its library is imported."""
     import pyarrow as pa
 
     return kind.storage_type if isinstance(kind, pa.BaseExtensionType) else kind
@@ -197,7 +200,7 @@ def _storage(array: Any) -> Any:
 
 
 def component_names(features: Any) -> dict[str, list[str]]:
-    """Names of the components of each vector that has such, from ``features`` of a data set's ``meta/info.json``."""
+    """Return the component names of each vector, if given, from ``features`` of a dataset's ``meta/info.json``."""
     found = {}
     for name, feature in features.items() if isinstance(features, dict) else ():
         given = feature.get("names") if isinstance(feature, dict) else None
@@ -208,7 +211,7 @@ def component_names(features: Any) -> dict[str, list[str]]:
 
 
 def _features_near(path: Path) -> Any:
-    """What the data set that the file lies in, if any, says of its features."""
+    """Return the features described by the dataset that contains the file, or None."""
     try:
         return parse_json((path.resolve().parents[2] / "meta" / "info.json").read_bytes()).get("features")
     except (OSError, LookupError, InvalidValueError, AttributeError):

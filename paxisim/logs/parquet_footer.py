@@ -1,7 +1,7 @@
-"""parquet_footer: how many values a Parquet file says that its columns hold, before any is unpacked.
+"""parquet_footer: the declared number of values in each column of a Parquet file, read before unpacking any.
 
-The end of the file describes it, in Thrift's compact protocol. pyarrow can say the same, but where the file is damaged
-it ends the process.
+The footer at the end of the file describes it in Thrift's compact protocol. pyarrow can read it too, but aborts the
+process if the file is damaged.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ _TEXT = 6  # the physical type BYTE_ARRAY
 
 @dataclass(frozen=True)
 class ColumnChunk:
-    """A column's part of a row group.
+    """Part of a column within a row group.
 
     Attributes:
-        path: The column's name, and the names of what is nested in it.
-        is_text: Its values are texts or bytes.
-        values: How many numbers or texts it holds.
-        size: Bytes of its pages, without compression.
+        path: Name of the column, followed by the names of its nested fields.
+        is_text: Whether the values are text or bytes.
+        values: Number of values.
+        size: Uncompressed size of its pages in bytes.
     """
 
     path: tuple[str, ...]
@@ -34,10 +34,10 @@ class ColumnChunk:
 
 
 def column_chunks(path: Path) -> list[ColumnChunk]:
-    """The column chunks of the file.
+    """Return the column chunks of the file.
 
     Raises:
-        ValueError: The end of the file is not that of a Parquet file.
+        ValueError: The file does not end with a valid Parquet footer.
     """
     with open(path, "rb") as file:
         end = file.seek(0, 2)
@@ -45,14 +45,14 @@ def column_chunks(path: Path) -> list[ColumnChunk]:
         tail = file.read(8)
         length = struct.unpack("<I", tail[:4])[0] if len(tail) == 8 else end
         if tail[4:] != _MAGIC or length > end - 8:
-            raise ValueError("it does not end as a Parquet file does")
+            raise ValueError("it does not end with a Parquet footer")
         file.seek(end - 8 - length)
         footer = _Compact(file.read(length))
     try:
         about = footer.struct(_FILE)
         return [_chunk(column[3]) for group in about.get(4, ()) for column in group.get(1, ()) if 3 in column]
     except (LookupError, TypeError, AttributeError, RecursionError, UnicodeDecodeError) as error:
-        raise ValueError("its description at the end is damaged") from error
+        raise ValueError("its footer is damaged") from error
 
 
 def _chunk(about: Mapping[int, Any]) -> ColumnChunk:
@@ -60,14 +60,14 @@ def _chunk(about: Mapping[int, Any]) -> ColumnChunk:
     return ColumnChunk(names, about[1] == _TEXT, max(about[5], 0), max(about[6], 0))
 
 
-# the fields that are kept, by their numbers in Parquet's definition: of a number or text nothing more, of a struct or
-# a list of structs the fields of those
+# the fields to keep, by their numbers in Parquet's Thrift definition: None for a number or text; for a struct or a list
+# of structs, a mapping of its fields
 _Wanted = Mapping[int, Any]
 _FILE: _Wanted = {4: {1: {3: {1: None, 3: None, 5: None, 6: None}}}}
 
 
 class _Compact:
-    """Reads Thrift's compact protocol; IndexError where it ends too early."""
+    """Reader of Thrift's compact protocol; raises IndexError if the data end too early."""
 
     def __init__(self, data: bytes) -> None:
         self._data = data
@@ -81,7 +81,7 @@ class _Compact:
         }
 
     def struct(self, wanted: _Wanted | None) -> dict[int, Any]:
-        """The fields of a struct that are wanted, by their numbers."""
+        """Read a struct and return its wanted fields by their numbers."""
         found, number = {}, 0
         while head := self._bytes(1)[0]:
             number = number + (head >> 4) if head >> 4 else self._integer()

@@ -1,4 +1,4 @@
-"""RecordingArrays: the arrays of a recording over one time axis, as they are read from and written to files."""
+"""RecordingArrays: the arrays of a recording over one time axis, as read from and written to files."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Method = Literal["linear", "nearest", "previous"]
 
 @dataclass(frozen=True, eq=False)
 class RecordingArrays:
-    """The fields of `paxisim.Recording`, not yet checked."""
+    """Fields of `paxisim.Recording` before they are checked."""
 
     time: NDArray[np.float64]
     measured: NDArray[np.float32] | None = None
@@ -30,16 +30,16 @@ class RecordingArrays:
 
 
 def unit_of(metadata: Mapping[str, Any]) -> str:
-    """Unit of what was measured: ``"N"`` unless the metadata say otherwise."""
+    """Return the unit of the measured tensor: ``"N"`` unless the metadata name another."""
     return metadata.get("unit") or "N"
 
 
 class CountsToForce(Protocol):
-    """What reading a board's counts needs; `paxisim.hw.profile.Profile` has it."""
+    """Interface for converting a board's raw counts; `paxisim.hw.profile.Profile` implements it."""
 
     @property
     def layout(self) -> TaxelLayout:
-        """The taxels of the tensor that `to_force` gives."""
+        """Taxel layout of the tensor that `to_force` returns."""
         ...
 
     @property
@@ -48,23 +48,23 @@ class CountsToForce(Protocol):
         ...
 
     def to_force(self, counts: NDArray[np.int16]) -> NDArray[np.float32]:
-        """``(..., N, 3)`` counts -> ``(..., 3, rows, cols)`` in that unit."""
+        """Convert ``(..., N, 3)`` counts to ``(..., 3, rows, cols)`` values in `unit`."""
         ...
 
 
 def episode_starts(episode: NDArray[np.integer]) -> NDArray[np.intp]:
-    """Index of the first sample of each episode, from each sample's number ``(T,)``."""
+    """Return the index of the first sample of each episode, given the episode number of each sample ``(T,)``."""
     return np.flatnonzero(np.diff(episode, prepend=episode[0] - 1))
 
 
 def rate_of(time: NDArray[np.float64], episode: NDArray[np.integer]) -> float:
-    """Samples a second: one over the median interval within the episodes; NaN where there is no interval."""
+    """Return the sampling rate (Hz): one over the median interval within episodes; NaN if there is no interval."""
     intervals = np.diff(time)[np.diff(episode) == 0]
     intervals = intervals[intervals > 0]
     return float(1 / np.median(intervals)) if len(intervals) else float("nan")
 
 
 def episode_spans(episode: NDArray[np.integer]) -> tuple[slice, ...]:
-    """The samples of each episode, from each sample's number ``(T,)``."""
+    """Return the slice of samples of each episode, given the episode number of each sample ``(T,)``."""
     edges = [*episode_starts(episode).tolist(), len(episode)]
     return tuple(slice(a, b) for a, b in itertools.pairwise(edges))

@@ -1,4 +1,4 @@
-"""Bring the streams of a log onto one time axis."""
+"""Resampling of the streams of a log onto one time axis."""
 
 from __future__ import annotations
 
@@ -12,39 +12,38 @@ from numpy.typing import NDArray
 from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.layout import TaxelLayout
 from paxisim.logs import schemas
-from paxisim.logs.recording_arrays import Method, RecordingArrays
+from paxisim.logs.recording_arrays import RecordingArrays, Method
 from paxisim.logs.stream import Log, Stream
 
-# a stream that paused for longer than so many of its usual intervals is not known in between
+# a pause longer than this many usual intervals is a gap, in which the stream is unknown
 GAP_INTERVALS = 5
-# ns; of samples that are closer, many may have been sent at once
+# ns; samples closer than this may have been sent together in a burst
 _AT_ONCE = 1_000_000
-_BLOCK = 4096  # samples interpolated at once, so that the work needs little memory
+_BLOCK = 4096  # samples interpolated per block, to limit memory
 
 
-def resample_log(
-    log: Log, method: Method | Mapping[str, Method] = "linear", max_gap: float | None = None
-) -> RecordingArrays:
-    """The streams of `log` at the times of its measured tensors, or of the simulated ones where nothing was measured.
+def resample_log(log: Log, method: Method | Mapping[str, Method] = "linear", max_gap: float | None = None) -> RecordingArrays:
+    """Return the streams of `log` at the times of its measured tensors, or of the simulated ones if none was measured.
 
     Args:
-        log: What a file holds.
-        method: See `resample`; for all streams or by name (``"simulated"``, or a covariate's name), others linear.
+        log: Contents of a file.
+        method: See `resample`. One method for all streams, or a mapping by name (``"simulated"`` or a covariate's
+            name); unnamed streams are interpolated linearly.
         max_gap: See `resample`.
 
     Returns:
         The arrays. Time counts from the first sample, whose Unix time becomes ``metadata["start"]``, unless the file
-        says how its clock ran (``time_zero_ns``: the log time at which the time of each episode is 0).
+        stores its clock (``time_zero_ns``: the log time at which the time of each episode is 0).
 
     Raises:
-        InvalidValueError: No tensors; the two tensors do not overlap in time.
-        UnknownNameError: `method` names a stream that is not there.
+        InvalidValueError: The log has no tensors, or the two tensors do not overlap in time.
+        UnknownNameError: `method` names a stream that does not exist.
     """
     streams = dict(log.streams)
     reference = next((name for name in schemas.TACTILE_STREAMS if name in streams), None)
     if reference is None:
         found = ", ".join(streams) or "nothing at all"
-        raise InvalidValueError(f"the file holds no tactile sample, neither measured nor simulated, but {found}")
+        raise InvalidValueError(f"the file holds no tactile sample, neither measured nor simulated, only {found}")
     at = streams[reference].nanoseconds
     marks = streams.pop("episode", None)
     methods = methods_by_name(method, [name for name in streams if name != reference])
@@ -79,17 +78,18 @@ def resample_log(
 
 
 def resample(stream: Stream, at: NDArray[np.int64], method: Method, max_gap: float | None) -> NDArray[Any]:
-    """The values of a stream at other times.
+    """Return the values of a stream at other times.
 
     Args:
         stream: ``(T, ...)`` samples.
-        at: ``(S,)`` nanoseconds, not decreasing.
-        method: ``"linear"`` between the two neighbours, ``"nearest"`` of the two, or ``"previous"``.
+        at: ``(S,)`` times in nanoseconds, not decreasing.
+        method: ``"linear"`` interpolation between the two neighbours, the ``"nearest"`` of the two, or the
+            ``"previous"`` one.
         max_gap: Neighbours further apart than this (s) give NaN. Default: five times the stream's `usual_interval`.
 
     Returns:
-        ``(S, ...)`` of the values' dtype. NaN before the first sample, after the last and in gaps; where a sample has
-        the very time, that sample.
+        ``(S, ...)`` array with the values' dtype. NaN before the first sample, after the last and in gaps. At a time
+        that coincides with a sample, the value is that sample.
     """
     time, values = stream.nanoseconds, stream.values
     if np.array_equal(time, at):
@@ -117,11 +117,12 @@ def resample(stream: Stream, at: NDArray[np.int64], method: Method, max_gap: flo
 
 
 def usual_interval(stream: Stream) -> float:
-    """The time (ns) from one sample to the next, as a rule: the median; 0 for a single sample.
+    """Return the typical interval (ns) between samples: the median, or 0 for a single sample.
 
-    Where a program holds its output back, many samples come at once, and long after the ones before. The median then
-    says nothing. So if it is below 1 ms, and the intervals up to five times as long cover less than a tenth of the
-    stream's time, the interval up to which a tenth of it is covered counts: that between the bursts.
+    If a program buffers its output, samples arrive in bursts with long pauses in between, and the median is
+    meaningless. So if the median is below 1 ms and intervals of up to five times the median cover less than a tenth of
+    the stream's duration, the function returns the interval at which the sorted, accumulated intervals reach a tenth of
+    it. This is the interval between bursts.
     """
     intervals = np.sort(np.diff(stream.nanoseconds))
     if not len(intervals):
@@ -133,15 +134,15 @@ def usual_interval(stream: Stream) -> float:
 
 
 def methods_by_name(method: Method | Mapping[str, Method], streams: list[str]) -> dict[str, Method]:
-    """The method of each stream: `method` for all, or those it names and linear for the others.
+    """Return the method of each stream; streams that a mapping does not name are interpolated linearly.
 
     Args:
-        method: By name where it is a mapping; a covariate's name has no prefix there.
+        method: One method for all streams, or a mapping by name, in which covariate names have no prefix.
         streams: Names as in `Log.streams`.
 
     Raises:
-        InvalidValueError: There is no such method.
-        UnknownNameError: There is no such stream.
+        InvalidValueError: A method does not exist.
+        UnknownNameError: A stream does not exist.
     """
     names = {name.removeprefix(schemas.COVARIATE): name for name in streams}
     given: dict[str, Method] = dict.fromkeys(names, method) if isinstance(method, str) else dict(method)
@@ -157,38 +158,38 @@ def methods_by_name(method: Method | Mapping[str, Method], streams: list[str]) -
 
 
 def check_max_gap(max_gap: float | None) -> None:
-    """Raise unless it is None or more than 0 s.
+    """Check that `max_gap` is None or more than 0 s.
 
     Raises:
-        InvalidValueError: It is not.
+        InvalidValueError: It is neither.
     """
     if max_gap is not None and not max_gap > 0:
         raise InvalidValueError(f"max_gap must be a positive time in s, got {max_gap!r}")
 
 
 def describe_bursts(name: str, stream: Stream) -> str:
-    """What is wrong with the times of samples that came many at once; empty where they did not."""
+    """Return a description of the timing error of a stream that came in bursts; empty if it did not."""
     usual = usual_interval(stream)
     if len(stream.values) < 2 or usual <= GAP_INTERVALS * np.median(np.diff(stream.nanoseconds)):
         return ""
     return (
-        f"{name} came in bursts, {usual * 1e-9:.2g} s apart, so its times are late by up to as much: the program that "
-        "sends it buffers its output; let it flush each line, or send the time of each sample as well"
+        f"{name} came in bursts, {usual * 1e-9:.2g} s apart, so its times are up to that much late: the program that "
+        "sends it buffers its output; let it flush each line, or send a timestamp with each sample"
     )
 
 
 def _greatest_gap(stream: Stream, max_gap: float | None) -> float:
-    """Nanoseconds; see `resample`."""
+    """Largest interval (ns) that is interpolated; see `resample`."""
     return GAP_INTERVALS * usual_interval(stream) if max_gap is None else max_gap * 1e9
 
 
 def _episodes(at: NDArray[np.int64], marks: Stream | None) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Each sample's episode, and the index of the mark that began it; what precedes the first mark belongs to it."""
+    """Return each sample's episode and the index of its mark; samples before the first mark belong to it."""
     if marks is None:
         return np.zeros(len(at), np.int64), np.zeros(len(at), np.int64)
     mark = np.maximum(np.searchsorted(marks.nanoseconds, at, side="right") - 1, 0)
     numbers = marks.values
-    if len(np.unique(numbers)) < len(numbers):  # a number that came twice names no episode: count them
+    if len(np.unique(numbers)) < len(numbers):  # repeated numbers do not identify episodes: renumber them
         numbers = np.arange(len(numbers))
     return numbers[mark], mark
 
@@ -199,11 +200,11 @@ def _complain_of_nothing_known(
     first, last = ((stream.nanoseconds[i] - at[0]) * 1e-9 for i in (0, -1))
     text = (
         f"{name} is not known at any time of {reference}: it has {len(stream.values)} samples from {first:.3f} s to "
-        f"{last:.3f} s, {reference} reaches from 0 s to {(at[-1] - at[0]) * 1e-9:.3f} s"
+        f"{last:.3f} s, {reference} spans 0 s to {(at[-1] - at[0]) * 1e-9:.3f} s"
     )
     if len(stream.values) > 1 and stream.nanoseconds[0] <= at[-1] and stream.nanoseconds[-1] >= at[0]:
         limit = _greatest_gap(stream, max_gap) * 1e-9
-        text += f"; what lies between two samples more than {limit:.3g} s apart is not known (max_gap)"
+        text += f"; values between samples more than {limit:.3g} s apart are not known (max_gap)"
     if name in schemas.TACTILE_STREAMS:
         raise InvalidValueError(text)
     warnings.warn(text, stacklevel=2)

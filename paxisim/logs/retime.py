@@ -1,4 +1,4 @@
-"""Streams at other times: a recording at another rate, and a stream of another clock at a recording's times."""
+"""Resampling of a recording to another rate, and of values with other times to the times of a recording."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError
 from paxisim.logs import schemas
+from paxisim.logs.resample import check_max_gap, methods_by_name, resample
+from paxisim.logs.recording_arrays import RecordingArrays, Method, episode_spans
 from paxisim.logs.checks import numbers
 from paxisim.logs.recording_arrays import Method, RecordingArrays, episode_spans
 from paxisim.logs.resample import check_max_gap, methods_by_name, resample
 from paxisim.logs.stream import Stream
 
 
-def at_rate(
-    recording: RecordingArrays, rate: float, method: Method | Mapping[str, Method], max_gap: float | None
-) -> RecordingArrays:
-    """See `paxisim.Recording.resample`; the recording must have its episodes' numbers."""
+def at_rate(recording: RecordingArrays, rate: float, method: Method | Mapping[str, Method], max_gap: float | None) -> RecordingArrays:
+    """Resample a recording; see `paxisim.Recording.resample`. Its episode numbers must be set."""
     if not 0 < rate <= 1e6:
         raise InvalidValueError(f"rate must be a number of samples a second, above 0 and up to 1e6, got {rate!r}")
     check_max_gap(max_gap)
@@ -34,7 +34,7 @@ def at_rate(
     parts: dict[str, list[NDArray[Any]]] = {name: [] for name in streams}
     for span in episode_spans(recording.episode):
         old = recording.time[span]
-        # 1e-6 of an interval: a last sample that is due at the very end is not lost to rounding
+        # the tolerance of 1e-6 intervals keeps a last sample that falls exactly on the end
         new = old[0] + np.arange(int((old[-1] - old[0]) * rate + 1e-6) + 1) / rate
         time.append(new)
         episode.append(np.full(len(new), recording.episode[span.start]))
@@ -56,17 +56,17 @@ def at_rate(
 def at_times_of(
     recording: RecordingArrays, name: str, values: Any, time: Any, method: Method, max_gap: float | None
 ) -> NDArray[np.float64]:
-    """``(T, ...)``: the values, which were taken at other times ``(S,)``, at the recording's.
+    """Return values sampled at other times ``(S,)`` at the recording's times, as ``(T, ...)``.
 
     Raises:
-        InvalidValueError: The recording's own time runs back, the times do not fit the values, or nothing overlaps.
+        InvalidValueError: The recording's own time decreases, the times do not match the values, or nothing overlaps.
     """
     check_max_gap(max_gap)
     own = recording.time
     if np.any(np.diff(own) < 0):
         raise InvalidValueError(
             f"{name!r} has times of its own, but the clock of this recording starts anew in an episode: add the values "
-            "to each of episodes(), and concatenate those"
+            "to each recording in episodes() and concatenate them"
         )
     at, given = numbers("time", time, np.float64), numbers(f"values of {name!r}", values, np.float64)
     if at.ndim != 1 or given.ndim == 0 or len(at) != len(given) or not len(at):
@@ -78,8 +78,8 @@ def at_times_of(
         raise InvalidValueError(f"the times of {name!r} must be finite and not run back")
     if at[0] > own[-1] or at[-1] < own[0]:
         raise InvalidValueError(
-            f"{name!r} does not overlap with the recording: it reaches from {at[0]:.9g} s to {at[-1]:.9g} s, the "
-            f"recording from {own[0]:.9g} s to {own[-1]:.9g} s; subtract metadata['start'] from Unix times"
+            f"{name!r} does not overlap the recording: it extends from {at[0]:.9g} s to {at[-1]:.9g} s, the recording "
+            f"from {own[0]:.9g} s to {own[-1]:.9g} s; subtract metadata['start'] from Unix times"
         )
     (chosen,) = methods_by_name(method, [name]).values()
     return resample(Stream(_nanoseconds(at, own[0]), given), _nanoseconds(own, own[0]), chosen, max_gap)

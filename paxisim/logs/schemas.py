@@ -1,4 +1,4 @@
-"""The topics of an MCAP recording, and the JSON schemas of their messages, as Foxglove reads them.
+"""Topics of an MCAP recording and the JSON schemas of their messages, readable by Foxglove.
 
 | stream | topic | message |
 |---|---|---|
@@ -6,7 +6,7 @@
 | ``covariate/NAME`` | ``/covariate/NAME`` | `SCALAR` or `ARRAY` |
 | ``episode`` | ``/episode`` | `EPISODE` |
 
-A number that is not known (NaN) is null.
+An unknown number (NaN) is stored as null.
 """
 
 from __future__ import annotations
@@ -15,24 +15,24 @@ from collections.abc import Sequence
 from typing import Any
 
 FORMAT = "paxisim-recording/1"
-# the name of the metadata record that says what the file is
+# name of the metadata record that describes the file
 METADATA = "paxisim"
-# the attachment that holds the scene's MJCF
+# name of the attachment that holds the scene's MJCF
 SCENE = "scene.xml"
 
 TACTILE_STREAMS = ("measured", "simulated")
 COVARIATE = "covariate/"
-# the readings' own totals, which boards report beside the taxels
+# the total force that boards report in addition to the taxels
 RESULTANT = COVARIATE + "resultant"
-# ns since 1970-01-01 that a reader's int64 holds
+# latest time, in ns since 1970-01-01, that fits an int64
 LATEST = 2**63 - 1
-# the one bit of a status that is no error: the resultant is not zero, but every taxel is, as real boards send now and
-# then, and as a touch may look that is too weak for each taxel
+# the only status bit that is not an error: every taxel is zero but the resultant is not. Real boards send this
+# occasionally; a touch too weak for any single taxel can cause it.
 NO_TAXELS = 0x80
 
 
 def in_error(status: Sequence[int]) -> list[int]:
-    """Numbers of the pads whose status says that what they read is no force."""
+    """Return the indices of the pads whose status marks their readings as invalid."""
     return [pad for pad, code in enumerate(status) if code & ~NO_TAXELS]
 
 
@@ -49,7 +49,7 @@ def _message(title: str, description: str, **properties: Any) -> dict[str, Any]:
     timestamp = {
         "type": "object",
         "title": "time",
-        "description": "when it was measured, since 1970-01-01 UTC",
+        "description": "time of measurement since 1970-01-01 UTC",
         "properties": {"sec": _INTEGER, "nsec": _INTEGER},
     }
     return {
@@ -66,27 +66,27 @@ TACTILE = _message(
     "paxisim.Tactile",
     "forces that the object exerts on the taxels (N, or the unit in the file's metadata; pad frame: x right, y down, z "
     "into the pad)",
-    sequence={**_INTEGER, "description": "counts the readings; a gap says that so many are missing"},
+    sequence={**_INTEGER, "description": "counter of readings; it skips the numbers of missing readings"},
     total={
         "type": "array",
-        "description": "sum over the taxels of each pad (in the unit of the tensor)",
+        "description": "sum over the taxels of each pad (in the tensor's unit)",
         "items": {"type": "object", "properties": {"pad": {"type": "string"}, **_XYZ}},
     },
-    resultant=_array(_NUMBER, "the total force that the board itself reports (N), x y z of each pad"),
+    resultant=_array(_NUMBER, "total force reported by the board itself (N), x y z of each pad"),
     status=_array(
         _INTEGER,
-        f"one error byte a pad; 0 is good, and {NO_TAXELS} says that its total is not zero though its taxels are; with "
-        "any other the numbers of the pad are no forces",
+        f"one error byte per pad; 0 is good, and {NO_TAXELS} means that the total is not zero although all taxels are; "
+        "with any other value the pad's readings are not forces",
     ),
     shape=_array(_INTEGER, "pads, 3, rows, cols"),
-    force=_array(_NUMBER, "the tensor, flat in C order"),
+    force=_array(_NUMBER, "the tensor, flattened in C order"),
 )
 SCALAR = _message("paxisim.Scalar", "one number", value=_NUMBER)
 ARRAY = _message(
     "paxisim.Array",
     "an array of numbers",
     shape=_array(_INTEGER, "its shape"),
-    value=_array(_NUMBER, "the numbers, flat in C order"),
+    value=_array(_NUMBER, "the numbers, flattened in C order"),
 )
 EPISODE = _message(
     "paxisim.Episode", "an episode begins", episode={**_INTEGER, "description": "the number of the episode"}

@@ -1,4 +1,4 @@
-"""select: some episodes, pads, covariates and samples of a recording."""
+"""select: pick episodes, pads, covariates and samples of a recording."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def select(
     covariates: Iterable[str] | None,
     known: bool,
 ) -> RecordingArrays:
-    """See `paxisim.Recording.select`; the fields must have been checked."""
+    """Select parts of a recording; see `paxisim.Recording.select`. Its fields must have been checked."""
     if covariates is not None:
         recording = _with_covariates(recording, _names(covariates))
     if pads is not None:
@@ -35,7 +35,7 @@ def _names(given: str | Iterable[str]) -> tuple[str, ...]:
 
 
 def take(recording: RecordingArrays, samples: slice | NDArray[Any]) -> RecordingArrays:
-    """Those samples of every stream; a slice copies nothing."""
+    """Return the given samples of every stream; a slice does not copy."""
     return replace(
         recording,
         time=recording.time[samples],
@@ -84,11 +84,11 @@ def _in_episodes(recording: RecordingArrays, wanted: list[int]) -> NDArray[np.bo
 
 
 def known_samples(recording: RecordingArrays) -> NDArray[np.bool_]:
-    """``(T,)``: at which samples no tensor and no covariate has a NaN."""
+    """Return a mask ``(T,)`` of the samples at which no tensor and no covariate has a NaN."""
     known = np.ones(len(recording.time), dtype=bool)
     for array in (recording.measured, recording.simulated, *recording.covariates.values()):
         if array is not None:
-            # a sum is NaN where a part is, and needs no array of the same size
+            # the sum of a sample is NaN if any value is; summing avoids a mask of the array's full size
             known &= ~np.isnan(array.reshape(len(array), -1).sum(axis=1))
     return known
 

@@ -1,4 +1,4 @@
-"""Stopped: streams that stop changing while the other one goes on."""
+"""Stopped: detection of a stream that stops changing while the other one continues."""
 
 from __future__ import annotations
 
@@ -7,25 +7,25 @@ from numpy.typing import NDArray
 
 LEAST_SECONDS = 1.0
 LEAST_FRAMES = 20
-SELDOM = 0.1  # share of the frames that repeat elsewhere, above which a stream is one that often stands still
-MOVES = 0.3  # of its usual standard deviation, that the other stream has meanwhile at least
+SELDOM = 0.1  # a stream that repeats in at least this share of the busy frames elsewhere is one that often stands still
+MOVES = 0.3  # the other stream's standard deviation during the stop must exceed this fraction of its usual one
 
 
 def stopped_in_words(
     time: NDArray[np.float64], measured: NDArray[np.floating], simulated: NDArray[np.floating]
 ) -> tuple[str, float]:
-    """Which stream stops changing, and when, while the other goes on changing; empty if none does.
+    """Describe which stream stops changing, and when, while the other one continues to change.
 
-    A simulation without contact stands still at 0, and a sensor that counts stands still where nothing changes; neither
-    is a stream that has stopped.
+    A simulation without contact stays at 0, and a sensor with a coarse resolution repeats a value if nothing changes;
+    neither counts as a stream that has stopped.
 
     Args:
-        time: ``(T,)`` seconds.
-        measured: ``(T, ...)``.
-        simulated: The same.
+        time: ``(T,)`` times in seconds.
+        measured: ``(T, ...)`` measured values.
+        simulated: ``(T, ...)`` simulated values, of the same shape.
 
     Returns:
-        It in words, and the share of the recording for which it stands still.
+        Description of the stop, and the share of the recording that it lasts; ``""`` and 0 if no stream stops.
     """
     streams = {"measured": measured.reshape(len(time), -1), "simulated": simulated.reshape(len(time), -1)}
     for name, other in (("measured", "simulated"), ("simulated", "measured")):
@@ -49,7 +49,7 @@ def stopped_in_words(
 
 
 def _longest(still: NDArray[np.bool_]) -> tuple[int, int]:
-    """The first and the last frame of the longest stretch of frames that repeat."""
+    """Return the first and the last frame of the longest run of repeated frames."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(int)))
     starts, ends = edges[::2], edges[1::2]
     if not len(starts):
@@ -59,5 +59,5 @@ def _longest(still: NDArray[np.bool_]) -> tuple[int, int]:
 
 
 def _spread(values: NDArray[np.floating]) -> float:
-    """Root of the summed variances of all channels."""
+    """Return the square root of the summed variances of all channels."""
     return float(np.sqrt(np.sum(np.var(values.astype(np.float64), axis=0))))

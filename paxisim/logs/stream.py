@@ -12,15 +12,13 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, eq=False)
 class Stream:
-    """What one source recorded, at its own rate.
+    """Samples recorded from one source at its own rate.
 
     Attributes:
         nanoseconds: ``(T,)`` int64 nanoseconds since 1970-01-01 UTC, not decreasing.
         values: ``(T, ...)`` samples.
-        sequence: ``(T,)`` int64, the device's count of its readings, where it was recorded; a gap says that so many
-            are missing.
-        errors: How many samples have a pad whose status was not good, where that was recorded; the values of that pad
-            are NaN there.
+        sequence: ``(T,)`` int64 reading counter of the device, if recorded; it skips the numbers of missing readings.
+        errors: Number of samples with a pad in an error status, if recorded; that pad's values are NaN there.
     """
 
     nanoseconds: NDArray[np.int64]
@@ -30,21 +28,22 @@ class Stream:
 
     @property
     def time(self) -> NDArray[np.float64]:
-        """``(T,)`` seconds since 1970-01-01 UTC; a float64 resolves 0.2 us there."""
+        """Times ``(T,)`` in seconds since 1970-01-01 UTC, as float64 with a resolution of 0.2 us."""
         return self.nanoseconds * 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class Log:
-    """All that a file holds, nothing resampled.
+    """Complete contents of a file, without resampling.
 
     Attributes:
-        streams: By name: ``measured``, ``simulated`` ((T, pads, 3, rows, cols) newtons), ``episode`` ((T,) int, the
-            episode that begins at that time), ``covariate/NAME`` (any numbers). Streams without samples are left out.
-        metadata: The layout (`TaxelLayout.to_dict`), the pads' names, sensor, profile, versions, scene; what else was
-            given.
-        complete: False where the file ends abruptly, as after a crash, or a part of it is damaged; all that is whole
-            was read.
+        streams: Streams by name: ``measured``, ``simulated`` ((T, pads, 3, rows, cols) newtons), ``episode`` ((T,) int,
+            the episode that begins at that time), ``covariate/NAME`` (any numbers). Streams without samples are
+            omitted.
+        metadata: The layout (`TaxelLayout.to_dict`), the pads' names, sensor, profile, versions, scene, and any other
+            given entries.
+        complete: False if the file ends abruptly, as after a crash, or a part of it is damaged; the intact part was
+            read.
     """
 
     streams: Mapping[str, Stream]

@@ -1,4 +1,4 @@
-"""JSON and TOML of a file from elsewhere: what it holds, or an error of ours."""
+"""Parsing of JSON and TOML from untrusted files, with paxisim's own errors."""
 
 from __future__ import annotations
 
@@ -15,28 +15,28 @@ else:
 
 
 def parse_json(text: str | bytes) -> Any:
-    """What a JSON text holds.
+    """Parse a JSON text.
 
     Raises:
-        InvalidValueError: It is no JSON, is nested too deep, or has a number of thousands of digits.
+        InvalidValueError: The text is not JSON, is nested too deeply, or has a number of thousands of digits.
     """
     try:
         return json.loads(text)
     except RecursionError:
-        raise InvalidValueError("not JSON that can be read: it is nested too deep") from None
+        raise InvalidValueError("the JSON cannot be read: it is nested too deeply") from None
     except ValueError as error:
         raise InvalidValueError(f"not JSON: {error}") from error
 
 
 def parse_toml(text: str) -> dict[str, Any]:
-    """What a TOML text holds.
+    """Parse a TOML text.
 
     Raises:
-        InvalidValueError: It is no TOML, is nested too deep, or has a number of thousands of digits.
+        InvalidValueError: The text is not TOML, is nested too deeply, or has a number of thousands of digits.
     """
     try:
         return tomllib.loads(text)
     except RecursionError:
-        raise InvalidValueError("not TOML that can be read: it is nested too deep") from None
+        raise InvalidValueError("the TOML cannot be read: it is nested too deeply") from None
     except ValueError as error:
         raise InvalidValueError(f"not TOML: {error}") from error

@@ -1,8 +1,8 @@
-"""Agreement: whether a replay met what was measured, before anything is concluded about the sensor.
+"""Agreement: check whether a replay agrees with the measurement, before drawing conclusions about the sensor.
 
-A motion that was not followed, or an object that lies elsewhere, looks like an error of the sensor. So the total normal
-forces of the two streams are compared, pad by pad and episode by episode: when contact begins and ends, how fast the
-force rises, how high it goes, and contact that only one of the two has.
+A motion that was not followed, or an object in a different place, looks like a sensor error. The total normal forces of
+the two streams are therefore compared for each pad and episode: start and end of contact, rate of rise, peak, and
+contact that appears in only one of the streams.
 """
 
 from __future__ import annotations
@@ -15,30 +15,32 @@ from numpy.typing import NDArray
 from paxisim.errors import InvalidValueError
 from paxisim.recording import Recording
 
-_CONTACT = 0.03  # share of a stream's peak from which there is contact
-_LEAST = 0.05  # N; what is below at the peak is no contact
-_MISSED = 0.5  # share of the time in contact that the other stream may lack
-_RISE = 0.05  # s, over which a slope is taken
-_CLEAR = 4.0  # standard deviations of the noise, from which a slope is one
-_NEAR = (0.5, 2.0)  # ratio of peaks or slopes beyond which replay is in doubt, not the sensor's gain
+_CONTACT = 0.03  # contact threshold as a fraction of a stream's peak
+_LEAST = 0.05  # N; lower bound of the contact threshold
+_MISSED = 0.5  # largest fraction of the contact time that the other stream may miss
+_RISE = 0.05  # s; sampling interval for slopes
+_CLEAR = 4.0  # a slope must exceed this many standard deviations of the noise
+_NEAR = (0.5, 2.0)  # accepted ratios of peaks or slopes; outside, the replay is in doubt rather than the sensor's gain
 
 
 @dataclass(frozen=True)
 class PadAgreement:
-    """One pad in one episode. Times are on the recording's clock (s); NaN where a stream has no contact.
+    """Comparison of one pad in one episode.
+
+    Times are on the recording's clock (s); NaN if a stream has no contact.
 
     Attributes:
         episode: Number of the episode.
         pad: Name of the pad.
-        measured_peak: Highest total normal force (N).
-        simulated_peak: The same of the simulation.
-        measured_contact: First and last time in contact.
-        simulated_contact: The same of the simulation.
-        measured_slope: How fast force rises (N/s): half of all its rise is faster.
-        simulated_slope: The same of the simulation.
-        only_measured: Seconds in which only the measured stream is in contact.
-        only_simulated: Seconds in which only the simulated one is.
-        shared: Seconds in which both are.
+        measured_peak: Highest measured total normal force (N), 0 without contact.
+        simulated_peak: Highest simulated total normal force (N), 0 without contact.
+        measured_contact: First and last time of contact in the measured stream.
+        simulated_contact: First and last time of contact in the simulated stream.
+        measured_slope: Rate of rise of the measured force (N/s): the median, weighted by the rise.
+        simulated_slope: Rate of rise of the simulated force (N/s), computed likewise.
+        only_measured: Time (s) for which only the measured stream is in contact.
+        only_simulated: Time (s) for which only the simulated stream is in contact.
+        shared: Time (s) for which both streams are in contact.
     """
 
     episode: int
@@ -55,13 +57,13 @@ class PadAgreement:
 
     @property
     def problem(self) -> str:
-        """What is wrong, with the numbers that a person needs to mend it; empty if nothing is."""
+        """Description of a disagreement, with the numbers needed to correct it; empty if there is none."""
         where = f"episode {self.episode}, {self.pad}"
         measured, simulated = _span(self.measured_contact), _span(self.simulated_contact)
         if self.measured_peak > 0 and not self.simulated_peak > 0:
-            return f"{where}: {self.measured_peak:.3g} N were measured ({measured}) where nothing touches in the scene"
+            return f"{where}: {self.measured_peak:.3g} N were measured ({measured}), but nothing touches in the scene"
         if self.simulated_peak > 0 and not self.measured_peak > 0:
-            return f"{where}: {self.simulated_peak:.3g} N are simulated ({simulated}) where nothing was measured"
+            return f"{where}: {self.simulated_peak:.3g} N are simulated ({simulated}), but nothing was measured"
         if not self.measured_peak > 0:
             return ""
         late = np.subtract(self.measured_contact, self.simulated_contact)
@@ -90,17 +92,17 @@ class PadAgreement:
 
 @dataclass(frozen=True)
 class Agreement:
-    """What `compare_streams` finds; as text, a few lines.
+    """Result of `compare_streams`; its text is a short summary.
 
     Attributes:
-        pads: Each pad in each episode.
+        pads: The comparison of each pad in each episode.
     """
 
     pads: tuple[PadAgreement, ...]
 
     @property
     def problems(self) -> tuple[str, ...]:
-        """Where replay, and not the sensor, is in doubt; empty if nowhere."""
+        """Disagreements that put the replay, rather than the sensor, in doubt; empty if there are none."""
         touched = any(max(one.measured_peak, one.simulated_peak) > 0 for one in self.pads)
         if not touched:
             return ("there is no contact anywhere, neither measured nor simulated",)
@@ -108,24 +110,24 @@ class Agreement:
 
     @property
     def peak_ratio(self) -> float:
-        """Median of simulated over measured peak, where both touch; NaN where nothing does."""
+        """Median ratio of simulated to measured peak over cases with contact in both; NaN if there are none."""
         return self._median(lambda one: one.simulated_peak / one.measured_peak)
 
     @property
     def slope_ratio(self) -> float:
-        """Median of simulated over measured slope, where both touch; NaN where nothing does."""
+        """Median ratio of simulated to measured slope over cases with contact in both; NaN if there are none."""
         return self._median(
             lambda one: one.simulated_slope / one.measured_slope if one.measured_slope > 0 else float("nan")
         )
 
     @property
     def begins_late(self) -> float:
-        """Median of how much later contact begins in the measured stream (s); NaN where nothing touches."""
+        """Median time (s) by which contact begins later in the measured stream; NaN if no case has contact in both."""
         return self._median(lambda one: one.measured_contact[0] - one.simulated_contact[0])
 
     @property
     def ends_late(self) -> float:
-        """Median of how much later contact ends in the measured stream (s); NaN where nothing touches."""
+        """Median time (s) by which contact ends later in the measured stream; NaN if no case has contact in both."""
         return self._median(lambda one: one.measured_contact[1] - one.simulated_contact[1])
 
     def _median(self, of) -> float:
@@ -133,7 +135,7 @@ class Agreement:
         return float(np.nanmedian(values)) if np.isfinite(values).any() else float("nan")
 
     def __str__(self) -> str:
-        """The medians and the problems."""
+        """Return the medians and the problems as text."""
         lines = []
         if np.isfinite(self.peak_ratio):
             lines.append(
@@ -145,7 +147,7 @@ class Agreement:
         if not problems:
             return "\n".join([*lines, "The replay met what was measured."])
         lines.append(
-            f"Replay is in doubt in {len(problems)} of {len(self.pads)} cases; mend the scene before a diagnosis:"
+            f"Replay is in doubt in {len(problems)} of {len(self.pads)} cases; correct the scene before a diagnosis:"
         )
         lines += [f"  {problem}" for problem in problems[:8]]
         if len(problems) > 8:
@@ -157,14 +159,14 @@ def compare_streams(recording: Recording) -> Agreement:
     """Compare the total normal forces of a recording's measured and simulated stream.
 
     Args:
-        recording: Has both.
+        recording: A recording with both streams.
 
     Raises:
-        InvalidValueError: It lacks one.
+        InvalidValueError: The recording lacks a stream.
     """
     if recording.measured is None or recording.simulated is None:
         lacks = "measured" if recording.measured is None else "simulated"
-        raise InvalidValueError(f"comparing the streams needs both, the recording has none that is {lacks}")
+        raise InvalidValueError(f"comparing the streams needs both, but the recording has no {lacks} stream")
     measured, simulated = (
         tensor[:, :, 2].astype(np.float64).sum(axis=(-2, -1)) for tensor in (recording.measured, recording.simulated)
     )
@@ -179,7 +181,7 @@ def compare_streams(recording: Recording) -> Agreement:
 
 
 def _threshold(total: NDArray[np.float64]) -> float:
-    """The force from which a stream is in contact: above a share of its peak, and above its noise."""
+    """Return the contact threshold of a stream (N), from its peak, its noise and a lower bound."""
     known = total[np.isfinite(total)]
     if not len(known):
         return np.inf
@@ -221,19 +223,19 @@ def _compare(
 def _slope(time: NDArray[np.float64], total: NDArray[np.float64], touches: NDArray[np.bool_]) -> float:
     if touches.sum() < 3:
         return 0.0
-    at = np.arange(time[0], time[-1], _RISE)  # neighbouring frames may repeat a reading, or differ by noise
+    at = np.arange(time[0], time[-1], _RISE)  # adjacent frames may repeat a reading or differ only by noise
     if len(at) < 3:
         return 0.0
     rates = np.gradient(np.interp(at, time, total), at)
     noise = _noise(total) / (np.sqrt(2) * _RISE)
     rising = np.sort(rates[(np.interp(at, time, touches) > 0.5) & (rates > _CLEAR * noise)])
-    # weighted by how much it rises: a long hold may rise often, but never far
+    # weighted by the rise: during a long hold, the force may rise often but only slightly
     risen = np.cumsum(rising)
     return float(rising[np.searchsorted(risen, 0.5 * risen[-1])]) if len(rising) else 0.0
 
 
 def _noise(total: NDArray[np.float64]) -> float:
-    """Standard deviation (N) of a stream's noise, from neighbouring samples."""
+    """Estimate the standard deviation (N) of a stream's noise from differences of adjacent samples."""
     return float(1.4826 * np.median(np.abs(np.diff(total))) / np.sqrt(2)) if len(total) > 1 else 0.0
 
 

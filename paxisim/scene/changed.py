@@ -1,4 +1,4 @@
-"""A scene with other values of its parameters, written into its MJCF, its gel and its drives."""
+"""Changing the parameters of a scene: new values are written into its MJCF, its gel and its drives."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ _QUATERNION = mujoco.mjtOrientation.mjORIENTATION_QUAT
 
 
 def changed(scene: Scene, values: Values) -> Scene:
-    """The scene with these values of its parameters, which are the nominal ones of the new scene.
+    """Return the scene with the given parameter values, which become the nominal values of the new scene.
 
     Args:
         scene: The scene.
-        values: By parameter, as `paxisim.Scene.parameters` lists them.
+        values: New values by parameter, as listed by `paxisim.Scene.parameters`.
 
     Raises:
-        UnsupportedError: A mesh of an object, whose size is to change, is used elsewhere too.
+        UnsupportedError: The size of an object changes, but other bodies use its mesh too.
     """
     moved = {item: value for item, value in values.items() if value != item.nominal}
     gel, drives, in_model = scene.gel, scene.drives, {}
@@ -47,12 +47,12 @@ def changed(scene: Scene, values: Values) -> Scene:
             in_model[item] = value
     if in_model:
         scene = replace(scene, mjcf=_model(scene, in_model), sensor="", pool=1, mounts=())
-    # bounds are about the values that the scene had
+    # bounds refer to the previous nominal values
     return replace(scene, gel=gel, drives=drives, bounds={}) if moved else scene
 
 
 def _shifted(drive: Drive, value: float) -> Drive:
-    """The drive whose joint is off by a value, in the direction in which the stream grows."""
+    """Return the drive with its joint offset by `value` in the direction of an increasing stream."""
     return replace(drive, offset=float(np.asarray(drive.offset)) + np.copysign(1.0, drive.scale) * value)
 
 
@@ -61,12 +61,12 @@ def _scaled(drive: Drive, value: float) -> Drive:
 
 
 def _model(scene: Scene, values: Values) -> str:
-    """The MJCF with the values."""
+    """Return the MJCF with the new values."""
     spec = spec_of(scene)
-    model = spec.copy().compile()  # a spec that was compiled keeps its frames as they were
+    model = spec.copy().compile()  # compiling a copy leaves the frames of the spec unchanged
     pads = find_pads(model, names=scene.pads or None)
     sizes = {item: value for item, value in values.items() if item.group == "object_size"}
-    for item, value in sizes.items():  # before the poses, which are not to be scaled
+    for item, value in sizes.items():  # before the poses, which must not be scaled
         _scale(spec, model, item.target, value)
     for group in ("mount_offset", "mount_tilt"):
         for pad in pads.names:
@@ -90,11 +90,11 @@ def _model(scene: Scene, values: Values) -> str:
 
 
 def _mount(spec: mujoco.MjSpec, model: mujoco.MjModel, pad: str, group: str, vector: list[float]) -> None:
-    """Move or turn a pad's body, by a vector in the pad's own frame."""
+    """Translate or rotate a pad's body by a vector in the pad's own frame."""
     body = spec.body(pad)
     turn = _of_frames(body).inv() * rotation_of(
         model.body_quat[model.body(pad).id]
-    )  # what the spec has is within frames
+    )  # the spec's pose is relative to its frames
     if group == "mount_offset":
         body.pos = body.pos + turn.apply(vector)
     else:
@@ -103,11 +103,11 @@ def _mount(spec: mujoco.MjSpec, model: mujoco.MjModel, pad: str, group: str, vec
 
 
 def _bump(spec: mujoco.MjSpec, model: mujoco.MjModel, pads: Pads, pad: str, heights: Mapping[int, float]) -> None:
-    """Make taxels thicker or thinner; their backs stay."""
+    """Make taxels thicker or thinner while their backs stay in place."""
     more = height_map(pads.layout, heights)
     geoms = pads.geoms[pads.names.index(pad)]
     half = half_thickness(model, geoms)
-    half_more = np.maximum(more.ravel() / 2, -0.9 * half)  # a taxel does not vanish
+    half_more = np.maximum(more.ravel() / 2, -0.9 * half)  # keeps taxels from vanishing
     for number, now, added in zip(geoms, half, half_more, strict=True):
         geom = spec.geom(model.geom(int(number)).name)
         inward = rotation_of(model.geom_quat[number]).as_matrix()[:, 2]
@@ -117,14 +117,14 @@ def _bump(spec: mujoco.MjSpec, model: mujoco.MjModel, pads: Pads, pad: str, heig
 
 
 def _scale(spec: mujoco.MjSpec, model: mujoco.MjModel, name: str, factor: float) -> None:
-    """Scale an object about the origin of its body; its mass stays."""
+    """Scale an object about the origin of its body, without changing its mass."""
     own = [spec.body(name), *spec.body(name).find_all("body")]
     geoms = [geom for body in own for geom in body.geoms]
     meshes = Counter(geom.meshname for geom in geoms if geom.meshname)
     uses = Counter(geom.meshname for geom in spec.geoms)
     shared = sorted(mesh for mesh, count in meshes.items() if uses[mesh] > count)
     if shared:
-        raise UnsupportedError(f"the size of {name} cannot change: other bodies use its mesh {shared[0]!r}, too")
+        raise UnsupportedError(f"the size of {name} cannot change, because other bodies use its mesh {shared[0]!r} too")
     for mesh in meshes:
         spec.mesh(mesh).scale = spec.mesh(mesh).scale * factor
     for geom in geoms:
@@ -137,11 +137,11 @@ def _scale(spec: mujoco.MjSpec, model: mujoco.MjModel, name: str, factor: float)
 
 
 def _keep_inertia(body: mujoco.MjsBody, model: mujoco.MjModel) -> None:
-    """Give a body the inertia that it has, whatever its geoms become.
+    """Fix the inertia of a body at its current value, independent of its geoms.
 
-    What holds the object prescribes where it moves, so that its mass hardly matters; but MuJoCo's contacts are a little
-    softer or stiffer with another inverse weight, and it computes that of a body on slides otherwise where its mass is
-    not in the middle.
+    The object's motion is prescribed by whatever holds it, so its mass hardly matters. But the inverse weight slightly
+    affects the stiffness of MuJoCo's contacts, and MuJoCo computes it differently for a body on slides whose centre of
+    mass is not in the middle.
     """
     number = model.body(body.name).id
     body.explicitinertial = True
@@ -150,7 +150,7 @@ def _keep_inertia(body: mujoco.MjsBody, model: mujoco.MjModel) -> None:
 
 
 def _place(spec: mujoco.MjSpec, model: mujoco.MjModel, name: str, pose: list[float]) -> None:
-    """Move and turn all that an object consists of in the frame of its body."""
+    """Translate and rotate all parts of an object in the frame of its body."""
     body = spec.body(name)
     _keep_inertia(body, model)
     turn = Rotation.from_rotvec(pose[3:])
@@ -161,7 +161,7 @@ def _place(spec: mujoco.MjSpec, model: mujoco.MjModel, name: str, pose: list[flo
 
 
 def _of_frames(body: mujoco.MjsBody) -> Rotation:
-    """How the frames that a body is defined in are turned."""
+    """Return the total rotation of the frames in which a body is defined."""
     turn, frame = Rotation.identity(), body.frame
     while frame is not None:
         turn, frame = rotation_of(frame.quat) * turn, frame.frame
@@ -169,10 +169,10 @@ def _of_frames(body: mujoco.MjsBody) -> Rotation:
 
 
 def rotation_of(quat: np.ndarray) -> Rotation:
-    """The rotation of a quaternion as MuJoCo has it, w first."""
+    """Return the rotation of a quaternion in MuJoCo's order, w first."""
     return Rotation.from_quat(np.roll(quat, -1))
 
 
 def quaternion_of(turn: Rotation) -> np.ndarray:
-    """``(4,)`` the quaternion of a rotation as MuJoCo has it, w first."""
+    """Return the quaternion ``(4,)`` of a rotation in MuJoCo's order, w first."""
     return np.roll(turn.as_quat(), 1)

@@ -1,8 +1,8 @@
-"""The closing of an episode, fitted to the measured total force.
+"""Fit of an episode's closing to the measured total force.
 
-A tenth of a millimetre is newtons on a gel, and few grippers know their opening that well. So a constant is added to
-the closing stream, such that the mean of the total normal force over the episode is the measured one. The mean does not
-change with a delay, and hardly with a filter, so these can still be told afterwards. A gain cannot.
+On a gel, a tenth of a millimetre amounts to newtons, and few grippers know their opening that well. So a constant is
+added to the closing stream that makes the mean of the total normal force over the episode equal to the measured mean.
+A delay does not change the mean, and a filter hardly does, so both remain identifiable afterwards. A gain does not.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError
 
-_REACH = 3.0  # steps of 1 mm to either side in which the closing is searched
-_TOLERANCE = 0.003  # of the measured mean
+_REACH = 3.0  # search range of the closing to either side, in steps of 1 mm
+_TOLERANCE = 0.003  # as a fraction of the measured mean
 _MOST_RUNS = 20
 QUIET = 0.02
 """Mean force (N) below which there is no contact."""
@@ -24,12 +24,12 @@ QUIET = 0.02
 
 @dataclass(frozen=True, eq=False)
 class FittedClosing:
-    """The result of `fit_closing`.
+    """Result of `fit_closing`.
 
     Attributes:
-        closing: What is added to the closing stream, in its unit.
-        force: The simulated forces with it.
-        notes: Why it was not fitted, where it was not.
+        closing: Constant added to the closing stream, in its unit.
+        force: The simulated forces with this constant.
+        notes: The reason if the closing was not fitted.
     """
 
     closing: float
@@ -44,14 +44,14 @@ def fit_closing(
     step: float,
     episode: int,
 ) -> FittedClosing:
-    """Fit the constant.
+    """Fit the constant to the mean of the total normal force.
 
     Args:
-        simulated: The ``(T, pads, 3, rows, cols)`` forces for a constant.
-        measured: The measured ones.
-        time: When they were measured (s); the mean does not depend on it.
+        simulated: Function that returns the simulated ``(T, pads, 3, rows, cols)`` forces (N) for a constant.
+        measured: ``(T, pads, 3, rows, cols)`` measured forces (N).
+        time: Sample times (s); not used, because the mean does not depend on them.
         step: The constant that moves the closing joint by 1 mm.
-        episode: Its number, for messages.
+        episode: Number of the episode, for messages.
 
     Raises:
         InvalidValueError: No constant of up to 3 mm gives the measured mean force.
@@ -87,7 +87,7 @@ def fit_closing(
 
 
 def _bracket(error: Callable[[float], float], step: float, wanted: float, episode: int) -> tuple[float, float]:
-    """Two constants, of which the first gives too little force and the second too much."""
+    """Return two constants that bracket the solution: the first gives too little force, the second too much."""
     start = error(0.0)
     for sign in (1, -1):
         inner = 0.0
@@ -96,20 +96,20 @@ def _bracket(error: Callable[[float], float], step: float, wanted: float, episod
             if (error(outer) < 0) != (start < 0):
                 return (inner, outer) if start < 0 else (outer, inner)
             if abs(error(outer)) > abs(error(inner)):
-                break  # the other direction
+                break  # the error grows: search in the other direction
             inner = outer
     raise InvalidValueError(
         f"episode {episode}: no closing of up to {_REACH:g} mm more or less gives the measured mean force of "
-        f"{wanted:.3g} N (as recorded the scene gives {start + wanted:.3g} N): check the drives' offsets and where the "
-        "object starts"
+        f"{wanted:.3g} N (as recorded, the scene gives {start + wanted:.3g} N): check the drives' offsets and the "
+        "object's start pose"
     )
 
 
 def mean_normal(force: NDArray[np.float32]) -> float:
-    """Mean over time of the sum of all taxels' normal forces (N)."""
+    """Return the mean over time of the total normal force (N)."""
     return float(np.nanmean(total_normal(force))) if len(force) else 0.0
 
 
 def total_normal(force: NDArray[np.float32]) -> NDArray[np.float64]:
-    """``(T,)`` the sum of all taxels' normal forces (N)."""
+    """Return the total normal force ``(T,)`` (N), summed over all taxels."""
     return force[:, :, 2].astype(np.float64).sum(axis=(1, 2, 3))

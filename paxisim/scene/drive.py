@@ -1,4 +1,4 @@
-"""Drive: one recorded stream and the part of the scene that it moves."""
+"""Drive: a recorded stream and the part of the scene that it moves."""
 
 from __future__ import annotations
 
@@ -16,27 +16,27 @@ TARGETS = ("joint", "body", "actuator")
 
 @dataclass(frozen=True)
 class Drive:
-    """What moves one joint, body or actuator of a scene.
+    """A recorded stream that moves one joint, body or actuator of a scene.
 
-    A joint is at ``scale * unit * value + offset``, an actuator's control likewise. One stream may have several drives:
-    the opening of a gripper moves each of two fingers by half of it, in opposite directions.
+    The position of a joint, or the control of an actuator, is ``scale * unit * value + offset``. One stream may have
+    several drives: the opening of a gripper moves each of two fingers by half of it, in opposite directions.
 
     Attributes:
         stream: Name of the covariate.
-        joint: The hinge or slide joint that it moves, or
-        body: the body that it poses: a mocap body, or one with a free joint. The stream is then ``(T, 3)``, a position,
-            or ``(T, 7)``, a position and a quaternion w x y z, in the world frame; or
-        actuator: the actuator whose control it is. Exactly one of the three is given.
-        unit: Unit of the values, a key of `paxisim.scene.units.UNITS`; of a body's pose, that of the position.
-        scale: Factor; negative where the directions differ. Of a current, the newtons an ampere makes.
-        offset: Added last, in m, rad or the control's unit; for a body three numbers, or one for all three.
-        column: Which number of a stream ``(T, n)`` it is, as of all joints in one array.
-        resolution: Size of the encoder's steps, in `unit`; 0 if there are none. Default: read off the values, which
-            shows the steps only where the stream was not interpolated to another clock.
+        joint: Name of the hinge or slide joint to move. Exactly one of `joint`, `body` and `actuator` must be given.
+        body: Name of the body to pose: a mocap body, or one with a free joint. The stream is then a position ``(T, 3)``
+            or a position and a quaternion w x y z ``(T, 7)``, in the world frame.
+        actuator: Name of the actuator whose control the stream sets.
+        unit: Unit of the values, a key of `paxisim.scene.units.UNITS`; for a body's pose, the unit of the position.
+        scale: Scale factor; negative if the directions differ. For a current, the force in newtons per ampere.
+        offset: Offset added last, in m, rad or the control's unit; for a body three numbers, or one for all three.
+        column: Column of a stream ``(T, n)`` to use, e.g. if all joints are in one array.
+        resolution: Step size of the encoder, in `unit`; 0 if there is none. Default: estimated from the values, which
+            works only if the stream was not interpolated to another clock.
 
     Raises:
-        InvalidValueError: Not exactly one target, or a number that cannot be used.
-        UnknownNameError: There is no such unit.
+        InvalidValueError: Not exactly one target is given, or a number cannot be used.
+        UnknownNameError: The unit does not exist.
     """
 
     stream: str
@@ -81,16 +81,16 @@ class Drive:
 
     @property
     def gain(self) -> float:
-        """What one of the stream's unit moves, in SI units."""
+        """Motion of the target in SI units per unit of the stream."""
         return self.scale * units.factor(self.unit)
 
     @property
     def source(self) -> str:
-        """The stream as messages call it, with its column."""
+        """Name of the stream, with its column if given."""
         return self.stream if self.column is None else f"{self.stream}[{self.column}]"
 
     def to_scene(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """What the target does for the stream's values; of a pose only the position changes."""
+        """Convert values of the stream to the target's motion in SI units; of a pose, only the position changes."""
         if not self.body:
             return self.gain * values + np.asarray(self.offset)
         moved = values.copy()
@@ -100,17 +100,17 @@ class Drive:
 
 @dataclass(frozen=True)
 class ObjectStart:
-    """Where a body with a free joint is when an episode begins.
+    """Start pose of a body with a free joint at the beginning of an episode.
 
     Attributes:
-        body: The body.
+        body: Name of the body.
         pos: Position (m) in the world frame.
         quat: Quaternion w x y z.
-        stream: A covariate ``(T, 7)`` with position (m) and quaternion, of which each episode takes its first known
-            value; instead of `pos` and `quat`.
+        stream: Covariate ``(T, 7)`` with position (m) and quaternion, used instead of `pos` and `quat`; each episode
+            takes its first known value.
 
     Raises:
-        InvalidValueError: Neither or both were given, or numbers that are no pose.
+        InvalidValueError: Neither or both of `pos` and `stream` are given, or the numbers are not a pose.
     """
 
     body: str

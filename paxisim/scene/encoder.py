@@ -1,4 +1,4 @@
-"""Encoder: what the steps of encoders are worth in newtons, as a replay finds it and a diagnosis allows for it."""
+"""Encoder: the force error caused by encoder steps, as determined by a replay and considered by a diagnosis."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from numpy.typing import NDArray
 from paxisim.recording import Recording
 
 LIGHTEST = 0.002
-"""Share of the peak force below which a change is not read as a share of the force."""
+"""Fraction of the peak force below which the relative error is not evaluated."""
 _BINS = 12
 
 
 @dataclass(frozen=True)
 class EncoderError:
-    """What half an encoder step changes.
+    """Force change caused by half an encoder step.
 
-    The error of a replayed position is no larger. What a step hides of the speed adds to it, so half a step is taken
-    for the standard deviation. All taxels in contact get the error at once, as a share of their force.
+    The position error of a replay is at most half a step. Because the steps also hide part of the speed, half a step is
+    used as the standard deviation. The error affects all taxels in contact at once, in proportion to their force.
 
     Attributes:
-        episode: The episode with the highest total normal force.
-        newtons: The change of its peak (N).
-        peak: The peak (N).
+        episode: Number of the episode with the highest total normal force.
+        newtons: Change of its peak (N).
+        peak: Its peak total normal force (N).
         forces: Total normal forces (N), increasing.
-        shares: The change at each of them, as a share of it.
+        shares: Relative change at each of these forces.
     """
 
     episode: int
@@ -40,12 +40,13 @@ class EncoderError:
 
     @classmethod
     def of(cls, episode: int, total: NDArray[np.float64], changed: Sequence[NDArray[np.float64]]) -> EncoderError:
-        """The error of an episode.
+        """Return the error of an episode.
 
         Args:
-            episode: Its number.
+            episode: Number of the episode.
             total: ``(T,)`` total normal force (N).
-            changed: The same with each encoder half a step further. Their errors add as independent ones.
+            changed: Total normal forces with each encoder moved by half a step, one array per encoder. The errors are
+                combined as independent.
         """
         peak = float(total.max())
         newtons = float(np.sqrt(sum((float(one.max()) - peak) ** 2 for one in changed)))
@@ -61,19 +62,19 @@ class EncoderError:
 
     @classmethod
     def told_by(cls, recording: Recording) -> EncoderError | None:
-        """What the replay of a recording says of its encoders; None if it was not replayed, or shows no steps."""
+        """Return the error stored by the replay of a recording; None without a replay or without encoder steps."""
         replay = recording.metadata.get("replay")
         said = replay.get("encoder_error") if isinstance(replay, Mapping) else None
         if not isinstance(said, Mapping):
             return None
-        with contextlib.suppress(KeyError, TypeError, ValueError):  # of another version, or written by hand
+        with contextlib.suppress(KeyError, TypeError, ValueError):  # the entry may be from another version or edited
             error = cls(**{**said, "forces": tuple(said["forces"]), "shares": tuple(said["shares"])})
             if error.forces and np.isfinite([*error.forces, *error.shares]).all():
                 return error
         return None
 
     def variance(self, force: NDArray[np.float64]) -> NDArray[np.float64]:
-        """``(T, pads, 3, rows, cols)`` variance (N^2) of a simulated force of that shape."""
+        """Return the variance (N^2) of a simulated force ``(T, pads, 3, rows, cols)``, of the same shape."""
         total = force[:, :, 2].sum(axis=(1, 2, 3))
         share = np.interp(total, self.forces, self.shares)
         return (share[:, None, None, None, None] * force) ** 2

@@ -1,4 +1,4 @@
-"""Episode: one episode of a recording, simulated."""
+"""Episode: simulation of one episode of a recording."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from paxisim.scene.drive import Drive
 from paxisim.scene.motion import Curve, PoseCurve
 from paxisim.scene.rig import ARMATURE, Rig
 
-_LONGEST = 3600.0  # s of one episode; times in ms would be more
-_FAR = 0.1  # m
+_LONGEST = 3600.0  # s per episode; exceeded if times are in ms by mistake
+_FAR = 0.1  # m; clearances beyond this are not measured
 _BAD = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
 
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """What moves in one episode.
+    """Inputs of the simulation of one episode.
 
     Attributes:
-        number: The episode's number, for messages.
+        number: Number of the episode, for messages.
         time: ``(T,)`` times (s) of the samples to simulate.
-        curves: For each prescribed and followed drive its joint's or body's motion.
-        commands: For each command its ``(T,)`` values at `time`.
-        objects: Index in ``qpos`` and pose of each object at the start.
+        curves: Motion of the joint or body of each prescribed and followed drive.
+        commands: ``(T,)`` values at `time` of each command.
+        objects: Index in ``qpos`` and start pose of each object.
     """
 
     number: int
@@ -43,21 +43,21 @@ class EpisodeRunner:
     """Simulates episodes of one rig, one after another."""
 
     def __init__(self, rig: Rig) -> None:
-        """Prepare the state and the readout."""
+        """Prepare the simulation state and the tactile readout."""
         self._rig, self._model = rig, rig.model
         self._data = mujoco.MjData(rig.model)
         self._readout = TactileReadout(rig.model, rig.pads)
 
     def run(self, motion: Motion, settle: float, mean: bool) -> NDArray[np.float32]:
-        """``(T, pads, 3, rows, cols)`` newtons at the motion's times.
+        """Simulate an episode and return forces ``(T, pads, 3, rows, cols)`` (N) at the motion's times.
 
         Args:
             motion: The motion.
-            settle: Seconds of rest at the first pose before it.
-            mean: The mean since the sample before, instead of the force at each time.
+            settle: Time (s) for which the scene rests at the first pose before the motion.
+            mean: Return the mean force since the previous sample, instead of the force at each time.
 
         Raises:
-            InvalidValueError: The episode is too long to be in seconds.
+            InvalidValueError: The episode lasts more than an hour, so its times are probably not in seconds.
             UnsupportedError: The simulation becomes unstable.
         """
         timestep = float(self._model.opt.timestep)
@@ -75,9 +75,9 @@ class EpisodeRunner:
         return self._read(motion, inputs, where, steps, mean)
 
     def clearance(self, motion: Motion, time: float) -> float:
-        """How far (m) the pads are from the nearest thing they could touch, at a time of the motion.
+        """Return the distance (m) from the pads to the nearest geom they could touch, at a time of the motion.
 
-        What no stream moves is where the episode begins. Infinite where there is nothing within 0.1 m.
+        Everything that no stream moves is at its start pose. Infinite if nothing is within 0.1 m.
         """
         data, model = self._data, self._model
         mujoco.mj_resetData(model, data)
@@ -113,7 +113,7 @@ class EpisodeRunner:
     def _read(
         self, motion: Motion, inputs: _Inputs, where: NDArray[np.float64], steps: int, mean: bool
     ) -> NDArray[np.float32]:
-        """Step through the motion; `where` are the samples' times in steps."""
+        """Simulate the motion step by step; `where` holds the samples' times in steps."""
         data, before = self._data, np.floor(where).astype(int)
         weight = (where - before).reshape(-1, 1, 1, 1, 1)
         needed = np.zeros(steps, dtype=bool)
@@ -122,7 +122,7 @@ class EpisodeRunner:
         first_of = np.searchsorted(before, np.arange(steps + 1))
         out = np.zeros((len(where), *self._rig.pads.shape))
         total = np.zeros(self._rig.pads.shape)
-        sums = np.zeros_like(out)  # of the forces at all steps before a sample's time, by the trapezoidal rule
+        sums = np.zeros_like(out)  # integral of the force up to each sample's time, by the trapezoidal rule
         last = None
         for k in range(steps):
             inputs.set(data, k)
@@ -136,7 +136,7 @@ class EpisodeRunner:
                 previous = slice(first_of[k - 1], first_of[k])
                 out[previous] += weight[previous] * force
                 if mean and last is not None:
-                    # a sample between two steps has its share of the trapezium
+                    # a sample between two steps takes its part of the trapezoid
                     part = weight[previous]
                     sums[previous] = total + part * (last + 0.5 * part * (force - last))
                     total = total + 0.5 * (last + force)
@@ -154,12 +154,12 @@ class EpisodeRunner:
         if any(self._data.warning[int(kind)].number for kind in _BAD):
             raise UnsupportedError(
                 f"the simulation of episode {motion.number} becomes unstable {when}: use a smaller timestep in the "
-                "MJCF, or check where the objects start"
+                "MJCF, or check the start poses of the objects"
             )
 
 
 class _Inputs:
-    """What is written into the state before each step."""
+    """Values written into the simulation state before each step."""
 
     def __init__(self, rig: Rig, data: mujoco.MjData, motion: Motion, at: NDArray[np.float64]) -> None:
         model, steps = rig.model, len(at)
@@ -181,7 +181,7 @@ class _Inputs:
             self._ctrl[:, model.actuator(drive.actuator).id] = np.interp(at, motion.time, values)
 
     def _follow(self, rig: Rig, data: mujoco.MjData, motion: Motion, at: NDArray[np.float64]) -> None:
-        """Controls with which position actuators rest at the recorded positions of their joints."""
+        """Compute the controls that hold position actuators at the recorded positions of their joints."""
         if not rig.followed:
             return
         model = rig.model
@@ -200,7 +200,7 @@ class _Inputs:
             self._ctrl[k, rig.servos] = -slope / gain * data.actuator_length[rig.servos]
 
     def place(self, data: mujoco.MjData) -> None:
-        """Put everything where the motion begins."""
+        """Place all driven joints and bodies at the start of the motion."""
         for address, value in self._followed.items():
             data.qpos[address] = value
         data.qpos[self._positions] = self._q[0]
@@ -213,7 +213,7 @@ class _Inputs:
         data.ctrl[:] = self._ctrl[0]
 
     def set(self, data: mujoco.MjData, k: int) -> None:
-        """What holds at step `k`."""
+        """Write the inputs of step `k`."""
         data.qpos[self._positions] = self._q[k]
         data.qvel[self._dofs] = self._v[k]
         data.qfrc_applied[self._dofs] = self._push[k]

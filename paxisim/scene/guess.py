@@ -1,4 +1,4 @@
-"""A first scene from a model and a recording: what their names, shapes and ranges tell, and what they do not."""
+"""A first scene guessed from the names, shapes and value ranges of a model and a recording."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ _FREE, _SLIDE = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_SLIDE
 
 @dataclass(frozen=True, eq=False)
 class GuessedScene:
-    """What `guess_scene` gives.
+    """Result of `guess_scene`.
 
     Attributes:
-        scene: The scene.
-        found: A line for each drive and object: what it was concluded from.
-        open: What could not be found out, a line each; a person should look.
+        scene: The guessed scene.
+        found: One line per drive, with the reason for it.
+        open: One line per open question that the user should check.
     """
 
     scene: Scene
@@ -42,15 +42,15 @@ class GuessedScene:
 
 
 def guess_scene(mjcf: Path, recording: Recording, raw: Mapping[str, NDArray[np.float64]] | None = None) -> GuessedScene:
-    """Find out which streams of a recording move what in a model.
+    """Guess which streams of a recording move which parts of a model.
 
     Args:
-        mjcf: The model's file, with pads.
+        mjcf: Path of the model's MJCF file, with pads.
         recording: The recording.
-        raw: Covariates as they were recorded, before they were brought to one clock: they show the steps of encoders.
+        raw: Covariates as recorded, before they were resampled to one clock; these show encoder steps.
 
     Raises:
-        InvalidValueError: The model cannot be read or has no pads, or no stream fits anything in it.
+        InvalidValueError: The model cannot be read or has no pads, or no stream matches anything in it.
     """
     model = compile_spec(load_spec(mjcf), str(mjcf))
     pads = find_pads(model)
@@ -62,7 +62,7 @@ def guess_scene(mjcf: Path, recording: Recording, raw: Mapping[str, NDArray[np.f
     if not drives:
         joints = ", ".join(name for i in range(model.njnt) if (name := model.joint(i).name)) or "none"
         raise InvalidValueError(
-            f"no stream of the recording ({', '.join(recording.covariates) or 'it has none'}) bears the name of a "
+            f"no stream of the recording ({', '.join(recording.covariates) or 'it has none'}) has the name of a "
             f"joint, mocap body or object of the model (joints: {joints}), and none is an opening: write the scene by "
             "hand"
         )
@@ -74,7 +74,7 @@ def guess_scene(mjcf: Path, recording: Recording, raw: Mapping[str, NDArray[np.f
 
 
 def _plain(name: str) -> str:
-    """A name without case, separators and the words that add nothing."""
+    """Normalise a name: remove case, separators and generic words."""
     name = re.sub(
         r"\b(joint_states?|state|observation|pos|position|qpos|rad|deg|mm|m)\b", "", re.sub(r"[\W_]+", " ", name)
     )
@@ -114,7 +114,7 @@ def _is_object(model: mujoco.MjModel, body: int) -> bool:
 
 
 def _moving_pads(model: mujoco.MjModel, pads: Pads) -> tuple[str, ...]:
-    """Names of the joints that the pads hang on."""
+    """Return the names of the joints that move the pads."""
     names = []
     for body in pads.bodies:
         while body:
@@ -129,7 +129,7 @@ def _moving_pads(model: mujoco.MjModel, pads: Pads) -> tuple[str, ...]:
 def _opening(
     model: mujoco.MjModel, pads: Pads, streams: Mapping[str, NDArray[np.float64]], taken: set[str]
 ) -> tuple[list[Drive], list[str]]:
-    """The drives of a stream that is a parallel gripper's opening."""
+    """Return the drives of a stream that is a parallel gripper's opening; empty if there is none."""
     names = [n for n, v in streams.items() if v.ndim == 1 and n not in taken and _OPENING.search(n)]
     names = [n for n in names if not _NOT_MOTION.search(n)]
     slides = [j for j in _moving_pads(model, pads) if int(model.joint(j).type[0]) == _SLIDE]
@@ -151,8 +151,8 @@ def _opening(
         for slide, sign in zip(slides, np.sign(per_metre).tolist(), strict=True)
     ]
     said = (
-        f"stream {names[0]!r} is taken for the distance between the pads, of which {slides[0]!r} and {slides[1]!r} "
-        "each move half"
+        f"stream {names[0]!r} is taken to be the distance between the pads; {slides[0]!r} and {slides[1]!r} each move "
+        "half of it"
     )
     return drives, [said]
 
@@ -160,7 +160,7 @@ def _opening(
 def _measured(
     model: mujoco.MjModel, drive: Drive, values: NDArray[np.float64], raw: NDArray[np.float64] | None
 ) -> Drive:
-    """The drive with unit and resolution as the values show them."""
+    """Return the drive with unit and resolution estimated from the values."""
     if drive.body:
         return replace(drive, unit="mm" if np.nanmax(np.abs(values[:, :3])) > 10 else "m")
     family = units.LENGTH if int(model.joint(drive.joint).type[0]) == _SLIDE else units.ANGLE
@@ -180,7 +180,7 @@ def _objects(model: mujoco.MjModel, driven: set[str]) -> tuple[tuple[ObjectStart
             continue
         pose = model.qpos0[(at := int(model.jnt_qposadr[model.body_jntadr[body]])) : at + 7]
         starts.append(ObjectStart(name, tuple(pose[:3].tolist()), tuple(pose[3:].tolist())))
-        said.append(f"object {name!r} starts where the MJCF has it: check that this is where it was")
+        said.append(f"object {name!r} starts at its pose in the MJCF: check that it was there in the experiment")
     return tuple(starts), said
 
 
@@ -196,7 +196,7 @@ def _left(model: mujoco.MjModel, drives: list[Drive], streams: Mapping[str, NDAr
     if still:
         lines.append(f"joints that no stream moves: {', '.join(still)}")
     lines += [
-        f"stream {drive.source!r} shows no encoder steps; if its encoder has some, say resolution = ..."
+        f"stream {drive.source!r} shows no encoder steps; if its encoder has steps, set resolution = ..."
         for drive in drives
         if drive.joint and drive.resolution is None
     ]

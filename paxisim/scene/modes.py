@@ -1,4 +1,4 @@
-"""The ways in which a scene follows a recorded motion, and what each makes unobservable."""
+"""The modes in which a scene follows a recorded motion, and the causes that each makes unobservable."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from paxisim.recording import Recording
 Mode = Literal["kinematic", "fitted", "shape", "servo", "force"]
 
 _SERVO = "the servo follows with a lag and a stiffness of its own"
-_FORCE = "the recorded force sets the total, so an error of its calibration looks like one of the sensor"
-_SHAPE = "the closing was fitted to the course of the measured force"
+_FORCE = "the recorded force sets the total, so its calibration error looks like one of the sensor"
+_SHAPE = "the closing was fitted to the shape of the measured force over time"
 _FITTED = "the closing was fitted to the measured total force"
 
 
 @dataclass(frozen=True)
 class ReplayMode:
-    """One way to follow a motion.
+    """A mode of following a motion.
 
     Attributes:
-        what: What it reproduces.
-        not_testable: The reason, for each cause of a diagnosis that it makes unobservable.
+        what: Description of what the mode reproduces.
+        not_testable: The causes of a diagnosis that the mode makes unobservable, each with the reason.
     """
 
     what: str
@@ -32,12 +32,12 @@ class ReplayMode:
 
 MODES: Mapping[Mode, ReplayMode] = {
     "kinematic": ReplayMode(
-        "positions, velocities and accelerations are exactly the recorded ones, whatever force that takes",
+        "positions, velocities and accelerations are exactly the recorded ones, whatever force this requires",
         {},
     ),
     "fitted": ReplayMode(
-        "as kinematic, with a constant added to the closing stream of each episode, such that the mean of the total "
-        "normal force is the measured one",
+        "as kinematic, with a constant added to the closing stream of each episode so that the mean of the total "
+        "normal force equals the measured one",
         {
             "axis_gain": _FITTED,
             "taxel_gain": _FITTED,
@@ -48,8 +48,9 @@ MODES: Mapping[Mode, ReplayMode] = {
         },
     ),
     "shape": ReplayMode(
-        "as kinematic, with a constant added to the closing stream of each episode, such that the course of the total "
-        "normal force is like the measured one, whatever its gain and delay: where the object lies along the closing",
+        "as kinematic, with a constant added to the closing stream of each episode so that the total normal force over "
+        "time has the shape of the measured one, whatever its gain and delay; this locates the object along the "
+        "closing",
         {"stiffening": _SHAPE, "dead_band": _SHAPE, "saturation": _SHAPE},
     ),
     "servo": ReplayMode(
@@ -61,25 +62,25 @@ MODES: Mapping[Mode, ReplayMode] = {
         {
             "axis_gain": _FORCE,
             "offset": _FORCE,
-            "latency": "when contact begins follows from the model's friction and inertia",
-            "low_pass": "how fast force rises follows from the model's friction and inertia",
+            "latency": "the start of contact follows from the model's friction and inertia",
+            "low_pass": "the rate at which force rises follows from the model's friction and inertia",
         },
     ),
 }
 
 
 def hidden_by_replay(recording: Recording) -> dict[str, str]:
-    """By name why causes cannot be told after the way in which a recording's motion was replayed."""
+    """Return the causes that the replay mode of a recording makes unobservable, each with the reason."""
     replay = recording.metadata.get("replay")
     hidden = replay.get("not_testable") if isinstance(replay, Mapping) else None
     return {str(name): f"{why}" for name, why in hidden.items()} if isinstance(hidden, Mapping) else {}
 
 
 def checked(mode: str) -> Mode:
-    """The mode of that name.
+    """Check the name of a mode and return it.
 
     Raises:
-        InvalidValueError: There is none.
+        InvalidValueError: The mode does not exist.
     """
     for known in get_args(Mode):
         if mode == known:

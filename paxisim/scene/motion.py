@@ -1,8 +1,8 @@
 """Motion: a stream of one episode as a smooth function of time, with its velocity and acceleration.
 
-An encoder shows steps of its resolution. Twice differentiated they would be accelerations of metres a second squared,
-as large as those that a contact feels. So the readings are first replaced by the smoothest curve that stays within
-half a step of each.
+Encoder readings show steps of the encoder's resolution. Differentiated twice, these would give accelerations of metres
+per second squared, as large as those in a contact. So the readings are first replaced by the smoothest curve that stays
+within half a step of each.
 """
 
 from __future__ import annotations
@@ -12,22 +12,22 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, make_smoothing_spline
 from scipy.spatial.transform import Rotation, RotationSpline
 
-_SMOOTHEST = 1e5  # weight of the curvature against readings a sample apart: passes what is slower than 0.06 a sample
+_SMOOTHEST = 1e5  # smoothing parameter for unit sample spacing; passes frequencies below 0.06 rad per sample
 _ROUNDS = 60
-_WITHIN = 1.05  # of half a step: how far the curve may be from a reading
+_WITHIN = 1.05  # largest distance of the curve from a reading, in half steps
 
 
 class Curve:
-    """One number over time: position, velocity and acceleration, at rest before its first time and after its last."""
+    """Position, velocity and acceleration over time, at rest before the first time and after the last."""
 
     def __init__(self, time: NDArray[np.float64], values: NDArray[np.float64]) -> None:
-        """Lay a cubic spline through ``(T, ...)`` values at ``(T,)`` increasing times."""
+        """Fit a cubic spline through ``(T, ...)`` values at ``(T,)`` increasing times."""
         self._ends = time[0], time[-1]
         self._spline = CubicSpline(time, values) if len(time) > 1 else None
         self._first = values[0]
 
     def __call__(self, at: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
-        """``(S, ...)`` positions, velocities and accelerations at ``(S,)`` times."""
+        """Return positions, velocities and accelerations, each ``(S, ...)``, at times ``(S,)``."""
         if self._spline is None:
             still = np.zeros((len(at), *np.shape(self._first)))
             return still + self._first, still, still
@@ -37,10 +37,10 @@ class Curve:
 
 
 class PoseCurve:
-    """A pose over time."""
+    """Pose, velocity and acceleration over time, at rest before the first time and after the last."""
 
     def __init__(self, time: NDArray[np.float64], poses: NDArray[np.float64]) -> None:
-        """Lay splines through ``(T, 3)`` positions or ``(T, 7)`` positions and quaternions w x y z."""
+        """Fit splines through ``(T, 3)`` positions or ``(T, 7)`` positions and quaternions w x y z."""
         self._ends = time[0], time[-1]
         self._position = Curve(time, poses[:, :3])
         self._turns = None
@@ -52,7 +52,10 @@ class PoseCurve:
             self._first = Rotation.identity()
 
     def __call__(self, at: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
-        """``(S, 7)`` poses, ``(S, 6)`` velocities and accelerations; turning in the body's own frame, as MuJoCo's."""
+        """Return poses ``(S, 7)``, velocities ``(S, 6)`` and accelerations ``(S, 6)`` at times ``(S,)``.
+
+        Angular velocities and accelerations are in the body's own frame, as in MuJoCo.
+        """
         place, speed, push = self._position(at)
         clipped = np.clip(at, *self._ends)
         spin = np.zeros((2, len(at), 3))
@@ -67,16 +70,16 @@ class PoseCurve:
 
 
 def resolution(values: NDArray[np.float64]) -> float:
-    """The step of an encoder that shows in its readings; 0 where none does.
+    """Estimate the step size of an encoder from its readings; 0 if they show no steps.
 
-    Readings show a step if all differences between them are multiples of the smallest one, and they repeat.
+    Readings show a step if all differences between them are multiples of the smallest one, and values repeat.
     """
     known = np.unique(values[np.isfinite(values)])
     if not 2 <= len(known) <= 0.5 * np.isfinite(values).sum():
         return 0.0
     gaps = np.diff(known)
     largest = float(np.abs(known).max())
-    gaps = gaps[gaps > 1e-6 * largest]  # of numbers that were float32 once
+    gaps = gaps[gaps > 1e-6 * largest]  # drops rounding errors of values that were once float32
     if not len(gaps):
         return 0.0
     step = float(gaps.min())
@@ -86,17 +89,17 @@ def resolution(values: NDArray[np.float64]) -> float:
 
 
 def smooth_within(time: NDArray[np.float64], values: NDArray[np.float64], step: float) -> NDArray[np.float64]:
-    """The smoothest readings within half a `step` of the given ones.
+    """Smooth readings as far as possible while staying within half a `step` of them.
 
-    A smoothing spline whose weights grow, round by round, at the readings from which it is still too far.
+    Fits a smoothing spline iteratively, increasing the weights of the readings from which it is still too far.
 
     Args:
-        time: ``(T,)`` increasing.
+        time: ``(T,)`` increasing times.
         values: ``(T,)`` readings.
-        step: The encoder's resolution, in the values' unit.
+        step: Resolution of the encoder, in the values' unit.
 
     Returns:
-        ``(T,)`` numbers.
+        ``(T,)`` smoothed readings.
     """
     if step <= 0 or len(values) < 5 or np.ptp(values) < 0.5 * step:
         return values

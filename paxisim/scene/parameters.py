@@ -1,4 +1,4 @@
-"""The physical numbers of a scene that may be wrong: what they are, and within which bounds."""
+"""The uncertain physical parameters of a scene and their bounds."""
 
 from __future__ import annotations
 
@@ -32,27 +32,29 @@ Group = Literal[
     "impratio",
 ]
 BUMPS = ((2, 0), (1, 1), (0, 2), (3, 0), (2, 1), (1, 2), (0, 3))
-"""Half waves along the rows and along the columns of the cosines that make up a pad's surface: bowls and saddles, then
-bumps of a third of the pad. A height common to all taxels belongs to a joint's zero, a plane to the mount's tilt."""
+"""Numbers of half waves, down the rows and across the columns, of the cosines that make up a pad's surface: bowls and
+saddles, then bumps of a third of the pad. A height common to all taxels is part of a joint's zero, and a plane is part
+of the mount's tilt."""
 _TURN = radians(10)
 
 
 @dataclass(frozen=True)
 class SceneParameter:
-    """One number of a scene.
+    """A scalar parameter of a scene.
 
     Attributes:
-        name: What `paxisim.Scene.simulate` calls it.
-        group: The cause that it belongs to.
-        unit: ``"m"``, ``"rad"``, or ``"1"`` for a pure number.
-        nominal: Its value in the scene as it is.
-        low: Least value.
-        high: Largest value.
-        step: A change that is found, if it is there; replays are made at two of them to either side.
-        material: The least change that matters.
-        target: The pad, the object's body or the stream that it belongs to; empty where there is but one.
-        index: Which of the target's numbers it is: an axis, or one of `BUMPS`.
-        words: What it means.
+        name: Name of the parameter, as used by `paxisim.Scene.simulate`.
+        group: The cause that the parameter belongs to.
+        unit: ``"m"``, ``"rad"``, or ``"1"`` for a dimensionless number.
+        nominal: Value in the current scene.
+        low: Lower bound.
+        high: Upper bound.
+        step: A detectable change; replays are made at two such steps to either side.
+        material: Smallest change that matters.
+        target: The pad, the object's body or the stream that the parameter belongs to; empty for parameters of the
+            whole scene.
+        index: Index among the target's parameters: an axis, or an index into `BUMPS`.
+        words: Description of the parameter.
     """
 
     name: str
@@ -69,11 +71,11 @@ class SceneParameter:
 
 
 def parameters_of(scene: Scene, rig: Rig) -> dict[str, SceneParameter]:
-    """All parameters of a scene by name, with the scene's own bounds where it has some.
+    """Return all parameters of a scene by name, with the scene's own bounds where given.
 
     Args:
         scene: The scene.
-        rig: The same, compiled.
+        rig: The compiled scene.
 
     Raises:
         InvalidValueError: Bounds of the scene exclude the nominal value.
@@ -99,7 +101,7 @@ def _listed(scene: Scene, rig: Rig) -> list[SceneParameter]:
         _ratio("gel_stiffness", "stiffness of the gel, as a multiple of the scene's", (0.2, 5.0), (0.15, 0.06)),
     ]
     if scene.mode in ("force", "servo"):
-        words = "what the actuators exert, as a multiple of what they are told to"
+        words = "force of the actuators, as a multiple of the commanded force"
         out.append(_ratio("grip_force", words, (0.2, 5.0), (0.15, 0.06)))
     words = "MuJoCo's impratio: how slowly contacts creep under shear"
     impratio = _ratio("impratio", words, (0.2, 5.0), (0.2, 0.2), float(rig.model.opt.impratio))
@@ -109,7 +111,7 @@ def _listed(scene: Scene, rig: Rig) -> list[SceneParameter]:
 def _ratio(
     group: Group, words: str, bounds: tuple[float, float], steps: tuple[float, float], nominal: float = 1.0
 ) -> SceneParameter:
-    """A number whose bounds, step and least change that matters are shares of it."""
+    """Return a parameter whose bounds, step and material change are proportional to its nominal value."""
     ends = nominal * bounds[0], nominal * bounds[1]
     return SceneParameter(group, group, "1", nominal, *ends, nominal * steps[0], nominal * steps[1], words=words)
 
@@ -130,10 +132,10 @@ def _of_pads(pads: Pads) -> list[SceneParameter]:
     for pad in pads.names:
         after, of = ("", "") if len(pads) == 1 else (f"_{pad}", f" of pad {pad}")
         for index, axis in enumerate("xy"):
-            name, words = f"mount_offset_{axis}{after}", f"how far the mount{of} is off, along the pad's {axis}"
+            name, words = f"mount_offset_{axis}{after}", f"offset of the mount{of} along the pad's {axis}"
             out.append(_length("mount_offset", name, 5e-3, (4e-4, 3e-4), (pad, index), words))
         for index, axis in enumerate("xy"):
-            words = f"turn of the mount{of} about the pad's {axis}"
+            words = f"rotation of the mount{of} about the pad's {axis}"
             out.append(_angle("mount_tilt", f"mount_tilt_{axis}{after}", (pad, index), words))
         for index, (down, across) in enumerate(BUMPS):
             if down < rows and across < cols:
@@ -144,7 +146,7 @@ def _of_pads(pads: Pads) -> list[SceneParameter]:
 
 
 def objects_of(rig: Rig) -> tuple[str, ...]:
-    """Names of the movable bodies that carry no pad, with nothing movable above them."""
+    """Return the names of the movable top-level bodies that carry no pad and can touch something."""
     model = rig.model
     with_pads = set()
     for body in rig.pads.bodies:
@@ -160,7 +162,7 @@ def objects_of(rig: Rig) -> tuple[str, ...]:
 
 
 def _geoms(model: mujoco.MjModel, body: int) -> range:
-    """Ids of the geoms of a body and of all bodies below it."""
+    """Return the ids of the geoms of a body and all its descendants."""
     last = body
     while last + 1 < model.nbody and model.body_rootid[last + 1] == model.body_rootid[body]:
         last += 1
@@ -178,16 +180,16 @@ def _of_objects(rig: Rig) -> list[SceneParameter]:
         size = _ratio("object_size", f"size of {body}, as a multiple of the scene's", (0.5, 2.0), (0.02, 0.02))
         out.append(replace(size, name=f"object_size{after}", target=body))
         for index, axis in enumerate("xyz"):
-            name, words = f"object_pose_{axis}{after}", f"how far {body} is off along its own {axis}"
+            name, words = f"object_pose_{axis}{after}", f"offset of {body} along its own {axis}"
             out.append(_length("object_pose", name, 5e-3, (4e-4, 3e-4), (body, index), words))
         for index, axis in enumerate("xyz"):
-            words = f"by how much {body} is turned about its own {axis}"
+            words = f"rotation of {body} about its own {axis}"
             out.append(_angle("object_pose", f"object_turn_{axis}{after}", (body, 3 + index), words))
     return out
 
 
 def _of_joints(scene: Scene, rig: Rig) -> list[SceneParameter]:
-    """Zeros of the streams that move joints: of the closing alone where the scene has one."""
+    """Return the zeros of the streams that move joints; only that of the closing stream if the scene has one."""
     out: dict[str, SceneParameter] = {}
     for drive in (*rig.prescribed, *rig.followed):
         if not drive.joint or drive.source in out or (scene.closing and drive.stream != scene.closing):
@@ -202,11 +204,11 @@ def _of_joints(scene: Scene, rig: Rig) -> list[SceneParameter]:
 
 
 def height_map(layout: TaxelLayout, heights: Mapping[int, float]) -> NDArray[np.float64]:
-    """``(rows, cols)`` by how much the taxels stand out, in the unit of `heights`.
+    """Return the surface heights ``(rows, cols)`` of the taxels, in the unit of `heights`.
 
     Args:
-        layout: The taxels, a grid.
-        heights: Of the cosines, by their index in `BUMPS`.
+        layout: Layout of the taxels, a grid.
+        heights: Amplitudes of the cosines, by their index in `BUMPS`.
     """
     down, across = ((np.arange(count) + 0.5) / count for count in (layout.rows, layout.cols))
     out = np.zeros((layout.rows, layout.cols))
@@ -217,11 +219,11 @@ def height_map(layout: TaxelLayout, heights: Mapping[int, float]) -> NDArray[np.
 
 
 def checked_values(values: Mapping[str, float], known: Mapping[str, SceneParameter]) -> None:
-    """Check names and values of parameters.
+    """Check the names and values of parameters.
 
     Raises:
-        UnknownNameError: There is no such parameter.
-        InvalidValueError: A value out of its bounds.
+        UnknownNameError: A parameter does not exist.
+        InvalidValueError: A value is out of its bounds.
     """
     for name, value in values.items():
         if name not in known:

@@ -1,4 +1,4 @@
-"""SceneRanges: domain randomisation of a simulated scene, within what a diagnosis of a recorded one leaves open."""
+"""SceneRanges: domain randomisation of a simulated scene within the intervals that a diagnosis leaves open."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _OF_PADS = ("friction", "gel_stiffness", "mount_offset", "mount_tilt", "surface"
 
 @dataclass(frozen=True)
 class SceneRanges:
-    """Ranges of the scene parameters that a diagnosis found to be wrong, to draw from for each episode of a training.
+    """Ranges of the scene parameters that a diagnosis found to be wrong, to sample from in each training episode.
 
     Example:
         ```python
@@ -38,11 +38,11 @@ class SceneRanges:
 
     Attributes:
         parameters: The parameters.
-        intervals: ``(low, high)`` for each, in its SI unit.
+        intervals: ``(low, high)`` of each parameter, in its SI unit.
         pads: Names of the recorded scene's pads, in the order of a reading's ``pads`` axis.
 
     Raises:
-        InvalidValueError: Bounds that are not finite or not in order.
+        InvalidValueError: Bounds are not finite or not in order.
     """
 
     parameters: tuple[SceneParameter, ...] = ()
@@ -57,14 +57,14 @@ class SceneRanges:
 
     @staticmethod
     def around(scene: Scene | None, intervals: Mapping[str, tuple[float, float]]) -> SceneRanges:
-        """The ranges that a diagnosis leaves of the parameters that it found.
+        """Return ranges from the intervals of a diagnosis.
 
         Args:
-            scene: The scene that it found, ``diagnosis.scene``; without one there are no ranges.
-            intervals: ``(low, high)`` by name, in SI units, as ``diagnosis.scene_intervals``.
+            scene: The diagnosed scene, ``diagnosis.scene``; None gives empty ranges.
+            intervals: ``(low, high)`` by parameter name, in SI units, as in ``diagnosis.scene_intervals``.
 
         Raises:
-            UnknownNameError: The scene has no such parameter.
+            UnknownNameError: The scene does not have a parameter.
         """
         if scene is None or not intervals:
             return SceneRanges()
@@ -77,41 +77,41 @@ class SceneRanges:
         return SceneRanges(tuple(known[name] for name in intervals), ends, rig.pads.names)
 
     def sample(self, rng: np.random.Generator) -> dict[str, float]:
-        """Values by name, each uniform over its range.
+        """Draw values by parameter name, each uniform over its range.
 
         Args:
-            rng: Random numbers.
+            rng: Random number generator.
         """
         ends = zip(self.parameters, self.intervals, strict=True)
         return {item.name: float(rng.uniform(low, high)) for item, (low, high) in ends}
 
     def vary(self, model: mujoco.MjModel, pads: Pads, gel: Gel | None = None) -> SceneVariation:
-        """Prepare a model whose pads are to be varied.
+        """Prepare to vary the pads of a model.
 
-        Friction, stiffness, mounts and surfaces belong to the pads and are written into the model. What belongs to the
-        scene that was recorded, an object's size or pose, a drive's zero and the grip force, is not; `SceneDraw.values`
-        has it. Pads correspond by their place in a reading, whatever their names.
+        Friction, stiffness, mounts and surfaces belong to the pads and are written into the model. Parameters of the
+        recorded scene (an object's size or pose, a drive's zero, the grip force) are not; they are in
+        `SceneDraw.values`. Pads are matched by their position in a reading, regardless of their names.
 
         Args:
-            model: Any compiled model with pads; it is changed by each draw.
-            pads: Its pads.
-            gel: Their gel; default: the default gel.
+            model: Any compiled model with pads; each draw modifies it.
+            pads: Pads of the model.
+            gel: Gel of the pads; default: the default gel.
 
         Raises:
-            UnsupportedError: A range is of a mount or a surface, and the recorded scene has another number of pads or
-                taxels on no grid.
+            UnsupportedError: A range concerns a mount or a surface, but the model has a different number of pads than
+                the recorded scene; or it concerns a surface, but the taxels are not on a grid.
         """
         return SceneVariation(self, model, pads, gel or Gel())
 
 
 @dataclass(frozen=True, eq=False)
 class SceneDraw:
-    """What was drawn for an episode.
+    """Values drawn for an episode.
 
     Attributes:
-        values: By name, in SI units.
-        gel: The gel that the pads have now.
-        heights: ``(pads, rows, cols)`` m, to be added to the heights that the episode gives the taxels.
+        values: Drawn values by parameter name, in SI units.
+        gel: Current gel of the pads.
+        heights: ``(pads, rows, cols)`` heights (m), to be added to the taxel heights that the episode sets.
     """
 
     values: Mapping[str, float]
@@ -123,11 +123,11 @@ class SceneVariation:
     """Writes draws into one compiled model.
 
     Attributes:
-        ranges: What is drawn from.
+        ranges: The ranges to draw from.
     """
 
     def __init__(self, ranges: SceneRanges, model: mujoco.MjModel, pads: Pads, gel: Gel) -> None:
-        """See `SceneRanges.vary`."""
+        """Store the original poses of the pads and check the ranges; see `SceneRanges.vary`."""
         self.ranges, self._model, self._pads, self._gel = ranges, model, pads, gel
         self._position = model.body_pos[pads.bodies].copy()
         self._turn = model.body_quat[pads.bodies].copy()
@@ -138,13 +138,13 @@ class SceneVariation:
                     f"has {len(pads)}"
                 )
             if item.group == "surface" and not pads.layout.is_grid:
-                raise UnsupportedError(f"{item.name} is a height map of a grid of taxels, which these pads are not")
+                raise UnsupportedError(f"{item.name} is a height map on a grid of taxels, but these pads have no grid")
 
     def draw(self, rng: np.random.Generator) -> SceneDraw:
-        """Draw anew and write friction, stiffness and mounts into the model; heights are for the caller to set.
+        """Draw values and write friction, stiffness and mounts into the model; the caller must set the heights.
 
         Args:
-            rng: Random numbers.
+            rng: Random number generator.
         """
         values = self.ranges.sample(rng)
         of = {item: values[item.name] for item in self.ranges.parameters if item.group in _OF_PADS}
@@ -164,7 +164,7 @@ class SceneVariation:
         return {item.index: v for item, v in values.items() if item.group == group and item.target == pad}
 
     def _mount(self, number: int, offset: Mapping[int, float], tilt: Mapping[int, float]) -> None:
-        """Move and turn a pad in its own frame, from where the model had it."""
+        """Translate and rotate a pad in its own frame, relative to its original pose in the model."""
         if not offset and not tilt:
             return
         body, turn = self._pads.bodies[number], rotation_of(self._turn[number])

@@ -15,7 +15,7 @@ from paxisim.scene.drive import Drive, ObjectStart
 from paxisim.scene.scene import Scene
 
 BALL = 0.02
-"""Radius (m) of the indenter's ball. A ball needs no alignment, and has no edge that a taxel could catch on."""
+"""Radius (m) of the indenter's ball. A ball needs no alignment and has no edge on which a taxel could catch."""
 
 _INDENTER = f"""
 <mujoco model="indenter">
@@ -50,13 +50,13 @@ _PEG = """
 
 
 def indenter(layout: TaxelLayout) -> Scene:
-    """A ball that a stage presses on one pad, which lies face up.
+    """Build a scene in which a stage presses a ball on one pad that lies face up.
 
-    The streams are ``x`` and ``y``, along the pad's own axes from its middle, and ``depth``, 0 where the ball touches
-    the flat pad and positive where it is pressed in; all in m.
+    The streams are ``x`` and ``y``, along the pad's own axes from its centre, and ``depth``, which is 0 where the ball
+    touches the flat pad and positive where it is pressed in; all are in m.
 
     Args:
-        layout: The pad's taxels.
+        layout: Taxel layout of the pad.
     """
     bench = attach(_INDENTER, Pad(layout), [Mount("bench", quat=(0.0, 1.0, 0.0, 0.0), name="pad")])
     drives = tuple(Drive(name, joint=name, unit="m") for name in ("x", "y", "depth"))
@@ -64,13 +64,13 @@ def indenter(layout: TaxelLayout) -> Scene:
 
 
 def gripper(layout: TaxelLayout, *, peg: bool = False) -> Scene:
-    """The two-finger gripper of `paxisim demo` with a pad on each finger.
+    """Build a scene of the two-finger gripper of `paxisim demo`, with a pad on each finger.
 
     The stream is ``opening``, the distance (m) between the pads.
 
     Args:
-        layout: The taxels of each pad.
-        peg: Put a box of 24 x 18 x 60 mm between the fingers, on a table; else they move in the air.
+        layout: Taxel layout of each pad.
+        peg: Put a box of 24 x 18 x 60 mm on a table between the fingers; otherwise the fingers move in free space.
     """
     text = files("paxisim").joinpath("data/two_finger_gripper.xml").read_text(encoding="utf-8")
     # the pad frame on a fingertip: x along the hand's depth, y down to the tip, z into the finger
@@ -85,7 +85,7 @@ def gripper(layout: TaxelLayout, *, peg: bool = False) -> Scene:
         world.delete(world.geom("table"))
     world.attach(tactile.spec, site=world.site("hand"), prefix="gripper_")
     mjcf = TactileGripper(world, tactile.mounts, tactile.pad_names, Gel(), layout).to_xml()
-    # the pads are 100 mm apart where the joints are 0
+    # the pads are 100 mm apart when the joints are at 0
     drives = tuple(
         Drive("opening", joint=f"gripper_{side}_slide", unit="m", scale=-0.5, offset=0.05) for side in ("left", "right")
     )

@@ -1,4 +1,4 @@
-"""Replay: a scene and a recording brought together; simulates single episodes, and pairs the streams."""
+"""Replay: a scene combined with a recording, to simulate single episodes and pair the streams."""
 
 from __future__ import annotations
 
@@ -24,26 +24,26 @@ from paxisim.scene.scene import Scene
 from paxisim.scene.shape import fit_shape
 
 COARSE = 0.1
-"""Share of the peak force from which an encoder is called too coarse for the total force."""
+"""Fraction of the peak force above which half an encoder step is reported as too coarse for the total force."""
 
 FITS = {"fitted": fit_closing, "shape": fit_shape}
-"""What fits the closing of an episode, by mode."""
+"""Functions that fit the closing of an episode, by mode."""
 
 MISSED = 0.2
-"""Total normal force (N) that is contact for certain."""
+"""Total normal force (N) above which there is certainly contact."""
 
 
 @dataclass(frozen=True, eq=False)
 class SimulatedEpisode:
-    """What `Replay.run` gives.
+    """Result of `Replay.run`.
 
     Attributes:
-        number: The episode.
-        force: ``(T, pads, 3, rows, cols)`` newtons at the recording's samples of the episode; NaN where the driving
-            streams are not known.
-        closing: The constant that mode ``"fitted"`` or ``"shape"`` added to the closing stream, in its unit;
-            0 in other modes.
-        notes: What else is to be said of it.
+        number: Number of the episode.
+        force: ``(T, pads, 3, rows, cols)`` forces (N) at the recording's samples of the episode; NaN where the driving
+            streams are unknown.
+        closing: Constant added to the closing stream, in its unit: given to `Replay.run`, or fitted by mode
+            ``"fitted"`` or ``"shape"``; otherwise 0.
+        notes: Remarks on the simulation.
     """
 
     number: int
@@ -53,20 +53,20 @@ class SimulatedEpisode:
 
 
 class Replay:
-    """A compiled scene that has checked the recording it is to follow."""
+    """A compiled scene together with the recording it follows, which has been checked."""
 
     def __init__(self, scene: Scene, recording: Recording, mean: bool = False) -> None:
-        """Compile and check; see `paxisim.Scene.prepare`.
+        """Compile the scene and check the recording; see `paxisim.Scene.prepare`.
 
         Raises:
             InvalidValueError: See `paxisim.Scene.simulate`.
             UnknownNameError: See `paxisim.Scene.simulate`.
         """
         if scene.mode in FITS and recording.measured is None:
-            raise InvalidValueError(f"mode {scene.mode} needs the measured forces, the recording has none")
+            raise InvalidValueError(f"mode {scene.mode} needs the measured forces, but the recording has none")
         if scene.mode in FITS and recording.unit != "N":
             raise InvalidValueError(
-                f"mode {scene.mode} needs forces in newtons, the recording is in {recording.unit}: make newtons of it "
+                f"mode {scene.mode} needs forces in newtons, but the recording is in {recording.unit}: convert it "
                 "first with paxisim calibrate"
             )
         self._scene, self._recording, self._mean = scene, recording, mean
@@ -90,7 +90,7 @@ class Replay:
         return tuple(int(part.episode[0]) for part in self._recording.episodes())
 
     def _step_of(self, drive: Drive) -> float:
-        """Resolution of the drive's stream, in what the drive moves; 0 for a pose."""
+        """Return the resolution of the drive's stream in SI units of its target; 0 for a pose."""
         if drive.body:
             return 0.0
         values = streams.raw_values(self._recording, drive)
@@ -100,12 +100,12 @@ class Replay:
         """Simulate one episode.
 
         Args:
-            number: The episode.
-            closing: Added to the closing stream, in its unit, where it is known and not to be fitted.
+            number: Number of the episode.
+            closing: Constant to add to the closing stream, in its unit, instead of fitting it.
 
         Raises:
             UnsupportedError: The simulation becomes unstable.
-            InvalidValueError: Mode ``"fitted"`` or ``"shape"``: no closing gives what was measured.
+            InvalidValueError: In mode ``"fitted"`` or ``"shape"``, no closing reproduces the measured force.
         """
         part = self._recording.select([number])
         known = self._known(part)
@@ -127,7 +127,7 @@ class Replay:
         return SimulatedEpisode(number, _within(part, known, fitted.force), fitted.closing, fitted.notes)
 
     def _missed(self, part: Recording, force: NDArray[np.float32]) -> tuple[str, ...]:
-        """What to say of an episode in which contact was measured and none is simulated."""
+        """Return a note if contact was measured in an episode but none is simulated."""
         if part.measured is None or force.any():
             return ()
         measured = total_normal(part.measured)
@@ -138,18 +138,18 @@ class Replay:
         where = f"{1e3 * gap:.2f} mm from the nearest object" if np.isfinite(gap) else "far from any object"
         number = int(part.episode[0])
         return (
-            f"episode {number}: {np.nanmax(measured):.3g} N were measured at {at:.2f} s, where the pads of the "
-            f"scene are {where}: check where the object starts, and offsets, signs and units of the drives",
+            f"episode {number}: {np.nanmax(measured):.3g} N were measured at {at:.2f} s, when the pads of the scene "
+            f"are {where}: check the object's start pose, and the offsets, signs and units of the drives",
         )
 
     def _known(self, part: Recording) -> NDArray[np.bool_]:
-        """``(T,)`` from the first to the last sample at which all driving streams are known."""
+        """Return a mask ``(T,)`` of the samples at which all driving streams are known."""
         known = np.ones(len(part), dtype=bool)
         for drive in (*self._rig.prescribed, *self._rig.followed, *self._rig.commands):
             known &= streams.known_samples(streams.raw_values(part, drive))
         if not known.any():
             raise InvalidValueError(
-                f"episode {int(part.episode[0])} has no start pose: its driving streams are not known at one time"
+                f"episode {int(part.episode[0])} has no start pose: its driving streams are never known all at once"
             )
         return known
 
@@ -161,9 +161,9 @@ class Replay:
         return force.reshape(len(force), pads, 3, rows, self._pool[0], cols, self._pool[1]).sum(axis=(4, 6))
 
     def _motion(self, part: Recording, shifts: Mapping[Drive, float] = MappingProxyType({})) -> Motion:
-        """What moves in an episode of which all is known; `shifts` are added to what single drives do."""
+        """Return the motion of an episode without unknown samples; `shifts` are added to the motion of drives."""
         number = int(part.episode[0])
-        new = np.append(True, np.diff(part.time) > 0)  # two samples at one time have one position
+        new = np.append(True, np.diff(part.time) > 0)  # the splines need increasing times: skip repeated ones
         curves: dict[Drive, Curve | PoseCurve] = {}
         for drive in (*self._rig.prescribed, *self._rig.followed):
             values, time = streams.driving_values(part, drive)[new], part.time[new]
@@ -178,16 +178,16 @@ class Replay:
         return Motion(number, part.time, curves, commands, objects)
 
     def _closed(self, closing: float) -> Mapping[Drive, float]:
-        """How far each drive moves where `closing` is added to the closing stream, in the stream's unit."""
+        """Return how far each drive moves if `closing`, in the stream's unit, is added to the closing stream."""
         return {drive: drive.gain * closing for drive in self._scene.drives if drive.stream == self._scene.closing}
 
     def encoder_error(self, episodes: Sequence[SimulatedEpisode]) -> EncoderError | None:
-        """What half a step of the encoders is worth in newtons, in the episode with the highest force.
+        """Return the force change caused by half an encoder step, in the episode with the highest force.
 
         The episode is simulated once more for each encoder that shows steps.
 
         Returns:
-            The error, or None where no encoder shows steps or nothing is touched.
+            The error, or None if no encoder shows steps or there is no contact.
         """
         coarse = [drive for drive in self._rig.prescribed if self._resolution[drive]]
         peaks = [float(np.nanmax(total_normal(episode.force), initial=0.0)) for episode in episodes]
@@ -201,18 +201,18 @@ class Replay:
         return EncoderError.of(strongest.number, total_normal(strongest.force[known]), changed)
 
     def _closing_step(self) -> float:
-        """What one millimetre or 0.1 rad of the first closing drive is in its stream's unit."""
+        """Return the change of the closing stream, in its unit, that moves its first drive by 1 mm or 1 mrad."""
         drive = next(d for d in self._scene.drives if d.stream == self._scene.closing)
         return 1e-3 / abs(drive.gain)
 
     def paired(self, episodes: Sequence[SimulatedEpisode]) -> Recording:
-        """The recording with the simulated stream of all its episodes, and how it was made.
+        """Return the recording with the simulated stream of all its episodes and a description of the replay.
 
         Args:
-            episodes: All of them, in any order.
+            episodes: All simulated episodes, in any order.
 
         Raises:
-            InvalidValueError: One is missing.
+            InvalidValueError: An episode is missing.
         """
         by_number = {episode.number: episode for episode in episodes}
         missing = [number for number in self.episodes if number not in by_number]
@@ -226,7 +226,7 @@ class Replay:
         )
 
     def _described(self, episodes: Sequence[SimulatedEpisode]) -> Mapping[str, object]:
-        """The ``replay`` entry of the metadata, as JSON can hold it."""
+        """Return the ``replay`` entry of the metadata, in a form that JSON can store."""
         from paxisim.scene.toml import format_scene
 
         scene = replace(self._scene, sensor="", pool=1, mounts=(), pads=self._rig.pads.names)
@@ -234,8 +234,8 @@ class Replay:
         notes = [note for episode in episodes for note in episode.notes]
         if error is not None and error.newtons > COARSE * error.peak:
             notes.append(
-                f"half an encoder step is worth {error.newtons:.2g} N of the {error.peak:.3g} N at the peak of episode "
-                f"{error.episode}: positions alone do not tell the total force to {COARSE:.0%}"
+                f"half an encoder step changes the force by {error.newtons:.2g} N at the peak of {error.peak:.3g} N in "
+                f"episode {error.episode}: positions alone do not determine the total force to {COARSE:.0%}"
             )
         described: dict[str, object] = {
             "version": __version__,
@@ -259,10 +259,10 @@ def _within(part: Recording, known: NDArray[np.bool_], force: NDArray[np.float32
 
 
 def _pooling(rig: Rig, recording: Recording) -> tuple[int, int]:
-    """How many of the scene's taxels, down and across, make one of the recording's.
+    """Return how many of the scene's taxels, down and across, form one taxel of the recording.
 
     Raises:
-        InvalidValueError: They do not fit.
+        InvalidValueError: The pads or taxels do not match.
     """
     scene, recorded = rig.pads.shape, recording.tensor.shape[1:]
     if scene[0] == recorded[0] and scene[2] % recorded[2] == 0 and scene[3] % recorded[3] == 0:
@@ -272,7 +272,7 @@ def _pooling(rig: Rig, recording: Recording) -> tuple[int, int]:
         by = recorded[2] // scene[2], recorded[3] // scene[3]
         hint = f": pool the recording with Recording.pool{by}, or build the scene with the sensor's own taxels"
     elif scene[0] != recorded[0]:
-        hint = f": name the scene's in pads = [...] (it has {', '.join(rig.pads.names)}), or select the recording's"
+        hint = f": name the scene's pads in pads = [...] (it has {', '.join(rig.pads.names)}), or select recorded ones"
     raise InvalidValueError(
         f"the recording has {recorded[0]} pads of {recorded[2]}x{recorded[3]} taxels, "
         f"the scene {scene[0]} of {scene[2]}x{scene[3]}{hint}"

@@ -1,4 +1,4 @@
-"""Replays of one recording with other values of the scene's parameters: in parallel, each made once."""
+"""Replays of one recording with varied scene parameters, computed in parallel and cached."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ _Force = NDArray[np.float32]
 
 
 class Replays:
-    """Simulates the motion of a recording with other values of the scene's parameters.
+    """Simulates the motion of a recording with varied values of the scene's parameters.
 
-    Processes are used, as threads wait for one another between the steps of the physics. A replay that was made before
-    is not made again.
+    Processes are used because threads would wait for one another between physics steps. Replays are cached, so each is
+    computed only once.
 
     Attributes:
         scene: The scene.
@@ -48,14 +48,15 @@ class Replays:
         jobs: int = 1,
         folder: Path | None = None,
     ) -> None:
-        """Nothing is simulated yet.
+        """Store the arguments; nothing is simulated yet.
 
         Args:
             scene: The scene.
-            recording: Has the driving streams among its covariates.
-            closings: What is added to the closing stream of each episode, as the modes that fit it found.
-            jobs: Processes.
-            folder: Where replays are kept for other programs, named after all that they depend on; None: nowhere.
+            recording: Recording with the driving streams among its covariates.
+            closings: Constant added to the closing stream of each episode, as found by a mode that fits it.
+            jobs: Number of processes.
+            folder: Cache folder, which other programs can share; files are named by a hash of everything that a
+                replay depends on. None: no cache on disk.
         """
         self.scene, self.recording = scene, recording
         self._jobs = jobs
@@ -64,7 +65,7 @@ class Replays:
         self._pool: ProcessPoolExecutor | None = None
 
     def __enter__(self) -> Replays:
-        """Itself."""
+        """Return the object itself."""
         return self
 
     def __exit__(
@@ -81,14 +82,14 @@ class Replays:
         return tuple(int(part.episode[0]) for part in self.recording.episodes())
 
     def run_sets(self, sets: Sequence[Mapping[int, Values]]) -> list[_Force | PaxisimError]:
-        """``(T, pads, 3, rows, cols)`` newtons of the whole recording for each set of values.
+        """Simulate the whole recording for each set of values.
 
         Args:
-            sets: By episode its values; what is not there has its nominal value.
+            sets: Parameter values by episode, one mapping per set; missing parameters keep their nominal values.
 
         Returns:
-            The forces, NaN where the driving streams are not known, or why there are none: values that the scene cannot
-            have, or with which the simulation becomes unstable.
+            For each set, the forces ``(T, pads, 3, rows, cols)`` (N), NaN where the driving streams are unknown; or an
+            error if the scene cannot have the values or the simulation becomes unstable.
         """
         parts = [[(_key(values.get(number, {})), number) for number in self.episodes] for values in sets]
         missing: dict[_Key, list[int]] = {}
@@ -102,11 +103,11 @@ class Replays:
         return [self._whole(own) for own in parts]
 
     def run_each(self, values: Mapping[int, Values]) -> _Force:
-        """As `run_sets`, of one set.
+        """Simulate the whole recording for one set of values; see `run_sets`.
 
         Raises:
             UnsupportedError: The simulation becomes unstable.
-            InvalidValueError: A value that the scene cannot have.
+            InvalidValueError: The scene cannot have a value.
         """
         (whole,) = self.run_sets([values])
         if isinstance(whole, PaxisimError):
@@ -126,14 +127,13 @@ class Replays:
         if self._jobs == 1 or len(tasks) < 2:
             return [self._maker(task) for task in tasks]
         if self._pool is None:
-            context = multiprocessing.get_context("spawn")  # shares no locks with this process
+            context = multiprocessing.get_context("spawn")  # unlike forked ones, these share no locks with this process
             self._pool = ProcessPoolExecutor(self._jobs, context, _begin, (self._maker,))
         try:
             return list(self._pool.map(_run, tasks))
         except BrokenProcessPool as error:
             raise UnsupportedError(
-                "a process that simulated an episode was ended from outside, perhaps for want of memory: call again "
-                "with fewer jobs"
+                "a process that simulated an episode was killed, perhaps for lack of memory: call again with fewer jobs"
             ) from error
 
 
@@ -143,14 +143,14 @@ def _key(values: Values) -> _Key:
 
 
 class _Maker:
-    """What makes a replay, in this process or another."""
+    """Computes replays, in this process or another."""
 
     def __init__(self, scene: Scene, recording: Recording, closings: dict[int, float], folder: Path | None) -> None:
         self._scene, self._recording, self._closings, self._folder = scene, recording, closings, folder
         self._motions: dict[int, bytes] = {}
 
     def __call__(self, task: tuple[_Key, tuple[int, ...]]) -> list[_Force | PaxisimError]:
-        """The forces of some episodes, or why there are none."""
+        """Return the forces of some episodes, or an error in place of each that failed."""
         key, numbers = task
         try:
             scene = changed(self._scene, dict(key))
@@ -185,7 +185,7 @@ class _Maker:
         return out
 
     def _path(self, scene: Scene, number: int) -> Path | None:
-        """Where the replay of an episode is kept, named after all that it depends on."""
+        """Return the cache file of an episode's replay, named by a hash of everything that the replay depends on."""
         if self._folder is None:
             return None
         from paxisim.scene.toml import format_scene
@@ -208,13 +208,13 @@ class _Maker:
 
 
 def _read(path: Path) -> _Force | None:
-    """A kept replay; None where there is none, or a damaged one."""
+    """Return a cached replay; None if it is missing or damaged."""
     try:
         with np.load(path, allow_pickle=False) as kept:
             return np.asarray(kept["force"], dtype=np.float32)
     except FileNotFoundError:
         return None
-    except Exception:  # zip and numpy raise errors of many kinds for a damaged file
+    except Exception:  # zipfile and numpy raise many kinds of errors for a damaged file
         return None
 
 
@@ -224,7 +224,7 @@ def _write(path: Path, force: _Force) -> None:
         np.savez(file, force=force)
 
 
-_maker: _Maker | None = None  # of a process of the pool
+_maker: _Maker | None = None  # set in each process of the pool
 
 
 def _begin(maker: _Maker) -> None:

@@ -1,4 +1,4 @@
-"""Resume: episodes simulated one by one or in parallel, each kept on disk, so that a second call goes on."""
+"""Resume: simulation of episodes one by one or in parallel, each saved to disk so that a second call can continue."""
 
 from __future__ import annotations
 
@@ -34,19 +34,19 @@ def simulate_resumable(
     jobs: int = 1,
     progress: Callable[[int, int, int], None] | None = None,
 ) -> Recording:
-    """As `paxisim.Scene.simulate`, but a program that is killed loses no finished episode.
+    """Simulate like `paxisim.Scene.simulate`, but without losing finished episodes if the program is killed.
 
     Args:
         scene: The scene.
         recording: The recording.
-        folder: Where finished episodes are kept; made here, and removed by the caller once the result is saved. Those
-            of another scene or recording are thrown away.
+        folder: Folder for finished episodes; created if missing, and to be removed by the caller once the result is
+            saved. Episodes of another scene or recording are deleted.
         mean: See `paxisim.Scene.simulate`.
-        jobs: Episodes that are simulated at the same time, each in a process of its own.
-        progress: Called with the number of episodes that are done, of how many, and of how many were kept from before.
+        jobs: Number of episodes to simulate at the same time, each in its own process.
+        progress: Callback with the number of finished episodes, the total number, and the number kept from before.
 
     Raises:
-        InvalidValueError: See `paxisim.Scene.simulate`; fewer than one job.
+        InvalidValueError: See `paxisim.Scene.simulate`; or `jobs` is less than 1.
     """
     if jobs < 1:
         raise InvalidValueError(f"jobs must be 1 or more, got {jobs}")
@@ -68,7 +68,7 @@ def simulate_resumable(
 def _simulated(
     replay: Replay, scene: Scene, recording: Recording, mean: bool, numbers: list[int], jobs: int
 ) -> Iterator[SimulatedEpisode]:
-    """The episodes, as they get done."""
+    """Yield the episodes as they finish."""
     if jobs == 1 or len(numbers) < 2:
         for number in numbers:
             yield replay.run(number)
@@ -81,14 +81,14 @@ def _simulated(
             yield future.result()
     except BrokenProcessPool as error:
         raise UnsupportedError(
-            "a process that simulated an episode was ended from outside, perhaps for want of memory: call again with "
-            "fewer jobs, finished episodes are kept"
+            "a process that simulated an episode was killed, perhaps for lack of memory: call again with fewer jobs; "
+            "finished episodes are kept"
         ) from error
     finally:
         pool.shutdown(cancel_futures=True)
 
 
-_replay: Replay | None = None  # of a process of the pool
+_replay: Replay | None = None  # set in each process of the pool
 
 
 def _begin(scene: Scene, recording: Recording, mean: bool) -> None:
@@ -98,7 +98,7 @@ def _begin(scene: Scene, recording: Recording, mean: bool) -> None:
 
 
 def begin_worker() -> None:
-    """Make this process one that ends with the process that started it, to which Ctrl-C is left."""
+    """Make this process end with its parent process, and leave Ctrl-C to the parent."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
@@ -116,7 +116,7 @@ def _run(number: int) -> SimulatedEpisode:
 
 
 def _fingerprint(replay: Replay, scene: Scene, recording: Recording, mean: bool) -> str:
-    """Changes with anything that the simulated forces depend on."""
+    """Return a hash of everything that the simulated forces depend on."""
     import mujoco
 
     from paxisim.scene.toml import format_scene
@@ -133,10 +133,10 @@ def _fingerprint(replay: Replay, scene: Scene, recording: Recording, mean: bool)
 
 
 def _open_folder(folder: Path, fingerprint: str) -> Path:
-    """The folder, empty unless what is in it belongs to this very replay.
+    """Create the folder, or keep its contents if they belong to the same replay; other kept episodes are deleted.
 
     Raises:
-        InvalidValueError: There is something else under that name.
+        InvalidValueError: The path exists but is not a folder of kept episodes.
     """
     mark = folder / "replay"
     if folder.exists():
@@ -162,12 +162,12 @@ def _write(folder: Path, episode: SimulatedEpisode) -> None:
 
 
 def _read(folder: Path, number: int) -> SimulatedEpisode | None:
-    """A kept episode; None where there is none, or a damaged one."""
+    """Return a kept episode; None if it is missing or damaged."""
     try:
         with np.load(_path(folder, number), allow_pickle=False) as kept:
             said = json.loads(str(kept["said"]))
             return SimulatedEpisode(number, kept["force"], float(said["closing"]), tuple(said["notes"]))
     except FileNotFoundError:
         return None
-    except Exception:  # zip and numpy raise errors of many kinds for a damaged file
+    except Exception:  # zipfile and numpy raise many kinds of errors for a damaged file
         return None

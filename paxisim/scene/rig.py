@@ -1,12 +1,12 @@
 """Rig: the compiled model of a scene, and where in its state each drive acts.
 
-A joint that a stream prescribes must move as the stream says, whatever it touches. MuJoCo's contacts are soft: the
-force of a contact follows from its depth, its speed and its acceleration, and the acceleration from the mass behind it.
-Writing ``qpos`` alone lets the light finger of the model give way within the very step, so that ``mj_forward`` finds a
-fraction of the force. Here such a joint gets an armature that no contact can move, and its position, speed and
-acceleration are written before each step: the forces are then those of a finger that moves exactly so. MuJoCo gives a
-mocap body no velocity, so that contacts feel neither damping nor friction; it becomes a free body that is moved in the
-same way.
+A joint prescribed by a stream must move exactly as the stream says, whatever it touches. MuJoCo's contacts are soft:
+the contact force depends on depth, speed and acceleration, and the acceleration depends on the mass behind the contact.
+If only ``qpos`` were written, the model's light finger would give way within the same step, and ``mj_forward`` would
+compute only a fraction of the force. Here such a joint gets an armature that no contact can move, and its position,
+speed and acceleration are written before each step. The forces are then those of a finger that moves exactly this way.
+MuJoCo gives a mocap body no velocity, so its contacts would have neither damping nor friction; it is replaced by a free
+body that is moved in the same way.
 """
 
 from __future__ import annotations
@@ -26,7 +26,8 @@ from paxisim.scene.drive import Drive
 from paxisim.scene.scene import Scene
 
 ARMATURE = 1e6
-"""Armature (kg, kg m2) of a prescribed joint; 20 N change its acceleration by 2e-5 m/s2, a contact's depth by 3 nm."""
+"""Armature (kg, kg m2) of a prescribed joint; 20 N change its acceleration by 2e-5 m/s2 and a contact's depth by
+3 nm."""
 _SCALAR_JOINTS = (int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE))
 _FREE = int(mujoco.mjtJoint.mjJNT_FREE)
 
@@ -37,15 +38,15 @@ class Rig:
 
     Attributes:
         model: The model, with the gel on its taxels.
-        mjcf: Its MJCF as text, pads included, before joints became heavy.
-        pads: Its pads.
-        qpos: ``(nq,)`` where an episode begins, before streams and object starts.
-        ctrl: ``(nu,)`` the controls there.
-        prescribed: The drives whose joint or body moves as the stream says.
-        followed: The joint drives that are set-points of the model's own position actuators.
-        servos: ``(S,)`` ids of the position actuators whose set-points the followed joints are.
-        commands: The drives that are controls.
-        unused: Drives that this mode has no use for.
+        mjcf: MJCF text of the model, including the pads but without the added armatures.
+        pads: Pads of the model.
+        qpos: ``(nq,)`` positions at the start of an episode, before streams and object starts are applied.
+        ctrl: ``(nu,)`` controls at the start of an episode.
+        prescribed: Drives whose joint or body moves exactly as the stream says.
+        followed: Joint drives that serve as set-points of the model's own position actuators.
+        servos: ``(S,)`` ids of the position actuators that follow these set-points.
+        commands: Drives that set actuator controls.
+        unused: Drives that this mode does not use.
     """
 
     model: mujoco.MjModel
@@ -60,17 +61,17 @@ class Rig:
     unused: tuple[Drive, ...]
 
     def joint(self, drive: Drive) -> int:
-        """Id of the joint that a joint or body drive acts on."""
+        """Return the id of the joint that a joint or body drive acts on."""
         if drive.joint:
             return int(self.model.joint(drive.joint).id)
         return int(self.model.body_jntadr[self.model.body(drive.body).id])
 
     def object_address(self, body: str) -> int:
-        """Index in ``qpos`` of the pose of a body with a free joint.
+        """Return the index in ``qpos`` of the pose of a body with a free joint.
 
         Raises:
-            UnknownNameError: There is no such body.
-            InvalidValueError: It has no free joint.
+            UnknownNameError: The body does not exist.
+            InvalidValueError: The body has no free joint.
         """
         names = [self.model.body(i).name for i in range(1, self.model.nbody)]
         if body not in names:
@@ -85,7 +86,7 @@ def build_rig(scene: Scene) -> Rig:
     """Compile a scene.
 
     Raises:
-        InvalidValueError: The MJCF cannot be read or has no such pads, or a drive cannot act on its target.
+        InvalidValueError: The MJCF cannot be read or lacks the named pads, or a drive cannot act on its target.
         UnknownNameError: A drive's joint, body or actuator is not in the MJCF.
     """
     spec = spec_of(scene)
@@ -106,7 +107,7 @@ def build_rig(scene: Scene) -> Rig:
 
 
 def spec_of(scene: Scene) -> mujoco.MjSpec:
-    """The model of a scene with its pads, to be changed or compiled."""
+    """Return the spec of a scene's model, including its pads, to be modified or compiled."""
     if not scene.sensor:
         return load_spec(scene.mjcf)
     from paxisim.sensors import sensor
@@ -117,7 +118,7 @@ def spec_of(scene: Scene) -> mujoco.MjSpec:
 
 
 def mjcf_of(spec: mujoco.MjSpec) -> str:
-    """The MJCF of a model with absolute paths to its meshes; `TactileGripper` writes what MuJoCo leaves out."""
+    """Return the MJCF of a model with absolute mesh paths; `TactileGripper` writes what MuJoCo omits."""
     from paxisim.layout import TaxelLayout
     from paxisim.models.gel import Gel
 
@@ -137,7 +138,7 @@ def _check_target(model: mujoco.MjModel, drive: Drive) -> None:
         )
     if drive.joint and int(model.joint(drive.joint).type[0]) not in _SCALAR_JOINTS:
         raise InvalidValueError(
-            f"joint {drive.joint!r} is neither a hinge nor a slide: drive its body by a pose (body = ...)"
+            f"joint {drive.joint!r} is neither a hinge nor a slide: drive its body with a pose (body = ...)"
         )
     if drive.body:
         body = model.body(drive.body).id
@@ -145,7 +146,7 @@ def _check_target(model: mujoco.MjModel, drive: Drive) -> None:
         is_free = first >= 0 and int(model.jnt_type[first]) == _FREE
         if not is_free and model.body_mocapid[body] < 0:
             raise InvalidValueError(
-                f"body {drive.body!r} cannot be driven by a pose: it is no mocap body and has no free joint"
+                f"body {drive.body!r} cannot be driven by a pose: it is not a mocap body and has no free joint"
             )
 
 
@@ -159,18 +160,18 @@ def _start(model: mujoco.MjModel) -> tuple[NDArray[np.float64], NDArray[np.float
 def _free_mocap(
     spec: mujoco.MjSpec, plain: mujoco.MjModel, bodies: list[str], qpos: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Make free bodies of mocap bodies; returns the start with their poses."""
+    """Turn mocap bodies into free bodies and return the start positions including their poses."""
     for name in bodies:
         body = spec.body(name)
         body.mocap = False
         body.add_freejoint()
         if plain.body_mass[plain.body(name).id] < 1e-6:
             body.explicitinertial, body.mass, body.inertia = True, 1.0, np.full(3, 1e-3)
-    for key in list(spec.keys):  # of another number of positions
+    for key in list(spec.keys):  # keyframes no longer match the number of positions
         spec.delete(key)
     freed = compile_spec(spec, "the scene")
     start = freed.qpos0.copy()
-    for body in range(freed.nbody):  # bodies keep their ids, and the joints of each their order
+    for body in range(freed.nbody):  # bodies keep their ids, and joints keep their order within each body
         old, new = int(plain.body_jntadr[body]), int(freed.body_jntadr[body])
         if old < 0:
             continue
@@ -183,7 +184,7 @@ def _free_mocap(
 
 @dataclass(frozen=True, eq=False)
 class _Roles:
-    """See `Rig`."""
+    """The roles of the drives; see `Rig`."""
 
     prescribed: tuple[Drive, ...] = ()
     followed: tuple[Drive, ...] = ()
@@ -193,7 +194,7 @@ class _Roles:
 
 
 def _roles(scene: Scene, model: mujoco.MjModel, qpos: NDArray[np.float64]) -> _Roles:
-    """What each drive does in the scene's mode."""
+    """Return the role of each drive in the scene's mode."""
     moves = _moved_by(model, qpos)
     bodies = tuple(d for d in scene.drives if d.body)
     joints = tuple(d for d in scene.drives if d.joint)
@@ -204,7 +205,7 @@ def _roles(scene: Scene, model: mujoco.MjModel, qpos: NDArray[np.float64]) -> _R
         unused = tuple(d for d in actuators if moves[model.actuator(d.actuator).id] & held)
         return _Roles((*bodies, *joints), commands=tuple(d for d in actuators if d not in unused), unused=unused)
     if scene.mode == "force" and not actuators:
-        raise InvalidValueError("mode force needs a drive with actuator = ..., whose stream is a force or a current")
+        raise InvalidValueError("mode force needs a drive with actuator = ... whose stream is a force or a current")
     commanded = {dof for d in actuators for dof in moves[model.actuator(d.actuator).id]}
     left = tuple(d for d in joints if dof[d] not in commanded)
     unused = tuple(d for d in joints if d not in left)
@@ -225,7 +226,7 @@ def _roles(scene: Scene, model: mujoco.MjModel, qpos: NDArray[np.float64]) -> _R
 
 
 def _moved_by(model: mujoco.MjModel, qpos: NDArray[np.float64]) -> list[set[int]]:
-    """For each actuator the degrees of freedom that it moves, with those that equalities couple to them."""
+    """Return the degrees of freedom that each actuator moves, including those coupled to them by equalities."""
     data = mujoco.MjData(model)
     data.qpos[:] = qpos
     mujoco.mj_forward(model, data)
@@ -238,7 +239,7 @@ def _moved_by(model: mujoco.MjModel, qpos: NDArray[np.float64]) -> list[set[int]
 
 
 def _coupled(model: mujoco.MjModel, dofs: set[int]) -> set[int]:
-    """Those degrees of freedom and all that joint equalities tie to them."""
+    """Return the given degrees of freedom and all those coupled to them by joint equalities."""
     pairs = [
         {int(model.jnt_dofadr[model.eq_obj1id[i]]), int(model.jnt_dofadr[model.eq_obj2id[i]])}
         for i in range(model.neq)
@@ -253,7 +254,7 @@ def _coupled(model: mujoco.MjModel, dofs: set[int]) -> set[int]:
 
 
 def _heavy(spec: mujoco.MjSpec, plain: mujoco.MjModel, prescribed: tuple[Drive, ...]) -> mujoco.MjModel:
-    """The model in which nothing moves the prescribed joints; all else counts as it does in `plain`."""
+    """Compile the model with prescribed joints that no contact can move; all else behaves as in `plain`."""
     for drive in prescribed:
         joint = spec.joint(drive.joint) if drive.joint else spec.body(drive.body).joints[0]
         joint.armature = ARMATURE
@@ -261,7 +262,7 @@ def _heavy(spec: mujoco.MjSpec, plain: mujoco.MjModel, prescribed: tuple[Drive, 
         model = spec.copy().compile()
     except ValueError as error:
         raise InvalidValueError(f"MuJoCo cannot compile the scene: {one_line(error)}") from error
-    # what regularises constraints, and tells the solver when it is done, follows from masses at compilation
+    # MuJoCo derives the regularisation of constraints and the solver's tolerance from masses at compile time
     for name in ("body_invweight0", "dof_invweight0", "tendon_invweight0"):
         getattr(model, name)[:] = getattr(plain, name)
     model.stat.meaninertia = plain.stat.meaninertia

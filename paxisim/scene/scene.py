@@ -1,4 +1,4 @@
-"""Scene: a MuJoCo model with pads, and which recorded streams move what in it."""
+"""Scene: a MuJoCo model with pads and the recorded streams that move it."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _GEL = tuple(item.name for item in fields(Gel))
 class Scene:
     """A MuJoCo model with pads that the streams of a recording move.
 
-    The pads have the sensor's taxels, or a whole number of finer ones for each, whose forces then add up.
+    The pads have the sensor's taxels, or a whole number of finer taxels for each, whose forces are summed.
 
     Example:
         ```python
@@ -36,23 +36,22 @@ class Scene:
 
     Attributes:
         mjcf: Path of the MJCF file, or its text. An episode begins at its first keyframe, if it has one.
-        drives: What each stream moves.
-        mode: How the motion is followed: see `paxisim.scene.modes.MODES`, which also says what each mode makes
+        drives: The drives: which stream moves which part of the model.
+        mode: How the motion is followed: see `paxisim.scene.modes.MODES`, which also states what each mode makes
             unobservable.
-        closing: The stream that presses or closes; modes ``"fitted"`` and ``"shape"`` add a
-            constant to it.
-        start: Where objects are when an episode begins.
-        settle: Seconds for which the scene rests at the first pose before each episode.
-        gel: The gel that the taxels get.
+        closing: The stream that presses or closes; modes ``"fitted"`` and ``"shape"`` add a constant to it.
+        start: Start poses of objects at the beginning of an episode.
+        settle: Time (s) for which the scene rests at the first pose before each episode.
+        gel: Gel of the taxels.
         pads: Names of the MJCF's pads in the order of the recording's. Default: all, in the order of their bodies.
-        sensor: Name of a sensor in the catalogue to put on the model; empty where the MJCF has its pads.
-        pool: Make one taxel of each `pool` x `pool` of that sensor.
-        mounts: Where that sensor's pads go. Default: as `paxisim.attach` finds.
-        bounds: Least and largest values of parameters, by name, for a diagnosis; see `parameters` for the defaults.
+        sensor: Name of a sensor in the catalogue to attach to the model; empty if the MJCF already has pads.
+        pool: Merge each `pool` x `pool` taxels of that sensor into one.
+        mounts: Mounts of that sensor's pads. Default: as found by `paxisim.attach`.
+        bounds: Lower and upper bounds of parameters by name, for a diagnosis; see `parameters` for the defaults.
 
     Raises:
-        InvalidValueError: No such mode, a time that is not 0 or more, a mode that fits a closing
-            without a closing stream.
+        InvalidValueError: The mode does not exist, `settle` or `pool` is out of range, there is no drive, a part is
+            driven twice, or a mode that fits the closing lacks a closing stream.
     """
 
     mjcf: str | Path
@@ -98,27 +97,29 @@ class Scene:
         progress: Callable[[str], None] | None = None,
         **parameters: float,
     ) -> Recording:
-        """Replay the recorded motion and give the recording its simulated stream.
+        """Replay the recorded motion and add the simulated stream to the recording.
 
-        Each episode is simulated by itself: the objects are placed, the scene rests for `settle` seconds at the first
-        pose, then the streams move it, interpolated to the physics step with velocities and accelerations to match.
+        Each episode is simulated independently: the objects are placed, the scene rests for `settle` seconds at the
+        first pose, then the streams move it, interpolated to the physics step with matching velocities and
+        accelerations.
 
         Args:
-            recording: Has the driving streams among its covariates.
-            mode: Instead of the scene's.
-            mean: Take the mean force since the sample before, as a sensor does that averages; default: the force at
+            recording: Recording with the driving streams among its covariates.
+            mode: Mode to use instead of the scene's.
+            mean: Return the mean force since the previous sample, like a sensor that averages; default: the force at
                 the sample's time.
-            progress: Called with a line of text for each episode.
+            progress: Callback that is called with a line of text for each episode.
             parameters: Other values of the scene's parameters or its gel's fields, such as ``friction=0.6`` or
                 ``mount_offset_x=5e-4``; see `parameters`.
 
         Returns:
-            The recording with `simulated`; NaN before and after the driving streams. Its metadata has the MJCF
-            (``scene``) and how it was replayed (``replay``), from which `from_recording` makes the scene again.
+            The recording with `simulated`, which is NaN before and after the driving streams. Its metadata hold the
+            MJCF (``scene``) and a description of the replay (``replay``), from which `from_recording` restores the
+            scene.
 
         Raises:
-            InvalidValueError: Streams that the scene cannot follow: the message says which, when, and what to do.
-            UnknownNameError: A stream, joint, body, actuator or parameter that is not there.
+            InvalidValueError: The scene cannot follow a stream; the message says which, when, and what to do.
+            UnknownNameError: A stream, joint, body, actuator or parameter does not exist.
         """
         replay = self.prepare(recording, mode=mode, mean=mean, **parameters)
         parts = []
@@ -133,7 +134,7 @@ class Scene:
     ) -> Replay:
         """Compile the model and check the recording; the result simulates single episodes.
 
-        Takes and raises what `simulate` does.
+        The arguments and errors are those of `simulate`.
         """
         from paxisim.scene.replay import Replay
 
@@ -141,11 +142,11 @@ class Scene:
         return Replay(scene.with_parameters(**parameters), recording, mean)
 
     def parameters(self) -> dict[str, SceneParameter]:
-        """The numbers of the scene that may be wrong, by name, with their nominal values and bounds.
+        """Return the uncertain parameters of the scene by name, with their nominal values and bounds.
 
         Raises:
             InvalidValueError: Bounds exclude the nominal value, or the scene cannot be compiled.
-            UnknownNameError: Bounds for a parameter that the scene does not have.
+            UnknownNameError: Bounds are given for a parameter that the scene does not have.
         """
         from paxisim.scene.parameters import parameters_of
         from paxisim.scene.rig import build_rig
@@ -153,14 +154,14 @@ class Scene:
         return parameters_of(self, build_rig(self))
 
     def with_parameters(self, **parameters: float) -> Scene:
-        """The scene with other values of its parameters, or other fields of its gel.
+        """Return the scene with other values of its parameters or of its gel's fields.
 
         Args:
-            parameters: By name, as `parameters` lists them, or a field of `paxisim.Gel`.
+            parameters: Values by name, as listed by `parameters`, or fields of `paxisim.Gel`.
 
         Raises:
-            UnknownNameError: There is no such parameter.
-            InvalidValueError: The value cannot be used.
+            UnknownNameError: A parameter does not exist.
+            InvalidValueError: A value cannot be used.
         """
         of_gel = {name: value for name, value in parameters.items() if name in _GEL}
         scene = replace(self, gel=replace(self.gel, **of_gel)) if of_gel else self
@@ -176,21 +177,21 @@ class Scene:
 
     @classmethod
     def load(cls, path: str | Path) -> Scene:
-        """Read a scene from its TOML file; the path of the MJCF in it is relative to the file.
+        """Read a scene from a TOML file; the MJCF path in it is relative to the file.
 
         Raises:
-            InvalidValueError: Not such a file; the message names the key.
-            UnknownNameError: A key that a scene does not have.
-            FileNotFoundError: There is no such file.
+            InvalidValueError: The file is not valid; the message names the key.
+            UnknownNameError: The file has an unknown key.
+            FileNotFoundError: The file does not exist.
         """
         from paxisim.scene.toml import read_scene
 
         return read_scene(Path(path))
 
     def save(self, path: str | Path) -> None:
-        """Write the scene as TOML, whole or not at all.
+        """Write the scene as TOML, atomically.
 
-        A scene that has the text of its MJCF, and no file, writes that beside it, with the suffix ``.xml``.
+        If the scene holds its MJCF as text instead of a path, the text is written beside it with the suffix ``.xml``.
 
         Raises:
             OSError: A file cannot be written.
@@ -201,14 +202,14 @@ class Scene:
 
     @classmethod
     def from_recording(cls, recording: Recording) -> Scene:
-        """The scene by which `simulate` made a recording's simulated stream.
+        """Return the scene with which `simulate` created a recording's simulated stream.
 
         Raises:
-            InvalidValueError: The recording was not made by `simulate`.
+            InvalidValueError: The recording was not created by `simulate`.
         """
         from paxisim.scene.toml import parse_scene
 
         replayed, mjcf = recording.metadata.get("replay"), recording.metadata.get("scene")
         if not isinstance(replayed, dict) or not isinstance(mjcf, str) or "toml" not in replayed:
-            raise InvalidValueError("the recording holds no scene: it was not made by Scene.simulate or paxisim replay")
+            raise InvalidValueError("the recording holds no scene: it is not from Scene.simulate or paxisim replay")
         return replace(parse_scene(str(replayed["toml"])), mjcf=mjcf)

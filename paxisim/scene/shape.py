@@ -1,9 +1,9 @@
-"""The closing of an episode, fitted to the course of the measured force, whatever its gain and its delay.
+"""Fit of an episode's closing to the shape of the measured force over time, whatever its gain and delay.
 
-Where an object lies along the closing shows in when contact begins, and in how the gel stiffens. So a constant is added
-to the closing stream, such that the simulated total normal force is as similar to the measured one as it can be: the
-largest of the normalised cross-correlations up to some lag. A gain and a delay of the sensor do not change it, so these
-can still be told afterwards.
+The position of an object along the closing shows in the time at which contact begins and in how the gel stiffens. So a
+constant is added to the closing stream that makes the simulated total normal force as similar as possible to the
+measured one. The similarity is the largest normalised cross-correlation up to some lag. A gain or a delay of the sensor
+does not change it, so both remain identifiable afterwards.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from paxisim.errors import InvalidValueError
 from paxisim.scene.closing import QUIET, FittedClosing, mean_normal, total_normal
 
 REACH = 1.0
-"""Steps of 1 mm to either side in which the closing is searched."""
+"""Search range of the closing to either side, in steps of 1 mm."""
 LAG = 0.25
-"""Seconds by which the streams may be apart, at most."""
+"""Largest delay (s) between the streams."""
 SIMILAR = 0.8
-"""Similarity below which no closing explains the course of the force."""
-_COARSE = 9  # closings that are tried first
-_TOLERANCE = 5e-3  # steps of 1 mm
+"""Smallest similarity at which a closing is taken to explain the measured force."""
+_COARSE = 9  # number of closings in the initial grid search
+_TOLERANCE = 5e-3  # in steps of 1 mm
 
 
 def fit_shape(
@@ -33,17 +33,17 @@ def fit_shape(
     step: float,
     episode: int,
 ) -> FittedClosing:
-    """Fit the constant.
+    """Fit the constant to the shape of the total normal force over time.
 
     Args:
-        simulated: The ``(T, pads, 3, rows, cols)`` forces for a constant.
-        measured: The measured ones.
-        time: ``(T,)`` when they were measured (s).
+        simulated: Function that returns the simulated ``(T, pads, 3, rows, cols)`` forces (N) for a constant.
+        measured: ``(T, pads, 3, rows, cols)`` measured forces (N).
+        time: ``(T,)`` sample times (s).
         step: The constant that moves the closing joint by 1 mm.
-        episode: Its number, for messages.
+        episode: Number of the episode, for messages.
 
     Raises:
-        InvalidValueError: The best constant is at the end of the search, or even with it the courses are not alike.
+        InvalidValueError: The best constant is at the edge of the search range, or the similarity is too small.
     """
     from scipy.optimize import minimize_scalar
 
@@ -71,15 +71,15 @@ def fit_shape(
     left, force = runs[best]
     if abs(best) >= REACH or left > 1 - SIMILAR:
         raise InvalidValueError(
-            f"episode {episode}: no closing of up to {REACH:g} mm more or less makes the course of the simulated force "
-            f"like the measured one (similarity {1 - left:.2f} of 1): check the drives' offsets and where the object "
-            "starts"
+            f"episode {episode}: no closing of up to {REACH:g} mm more or less gives the simulated force the shape of "
+            f"the measured one over time (similarity {1 - left:.2f} of 1): check the drives' offsets and the object's "
+            "start pose"
         )
     return FittedClosing(best * step, force)
 
 
 def similarity(first: NDArray[np.float64], second: NDArray[np.float64], most: int) -> float:
-    """The largest normalised cross-correlation of two ``(T,)`` courses, shifted by up to `most` samples; 0 to 1."""
+    """Return the largest normalised cross-correlation (0 to 1) of two signals ``(T,)`` at lags of up to `most`."""
     first, second = np.nan_to_num(first), np.nan_to_num(second)
     best = 0.0
     for lag in range(-most, most + 1):

@@ -1,4 +1,4 @@
-"""The driving streams of a recording: found, in range, without gaps; and what each episode starts from."""
+"""Reading and checking of the driving streams of a recording, and the start poses of its episodes."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from paxisim.scene.drive import Drive, ObjectStart
 from paxisim.scene.rig import Rig
 
 _SLIDE = int(mujoco.mjtJoint.mjJNT_SLIDE)
-_FARTHEST = 10.0  # m; a position beyond is a mistaken unit
-_MOST_TURN = 20 * np.pi  # rad, of a hinge without limits
-_LISTED = 4  # episodes that a message names
+_FARTHEST = 10.0  # m; a position beyond this indicates a wrong unit
+_MOST_TURN = 20 * np.pi  # rad; for a hinge without limits
+_LISTED = 4  # at most this many episodes are named in a message
 
 
 def driving_values(recording: Recording, drive: Drive) -> NDArray[np.float64]:
-    """``(T,)``, or ``(T, 3)`` or ``(T, 7)`` for a body: what the drive's target does, in SI units.
+    """Return the motion of the drive's target in SI units: ``(T,)``, or ``(T, 3)`` or ``(T, 7)`` for a body.
 
     Raises:
-        UnknownNameError: The recording has no such stream.
-        InvalidValueError: The stream has another shape, or nothing in it is known.
+        UnknownNameError: The recording does not have the stream.
+        InvalidValueError: The stream has the wrong shape, or none of its values is known.
     """
     return drive.to_scene(raw_values(recording, drive))
 
 
 def raw_values(recording: Recording, drive: Drive) -> NDArray[np.float64]:
-    """The stream's own values, in its unit; see `driving_values`."""
+    """Return the stream's own values, in its unit; see `driving_values`."""
     values = _covariate(recording, drive.stream)
     if drive.column is not None:
         if values.ndim != 2 or drive.column >= values.shape[1]:
@@ -40,18 +40,18 @@ def raw_values(recording: Recording, drive: Drive) -> NDArray[np.float64]:
     expected = "(T, 3) or (T, 7)" if drive.body else "(T,)"
     fits = values.ndim == 2 and values.shape[1] in (3, 7) if drive.body else values.ndim == 1
     if not fits:
-        hint = "; say which with column = ..." if values.ndim == 2 and not drive.body else ""
+        hint = "; choose one with column = ..." if values.ndim == 2 and not drive.body else ""
         raise InvalidValueError(
             f"stream {drive.stream!r} must be {expected} to drive {drive.kind} {drive.target!r}, "
             f"got shape {values.shape}{hint}"
         )
     if not np.isfinite(values).any():
-        raise InvalidValueError(f"stream {drive.source!r} holds no number, so that it drives nothing")
+        raise InvalidValueError(f"stream {drive.source!r} holds no number, so it drives nothing")
     return values
 
 
 def known_samples(values: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """``(T,)`` True where nothing of a ``(T, ...)`` stream is NaN."""
+    """Return a mask ``(T,)`` of the samples at which no value of a ``(T, ...)`` stream is NaN."""
     return np.asarray(np.isfinite(values.reshape(len(values), -1)).all(axis=1))
 
 
@@ -62,12 +62,13 @@ def _covariate(recording: Recording, stream: str) -> NDArray[np.float64]:
 
 
 def check_streams(recording: Recording, rig: Rig) -> None:
-    """Check all that the scene is to follow, before anything is simulated.
+    """Check all streams that the scene must follow, before anything is simulated.
 
     Raises:
-        UnknownNameError: A stream that is not there.
-        InvalidValueError: A motion outside limits, with the unit that fits, if one does; a gap; an episode in which a
-            stream is not known at all; quaternions that are none.
+        UnknownNameError: A stream does not exist.
+        InvalidValueError: A motion exceeds its limits (the message suggests a unit that fits, if there is one) or is
+            implausibly small for them, a stream has a gap or is unknown in a whole episode, quaternions do not have
+            length 1, or nothing would move.
     """
     moving = False
     for drive in (*rig.prescribed, *rig.followed, *rig.commands):
@@ -85,7 +86,7 @@ def check_streams(recording: Recording, rig: Rig) -> None:
 
 
 def limits_of(model: mujoco.MjModel, drive: Drive) -> tuple[float, float]:
-    """What a joint or control may be, in SI units; as wide as is plausible where the model sets no limits."""
+    """Return the limits of a joint or control in SI units; wide, plausible ones if the model sets none for a joint."""
     if drive.actuator:
         actuator = model.actuator(drive.actuator).id
         low, high = model.actuator_ctrlrange[actuator]
@@ -134,7 +135,7 @@ def _check_pose(drive: Drive, values: NDArray[np.float64]) -> None:
         if off > 0.01:
             raise InvalidValueError(
                 f"stream {drive.source!r} must have quaternions w x y z of length 1 in its columns 3 to 6, "
-                f"one is off by {off:.2g}"
+                f"but one is off by {off:.2g}"
             )
 
 
@@ -155,7 +156,7 @@ def _check_known(recording: Recording, drive: Drive, values: NDArray[np.float64]
             time = part.time
             raise InvalidValueError(
                 f"stream {drive.source!r} has a gap in episode {number}, from {time[begin - 1]:.3f} s to "
-                f"{time[end]:.3f} s: leave the episode out with Recording.select, or allow longer gaps with "
+                f"{time[end]:.3f} s: exclude the episode with Recording.select, or allow longer gaps with "
                 "Recording.load(max_gap=...)"
             )
     if without:
@@ -166,11 +167,11 @@ def _check_known(recording: Recording, drive: Drive, values: NDArray[np.float64]
 
 
 def object_poses(recording: Recording, start: ObjectStart) -> Mapping[int, NDArray[np.float64]]:
-    """``(7,)`` position (m) and quaternion of an object at the start of each episode.
+    """Return the start pose ``(7,)`` of an object, position (m) and quaternion, by episode number.
 
     Raises:
-        UnknownNameError: There is no such stream.
-        InvalidValueError: The stream is no pose, or not known in an episode.
+        UnknownNameError: The stream does not exist.
+        InvalidValueError: The stream is not a pose, or is unknown in an episode.
     """
     numbers = [int(part.episode[0]) for part in recording.episodes()]
     if not start.stream:

@@ -1,4 +1,4 @@
-"""Scenes as TOML."""
+"""Reading and writing of scenes as TOML."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from paxisim.models.mount import Mount
 from paxisim.scene.drive import Drive, ObjectStart
 from paxisim.scene.scene import Scene
 
-_NUMBER, _TEXT, _WHOLE, _LIST = "a number", "a text", "a whole number", "a list"
+_NUMBER, _TEXT, _WHOLE, _LIST = "a number", "a string", "a whole number", "a list"
 _PAIR = "a list of 2 numbers"
 _POSITION, _QUATERNION = "a list of 3 numbers", "a list of 4 numbers"
-# table -> key -> what its value must be
+# keys of each table, with the kind of value that each must have
 _SCENE = {
     "mjcf": _TEXT,
     "mode": _TEXT,
@@ -52,17 +52,17 @@ _GEL = {item.name: _NUMBER for item in fields(Gel)}
 
 
 def read_scene(path: Path) -> Scene:
-    """See `paxisim.Scene.load`."""
+    """Read a scene from a file; see `paxisim.Scene.load`."""
     scene = parse_file(path, parse_scene)
     return replace(scene, mjcf=path.parent / scene.mjcf)
 
 
 def parse_scene(text: str) -> Scene:
-    """The scene of a TOML text; its `mjcf` is the path as it stands there.
+    """Return the scene described by a TOML text; its `mjcf` is the path exactly as written there.
 
     Raises:
-        InvalidValueError: No TOML, or a value that cannot be used.
-        UnknownNameError: A key that a scene does not have.
+        InvalidValueError: The text is not TOML, or a value cannot be used.
+        UnknownNameError: The text has an unknown key.
     """
     document = parse_toml(text)
     _check("the scene", document, _SCENE)
@@ -113,7 +113,7 @@ def _check(what: str, table: Mapping[str, Any], keys: Mapping[str, str]) -> None
 
 def _fits(value: Any, wanted: str) -> bool:
     def number(one: Any) -> bool:
-        # TOML's whole numbers have 64 bits; Python's parser takes any
+        # integers in TOML have 64 bits, but Python's parser accepts any size
         return isinstance(one, float) or (isinstance(one, int) and not isinstance(one, bool) and abs(one) < 2**63)
 
     def numbers(count: int) -> bool:
@@ -135,7 +135,7 @@ def _fits(value: Any, wanted: str) -> bool:
 
 
 def write_scene(scene: Scene, path: Path) -> None:
-    """See `paxisim.Scene.save`."""
+    """Write a scene to a file; see `paxisim.Scene.save`."""
     mjcf = scene.mjcf
     if isinstance(mjcf, str) and mjcf.lstrip().startswith("<"):
         beside = path.with_suffix(".xml")
@@ -148,7 +148,7 @@ def write_scene(scene: Scene, path: Path) -> None:
 
 
 def format_scene(scene: Scene, mjcf: str) -> str:
-    """The scene as TOML, with what differs from the defaults; `mjcf` is the path to write."""
+    """Return the scene as TOML, mostly without default values; `mjcf` is the path to write."""
     lines = [f"mjcf = {_value(mjcf)}"]
     plain = ("mode", "closing", "settle", "pads", "sensor", "pool")
     lines += _entries(scene, plain, always=("mode", "settle"))
@@ -173,7 +173,7 @@ def _entries(thing: Any, names: tuple[str, ...], always: tuple[str, ...]) -> lis
 
 def _value(value: Any) -> str:
     if isinstance(value, str):
-        # a JSON string is one of TOML, but for characters beyond 16 bits, which JSON escapes in two halves
+        # a JSON string is valid TOML, unless JSON escapes a character beyond 16 bits as two surrogates
         return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
     if isinstance(value, tuple):
         return "[" + ", ".join(_value(one) for one in value) + "]"

@@ -1,4 +1,4 @@
-"""Units that the streams of a robot come in, and which unit a stream is in when the one that was said does not fit."""
+"""Units of a robot's streams, and a guess of a stream's unit if the given one does not fit."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ ANGLE = {"rad": 1.0, "deg": math.pi / 180}
 FORCE = {"N": 1.0, "mN": 1e-3, "Nm": 1.0, "mNm": 1e-3}
 CURRENT = {"A": 1.0, "mA": 1e-3}
 UNITS = {**LENGTH, **ANGLE, **FORCE, **CURRENT, "1": 1.0}
-"""What one of a unit is in SI units; ``"1"`` is a number without a unit, such as a normalised command."""
+"""Conversion factors to SI units; ``"1"`` is a number without a unit, such as a normalised command."""
 
-_SLACK = 0.05  # of a range: limits are soft, in MuJoCo too, and encoders are not exact
+_SLACK = 0.05  # fraction of a range: limits are soft, also in MuJoCo, and encoders are not exact
 
 
 def factor(unit: str) -> float:
-    """What one `unit` is in SI units.
+    """Return the conversion factor of a unit to SI units.
 
     Raises:
-        UnknownNameError: There is no such unit.
+        UnknownNameError: The unit does not exist.
     """
     if unit not in UNITS:
         raise UnknownNameError("unit", unit, UNITS)
@@ -28,24 +28,25 @@ def factor(unit: str) -> float:
 
 
 def is_within(low: float, high: float, limits: tuple[float, float], slack: float = 0.0) -> bool:
-    """Whether numbers from `low` to `high` lie within the limits, but for `slack` and 5 % of their width."""
+    """Return whether `low` to `high` lies within the limits, with a tolerance of `slack` plus 5 % of their width."""
     slack += _SLACK * (limits[1] - limits[0])
     return limits[0] - slack <= low and high <= limits[1] + slack
 
 
 def better_unit(unit: str, low: float, high: float, limits: tuple[float, float], scale: float, offset: float) -> str:
-    """The unit with which a stream fits the limits of what it moves, where `unit` is far off; else empty.
+    """Return the unit with which a stream fits the limits of its target if `unit` is implausible; otherwise empty.
 
-    A stream is far off if it leaves the limits, or if it moves a small part of them and a unit a hundred times as large
-    or more fits as well: 0.04 mm of a joint's 40 mm, where the values read as m are 40 mm.
+    A unit is implausible if the stream exceeds the limits, or if it covers only a small part of them and a unit more
+    than a hundred times as large fits as well. For example, a stream covers 0.04 mm of a joint's 40 mm, but 40 mm if
+    its values are read as m.
 
     Args:
-        unit: The unit that was said.
-        low: The lowest value of the stream, in that unit.
-        high: The highest.
-        limits: Of what the stream moves, in SI units.
-        scale: The drive's factor.
-        offset: The drive's offset, in SI units.
+        unit: The given unit.
+        low: Lowest value of the stream, in that unit.
+        high: Highest value of the stream, in that unit.
+        limits: Limits of the target, in SI units.
+        scale: Scale factor of the drive.
+        offset: Offset of the drive, in SI units.
     """
     family = next((f for f in (LENGTH, ANGLE, FORCE, CURRENT) if unit in f), {})
     outside = not is_within(*_moved(low, high, UNITS[unit] * scale, offset), limits)
@@ -54,7 +55,7 @@ def better_unit(unit: str, low: float, high: float, limits: tuple[float, float],
         if not (ratio < 0.5 if outside else ratio > 100):
             continue
         moved = _moved(low, high, one * scale, offset)
-        # a stream that hardly moves fits whatever the unit is
+        # a stream that hardly moves would fit with any unit
         if is_within(*moved, limits) and moved[1] - moved[0] > 0.01 * (limits[1] - limits[0]):
             return other
     return ""

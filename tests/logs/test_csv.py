@@ -127,7 +127,7 @@ def test_a_row_that_is_cut_off_is_left_out(tmp_path, cut):
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
         assert len(Recording.load(path)) == rows
-    expected = f"a.csv is cut off: its last line is not whole; what is whole was read: {rows} sample"
+    expected = f"a.csv is cut off: its last line is incomplete; the intact part was read: {rows} sample"
     assert [expected in str(warning.message) for warning in said] == [True] * (not whole)
 
 
@@ -137,7 +137,7 @@ def test_a_row_that_is_cut_off_is_left_out(tmp_path, cut):
         ("255", "40000", r"line 2, column '0-2-NxN-Z\[0\]': a count must be .* -32768 to 32767, got 40000"),
         ("255", "2.5", "a count must be a whole number"),
         ("255", "inf", "a count must be a whole number"),
-        ("255", "abc", r"line 2, column '0-2-NxN-Z\[0\]': 'abc' is no number"),
+        ("255", "abc", r"line 2, column '0-2-NxN-Z\[0\]': 'abc' is not a number"),
         ("1,2,4,0", "1,2,4", "line 3: expected 10 values, got 9"),
         ("1,2,4,0", "1,2,4,0,0", "line 3: expected 10 values, got 11"),
         ("00:00:00.000", "noon", "line 3: the time of day must be HH:MM:SS.mmm, got 'noon'"),
@@ -200,7 +200,7 @@ def test_a_plain_table_by_hand(tmp_path):
         ("time", "when", "must have a column 'time'"),
         ("0_0.z", "0_1.z", "has no column tactile.left.0_1.x"),
         ("tactile", "tactil", "must have columns tactile.PAD"),
-        ("0.5", "half", "line 2, column 'opening': 'half' is no number"),
+        ("0.5", "half", "line 2, column 'opening': 'half' is not a number"),
     ):
         path.write_text(header.replace(old, new) + "\n" + "0,1,2,3,0.5\n0.1,1,2,3,\n".replace(old, new))
         with pytest.raises(InvalidValueError, match=words):
@@ -210,11 +210,11 @@ def test_a_plain_table_by_hand(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("0_0.z", "99999999_99999999.z", r"has no column .*, as there is tactile\.left\.99999999_99999999\.z"),
+        ("0_0.z", "99999999_99999999.z", r"has no column .*, because there is tactile\.left\.99999999_99999999\.z"),
         ("opening", "a.99999999_99999999", r"the column 'a\.99999999_99999999' makes 'a' an array"),
         (",", ";", "expected columns separated by commas, got semicolons"),
         ("opening", "\xe9", "expected a CSV file in UTF-8, got the byte 0xe9 after"),
-        ("\n0,", "\n1e300,", "line 2, column 'time': a time must be in seconds, .* got 1e.300"),
+        ("\n0,", "\n1e300,", "line 2, column 'time': a time must be in seconds and not .*2262, got 1e.300"),
         ("0.5", "inf", "line 2, column 'opening': a number must be finite"),
         (",3,", ",1e300,", r"line 2, column 'tactile\.left\.0_0\.z': a number must be finite"),
     ],

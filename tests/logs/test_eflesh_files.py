@@ -83,11 +83,14 @@ def test_a_layout_says_where_the_magnetometers_are_and_a_profile_does_not_apply(
 @pytest.mark.parametrize(
     ("spoil", "match"),
     [
-        (lambda sensor, states: (sensor[:, :-1], states), "expected a time and x, y, z of each magnetometer"),
-        (lambda sensor, states: (sensor, states[:, :-1]), "expected time, x, y, z and force"),
-        (lambda sensor, states: (sensor, states * [1, 1, 1, 1, 0] - [0, 0, 0, 0, 1]), "no reading at all"),
-        (lambda sensor, states: (sensor[::-1], states), "time runs back in line 2"),
-        (lambda sensor, states: (sensor * np.nan, states), "line 1 holds no number"),
+        (
+            lambda sensor, states: (sensor[:, :-1], states),
+            "every row must hold a time and x, y, z of each magnetometer",
+        ),
+        (lambda sensor, states: (sensor, states[:, :-1]), "every row must hold time, x, y, z and force"),
+        (lambda sensor, states: (sensor, states * [1, 1, 1, 1, 0] - [0, 0, 0, 0, 1]), "the load cell has no readings"),
+        (lambda sensor, states: (sensor[::-1], states), "time decreases in line 2"),
+        (lambda sensor, states: (sensor * np.nan, states), "line 1 is not finite"),
     ],
 )
 def test_other_files_are_refused(tmp_path, spoil, match):

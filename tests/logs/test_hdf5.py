@@ -136,7 +136,7 @@ def test_joints_are_added_episode_by_episode(tmp_path):
 def test_files_that_are_none_are_named(tmp_path):
     path = tmp_path / "a.hdf5"
     path.write_text("time,joint")
-    with pytest.raises(InvalidValueError, match=r"a.hdf5 is no whole HDF5 file"):
+    with pytest.raises(InvalidValueError, match=r"a.hdf5 is not a complete HDF5 file"):
         Recording.load(path)
     with h5py.File(path, "w") as file:
         file["observations/qpos"] = np.zeros(3)
@@ -146,7 +146,7 @@ def test_files_that_are_none_are_named(tmp_path):
         Recording.load(path)
     states, actions, _ = demonstration(4, 1)
     write(path, [(0, states, actions[:3])], tactile=tactile)
-    with pytest.raises(InvalidValueError, match="demo_0: actions has 3 samples, the time has 4"):
+    with pytest.raises(InvalidValueError, match="demo_0: actions has 3 samples, time has 4"):
         Recording.load(path)
     write(path, [(0, states, actions), (1, states, actions[:, :1])], tactile=tactile)
     with pytest.raises(InvalidValueError, match=r"demo_1 differs from .*demo_0 in actions"):
@@ -156,7 +156,7 @@ def test_files_that_are_none_are_named(tmp_path):
         Recording.load(path)
     with h5py.File(path, "w") as file:
         file["data/demo_0/states/what"] = states
-    with pytest.raises(InvalidValueError, match=r"a.hdf5 is no whole HDF5 file of robosuite or robomimic"):
+    with pytest.raises(InvalidValueError, match=r"a.hdf5 is not a complete HDF5 file of robosuite or robomimic"):
         Recording.load(path)
     with h5py.File(path, "w") as file:  # a size that is claimed, but not stored
         file.create_dataset("data/demo_0/states", shape=(10**9, 50), dtype=float)
@@ -165,7 +165,7 @@ def test_files_that_are_none_are_named(tmp_path):
     whole = tmp_path / "b.hdf5"
     write(whole, [(0, states, actions)], tactile=tactile)
     path.write_bytes(whole.read_bytes()[:3000])
-    with pytest.raises(InvalidValueError, match=r"a.hdf5 is no whole HDF5 file"):
+    with pytest.raises(InvalidValueError, match=r"a.hdf5 is not a complete HDF5 file"):
         Recording.load(path)
 
 

@@ -77,7 +77,7 @@ def test_a_message_that_claims_more_than_it_has(tmp_path):
     message_file(path, sample(), sample(shape=[1, 3, 1, 1_000_000]))
     assert "1 sample" in in_little_memory(LOAD, path)
     message_file(path, sample(shape=[1, 3, 1, 1_000_000]))
-    assert "is damaged: no sample of it can be read" in in_little_memory(LOAD, path)
+    assert "is damaged: none of its samples can be read" in in_little_memory(LOAD, path)
 
 
 def test_many_topics_that_claim_much_and_hold_nothing(tmp_path):
@@ -155,7 +155,7 @@ def test_an_array_that_claims_more_than_it_has(tmp_path):
     with zipfile.ZipFile(path, "w") as changed:
         for name, data in members.items():
             changed.writestr(name, data)
-    assert "is not a whole npz file" in in_little_memory(LOAD, path)
+    assert "is not a complete npz file" in in_little_memory(LOAD, path)
 
 
 @pytest.mark.parametrize(

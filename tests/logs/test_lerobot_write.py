@@ -112,7 +112,7 @@ def test_any_recording_on_a_regular_clock_comes_back(tmp_path_factory, lengths, 
     original = Recording(time, tensor, covariates={"a": np.arange(samples)}, episode=episode)
     path = tmp_path_factory.mktemp("any") / "set"
     if np.isnan(tensor).any():
-        with pytest.warns(UserWarning, match=r"frames hold NaN, for what is not known, in observation.tactile.pad0;"):
+        with pytest.warns(UserWarning, match=r"frames hold NaN \(unknown values\) in observation.tactile.pad0;"):
             write(path, original, fps=rate)
     else:
         write(path, original, fps=rate)
@@ -193,13 +193,13 @@ def test_which_covariates_are_the_state_and_the_action(tmp_path):
     assert not {"action", "observation.state"} & features("c", of=press(covariates={})).keys()
     with pytest.raises(UnknownNameError, match="unknown covariate 'elbo'; did you mean 'elbow'"):
         write(tmp_path / "d", original, state=("elbo",))
-    with pytest.raises(InvalidValueError, match="'pose' is named twice, expected once in state or action"):
+    with pytest.raises(InvalidValueError, match="'pose' is named twice; name it only once in state or action"):
         write(tmp_path / "d", original, state=("pose",), action=("pose",))
-    with pytest.raises(InvalidValueError, match=r"two streams would be the feature 'observation.tactile.a.b'"):
+    with pytest.raises(InvalidValueError, match=r"two streams map to the feature 'observation.tactile.a.b'"):
         write(tmp_path / "d", press(pads=("a/b", "a.b")))
-    with pytest.raises(InvalidValueError, match="'deep' has samples of 6 axes, LeRobot holds at most 5"):
+    with pytest.raises(InvalidValueError, match="'deep' has samples of 6 axes, LeRobot allows at most 5"):
         write(tmp_path / "d", press(covariates={"deep": np.ones((50, 1, 1, 1, 1, 1, 1))}))
-    with pytest.raises(InvalidValueError, match="characters that no file can"):
+    with pytest.raises(InvalidValueError, match="cannot be encoded as UTF-8"):
         write(tmp_path / "d", press(), task="\ud800")
     assert not (tmp_path / "d").exists()
 
@@ -207,7 +207,7 @@ def test_which_covariates_are_the_state_and_the_action(tmp_path):
 def test_an_irregular_recording_is_resampled(tmp_path):
     late = press(rate=10.4)  # of 3 s, whose last sample would be a frame too late at 10 Hz
     said = write(tmp_path / "a", late)
-    assert "at 10 Hz, resampled as its samples are less regular" in said
+    assert "at 10 Hz, resampled because its samples are irregular" in said
     expected = late.resample(10)
     np.testing.assert_array_equal(Recording.load(tmp_path / "a").measured, expected.measured)
     assert "at 4 Hz, resampled from 10.4 Hz" in write(tmp_path / "b", late, fps=4, align="nearest")
@@ -251,14 +251,14 @@ def test_what_is_not_known(tmp_path):
 def test_episodes_of_one_frame(tmp_path):
     write(tmp_path / "a", press((1, 5, 1)))
     assert_back(Recording.load(tmp_path / "a"), press((1, 5, 1)))
-    with pytest.raises(InvalidValueError, match=r"no rate, as no episode has two samples.*; give fps"):
+    with pytest.raises(InvalidValueError, match=r"no rate, because no episode has two samples.*; give fps"):
         write(tmp_path / "b", press((1, 1)))
     write(tmp_path / "b", press((1, 1)), fps=30)
     assert_back(Recording.load(tmp_path / "b"), press((1, 1)))
     for fps in (0, 2.5, float("nan"), 10**7):
         with pytest.raises(InvalidValueError, match="fps must be a whole number"):
             write(tmp_path / "c", press(), fps=fps)
-    with pytest.raises(InvalidValueError, match=r"0.1 samples a second, expected at least 1; give fps"):
+    with pytest.raises(InvalidValueError, match=r"rate must be at least 1 Hz, got 0.1 Hz; give fps"):
         write(tmp_path / "c", press(rate=0.1))
 
 
@@ -287,7 +287,7 @@ def test_convert_in_the_shell(tmp_path, monkeypatch, capsys):
     assert_back(Recording.load("back.mcap"), press())
     capsys.readouterr()
     for words, says in (
-        (["--lerobot", "set"], "set exists; a folder is never written over, name a new one"),
+        (["--lerobot", "set"], "set exists; folders are never overwritten, choose a new name"),
         (["--lerobot", "set", "--force"], "set exists"),
         (["--lerobot", "no/set"], "the output's folder does not exist"),
         ([], "expected one of the two, got neither"),

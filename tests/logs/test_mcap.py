@@ -121,7 +121,7 @@ def test_a_damaged_first_chunk_costs_its_own_samples_alone(tmp_path, whole):
     with pytest.warns(UserWarning, match=r"a\.mcap is cut off or damaged; .* 36 samples, the last at 0\.000 s"):
         assert len(Recording.load(path)) == 36
     path.write_bytes(content[:-10])  # nor is there an end, which repeats what the channels are
-    with pytest.raises(InvalidValueError, match=r"a\.mcap is damaged: no sample of it can be read"):
+    with pytest.raises(InvalidValueError, match=r"a\.mcap is damaged: none of its samples can be read"):
         read_log(path)
 
 
@@ -266,7 +266,7 @@ def test_foxglove_finds_what_it_needs(tmp_path):
         ("measured", FORCE[0, 0], r"must be \(pads, 3, rows, cols\)"),
         ("mesured", FORCE[0], "unknown stream 'mesured'"),
         ("covariate/", 1.0, "unknown stream"),
-        ("simulated", FORCE[0, :, :, :2], "had shape"),
+        ("simulated", FORCE[0, :, :, :2], "must keep the shape"),
         ("covariate/opening", math.inf, "infinite"),
         ("episode", 0.5, "whole number"),
     ],

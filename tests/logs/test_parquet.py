@@ -129,12 +129,12 @@ def test_a_process_that_ends_at_once_ends_with_our_status(tmp_path):
 
 def test_tables_that_are_none_are_named(tmp_path, press):
     (tmp_path / "a.parquet").write_bytes(b"PAR1 and no more")
-    with pytest.raises(InvalidValueError, match=r"a.parquet is no whole Parquet file"):
+    with pytest.raises(InvalidValueError, match=r"a.parquet is not a complete Parquet file"):
         Recording.load(tmp_path / "a.parquet")
     parquet.write_table(pa.table({"timestamp": [0.0, 0.1]}), tmp_path / "b.parquet")
     with pytest.raises(InvalidValueError, match=r"b.parquet: the table must have columns tactile.PAD"):
         Recording.load(tmp_path / "b.parquet")
-    with pytest.raises(InvalidValueError, match=r"b.parquet has no stream of numbers beside its times"):
+    with pytest.raises(InvalidValueError, match=r"b.parquet has no numeric stream besides its times"):
         Recording.load(press, streams=tmp_path / "b.parquet")
     parquet.write_table(pa.table({"timestamp": [0.0, 0.1], "state": [[1.0], [1.0, 2.0]]}), tmp_path / "c.parquet")
     with pytest.raises(InvalidValueError, match="column 'state': every row must hold a vector of the same length"):

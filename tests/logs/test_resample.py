@@ -5,6 +5,7 @@ import pytest
 from log_files import START, counts
 
 from paxisim.errors import InvalidValueError, UnknownNameError
+from paxisim.logs.resample import resample, resample_log
 from paxisim.logs.mcap_writer import LogWriter
 from paxisim.logs.resample import resample, resample_log
 from paxisim.logs.stream import Log, Stream
@@ -149,7 +150,7 @@ def test_a_pause_is_a_gap_also_where_samples_come_fast():
 
 def test_a_gap_that_is_too_small_is_named(tmp_path):
     write(tmp_path / "a.mcap", temperature_ms=[95, 195, 295])
-    words = r"temperature is not known .* from 0.095 s to 0.295 s.*more than 0.05 s apart is not known \(max_gap\)"
+    words = r"temperature is not known .* from 0.095 s to 0.295 s.*more than 0.05 s apart are not known \(max_gap\)"
     with pytest.warns(UserWarning, match=words):
         Recording.load(tmp_path / "a.mcap", max_gap=0.05)
 

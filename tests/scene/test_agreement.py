@@ -62,7 +62,7 @@ def test_contact_that_only_one_stream_has_is_said_with_its_times():
 
 def test_a_recording_without_both_streams_is_refused():
     recording = paxisim.Recording(TIME, presses().astype(np.float32), layout=LAYOUT)
-    with pytest.raises(paxisim.InvalidValueError, match="none that is simulated"):
+    with pytest.raises(paxisim.InvalidValueError, match="the recording has no simulated stream"):
         paxisim.compare_streams(recording)
     both = replace(recording, simulated=recording.measured)
     assert "peak 1" in str(paxisim.compare_streams(both))

@@ -178,7 +178,7 @@ def test_what_an_encoder_step_is_worth_is_said(pressed):
     said = INDENTER.simulate(recording(pressed.time, read, measured=pressed.measured)).metadata["replay"]
     # at 1.7 mm the gel stiffens: 0.1 mm are 9 N, by the test of a fitted closing
     assert 0.1 < said["encoder_error"]["newtons"] / said["encoder_error"]["peak"] < 0.3
-    assert "positions alone do not tell the total force to 10%" in said["notes"][0]
+    assert "positions alone do not determine the total force to 10%" in said["notes"][0]
     fine = {name: steps_of(pressed.covariates[name], 2e-6) for name in NAMES}
     said = INDENTER.simulate(recording(pressed.time, fine, measured=pressed.measured)).metadata["replay"]
     assert said["encoder_error"]["newtons"] < 0.02 * said["encoder_error"]["peak"]

@@ -52,7 +52,7 @@ BAD = {
     "mjcf =": "not TOML",
     'mjcf = "a.xml"': "at least one drive",
     GOOD.replace("joint", "jiont"): r"unknown key of \[\[drive\]\] number 1 'jiont'; did you mean 'joint'",
-    GOOD.replace('"z"\njoint', "3\njoint"): r"stream of \[\[drive\]\] number 1 must be a text, got 3",
+    GOOD.replace('"z"\njoint', "3\njoint"): r"stream of \[\[drive\]\] number 1 must be a string, got 3",
     GOOD + 'body = "b"\n': "must name one joint, body or actuator, got joint and body",
     GOOD + 'unit = "cm"\n': "unknown unit 'cm'",
     GOOD + "scale = 0\n": "scale of the drive of 'z' must be finite and not 0",
