@@ -19,8 +19,6 @@ from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError
 from paxisim.logs import schemas
-from paxisim.logs.resample import resample
-from paxisim.logs.recording_arrays import RecordingArrays, Method, episode_spans, episode_starts
 from paxisim.logs.columns import streams_from_columns
 from paxisim.logs.mcap_save import log_times
 from paxisim.logs.recording_arrays import Method, RecordingArrays, episode_spans, episode_starts

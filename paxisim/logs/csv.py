@@ -29,7 +29,6 @@ from numpy.typing import NDArray
 from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.layout import TaxelLayout
 from paxisim.logs import schemas
-from paxisim.logs.recording_arrays import RecordingArrays, CountsToForce
 from paxisim.logs.columns import from_columns
 from paxisim.logs.recording_arrays import CountsToForce, RecordingArrays
 from paxisim.logs.text import parse_json

@@ -5,8 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from paxisim.logs import schemas
-from paxisim.logs.resample import GAP_INTERVALS, usual_interval
-from paxisim.logs.recording_arrays import RecordingArrays
 from paxisim.logs.mcap_save import log_times
 from paxisim.logs.recording_arrays import RecordingArrays
 from paxisim.logs.resample import GAP_INTERVALS, usual_interval

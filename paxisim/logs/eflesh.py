@@ -27,8 +27,8 @@ from numpy.typing import NDArray
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
 from paxisim.logs import schemas
+from paxisim.logs.recording_arrays import Method, RecordingArrays
 from paxisim.logs.resample import resample_log
-from paxisim.logs.recording_arrays import RecordingArrays, Method
 from paxisim.logs.stream import Log, Stream
 
 SENSOR, STATES = ".sensor.csv", ".states.csv"
@@ -37,7 +37,9 @@ MAX_GAP = 2.0  # s
 _NO_READING = -1.0
 
 
-def read_eflesh(path: Path, align: Method | Mapping[str, Method] = "linear", max_gap: float | None = None) -> RecordingArrays:
+def read_eflesh(
+    path: Path, align: Method | Mapping[str, Method] = "linear", max_gap: float | None = None
+) -> RecordingArrays:
     """Read ``NAME.sensor.csv`` and the ``NAME.states.csv`` beside it.
 
     Args:

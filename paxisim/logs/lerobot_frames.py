@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError
-from paxisim.logs.recording_arrays import RecordingArrays, Method, episode_spans, episode_starts, rate_of
+from paxisim.logs.recording_arrays import Method, RecordingArrays, episode_spans, episode_starts, rate_of
 from paxisim.logs.retime import at_rate
 from paxisim.logs.select import known_samples, take
 
@@ -44,7 +44,9 @@ def frame_rate(recording: RecordingArrays, fps: int | None) -> int:
     return round(rate)
 
 
-def on_frames(recording: RecordingArrays, fps: int, align: Method = "linear", drop: bool = False) -> tuple[RecordingArrays, bool]:
+def on_frames(
+    recording: RecordingArrays, fps: int, align: Method = "linear", drop: bool = False
+) -> tuple[RecordingArrays, bool]:
     """Return the recording with one sample per frame, and whether it was resampled.
 
     Args:

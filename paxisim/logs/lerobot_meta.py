@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 from paxisim.errors import InvalidValueError
 from paxisim.files import parse_file
 from paxisim.logs.about import read_about
-from paxisim.logs.recording_arrays import episode_starts
-from paxisim.files import parse_file
 from paxisim.logs.parquet import column_values, is_text, read_table
 from paxisim.logs.recording_arrays import episode_starts
 from paxisim.logs.text import parse_json

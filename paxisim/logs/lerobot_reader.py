@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
-from paxisim.logs.recording_arrays import RecordingArrays
 from paxisim.logs.columns import streams_from_columns
 from paxisim.logs.lerobot_features import MOST_AXES, PREFIXES
 from paxisim.logs.lerobot_meta import INDICES, Meta, read_meta

@@ -23,8 +23,6 @@ import numpy as np
 from paxisim.errors import InvalidValueError
 from paxisim.files import whole_folder
 from paxisim.logs.about import about_text
-from paxisim.logs.recording_arrays import RecordingArrays, Method, episode_spans, rate_of
-from paxisim.files import whole_folder
 from paxisim.logs.lerobot_features import Feature, features_of
 from paxisim.logs.lerobot_frames import frame_rate, on_frames
 from paxisim.logs.lerobot_meta import ABOUT, INDICES, INFO

@@ -10,8 +10,6 @@ from pathlib import Path
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
 from paxisim.logs.add_streams import Streams, add_streams, read_streams
-from paxisim.logs.resample import check_max_gap, methods_by_name
-from paxisim.logs.recording_arrays import RecordingArrays, CountsToForce, Method
 from paxisim.logs.checks import check_fields
 from paxisim.logs.recording_arrays import CountsToForce, Method, RecordingArrays
 from paxisim.logs.resample import check_max_gap, methods_by_name
@@ -94,7 +92,6 @@ def _load(
     elif suffix in (".h5", ".hdf5"):
         found = _load_hdf5(path)
     elif suffix == ".mcap":
-        from paxisim.logs.resample import resample_log
         from paxisim.logs.mcap_reader import read_log
         from paxisim.logs.resample import resample_log
 

@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from paxisim.errors import InvalidValueError
 from paxisim.files import whole_file
 from paxisim.logs import schemas
-from paxisim.logs.recording_arrays import RecordingArrays, episode_starts
-from paxisim.files import whole_file
 from paxisim.logs.mcap_writer import LogWriter
 from paxisim.logs.recording_arrays import RecordingArrays, episode_starts
 

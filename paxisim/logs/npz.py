@@ -23,8 +23,6 @@ from paxisim.errors import InvalidValueError
 from paxisim.files import whole_file
 from paxisim.logs import schemas
 from paxisim.logs.about import about_text, read_about
-from paxisim.logs.recording_arrays import RecordingArrays
-from paxisim.files import whole_file
 from paxisim.logs.limits import most_unpacked, refuse_unpacked
 from paxisim.logs.recording_arrays import RecordingArrays
 

@@ -17,8 +17,6 @@ from numpy.typing import NDArray
 from paxisim.errors import InvalidValueError, MissingExtraError, UnsupportedError
 from paxisim.files import whole_file
 from paxisim.logs.about import about_text, read_about
-from paxisim.logs.recording_arrays import RecordingArrays
-from paxisim.files import whole_file
 from paxisim.logs.columns import to_columns
 from paxisim.logs.limits import most_unpacked, refuse_unpacked
 from paxisim.logs.parquet_footer import column_chunks

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.layout import TaxelLayout
 from paxisim.logs import schemas
-from paxisim.logs.recording_arrays import RecordingArrays, Method
+from paxisim.logs.recording_arrays import Method, RecordingArrays
 from paxisim.logs.stream import Log, Stream
 
 # a pause longer than this many usual intervals is a gap, in which the stream is unknown
@@ -22,7 +22,9 @@ _AT_ONCE = 1_000_000
 _BLOCK = 4096  # samples interpolated per block, to limit memory
 
 
-def resample_log(log: Log, method: Method | Mapping[str, Method] = "linear", max_gap: float | None = None) -> RecordingArrays:
+def resample_log(
+    log: Log, method: Method | Mapping[str, Method] = "linear", max_gap: float | None = None
+) -> RecordingArrays:
     """Return the streams of `log` at the times of its measured tensors, or of the simulated ones if none was measured.
 
     Args:

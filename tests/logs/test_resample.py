@@ -5,7 +5,6 @@ import pytest
 from log_files import START, counts
 
 from paxisim.errors import InvalidValueError, UnknownNameError
-from paxisim.logs.resample import resample, resample_log
 from paxisim.logs.mcap_writer import LogWriter
 from paxisim.logs.resample import resample, resample_log
 from paxisim.logs.stream import Log, Stream
