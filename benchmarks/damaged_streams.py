@@ -53,7 +53,7 @@ def converter_reply(data: bytes) -> Any:
 
 def box_reply(data: bytes) -> Any:
     """Make a reading of the control box."""
-    return control_box.Reply(*control_box.READ, control_box.Region(1008, data).encode())
+    return control_box.Reply(*control_box.READ_REGISTERS, control_box.Region(1008, data).encode())
 
 
 def hand_round(data: bytes) -> Any:

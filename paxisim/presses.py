@@ -11,15 +11,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from paxisim.errors import InvalidValueError
 
-RISE = (3.0, 6.0)
+NOISE_THRESHOLDS = (3.0, 6.0)
 """Lower and upper threshold above rest, as multiples of the noise at rest."""
-SHARE = (0.01, 0.03)
+PEAK_THRESHOLDS = (0.01, 0.03)
 """Lower and upper threshold above rest, as shares of the peak, for signals with little noise."""
-REST = 0.3
+MIN_REST_SECONDS = 0.3
 """Minimum duration of a rest (s) at which a recording is cut; a shorter rest belongs to the surrounding press."""
-LEAST = 2.0
+MIN_EPISODE_SECONDS = 2.0
 """Minimum duration of an episode (s)."""
-FEW = 8
+MIN_SAMPLES = 8
 """Minimum number of samples needed to find presses."""
 _SHARE_AT_REST = 0.25  # share of the range; the rest level is searched below it
 
@@ -90,15 +90,17 @@ def find_presses(time: ArrayLike, load: ArrayLike) -> Presses:
         raise InvalidValueError("time must not run backwards; pass each episode of a recording separately")
     values = values.reshape(len(at), -1)
     known = np.isfinite(values).all(axis=1)
-    if known.sum() < FEW:
-        raise InvalidValueError(f"finding presses needs at least {FEW} known samples, got {int(known.sum())}")
+    if known.sum() < MIN_SAMPLES:
+        raise InvalidValueError(f"finding presses needs at least {MIN_SAMPLES} known samples, got {int(known.sum())}")
     size = np.full(len(at), np.nan)
     size[known] = values[known, 0] if values.shape[1] == 1 else _distance(values[known])
     if values.shape[1] == 1 and abs(size[known].min()) > size[known].max():
         size = -size  # the load cell reads pressing as negative
     rest, noise = _at_rest(size[known])
     peak = float(np.quantile(size[known], 0.995)) - rest
-    low, high = (rest + max(share * peak, rise * noise) for share, rise in zip(SHARE, RISE, strict=True))
+    low, high = (
+        rest + max(share * peak, rise * noise) for share, rise in zip(PEAK_THRESHOLDS, NOISE_THRESHOLDS, strict=True)
+    )
     spans = _between_rests(at, size, low, high)
     return Presses(at, size, rest, noise, low, high, spans, _cuts(at, spans))
 
@@ -138,12 +140,12 @@ def _mode(values: NDArray[np.float64]) -> float:
 
 
 def _between_rests(time: NDArray[np.float64], load: NDArray[np.float64], low: float, high: float) -> tuple[slice, ...]:
-    """Return stretches above `low` that exceed `high`; stretches separated by less than `REST` are merged."""
+    """Return stretches above `low` that exceed `high`; merge those separated by less than `MIN_REST_SECONDS`."""
     spans: list[slice] = []
     for start, stop in runs(load > low):
         if not np.nanmax(load[start:stop]) > high:
             continue
-        if spans and time[start] - time[spans[-1].stop - 1] < REST:
+        if spans and time[start] - time[spans[-1].stop - 1] < MIN_REST_SECONDS:
             spans[-1] = slice(spans[-1].start, stop)
         else:
             spans.append(slice(start, stop))
@@ -151,13 +153,13 @@ def _between_rests(time: NDArray[np.float64], load: NDArray[np.float64], low: fl
 
 
 def _cuts(time: NDArray[np.float64], spans: Sequence[slice]) -> tuple[int, ...]:
-    """Return the middles of the rests, leaving out cuts that would make an episode shorter than `LEAST`."""
+    """Return the middles of the rests, without those that make an episode shorter than `MIN_EPISODE_SECONDS`."""
     cuts = [0]
     for before, after in itertools.pairwise(spans):
         middle = (before.stop + after.start) // 2
-        if time[middle] - time[cuts[-1]] >= LEAST:
+        if time[middle] - time[cuts[-1]] >= MIN_EPISODE_SECONDS:
             cuts.append(middle)
-    if len(cuts) > 1 and time[-1] - time[cuts[-1]] < LEAST:
+    if len(cuts) > 1 and time[-1] - time[cuts[-1]] < MIN_EPISODE_SECONDS:
         cuts.pop()
     return tuple(cuts[1:])
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from paxisim.calibrate.fit import calibrate_readout
 from paxisim.calibrate.linear import LinearCalibration
 from paxisim.calibrate.load_model import LoadModel, fit_load_model
-from paxisim.calibrate.loads import COMPONENTS, MOST, Excitation, Load
+from paxisim.calibrate.loads import COMPONENTS, MAX_LOADS, Excitation, Load
 from paxisim.errors import InvalidValueError
 from paxisim.files import parse_file, whole_file
 from paxisim.logs.document import finite
@@ -228,8 +228,8 @@ def _model(document: dict[str, Any]) -> LoadModel:
 
 def _loads(document: Any) -> tuple[Load, ...]:
     loads = tuple(Load(str(load["name"]), str(load["covariate"]), load["index"]) for load in document)
-    if not 1 <= len(loads) <= MOST:
-        raise InvalidValueError(f"loads must be 1 to {MOST}, got {len(loads)}")
+    if not 1 <= len(loads) <= MAX_LOADS:
+        raise InvalidValueError(f"loads must be 1 to {MAX_LOADS}, got {len(loads)}")
     return loads
 
 

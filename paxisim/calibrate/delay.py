@@ -10,11 +10,11 @@ from scipy.stats import t as student
 
 from paxisim.calibrate.lagged import Array, Averaged, Lagged
 
-LEVEL = 0.95
+INTERVAL_COVERAGE = 0.95
 """Coverage of the intervals."""
-LEAST = 0.1
+MIN_EXPLAINED_SHARE = 0.1
 """Minimum share of a channel's variance that the loads must explain for the channel to be used."""
-RESOLUTION = 0.01
+INTERPOLATION_ERROR = 0.01
 """Error of a delay due to interpolation between samples, as a share of the sample interval."""
 _COARSE = 40  # steps on either side of 0
 _FINE = 16  # steps between the neighbours of the best coarse step
@@ -64,7 +64,7 @@ def fit_delay(lagged: Lagged, block: NDArray[np.intp], most: float) -> Delay:
     count = int(np.floor(most / step))
     tried = step * np.arange(-count, count + 1)
     squares = np.stack([_squares(streams, delay) for delay in tried])
-    used = _explained(streams, squares) > LEAST
+    used = _explained(streams, squares) > MIN_EXPLAINED_SHARE
     if not used.any():
         return none
     best = float(tried[np.argmin(_unlikely(squares, used)[:, 0])])
@@ -74,7 +74,7 @@ def fit_delay(lagged: Lagged, block: NDArray[np.intp], most: float) -> Delay:
     tried, first = np.unique(np.concatenate([tried, finer]).round(9), return_index=True)
     unlikely = _unlikely(squares[first], used)
     value, *replicates = [_lowest(tried, curve) for curve in unlikely.T]
-    half = float(np.hypot(half_width(np.array(replicates)), RESOLUTION * lagged.interval))
+    half = float(np.hypot(half_width(np.array(replicates)), INTERPOLATION_ERROR * lagged.interval))
     return Delay(value, (value - half, value + half), np.array(replicates), most)
 
 
@@ -82,7 +82,7 @@ def half_width(replicates: Array) -> Array:
     """Return the half-width of an estimate's interval from its ``(blocks, ...)`` leave-one-block-out values."""
     blocks = len(replicates)
     variance = (blocks - 1) * np.var(replicates, axis=0)
-    return float(student.ppf((1 + LEVEL) / 2, blocks - 1)) * np.sqrt(variance)
+    return float(student.ppf((1 + INTERVAL_COVERAGE) / 2, blocks - 1)) * np.sqrt(variance)
 
 
 def _squares(streams: Averaged, delay: float) -> Array:

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from paxisim.calibrate.delay import LEAST, Delay, fit_delay, half_width
+from paxisim.calibrate.delay import MIN_EXPLAINED_SHARE, Delay, fit_delay, half_width
 from paxisim.calibrate.lagged import Array, Lagged, Sums
 from paxisim.calibrate.linear import LinearCalibration
 from paxisim.calibrate.loads import Excitation, Load, excitation_of, find_loads, values_of
@@ -19,9 +19,9 @@ from paxisim.recording import Recording
 DEGREES = (1, 2, 3)
 RIDGES = (0.0, 1e-4, 1e-3, 1e-2, 1e-1)
 """Regularisation strengths that are tried, in units of the variance of the loads."""
-FEW = 10
+MIN_SAMPLES = 10
 """Minimum number of samples with a known load."""
-BLOCKS = (5, 20)
+HELD_OUT_BLOCKS = (5, 20)
 """Minimum and maximum number of held-out blocks."""
 
 
@@ -77,13 +77,15 @@ def calibrate_readout(
     values = values_of(recording, found)
     names = ", ".join(repr(name) for name in dict.fromkeys(load.covariate for load in found))
     known = np.isfinite(values).all(axis=1)
-    if known.sum() < FEW:
+    if known.sum() < MIN_SAMPLES:
         raise InvalidValueError(f"a readout needs a varying load: {names} is known at {int(known.sum())} samples")
     channels = recording.measured.reshape(len(values), -1).astype(np.float64)
     channels[:, np.isnan(channels).all(axis=0)] = 0.0  # never known, so no load can explain them
     known &= np.isfinite(channels).all(axis=1)
-    if known.sum() < FEW:
-        raise InvalidValueError(f"load and channels are known together at {int(known.sum())} samples, not {FEW}")
+    if known.sum() < MIN_SAMPLES:
+        raise InvalidValueError(
+            f"load and channels are known together at {int(known.sum())} samples, not {MIN_SAMPLES}"
+        )
     recording, values, channels = recording[known], values[known], channels[known]
     excitation = excitation_of(found, values)
     if not excitation.excited.any():
@@ -105,16 +107,16 @@ def calibrate_readout(
 def blocks_of(recording: Recording, values: Array) -> NDArray[np.intp]:
     """Return the number of the block that each sample is held out with, ``(T,)``."""
     episode = recording.episode
-    if len(np.unique(episode)) < BLOCKS[0]:
+    if len(np.unique(episode)) < HELD_OUT_BLOCKS[0]:
         episode = np.cumsum(np.diff(episode, prepend=episode[0]) != 0)
         if episode[-1] == 0:
             episode = find_presses(recording.time, values).episode
     number = np.cumsum(np.diff(episode, prepend=episode[0]) != 0)
     count = int(number[-1]) + 1
-    if count < BLOCKS[0]:
+    if count < HELD_OUT_BLOCKS[0]:
         number, count = np.arange(len(number)), len(number)
-        return number * (2 * BLOCKS[0]) // count
-    return number * min(count, BLOCKS[1]) // count
+        return number * (2 * HELD_OUT_BLOCKS[0]) // count
+    return number * min(count, HELD_OUT_BLOCKS[1]) // count
 
 
 def _readout(
@@ -141,7 +143,7 @@ def _readout(
     variance = (sums.yy.sum(axis=0) - sums.xy[:, 0].sum(axis=0) ** 2 / count) / count
     error = np.sum(squares, axis=0) / count
     explained = 1 - error / np.maximum(variance, 1e-300)
-    used = (explained > LEAST) & (variance > 1e-12)
+    used = (explained > MIN_EXPLAINED_SHARE) & (variance > 1e-12)
     shape = recording.measured.shape[1:] if recording.measured is not None else ()
     size = len(loads), *shape
     gain, gain_error = np.zeros((len(loads), used.size)), np.full((len(loads), used.size), np.inf)

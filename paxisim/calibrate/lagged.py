@@ -12,9 +12,9 @@ from paxisim.errors import InvalidValueError
 
 Array = NDArray[np.float64]
 
-GAP = 10.0
+MAX_GAP_INTERVALS = 10.0
 """Longest gap between samples that is interpolated across, in typical sample intervals."""
-MOST = 20_000_000
+MAX_VALUES = 20_000_000
 """Maximum number of channel values in a fit; longer recordings use every n-th sample."""
 _TINY = 1e-10  # added to the diagonal, so that exactly collinear terms can be solved for
 _AROUND = 3.0  # half-width, in sample intervals, of the window over which streams are averaged to find a delay
@@ -100,7 +100,7 @@ class Lagged:
         steps = np.diff(time)
         inside = steps[(np.diff(episode) == 0) & (steps > 0)]
         self.interval = float(np.median(inside)) if len(inside) else 0.0
-        breaks = np.flatnonzero((np.diff(episode) != 0) | (steps > GAP * self.interval)) + 1
+        breaks = np.flatnonzero((np.diff(episode) != 0) | (steps > MAX_GAP_INTERVALS * self.interval)) + 1
         edges = [0, *breaks.tolist(), len(time)]
         self.pieces = [slice(a, b) for a, b in itertools.pairwise(edges) if b - a > 1]
         if not self.pieces or not self.interval:
@@ -114,7 +114,7 @@ class Lagged:
         powers = self._powers(loads)
         self.mean, self.spread = powers.mean(axis=0), np.maximum(powers.std(axis=0), 1e-12)
         self.level, self.scatter = channels.mean(axis=0), np.maximum(channels.std(axis=0), 1e-12)
-        self._stride = -(-channels.size // MOST)
+        self._stride = -(-channels.size // MAX_VALUES)
 
     def _powers(self, loads: Array) -> Array:
         relative = loads / self.size

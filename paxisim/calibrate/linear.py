@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from paxisim.calibrate.loads import Excitation, Load, values_of
 from paxisim.errors import InvalidValueError
 from paxisim.logs.recording_arrays import episode_spans
-from paxisim.presses import FEW, find_presses
+from paxisim.presses import MIN_SAMPLES, find_presses
 from paxisim.recording import Recording
 
-LEVER = 0.01
+LEVER_ARM = 0.01
 """Lever arm (m) at which a torque counts as a force, for the scale of a channel."""
 AXES = "xyz"
 
@@ -69,7 +69,7 @@ class LinearCalibration:
         The scale is the norm of the gain vector, with torques at a lever arm of 10 mm. Its sign is that of the gain of
         the load that changes the channel most, so for a single load it is the gain itself.
         """
-        lever = np.array([LEVER if load.is_torque else 1.0 for load in self.loads]).reshape(-1, 1, 1, 1, 1)
+        lever = np.array([LEVER_ARM if load.is_torque else 1.0 for load in self.loads]).reshape(-1, 1, 1, 1, 1)
         if len(self.loads) == 1:
             length = self.gain[0] * lever[0]
         else:
@@ -130,7 +130,7 @@ class LinearCalibration:
         assert recording.measured is not None
         values = self.earlier(recording, values)
         episode = recording.episode
-        if len(np.unique(episode)) == 1 and len(recording) >= FEW:
+        if len(np.unique(episode)) == 1 and len(recording) >= MIN_SAMPLES:
             episode = find_presses(recording.time, values).episode
         taken = {load.covariate for load in self.loads}
         return replace(

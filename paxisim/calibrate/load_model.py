@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.calibrate.fit import blocks_of, least_ridge
-from paxisim.calibrate.lagged import MOST, Array, block_sums
+from paxisim.calibrate.lagged import MAX_VALUES, Array, block_sums
 from paxisim.calibrate.linear import LinearCalibration
 from paxisim.calibrate.loads import Load, values_of
 from paxisim.errors import InvalidValueError
 from paxisim.recording import Recording
 
-MOST_SQUARED = 48
+MAX_SQUARED_CHANNELS = 48
 """Maximum number of channels of a quadratic model, which has one term per pair of channels."""
 
 
@@ -75,10 +75,10 @@ def fit_load_model(recording: Recording, readout: LinearCalibration, *, quadrati
         InvalidValueError: There are too many channels for a quadratic model, or the recording does not fit the readout.
     """
     count = int(readout.used.sum())
-    if quadratic and count > MOST_SQUARED:
+    if quadratic and count > MAX_SQUARED_CHANNELS:
         raise InvalidValueError(
-            f"a quadratic model takes at most {MOST_SQUARED} channels, as it has a term for each pair; the readout "
-            f"uses {count}: fit a linear model"
+            f"a quadratic model takes at most {MAX_SQUARED_CHANNELS} channels, as it has a term for each pair; the "
+            f"readout uses {count}: fit a linear model"
         )
     if recording.measured is None or recording.measured.shape[1:] != readout.used.shape:
         raise InvalidValueError(
@@ -92,7 +92,7 @@ def fit_load_model(recording: Recording, readout: LinearCalibration, *, quadrati
     channels = recording.measured[:, readout.used].astype(np.float64)
     center, spread = channels.mean(axis=0), np.maximum(channels.std(axis=0), 1e-12)
     scaled = (channels - center) / spread
-    stride = -(-len(scaled) * _terms(scaled[:1], quadratic).shape[1] // MOST)
+    stride = -(-len(scaled) * _terms(scaled[:1], quadratic).shape[1] // MAX_VALUES)
     level, scatter = values.mean(axis=0), np.maximum(values.std(axis=0), 1e-12)
     terms = _terms(scaled[::stride], quadratic)
     mean, size = terms[:, 1:].mean(axis=0), np.maximum(terms[:, 1:].std(axis=0), 1e-12)

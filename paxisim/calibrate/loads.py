@@ -13,12 +13,12 @@ from paxisim.recording import Recording
 
 COMPONENTS = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")
 """Components of a load: forces (N) and torques (N m)."""
-MOST = len(COMPONENTS)
-CLEAR = 2.0
+MAX_LOADS = len(COMPONENTS)
+MIN_LOAD_SNR = 2.0
 """Minimum standard deviation of an excited load, in units of its noise."""
-WEAK = 0.01
+MIN_LOAD_SHARE = 0.01
 """Minimum standard deviation of an excited load, as a share of the largest of its kind (forces or torques)."""
-ALONE = 0.05
+MIN_UNEXPLAINED_SHARE = 0.05
 """Minimum share of a separable load's standard deviation that the other loads do not explain."""
 
 
@@ -93,8 +93,8 @@ def find_loads(recording: Recording, loads: str | Sequence[str] | Mapping[str, s
                 f"{covariate!r} has shape {(len(recording), *shape)}"
             )
     names = [load.name for load in found]
-    if not 1 <= len(names) <= MOST or len(set(names)) < len(names):
-        raise InvalidValueError(f"a readout takes one to {MOST} different loads, got {names}")
+    if not 1 <= len(names) <= MAX_LOADS or len(set(names)) < len(names):
+        raise InvalidValueError(f"a readout takes one to {MAX_LOADS} different loads, got {names}")
     return tuple(found)
 
 
@@ -134,8 +134,8 @@ def excitation_of(loads: Sequence[Load], values: NDArray[np.float64]) -> Excitat
         noise = np.zeros(len(loads))
     torque = np.array([load.is_torque for load in loads])
     largest = np.array([spread[torque == kind].max() for kind in torque])
-    varies = (spread > 0) & (spread >= WEAK * largest)
-    excited = varies & (spread >= CLEAR * noise)
+    varies = (spread > 0) & (spread >= MIN_LOAD_SHARE * largest)
+    excited = varies & (spread >= MIN_LOAD_SNR * noise)
     if not excited.any():  # sampled too slowly to separate the noise from the signal
         excited, noise = varies, np.zeros(len(loads))
     alone = np.zeros(len(loads))
@@ -145,5 +145,5 @@ def excitation_of(loads: Sequence[Load], values: NDArray[np.float64]) -> Excitat
         x = np.column_stack([np.ones(len(values)), values[:, others] / spread[others]])
         rest = values[:, k] - x @ np.linalg.lstsq(x, values[:, k], rcond=None)[0]
         alone[k] = rest.std() / spread[k]
-    separable = excited & (alone >= ALONE) & (alone * spread >= CLEAR * noise)
+    separable = excited & (alone >= MIN_UNEXPLAINED_SHARE) & (alone * spread >= MIN_LOAD_SNR * noise)
     return Excitation(spread, alone, excited, separable)

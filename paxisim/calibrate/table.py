@@ -9,9 +9,9 @@ import numpy as np
 if TYPE_CHECKING:
     from paxisim.calibrate.linear import LinearCalibration
 
-MOST = 30
+MAX_LISTED_CHANNELS = 30
 """Maximum number of listed channels; if there are more, those with the most unexplained variance are listed."""
-MOST_WITH_ERRORS = 3
+MAX_WITH_ERRORS = 3
 """Maximum number of loads for which gains are listed with their intervals."""
 
 
@@ -43,7 +43,7 @@ def _loads(readout: LinearCalibration) -> list[str]:
 
 def _channels(readout: LinearCalibration) -> list[str]:
     unit = readout.unit or "units"
-    count, few = int(readout.used.sum()), len(readout.loads) <= MOST_WITH_ERRORS
+    count, few = int(readout.used.sum()), len(readout.loads) <= MAX_WITH_ERRORS
     width = 17 if few else 10
     lines = [
         f"gains in {unit} per N or N m" + (", ± half widths of 95% intervals" if few else ""),
@@ -54,7 +54,7 @@ def _channels(readout: LinearCalibration) -> list[str]:
     ]
     used = np.flatnonzero(readout.used)
     order = used[np.argsort(readout.explained.ravel()[used], kind="stable")]
-    for flat in np.sort(order[:MOST]):
+    for flat in np.sort(order[:MAX_LISTED_CHANNELS]):
         at = tuple(int(i) for i in np.unravel_index(flat, readout.used.shape))
         pad, axis, row, col = at
         gains = [
@@ -67,8 +67,8 @@ def _channels(readout: LinearCalibration) -> list[str]:
             + "".join(f"{gain:>{width}}" for gain in gains)
             + f"{readout.error[at]:>8.3g} {readout.explained[at]:>9.2%}"
         )
-    if count > MOST:
-        lines.append(f"... the {MOST} least explained of {count} channels")
+    if count > MAX_LISTED_CHANNELS:
+        lines.append(f"... the {MAX_LISTED_CHANNELS} least explained of {count} channels")
     if count < readout.used.size:
         lines.append(
             f"not related to any load, set to zero: {readout.used.size - count} of {readout.used.size} channels"

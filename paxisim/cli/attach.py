@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 import tyro
 
 from paxisim.cli.mounts import format_mount, parse_mount
-from paxisim.cli.output import WIDTH, check_output, png, progress, write_output
+from paxisim.cli.output import TERMINAL_COLUMNS, check_output, png, progress, write_output
 from paxisim.cli.taxels import Taxels
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
@@ -75,11 +75,11 @@ def attach(
     if tactile.report:
         for line in tactile.report.splitlines():
             indent = line[: len(line) - len(line.lstrip())] + "  "
-            print(textwrap.fill(line, WIDTH, subsequent_indent=indent, break_on_hyphens=False))
+            print(textwrap.fill(line, TERMINAL_COLUMNS, subsequent_indent=indent, break_on_hyphens=False))
         print("\nTo change the mounts, edit these options and run the command with them:")
         for chosen in tactile.mounts:
             line = f"  --mount '{format_mount(chosen)}'"
-            print(line if len(line) <= WIDTH else f"  --mount '{format_mount(chosen, _INDENTED)}'")
+            print(line if len(line) <= TERMINAL_COLUMNS else f"  --mount '{format_mount(chosen, _INDENTED)}'")
         print()
     pads = len(tactile.pad_names)
     print(f"{output}: {pads} pad{'s' * (pads > 1)} of {pad.layout.rows}x{pad.layout.cols} taxels")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
-from paxisim.cli.output import WIDTH, check_folder, check_output, progress
+from paxisim.cli.output import TERMINAL_COLUMNS, check_folder, check_output, progress
 
 if TYPE_CHECKING:
     from paxisim.recording import Recording
@@ -103,7 +103,9 @@ def convert(
         assert output is not None
         _write_file(output, loaded)
         said = repr(loaded)
-    print(textwrap.fill(f"{output or lerobot}: {said}", WIDTH, subsequent_indent="  ", break_on_hyphens=False))
+    print(
+        textwrap.fill(f"{output or lerobot}: {said}", TERMINAL_COLUMNS, subsequent_indent="  ", break_on_hyphens=False)
+    )
 
 
 def _check_file(output: Path, force: bool, not_for_it: list[str]) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from paxisim.cli.output import WIDTH, progress, size_text
+from paxisim.cli.output import TERMINAL_COLUMNS, progress, size_text
 
 if TYPE_CHECKING:
     from paxisim.logs.stream import Log
@@ -39,23 +39,23 @@ def info(recording: Annotated[Path, tyro.conf.Positional]) -> None:
     size = sum(file.stat().st_size for file in files if file.is_file())
     print(f"{recording}: {size_text(size)}" + ("" if log.complete else ", CUT OFF or damaged: the intact part follows"))
     for line in _about(log):
-        print(textwrap.fill(line, WIDTH, subsequent_indent="  "))
+        print(textwrap.fill(line, TERMINAL_COLUMNS, subsequent_indent="  "))
     first = min((stream.nanoseconds[0] for stream in log.streams.values()), default=0)
     streams = {name: stream for name, stream in log.streams.items() if name != "episode"}
     if not streams:
         print("no samples")
         return
-    width = max(6, *(min(len(name), WIDTH - len(HEADER)) for name in streams))
+    width = max(6, *(min(len(name), TERMINAL_COLUMNS - len(HEADER)) for name in streams))
     print(f"\n{'stream':{width}}{HEADER}")
     for name, stream in streams.items():
         print(describe_stream(name, stream, width))
     for name, stream in streams.items():
         if said := describe_bursts(name, stream):
-            print(textwrap.fill(said, WIDTH, subsequent_indent="  "))
+            print(textwrap.fill(said, TERMINAL_COLUMNS, subsequent_indent="  "))
     print()
     for name, stream in streams.items():
         for line in _ranges(name, stream.values, unit_of(log.metadata)):
-            print(textwrap.fill(line, WIDTH, subsequent_indent="  "))
+            print(textwrap.fill(line, TERMINAL_COLUMNS, subsequent_indent="  "))
     if "episode" in log.streams:
         print()
         for line in describe_episodes(log, int(first)):
@@ -112,4 +112,4 @@ def _ranges(name: str, values: Any, tensor_unit: str) -> list[str]:
     axes = [f"{axis} {span(values[:, :, i])}" for i, axis in enumerate("xyz")]
     head = f"{name} ({tensor_unit} a taxel)"
     line = f"{head}: " + ", ".join(axes) + without
-    return [line] if len(line) <= WIDTH else [f"{head}{without}:", *(f"  {axis}" for axis in axes)]
+    return [line] if len(line) <= TERMINAL_COLUMNS else [f"{head}{without}:", *(f"  {axis}" for axis in axes)]

@@ -14,7 +14,7 @@ from paxisim.files import whole_file
 if TYPE_CHECKING:
     from paxisim.calibrate.calibration import Calibration
 
-WIDTH = 80  # columns of a terminal
+TERMINAL_COLUMNS = 80  # columns of a terminal
 
 
 def printable(text: str) -> str:

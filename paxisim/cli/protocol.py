@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from paxisim.cli.output import WIDTH, check_output
+from paxisim.cli.output import TERMINAL_COLUMNS, check_output
 from paxisim.cli.taxels import Taxels
 from paxisim.errors import InvalidValueError
 
@@ -77,4 +77,4 @@ def _print_segments(made: Protocol) -> None:
     causes = {segment.name: segment.excites for segment in made.segments}
     for name, each in seconds.items():
         line = f"{len(each):2d} x {name:15}{sum(each):5.0f} s  {', '.join(causes[name]) or '-'}"
-        print(textwrap.fill(line, WIDTH, subsequent_indent=" " * 29))
+        print(textwrap.fill(line, TERMINAL_COLUMNS, subsequent_indent=" " * 29))

@@ -13,7 +13,7 @@ import tyro
 
 from paxisim.cli.output import check_output, load_calibration, printable, size_text
 from paxisim.errors import InvalidValueError, PaxisimError
-from paxisim.hw.extra_streams import ENTER
+from paxisim.hw.extra_streams import ENTER_KEY
 
 if TYPE_CHECKING:
     from paxisim.hw.capture import CaptureSummary
@@ -155,7 +155,7 @@ def _status(summary: CaptureSummary) -> str:
         f"{size_text(summary.size)}",
         f"episode {max(0, summary.episodes - 1)}",
     ]
-    return "  ".join(parts + [_source(source) for source in summary.extra if source.label != ENTER])
+    return "  ".join(parts + [_source(source) for source in summary.extra if source.label != ENTER_KEY])
 
 
 def _source(source) -> str:
@@ -182,7 +182,7 @@ def _report(summary: CaptureSummary, pads: str) -> list[str]:
     if summary.episodes > 1:
         lines.append(f"  {summary.episodes} episodes")
     for source in summary.extra:
-        if source.label != ENTER:
+        if source.label != ENTER_KEY:
             last = f"; the last bad one: {source.problem.partition(': ')[2]}" if source.bad else ""
             lines.append(f"  {_source(source)}{last}")
     return lines

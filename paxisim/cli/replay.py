@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from paxisim.cli.output import WIDTH, check_output, progress
+from paxisim.cli.output import TERMINAL_COLUMNS, check_output, progress
 from paxisim.errors import InvalidValueError
 
 
@@ -78,7 +78,7 @@ def replay(
     progress(f"writing {output}")
     paired.save(output)
     shutil.rmtree(kept)
-    print(textwrap.fill(f"{output}: {paired!r}", WIDTH, subsequent_indent="  ", break_on_hyphens=False))
+    print(textwrap.fill(f"{output}: {paired!r}", TERMINAL_COLUMNS, subsequent_indent="  ", break_on_hyphens=False))
     _print_how(paired)
     if paired.measured is not None and paired.unit != "N":
         print(
@@ -124,7 +124,7 @@ def _print_how(paired) -> None:
         print(f"  makes unobservable: {', '.join(how['not_testable'])}")
     if closing := how.get("closing"):
         values = ", ".join(f"{number}: {value:+.4g}" for number, value in closing.items())
-        print(textwrap.fill(f"  closing added, by episode: {values}", WIDTH, subsequent_indent="    "))
+        print(textwrap.fill(f"  closing added, by episode: {values}", TERMINAL_COLUMNS, subsequent_indent="    "))
     for stream, step in how["encoder_steps"].items():
         print(f"  {stream} was smoothed within its steps of {step:.4g}")
     for note in how["notes"]:

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from paxisim.cli.output import WIDTH, check_output, progress, write_output
+from paxisim.cli.output import TERMINAL_COLUMNS, check_output, progress, write_output
 from paxisim.cli.taxels import Taxels
 
 
@@ -49,9 +49,9 @@ def scene_init(
     comments = [f"# {line}" for line in ("Which recorded stream moves what. To check:", *guessed.open)]
     write_output(path, "\n".join(comments) + "\n" + format_scene(guessed.scene, relative), force)
     for line in guessed.found:
-        print(textwrap.fill(line, WIDTH, subsequent_indent="  "))
+        print(textwrap.fill(line, TERMINAL_COLUMNS, subsequent_indent="  "))
     for line in guessed.open:
-        print(textwrap.fill(f"to check: {line}", WIDTH, subsequent_indent="  "))
+        print(textwrap.fill(f"to check: {line}", TERMINAL_COLUMNS, subsequent_indent="  "))
     print(f"{path}: {len(guessed.scene.drives)} drives")
 
 

@@ -17,11 +17,11 @@ from paxisim.diagnose.problem import FloatArray, Problem
 from paxisim.diagnose.shapes import Shapes, others, shapes_of
 
 CONTACT = 2.5  # variance under load relative to that at rest
-TOGETHER = 4.0  # variance of a pad's mean relative to that of independent taxels
+COMMON_VARIANCE = 4.0  # variance of a pad's mean relative to that of independent taxels
 BURST = 20.0  # energy of the worst 1% of frames at rest relative to the median
 LINE = 6.0  # power of a spectral line relative to its surroundings
 NEIGHBOUR = 3.0  # energy per frame of a taxel's residual that a neighbour explains
-HELD = 0.1  # share of frames that repeat although the force changes
+HELD_FRAMES = 0.1  # share of frames that repeat although the force changes
 SHAPE = 0.003  # held-out energy per sample that a shape explains
 TOLERATED = 0.004  # relative error of the force that a shape may have, such as a pose error beyond first order
 AGREE = 1.2  # z-score over episodes that a shape must reach; a gain in a single episode has 1
@@ -107,7 +107,7 @@ def _together(problem: Problem, residual: NDArray[np.float32]) -> Iterator[LeftO
         count = np.maximum(problem.alive.sum(axis=(2, 3)), 1)
         each = np.maximum(energy / count / len(mean), 0.1)
         ratio = np.mean(mean**2, axis=0) / count / each
-        yield LeftOver("the taxels of a pad change together at rest", float(ratio.max()), TOGETHER)
+        yield LeftOver("the taxels of a pad change together at rest", float(ratio.max()), COMMON_VARIANCE)
 
 
 def _bursts(problem: Problem, residual: NDArray[np.float32]) -> Iterator[LeftOver]:
@@ -174,7 +174,7 @@ def _held(problem: Problem) -> Iterator[LeftOver]:
         still = np.all(np.diff(problem.measured[span], axis=0) == 0, axis=(1, 2, 3, 4))
         same, moved = same + int((clear & still).sum()), moved + int(clear.sum())
     if moved >= 20:
-        yield LeftOver("frames are repeated while the force changes", same / moved, HELD)
+        yield LeftOver("frames are repeated while the force changes", same / moved, HELD_FRAMES)
 
 
 def _shapes(shapes: Shapes) -> Iterator[LeftOver]:

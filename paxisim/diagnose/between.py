@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-FINE = 0.01  # s between interpolated points
-LONG = 0.15  # s; longer gaps between frames are not interpolated
+FINE_STEP = 0.01  # s between interpolated points
+MAX_GAP = 0.15  # s; longer gaps between frames are not interpolated
 _NODES = 4
 
 
@@ -41,7 +41,7 @@ def curve_through(time: NDArray[np.float64]) -> Curve | None:
     gaps = np.diff(time)
     if len(time) < _NODES or gaps.min() <= 0:
         return None
-    parts = np.where(gaps < LONG, np.maximum(np.round(gaps / FINE), 1), 1).astype(int)
+    parts = np.where(gaps < MAX_GAP, np.maximum(np.round(gaps / FINE_STEP), 1), 1).astype(int)
     if parts.max() == 1:
         return None
     before = np.append(np.repeat(np.arange(len(gaps)), parts), len(gaps))  # the frame before each point

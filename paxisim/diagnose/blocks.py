@@ -8,7 +8,7 @@ import numpy as np
 
 from paxisim.diagnose.noise import FloatArray
 
-BLOCK = 150_000  # values per block
+BLOCK_VALUES = 150_000  # values per block
 
 
 def in_blocks(values: FloatArray, function: Callable[[slice], FloatArray]) -> FloatArray:
@@ -19,7 +19,7 @@ def in_blocks(values: FloatArray, function: Callable[[slice], FloatArray]) -> Fl
         function: Takes a slice of frames and returns an array with the shape of `values` for that slice.
     """
     out = np.empty_like(values)
-    frames = max(BLOCK // max(values[:1].size, 1), 1)
+    frames = max(BLOCK_VALUES // max(values[:1].size, 1), 1)
     for start in range(0, len(values), frames):
         part = slice(start, start + frames)
         out[part] = function(part)

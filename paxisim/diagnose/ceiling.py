@@ -9,9 +9,9 @@ from paxisim.diagnose.problem import FloatArray, Problem
 from paxisim.errors import MissingExtraError
 from paxisim.parallel import parallel_map
 
-CHANNELS = 12  # taxels per axis
-ROWS = 12_000  # training samples per axis
-FRAMES = 4000  # most frames that are evaluated
+MAX_TAXELS = 12  # taxels per axis
+MAX_ROWS = 12_000  # training samples per axis
+MAX_FRAMES = 4000  # most frames that are evaluated
 LAGS = (1, 2, 4, 8)  # frames
 FOLDS = 8
 
@@ -62,14 +62,14 @@ def _left(problem: Problem, inputs: FloatArray, wanted: FloatArray, seed: int, j
 
     count = len(problem.episodes)
     episode = np.concatenate([np.full(span.stop - span.start, e) for e, span in enumerate(problem.episodes)])
-    judged = np.arange(len(episode)) % max(1, len(episode) // FRAMES) == 0
+    judged = np.arange(len(episode)) % max(1, len(episode) // MAX_FRAMES) == 0
     left = np.ones(count)
     controller = ThreadpoolController()
 
     def judge(fold: list[int]) -> None:
         train = ~np.isin(episode, fold) if count > 1 else np.ones(len(episode), dtype=bool)
         x, y = inputs[:, train].reshape(-1, inputs.shape[-1]), wanted[:, train].ravel()
-        pick = np.random.default_rng((seed, fold[0])).choice(len(y), min(len(y), ROWS), replace=False)
+        pick = np.random.default_rng((seed, fold[0])).choice(len(y), min(len(y), MAX_ROWS), replace=False)
         model = HistGradientBoostingRegressor(max_iter=60, max_leaf_nodes=24, min_samples_leaf=40, random_state=seed)
         # the boosting's own threads synchronise so often that it takes minutes on a busy machine
         with controller.limit(limits=1, user_api="openmp"):
@@ -89,7 +89,7 @@ def _left(problem: Problem, inputs: FloatArray, wanted: FloatArray, seed: int, j
 def _inputs(problem: Problem, x: FloatArray) -> tuple[FloatArray, Places]:
     """``(C, T, D)`` features of the most loaded taxels, and their pads, rows and columns."""
     load = np.sqrt(np.mean(x**2, axis=(0, 2)))
-    order = np.argsort(load.ravel())[::-1][:CHANNELS]
+    order = np.argsort(load.ravel())[::-1][:MAX_TAXELS]
     pad, row, col = np.unravel_index(order, load.shape)
     own = x[:, pad, :, row, col]  # (C, T, 3): the indexed axes come first
     columns = [own]

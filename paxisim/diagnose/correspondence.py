@@ -17,17 +17,17 @@ from paxisim.diagnose.pieces import in_one_piece
 from paxisim.logs.recording_arrays import episode_spans
 from paxisim.recording import Recording
 
-LONGEST = 15.0  # s, largest clock offset
-OVERLAP = 0.5  # least share of the longest stretch over which the streams must overlap
-SENSOR = 0.5  # s, largest delay attributed to the sensor
-ALIKE = 0.25  # correlation of the activities below which the streams do not show the same motion
-DOUBTFUL = 0.5  # the same if the clocks differ or the forces share less variance than `FORCES`
-FORCES = 0.25  # share of the variance of the forces that both streams have in common
-HALVED = 0.5  # largest share of the uncorrelated part that may remain after a clock shift
-USUAL = 0.97  # quantile at which the activity is clipped, so that a few wild frames do not dominate
-CHANGE = 0.2  # s, window of the moving means whose changes are the activity
-LEAST = 10  # fewest samples of a stretch
-FINEST = 0.02  # s, shortest interval between samples of the activity
+MAX_CLOCK_OFFSET = 15.0  # s, largest clock offset
+MIN_OVERLAP = 0.5  # least share of the longest stretch over which the streams must overlap
+MAX_SENSOR_DELAY = 0.5  # s, largest delay attributed to the sensor
+MIN_CORRELATION = 0.25  # correlation of the activities below which the streams do not show the same motion
+DOUBTFUL = 0.5  # the same if the clocks differ or the forces share less variance than `MIN_SHARED_VARIANCE`
+MIN_SHARED_VARIANCE = 0.25  # share of the variance of the forces that both streams have in common
+MAX_LEFT_SHARE = 0.5  # largest share of the uncorrelated part that may remain after a clock shift
+CLIP_QUANTILE = 0.97  # quantile at which the activity is clipped, so that a few wild frames do not dominate
+ACTIVITY_WINDOW = 0.2  # s, window of the moving means whose changes are the activity
+MIN_STRETCH_SAMPLES = 10  # fewest samples of a stretch
+MIN_INTERVAL = 0.02  # s, shortest interval between samples of the activity
 MISPLACED = 0.7  # distance to another episode, relative to its own, below which the other fits better
 
 
@@ -38,7 +38,7 @@ class Correspondence:
     Attributes:
         shift: Lag of the measured behind the simulated stream at the highest correlation, in seconds.
         alike: Correlation of the activities at that lag.
-        at_once: Highest correlation at lags of at most `SENSOR` seconds.
+        at_once: Highest correlation at lags of at most `MAX_SENSOR_DELAY` seconds.
         why: Why the streams do not show the same motion; empty if they may.
     """
 
@@ -50,10 +50,12 @@ class Correspondence:
     @property
     def clocks_apart(self) -> bool:
         """Whether the clocks differ by more than the delay of a sensor."""
-        return not self.why and abs(self.shift) > SENSOR and 1 - self.alike < HALVED * (1 - self.at_once)
+        return (
+            not self.why and abs(self.shift) > MAX_SENSOR_DELAY and 1 - self.alike < MAX_LEFT_SHARE * (1 - self.at_once)
+        )
 
 
-UNKNOWN = Correspondence(0.0, 1.0, 1.0, "")
+NO_CORRESPONDENCE = Correspondence(0.0, 1.0, 1.0, "")
 """The result for recordings without contact and for those that are too short to compare."""
 
 
@@ -68,26 +70,28 @@ def correspondence_of(recording: Recording, replayed: bool = False) -> Correspon
     assert recording.measured is not None
     assert recording.simulated is not None
     if not recording.simulated.any():
-        return UNKNOWN
+        return NO_CORRESPONDENCE
     spans = in_one_piece(recording.time, episode_spans(recording.episode))
-    interval = max(float(np.median(np.diff(recording.time[spans[0]]))), FINEST)
+    interval = max(float(np.median(np.diff(recording.time[spans[0]]))), MIN_INTERVAL)
     pairs = []
     for span in spans:
         time = recording.time[span]
-        step = max(1, round(CHANGE / max(float(np.median(np.diff(time))), 1e-9)))
+        step = max(1, round(ACTIVITY_WINDOW / max(float(np.median(np.diff(time))), 1e-9)))
         time = time[step : len(time) + 1 - step]  # centre of each change
         grid = np.arange(time[0], time[-1], interval) if len(time) else time
-        if len(grid) > LEAST:
+        if len(grid) > MIN_STRETCH_SAMPLES:
             both = (_activity(s[span].astype(np.float64), step) for s in (recording.measured, recording.simulated))
             pairs.append(tuple(np.interp(grid, time, activity) for activity in both))
     if not pairs:
-        return UNKNOWN
-    shifts, alike = _correlation(pairs, int(LONGEST / interval))
+        return NO_CORRESPONDENCE
+    shifts, alike = _correlation(pairs, int(MAX_CLOCK_OFFSET / interval))
     best = int(np.argmax(alike))
-    near = np.abs(shifts) * interval <= SENSOR
+    near = np.abs(shifts) * interval <= MAX_SENSOR_DELAY
     shift = _peak(shifts, alike, best) * interval
     doubtful = alike[best] < DOUBTFUL  # one of many shifts may fit by chance
-    if alike[best] < ALIKE or (doubtful and (abs(shift) > SENSOR or _alike(_shifted(recording, shift)) < FORCES)):
+    if alike[best] < MIN_CORRELATION or (
+        doubtful and (abs(shift) > MAX_SENSOR_DELAY or _alike(_shifted(recording, shift)) < MIN_SHARED_VARIANCE)
+    ):
         why = (
             f"measured does not follow simulated at any clock shift up to {shifts[-1] * interval:.2g} s (the "
             f"correlation of their activities is at most {alike[best]:.2f})"
@@ -102,7 +106,7 @@ def aligned(recording: Recording, shift: float) -> Recording:
 
     The shift is refined to maximise the correlation of the forces over all channels.
     """
-    near = (shift - CHANGE, shift + CHANGE)
+    near = (shift - ACTIVITY_WINDOW, shift + ACTIVITY_WINDOW)
     best = minimize_scalar(lambda by: -_alike(_shifted(recording, by)), bounds=near, method="bounded")
     return _shifted(recording, float(best.x))
 
@@ -139,13 +143,13 @@ def _activity(values: FloatArray, step: int) -> FloatArray:
     sums = np.cumsum(np.pad(values.reshape(len(values), -1), ((1, 0), (0, 0))), axis=0)
     means = (sums[step:] - sums[:-step]) / step
     activity = np.linalg.norm(means[step:] - means[:-step], axis=1)
-    return np.minimum(activity, np.quantile(activity, USUAL))
+    return np.minimum(activity, np.quantile(activity, CLIP_QUANTILE))
 
 
 def _correlation(pairs: list[tuple[FloatArray, ...]], most: int) -> tuple[NDArray[np.intp], FloatArray]:
     """Shifts in samples, and the pooled correlation of all pairs at each shift."""
     longest = max(len(one) for one, _ in pairs)
-    most = min(most, int((1 - OVERLAP) * longest))
+    most = min(most, int((1 - MIN_OVERLAP) * longest))
     shifts = np.arange(-most, most + 1)
     sums = np.zeros((3, len(shifts)))  # products and both squares, summed over the overlap
     for measured, simulated in pairs:

@@ -14,13 +14,13 @@ from paxisim.diagnose.noise import FloatArray
 
 NO_RIPPLE = 1e-5  # steps; smaller rounding errors are neglected
 STEEP = 0.25  # steps; with less noise, two harmonics do not represent the staircase
-LEAST_NOISE = 0.02  # steps
+MIN_NOISE = 0.02  # steps
 BEYOND = 5.0  # distance from a rounding edge, in units of the noise, at which the edge has no effect
 UNSURE = 0.02  # relative uncertainty of the force from calibration and contact position, which smooths the steps
-POINTS = 400  # points of the table below per standard deviation of the noise
-BEYOND_EDGE = ndtr(-(np.arange(int(POINTS * BEYOND) + 1) + 0.5) / POINTS).astype(np.float32)
+TABLE_POINTS = 400  # points of the table below per standard deviation of the noise
+BEYOND_EDGE = ndtr(-(np.arange(int(TABLE_POINTS * BEYOND) + 1) + 0.5) / TABLE_POINTS).astype(np.float32)
 """Share of the noise beyond a rounding edge, by the distance to the edge."""
-REACH = 7.0  # force, in units of the noise, above which clipping at 0 has no effect
+CLIPPING_REACH = 7.0  # force, in units of the noise, above which clipping at 0 has no effect
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,15 +103,15 @@ class Counting:
     def _cut_off(self, force: FloatArray) -> FloatArray:
         """How much clipping at 0 adds to the mean reading."""
         table, scale = self._cut_table
-        place = np.clip((force + REACH * self.dither) * scale, 0.0, len(table) - 1.001)
+        place = np.clip((force + CLIPPING_REACH * self.dither) * scale, 0.0, len(table) - 1.001)
         low = place.astype(np.intp)
         place -= low
         return table[low] * (1 - place) + table[low + 1] * place
 
     @cached_property
     def _cut_table(self) -> tuple[FloatArray, float]:
-        """`_cut_off` tabulated within `REACH` times the noise, and the number of table entries per newton."""
-        force = np.linspace(-REACH, REACH, 4001) * self.dither
+        """`_cut_off` tabulated within `CLIPPING_REACH` times the noise, and the number of table entries per newton."""
+        force = np.linspace(-CLIPPING_REACH, CLIPPING_REACH, 4001) * self.dither
         below = -force / self.dither
         if self.dither < 0.5 * self.step:  # counts are distinct; the caller clips what is far below 0
             step, top = self.step / self.dither, self.phase / self.dither
@@ -122,11 +122,11 @@ class Counting:
         else:
             bell = np.exp(-0.5 * below**2) / np.sqrt(2 * np.pi)
             table = self.dither * (bell + below * ndtr(below))
-        return table, 4000 / (2 * REACH * self.dither)
+        return table, 4000 / (2 * CLIPPING_REACH * self.dither)
 
     def _rounding(self, force: FloatArray) -> NDArray[np.float32]:
         """How much rounding subtracts from the mean reading, in single precision."""
-        least = max(self.dither / self.step, LEAST_NOISE)
+        least = max(self.dither / self.step, MIN_NOISE)
         turns = ((force - self.phase) / self.step).astype(np.float32)
         variance = np.float32(least**2) + (np.float32(UNSURE) * turns) ** 2
         turns = turns - np.rint(turns)
@@ -153,6 +153,6 @@ def _staircase(turns: NDArray[np.float32], width: NDArray[np.float32]) -> NDArra
     at_edge = np.abs(turns) > 0.5 - BEYOND * width
     own = turns[at_edge]
     below = (0.5 - np.abs(own)) / width[at_edge]  # distance to the edge, in units of the noise
-    place = np.minimum(below * np.float32(POINTS), np.float32(POINTS * BEYOND)).astype(np.intp)
+    place = np.minimum(below * np.float32(TABLE_POINTS), np.float32(TABLE_POINTS * BEYOND)).astype(np.intp)
     taken[at_edge] = own - np.copysign(BEYOND_EDGE[place], own)
     return taken

@@ -21,7 +21,11 @@ from paxisim.logs.document import built, finite
 from paxisim.scene.scene import Scene
 
 FORMAT = "paxisim-diagnosis/1"
-REPORT, MODEL, SCENE = "report.html", "model.json", "fitted_scene.toml"  # scene.toml may be the user's own
+REPORT_FILE, MODEL_FILE, SCENE_FILE = (
+    "report.html",
+    "model.json",
+    "fitted_scene.toml",
+)  # scene.toml may be the user's own
 
 Verdict = Literal["no_discrepancy", "explained", "ambiguous", "partly_explained", "unexplained", "unrelated"]
 
@@ -303,33 +307,33 @@ class Diagnosis:
         files = self.files()
         for name, text in files.items():
             _write(folder / name, text)
-        if MODEL not in files:
-            (folder / MODEL).unlink(missing_ok=True)
+        if MODEL_FILE not in files:
+            (folder / MODEL_FILE).unlink(missing_ok=True)
         if self.scene is not None:
-            self.scene.save(folder / SCENE)
+            self.scene.save(folder / SCENE_FILE)
         else:
-            for name in (SCENE, Path(SCENE).with_suffix(".xml")):
+            for name in (SCENE_FILE, Path(SCENE_FILE).with_suffix(".xml")):
                 (folder / name).unlink(missing_ok=True)
         try:
             page = self.report()
         except MissingExtraError as error:
-            (folder / REPORT).unlink(missing_ok=True)
-            warnings.warn(f"{REPORT} was not written: {error}", stacklevel=2)
+            (folder / REPORT_FILE).unlink(missing_ok=True)
+            warnings.warn(f"{REPORT_FILE} was not written: {error}", stacklevel=2)
         else:
-            _write(folder / REPORT, page)
+            _write(folder / REPORT_FILE, page)
 
     def files(self) -> dict[str, str]:
         """Contents of the JSON files that `save` writes, by file name."""
-        files = {MODEL: self.model.to_json() + "\n", "diagnosis.json": self.to_json() + "\n"}
+        files = {MODEL_FILE: self.model.to_json() + "\n", "diagnosis.json": self.to_json() + "\n"}
         if self.verdict == "unrelated":
-            del files[MODEL]
+            del files[MODEL_FILE]
         return files
 
     @classmethod
     def load(cls, folder: str | Path) -> Diagnosis:
         """Read a diagnosis that `save` wrote; raises like `from_json`, and FileNotFoundError if there is no file."""
         found = parse_file(Path(folder) / "diagnosis.json", cls.from_json)
-        scene = Path(folder) / SCENE
+        scene = Path(folder) / SCENE_FILE
         return replace(found, scene=Scene.load(scene)) if scene.is_file() else found
 
     def __repr__(self) -> str:

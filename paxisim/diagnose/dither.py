@@ -9,14 +9,14 @@ from scipy.special import ndtr, ndtri
 
 from paxisim.diagnose.noise import FloatArray
 
-LEAST = 5  # fewest samples in an episode
+MIN_EPISODE_SAMPLES = 5  # fewest samples in an episode
 SMOOTH = 0.6  # steps; above it, the standard deviation at rest determines the noise
-HELD = 0.3  # s of constant force after which a slow sensor has settled
-APART = 0.15  # s between compared counts, long enough to include some slow noise
-STILL = 0.1  # steps that a held force may change in that time
-MOVING = 0.2  # steps that it may change if too few samples are held
-FEWEST = 300  # fewest compared counts
-UNTOLD = 0.15  # steps; noise that may be invisible at rest
+HELD_SECONDS = 0.3  # s of constant force after which a slow sensor has settled
+LAG_SECONDS = 0.15  # s between compared counts, long enough to include some slow noise
+MAX_HELD_CHANGE = 0.1  # steps that a held force may change in that time
+MAX_MOVING_CHANGE = 0.2  # steps that it may change if too few samples are held
+MIN_COMPARED = 300  # fewest compared counts
+HIDDEN_NOISE = 0.15  # steps; noise that may be invisible at rest
 NOISES = np.geomspace(0.01, 1.0, 60)  # steps
 
 
@@ -56,9 +56,9 @@ def dither_of(
         return 0.0
     held = _under_load(measured, simulated, episodes, interval, step, alive)
     if not resting:
-        return UNTOLD * step if held is None else held
+        return HIDDEN_NOISE * step if held is None else held
     # counts change least for an offset in the middle of a step
-    most = step * max(UNTOLD, 0.5 / float(ndtri(1 - 0.5 * min(_spread(before) / step, 1.0) ** 2)))
+    most = step * max(HIDDEN_NOISE, 0.5 / float(ndtri(1 - 0.5 * min(_spread(before) / step, 1.0) ** 2)))
     return most if held is None else min(held, most)
 
 
@@ -66,7 +66,11 @@ def _shear(
     measured: FloatArray, frames: NDArray[np.bool_], episodes: tuple[slice, ...], alive: NDArray[np.bool_]
 ) -> list[FloatArray]:
     parts = [measured[span][frames[span]][:, :, :2] for span in episodes]
-    return [part.reshape(len(part), -1).compress(alive[:, :2].ravel(), axis=1) for part in parts if len(part) >= LEAST]
+    return [
+        part.reshape(len(part), -1).compress(alive[:, :2].ravel(), axis=1)
+        for part in parts
+        if len(part) >= MIN_EPISODE_SAMPLES
+    ]
 
 
 def _spread(parts: list[FloatArray]) -> float:
@@ -82,21 +86,21 @@ def _under_load(
     alive: NDArray[np.bool_],
 ) -> float | None:
     """Noise (N) estimated from held forces above one step; None if there are too few."""
-    apart, window = (max(1, round(seconds / interval)) for seconds in (APART, HELD + APART))
+    apart, window = (max(1, round(seconds / interval)) for seconds in (LAG_SECONDS, HELD_SECONDS + LAG_SECONDS))
     counted, moved, fastest = [], [], []
     for span in episodes:
         force, count = simulated[span] / step, np.rint(measured[span] / step)
         change = apart * np.abs(np.diff(force, axis=0, prepend=force[:1]))
         # over the window that ends at the sample
         fast = maximum_filter1d(change, window + 1, axis=0, origin=window // 2)[apart:]
-        pressed = (np.minimum(np.abs(force[apart:]), np.abs(force[:-apart])) > 1) & (fast < MOVING) & alive
+        pressed = (np.minimum(np.abs(force[apart:]), np.abs(force[:-apart])) > 1) & (fast < MAX_MOVING_CHANGE) & alive
         counted.append(np.abs(count[apart:] - count[:-apart])[pressed])
         moved.append(np.abs(force[apart:] - force[:-apart])[pressed])
         fastest.append(fast[pressed])
     differ, move, fast = (np.concatenate(parts) for parts in (counted, moved, fastest))
-    if len(fast) < FEWEST:
+    if len(fast) < MIN_COMPARED:
         return None
-    taken = fast <= max(STILL, float(np.partition(fast, FEWEST - 1)[FEWEST - 1]))
+    taken = fast <= max(MAX_HELD_CHANGE, float(np.partition(fast, MIN_COMPARED - 1)[MIN_COMPARED - 1]))
     number, edges = np.histogram(move[taken], bins=100)
     expected = [number @ _mean_difference((edges[1:] + edges[:-1]) / 2, noise) for noise in NOISES]
     return step * float(np.interp(differ[taken].sum(), expected, NOISES))

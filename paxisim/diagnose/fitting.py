@@ -21,7 +21,7 @@ from paxisim.diagnose.squares import Squares, best_start
 
 Shapes = Mapping[str, tuple[float, ...]]
 
-ZEROS = 4  # most alternations between fitting the zero offset and the other parameters
+MAX_ZERO_ROUNDS = 4  # most alternations between fitting the zero offset and the other parameters
 SETTLED = 2e-3  # relative decrease of the energy below which the alternation stops
 
 
@@ -158,7 +158,7 @@ class Fitter:
         if not len(zero) or (rows.counting.reads_all and not squares.bends):
             return values, zero
         # start the zero offset at 0: an estimate with fewer causes contains the effects of the missing ones
-        for _ in range(ZEROS):
+        for _ in range(MAX_ZERO_ROUNDS):
             before = squares.energy(values, zero)
             moved = model.zero({**values, **model.solved}, zero)
             trial = squares.descend(values, moved)

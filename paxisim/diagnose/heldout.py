@@ -14,12 +14,12 @@ from paxisim.diagnose.diagnosis import HeldOut, Interval
 from paxisim.diagnose.explanation import Explanation, without_each
 from paxisim.diagnose.problem import FloatArray, Problem, showing
 
-DRAWS = 400  # bootstrap resamples
-LEVEL = 0.9  # confidence level of the intervals
+RESAMPLES = 400  # bootstrap resamples
+CONFIDENCE_LEVEL = 0.9  # confidence level of the intervals
 CHOSEN = "The causes were selected on the same held-out episodes; their parameters were fitted without them."
-LEAST_ROOM = 0.02  # least explainable error, relative to the noise floor
-EQUAL = 1e-5  # difference, relative to the force, up to which noise-free streams count as equal
-ALIKE = 0.02  # difference, relative to the force, up to which two simulations count as the same motion
+MIN_EXPLAINABLE = 0.02  # least explainable error, relative to the noise floor
+EQUAL_STREAMS = 1e-5  # difference, relative to the force, up to which noise-free streams count as equal
+SAME_MOTION = 0.02  # difference, relative to the force, up to which two simulations count as the same motion
 SLOW_NOISE = 2.5  # largest ratio of the variance at rest to that of the fast noise
 
 
@@ -112,7 +112,7 @@ def _repeated(problem: Problem) -> float | None:
         force = float(np.mean(problem.simulated[one] ** 2))
         if force < 1e-4 * problem.peak**2 or len(found) > 20:
             continue
-        if np.mean((problem.simulated[one] - problem.simulated[other]) ** 2) < ALIKE**2 * force:
+        if np.mean((problem.simulated[one] - problem.simulated[other]) ** 2) < SAME_MOTION**2 * force:
             apart = problem.measured[one] - problem.measured[other]
             found.append(float(np.sum(apart**2, where=problem.alive)) / 2 / length)
     return float(np.median(found)) if found else None
@@ -137,7 +137,7 @@ def share_of(gained: FloatArray, room: FloatArray, seed: int) -> Interval:
     generator: Any = np.random.default_rng(seed)
     options: dict[str, Any] = {"random_state": generator}  # newer scipy versions call it rng but accept both
     drawn = bootstrap(
-        (gained, room), share, paired=True, vectorized=True, n_resamples=DRAWS, confidence_level=LEVEL,
+        (gained, room), share, paired=True, vectorized=True, n_resamples=RESAMPLES, confidence_level=CONFIDENCE_LEVEL,
         method="percentile", **options,
     )  # fmt: skip
     return Interval(value, float(drawn.confidence_interval.low), float(drawn.confidence_interval.high))
@@ -145,7 +145,7 @@ def share_of(gained: FloatArray, room: FloatArray, seed: int) -> Interval:
 
 def explained_share(squares: SquaredErrors, after: FloatArray, seed: int) -> Interval | None:
     """Share of the explainable error that is removed; None if the error does not exceed the noise floor."""
-    if squares.room.sum() <= max(LEAST_ROOM * squares.floor.sum(), EQUAL**2 * squares.force.sum()):
+    if squares.room.sum() <= max(MIN_EXPLAINABLE * squares.floor.sum(), EQUAL_STREAMS**2 * squares.force.sum()):
         return None
     return share_of(squares.before - after, squares.room, seed)
 
@@ -155,7 +155,7 @@ def gains_of(squares: SquaredErrors, seed: int) -> dict[str, Interval]:
 
     If the error does not exceed the noise floor, it is the share of the whole error.
     """
-    above = squares.room.sum() > LEAST_ROOM * squares.floor.sum()
+    above = squares.room.sum() > MIN_EXPLAINABLE * squares.floor.sum()
     room = np.maximum(squares.room, squares.before - squares.after) if above else squares.before
     return {name: share_of(without - squares.after, room, seed) for name, without in squares.without.items()}
 
@@ -206,5 +206,5 @@ def survives(gain: FloatArray, needed: float, seed: int) -> float:
     """How often the summed gain of resampled held-out units exceeds `needed`; at most 0.5 for a single unit."""
     if len(gain) < 2:
         return 0.5 * float(gain.sum() > needed)
-    draws = np.random.default_rng(seed).integers(len(gain), size=(DRAWS, len(gain)))
+    draws = np.random.default_rng(seed).integers(len(gain), size=(RESAMPLES, len(gain)))
     return float(np.mean(gain[draws].sum(axis=1) > needed))

@@ -20,7 +20,7 @@ from paxisim.diagnose.fitting import with_curves
 from paxisim.diagnose.noise import Tolerance, differences
 from paxisim.diagnose.problem import FloatArray, Problem
 
-LEVEL = 0.9
+CONFIDENCE_LEVEL = 0.9
 _LEVELS, _PER_OCTAVE = 64, 8  # force levels, counted down from the peak, and levels per octave
 _LEAST_REST = 5  # fewest frames at rest in an episode
 _NOISES = (0.6, 1.0, 1.5)  # plausible noise of a channel, relative to the usual noise
@@ -99,7 +99,7 @@ def _spreads(found: Explanation) -> dict[tuple[str, str], float]:
     for change in differences(prediction):
         effect = rows.weigh(Tolerance().place * change / 2).reshape(frames, -1)
         variance += (inverse @ np.einsum("atc,tc->a", slopes, effect)) ** 2
-    reach = np.sqrt(variance) * student.ppf(0.5 + LEVEL / 2, degrees)
+    reach = np.sqrt(variance) * student.ppf(0.5 + CONFIDENCE_LEVEL / 2, degrees)
     strength = np.sum(flat**2, axis=1)
     seen = strength > 1e-9 * strength.max()
     return {(n, f.name): float(r * f.scale) for (n, _, f), r, told in zip(free, reach, seen, strict=True) if told}
@@ -150,7 +150,7 @@ def _zero_spread(found: Explanation, named: Named) -> FloatArray | None:
     means = np.stack([left[span].mean(axis=0) for span in spans])
     variance = np.einsum("ce,e...->c...", shares**2, means**2) * len(spans) / degrees
     typical = np.median(variance, axis=(3, 4), keepdims=True)  # pools similar taxels: few episodes give a poor variance
-    reach = np.sqrt(np.maximum(variance, typical)) * student.ppf(0.5 + LEVEL / 2, degrees)
+    reach = np.sqrt(np.maximum(variance, typical)) * student.ppf(0.5 + CONFIDENCE_LEVEL / 2, degrees)
     zero = np.tensordot(np.array([curve.mean() for curve in curves]), found.fit.whole.zero, 1) + found.fit.constant
     middle, counting = problem.read(zero[None])[0], problem.counting
     ends = []

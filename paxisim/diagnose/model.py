@@ -16,9 +16,9 @@ ZERO_ORDER = 76.5
 """Position in the chain at which the zero offset is added, which is that of `offset` and `drift`."""
 
 ROUNDING = 1e-6  # relative difference below which two energies are equal
-TURNS = 3  # Gauss-Newton steps for a zero offset that the sensor reads nonlinearly
-GRID = sorted(np.linspace(-1.0, 1.0, 13), key=abs)  # quantisation steps; initial candidates for a zero offset
-LEAST_CHORD, MOST_CHORD = 0.05, 0.2  # quantisation steps; limits of the interval for the slope of the mean reading
+ZERO_STEPS = 3  # Gauss-Newton steps for a zero offset that the sensor reads nonlinearly
+ZERO_GRID = sorted(np.linspace(-1.0, 1.0, 13), key=abs)  # quantisation steps; initial candidates for a zero offset
+MIN_CHORD, MAX_CHORD = 0.05, 0.2  # quantisation steps; limits of the interval for the slope of the mean reading
 NOISE_CHORD = 1.5  # this interval between its limits, relative to the noise before rounding
 
 Fitted = Mapping[str, FloatArray]
@@ -141,14 +141,14 @@ class Model:
         searched = rows.counting.is_steep and np.ptp(rows.curves[0]) == 0
         zero = _from_grid(rows, read, start, square) if searched else start
         step = rows.step or 4 * rows.dither or float(np.median(rows.sigma[:, rows.alive]))
-        chord = np.clip(NOISE_CHORD * rows.dither, LEAST_CHORD * step, MOST_CHORD * step)
+        chord = np.clip(NOISE_CHORD * rows.dither, MIN_CHORD * step, MAX_CHORD * step)
         most = step / np.maximum(np.abs(rows.curves).max(axis=1), 1.0)[:, None, None, None, None]
         best, least = zero, np.full(zero.shape[1:], np.inf)
-        for turn in range(TURNS + 1):
+        for turn in range(ZERO_STEPS + 1):
             miss = rows.measured - read(zero)
             left = np.einsum("t...,t...->...", square, miss**2)
             best, least = np.where(left < least, zero, best), np.minimum(left, least)
-            if turn < TURNS:
+            if turn < ZERO_STEPS:
                 slope = (read(zero, chord) - read(zero, -chord)) / (2 * chord)
                 zero = rows.drawn(zero + np.clip(_amounts(rows.curves, square, slope, miss), -most, most))
         return best
@@ -163,7 +163,7 @@ def _over_time(rows: Problem, zero: FloatArray) -> FloatArray:
 def _from_grid(rows: Problem, read, start: FloatArray, square: FloatArray) -> FloatArray:
     """`start` with the constant of each channel moved to the grid point with the smallest residual."""
     best, least = start, np.full(start.shape[1:], np.inf)
-    for share in GRID:
+    for share in ZERO_GRID:
         moved = start.copy()
         moved[0] += share * rows.step
         left = np.einsum("t...,t...->...", square, (rows.measured - read(moved)) ** 2)

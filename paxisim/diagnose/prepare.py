@@ -13,10 +13,10 @@ from paxisim.logs.stopped import stopped_in_words
 from paxisim.presses import find_presses
 from paxisim.recording import Recording
 
-LEAST_SECONDS = 2.0
+MIN_SECONDS = 2.0
 FEW_SECONDS = 20.0
-LEAST_FRAMES = 40
-MOST = 4_000_000  # most values that are compared
+MIN_FRAMES = 40
+MAX_VALUES = 4_000_000  # most values that are compared
 _LONGEST = 0.04  # s, longest frame interval after decimation
 _LEAST_EPISODES = 12  # fewest episodes that are kept
 _SCALE = 5.0  # largest ratio of measured to simulated force that a gain may explain
@@ -54,10 +54,10 @@ def prepare(recording: Recording) -> tuple[Recording, tuple[str, ...]]:
     warnings: list[str] = []
     recording = _known(recording, warnings)
     seconds, frames = recording.duration, len(recording)
-    if seconds < LEAST_SECONDS or frames < LEAST_FRAMES:
+    if seconds < MIN_SECONDS or frames < MIN_FRAMES:
         raise InvalidValueError(
             f"the recording is too short to be diagnosed: it has {seconds:.2g} s and {frames} samples; at least "
-            f"{LEAST_SECONDS:g} s and {LEAST_FRAMES} samples are needed"
+            f"{MIN_SECONDS:g} s and {MIN_FRAMES} samples are needed"
         )
     still = [np.median(np.diff(recording.time[span])) == 0 for span in episode_spans(recording.episode)]
     if any(still):
@@ -207,13 +207,13 @@ def _shortened(recording: Recording, warnings: list[str]) -> Recording:
     """The recording reduced to a size that a diagnosis can hold: fewer frames per episode, then fewer episodes."""
     assert recording.measured is not None
     numbers = recording.measured.size
-    if numbers <= MOST:
+    if numbers <= MAX_VALUES:
         return recording
     first = episode_starts(recording.episode)
     number = np.cumsum(np.isin(np.arange(len(recording)), first)) - 1  # episode of each frame
     interval = float(np.median(np.diff(recording.time)))
-    stride = max(1, min(int(np.ceil(numbers / MOST)), int(_LONGEST / max(interval, 1e-9))))
-    skip = max(1, min(int(np.ceil(numbers / MOST / stride)), len(first) // _LEAST_EPISODES))
+    stride = max(1, min(int(np.ceil(numbers / MAX_VALUES)), int(_LONGEST / max(interval, 1e-9))))
+    skip = max(1, min(int(np.ceil(numbers / MAX_VALUES / stride)), len(first) // _LEAST_EPISODES))
     kept = ((np.arange(len(recording)) - first[number]) % stride == 0) & (number % skip == 0)
     warnings.append(f"the recording is long: only one frame in {stride} of one episode in {skip} was used")
     return recording[kept]

@@ -14,7 +14,7 @@ from paxisim.augment.chain import Chain
 from paxisim.augment.latency import Latency
 from paxisim.augment.low_pass import LowPass
 from paxisim.augment.transform import Transform
-from paxisim.diagnose.between import FINE
+from paxisim.diagnose.between import FINE_STEP
 from paxisim.diagnose.blocks import in_blocks
 from paxisim.diagnose.counting import Counting
 from paxisim.diagnose.directions import Directions, directions_of
@@ -28,16 +28,16 @@ from paxisim.logs.recording_arrays import episode_spans
 from paxisim.recording import Recording
 from paxisim.scene.encoder import EncoderError
 
-NOMINAL = 1.0  # N, peak force assumed for a recording without contact
-LEAST_PEAK = 0.05  # lower bound on the peak force of an axis, relative to the overall peak
-PRESSED = 0.01  # force above which a taxel is pressed, relative to the peak force
-ENOUGH = 100_000  # number of values sufficient for a fit
-LONGEST = 0.05  # s, longest interval between fitted frames
-RESTING = 0.05  # least share of samples at rest for estimating the zero offset from them alone
-LEAST_TOLD = 4  # fewest samples for estimating the zero offset of an episode
-PIECE = 1.0  # s, length of the pieces whose scatter gives the uncertainty of the zero offset
-SELDOM = 1.2  # quantisation steps; below it, differences between readings are a poor estimate of the noise
-BEND = 0.01  # largest interpolation error between fitted frames, relative to the energy of the noise
+NOMINAL_PEAK = 1.0  # N, peak force assumed for a recording without contact
+MIN_PEAK_SHARE = 0.05  # lower bound on the peak force of an axis, relative to the overall peak
+PRESSED_SHARE = 0.01  # force above which a taxel is pressed, relative to the peak force
+MAX_FITTED_VALUES = 100_000  # number of values sufficient for a fit
+MAX_FRAME_INTERVAL = 0.05  # s, longest interval between fitted frames
+MIN_REST_SHARE = 0.05  # least share of samples at rest for estimating the zero offset from them alone
+MIN_ZERO_SAMPLES = 4  # fewest samples for estimating the zero offset of an episode
+PIECE_SECONDS = 1.0  # s, length of the pieces whose scatter gives the uncertainty of the zero offset
+COARSE_NOISE = 1.2  # quantisation steps; below it, differences between readings are a poor estimate of the noise
+MAX_INTERPOLATION_ERROR = 0.01  # largest interpolation error between fitted frames, relative to the energy of the noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +93,7 @@ class Problem:
     phase: float = 0.0
     owners: tuple[str, ...] = ()
     directions: Directions | None = None
-    peaks: FloatArray = field(default_factory=lambda: np.full(3, NOMINAL))
+    peaks: FloatArray = field(default_factory=lambda: np.full(3, NOMINAL_PEAK))
     calibrated: bool = False
     aligned: bool = False
     tolerance: Tolerance = field(default_factory=Tolerance)
@@ -118,7 +118,7 @@ class Problem:
         a small offset then shows only under load.
         """
         rest = self.at_rest
-        told = rest if rest.mean() > RESTING and not self.counting.is_steep else np.ones_like(rest)
+        told = rest if rest.mean() > MIN_REST_SHARE and not self.counting.is_steep else np.ones_like(rest)
         return told if self.fitted is None else told & self.fitted
 
     @cached_property
@@ -186,12 +186,12 @@ class Problem:
 
     def means_where_told(self, values: FloatArray, piece: float = np.inf) -> FloatArray:
         """Means of ``(T, ...)`` values over the samples `told`, by episode or by pieces of `piece` seconds."""
-        most = max(LEAST_TOLD, int(min(piece / self.interval, len(self.time))))
+        most = max(MIN_ZERO_SAMPLES, int(min(piece / self.interval, len(self.time))))
         pieces = [
             part
             for frames in self.told_by_episode
             for part in np.array_split(frames, max(1, len(frames) // most))
-            if len(part) >= LEAST_TOLD
+            if len(part) >= MIN_ZERO_SAMPLES
         ]
         return np.reshape([values[part].mean(axis=0) for part in pieces], (len(pieces), *values.shape[1:]))
 
@@ -206,7 +206,10 @@ class Problem:
         """
         assert self.curves is not None
         steady = np.ptp(self.curves, axis=1) == 0
-        basis, means = self.means_where_told(self.curves.T, PIECE), self.means_where_told(difference, PIECE)
+        basis, means = (
+            self.means_where_told(self.curves.T, PIECE_SECONDS),
+            self.means_where_told(difference, PIECE_SECONDS),
+        )
         degrees = len(basis) - basis.shape[1]
         if steady.all() or degrees < 2:
             return self
@@ -263,7 +266,7 @@ class Problem:
         if not transform.has_memory:
             return in_blocks(x, lambda part: transform(x[part], {name: c[part] for name, c in given.items()}))
         if isinstance(transform, Latency):  # interpolated points need a larger buffer
-            more = int(np.ceil(4 * abs(float(transform.delay)) / FINE)) + 4
+            more = int(np.ceil(4 * abs(float(transform.delay)) / FINE_STEP)) + 4
             return self._finer_pieces.run(replace(transform, capacity=max(transform.capacity, more)), x, {})
         pieces = self._finer_pieces if isinstance(transform, LowPass) else self._pieces
         return pieces.run(transform, x, given)
@@ -305,9 +308,9 @@ class Problem:
 
         A small recording is not thinned. Models with memory also assume a linear input between frames.
         """
-        most = min(self._spare, int(LONGEST / max(self.interval, 1e-9)))
+        most = min(self._spare, int(MAX_FRAME_INTERVAL / max(self.interval, 1e-9)))
         for stride in range(most, 1, -1):
-            if self._bend(stride) < BEND:
+            if self._bend(stride) < MAX_INTERPOLATION_ERROR:
                 return stride
         return 1
 
@@ -352,7 +355,7 @@ class Problem:
 
     @property
     def _spare(self) -> int:
-        return max(1, round(self.samples / ENOUGH))
+        return max(1, round(self.samples / MAX_FITTED_VALUES))
 
     def frames(self, stride: int) -> NDArray[np.intp]:
         """Indices of every `stride`-th frame of each episode."""
@@ -407,7 +410,7 @@ class Problem:
 
 def at_rest(simulated: FloatArray, peak: float) -> NDArray[np.bool_]:
     """``(T,)`` whether no taxel is pressed."""
-    return np.abs(simulated).max(axis=(1, 2, 3, 4)) < PRESSED * max(peak, 1e-9)
+    return np.abs(simulated).max(axis=(1, 2, 3, 4)) < PRESSED_SHARE * max(peak, 1e-9)
 
 
 def peak_of(simulated: NDArray[np.floating]) -> float:
@@ -416,10 +419,10 @@ def peak_of(simulated: NDArray[np.floating]) -> float:
 
 
 def _peaks_of(simulated: NDArray[np.floating], peak: float) -> FloatArray:
-    """``(3,)`` N, peak force by axis, equal for both shear axes and at least `LEAST_PEAK` times `peak`."""
+    """``(3,)`` N, peak force by axis, equal for both shear axes and at least `MIN_PEAK_SHARE` times `peak`."""
     by_axis = np.quantile(np.abs(simulated).max(axis=(1, 3, 4)), 0.995, axis=0)
     by_axis[:2] = by_axis[:2].max()
-    return np.maximum(by_axis, LEAST_PEAK * peak)
+    return np.maximum(by_axis, MIN_PEAK_SHARE * peak)
 
 
 def showing(gain: FloatArray) -> NDArray[np.bool_]:
@@ -448,11 +451,11 @@ def problem_of(recording: Recording, scene: Responses | None = None, tolerance: 
     episodes = episode_spans(recording.episode)
     if min(span.stop - span.start for span in episodes) < 2:
         raise InvalidValueError("each episode needs at least two samples")
-    peak = peak_of(simulated) or NOMINAL
+    peak = peak_of(simulated) or NOMINAL_PEAK
     step, phase = step_of(measured)
     covariates = {n: c for n, c in recording.covariates.items() if c.ndim == 1 and np.isfinite(c).all()}
     rest = at_rest(simulated, peak)
-    directions = directions_of(covariates, rest if rest.mean() > RESTING else np.ones_like(rest))
+    directions = directions_of(covariates, rest if rest.mean() > MIN_REST_SHARE else np.ones_like(rest))
     alive = np.ones(measured.shape[1:], dtype=bool)
     if "readout" in recording.metadata:  # channels that do not respond to the load are 0 in both streams
         alive = simulated.any(axis=0)
@@ -479,7 +482,7 @@ def with_noise(problem: Problem) -> Problem:
         )  # fmt: skip
     else:  # no shear is measured
         dither = float(np.sqrt(max(np.median(noise[alive]) ** 2 - step**2 / 12, 0.0))) if alive.any() else 0.0
-    noise = np.where(noise < SELDOM * step, np.sqrt(step**2 / 12 + dither**2), noise)
+    noise = np.where(noise < COARSE_NOISE * step, np.sqrt(step**2 / 12 + dither**2), noise)
     sigma = np.sqrt(noise**2 + allowed)
     if not np.isfinite(sigma).all():  # infinite noise would hide every discrepancy
         raise InvalidValueError(

@@ -18,9 +18,9 @@ from paxisim.diagnose.folds import effects
 from paxisim.diagnose.model import Model
 from paxisim.diagnose.problem import FloatArray
 
-MOST = 60_000  # number of values sufficient for a ranking
-FITTED = 0.5  # weight of an in-sample gain
-FEW = 8  # most starts that are also tried one at a time
+MAX_VALUES = 60_000  # number of values sufficient for a ranking
+IN_SAMPLE_WEIGHT = 0.5  # weight of an in-sample gain
+MAX_SINGLE_STARTS = 8  # most starts that are also tried one at a time
 GAUGE_STEP = 0.05  # relative change of the gain for the effect of a gauge
 TIE = 0.01  # relative difference up to which a gauge alone promises as much as its cause
 
@@ -46,7 +46,7 @@ class Ranking:
         model = Model(problem, fit.causes, rows)
         prediction = model.run(fit.whole.values, fit.whole.zero)
         force = Model(problem, [c for c in fit.causes if c.course is None], problem).run(fit.whole.values, None)
-        stride = max(1, int(rows.samples / MOST))
+        stride = max(1, int(rows.samples / MAX_VALUES))
         thin = rows.every(stride)
         kept = rows.frames(stride)
         unit = fitter.unit[kept]
@@ -97,13 +97,13 @@ class Ranking:
         """
         own = self._columns_of(names, with_gauges=True) | self._columns_of(self._chosen)
         sets = [own]
-        if len(names) == 1 and (self._owner == names[0]).sum() <= FEW:
+        if len(names) == 1 and (self._owner == names[0]).sum() <= MAX_SINGLE_STARTS:
             others = own & (self._owner != names[0])
             for column in np.flatnonzero(self._owner == names[0]):
                 sets.append(others | (np.arange(len(own)) == column))
         chosen = self._columns_of(self._chosen)
         heldout = max(map(self._gain, sets)) - self._gain(chosen)
-        promise = max(heldout, FITTED * (self._gain(own, False) - self._gain(chosen, False)))
+        promise = max(heldout, IN_SAMPLE_WEIGHT * (self._gain(own, False) - self._gain(chosen, False)))
         gauge = self._gain(own & (self._owner == "") | chosen) - self._gain(chosen)
         return promise * (1 - TIE) if gauge > (1 - TIE) * promise else promise
 

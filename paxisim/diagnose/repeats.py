@@ -12,8 +12,8 @@ from paxisim.diagnose.problem import FloatArray, Problem
 from paxisim.logs.recording_arrays import episode_spans
 from paxisim.recording import Recording
 
-ALIKE = 0.15  # relative difference in load up to which two episodes repeat the same motion
-LEAST = 5  # fewest repeated episodes; the later half serves as the reference
+SAME_LOAD = 0.15  # relative difference in load up to which two episodes repeat the same motion
+MIN_REPEATS = 5  # fewest repeated episodes; the later half serves as the reference
 UNUSUAL = 2.0  # distance of an unsettled episode, relative to the largest distance within the later half
 SPEEDS = 2.0  # ratio of the fastest to the slowest loading rate below which there is a single speed
 _HAS_LOAD = 0.5  # share of the largest load that an episode must reach to count as loaded
@@ -61,7 +61,7 @@ def settling(recording: Recording, alive: NDArray[np.bool_]) -> tuple[int, float
     load = np.abs(recording.simulated).max(axis=(1, 2, 3, 4)).astype(np.float64)
     error = ((recording.measured - recording.simulated) * alive).reshape(len(load), -1).astype(np.float64)
     spans = _loaded(recording)
-    if len(spans) < LEAST:
+    if len(spans) < MIN_REPEATS:
         return 0, 0.0
     loads, errors = [], []
     for span in spans:
@@ -74,7 +74,7 @@ def settling(recording: Recording, alive: NDArray[np.bool_]) -> tuple[int, float
         zero = error[rest].mean(axis=0) if len(rest) else error[pressed[0]]
         errors.append(np.stack([np.interp(at, time, c) for c in (error[inside] - zero).T], axis=1))
     usual = np.median(loads, axis=0)
-    if max(np.sqrt(np.mean((one - usual) ** 2)) for one in loads) > ALIKE * usual.max():
+    if max(np.sqrt(np.mean((one - usual) ** 2)) for one in loads) > SAME_LOAD * usual.max():
         return 0, 0.0
     steps = np.abs(np.diff(error, axis=0))
     shapes = np.array(errors) / np.maximum(np.median(steps, axis=0), 1e-3)

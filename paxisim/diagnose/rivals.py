@@ -11,7 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from paxisim.diagnose.explanation import Explanation
-from paxisim.diagnose.problem import PRESSED, FloatArray, Problem
+from paxisim.diagnose.problem import PRESSED_SHARE, FloatArray, Problem
 from paxisim.diagnose.search import Search
 
 NEARLY_ALL = 0.9  # share of the sum of squares of an offset
@@ -52,6 +52,6 @@ def _in_place(search: Search, names: tuple[str, ...], name: str) -> tuple[str, .
 
 def _on_unpressed(problem: Problem, offset: FloatArray) -> bool:
     """Whether nearly all of an offset is on taxels that are never pressed, which may equally well be stuck."""
-    pressed = np.abs(problem.simulated).max(axis=(0, 2)) >= PRESSED * problem.peak
+    pressed = np.abs(problem.simulated).max(axis=(0, 2)) >= PRESSED_SHARE * problem.peak
     square = np.sum(offset**2, axis=1)
     return bool(pressed.any() and square[~pressed].sum() > NEARLY_ALL * square.sum())

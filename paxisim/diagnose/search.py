@@ -16,9 +16,9 @@ from paxisim.diagnose.rules import Rules
 from paxisim.parallel import parallel_map
 
 AFRESH = 2  # number of causes from which no fit is repeated from the causes' own starts
-SEARCHED, PREDICTS = 0.45, 0.8  # progress at the end of the search, and of the predictions of held-out episodes
-FITTED, PREDICTED = 0.96, 0.8  # factor of each fit on the remaining progress of these two stages
-ROUNDS = 6  # most rounds of adding, exchanging and dropping
+SEARCH_END, PREDICTION_END = 0.45, 0.8  # progress at the end of the search, and of the predictions of held-out episodes
+SEARCH_FACTOR, PREDICTION_FACTOR = 0.96, 0.8  # factor of each fit on the remaining progress of these two stages
+MAX_ROUNDS = 6  # most rounds of adding, exchanging and dropping
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +86,7 @@ class Search:
     def _climbed(self, chosen: tuple[str, ...]) -> tuple[str, ...]:
         """The set reached by adding, exchanging and dropping causes until nothing improves."""
         seen: set[frozenset[str]] = set()
-        for _ in range(ROUNDS):
+        for _ in range(MAX_ROUNDS):
             self._beside = f"looking for a cause beside {', '.join(self._shown(chosen)) or 'none'}"
             self._say()
             better = self._dropped(self._exchanged(self._added(chosen)))
@@ -175,10 +175,10 @@ class Search:
     def _say(self) -> None:
         """Report progress; as the number of fits is unknown, each fit advances it by a share of the remainder."""
         if self._exact:
-            left = PREDICTED ** len(self._exact)
-            self._tell("predicting held-out episodes", PREDICTS - (PREDICTS - SEARCHED) * left)
+            left = PREDICTION_FACTOR ** len(self._exact)
+            self._tell("predicting held-out episodes", PREDICTION_END - (PREDICTION_END - SEARCH_END) * left)
         elif self._beside:
-            self._tell(self._beside, SEARCHED * (1 - FITTED ** len(self._fits)))
+            self._tell(self._beside, SEARCH_END * (1 - SEARCH_FACTOR ** len(self._fits)))
 
     def _shown(self, names: Sequence[str]) -> list[str]:
         return [n for n in names if not self.causes[n].nuisance]

@@ -23,12 +23,12 @@ from paxisim.diagnose.reading import ReadOff, read_off
 from paxisim.diagnose.repeats import settled
 from paxisim.diagnose.report.unrelated import CLOCKS, unrelated
 from paxisim.diagnose.rules import Rules
-from paxisim.diagnose.search import PREDICTS, Search
+from paxisim.diagnose.search import PREDICTION_END, Search
 from paxisim.diagnose.vocabulary import cause, known_causes
 from paxisim.recording import Recording
 from paxisim.scene.modes import hidden_by_replay
 
-CLEAR = 2.0  # statistic of residual structure, relative to its limit, above which the structure is clear
+CLEAR_STRUCTURE = 2.0  # statistic of residual structure, relative to its limit, above which the structure is clear
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,7 +161,7 @@ def explained(off: ReadOff, search: Search, seed: int, jobs: int, tell: Callable
     """
     found = explanation_of(off, search, search.run(), jobs)
     squares = squares_of(found, jobs)
-    tell("looking for structure in the residual", PREDICTS)
+    tell("looking for structure in the residual", PREDICTION_END)
     structure = left_over(off.problem, found.prediction)
     if _explains_too_little(squares, structure, search.rules, seed):
         found = explanation_of(off, search, (), jobs)
@@ -212,5 +212,5 @@ def _needs_contact(raw: Problem, item: Cause) -> str:
 def _explains_too_little(squares: SquaredErrors, structure: Sequence[LeftOver], rules: Rules, seed: int) -> bool:
     """Whether clear structure remains while the causes explain little; they are then not the real causes."""
     share = explained_share(squares, squares.after, seed)
-    clear = any(item.statistic > CLEAR * item.limit for item in structure)
+    clear = any(item.statistic > CLEAR_STRUCTURE * item.limit for item in structure)
     return clear and share is not None and share.value < rules.explains

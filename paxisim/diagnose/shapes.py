@@ -16,8 +16,8 @@ from scipy.signal import lfilter
 from paxisim.diagnose.noise import differences, rate
 from paxisim.diagnose.problem import FloatArray, Problem
 
-GROUPS = 16  # most groups of episodes that are held out together
-LONG = 2000  # most frames per episode; longer episodes are thinned
+MAX_GROUPS = 16  # most groups of episodes that are held out together
+MAX_FRAMES = 2000  # most frames per episode; longer episodes are thinned
 RIDGE = 1e-3  # relative to the energy of a shape
 
 _MOVING = 0.0015  # s, tolerated error of a time stamp
@@ -71,7 +71,7 @@ def shapes_of(problem: Problem, prediction: FloatArray) -> Shapes:
     samples = 0
     for number, span in enumerate(problem.episodes):
         x = prediction[span]
-        thin = slice(None, None, -(-len(x) // LONG))
+        thin = slice(None, None, -(-len(x) // MAX_FRAMES))
         weight = (
             problem.alive / np.sqrt(noise**2 + (_MOVING * rate(problem.simulated[span], problem.time[span])) ** 2)
         )[thin]
@@ -91,10 +91,10 @@ def shapes_of(problem: Problem, prediction: FloatArray) -> Shapes:
         rows = np.ascontiguousarray(np.moveaxis(rows.reshape(len(rows), len(rest), -1), 2, 0))
         gram = _without_constant(np.matmul(rows, np.swapaxes(rows, 1, 2)))
         samples += rest.shape[0] * int(problem.alive.sum())
-        if len(grams) < GROUPS:
+        if len(grams) < MAX_GROUPS:
             grams.append(gram)
         else:
-            grams[number % GROUPS] += gram
+            grams[number % MAX_GROUPS] += gram
         seen = np.maximum(seen, np.abs(x[:, :, 2]).max(axis=0))
     return _freed(problem, tuple(names), np.array(grams), samples)
 

@@ -15,10 +15,10 @@ from paxisim.diagnose.cause import Cause, courses_of
 from paxisim.diagnose.model import ZERO_ORDER, Fitted, Model
 from paxisim.diagnose.problem import FloatArray
 
-PROBE = 0.05  # finite-difference step, relative to a parameter's scale
-STEPS = 15  # most Gauss-Newton steps
-DELIVERED = 0.5  # actual decrease, relative to the predicted one, below which the Jacobian is recomputed
-DAMPINGS = 5  # most damping values tried for a step
+DIFFERENCE_STEP = 0.05  # finite-difference step, relative to a parameter's scale
+MAX_STEPS = 15  # most Gauss-Newton steps
+MIN_ACTUAL_DECREASE = 0.5  # actual decrease, relative to the predicted one, below which the Jacobian is recomputed
+MAX_DAMPINGS = 5  # most damping values tried for a step
 CONVERGED = 1e-4  # relative decrease of the energy below which the descent stops
 REFITS = 4  # most evaluations for a fold
 UNSETTLED = 0.02  # predicted decrease per channel, in units of the noise, below which a fold's fit stops
@@ -79,7 +79,7 @@ class Squares:
         """
         best, off = self._used(self.residual(values, zero)), self._away(values)
         energy, damping = float(best @ best + off @ off), 1e-3
-        for _ in range(STEPS if self.free else 0):
+        for _ in range(MAX_STEPS if self.free else 0):
             fresh = self._kept is None
             if self._kept is None:
                 self._kept = self._used_rows(self._slopes(values))
@@ -87,7 +87,7 @@ class Squares:
             normal = slopes @ slopes.T + np.diag(self.prior)
             right = slopes @ best + self._held * self._scale * off
             promise = 0.0
-            for _ in range(DAMPINGS if fresh else 1):
+            for _ in range(MAX_DAMPINGS if fresh else 1):
                 ridge = damping * np.diag(np.diag(normal) + 1e-6 * np.trace(normal) + 1e-9)
                 step = self._step(normal + ridge, right, values)
                 promise = -float(2 * right @ step + step @ normal @ step)
@@ -110,7 +110,7 @@ class Squares:
             gained = before - energy
             if fresh and gained < CONVERGED * before:
                 break
-            if gained < DELIVERED * promise:
+            if gained < MIN_ACTUAL_DECREASE * promise:
                 self._kept = None
         return values
 
@@ -224,7 +224,7 @@ class Squares:
             return self.rows.weigh(change * steep)
 
         for row, (name, index, about) in enumerate(self.free):
-            step = PROBE * about.scale
+            step = DIFFERENCE_STEP * about.scale
             step = -step if values[name][index] + step > about.high else step
             moved = values[name].copy()
             moved[index] += step

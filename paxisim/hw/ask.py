@@ -7,7 +7,7 @@ from paxisim.hw.families import FAMILIES, board_class
 from paxisim.hw.recognise import describe
 from paxisim.hw.transport import Transport
 
-WAIT = 0.15
+VERSION_SECONDS = 0.15
 """Time (s) that a board may take to report its version; 10 ms was observed."""
 
 
@@ -22,7 +22,7 @@ def who_answers(transport: Transport, clock: Clock, family: str) -> str:
         transport.discard_input()
         transport.write(request)
         heard = b""
-        end = clock.monotonic() + WAIT
+        end = clock.monotonic() + VERSION_SECONDS
         while clock.monotonic() < end:
             heard += transport.read(end - clock.monotonic())
         said = describe(heard)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Literal
 from paxisim.errors import DeviceError, DeviceTimeoutError, InvalidValueError
 from paxisim.hw.clock import Clock, SystemClock
 from paxisim.hw.end_signals import end_signals
-from paxisim.hw.extra_streams import EPISODE, ExtraStream, Sample
+from paxisim.hw.extra_streams import EPISODE_WORD, ExtraStream, Sample
 from paxisim.hw.frame import Frame
 from paxisim.logs.schemas import RESULTANT
 
@@ -22,11 +22,11 @@ if TYPE_CHECKING:
     from paxisim.hw.device import TactileSensor
     from paxisim.logs.mcap_writer import LogWriter
 
-WAIT = 0.1  # seconds to wait for a frame before the rest of the loop runs
-FLUSH = 0.5  # seconds; even if an iteration runs late, a crash costs less than one second
-STATUS = 0.5  # seconds between status calls
-GAP = 0.5  # seconds without a frame that count as a gap; boards run below 10 Hz only when something is wrong
-INBOX = 8192  # samples of all extra streams that may wait to be written
+FRAME_WAIT = 0.1  # seconds to wait for a frame before the rest of the loop runs
+FLUSH_SECONDS = 0.5  # seconds; even if an iteration runs late, a crash costs less than one second
+STATUS_SECONDS = 0.5  # seconds between status calls
+GAP_SECONDS = 0.5  # seconds without a frame that count as a gap; boards run below 10 Hz only when something is wrong
+INBOX_SIZE = 8192  # samples of all extra streams that may wait to be written
 
 End = Literal["", "seconds", "stopped", "sensor", "disk", "file"]
 """Why a recording ended: not yet ended, requested duration reached, stopped by a signal, sensor lost, file cannot be
@@ -151,7 +151,7 @@ def capture(
         **({} if sensor.calibration is None else {"calibrated_from": sensor.profile.unit}),
         "ports": sensor.ports,
     }
-    writer = LogWriter(path, metadata, flush_interval=FLUSH, overwrite=overwrite)
+    writer = LogWriter(path, metadata, flush_interval=FLUSH_SECONDS, overwrite=overwrite)
     recorder = _Recorder(sensor, writer, Path(path), tuple(extra), clock)
     stop = threading.Event()
     try:
@@ -169,7 +169,7 @@ class _Recorder:
         self, sensor: TactileSensor, writer: LogWriter, path: Path, extra: tuple[ExtraStream, ...], clock: Clock
     ) -> None:
         self.sensor, self.writer, self.path, self.extra, self.clock = sensor, writer, path, extra, clock
-        self.inbox: queue.Queue[Sample] = queue.Queue(INBOX)
+        self.inbox: queue.Queue[Sample] = queue.Queue(INBOX_SIZE)
         self.samples = dict.fromkeys(extra, 0)
         self.numbers: dict[ExtraStream, int | None] = dict.fromkeys(extra)
         self.intervals: Counter[int] = Counter()  # microseconds; distinct values stay few however many frames arrive
@@ -225,7 +225,7 @@ class _Recorder:
             if self.end is None and (stop.is_set() or now >= deadline):
                 self.end = min(now, deadline)  # what arrived until then is still written
             try:
-                frame = self.sensor.read(0.0 if self.end is not None else min(WAIT, deadline - now))
+                frame = self.sensor.read(0.0 if self.end is not None else min(FRAME_WAIT, deadline - now))
             except DeviceTimeoutError:
                 frame = None
             except DeviceError as error:
@@ -240,21 +240,21 @@ class _Recorder:
                     self._write_frame(frame)
                 self._write_samples()
                 now = self.clock.monotonic()
-                if now - flushed >= FLUSH:
+                if now - flushed >= FLUSH_SECONDS:
                     self.writer.flush()
                     flushed = now
                     if not self.writer.is_in_place:
                         return "file", None
             except OSError as error:
                 return "disk", error
-            if on_status and now - said >= STATUS:
+            if on_status and now - said >= STATUS_SECONDS:
                 on_status(self._summary(rate=(self.frames - said_frames) / (now - said)))
                 said, said_frames = now, self.frames
 
     def _write_frame(self, frame: Frame) -> None:
         time = self._utc(frame.time)
         if self.last is None:
-            self.writer.write_at(EPISODE, time, self.episode)
+            self.writer.write_at(EPISODE_WORD, time, self.episode)
         else:
             self.dropped += max(0, frame.sequence - self.last.sequence - 1)
             self.intervals[round((frame.time - self.last.time) * 1e6)] += 1
@@ -274,7 +274,7 @@ class _Recorder:
     def _hear(self, time: float) -> None:
         """End an interval without frames. Frames that only arrived late, as after a stall, leave no gap."""
         gap = time - self.heard
-        self.gaps += gap > GAP
+        self.gaps += gap > GAP_SECONDS
         self.longest_gap = max(self.longest_gap, gap)
         self.heard = time
 
@@ -283,11 +283,11 @@ class _Recorder:
         for _ in range(self.inbox.qsize()):
             sample = self.inbox.get_nowait()
             time = self._utc(sample.arrival) if sample.time is None else round(sample.time * 1e9)
-            if sample.stream == EPISODE:
+            if sample.stream == EPISODE_WORD:
                 if not self.frames:
                     continue  # the first episode has not begun
                 self.episode += 1
-                self.writer.write_at(EPISODE, time, self.episode)
+                self.writer.write_at(EPISODE_WORD, time, self.episode)
             elif self._is_welcome(sample):
                 self.writer.write_at(sample.stream, time, sample.value)
             else:
@@ -300,7 +300,7 @@ class _Recorder:
         """Correct the counts for a full disk: the file holds nothing after the last complete chunk."""
         held = self.writer.held
         self.frames = held.get("measured", 0)
-        self.episode = max(0, held.get(EPISODE, 0) - 1)
+        self.episode = max(0, held.get(EPISODE_WORD, 0) - 1)
         for source in self.samples:
             own = [held.get(stream, 0) for stream, (owner, _) in self.owners.items() if owner is source]
             self.samples[source] = min(self.samples[source], max(own, default=self.episode))

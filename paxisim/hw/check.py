@@ -19,9 +19,9 @@ from paxisim.hw.profile import Profile, Slot
 from paxisim.hw.taxel_order import fit_order
 from paxisim.layout import TaxelLayout
 
-LEAST_PRESS = 0.5
+MIN_PRESS = 0.5
 """Minimum total normal force (N) of a press."""
-LEAST_DRAG = 0.3
+MIN_DRAG = 0.3
 """Minimum total shear (N) of a drag."""
 
 _LEAST_FRAMES = 3
@@ -163,8 +163,8 @@ def rest_of(profile: Profile, force: ArrayLike) -> Rest:
     noise = total.std(axis=0)
     press = _ABOVE_NOISE * noise[:, 2]
     if profile.unit == "N":
-        press, drag = np.maximum(press, LEAST_PRESS), np.full(len(profile.slots), LEAST_DRAG)
-        wander = noise[:, 2] / (LEAST_PRESS / 2)
+        press, drag = np.maximum(press, MIN_PRESS), np.full(len(profile.slots), MIN_DRAG)
+        wander = noise[:, 2] / (MIN_PRESS / 2)
     else:
         quick = np.sqrt(np.mean(np.diff(total[:, :, 2], axis=0) ** 2, axis=0) / 2)
         drag = np.maximum(_ABOVE_NOISE * noise[:, :2].max(axis=1), _ABOVE_NOISE * profile.resolution)

@@ -22,7 +22,7 @@ from paxisim.hw.families import emulated_class, emulated_port
 from paxisim.hw.faults import MERGE_WAIT, Faults, FaultyLine
 from paxisim.hw.profile import Profile, as_profile
 
-REMEMBERED = 100_000
+MAX_SENT = 100_000
 """Number of messages kept in `Emulator.sent`; older ones are discarded."""
 
 HOST_BUFFER = 65536
@@ -65,7 +65,7 @@ class Emulator:
         profile: Profile whose protocol is spoken.
         messages: Number of messages sent so far.
         overruns: Number of bytes lost because the host did not fetch them.
-        sent: The last `REMEMBERED` messages sent; None unless `record_sent` is set.
+        sent: The last `MAX_SENT` messages sent; None unless `record_sent` is set.
     """
 
     def __init__(
@@ -119,7 +119,7 @@ class Emulator:
         self._faulty = FaultyLine(self._faults, seed)
         self._link = None if link is None else Path(link)
         self.messages = self.overruns = 0
-        self.sent: deque[Sent] | None = deque(maxlen=REMEMBERED) if record_sent else None
+        self.sent: deque[Sent] | None = deque(maxlen=MAX_SENT) if record_sent else None
         self._terminal: Port | None = None
         self._last: Port | None = None
         self._board = self._power_on()

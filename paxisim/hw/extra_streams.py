@@ -24,11 +24,11 @@ from numpy.typing import NDArray
 from paxisim.errors import InvalidValueError, PortAccessError
 from paxisim.hw.clock import Clock
 
-PAUSE = 0.1  # seconds after which a waiting thread checks whether to end
-LONGEST_LINE = 1 << 16  # bytes; a longer line is rejected
+POLL_SECONDS = 0.1  # seconds after which a waiting thread checks whether to end
+MAX_LINE_BYTES = 1 << 16  # bytes; a longer line is rejected
 DAY = 86400.0
-EPISODE = "episode"
-ENTER = "Enter"
+EPISODE_WORD = "episode"
+ENTER_KEY = "Enter"
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,7 +155,7 @@ class CsvLines(ExtraStream):
             text = raw.decode("utf-8-sig" if number == 1 else "utf-8", "replace").strip()
             if not text:
                 continue
-            if len(raw) > LONGEST_LINE or not raw.endswith(b"\n"):
+            if len(raw) > MAX_LINE_BYTES or not raw.endswith(b"\n"):
                 self.complain(f"line {number} has no end: {_short(text)}")
                 continue
             cells = [cell.strip().strip('"') for cell in text.split(",")]
@@ -201,7 +201,7 @@ class UdpJson(ExtraStream):
         except OSError as error:
             self._socket.close()
             raise PortAccessError(f"cannot listen to UDP port {port} on this machine: {error.strerror}") from error
-        self._socket.settimeout(PAUSE)
+        self._socket.settimeout(POLL_SECONDS)
         self.port: int = self._socket.getsockname()[1]
         super().__init__(f"UDP {self.port}")
 
@@ -279,12 +279,12 @@ class EnterKey(ExtraStream):
 
     def __init__(self, descriptor: int = 0) -> None:
         """Store the descriptor; closing it is up to the caller."""
-        super().__init__(ENTER)
+        super().__init__(ENTER_KEY)
         self._descriptor = descriptor
 
     def _run(self) -> None:
         for _ in _lines(self._descriptor, self._stop):
-            self._put(Sample(self, EPISODE, np.zeros(()), self._clock.monotonic()))
+            self._put(Sample(self, EPISODE_WORD, np.zeros(()), self._clock.monotonic()))
 
 
 def load_function(text: str) -> PolledFunction:
@@ -328,20 +328,20 @@ def _lines(descriptor: int, stop: threading.Event) -> Iterator[bytes]:
             if not skipping:
                 yield line + b"\n"
             skipping = False
-        if len(rest) > LONGEST_LINE:
+        if len(rest) > MAX_LINE_BYTES:
             if not skipping:
-                yield rest[: LONGEST_LINE + 1]
+                yield rest[: MAX_LINE_BYTES + 1]
             rest, skipping = b"", True
 
 
 def _readable(descriptor: int) -> bool:
-    """Return True if a read returns at once or this cannot be checked; waits up to `PAUSE`."""
+    """Return True if a read returns at once or this cannot be checked; waits up to `POLL_SECONDS`."""
     if sys.platform == "win32":
         return True
-    if not select.select([descriptor], [], [], PAUSE)[0]:
+    if not select.select([descriptor], [], [], POLL_SECONDS)[0]:
         return False
     if _in_background(descriptor):  # of a shell: reading the terminal would stop the whole process
-        threading.Event().wait(PAUSE)
+        threading.Event().wait(POLL_SECONDS)
         return False
     return True
 

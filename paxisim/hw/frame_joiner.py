@@ -10,12 +10,12 @@ from paxisim.hw.frame import Frame
 
 MAX_AGE = 0.25
 """Maximum time difference (s) between a port's frame and the pacing frame; beyond it, the port's pads are marked
-`STALE`. The slowest known board sends every 90 ms."""
+`STALE_STATUS`. The slowest known board sends every 90 ms."""
 
-STALE = 0xFE
+STALE_STATUS = 0xFE
 """Status of a pad whose frame is more than `MAX_AGE` away from the pacing frame; no known board reports this code."""
 
-KEPT = 256
+MAX_KEPT_FRAMES = 256
 """Frames kept per port; enough if the pacing port is a hundred times slower than the others."""
 
 
@@ -26,8 +26,8 @@ class FrameJoiner:
     contributes the frame nearest in time, unchanged; forces are never interpolated. A frame of the first port waits
     until every other port has sent a frame measured at that time or later, but at most until the next frame of the
     first port arrives. Then the nearest frame of each port is used, however old. A frame further than `MAX_AGE` from
-    the pacing frame marks its pads as `STALE`. Frames that arrive at the same moment, because the system had suspended
-    this program, wait together.
+    the pacing frame marks its pads as `STALE_STATUS`. Frames that arrive at the same moment, because the system had
+    suspended this program, wait together.
 
     Nothing is joined until every port has sent a frame. `Frame.arrival` of a joined frame is the latest arrival of its
     parts, `Frame.sequence` counts joined frames, and `Frame.resultant` is None if any port reports none.
@@ -40,7 +40,7 @@ class FrameJoiner:
             ports: Number of ports.
         """
         self._waiting: deque[Frame] = deque()
-        self._others: list[deque[Frame]] = [deque(maxlen=KEPT) for _ in range(ports - 1)]
+        self._others: list[deque[Frame]] = [deque(maxlen=MAX_KEPT_FRAMES) for _ in range(ports - 1)]
         self._sequence = 0
 
     def push(self, port: int, frame: Frame) -> list[Frame]:
@@ -68,7 +68,9 @@ class FrameJoiner:
         if not all(self._others):
             return []
         parts = [first, *(_nearest(frames, first.time) for frames in self._others)]
-        status = [code if abs(part.time - first.time) <= MAX_AGE else STALE for part in parts for code in part.status]
+        status = [
+            code if abs(part.time - first.time) <= MAX_AGE else STALE_STATUS for part in parts for code in part.status
+        ]
         resultants = [part.resultant for part in parts if part.resultant is not None]
         joined = Frame(
             np.concatenate([part.force for part in parts]),

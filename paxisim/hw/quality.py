@@ -12,7 +12,7 @@ from paxisim.errors import InvalidValueError
 from paxisim.hw.frame import Frame
 from paxisim.layout import TaxelLayout
 
-LEAST_FRAMES = 20
+MIN_FRAMES = 20
 """Minimum number of frames for `measure_quality`."""
 
 _BLOCKS = 20
@@ -153,10 +153,10 @@ def measure_quality(
         nominal_rate: Frame rate stated by the profile (Hz).
 
     Raises:
-        InvalidValueError: There are fewer than `LEAST_FRAMES` frames, they have another shape, or are out of order.
+        InvalidValueError: There are fewer than `MIN_FRAMES` frames, they have another shape, or are out of order.
     """
-    if len(frames) < LEAST_FRAMES:
-        raise InvalidValueError(f"expected at least {LEAST_FRAMES} frames to judge, got {len(frames)}: record longer")
+    if len(frames) < MIN_FRAMES:
+        raise InvalidValueError(f"expected at least {MIN_FRAMES} frames to judge, got {len(frames)}: record longer")
     force = np.stack([frame.force for frame in frames])
     layout.check(force, len(pads))
     time = np.array([frame.time for frame in frames], dtype=np.float64)

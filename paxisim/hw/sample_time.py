@@ -7,10 +7,10 @@ from collections import deque
 
 import numpy as np
 
-LEARN = 128
+LEARNING_FRAMES = 128
 """Number of steady frames before an estimate differs from the arrival."""
 
-MEMORY = 256
+MEMORY_FRAMES = 256
 """Number of frames after which an old one has weight 1/e in the fit: 3 s at 83 Hz."""
 
 BUCKETS, BUCKET = 8, 16
@@ -29,7 +29,7 @@ queue was full."""
 NEGLIGIBLE = 0.05
 """Fraction of a period: a scatter about the line below this counts as steady."""
 
-SLIPS = 0.2
+MAX_SLIPS = 0.2
 """Fraction of recent frames that may miss their place on the line before the line is discarded."""
 
 
@@ -45,8 +45,8 @@ class SampleClock:
     waited for the host, so their arrivals carry no information on the line, but they were measured at least a period
     apart: no estimate is later than that allows, and no loss is assumed where they fill the time since the last frame.
 
-    Where the arrivals follow no steady clock, the arrival itself is the estimate: for the first `LEARN` frames, after a
-    change of rate, and for a board that sends on request, where the load sets the intervals.
+    Where the arrivals follow no steady clock, the arrival itself is the estimate: for the first `LEARNING_FRAMES`
+    frames, after a change of rate, and for a board that sends on request, where the load sets the intervals.
 
     Estimates never run backwards and are never after the arrival.
     """
@@ -93,7 +93,7 @@ class SampleClock:
         time = self._follow(latest, max(queue, self._queue)) if self._earliest else latest
         if not self._earliest:
             self._learning.append(latest)
-            if len(self._learning) == LEARN:
+            if len(self._learning) == LEARNING_FRAMES:
                 self._learn()
         self._last = max(self._last, min(time, latest))
         return self._last
@@ -147,9 +147,9 @@ class SampleClock:
             self._hold(number, arrival)
             if not self._slipped:
                 self._intervals.add(arrival - self._arrival)
-        self._slips += ((slip != 0) - self._slips) * 2 / LEARN
+        self._slips += ((slip != 0) - self._slips) * 2 / LEARNING_FRAMES
         self._number, self._arrival, self._slipped = number, arrival, slip != 0
-        if slip > LEARN or not self._is_steady():
+        if slip > LEARNING_FRAMES or not self._is_steady():
             self.reset()
             return arrival
         return self._expected(number)
@@ -159,7 +159,7 @@ class SampleClock:
         self._number += 1 + (max(math.floor(late), 0) if queue < QUEUE else 0)
         self._arrival, self._slipped = arrival, True
         self._unfitted += 1
-        if self._unfitted > MEMORY:
+        if self._unfitted > MEMORY_FRAMES:
             self.reset()
             return arrival
         return self._expected(self._number)
@@ -182,7 +182,7 @@ class SampleClock:
     def _is_steady(self) -> bool:
         slope = self._line.slope
         allowed = max(UNSTEADY * self._intervals.variance, (NEGLIGIBLE * slope) ** 2)
-        return slope > 0 and self._slips <= SLIPS and self._line.variance <= allowed
+        return slope > 0 and self._slips <= MAX_SLIPS and self._line.variance <= allowed
 
 
 class _Spread:
@@ -192,10 +192,10 @@ class _Spread:
         self._weight = self._mean = self._moment = 0.0
 
     def add(self, value: float) -> None:
-        self._weight = 1 + self._weight * (1 - 1 / MEMORY)
+        self._weight = 1 + self._weight * (1 - 1 / MEMORY_FRAMES)
         off = value - self._mean
         self._mean += off / self._weight
-        self._moment = self._moment * (1 - 1 / MEMORY) + off * (value - self._mean)
+        self._moment = self._moment * (1 - 1 / MEMORY_FRAMES) + off * (value - self._mean)
 
     @property
     def variance(self) -> float:
@@ -209,7 +209,7 @@ class _Line:
         self._weight = self._x = self._y = self._xx = self._xy = self._yy = 0.0
 
     def add(self, x: float, y: float) -> None:
-        keep = 1 - 1 / MEMORY
+        keep = 1 - 1 / MEMORY_FRAMES
         self._weight = 1 + self._weight * keep
         dx, dy = x - self._x, y - self._y
         self._x += dx / self._weight

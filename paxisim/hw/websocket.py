@@ -12,13 +12,13 @@ if TYPE_CHECKING:
 
 OPEN_TIMEOUT = 5.0
 """Maximum time (s) for the server to accept the connection."""
-LONGEST = 2**18
+MAX_MESSAGE_BYTES = 2**18
 """Maximum size of a message in bytes; a longer one ends the connection."""
-WAITING = 256
+MAX_WAITING = 256
 """Maximum number of messages buffered for a slow program; others wait in the system, then in the server."""
-EMPTYING = 8
-"""Maximum number of reads, of up to `WAITING` messages each, to drain a backlog; a server that never pauses thus does
-not block."""
+MAX_DRAIN_READS = 8
+"""Maximum number of reads, of up to `MAX_WAITING` messages each, to drain a backlog; a server that never pauses thus
+does not block."""
 
 
 class WebSocketTransport:
@@ -39,7 +39,7 @@ class WebSocketTransport:
 
         texts: list[bytes] = []
         try:
-            while len(texts) < WAITING:
+            while len(texts) < MAX_WAITING:
                 text = self._connection.recv(timeout=0.0 if texts else max(timeout, 0.0), decode=False)
                 texts.append(text.replace(b"\r", b" ").replace(b"\n", b" ") + b"\n")
         except TimeoutError:
@@ -60,7 +60,7 @@ class WebSocketTransport:
 
     def discard_input(self) -> None:
         """See `Transport.discard_input`."""
-        for _ in range(EMPTYING):
+        for _ in range(MAX_DRAIN_READS):
             if not self.read(0.0):
                 return
 
@@ -98,7 +98,7 @@ def open_websocket(port: str, baud: int) -> WebSocketTransport:
     stack = ExitStack()
     try:
         # the server is on this machine or in the robot's network, which no proxy reaches
-        options = {"proxy": None, "open_timeout": OPEN_TIMEOUT, "max_size": LONGEST, "max_queue": WAITING}
+        options = {"proxy": None, "open_timeout": OPEN_TIMEOUT, "max_size": MAX_MESSAGE_BYTES, "max_queue": MAX_WAITING}
         connection = stack.enter_context(connect(port, **options))
     except InvalidURI as error:
         raise InvalidValueError(

@@ -33,7 +33,7 @@ from paxisim.logs.columns import from_columns
 from paxisim.logs.recording_arrays import CountsToForce, RecordingArrays
 from paxisim.logs.text import parse_json
 
-RESOLUTION = 0.1  # newtons per count
+DEFAULT_RESOLUTION = 0.1  # newtons per count
 _COUNTS = np.iinfo(np.int16)
 _GREATEST = float(np.finfo(np.float32).max)
 _DAY = 86400.0
@@ -234,7 +234,7 @@ class _Board:
         totals: list[_Column] = [(pad, None, axis) for pad in pads for axis in range(3)]
         resultant = None
         if all(column in self.columns for column in totals):
-            resultant = self._numbers(totals).reshape(-1, len(pads), 3) * RESOLUTION
+            resultant = self._numbers(totals).reshape(-1, len(pads), 3) * DEFAULT_RESOLUTION
         if profile is not None:
             if layout is not None:
                 raise InvalidValueError("give layout or profile, not both: a profile defines the layout")
@@ -243,7 +243,9 @@ class _Board:
             layout = layout or TaxelLayout(1, taxels, (1e-3, 1e-3))
             if layout.taxels != taxels:
                 raise InvalidValueError(f"the pads of {self.path} have {taxels} taxels, layout has {layout.taxels}")
-            force = layout.from_flat((values * RESOLUTION).astype(np.float32).reshape(len(values), len(pads), -1))
+            force = layout.from_flat(
+                (values * DEFAULT_RESOLUTION).astype(np.float32).reshape(len(values), len(pads), -1)
+            )
         return RecordingArrays(
             time=time - time[0],
             measured=force,

@@ -31,7 +31,7 @@ from paxisim.logs.recording_arrays import Method, RecordingArrays
 from paxisim.logs.resample import resample_log
 from paxisim.logs.stream import Log, Stream
 
-SENSOR, STATES = ".sensor.csv", ".states.csv"
+SENSOR_SUFFIX, STATES_SUFFIX = ".sensor.csv", ".states.csv"
 NEWTONS = 9.80665e-3  # newtons per gram-force
 MAX_GAP = 2.0  # s
 _NO_READING = -1.0
@@ -51,7 +51,7 @@ def read_eflesh(
         InvalidValueError: A file does not have this format; the message names the file and, where possible, the line.
         FileNotFoundError: One of the files is missing.
     """
-    states = path.with_name(path.name.removesuffix(SENSOR) + STATES)
+    states = path.with_name(path.name.removesuffix(SENSOR_SUFFIX) + STATES_SUFFIX)
     if not states.exists():
         raise FileNotFoundError(f"{path.name} needs the robot and load cell readings beside it: there is no {states}")
     field, robot = _table(path), _table(states)

@@ -29,7 +29,7 @@ from paxisim.logs.schemas import COVARIATE, RESULTANT
 PREFIXES = {"measured": "observation.tactile", "simulated": "observation.simulated"}
 STATE = "observation.state"
 ACTION = "action"
-MOST_AXES = 5
+MAX_AXES = 5
 """Maximum number of axes of a frame in LeRobot."""
 _OWN_NAMES = ("observation.", "next.")  # prefixes of LeRobot's own features, whose names stay as they are
 
@@ -134,8 +134,8 @@ def _vector(recording: RecordingArrays, feature: str, parts: Sequence[str]) -> F
 
 def _alone(recording: RecordingArrays, name: str) -> Feature:
     values = recording.covariates[name]
-    if values.ndim - 1 > MOST_AXES:
-        raise InvalidValueError(f"{name!r} has samples of {values.ndim - 1} axes, LeRobot allows at most {MOST_AXES}")
+    if values.ndim - 1 > MAX_AXES:
+        raise InvalidValueError(f"{name!r} has samples of {values.ndim - 1} axes, LeRobot allows at most {MAX_AXES}")
     feature = _allowed(name if _is_own(name) else f"observation.{name}")
     names = None
     if values.ndim <= 2:

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
 from paxisim.logs.columns import streams_from_columns
-from paxisim.logs.lerobot_features import MOST_AXES, PREFIXES
+from paxisim.logs.lerobot_features import MAX_AXES, PREFIXES
 from paxisim.logs.lerobot_meta import INDICES, Meta, read_meta
 from paxisim.logs.parquet import column_values, component_names, is_numeric, read_table, require_pyarrow
 from paxisim.logs.recording_arrays import RecordingArrays
@@ -136,7 +136,7 @@ def _columns(meta: Meta) -> dict[str, NDArray[Any]]:
 
 
 def _read(meta: Meta, file: Path, names: Sequence[str]) -> dict[str, NDArray[Any]]:
-    table = read_table(file, lambda field: field.name in names and is_numeric(field.type, MOST_AXES))
+    table = read_table(file, lambda field: field.name in names and is_numeric(field.type, MAX_AXES))
     found = {}
     for name in names:
         if name not in table.column_names:

@@ -12,7 +12,7 @@ from pathlib import Path
 from paxisim.errors import InvalidValueError
 
 VARIABLE = "PAXISIM_MAX_UNPACKED"
-AT_LEAST = 4 << 20  # bytes; a small file may contain almost only zeros
+MIN_LIMIT = 4 << 20  # bytes; a small file may contain almost only zeros
 
 
 def most_unpacked(path: Path, ratio: int) -> int:
@@ -24,7 +24,7 @@ def most_unpacked(path: Path, ratio: int) -> int:
     """
     given = os.environ.get(VARIABLE)
     if given is None:
-        return AT_LEAST + ratio * path.stat().st_size
+        return MIN_LIMIT + ratio * path.stat().st_size
     if not given.isascii() or not given.isdigit() or len(given) > 18:
         raise InvalidValueError(f"{VARIABLE} must be a number of bytes, got {given[:40]!r}")
     return int(given)

@@ -5,10 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-LEAST_SECONDS = 1.0
-LEAST_FRAMES = 20
-SELDOM = 0.1  # a stream that repeats in at least this share of the busy frames elsewhere is one that often stands still
-MOVES = 0.3  # the other stream's standard deviation during the stop must exceed this fraction of its usual one
+MIN_STOP_SECONDS = 1.0
+MIN_STOP_FRAMES = 20
+OFTEN_STILL_SHARE = (
+    0.1  # a stream that repeats in at least this share of the busy frames elsewhere is one that often stands still
+)
+MOVING_FRACTION = (
+    0.3  # the other stream's standard deviation during the stop must exceed this fraction of its usual one
+)
 
 
 def stopped_in_words(
@@ -32,7 +36,7 @@ def stopped_in_words(
         values, others = streams[name], streams[other]
         still = np.all(values[1:] == values[:-1], axis=1)
         first, last = _longest(still)
-        if last - first < LEAST_FRAMES or time[last] - time[first] < LEAST_SECONDS:
+        if last - first < MIN_STOP_FRAMES or time[last] - time[first] < MIN_STOP_SECONDS:
             continue
         if name == "simulated" and not values[first].any():
             continue
@@ -41,7 +45,11 @@ def stopped_in_words(
         elsewhere[first:last] = False
         busy = elsewhere & (moves > np.median(moves)) & values[1:].any(axis=1)
         usual = _spread(others)
-        if busy.any() and still[busy].mean() < SELDOM and _spread(others[first : last + 1]) > MOVES * usual > 0:
+        if (
+            busy.any()
+            and still[busy].mean() < OFTEN_STILL_SHARE
+            and _spread(others[first : last + 1]) > MOVING_FRACTION * usual > 0
+        ):
             begin, end = time[first], time[last]
             words = f"{name} does not change from {begin:.2f} to {end:.2f} s, while {other} does"
             return words, float((last - first) / len(values))

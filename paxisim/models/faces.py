@@ -2,7 +2,7 @@
 
 MuJoCo collides every mesh as its convex hull, so the search also uses the hull. Each geom becomes a set of small
 triangles (`surface_of`). Seen from one direction, only the foremost triangle of each cell counts, as in a depth image,
-and the face is the plane with the largest connected area within `DEPTH` of it (`find_face`).
+and the face is the plane with the largest connected area within `FACE_DEPTH` of it (`find_face`).
 
 Conventions: lengths in m; points and normals in the frame of the link, which is a body together with the bodies
 welded to it; "height" is measured along the face's outward normal.
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.spatial import ConvexHull
 
-DEPTH = 1e-3
+FACE_DEPTH = 1e-3
 """Depth (m) within which a curved surface counts as one face: the thickness of the gel."""
 
 _STEP = 0.15e-3  # a parallel surface further back belongs to another face
@@ -60,8 +60,8 @@ class Face:
         center: Centre of the face on its plane, link frame.
         frame: ``(3, 3)`` columns x, y, z of the pad frame in the link frame; z points into the link.
         size: Extent along y and along x.
-        fill: Share of that rectangle that lies within `DEPTH` of the plane.
-        flatness: Largest distance of the face behind its plane, at most `DEPTH`.
+        fill: Share of that rectangle that lies within `FACE_DEPTH` of the plane.
+        flatness: Largest distance of the face behind its plane, at most `FACE_DEPTH`.
         geoms: Geoms that would shadow a pad on the face (`shadowing`): first the visible ones, by decreasing area,
             then those hidden closely behind.
     """
@@ -253,7 +253,7 @@ def _plane_axes(normal: NDArray[np.float64]) -> NDArray[np.float64]:
 def _region(surface: Surface, normal: NDArray[np.float64], weights: NDArray[np.float64]) -> _Region | None:
     """Return the foremost plane normal to `normal` with at least `_SHARE` of the largest plane's visible area.
 
-    A mostly flat plane ends where the surface bends; a curved one reaches `DEPTH` back.
+    A mostly flat plane ends where the surface bends; a curved one reaches `FACE_DEPTH` back.
     """
     cell = 1.5 * surface.edge
     points = surface.points
@@ -281,7 +281,7 @@ def _region(surface: Surface, normal: NDArray[np.float64], weights: NDArray[np.f
     most = 0.0
     for ceiling in np.unique(np.ceil(heights[top] / 5e-5))[::-1] * 5e-5:
         behind = ceiling - heights[top]
-        inside = top[(behind >= 0) & (behind < np.where(parallel, _STEP, DEPTH))]
+        inside = top[(behind >= 0) & (behind < np.where(parallel, _STEP, FACE_DEPTH))]
         if weights[inside].sum() <= most:
             continue
         members = largest_patch(inside)
@@ -303,7 +303,7 @@ def _fit(surface: Surface, normal: NDArray[np.float64], region: _Region, base: N
     # edges in the depth image are off by up to a cell: include neighbours on the same plane
     tops = surface.triangles @ normal
     facing = surface.normals @ normal
-    depth = np.where(facing > _COS_PARALLEL, _STEP, DEPTH)
+    depth = np.where(facing > _COS_PARALLEL, _STEP, FACE_DEPTH)
     straight = bool(np.all(facing[region.members] > _COS_PARALLEL))
     level = (facing > (_COS_PARALLEL if straight else _COS_TILT)) & (tops.min(axis=1) > region.height - depth)
     level &= tops.max(axis=1) < region.height + 1e-9
@@ -369,7 +369,7 @@ def shadowing(
     center: NDArray[np.float64],
     frame: NDArray[np.float64],
     size: tuple[float, float],
-    depth: float = DEPTH + 0.3e-3,
+    depth: float = FACE_DEPTH + 0.3e-3,
 ) -> tuple[int, ...]:
     """Return the geoms under the area of a pad that reach to within `depth` behind its plane, or beyond the plane.
 

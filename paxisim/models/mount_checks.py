@@ -19,19 +19,19 @@ from paxisim.models.mount import Mount
 from paxisim.models.pads import Pads
 from paxisim.models.surface import first_facing
 
-LARGEST_PITCH = 0.05
+MAX_PITCH = 0.05
 """Largest plausible pitch of a taxel; a larger pitch suggests a wrong unit."""
-FAR = 0.1
+MAX_MOUNT_DISTANCE = 0.1
 """Largest distance of a pad's centre from its finger."""
-DEEP = 0.01
+MAX_TAXEL_DISTANCE = 0.01
 """Largest distance of a taxel from the finger's surface behind it; beyond, it hangs in the air."""
-UNEVEN = 2e-3
+MAX_CURVE_DISTANCE = 2e-3
 """Largest distance of a curved pad from the surface that it lies on."""
-SHARE = 0.25
+MAX_OVERHANG_SHARE = 0.25
 """Largest share of taxels that may hang in the air or leave the surface, as at the rim of a round finger."""
-DEPTH = 0.1e-3
+MIN_OVERLAP = 0.1e-3
 """Smallest overlap of two pads that counts, since pads side by side touch."""
-LOOKED_AT = 200
+MAX_CHECKED_TAXELS = 200
 """Largest number of taxels to check per pad."""
 
 AWAY = "pads away from the body they are mounted on (a mount's pos is in m, in the frame of its body)"
@@ -52,7 +52,7 @@ def doubts(model: mujoco.MjModel, pads: Pads, mounts: tuple[Mount, ...]) -> list
     """
     height, width = (1e3 * length for length in pads.layout.pitch)
     found: dict[str, list[str]] = {}
-    if max(height, width) > 1e3 * LARGEST_PITCH:
+    if max(height, width) > 1e3 * MAX_PITCH:
         found[HUGE] = [f"{height:g} x {width:g} mm"]
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
@@ -110,19 +110,21 @@ def _on_finger(finger: NDArray[np.float64], layout: TaxelLayout) -> tuple[str, s
     offsets = middle - trimesh.triangles.closest_point(finger, np.tile(middle, (len(finger), 1)))
     distances = np.linalg.norm(offsets, axis=1)
     nearest = int(distances.argmin())
-    if distances[nearest] > FAR and offsets[nearest] @ mesh.face_normals[nearest] > 0:  # not inside the finger
+    if (
+        distances[nearest] > MAX_MOUNT_DISTANCE and offsets[nearest] @ mesh.face_normals[nearest] > 0
+    ):  # not inside the finger
         return AWAY, f"{1e3 * distances[nearest]:.0f} mm"
-    looked_at = layout.positions[np.unique(np.linspace(0, layout.taxels - 1, LOOKED_AT).astype(int))]
+    looked_at = layout.positions[np.unique(np.linspace(0, layout.taxels - 1, MAX_CHECKED_TAXELS).astype(int))]
     depth, triangle = first_facing(looked_at[:, :2], mesh)
     behind = depth - looked_at[:, 2]
-    hangs = (triangle < 0) | (behind > DEEP)
+    hangs = (triangle < 0) | (behind > MAX_TAXEL_DISTANCE)
     if hangs.all():  # the pad sits on something without geoms
         return "", ""
-    if hangs.mean() > SHARE:
+    if hangs.mean() > MAX_OVERHANG_SHARE:
         height, width = (1e3 * length for length in layout.size)
         return LARGE, f"{hangs.mean():.0%} of its {height:.3g} x {width:.3g} mm in the air"
     leaves = behind[~hangs].max() - behind[~hangs]  # the outermost taxel lies on the surface
-    if not layout.is_grid and (leaves > UNEVEN).mean() > SHARE:
+    if not layout.is_grid and (leaves > MAX_CURVE_DISTANCE).mean() > MAX_OVERHANG_SHARE:
         return CURVED, f"by up to {1e3 * leaves.max():.1f} mm"
     return "", ""
 
@@ -139,7 +141,7 @@ def _overlaps(model: mujoco.MjModel, data: mujoco.MjData, pads: Pads) -> dict[tu
             data.qpos[address[one]] = model.jnt_range[limited[one], end]
         mujoco.mj_kinematics(model, data)
         deep = {pair: min(depth, _overlap(model, data, pads, *pair)) for pair, depth in deep.items()}
-        deep = {pair: depth for pair, depth in deep.items() if depth > DEPTH}
+        deep = {pair: depth for pair, depth in deep.items() if depth > MIN_OVERLAP}
     return deep
 
 

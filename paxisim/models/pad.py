@@ -156,7 +156,7 @@ class Pad:
         kind = "box" if self.taxels == "boxes" else "sphere"
         halves = halves if kind == "box" else halves[:, 2:]
         if self.sensors == "touch_grid":
-            halves[:, :2] -= touch_grid.GAP / 2
+            halves[:, :2] -= touch_grid.CUBE_GAP / 2
         for index in range(layout.taxels):
             row, col = divmod(index, layout.cols)
             if not layout.is_grid:

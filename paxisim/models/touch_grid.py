@@ -3,7 +3,7 @@
 A comparison of the plugin with the contacts (MuJoCo 3.5, 3.9 and 4.0) shows:
 
 - The plugin sorts contact points into bins of equal angle. With contiguous cubes, the corner contacts lie on the edges
-  of the bins, and about half of the force falls into a neighbour's bin. With a `GAP` between the cubes and a site
+  of the bins, and about half of the force falls into a neighbour's bin. With a `CUBE_GAP` between the cubes and a site
   `STANDOFF` behind them, contacts lie well inside their own bin, and each taxel agrees. (A round object catches in the
   gaps.) A contact deep in the side of a cube, or far out of the plane, can still be in a wrong bin; each reading is
   checked for this.
@@ -26,7 +26,7 @@ from paxisim.models.mjcf import numbers
 from paxisim.models.pads import Pads, check_pads
 
 PLUGIN = "mujoco.sensor.touch_grid"
-GAP = 50e-6
+CUBE_GAP = 50e-6
 """Gap between the cubes of a pad with this sensor (m)."""
 STANDOFF = 0.5
 """Distance (m) of the sensor's site behind the surface. Equal angles are then equal lengths to 3 um, and a taxel
@@ -96,10 +96,11 @@ class TouchGridReadout:
             check_layout(layout)
             cube = 2 * model.geom_size[geoms, :2].max(axis=0)
             gap = np.array([layout.pitch[1], layout.pitch[0]]) - cube
-            if np.any(gap < 0.9 * GAP):
+            if np.any(gap < 0.9 * CUBE_GAP):
                 raise UnsupportedError(
                     f"pad {pad!r} has contiguous cubes, whose corner contacts lie on touch_grid's bin edges: build it "
-                    f"with Pad(sensors='touch_grid'), which leaves gaps of {GAP * 1e6:.0f} um, or use TactileReadout"
+                    f"with Pad(sensors='touch_grid'), which leaves gaps of {CUBE_GAP * 1e6:.0f} um, or "
+                    "use TactileReadout"
                 )
         self._sites = [self._id(mujoco.mjtObj.mjOBJ_SITE, pad) for pad in pads.names]
         self._weld_of_geom = model.body_weldid[model.geom_bodyid]

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 
-from paxisim.protocols.protocol import FASTEST, Segment
+from paxisim.protocols.protocol import PEAK_TO_MEAN_SPEED, Segment
 
-LONG = 60.0
+UNLOADED_SECONDS = 60.0
 """Time without load (s), as recommended in `paxisim.diagnose.advice.MOTIONS`."""
-HOLD = 30.0
+HOLD_SECONDS = 30.0
 """Duration of a held press (s), from the same table."""
-STEPS = 6
+STAIRCASE_LEVELS = 6
 """Number of levels of a staircase."""
 
 
@@ -41,7 +41,7 @@ class Path:
         """Move to `goal` (m) in `seconds`, or in the shortest time that the speed limit allows if that is longer."""
         farthest = max(abs(value - self._at[name]) for name, value in goal.items())
         self._at |= goal
-        self.rest(max(seconds, math.ceil(101 * FASTEST * farthest / self._speed) / 100))
+        self.rest(max(seconds, math.ceil(101 * PEAK_TO_MEAN_SPEED * farthest / self._speed) / 100))
 
     def press(self, seconds: float, level: float) -> None:
         """Move the pressing stream to `level` (m)."""
@@ -80,21 +80,21 @@ def taps(path: Path, level: float) -> None:
 
 def staircase(path: Path, low: float, high: float, *more: str) -> None:
     """Press in steps, then stop at two of them on the way out; `more` names further motions of the segment."""
-    levels = [low + step / STEPS * (high - low) for step in range(1, STEPS + 1)]
+    levels = [low + step / STAIRCASE_LEVELS * (high - low) for step in range(1, STAIRCASE_LEVELS + 1)]
     for level in (*levels, levels[3], levels[1]):
         path.press(0.5, level)
         path.rest(1.0)
     path.lift(0.5)
-    path.end("staircase", f"{STEPS} steps in and two out, 1 s at each", "staircase", *more)
+    path.end("staircase", f"{STAIRCASE_LEVELS} steps in and two out, 1 s at each", "staircase", *more)
 
 
 def hold(path: Path, level: float) -> None:
     """Hold a press for long, then rest for long."""
     path.press(0.5, level)
-    path.rest(HOLD)
+    path.rest(HOLD_SECONDS)
     path.lift(0.5)
-    path.rest(LONG)
-    path.end("hold", f"hold for {HOLD:g} s, then do not touch for {LONG:g} s", "holds")
+    path.rest(UNLOADED_SECONDS)
+    path.end("hold", f"hold for {HOLD_SECONDS:g} s, then do not touch for {UNLOADED_SECONDS:g} s", "holds")
 
 
 def waves(path: Path, level: float) -> None:
@@ -108,11 +108,11 @@ def waves(path: Path, level: float) -> None:
 
 def hold_both_ways(path: Path, middle: float, level: float) -> None:
     """Hold for long at `middle` (m) on the way in to `level` (m) and on the way out."""
-    for goal, seconds in ((middle, HOLD), (level, 1.0), (middle, HOLD)):
+    for goal, seconds in ((middle, HOLD_SECONDS), (level, 1.0), (middle, HOLD_SECONDS)):
         path.press(2.0, goal)
         path.rest(seconds)
     path.lift(1.0)
-    path.end("holds", f"hold half the depth for {HOLD:g} s on the way in and on the way out", "triangles")
+    path.end("holds", f"hold half the depth for {HOLD_SECONDS:g} s on the way in and on the way out", "triangles")
 
 
 def light(path: Path, touch: float, level: float) -> None:

@@ -20,7 +20,7 @@ from paxisim.recording import Recording
 if TYPE_CHECKING:
     from paxisim.scene.scene import Scene
 
-FASTEST = 1.875
+PEAK_TO_MEAN_SPEED = 1.875
 """Peak speed of a minimum-jerk move from rest to rest, divided by its mean speed."""
 
 
@@ -118,7 +118,7 @@ class Protocol:
         if not seconds > 0:
             raise InvalidValueError(f"times of waypoints must increase, got {after[0]:g} s after {before[0]:g} s")
         for stream, start, end in zip(self.streams, before[1:], after[1:], strict=True):
-            speed = FASTEST * abs(end - start) / seconds
+            speed = PEAK_TO_MEAN_SPEED * abs(end - start) / seconds
             if speed > (1 + 1e-9) * self.max_speed:
                 raise InvalidValueError(
                     f"{stream} moves at up to {speed:.3g} m/s from {before[0]:g} s to {after[0]:g} s, faster than the "

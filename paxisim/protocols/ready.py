@@ -6,10 +6,10 @@ from collections.abc import Callable, Mapping
 
 from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.protocols import moves
-from paxisim.protocols.moves import LONG, STEPS, Path
+from paxisim.protocols.moves import STAIRCASE_LEVELS, UNLOADED_SECONDS, Path
 from paxisim.protocols.protocol import Protocol
 
-RATE = 100.0
+RECORDING_RATE = 100.0
 PAD = (0.0226, 0.0261)
 """Default size (m) of the pressed pad along x and y: that of paxini-gen1-l4629."""
 _PEG = 0.024  # m, width of the peg in the ready-made scene
@@ -39,7 +39,7 @@ def press(depth: float = 1.5e-3, stop_force: float = 20.0, pad: tuple[float, flo
         path.to(x=x, y=y)
         path.lift()
         path.end("approach", "go above the place, not touching")
-        moves.free(path, LONG if path.episode == 0 else 3.0)
+        moves.free(path, UNLOADED_SECONDS if path.episode == 0 else 3.0)
         moves.taps(path, 0.6 * depth)
         if path.episode in (0, 3, 4, 7):
             moves.staircase(path, 0.0, depth, "places", "corners")
@@ -54,7 +54,7 @@ def press(depth: float = 1.5e-3, stop_force: float = 20.0, pad: tuple[float, flo
         if path.episode in (0, 1, 3, 5, 7):
             _slides(path, x, y, 0.25 * min(pad), (0.5 * depth, 0.9 * depth))
     path.to(depth=high)
-    moves.free(path, LONG)
+    moves.free(path, UNLOADED_SECONDS)
     return Protocol(
         "press",
         "a ball of 20 mm radius, on a stage or in a robot's hand, presses one pad that lies face up",
@@ -64,7 +64,7 @@ def press(depth: float = 1.5e-3, stop_force: float = 20.0, pad: tuple[float, flo
         "where it is pressed in",
         0.025,
         stop_force,
-        RATE,
+        RECORDING_RATE,
         tuple(path.segments),
     )
 
@@ -87,7 +87,7 @@ def regrasp(depth: float = 4e-4, stop_force: float = 25.0) -> Protocol:
 
     path = Path(0.025, "opening", near, opening=wide)
     for path.episode in range(8):
-        moves.free(path, LONG if path.episode == 0 else 3.0)
+        moves.free(path, UNLOADED_SECONDS if path.episode == 0 else 3.0)
         for seconds in (1.0, 3.0):
             path.to(seconds, opening=near)
             path.to(seconds, opening=wide)
@@ -106,7 +106,7 @@ def regrasp(depth: float = 4e-4, stop_force: float = 25.0) -> Protocol:
             path.rest(2.0)
             path.to(0.6, opening=wide)
         path.end("regrasp", "grasp, hold for 2 s and let go, three times with different squeezes", "varied")
-    moves.free(path, LONG)
+    moves.free(path, UNLOADED_SECONDS)
     return Protocol(
         "regrasp",
         "a gripper with two pads and a peg of 24 mm width that stands between them",
@@ -115,7 +115,7 @@ def regrasp(depth: float = 4e-4, stop_force: float = 25.0) -> Protocol:
         "opening is the distance between the pads' surfaces; they touch the peg at 0.024",
         0.025,
         stop_force,
-        RATE,
+        RECORDING_RATE,
         tuple(path.segments),
     )
 
@@ -132,17 +132,17 @@ def open_close(stop_force: float = 2.0) -> Protocol:
     narrow, wide = 0.030, 0.090
     path = Path(0.06, "opening", wide, opening=wide)
     for path.episode in range(8):
-        moves.free(path, LONG if path.episode == 0 else 8.0)
+        moves.free(path, UNLOADED_SECONDS if path.episode == 0 else 8.0)
         for seconds in (2.0, 4.0, 10.0):
             path.press(seconds, narrow)
             path.lift(seconds)
         path.end("open and close", "close to 30 mm and open to 90 mm, at three speeds", "gripper")
-        for step in range(1, STEPS):
-            path.press(1.0, wide + step / (STEPS - 1) * (narrow - wide))
+        for step in range(1, STAIRCASE_LEVELS):
+            path.press(1.0, wide + step / (STAIRCASE_LEVELS - 1) * (narrow - wide))
             path.rest(3.0)
         path.lift()
         path.end("stops", "hold each of five openings for 3 s", "gripper")
-    moves.free(path, LONG)
+    moves.free(path, UNLOADED_SECONDS)
     return Protocol(
         "open-close",
         "a gripper with two pads, with nothing between them",
@@ -151,7 +151,7 @@ def open_close(stop_force: float = 2.0) -> Protocol:
         "opening is the distance between the pads' surfaces",
         0.06,
         stop_force,
-        RATE,
+        RECORDING_RATE,
         tuple(path.segments),
     )
 

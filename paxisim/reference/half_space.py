@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
-POINTS = 8
+QUADRATURE_POINTS = 8
 """Quadrature points along each side of a loaded rectangle."""
 _STEP = 1e-4  # step of the derivatives for the rotation, as a share of the depth
 
@@ -32,7 +32,7 @@ def half_space_response(
         ``(n, 3, 3)`` displacement (m/N): [point, direction of the displacement, direction of the force]; and
         ``(n, 3, 3)`` rotation (rad/N): [point, axis, direction of the force], half the curl of the displacement.
     """
-    nodes, weights = np.polynomial.legendre.leggauss(POINTS)
+    nodes, weights = np.polynomial.legendre.leggauss(QUADRATURE_POINTS)
     height, width = pitch
     x, y = (part.ravel() for part in np.meshgrid(0.5 * width * nodes, 0.5 * height * nodes))
     weight = np.outer(weights, weights).ravel() / 4

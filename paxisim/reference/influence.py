@@ -13,9 +13,9 @@ from paxisim.reference.parameters import PadParameters
 
 FloatArray = NDArray[np.float64]
 
-STEP = 0.05
+DIFFERENCE_STEP = 0.05
 """Step of the differences over a magnet's position, in thicknesses of the gel."""
-KEPT = 28
+CACHE_SIZE = 28
 """Number of cached matrices. A design needs seven, since its units differ only in modulus and magnet positions."""
 
 
@@ -35,7 +35,7 @@ def influence(layout: TaxelLayout, parameters: PadParameters, shift: FloatArray 
         (m/N and rad/N).
     """
     own = parameters
-    step = min(STEP * own.thickness, own.magnet_depth / 2, (own.thickness - own.magnet_depth) / 2)
+    step = min(DIFFERENCE_STEP * own.thickness, own.magnet_depth / 2, (own.thickness - own.magnet_depth) / 2)
 
     def at(x: float, y: float, z: float) -> FloatArray:
         return _of_unit_modulus(layout, (x, y), own.magnet_depth + z, own.thickness, own.poisson)
@@ -50,7 +50,7 @@ def influence(layout: TaxelLayout, parameters: PadParameters, shift: FloatArray 
     return total / own.modulus
 
 
-@lru_cache(maxsize=KEPT)
+@lru_cache(maxsize=CACHE_SIZE)
 def _of_unit_modulus(
     layout: TaxelLayout, beside: tuple[float, float], depth: float, thickness: float, poisson: float
 ) -> FloatArray:

@@ -16,7 +16,7 @@ from paxisim.reference.unit import make_unit
 
 FloatArray = NDArray[np.float64]
 
-PRESSES = (0.25, 0.5, 1.0)
+CALIBRATION_PRESSES = (0.25, 0.5, 1.0)
 """Normal forces (N) of the maker's calibration on a taxel of the default size; other sizes get the same pressures."""
 DRAGS = (-0.3, 0.0, 0.3)
 """Shear along x and along y during these presses, as shares of the normal force."""
@@ -131,7 +131,7 @@ def calibration(layout: TaxelLayout, nominal: PadParameters) -> FloatArray:
     """Return the calibration of each taxel (N/T), ``(3, 3, N)``, fitted to presses of single nominal taxels."""
     made, own = make_unit(layout, nominal, None)
     stack = Stack([made], np.zeros((3, 3, layout.taxels)), own.thickness)
-    loads = size_of(layout) * np.array([(p * a, p * b, p) for p in PRESSES for a in DRAGS for b in DRAGS])
+    loads = size_of(layout) * np.array([(p * a, p * b, p) for p in CALIBRATION_PRESSES for a in DRAGS for b in DRAGS])
     maps = np.empty((3, 3, layout.taxels))
     for taxel in range(layout.taxels):
         force = np.zeros((1, len(loads), 3, layout.taxels))

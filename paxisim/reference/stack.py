@@ -17,7 +17,7 @@ from paxisim.reference.unit import Unit
 
 FloatArray = NDArray[np.float64]
 
-BLOCK = 16_384
+BLOCK_SIZE = 16_384
 """Number of magnet fields that numpy computes at once, small enough to stay in the processor's cache."""
 
 
@@ -72,7 +72,7 @@ class Stack:
         like, moved = self.arrays(force), self.motion(force)
         pads, frames, _, count = moved.shape
         far = moved.reshape((pads, frames, 6 * count)) @ like.far
-        block = max(1, BLOCK // (pads * self._near.size))
+        block = max(1, BLOCK_SIZE // (pads * self._near.size))
         if is_torch_array(force) or frames <= block:
             near = self._near_field(like, moved)
         else:

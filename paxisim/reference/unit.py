@@ -16,9 +16,9 @@ from paxisim.reference.spread import Spread
 
 FloatArray = NDArray[np.float64]
 
-RINGS = 1
+EXACT_RINGS = 1
 """Rings of taxels around a sensor whose magnets' fields are exact; other fields are linear in the motion."""
-AWAY = 1e3
+FAR_AWAY = 1e3
 """Distance (m) at which to put the missing neighbours of sensors at the edge: too far to contribute."""
 
 
@@ -72,13 +72,13 @@ def make_unit(layout: TaxelLayout, nominal: PadParameters, seed: int | None) -> 
         view, earth = spread.sensors(count, own), spread.earth(own)
     motion = influence(layout, own, None if spread is None else magnets - places)
 
-    near, is_near = _neighbours(layout.rows, layout.cols, RINGS)
+    near, is_near = _neighbours(layout.rows, layout.cols, EXACT_RINGS)
     offsets = sensors[:, None] - magnets  # (sensors, magnets, 3)
     all_moments = np.broadcast_to(moments, offsets.shape)
     far = jacobian(all_moments, offsets)  # (sensors, magnets, 3, 6)
     sensor = np.broadcast_to(np.arange(count), near.shape)
     far[sensor[is_near], near[is_near]] = 0
-    near_offsets = np.where(is_near[..., None], offsets[sensor, near], AWAY)  # (K, sensors, 3)
+    near_offsets = np.where(is_near[..., None], offsets[sensor, near], FAR_AWAY)  # (K, sensors, 3)
     made = Unit(
         motion=motion.reshape(3 * count, 6 * count),
         magnets=magnets.T,

@@ -18,7 +18,7 @@ from paxisim.errors import InvalidValueError
 _REACH = 3.0  # search range of the closing to either side, in steps of 1 mm
 _TOLERANCE = 0.003  # as a fraction of the measured mean
 _MOST_RUNS = 20
-QUIET = 0.02
+NO_CONTACT_FORCE = 0.02
 """Mean force (N) below which there is no contact."""
 
 
@@ -58,7 +58,7 @@ def fit_closing(
     """
     wanted = mean_normal(measured)
     force = simulated(0.0)
-    if wanted < QUIET:
+    if wanted < NO_CONTACT_FORCE:
         note = f"episode {episode}: the mean force is only {wanted:.3f} N, so the closing was left as recorded"
         return FittedClosing(0.0, force, (note,))
     runs: dict[float, float] = {}

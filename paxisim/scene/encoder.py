@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from paxisim.recording import Recording
 
-LIGHTEST = 0.002
+MIN_FORCE_FRACTION = 0.002
 """Fraction of the peak force below which the relative error is not evaluated."""
 _BINS = 12
 
@@ -51,7 +51,7 @@ class EncoderError:
         peak = float(total.max())
         newtons = float(np.sqrt(sum((float(one.max()) - peak) ** 2 for one in changed)))
         squares = np.sum([(one - total) ** 2 for one in changed], axis=0)
-        edges = peak * np.geomspace(LIGHTEST, 1.0, _BINS + 1)
+        edges = peak * np.geomspace(MIN_FORCE_FRACTION, 1.0, _BINS + 1)
         forces, shares = [], []
         for low, high in itertools.pairwise(edges):
             inside = (total >= low) & (total <= high)

@@ -23,13 +23,13 @@ from paxisim.scene.rig import Rig, build_rig
 from paxisim.scene.scene import Scene
 from paxisim.scene.shape import fit_shape
 
-COARSE = 0.1
+COARSE_FRACTION = 0.1
 """Fraction of the peak force above which half an encoder step is reported as too coarse for the total force."""
 
-FITS = {"fitted": fit_closing, "shape": fit_shape}
+CLOSING_FITS = {"fitted": fit_closing, "shape": fit_shape}
 """Functions that fit the closing of an episode, by mode."""
 
-MISSED = 0.2
+CONTACT_FORCE = 0.2
 """Total normal force (N) above which there is certainly contact."""
 
 
@@ -62,9 +62,9 @@ class Replay:
             InvalidValueError: See `paxisim.Scene.simulate`.
             UnknownNameError: See `paxisim.Scene.simulate`.
         """
-        if scene.mode in FITS and recording.measured is None:
+        if scene.mode in CLOSING_FITS and recording.measured is None:
             raise InvalidValueError(f"mode {scene.mode} needs the measured forces, but the recording has none")
-        if scene.mode in FITS and recording.unit != "N":
+        if scene.mode in CLOSING_FITS and recording.unit != "N":
             raise InvalidValueError(
                 f"mode {scene.mode} needs forces in newtons, but the recording is in {recording.unit}: convert it "
                 "first with paxisim calibrate"
@@ -109,7 +109,7 @@ class Replay:
         """
         part = self._recording.select([number])
         known = self._known(part)
-        fit = FITS.get(self._scene.mode)
+        fit = CLOSING_FITS.get(self._scene.mode)
         if closing is not None:
             force = self._simulated(part, known, self._closed(closing))
             return SimulatedEpisode(number, _within(part, known, force), closing)
@@ -131,7 +131,7 @@ class Replay:
         if part.measured is None or force.any():
             return ()
         measured = total_normal(part.measured)
-        if not np.nanmax(measured, initial=0.0) > MISSED:
+        if not np.nanmax(measured, initial=0.0) > CONTACT_FORCE:
             return ()
         at = float(part.time[int(np.nanargmax(measured))])
         gap = self._runner.clearance(self._motion(part), at)
@@ -232,10 +232,10 @@ class Replay:
         scene = replace(self._scene, sensor="", pool=1, mounts=(), pads=self._rig.pads.names)
         mode, error = MODES[scene.mode], self.encoder_error(episodes)
         notes = [note for episode in episodes for note in episode.notes]
-        if error is not None and error.newtons > COARSE * error.peak:
+        if error is not None and error.newtons > COARSE_FRACTION * error.peak:
             notes.append(
                 f"half an encoder step changes the force by {error.newtons:.2g} N at the peak of {error.peak:.3g} N in "
-                f"episode {error.episode}: positions alone do not determine the total force to {COARSE:.0%}"
+                f"episode {error.episode}: positions alone do not determine the total force to {COARSE_FRACTION:.0%}"
             )
         described: dict[str, object] = {
             "version": __version__,
@@ -247,7 +247,7 @@ class Replay:
             "encoder_error": None if error is None else vars(error),
             "notes": notes,
         }
-        if scene.mode in FITS:
+        if scene.mode in CLOSING_FITS:
             described["closing"] = {str(episode.number): episode.closing for episode in episodes}
         return described
 

@@ -21,7 +21,7 @@ from paxisim._version import __version__
 from paxisim.errors import InvalidValueError, UnsupportedError
 from paxisim.files import whole_file
 from paxisim.recording import Recording
-from paxisim.scene.replay import FITS, Replay, SimulatedEpisode
+from paxisim.scene.replay import CLOSING_FITS, Replay, SimulatedEpisode
 from paxisim.scene.scene import Scene
 
 
@@ -125,7 +125,7 @@ def _fingerprint(replay: Replay, scene: Scene, recording: Recording, mean: bool)
     for text in (__version__, mujoco.__version__, replay.rig.mjcf, format_scene(scene, ""), str(mean)):
         digest.update(text.encode() + b"\0")
     arrays = {"time": recording.time, "episode": recording.episode, **recording.covariates}
-    if scene.mode in FITS and recording.measured is not None:
+    if scene.mode in CLOSING_FITS and recording.measured is not None:
         arrays["measured"] = recording.measured
     for name, array in arrays.items():
         digest.update(f"{name} {array.dtype} {array.shape}\0".encode() + np.ascontiguousarray(array).tobytes())

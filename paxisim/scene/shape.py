@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError
-from paxisim.scene.closing import QUIET, FittedClosing, mean_normal, total_normal
+from paxisim.scene.closing import NO_CONTACT_FORCE, FittedClosing, mean_normal, total_normal
 
-REACH = 1.0
+SEARCH_RANGE = 1.0
 """Search range of the closing to either side, in steps of 1 mm."""
-LAG = 0.25
+MAX_DELAY = 0.25
 """Largest delay (s) between the streams."""
-SIMILAR = 0.8
+MIN_SIMILARITY = 0.8
 """Smallest similarity at which a closing is taken to explain the measured force."""
 _COARSE = 9  # number of closings in the initial grid search
 _TOLERANCE = 5e-3  # in steps of 1 mm
@@ -48,11 +48,11 @@ def fit_shape(
     from scipy.optimize import minimize_scalar
 
     mean = mean_normal(measured)
-    if mean < QUIET:
+    if mean < NO_CONTACT_FORCE:
         note = f"episode {episode}: the mean force is only {mean:.3f} N, so the closing was left as recorded"
         return FittedClosing(0.0, simulated(0.0), (note,))
     own = total_normal(measured)
-    most = int(LAG / max(float(np.median(np.diff(time))), 1e-6)) if len(time) > 1 else 0
+    most = int(MAX_DELAY / max(float(np.median(np.diff(time))), 1e-6)) if len(time) > 1 else 0
     runs: dict[float, tuple[float, NDArray[np.float32]]] = {}
 
     def unlike(steps: float) -> float:
@@ -61,7 +61,7 @@ def fit_shape(
             runs[steps] = 1.0 - similarity(own, total_normal(force), most), force
         return runs[steps][0]
 
-    grid = np.linspace(-REACH, REACH, _COARSE).tolist()
+    grid = np.linspace(-SEARCH_RANGE, SEARCH_RANGE, _COARSE).tolist()
     best = min(grid, key=unlike)
     width = grid[1] - grid[0]
     minimize_scalar(
@@ -69,11 +69,11 @@ def fit_shape(
     )
     best = min(runs, key=lambda one: runs[one][0])
     left, force = runs[best]
-    if abs(best) >= REACH or left > 1 - SIMILAR:
+    if abs(best) >= SEARCH_RANGE or left > 1 - MIN_SIMILARITY:
         raise InvalidValueError(
-            f"episode {episode}: no closing of up to {REACH:g} mm more or less gives the simulated force the shape of "
-            f"the measured one over time (similarity {1 - left:.2f} of 1): check the drives' offsets and the object's "
-            "start pose"
+            f"episode {episode}: no closing of up to {SEARCH_RANGE:g} mm more or less gives the simulated force the "
+            f"shape of the measured one over time (similarity {1 - left:.2f} of 1): check the drives' offsets and the "
+            "object's start pose"
         )
     return FittedClosing(best * step, force)
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from paxisim.calibrate.linear import AXES, LinearCalibration
 from paxisim.calibrate.loads import values_of
 from paxisim.errors import InvalidValueError, MissingExtraError
-from paxisim.presses import FEW, Presses, find_presses
+from paxisim.presses import MIN_SAMPLES, Presses, find_presses
 from paxisim.recording import Recording
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ def plot_calibration(readout: LinearCalibration, recording: Recording) -> Figure
     figure = new_figure("plot_calibration", (10, 11))
     values = values_of(recording, readout.loads)
     known = np.isfinite(values).all(axis=1)
-    if recording.measured is None or known.sum() < FEW:
+    if recording.measured is None or known.sum() < MIN_SAMPLES:
         raise InvalidValueError("the figure of a calibration needs the measured tensor and 8 samples with a known load")
     names = ", ".join(load.name for load in readout.loads)
     title = f"{readout.used.sum()} channels from {names}, delay {1e3 * readout.delay:.1f} ms"

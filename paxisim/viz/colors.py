@@ -14,7 +14,7 @@ STOPS: tuple[tuple[float, tuple[float, float, float]], ...] = (
 )
 """(normal force / vmax, RGB): light grey at rest, red where pressed, blue where the normal force is negative."""
 
-UNKNOWN = (0.55, 0.55, 0.55)
+UNKNOWN_COLOR = (0.55, 0.55, 0.55)
 """RGB of a taxel whose reading is NaN."""
 
 
@@ -31,5 +31,5 @@ def taxel_colors(force: ArrayLike, vmax: float) -> NDArray[np.float64]:
     level = np.asarray(force, dtype=np.float64)[..., 2, :, :] / vmax
     levels = [stop for stop, _ in STOPS]
     rgb = np.stack([np.interp(level, levels, channel) for channel in zip(*(c for _, c in STOPS), strict=True)], -1)
-    rgb = np.where(np.isnan(level)[..., None], UNKNOWN, rgb)
+    rgb = np.where(np.isnan(level)[..., None], UNKNOWN_COLOR, rgb)
     return np.concatenate([rgb, np.ones_like(rgb[..., :1])], axis=-1)

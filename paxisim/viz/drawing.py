@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.layout import TaxelLayout
-from paxisim.viz.colors import STOPS, UNKNOWN
+from paxisim.viz.colors import STOPS, UNKNOWN_COLOR
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -48,7 +48,7 @@ def draw_pad(
     from matplotlib.colors import LinearSegmentedColormap, Normalize
 
     ramp = [((stop + 1) / 2, rgb) for stop, rgb in STOPS]
-    colors = LinearSegmentedColormap.from_list("paxisim", ramp, N=512).with_extremes(bad=UNKNOWN)
+    colors = LinearSegmentedColormap.from_list("paxisim", ramp, N=512).with_extremes(bad=UNKNOWN_COLOR)
     x, y = 1e3 * layout.positions[:, :2].T
     half_y, half_x = (500 * pitch for pitch in layout.pitch)
     offsets = np.array([[-half_x, -half_y], [half_x, -half_y], [half_x, half_y], [-half_x, half_y]])

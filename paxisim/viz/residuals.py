@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-MOST_COLUMNS = 4
+MAX_COLUMNS = 4
 """Maximum number of quantities that errors are plotted against: the load, then covariates."""
 _INK, _POINT, _LINE = "#444444", "#a9bdd6", "#2b5c94"
 _MOST_POINTS = 4000
@@ -61,7 +61,7 @@ def plot_residuals(calibration: Calibration, recording: Recording) -> Figure:
         for name, own in part.covariates.items()
         if name not in taken and own.ndim == 1 and len(np.unique(own[np.isfinite(own)])) > 1
     }
-    names = list(others)[: MOST_COLUMNS - 1]
+    names = list(others)[: MAX_COLUMNS - 1]
     figure = new_figure("plot_residuals", (3.6 * (1 + len(names)) + 0.6, 2.6 * len(loads) + 0.5))
     axes = figure.subplots(len(loads), 1 + len(names), squeeze=False, sharey="row")
     for k, one in enumerate(loads):

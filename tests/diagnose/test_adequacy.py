@@ -13,7 +13,7 @@ from paxisim.diagnose.fitting import Fitter
 from paxisim.diagnose.folds import folds_of
 from paxisim.diagnose.problem import problem_of
 from paxisim.diagnose.rules import Rules
-from paxisim.diagnose.shapes import GROUPS, LONG, shapes_of
+from paxisim.diagnose.shapes import MAX_FRAMES, MAX_GROUPS, shapes_of
 from paxisim.diagnose.vocabulary import cause
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
@@ -122,14 +122,14 @@ def test_many_episodes_are_judged_in_groups():
             for s in given.episodes for i in range(3)]  # fmt: skip
     shapes = shapes_of(dataclasses.replace(given, episodes=tuple(half)), given.simulated)
     assert len(half) == 24
-    assert shapes.gains().shape == (len(shapes.names), GROUPS)
+    assert shapes.gains().shape == (len(shapes.names), MAX_GROUPS)
     assert np.isfinite(shapes.gains()).all()
 
 
 def test_long_episodes_are_thinned_and_one_judges_itself():
     given = problem(("rate_gain",), seed=5, strength=0.9, rows=2, cols=2, pads=1, duration=60.0)
-    assert len(given.time) > 2 * LONG
+    assert len(given.time) > 2 * MAX_FRAMES
     given = dataclasses.replace(given, episodes=(slice(0, len(given.time)),))
     shapes = shapes_of(given, given.simulated)
-    assert shapes.samples <= LONG * given.alive.sum()
+    assert shapes.samples <= MAX_FRAMES * given.alive.sum()
     assert any("speed" in text for text in said(given))

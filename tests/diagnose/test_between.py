@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from paxisim import augment
-from paxisim.diagnose.between import FINE, curve_through
+from paxisim.diagnose.between import FINE_STEP, curve_through
 from paxisim.diagnose.problem import Problem
 
 
@@ -21,7 +21,7 @@ def test_a_cubic_is_drawn_as_it_is_and_the_frames_are_kept(interval):
     assert curve is not None
     np.testing.assert_allclose(curve.time[curve.own], time, rtol=0, atol=1e-12)
     assert np.all(np.diff(curve.time) > 0)
-    assert np.diff(curve.time).max() <= 1.51 * FINE
+    assert np.diff(curve.time).max() <= 1.51 * FINE_STEP
 
     def cubic(t):
         return np.stack([1 - t + 3 * t**2, t**3 - t], axis=1)

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from paxisim import augment
-from paxisim.diagnose.blocks import BLOCK, in_blocks
+from paxisim.diagnose.blocks import BLOCK_VALUES, in_blocks
 from paxisim.diagnose.problem import Problem
 
 SHAPE = (2, 3, 6, 5)
-FRAMES = 3 * BLOCK // 180 + 7  # three blocks and a rest
+FRAMES = 3 * BLOCK_VALUES // 180 + 7  # three blocks and a rest
 
 
 @pytest.fixture
@@ -21,7 +21,7 @@ def problem():
     return Problem(force, force, time, opening, (slice(0, FRAMES),), np.full_like(force, 0.05), 2.0, alive, 0.1, 0.03)
 
 
-@pytest.mark.parametrize("frames", [0, 1, BLOCK // 180, BLOCK // 180 + 1, FRAMES])
+@pytest.mark.parametrize("frames", [0, 1, BLOCK_VALUES // 180, BLOCK_VALUES // 180 + 1, FRAMES])
 def test_every_frame_is_gone_through_once(frames):
     values = np.random.default_rng(frames).normal(size=(frames, *SHAPE))
     seen = []
@@ -35,7 +35,7 @@ def test_every_frame_is_gone_through_once(frames):
 
 
 def test_a_frame_larger_than_a_block_is_gone_through_alone():
-    values = np.ones((3, BLOCK + 1))
+    values = np.ones((3, BLOCK_VALUES + 1))
     np.testing.assert_array_equal(in_blocks(values, lambda part: values[part] + 1), values + 1)
 
 

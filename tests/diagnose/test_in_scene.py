@@ -116,7 +116,7 @@ def test_in_the_shell_the_scene_is_a_file_and_a_better_one_is_written(tmp_path, 
     assert main(words) == 0
     assert paxisim.Scene.load("found/fitted_scene.toml").gel.friction == pytest.approx(0.7, abs=0.03)
     out, err = capsys.readouterr()
-    assert "fitted_scene.toml: the scene with the values that were found" in out
+    assert "fitted_scene.toml: the scene with the fitted values" in out
     assert "replaying" in err
     assert main([*words[:-1], "other", "--scene", "missing.toml"]) == 2
     assert main(["diagnose", "recording.mcap", "--causes", "friction", "-o", "third"]) == 2

@@ -10,7 +10,7 @@ from paxisim import augment
 from paxisim.diagnose import prepare as preparing
 from paxisim.diagnose.noise import Tolerance, rate
 from paxisim.diagnose.prepare import prepare
-from paxisim.diagnose.problem import ENOUGH, Problem, problem_of, with_noise
+from paxisim.diagnose.problem import MAX_FITTED_VALUES, Problem, problem_of, with_noise
 from paxisim.errors import InvalidValueError
 from paxisim.recording import Recording
 
@@ -111,7 +111,7 @@ def test_noise_that_is_not_finite_is_refused():
 def test_frames_are_left_out_only_of_a_recording_that_has_many_and_runs_straight():
     assert problem().thinned.stride == 1
     long = problem(frames=4000, cols=8, interval=0.005)
-    assert long.samples > 2 * ENOUGH
+    assert long.samples > 2 * MAX_FITTED_VALUES
     assert long.stride > 1
     assert len(long.thinned.time) == sum(len(range(0, 4000, long.stride)) for _ in long.episodes)
     shaking = 0.2 * np.random.default_rng(0).random((len(long.time), 1, 1, 1, 1))
@@ -120,7 +120,7 @@ def test_frames_are_left_out_only_of_a_recording_that_has_many_and_runs_straight
 
 
 def test_a_recording_that_is_too_long_is_shortened_and_says_so(monkeypatch):
-    monkeypatch.setattr(preparing, "MOST", 20_000)
+    monkeypatch.setattr(preparing, "MAX_VALUES", 20_000)
     made = problem(frames=400, cols=4)
     noise = 0.01 * np.random.default_rng(4).standard_normal(made.measured.shape)
     recording = Recording(made.time, made.measured + noise, made.simulated, {}, np.repeat(np.arange(3), 400))

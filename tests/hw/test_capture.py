@@ -243,14 +243,14 @@ class Enter(ExtraStream):
         self.wanted = queue.Queue()
 
     def _run(self):
-        from paxisim.hw.extra_streams import EPISODE, Sample
+        from paxisim.hw.extra_streams import EPISODE_WORD, Sample
 
         while not self._stop.is_set():
             try:
                 self.wanted.get(timeout=0.05)
             except queue.Empty:
                 continue
-            self._put(Sample(self, EPISODE, np.zeros(()), self._clock.monotonic()))
+            self._put(Sample(self, EPISODE_WORD, np.zeros(()), self._clock.monotonic()))
 
 
 def test_episodes_begin_when_they_are_asked_for(sensor, tmp_path):

@@ -189,7 +189,7 @@ def test_one_wrong_byte_is_noticed(content, choose):
 
 
 def test_a_damaged_length_delays_nothing():
-    good = Reply(*wire.READ, Region(1038, bytes(30)).encode()).encode()
+    good = Reply(*wire.READ_REGISTERS, Region(1038, bytes(30)).encode()).encode()
     expected = {0, 1, 36}
     for length in set(range(0, 65536, 7)) - expected:
         decoder = FrameDecoder(reply_parser(expected))
@@ -208,7 +208,7 @@ def test_a_damaged_length_delays_nothing():
     ids=["random", "heads", "headers", "beginnings"],
 )
 def test_garbage_costs_one_look_a_byte_and_a_piece(garbage, size):
-    longest = wire.LONGEST_REPLY_DATA + wire.REPLY_OVERHEAD
+    longest = wire.MAX_REPLY_DATA + wire.REPLY_OVERHEAD
     calls, held = count_calls(parse_reply, garbage, size)
     assert calls <= len(garbage) + -(-len(garbage) // size) + longest
     assert held < longest
@@ -237,7 +237,7 @@ class Box:
 
     def reply(self, request):
         kind = (request.main, request.sub)
-        if kind == wire.VERSION:
+        if kind == wire.GET_VERSION:
             return Reply(*kind, b"BOX V1.5\0")
         if kind == wire.SET_MODE:
             self.wanted = request.data
@@ -248,7 +248,7 @@ class Box:
         if kind == wire.SELECT_PORT:
             self.port = request.data[0]
             return Reply(*kind)
-        if kind == wire.WRITE:
+        if kind == wire.WRITE_REGISTERS:
             self.zeroed.append((self.port, request.data))
             return Reply(*kind, b"\6", 6)
         if self.wanted != bytes([self.mode]) or self.port not in PADS:
@@ -296,9 +296,9 @@ def test_power_up_and_readings():
     assert second.time > first.time
     assert first.resultant is None
     kinds = [(request.main, request.sub) for request in talk.peer.requests]
-    assert kinds[:2] == [wire.VERSION, wire.SET_MODE]
+    assert kinds[:2] == [wire.GET_VERSION, wire.SET_MODE]
     assert set(kinds[2:6]) == {wire.GET_MODE}
-    assert kinds[6:10] == [wire.SELECT_PORT, wire.READ] * 2
+    assert kinds[6:10] == [wire.SELECT_PORT, wire.READ_REGISTERS] * 2
 
 
 def test_the_resultant_comes_in_the_same_request():
@@ -359,8 +359,8 @@ def test_lost_split_late_and_damaged_replies_are_asked_for_again():
 
 
 def test_a_reading_of_another_region_is_not_taken():
-    stranger = Reply(*wire.READ, Region(1008, bytes(3 * TAXELS)).encode()).encode()
-    shorter = Reply(*wire.READ, Region(1038, bytes(30)).encode()).encode()
+    stranger = Reply(*wire.READ_REGISTERS, Region(1008, bytes(3 * TAXELS)).encode()).encode()
+    shorter = Reply(*wire.READ_REGISTERS, Region(1038, bytes(30)).encode()).encode()
 
     def change(request, reply):
         return (stranger + shorter if reply.sub == 0xC006 else b"") + reply.encode()
@@ -386,7 +386,7 @@ def test_a_pad_that_fails_later_does_not_silence_the_others():
     failing = []
 
     def change(request, reply):
-        return (Reply(*wire.READ, b"", 7) if reply.sub == 0xC006 and box.port in failing else reply).encode()
+        return (Reply(*wire.READ_REGISTERS, b"", 7) if reply.sub == 0xC006 and box.port in failing else reply).encode()
 
     box.change = change
     with Conversation(box) as board:

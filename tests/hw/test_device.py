@@ -20,7 +20,7 @@ from paxisim.errors import (
 )
 from paxisim.hw import device, reader
 from paxisim.hw.device import TactileSensor, ZeroInDoubtWarning, open_sensor
-from paxisim.hw.frame_joiner import STALE
+from paxisim.hw.frame_joiner import STALE_STATUS
 from paxisim.hw.profile import UnverifiedProfileWarning
 from paxisim.hw.profile_file import profile_toml
 
@@ -502,7 +502,7 @@ class TestSeveralPorts:
             second.send(message(2))
             assert pads.read(PATIENCE).force[1].max() == np.float32(0.2)
             second.unplug()
-            wait_for(lambda: pads.latest(PATIENCE).status == (0, STALE))
+            wait_for(lambda: pads.latest(PATIENCE).status == (0, STALE_STATUS))
             second.plug_in()
             wait_for(lambda: pads.reconnects)
             second.send(message(3))

@@ -19,7 +19,7 @@ from paxisim.hw.check import check_steps
 from paxisim.hw.emulator import Emulator
 from paxisim.hw.profile import Profile, Slot, known_profiles, load_profile
 from paxisim.hw.profile_file import profile_toml
-from paxisim.hw.quality import LEAST_FRAMES
+from paxisim.hw.quality import MIN_FRAMES
 
 pytestmark = [pytest.mark.real_time, pytest.mark.filterwarnings("ignore::paxisim.hw.profile.UnverifiedProfileWarning")]
 
@@ -226,7 +226,7 @@ def test_quality_prints_a_table_and_draws(capsys):
     said = capsys.readouterr().out
     frames = re.search(r"frames +(\d+) in", said)
     assert frames
-    assert int(frames[1]) >= LEAST_FRAMES
+    assert int(frames[1]) >= MIN_FRAMES
     assert "nominally 91" in said
     assert "0 of 9 taxels always read 0" in said
     assert "line: 0 bad checksums" in said

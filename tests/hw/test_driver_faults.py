@@ -78,7 +78,7 @@ def test_a_stream_with_a_hundredth_of_all_bytes_corrupted(record_property):
 
 def test_requests_and_replies_with_a_hundredth_of_all_bytes_corrupted(monkeypatch, record_property):
     # so that a lost reply costs little; the default is for real lines
-    monkeypatch.setattr(box_driver, "QUIET", 0.005)
+    monkeypatch.setattr(box_driver, "REPLY_SILENCE", 0.005)
     monkeypatch.setattr(box_driver, "REPLY_TIMEOUT", 0.02)
     chosen = small("control-box", settings={"mode": 5})
     faults = Faults(garble=0.01)

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 import paxisim
 from paxisim.hw.clock import SystemClock
-from paxisim.hw.extra_streams import LONGEST_LINE, CsvLines, EnterKey, PolledFunction, UdpJson, load_function
+from paxisim.hw.extra_streams import MAX_LINE_BYTES, CsvLines, EnterKey, PolledFunction, UdpJson, load_function
 
 pytestmark = pytest.mark.real_time
 
@@ -88,7 +88,7 @@ def test_lines_with_a_time_keep_it():
         (b"a\n1\n2.34", 1, 1, "line 3 has no end: '2.34'"),
         (b"time,a\n12.5,1\n", 0, 1, "Unix seconds within a day of this machine's clock, got 12.5"),
         (b"a\n\xff\xfe\n1\n", 1, 1, "line 2 must hold finite numbers"),
-        (b"a\n" + b"1" * (3 * LONGEST_LINE) + b"\n1\n", 1, 1, "line 2 has no end"),
+        (b"a\n" + b"1" * (3 * MAX_LINE_BYTES) + b"\n1\n", 1, 1, "line 2 has no end"),
         (b'"a"\n"1"\n2\n', 2, 0, ""),
         (b"a\n1\r2\x00\n2\n", 1, 1, "line 2 must hold finite numbers"),
         (b"", 0, 0, ""),

@@ -3,7 +3,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from paxisim.hw.frame import Frame
-from paxisim.hw.frame_joiner import KEPT, MAX_AGE, STALE, FrameJoiner
+from paxisim.hw.frame_joiner import MAX_AGE, MAX_KEPT_FRAMES, STALE_STATUS, FrameJoiner
 
 
 def frame(time: float, value: float = 0.0, *, status: int = 0, resultant: bool = True, late: float = 0.0) -> Frame:
@@ -71,7 +71,7 @@ def test_a_port_that_fell_silent_is_marked_and_its_last_frame_kept() -> None:
     got = [joined for i in range(1, 30) for joined in joiner.push(0, frame(1 + i / 50, i, status=1))]
     assert [values(joined) for joined in got] == [[i, 7] for i in range(1, 29)]
     for i, joined in enumerate(got, 1):
-        assert joined.status == (1, 3 if i / 50 <= MAX_AGE else STALE)
+        assert joined.status == (1, 3 if i / 50 <= MAX_AGE else STALE_STATUS)
     (back,) = joiner.push(1, frame(1.6, 8))
     assert back.status == (1, 0)
 
@@ -93,10 +93,10 @@ def test_clear() -> None:
 
 def test_a_silent_first_port_makes_nothing_grow() -> None:
     joiner = FrameJoiner(2)
-    for i in range(10 * KEPT):
+    for i in range(10 * MAX_KEPT_FRAMES):
         assert joiner.push(1, frame(i / 100, i)) == []
-    assert len(joiner._others[0]) == KEPT
-    (joined,) = joiner.push(0, frame(10 * KEPT / 100 - 0.5, 1))
+    assert len(joiner._others[0]) == MAX_KEPT_FRAMES
+    (joined,) = joiner.push(0, frame(10 * MAX_KEPT_FRAMES / 100 - 0.5, 1))
     assert abs(values(joined)[1] / 100 - joined.time) < 0.01
 
 
@@ -127,7 +127,7 @@ def test_steady_ports_give_each_frame_of_the_first_with_the_nearest_of_the_other
             nearest = np.abs(measured - joined.time).min()
             # the nearest, unless it would have come after the next frame of the first port
             assert off <= nearest + 1e-6 or nearest + 0.004 >= periods[0] or off <= period + 1e-6
-            assert STALE not in joined.status
+            assert STALE_STATUS not in joined.status
 
 
 def test_frames_that_waited_for_a_stalled_host_go_together_as_they_were_measured() -> None:

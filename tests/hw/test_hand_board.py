@@ -258,7 +258,7 @@ def test_garbage_costs_few_looks_and_holds_back_little(garbage, size, monkeypatc
         held = max(held, decoder.pending)
     pieces = -(-len(garbage) // size)
     assert calls <= 3 * len(garbage) + 10 * pieces
-    assert held < wire.DECISION
+    assert held < wire.DECISION_BYTES
     decoder.flush()
     assert decoder.pending == 0
 

@@ -39,7 +39,7 @@ def converter_replies(rng, load, taxels):
 
 def box_replies(rng, load, taxels):
     data = as_bytes(counts(rng, load, 1)) + bytes(27) + as_bytes(counts(rng, load, taxels))
-    return control_box.Reply(*control_box.READ, control_box.Region(1008, data).encode())
+    return control_box.Reply(*control_box.READ_REGISTERS, control_box.Region(1008, data).encode())
 
 
 def rounds(rng, load, _):

@@ -7,7 +7,7 @@ import pytest
 
 from paxisim.errors import InvalidValueError
 from paxisim.hw.frame import Frame
-from paxisim.hw.quality import LEAST_FRAMES, SensorQuality, measure_quality
+from paxisim.hw.quality import MIN_FRAMES, SensorQuality, measure_quality
 from paxisim.layout import TaxelLayout
 
 LAYOUT = TaxelLayout(4, 3, (2e-3, 2e-3))
@@ -115,8 +115,8 @@ def test_the_table_fits_and_says_what_is_known(pads, nominal):
 
 def test_too_little_and_nonsense_are_refused():
     frames = resting(count=100)
-    with pytest.raises(InvalidValueError, match=f"at least {LEAST_FRAMES} frames"):
-        judge(frames[: LEAST_FRAMES - 1])
+    with pytest.raises(InvalidValueError, match=f"at least {MIN_FRAMES} frames"):
+        judge(frames[: MIN_FRAMES - 1])
     with pytest.raises(InvalidValueError, match="in the order"):
         judge(frames[::-1])
     with pytest.raises(InvalidValueError, match="in the order"):

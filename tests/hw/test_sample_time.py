@@ -4,10 +4,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from paxisim.hw.sample_time import LEARN, SampleClock
+from paxisim.hw.sample_time import LEARNING_FRAMES, SampleClock
 
 START = 1e5  # a machine that runs for a day
-SETTLED = 2 * LEARN
+SETTLED = 2 * LEARNING_FRAMES
 LATEST = 0.008  # s; a delay of most of a period cannot be told from a lost frame
 
 
@@ -141,7 +141,7 @@ def test_bursts_give_no_nonsense() -> None:
 
 def test_first_frames_are_the_arrivals() -> None:
     clock = SampleClock()
-    arrivals = delayed(ticks(LEARN, 83), np.random.default_rng(5).exponential(1e-3, LEARN))
+    arrivals = delayed(ticks(LEARNING_FRAMES, 83), np.random.default_rng(5).exponential(1e-3, LEARNING_FRAMES))
     assert clock.period is None
     np.testing.assert_array_equal(estimates(arrivals, clock), arrivals)
     assert clock.period == pytest.approx(1 / 83, rel=0.01)

@@ -456,6 +456,6 @@ def test_what_a_request_cannot_say_is_refused(index, settings, says):
 def test_the_longest_reply_can_be_said():
     profile = make_profile("serial-converter", 9, {"pad": 255}, resultant_address=0, address=65525 - 27)
     SerialConverter(None, profile, SystemClock())
-    request = Request(255, READ, 0, frames.MOST_READ)
-    reply = answer(request, bytes(frames.MOST_READ))
-    assert decode(frames.reply_parser({frames.MOST_READ}), reply.encode())[0] == [reply]
+    request = Request(255, READ, 0, frames.MAX_READ_REQUEST)
+    reply = answer(request, bytes(frames.MAX_READ_REQUEST))
+    assert decode(frames.reply_parser({frames.MAX_READ_REQUEST}), reply.encode())[0] == [reply]

@@ -18,7 +18,14 @@ import paxisim
 from paxisim.cli import main
 from paxisim.errors import DeviceTimeoutError, InvalidValueError, PortNotFoundError, ProtocolError
 from paxisim.hw.faults import Faults
-from paxisim.hw.frames.xela_server import LONGEST, MIDDLE, WELCOME, Routine, RoutineDecoder, SensorReading
+from paxisim.hw.frames.xela_server import (
+    COUNTS_MIDDLE,
+    MAX_MESSAGE_BYTES,
+    WELCOME,
+    Routine,
+    RoutineDecoder,
+    SensorReading,
+)
 from paxisim.hw.profile import Profile, Slot, load_profile
 from paxisim.hw.recognise import describe
 from paxisim.hw.signals import press
@@ -84,7 +91,7 @@ def test_a_message_as_the_public_client_reads_it() -> None:
     (found,) = decoder.feed(WELCOME + line(routine(7, **{"1": sensor(), "12": sensor(12, calibrated=[0.5] * 48)})))
     assert found.number == 7
     assert sorted(found.sensors) == [1, 12]
-    np.testing.assert_array_equal(found.sensors[1].counts.ravel(), MIDDLE + 10 + np.arange(48))
+    np.testing.assert_array_equal(found.sensors[1].counts.ravel(), COUNTS_MIDDLE + 10 + np.arange(48))
     assert found.sensors[1].forces is None
     np.testing.assert_array_equal(found.sensors[12].forces, np.full((16, 3), 0.5))
     assert (decoder.skipped, decoder.pending) == (0, 0)
@@ -132,8 +139,8 @@ def test_what_is_no_message_is_left_out(text: bytes) -> None:
 def test_a_message_without_end_is_not_kept() -> None:
     decoder = RoutineDecoder()
     for _ in range(10):
-        decoder.feed(b"x" * LONGEST)
-        assert decoder.pending <= LONGEST
+        decoder.feed(b"x" * MAX_MESSAGE_BYTES)
+        assert decoder.pending <= MAX_MESSAGE_BYTES
     assert [m.number for m in decoder.feed(b"\n" + line(routine(3)))] == [3]
 
 
@@ -245,7 +252,7 @@ def test_a_pad_that_a_message_leaves_out_is_in_error_and_others_are_read_on() ->
 @pytest.mark.real_time
 def test_a_message_too_long_to_be_one_is_not_read() -> None:
     with (
-        server('{"message": "Welcome"}', "x" * (LONGEST + 1)) as address,
+        server('{"message": "Welcome"}', "x" * (MAX_MESSAGE_BYTES + 1)) as address,
         pytest.raises((ProtocolError, PortNotFoundError, DeviceTimeoutError)),
     ):
         open_sensor(address, "xela-uspa44", reconnect=0)

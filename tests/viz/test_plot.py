@@ -13,7 +13,7 @@ from matplotlib.text import Text
 
 from paxisim.errors import InvalidValueError, MissingExtraError
 from paxisim.layout import TaxelLayout
-from paxisim.viz.colors import UNKNOWN, taxel_colors
+from paxisim.viz.colors import UNKNOWN_COLOR, taxel_colors
 from paxisim.viz.drawing import round_down
 from paxisim.viz.plot import plot_pads, plot_tactile
 
@@ -66,7 +66,7 @@ def test_negative_normal_force_is_blue_and_not_a_number_is_grey():
     assert rgb[0].argmax() == 0
     assert rgb[1].argmax() == 2
     assert rgb[1, 0] < 0.2
-    np.testing.assert_allclose(rgb[-1], UNKNOWN)
+    np.testing.assert_allclose(rgb[-1], UNKNOWN_COLOR)
 
 
 def test_the_picture_and_the_live_view_share_their_colors():

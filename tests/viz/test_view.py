@@ -13,7 +13,7 @@ from paxisim.layout import TaxelLayout
 from paxisim.models.pad import Pad
 from paxisim.models.pads import find_pads
 from paxisim.viz import view as live
-from paxisim.viz.colors import STOPS, UNKNOWN, taxel_colors
+from paxisim.viz.colors import STOPS, UNKNOWN_COLOR, taxel_colors
 
 LAYOUT = TaxelLayout(3, 4, 4e-3)
 BALL = '<body pos="0 0 -0.0101"><freejoint/><geom type="sphere" size="0.01" mass="0.05"/></body>'
@@ -80,7 +80,7 @@ def test_colors_of_a_batch_and_of_what_is_not_a_number():
     force[1, 2, 2, 3, 0] = np.nan
     rgba = taxel_colors(force, 1.0)
     assert rgba.shape == (2, 5, 4, 3, 4)
-    np.testing.assert_array_equal(rgba[1, 2, 3, 0], [*UNKNOWN, 1])
+    np.testing.assert_array_equal(rgba[1, 2, 3, 0], [*UNKNOWN_COLOR, 1])
     np.testing.assert_array_equal(rgba[0, 3], taxel_colors(force[0, 3], 1.0))
 
 

@@ -13,7 +13,7 @@ from paxisim.diagnose.cause import Cause, Local, Values
 from paxisim.diagnose.problem import FloatArray, Problem
 
 KNOTS = 9
-BEND = 0.01  # materiality of the deviation of a curve from a straight line, in units of the peak
+MATERIAL_BEND = 0.01  # materiality of the deviation of a curve from a straight line, in units of the peak
 _STEP = 0.01  # finite difference at a knot, in units of the peak
 _PRIOR = 3.0  # standard deviation of the prior at a knot, in units of the peak; for knots without load
 
@@ -103,7 +103,7 @@ def _bend(values: Values, problem: Problem) -> float:
     place = np.linspace(-1, 1, len(error))
     slope = np.tensordot(place, error, 1) / np.sum(place**2)
     rest = error - error.mean(axis=0) - place.reshape(-1, 1, 1, 1, 1) * slope
-    return float(np.sqrt(np.mean(rest**2, axis=0))[problem.alive].max() / (BEND * problem.peak))
+    return float(np.sqrt(np.mean(rest**2, axis=0))[problem.alive].max() / (MATERIAL_BEND * problem.peak))
 
 
 CHANNEL_CURVE = Cause(

@@ -8,12 +8,12 @@ from paxisim import augment
 from paxisim.diagnose.cause import Cause, Free, Gauge
 from paxisim.diagnose.problem import Problem
 
-HELD = "0 if the sensor reads correctly at once, 1 if it reads correctly after creep has ended"
+HELD_MEANING = "0 if the sensor reads correctly at once, 1 if it reads correctly after creep has ended"
 
-SLOW = "share of the amplitude with time constant tau_2; the rest has tau_1"
+SLOW_MEANING = "share of the amplitude with time constant tau_2; the rest has tau_1"
 
-PRESSES = 5.0  # times the longest press; of a slower mode less than a fifth shows, and its gauge acts like a gain
-FASTEST, SLOWEST = 0.15, 200.0  # s
+MAX_PRESSES = 5.0  # times the longest press; of a slower mode less than a fifth shows, and its gauge acts like a gain
+MIN_TAU, MAX_TAU = 0.15, 200.0  # s
 
 
 def _slowest(problem: Problem) -> float:
@@ -24,16 +24,16 @@ def _slowest(problem: Problem) -> float:
         edges = np.flatnonzero(np.diff(problem.at_rest[span], prepend=True, append=True))
         ends = np.minimum(edges, len(time) - 1).reshape(-1, 2)  # first and last frame of each press
         longest = max(longest, float(np.max(time[ends[:, 1]] - time[ends[:, 0]], initial=0.0)))
-    return float(np.clip(PRESSES * longest, 2.0, SLOWEST))
+    return float(np.clip(MAX_PRESSES * longest, 2.0, MAX_TAU))
 
 
 def _free(problem: Problem) -> tuple[Free, ...]:
     slowest = _slowest(problem)
     return (
         Free("amplitude", "1", 0.0, -0.5, 1.5, 0.05, 0.012),
-        Free("tau_1", "s", 0.6, FASTEST, min(20.0, slowest), 0.4),
-        Free("share_2", "1", 0.0, 0.0, 1.0, 0.3, words=SLOW),
-        Free("tau_2", "s", min(5.0, slowest), FASTEST, slowest, 3.0),
+        Free("tau_1", "s", 0.6, MIN_TAU, min(20.0, slowest), 0.4),
+        Free("share_2", "1", 0.0, 0.0, 1.0, 0.3, words=SLOW_MEANING),
+        Free("tau_2", "s", min(5.0, slowest), MIN_TAU, slowest, 3.0),
     )
 
 
@@ -51,7 +51,7 @@ CREEP = Cause(
     "holds",
     _free,
     _starts,
-    gauge=Gauge("calibrated_held", lambda v, p: 1 / max(1 + v[0], 0.2), HELD),
+    gauge=Gauge("calibrated_held", lambda v, p: 1 / max(1 + v[0], 0.2), HELD_MEANING),
     remembers=True,
     misfit=0.01,
     words="The reading keeps changing under a constant load and recovers slowly after release.",

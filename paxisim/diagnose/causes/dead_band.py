@@ -20,7 +20,7 @@ def _gain(values: Values, problem: Problem) -> FloatArray:
     return 1 / np.maximum(1 - values[0] * values[1] / problem.peaks, 0.2)
 
 
-AT_PEAK = "0 if the sensor reads changes of force correctly, 1 if it reads the peak force correctly"
+AT_PEAK_MEANING = "0 if the sensor reads changes of force correctly, 1 if it reads the peak force correctly"
 
 DEAD_BAND = Cause(
     "dead_band",
@@ -33,7 +33,7 @@ DEAD_BAND = Cause(
         Free("edge", "1", 0.2, 0.0, 1.0, 0.1, spread=0.1, words="share of the width over which the reading sets in"),
     ),
     lambda p: [(width, shrink, 0.2) for width in (0.06, 0.12, 0.2, 0.3) for shrink in (0.0, 1.0)],
-    gauge=Gauge("calibrated_at_peak", _gain, AT_PEAK, by_axis=True),
+    gauge=Gauge("calibrated_at_peak", _gain, AT_PEAK_MEANING, by_axis=True),
     misfit=0.01,
     barred=bent_apart,
     words="Small forces are not read.",

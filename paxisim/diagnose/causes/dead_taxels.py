@@ -12,13 +12,13 @@ from paxisim.diagnose.cause import Cause, Reading
 from paxisim.diagnose.causes.failures import failures_of
 from paxisim.diagnose.causes.read_only import not_made
 from paxisim.diagnose.problem import FloatArray, Problem
-from paxisim.diagnose.silent import CLEAR, FRAMES, pressed_beyond
+from paxisim.diagnose.silent import CLEAR_FORCE, MIN_CLEAR_FRAMES, pressed_beyond
 
 FAINT = 0.3  # smallest shear gain of a working taxel
 CONSISTENT = 1.6  # smallest z-score of the response summed over episodes that counts as a response
-FAR = 4.0  # an unusual level exceeds this many times the typical reading at rest plus the immaterial level
-MISSING = 8.0  # z-score of the missing response of a stuck taxel
-STILL = 1.8  # largest standard deviation of a stuck taxel, in units of the noise
+UNUSUAL_LEVEL = 4.0  # an unusual level exceeds this many times the typical reading at rest plus the immaterial level
+MISSING_RESPONSE = 8.0  # z-score of the missing response of a stuck taxel
+MAX_STUCK_SPREAD = 1.8  # largest standard deviation of a stuck taxel, in units of the noise
 UNMOVED = 0.2  # largest drift of a stuck taxel, relative to that of the other taxels of its pad and axis
 LATE = 0.1  # s, time constant of a taxel that responds late
 
@@ -28,8 +28,8 @@ def _read(problem: Problem) -> Reading | None:
     simulated, measured = problem.simulated, problem.measured
     level, noise = np.median(measured, axis=0), np.median(problem.sigma, axis=0)
     floor = max(0.6 * problem.step, 0.03)
-    loaded = pressed_beyond(problem, max(0.06 * problem.peak, CLEAR))[:, :, 2] & (simulated[:, :, 2] > 0)
-    dead = loaded.sum(axis=0) >= FRAMES
+    loaded = pressed_beyond(problem, max(0.06 * problem.peak, CLEAR_FORCE))[:, :, 2] & (simulated[:, :, 2] > 0)
+    dead = loaded.sum(axis=0) >= MIN_CLEAR_FRAMES
     # a late response may rise after the press has ended
     rise = np.quantile(measured[:, :, 2] - level[:, 2], 0.998, axis=0)
     dead &= rise < np.maximum(0.4 * np.quantile(simulated[:, :, 2], 0.998, axis=0), 3.5 * noise[:, 2])
@@ -74,7 +74,7 @@ def _still(problem: Problem, level: FloatArray, noise: FloatArray, floor: float)
     Light presses suffice if the force spans a count, because no dead band suppresses a non-zero reading.
     """
     usual = np.median(np.abs(level), axis=(2, 3), keepdims=True)
-    far = (np.abs(level) > FAR * (usual + floor)).any(axis=1) | _unmoved(problem, floor)
+    far = (np.abs(level) > UNUSUAL_LEVEL * (usual + floor)).any(axis=1) | _unmoved(problem, floor)
     if not far.any():
         return far
     x, y = (
@@ -83,9 +83,9 @@ def _still(problem: Problem, level: FloatArray, noise: FloatArray, floor: float)
     )
     energy, both = np.sum(x**2, axis=(0, 2)), np.sum(x * y, axis=(0, 2))
     missing = (energy - both) / np.sqrt(np.maximum(energy, 1e-12))  # z-score of the missing response
-    still = ((problem.measured - level) / noise).std(axis=0) < STILL
+    still = ((problem.measured - level) / noise).std(axis=0) < MAX_STUCK_SPREAD
     reached = np.quantile(np.abs(problem.simulated), 0.998, axis=0).max(axis=1) > problem.step
-    return far & (both < 0.25 * energy) & (missing > MISSING) & still.all(axis=1) & reached
+    return far & (both < 0.25 * energy) & (missing > MISSING_RESPONSE) & still.all(axis=1) & reached
 
 
 def _unmoved(problem: Problem, floor: float) -> NDArray[np.bool_]:

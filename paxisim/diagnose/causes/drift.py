@@ -8,8 +8,8 @@ from paxisim import augment
 from paxisim.diagnose.cause import Cause, Course, Values
 from paxisim.diagnose.problem import FloatArray, Problem
 
-LEAST_EPISODES = 4
-LEAST_SECONDS = 30.0
+MIN_EPISODES = 4
+MIN_SECONDS = 30.0
 SHAPES = tuple(
     (tau, start)
     for start in (0.0, 60.0, 120.0, 240.0, 480.0)  # the gauge: the sensor may have been zeroed before the recording
@@ -26,10 +26,10 @@ def _curve(problem: Problem, shape: Values) -> FloatArray:
 
 
 def _needs_time(problem: Problem) -> str:
-    long = problem.runs_through and problem.time[-1] - problem.time[0] > LEAST_SECONDS
+    long = problem.runs_through and problem.time[-1] - problem.time[0] > MIN_SECONDS
     return (
         ""
-        if long and len(problem.episodes) >= LEAST_EPISODES
+        if long and len(problem.episodes) >= MIN_EPISODES
         else "a slow drift is visible only over several episodes on one clock"
     )
 

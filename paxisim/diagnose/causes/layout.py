@@ -13,10 +13,10 @@ from paxisim.diagnose.causes.channel_curve import mixes_alike
 from paxisim.diagnose.causes.read_only import not_made
 from paxisim.diagnose.problem import FloatArray, Problem, with_noise
 
-MOST_MOVED = 0.7  # share of the moved taxels that must correlate at least as well at their new place
-EQUALLY = 0.02  # largest difference between correlations that count as equal
-LOADED = 0.05  # least load on a taxel that counts, in units of the largest load on a taxel
-CLEARLY = 0.05  # least gain in correlation for a layout fault to be named
+MIN_MOVED_SHARE = 0.7  # share of the moved taxels that must correlate at least as well at their new place
+EQUAL_CORRELATION = 0.02  # largest difference between correlations that count as equal
+MIN_LOAD = 0.05  # least load on a taxel that counts, in units of the largest load on a taxel
+MIN_GAIN = 0.05  # least gain in correlation for a layout fault to be named
 
 
 def _read(problem: Problem) -> Reading | None:
@@ -42,7 +42,7 @@ def _read(problem: Problem) -> Reading | None:
         fault = {"flip_rows": flip_rows, "flip_cols": flip_cols, "transpose": transpose, "pad_order": order}
         moved = augment.LayoutFault(**fault)(problem.simulated)[:, :, 2]
         alike = alike_either_way(moved)
-        if alike.mean() > most.mean() + 1e-9 and alike.mean() > base.mean() + CLEARLY:
+        if alike.mean() > most.mean() + 1e-9 and alike.mean() > base.mean() + MIN_GAIN:
             best, most = fault, alike
     if best and (most > base)[most != base].mean() < 0.8:
         best = {}
@@ -67,8 +67,8 @@ def _fits_all(measured: FloatArray, given: FloatArray, moved: FloatArray) -> boo
         return np.abs(np.sum(a * b, axis=0)) / np.sqrt(np.sum(a * a, axis=0) * np.sum(b * b, axis=0) + 1e-12)
 
     load = np.maximum(np.ptp(given, axis=0), np.ptp(moved, axis=0))
-    loaded = (load > LOADED * load.max()) & np.any(given != moved, axis=0)
-    return float(np.mean((each(moved) > each(given) - EQUALLY)[loaded])) > MOST_MOVED
+    loaded = (load > MIN_LOAD * load.max()) & np.any(given != moved, axis=0)
+    return float(np.mean((each(moved) > each(given) - EQUAL_CORRELATION)[loaded])) > MIN_MOVED_SHARE
 
 
 def _alike(measured: FloatArray, simulated: FloatArray, problem: Problem) -> FloatArray:

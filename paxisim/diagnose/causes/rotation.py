@@ -7,12 +7,12 @@ from paxisim.diagnose.cause import AXES, Cause, Free, one_away
 from paxisim.diagnose.causes.channel_curve import mixes_alike
 from paxisim.diagnose.problem import Problem
 
-TILT = 0.01  # rad, standard deviation of the prior for the tilt of a sensor in its mount
-MOST_TILT = 0.09  # rad
+TILT_PRIOR = 0.01  # rad, standard deviation of the prior for the tilt of a sensor in its mount
+MAX_TILT = 0.09  # rad
 
 
 def _free(problem: Problem) -> tuple[Free, ...]:
-    tilts = (Free(f"about_{axis}", "rad", 0.0, -MOST_TILT, MOST_TILT, 0.05, 0.012, TILT) for axis in AXES[:2])
+    tilts = (Free(f"about_{axis}", "rad", 0.0, -MAX_TILT, MAX_TILT, 0.05, 0.012, TILT_PRIOR) for axis in AXES[:2])
     return (*tilts, Free("about_z", "rad", 0.0, -0.6, 0.6, 0.05, 0.012))
 
 

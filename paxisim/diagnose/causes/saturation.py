@@ -9,7 +9,7 @@ from paxisim.diagnose.cause import Cause, Free, Gauge, Values
 from paxisim.diagnose.causes.channel_curve import bent_apart
 from paxisim.diagnose.problem import FloatArray, Problem
 
-REACHED = 1.1  # materiality of the limit, in units of the peak; a larger limit acts like stiffening
+MATERIAL_LIMIT = 1.1  # materiality of the limit, in units of the peak; a larger limit acts like stiffening
 
 
 def _limits(values: Values) -> FloatArray:
@@ -35,7 +35,7 @@ def _starts(problem: Problem) -> list[Values]:
     return [(share * problem.peak, softness, shear) for share, softness in shapes for shear in (1.0, own)]
 
 
-AT_PEAK = "0 if the sensor reads small forces correctly, 1 if it reads the peak force correctly"
+AT_PEAK_MEANING = "0 if the sensor reads small forces correctly, 1 if it reads the peak force correctly"
 
 SATURATION = Cause(
     "saturation",
@@ -49,9 +49,9 @@ SATURATION = Cause(
         Free("shear", "1", 1.0, 0.05, 2.0, 0.2, spread=0.5, words="limit of shear relative to that of normal force"),
     ),
     _starts,
-    gauge=Gauge("calibrated_at_peak", _gain, AT_PEAK, by_axis=True),
+    gauge=Gauge("calibrated_at_peak", _gain, AT_PEAK_MEANING, by_axis=True),
     misfit=0.005,
-    size=lambda v, p: REACHED * float(np.max(p.peaks / _limits(v))),
+    size=lambda v, p: MATERIAL_LIMIT * float(np.max(p.peaks / _limits(v))),
     barred=bent_apart,
     words="Large forces are clipped.",
     picture="curves",

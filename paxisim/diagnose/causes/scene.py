@@ -16,7 +16,7 @@ from paxisim.diagnose.inside.responses import SHOWN, SPREAD
 from paxisim.diagnose.problem import FloatArray, Problem
 from paxisim.scene.parameters import Group
 
-FIRST = -10.0
+SCENE_ORDER = -10.0
 """Place in the chain: before all effects of the sensor."""
 MISFIT = 0.1
 """Share of a scene cause's effect that its form may leave unexplained: real objects and gels differ from those of the
@@ -66,7 +66,7 @@ def _scene_cause(group: Group, excites: str, words: str, picture: str, price: fl
 
     return Cause(
         group,
-        FIRST,
+        SCENE_ORDER,
         lambda values, problem: Chain(),
         excites,
         lambda problem: _numbers(problem, group),
@@ -110,7 +110,7 @@ def _no_pose(problem: Problem) -> str:
 
 MEAN_POSE = Cause(
     "mean_pose",
-    FIRST,
+    SCENE_ORDER,
     lambda values, problem: Chain(),
     free=_by_chance,
     change=lambda values, problem: problem.scene.change("object_pose", values),  # type: ignore[union-attr]

@@ -9,7 +9,7 @@ from paxisim.diagnose.cause import Cause, Free, Values
 from paxisim.diagnose.causes.channel_curve import bent_apart
 from paxisim.diagnose.problem import Problem
 
-BEND = 0.02  # materiality of the change in gain between a tenth of the peak and the peak
+MATERIAL_CHANGE = 0.02  # materiality of the change in gain between a tenth of the peak and the peak
 
 
 def _free(problem: Problem) -> tuple[Free, ...]:
@@ -52,7 +52,7 @@ def _size(values: Values, problem: Problem) -> float:
     force = np.zeros((2, 1, 3, 1, 1))
     force[:, 0, 2, 0, 0] = 0.1 * problem.peak, problem.peak
     gains = (law(force) / np.where(force == 0, 1, force))[:, 0, 2, 0, 0]
-    return float(abs(gains[1] - gains[0])) / BEND
+    return float(abs(gains[1] - gains[0])) / MATERIAL_CHANGE
 
 
 STIFFENING = Cause(

@@ -17,10 +17,10 @@ from paxisim.diagnose.noise import Tolerance, differences
 from paxisim.diagnose.problem import FloatArray, Problem
 
 GAIN_PRIOR = 0.1  # initial standard deviation of the prior of the gains
-LEAST_SPREAD = 0.01  # smallest estimate of that standard deviation
-TELLS = 1e-3  # relative to the largest weight; less loaded taxels do not inform the prior
-ROUNDS = 5  # iterations of the empirical Bayes estimate
-MATERIAL = 0.026  # materiality of the standard deviation of the gains
+MIN_SPREAD = 0.01  # smallest estimate of that standard deviation
+MIN_WEIGHT = 1e-3  # relative to the largest weight; less loaded taxels do not inform the prior
+BAYES_ITERATIONS = 5  # iterations of the empirical Bayes estimate
+MATERIAL_SPREAD = 0.026  # materiality of the standard deviation of the gains
 
 
 def taxel_gains(
@@ -64,18 +64,18 @@ def drawn(pulls: FloatArray, weights: FloatArray) -> tuple[FloatArray, float]:
         weights: ``(episodes, pads, rows, cols)`` sum of the squared load, in the same units.
     """
     pull, weight = pulls.sum(axis=0), weights.sum(axis=0)
-    tells, told = weights > TELLS * weights.max(), weight > TELLS * weight.max()
+    tells, told = weights > MIN_WEIGHT * weights.max(), weight > MIN_WEIGHT * weight.max()
     degrees = max(int(tells.sum() - tells.any(axis=0).sum()), 1)
     bare = pull / np.maximum(weight, 1e-12)
     ridge = 1 / GAIN_PRIOR**2
     away = pull / (weight + ridge)
-    for _ in range(ROUNDS):
+    for _ in range(BAYES_ITERATIONS):
         left = pulls - weights * away
         excess = max(float(np.sum(left[tells] ** 2 / weights[tells])) / degrees, 1.0)
         trust = np.where(told, weight / (weight + ridge), 0.0)
         common = float(np.sum(trust * bare) / max(trust.sum(), 1e-12))
         apart = (bare - common) ** 2 - excess / np.maximum(weight, 1e-12)
-        ridge = excess / max(float(np.sum(trust**2 * apart) / max(np.sum(trust**2), 1e-12)), LEAST_SPREAD**2)
+        ridge = excess / max(float(np.sum(trust**2 * apart) / max(np.sum(trust**2), 1e-12)), MIN_SPREAD**2)
         away = common + (pull - common * weight) / (weight + ridge)
     return away, ridge
 
@@ -112,7 +112,7 @@ def _size(gains: Values, problem: Problem) -> float:
     """Load-weighted standard deviation of the gains, in units of materiality."""
     load = np.sum((problem.simulated * problem.weight) ** 2, axis=(0, 2))
     mean = np.average(gains, weights=load)
-    return float(np.sqrt(np.average((np.asarray(gains) - mean) ** 2, weights=load)) / MATERIAL)
+    return float(np.sqrt(np.average((np.asarray(gains) - mean) ** 2, weights=load)) / MATERIAL_SPREAD)
 
 
 TAXEL_GAIN = Cause(

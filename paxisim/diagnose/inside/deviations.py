@@ -14,7 +14,7 @@ from paxisim.diagnose.inside.responses import SPREAD, Responses
 
 FloatArray = NDArray[np.float64]
 
-REMEMBERED = 1000.0
+CORRELATED_SAMPLES = 1000.0
 """Number of samples that share one error: model errors last longer than a frame and extend over many taxels."""
 
 
@@ -36,7 +36,7 @@ class Deviations:
         slopes = [scene.slope(one) * SPREAD[one.parameter.unit] * weight for one in scene.poses]
         self._columns = [np.stack([s[span].ravel() for s in slopes]) for span in episodes]
         self._episodes = tuple(episodes)
-        eye = REMEMBERED * np.eye(len(slopes))
+        eye = CORRELATED_SAMPLES * np.eye(len(slopes))
         self._inverses = np.linalg.inv(np.stack([own @ own.T + eye for own in self._columns]))
         self._common = np.linalg.inv(self._inverses.sum(axis=0))
 

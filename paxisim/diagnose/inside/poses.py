@@ -13,15 +13,15 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from paxisim.diagnose.inside.deviations import REMEMBERED
+from paxisim.diagnose.inside.deviations import CORRELATED_SAMPLES
 from paxisim.diagnose.inside.responses import SPREAD
 from paxisim.diagnose.problem import FloatArray, Problem
 from paxisim.scene.parameters import SceneParameter
 
-WIDE = 3.0  # standard deviation of the prior of a number of the scene, in steps
-MOST = 3.0
+PRIOR_STEPS = 3.0  # standard deviation of the prior of a number of the scene, in steps
+MAX_DEVIATION = 3.0
 """Largest deviation of an episode's pose from the mean, in units of `SPREAD`."""
-TURNS = 5  # alternations between fitting the gains and the poses
+ALTERNATIONS = 5  # alternations between fitting the gains and the poses
 
 Poses = Mapping[int, Mapping[SceneParameter, float]]
 
@@ -65,7 +65,7 @@ def fitted_poses(
     count = len(columns)
     for one in thin.scene.each:  # errors common to all episodes are no pose errors
         if one.parameter.group != "object_pose":
-            wide = WIDE * one.parameter.step
+            wide = PRIOR_STEPS * one.parameter.step
             columns.append(with_poses.weigh(predict(thin.simulated + thin.scene.slope(one) * wide) - base))
     centre += [0.0] * (len(columns) - count)
     steps = _steps(target, simulated, np.stack(columns), np.array(centre))[:count].reshape(len(numbers), -1)
@@ -73,7 +73,7 @@ def fitted_poses(
     for one, own_steps in zip(numbers, steps, strict=True):
         item, spread = one.parameter, SPREAD[one.parameter.unit]
         poses = np.array([before.get(int(n), {}).get(item, 0.0) for n in known]) + own_steps * spread
-        poses = np.clip(poses - poses.mean(), -MOST * spread, MOST * spread)
+        poses = np.clip(poses - poses.mean(), -MAX_DEVIATION * spread, MAX_DEVIATION * spread)
         for number, pose in zip(known, poses, strict=True):
             out[int(number)][item] = float(pose)
     return out
@@ -90,11 +90,11 @@ def _steps(target: FloatArray, simulated: FloatArray, columns: FloatArray, centr
     """
     steps = np.zeros(len(columns))
     gram = np.einsum("ctpkij,dtpkij->kcd", columns, columns, optimize=True)
-    for _ in range(TURNS):
+    for _ in range(ALTERNATIONS):
         fitted = simulated + np.tensordot(steps, columns, 1)
         gain = np.sum(target * fitted, (0, 1, 3, 4)) / np.maximum(np.sum(fitted**2, (0, 1, 3, 4)), 1e-12)
         left = target - gain[:, None, None] * fitted
-        error = max(1.0, float(np.mean(left**2))) * REMEMBERED
+        error = max(1.0, float(np.mean(left**2))) * CORRELATED_SAMPLES
         right = np.einsum("k,ctpkij,tpkij->c", gain, columns, target - gain[:, None, None] * simulated, optimize=True)
         steps = np.linalg.solve(np.tensordot(gain**2, gram, 1) + error * np.eye(len(steps)), right + error * centre)
     return steps

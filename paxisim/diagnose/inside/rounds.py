@@ -34,8 +34,8 @@ from paxisim.scene.parameters import SceneParameter
 from paxisim.scene.replays import Replays
 from paxisim.scene.scene import Scene
 
-PLACINGS = 2  # fits of the poses before anything else
-PLACED, SCREENED, FIRST = 0.1, 0.35, 0.6  # progress after the poses, the replays and the first search
+POSE_FITS = 2  # fits of the poses before anything else
+POSES_END, REPLAYS_END, SEARCH_END = 0.1, 0.35, 0.6  # progress after the poses, the replays and the first search
 
 Tell = Callable[[str, float], None]
 
@@ -78,22 +78,22 @@ def in_scene(
     closings = {episode.number: episode.closing for episode in episodes}
     with Replays(scene, recording, closings, jobs=jobs, folder=folder) as replays:
         study = Study(replays)
-        study.glance(_part(tell, 0.0, PLACED))
-        for _ in range(PLACINGS):
+        study.glance(_part(tell, 0.0, POSES_END))
+        for _ in range(POSE_FITS):
             begun = begin(_simulated(recording, study), causes, study.responses(), tell)
             if isinstance(begun, Diagnosis):
                 return begun
             study.move(_poses(begun, study, begun.off.problem.thinned.at_compared))
-        study.screen(_part(tell, PLACED, SCREENED))
+        study.screen(_part(tell, POSES_END, REPLAYS_END))
         begun = begin(_simulated(recording, study), causes, study.responses(), tell)
         if isinstance(begun, Diagnosis):
             return begun
-        first = search_of(begun.off, begun.wanted, jobs, _part(tell, SCREENED, FIRST))
+        first = search_of(begun.off, begun.wanted, jobs, _part(tell, REPLAYS_END, SEARCH_END))
         fit = first.fit(first.run())
         values = _values(fit, begun.off.problem, study)
         study.move(_poses(begun, study, _read_by(first.fitter, fit)))
         study.refine(values)
-        last = _part(tell, FIRST, 1.0)
+        last = _part(tell, SEARCH_END, 1.0)
         found = searched(_simulated(recording, study), causes, study.responses(), seed, jobs, last)
         return found if isinstance(found, Diagnosis) else _result(found, study, scene)
 

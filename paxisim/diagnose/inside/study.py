@@ -13,14 +13,14 @@ from paxisim.errors import PaxisimError
 from paxisim.scene.parameters import SceneParameter
 from paxisim.scene.replays import Replays, Values
 
-SCREENED = (-2.0, 2.0)
+SCREEN_STEPS = (-2.0, 2.0)
 """Offsets from its nominal value, in steps, at which each number is replayed before the search."""
-GLANCE, POSES = (1.0,), (-1.0, 1.0)
+GLANCE_STEPS, POSE_STEPS = (1.0,), (-1.0, 1.0)
 """The same before the poses of the episodes are known: for the scene's other numbers, and for the poses."""
-NEAR = (-0.5, 0.5)
+REFINE_STEPS = (-0.5, 0.5)
 """Offsets from its fitted value, in steps, after the search; other numbers of its cause keep their fitted values."""
 
-TOGETHER = 4
+BATCH = 4
 """Numbers replayed in one batch: enough to keep the processes busy, few enough to report progress often."""
 
 Tell = Callable[[str, float], None]
@@ -53,20 +53,20 @@ class Study:
 
     def glance(self, tell: Tell) -> None:
         """Replay the motion with each number changed a little, the objects' poses in both directions."""
-        poses = {item: POSES for item in self.parameters.values() if item.group == "object_pose"}
-        self._screen(dict.fromkeys(self.parameters.values(), GLANCE) | poses, tell)
+        poses = {item: POSE_STEPS for item in self.parameters.values() if item.group == "object_pose"}
+        self._screen(dict.fromkeys(self.parameters.values(), GLANCE_STEPS) | poses, tell)
 
     def screen(self, tell: Tell) -> None:
         """Replay the motion with each number except poses changed in both directions; replaces earlier replays."""
         others = [item for item in self.parameters.values() if item.group != "object_pose"]
         for item in others:
             self._changes.pop(item, None)
-        self._screen(dict.fromkeys(others, SCREENED), tell)
+        self._screen(dict.fromkeys(others, SCREEN_STEPS), tell)
 
     def _screen(self, steps: Mapping[SceneParameter, Sequence[float]], tell: Tell) -> None:
         parameters = list(steps)
-        for first in range(0, len(parameters), TOGETHER):
-            some = parameters[first : first + TOGETHER]
+        for first in range(0, len(parameters), BATCH):
+            some = parameters[first : first + BATCH]
             tell(f"replaying with a different {some[0].name}", first / len(parameters))
             self._replay({item: [item.nominal + by * item.step for by in steps[item]] for item in some})
 
@@ -107,7 +107,9 @@ class Study:
             self._centres[group] = centre, self.replays.run_each(self._with_poses(centre)) - self.base
             for item in numbers:
                 self._changes.pop(item, None)
-            self._replay({item: [value + by * item.step for by in NEAR] for item, value in centre.items()}, centre)
+            self._replay(
+                {item: [value + by * item.step for by in REFINE_STEPS] for item, value in centre.items()}, centre
+            )
 
     def responses(self) -> Responses:
         """Return the effects of the numbers."""

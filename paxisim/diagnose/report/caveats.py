@@ -12,7 +12,7 @@ from paxisim.diagnose.explanation import Explanation
 from paxisim.diagnose.report.text import percentage
 
 AXES = "xyz"
-MOST = 8  # channels listed
+MAX_LISTED = 8  # channels listed
 
 
 def caveats(found: Explanation, dropped: Mapping[str, Interval], pads: tuple[str, ...]) -> tuple[str, ...]:
@@ -45,8 +45,8 @@ def silent_in_words(silent: NDArray[np.bool_], pads: tuple[str, ...]) -> tuple[s
         )
     single = np.argwhere(silent & ~whole[:, :, None, None])
     if len(single):
-        names = ", ".join(f"{AXES[k]} of pad {pads[p]} ({r}, {c})" for p, k, r, c in single[:MOST])
-        more = f" and {len(single) - MOST} more" if len(single) > MOST else ""
+        names = ", ".join(f"{AXES[k]} of pad {pads[p]} ({r}, {c})" for p, k, r, c in single[:MAX_LISTED])
+        more = f" and {len(single) - MAX_LISTED} more" if len(single) > MAX_LISTED else ""
         warnings.append(
             f"{names}{more} never change{'s' if len(single) == 1 else ''} under load although the other axes of the "
             "taxel respond. Such dead channels were excluded"

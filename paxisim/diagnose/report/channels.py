@@ -9,7 +9,7 @@ from paxisim.diagnose.report.curves import force_force
 from paxisim.diagnose.report.effect import Effect
 from paxisim.diagnose.report.style import AXES, MUTED, WIDTH, Picture, binned, finish
 
-COLUMNS, MOST = 3, 6  # columns of panels, and most channels drawn
+COLUMNS, MAX_PANELS = 3, 6  # columns of panels, and most channels drawn
 
 
 def channel_curves(effect: Effect) -> list[Picture]:
@@ -21,7 +21,7 @@ def _bends(effect: Effect) -> Picture:
     from matplotlib.figure import Figure
 
     energy, name = effect.energy.sum(axis=0), effect.cause.name
-    order = np.argsort(-energy.ravel(), kind="stable")[: min(MOST, int((energy > 0).sum()))]
+    order = np.argsort(-energy.ravel(), kind="stable")[: min(MAX_PANELS, int((energy > 0).sum()))]
     rows = max(1, -(-len(order) // COLUMNS))
     figure = Figure(figsize=(WIDTH, 0.7 + 1.3 * rows), layout="constrained")
     grid = figure.subplots(rows, COLUMNS, sharex=True, sharey=True, squeeze=False).ravel()

@@ -17,7 +17,7 @@ from paxisim.diagnose.report.streams import pad_in_words
 if TYPE_CHECKING:
     from paxisim.diagnose.diagnosis import Diagnosis
 
-MOST = 8  # taxels or pairs listed per pad
+MAX_LISTED = 8  # taxels or pairs listed per pad
 _AXES = "xyz"
 
 
@@ -97,8 +97,8 @@ def _since(fault: DeadTaxels, taxel: tuple[int, int, int]) -> str:
 
 
 def _listed(names: Sequence[str]) -> str:
-    more = f" and {len(names) - MOST} more" if len(names) > MOST else ""
-    return f"{', '.join(names[:MOST])}{more}"
+    more = f" and {len(names) - MAX_LISTED} more" if len(names) > MAX_LISTED else ""
+    return f"{', '.join(names[:MAX_LISTED])}{more}"
 
 
 def _pad(pads: Sequence[str], number: int) -> str:

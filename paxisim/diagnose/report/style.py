@@ -28,7 +28,7 @@ _VARIABLES = {INK: "ink", PAPER: "paper", MUTED: "muted", GRID: "grid", SIMULATE
 WIDTH, HEIGHT = 3.75, 2.7  # inches; 360 CSS pixels wide
 AXES = "xyz"
 _LONG = re.compile(r"(\.\d\d)\d+")  # coordinates are cut to two decimals, to save space
-POINTS = 500  # most points in a line or cloud
+MAX_POINTS = 500  # most points in a line or cloud
 
 
 @dataclass(frozen=True)
@@ -138,13 +138,13 @@ def logarithmic(axes: Axes, which: str, values: np.ndarray) -> None:
     getattr(axes, f"set_{which}ticks")([], minor=True)
 
 
-def thin(*arrays: np.ndarray, points: int = POINTS) -> tuple[np.ndarray, ...]:
+def thin(*arrays: np.ndarray, points: int = MAX_POINTS) -> tuple[np.ndarray, ...]:
     """Keep every n-th sample, so that at most `points` remain."""
     step = max(1, -(-len(arrays[0]) // points))
     return tuple(array[::step] for array in arrays)
 
 
-def scattered(x: np.ndarray, *others: np.ndarray, points: int = POINTS) -> tuple[np.ndarray, ...]:
+def scattered(x: np.ndarray, *others: np.ndarray, points: int = MAX_POINTS) -> tuple[np.ndarray, ...]:
     """Keep at most `points` samples, spread evenly over the range of `x`: only dense regions are thinned."""
     if len(x) <= points:
         return (x, *others)

@@ -13,8 +13,8 @@ from paxisim.diagnose.report.faults import fault_in_words
 if TYPE_CHECKING:
     from paxisim.diagnose.diagnosis import Diagnosis, FittedParameter, HeldOut, Interval, Place, Symptoms, Verdict
 
-WIDTH = 80
-MANY = 8  # most elements of an array listed one by one; longer arrays are summarised by their range
+TEXT_COLUMNS = 80
+MAX_LISTED = 8  # most elements of an array listed one by one; longer arrays are summarised by their range
 INDEX = re.compile(r"(_\d+)+$")  # index of an element at the end of a parameter's name
 
 SENTENCES: Mapping[Verdict, str] = {
@@ -78,7 +78,7 @@ def reasons_of(diagnosis: Diagnosis) -> dict[str, list[str]]:
 
 
 def _wrap(text: str, indent: str) -> list[str]:
-    return textwrap.wrap(text, WIDTH, initial_indent=indent, subsequent_indent=indent + "  ")
+    return textwrap.wrap(text, TEXT_COLUMNS, initial_indent=indent, subsequent_indent=indent + "  ")
 
 
 def _table(diagnosis: Diagnosis) -> list[str]:
@@ -86,7 +86,7 @@ def _table(diagnosis: Diagnosis) -> list[str]:
     for cause in diagnosis.causes:
         rivals = ", ".join(cause.rivals) or "none"
         head = f"{cause.name[:15]:<16}{percentage(cause.gain):<26}{diagnosis.confidence.get(cause.name, 0):>10.0%}  "
-        first, *rest = textwrap.wrap(rivals, WIDTH - len(head))
+        first, *rest = textwrap.wrap(rivals, TEXT_COLUMNS - len(head))
         lines += [head + first, *[" " * len(head) + line for line in rest]]
         numbers = ", ".join(f"{name} {value}" for name, value in parameters_in_words(cause.parameters))
         numbers = fault_in_words(diagnosis, cause.name) or numbers
@@ -109,7 +109,7 @@ def parameters_in_words(parameters: Sequence[FittedParameter]) -> list[tuple[str
     lines = []
     for own in _arrays(parameters).values():
         values = [p.value.value for p in own]
-        if len(own) > MANY:
+        if len(own) > MAX_LISTED:
             name = INDEX.sub("", own[0].name)
             lines.append((name, f"{len(own)} numbers from {min(values):.3g} to {max(values):.3g}{_unit(own[0])}"))
         else:
@@ -127,7 +127,7 @@ def _arrays(parameters: Sequence[FittedParameter]) -> dict[str, list[FittedParam
 
 def meanings(parameters: Sequence[FittedParameter]) -> list[tuple[str, str]]:
     """Return names and meanings of the listed parameters that have an explanation."""
-    listed = [p for own in _arrays(parameters).values() if len(own) <= MANY for p in own]
+    listed = [p for own in _arrays(parameters).values() if len(own) <= MAX_LISTED for p in own]
     return [(p.name, p.words) for p in listed if p.words]
 
 

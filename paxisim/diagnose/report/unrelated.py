@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from paxisim.diagnose.correspondence import ALIKE, Correspondence
+from paxisim.diagnose.correspondence import MIN_CORRELATION, Correspondence
 from paxisim.diagnose.diagnosis import Diagnosis, HeldOut, LeftOver, Symptoms
 from paxisim.recording import Recording
 
@@ -38,6 +38,6 @@ def unrelated(recording: Recording, warnings: Sequence[str], match: Corresponden
         heldout=HeldOut(error, error, 0.0, "", None, ()),
         confidence={},
         not_testable={},
-        symptoms=Symptoms(tuple(warnings), (LeftOver(match.why, match.alike, ALIKE),)),
+        symptoms=Symptoms(tuple(warnings), (LeftOver(match.why, match.alike, MIN_CORRELATION),)),
         advice=(CHECKS,),
     )

@@ -21,20 +21,20 @@ from paxisim.hw.transport import Transport
 
 REPLY_TIMEOUT = 0.1
 """Seconds after which a request is repeated; observed replies take 3 ms for 120 taxels and 10 ms for a version."""
-STALE = REPLY_TIMEOUT + 0.05
+SUSPENDED_AFTER = REPLY_TIMEOUT + 0.05
 """Seconds of waiting that are only possible if the system suspended this program. The age of bytes received after such
 a wait is unknown, and the wait does not count towards the timeout."""
-QUIET = 0.03
+REPLY_SILENCE = 0.03
 """Seconds of silence after the last byte before a reply counts as lost."""
 START_TIMEOUT = 1.0
 MODE_TIMEOUT = 2.0
 """Seconds that the box may take to change its mode, according to the vendor's document."""
-PAUSE = 0.05
+POLL_SECONDS = 0.05
 """Seconds between polls while the box completes a slow operation."""
-REFUSALS = 3
+MAX_REFUSALS = 3
 """Number of error replies needed to accept an error; a single one may come from a request damaged in transit."""
 DEFAULT_MODE = 5
-LONGEST_ANSWER = 128
+MAX_ANSWER_BYTES = 128
 """Maximum number of data bytes in a reply that is not a reading; the longest such reply is the version."""
 
 
@@ -78,7 +78,7 @@ class ControlBox(LineBoard):
         self._count = self._offset + taxels.BYTES_PER_TAXEL * profile.wire_layout.taxels
         if not 0 <= address <= 0xFFFF or self._address < 0 or self._count > 0xFFFF:
             raise InvalidValueError(f"address and the {self._count} bytes read must fit 16 bits, got {address}")
-        lengths = frozenset(range(LONGEST_ANSWER + 1)) | {wire.REGION_OVERHEAD + self._count}
+        lengths = frozenset(range(MAX_ANSWER_BYTES + 1)) | {wire.REGION_OVERHEAD + self._count}
         self._expected = wire.reply_parser(lengths)
         self._decoder = FrameDecoder(self._expected, stream=False)
         self._line: Line[wire.Reply] = Line(transport, clock, self._decoder)
@@ -91,7 +91,7 @@ class ControlBox(LineBoard):
         # accept any length: a box may report more or fewer taxels than the profile has
         self._decoder.parse = wire.parse_reply
         try:
-            if self._ask(wire.version_request(), _is(wire.VERSION), START_TIMEOUT) is None:
+            if self._ask(wire.version_request(), _is(wire.GET_VERSION), START_TIMEOUT) is None:
                 self._fail("the request for its version")
             self._set_mode()
             for slot in self.profile.slots:
@@ -108,7 +108,7 @@ class ControlBox(LineBoard):
             PortNotFoundError: The port disappeared.
         """
         replies = self._read_ports(timeout)
-        if self._stopped or self._arrival - self._first_arrival > len(replies) * STALE:
+        if self._stopped or self._arrival - self._first_arrival > len(replies) * SUSPENDED_AFTER:
             # this program was suspended between pads, so the first reading is much older than the last
             replies = self._read_ports(timeout)
         payloads, status, errors = [], [], []
@@ -137,7 +137,7 @@ class ControlBox(LineBoard):
         for slot in self.profile.slots:
             reply = self._select(slot, START_TIMEOUT)
             if reply is not None and not reply.error:
-                reply = self._ask(request, _is(wire.WRITE), START_TIMEOUT, good=wire.ZERO_GOOD)
+                reply = self._ask(request, _is(wire.WRITE_REGISTERS), START_TIMEOUT, good=wire.ZERO_GOOD)
             if reply is None:
                 raise DeviceTimeoutError(f"port {_port(slot)} did not acknowledge zeroing within {START_TIMEOUT:g} s")
             if reply.error not in wire.ZERO_GOOD:
@@ -145,7 +145,7 @@ class ControlBox(LineBoard):
 
     def version(self) -> str:
         """Return the version string that the box reports; empty if it reports none."""
-        reply = self._ask(wire.version_request(), _is(wire.VERSION), START_TIMEOUT)
+        reply = self._ask(wire.version_request(), _is(wire.GET_VERSION), START_TIMEOUT)
         return "" if reply is None else reply.data.replace(b"\0", b"").decode("ascii", errors="replace").strip()
 
     def _set_mode(self) -> None:
@@ -169,7 +169,7 @@ class ControlBox(LineBoard):
                     f"{reply.data.hex().upper() or 'nothing'}, {error_name(reply.error, CONTROL_BOX)}; "
                     "check the profile's mode"
                 )
-            self.clock.sleep(PAUSE)
+            self.clock.sleep(POLL_SECONDS)
 
     def _check_port(self, slot: Slot) -> None:
         """Check a port's reading against the profile; a pad may need some time after a change of mode."""
@@ -186,7 +186,7 @@ class ControlBox(LineBoard):
                     f"{error_name(reply.error, CONTROL_BOX)}; is a pad connected to that port, and do mode and part "
                     "match it?"
                 )
-            self.clock.sleep(PAUSE)
+            self.clock.sleep(POLL_SECONDS)
 
     def _read_ports(self, timeout: float) -> list[wire.Reply]:
         """Return the reply of each pad."""
@@ -213,7 +213,7 @@ class ControlBox(LineBoard):
         return self._ask(wire.select_port_request(slot.index), _is(wire.SELECT_PORT), timeout)
 
     def _is_reading(self, reply: wire.Reply) -> bool:
-        if (reply.main, reply.sub) != wire.READ:
+        if (reply.main, reply.sub) != wire.READ_REGISTERS:
             return False
         region = wire.parse_region(reply.data)
         if region is None:
@@ -225,29 +225,29 @@ class ControlBox(LineBoard):
     ) -> wire.Reply | None:
         """Return the reply to `request`, which is repeated until `timeout`; None if there is none.
 
-        A reply with an error and no region is returned only after `REFUSALS` of them, or as the last one before the
+        A reply with an error and no region is returned only after `MAX_REFUSALS` of them, or as the last one before the
         timeout.
         """
         deadline = self.clock.monotonic() + timeout
         refusals = 0
         if self._repeated:
             # replies do not name their port, so a late one must not be mistaken for the next port's
-            self._line.collect(lambda _: False, QUIET)
+            self._line.collect(lambda _: False, REPLY_SILENCE)
             self._repeated = False
         while True:
             self._line.empty()
             asked = self.clock.monotonic()
-            left = max(deadline - self.clock.monotonic(), QUIET)
+            left = max(deadline - self.clock.monotonic(), REPLY_SILENCE)
             self.transport.write(request.encode())
-            heard = self._line.collect(fits, min(left, REPLY_TIMEOUT), QUIET)
+            heard = self._line.collect(fits, min(left, REPLY_TIMEOUT), REPLY_SILENCE)
             waited = self.clock.monotonic() - asked
-            if waited > STALE:
+            if waited > SUSPENDED_AFTER:
                 deadline += waited
                 self._stopped, heard = True, []
             arrival, reply = next(((time, reply) for time, reply in heard if fits(reply)), (0.0, None))
             if reply is not None:
                 refusals += reply.error not in good
-                if reply.error in good or refusals == REFUSALS or wire.parse_region(reply.data) is not None:
+                if reply.error in good or refusals == MAX_REFUSALS or wire.parse_region(reply.data) is not None:
                     self._arrival = arrival
                     return reply
             self._repeated = True
@@ -262,7 +262,7 @@ class ControlBox(LineBoard):
             )
         decoder = FrameDecoder(wire.parse_reply)
         replies = decoder.feed(self._line.recent) + decoder.flush()
-        regions = [wire.parse_region(reply.data) for reply in replies if (reply.main, reply.sub) == wire.READ]
+        regions = [wire.parse_region(reply.data) for reply in replies if (reply.main, reply.sub) == wire.READ_REGISTERS]
         counts = {len(region.payload) for region in regions if region and region.address == self._address}
         if counts - {self._count}:
             raise ProtocolError(
@@ -290,5 +290,5 @@ def _is(kind: tuple[int, int]) -> Callable[[wire.Reply], bool]:
 
 def _may_acknowledge_mode(reply: wire.Reply) -> bool:
     """Whether `reply` can acknowledge a new mode; in the vendor's document its SUB differs from the request's."""
-    others = (wire.GET_MODE, wire.SELECT_PORT, wire.READ, wire.WRITE)
+    others = (wire.GET_MODE, wire.SELECT_PORT, wire.READ_REGISTERS, wire.WRITE_REGISTERS)
     return reply.main == wire.SET_MODE[0] and (reply.main, reply.sub) not in others

@@ -11,7 +11,7 @@ from paxisim.hw import taxels
 from paxisim.hw.board import Reading
 from paxisim.hw.boards.listened import ListenedBoard
 from paxisim.hw.clock import Clock
-from paxisim.hw.frames.hand_board import BLOCKS, TAXELS, VALID, Round, RoundDecoder
+from paxisim.hw.frames.hand_board import BLOCKS_PER_ROUND, TAXELS_PER_BLOCK, VALID, Round, RoundDecoder
 from paxisim.hw.profile import Profile
 from paxisim.hw.transport import Transport
 
@@ -42,11 +42,13 @@ class HandBoard(ListenedBoard[Round]):
             foreign=f"expects the rounds of a GEN1 hand board at {profile.baud} baud, but received something else",
         )
         blocks = [slot.index for slot in profile.slots]
-        if not set(blocks) <= set(range(BLOCKS)):
-            raise InvalidValueError(f"slots of a hand board must have an index from 0 to {BLOCKS - 1}, got {blocks}")
-        if profile.wire_layout.taxels != TAXELS:
+        if not set(blocks) <= set(range(BLOCKS_PER_ROUND)):
             raise InvalidValueError(
-                f"a block of the hand board has {TAXELS} taxels, but profile {profile.name!r} describes "
+                f"slots of a hand board must have an index from 0 to {BLOCKS_PER_ROUND - 1}, got {blocks}"
+            )
+        if profile.wire_layout.taxels != TAXELS_PER_BLOCK:
+            raise InvalidValueError(
+                f"a block of the hand board has {TAXELS_PER_BLOCK} taxels, but profile {profile.name!r} describes "
                 f"{profile.wire_layout.taxels}"
             )
         self._blocks = blocks

@@ -44,7 +44,7 @@ ANSWER_TIMEOUT = 2.0
 """Seconds after which an unanswered request fails."""
 STREAM_TIMEOUT = 0.5
 """Seconds within which the stream starts or stops after the command."""
-QUIET = 0.06
+STREAM_SILENCE = 0.06
 """Seconds of silence after which the stream counts as stopped; its frames are 11 to 12 ms apart."""
 ATTEMPTS = 4
 """Number of attempts to switch the stream, and number of error replies needed to accept an error."""
@@ -193,7 +193,7 @@ class HighSpeed(LineBoard):
         while True:
             self.transport.write(request.encode())
             heard = self._line.collect(
-                lambda message: isinstance(message, Reply) and message.answers(request), REPLY_TIMEOUT, QUIET
+                lambda message: isinstance(message, Reply) and message.answers(request), REPLY_TIMEOUT, STREAM_SILENCE
             )
             self._keep(heard)
             for _, message in heard:
@@ -215,7 +215,7 @@ class HighSpeed(LineBoard):
         self._decoder.parse = incoming_parser(self._lengths) if self._layout.modules else parse_incoming
         for _ in range(ATTEMPTS):
             self.transport.write(push_request(False).encode())
-            self._keep(self._line.collect(lambda _: False, STREAM_TIMEOUT, QUIET))
+            self._keep(self._line.collect(lambda _: False, STREAM_TIMEOUT, STREAM_SILENCE))
             if self._line.silent:
                 return
         self._fail("the port keeps sending after the command to stop")

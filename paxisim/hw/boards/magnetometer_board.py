@@ -9,7 +9,7 @@ from paxisim.errors import InvalidValueError
 from paxisim.hw.board import Reading
 from paxisim.hw.boards.listened import ListenedBoard
 from paxisim.hw.clock import Clock
-from paxisim.hw.frames.magnetometer_board import BYTES_PER_CHIP, END, MOST_CHIPS, Burst, BurstDecoder, TextDecoder
+from paxisim.hw.frames.magnetometer_board import BYTES_PER_CHIP, LINE_END, MAX_CHIPS, Burst, BurstDecoder, TextDecoder
 from paxisim.hw.profile import Profile
 from paxisim.hw.transport import Transport
 
@@ -24,13 +24,13 @@ class MagnetometerBoard(ListenedBoard[Burst]):
     heard: ClassVar = {
         **{
             f"bursts of {chips} chips of the family 'magnetometer-board', e.g. AnySkin": partial(BurstDecoder, chips)
-            for chips in range(1, MOST_CHIPS + 1)
+            for chips in range(1, MAX_CHIPS + 1)
         },
         **{
             f"lines of text of {chips} chips of the family 'magnetometer-board' (setting text = true)": partial(
                 TextDecoder, chips
             )
-            for chips in range(1, MOST_CHIPS + 1)
+            for chips in range(1, MAX_CHIPS + 1)
         },
     }
 
@@ -43,7 +43,7 @@ class MagnetometerBoard(ListenedBoard[Burst]):
         if len(profile.slots) != 1:
             raise InvalidValueError(f"slots must list one pad: a magnetometer board has only one, got {profile.slots}")
         chips, text = profile.wire_layout.taxels, bool(profile.settings.get("text", False))
-        what = "lines of text" if text else f"bursts of {BYTES_PER_CHIP * chips + len(END)} bytes"
+        what = "lines of text" if text else f"bursts of {BYTES_PER_CHIP * chips + len(LINE_END)} bytes"
         super().__init__(
             transport,
             profile,

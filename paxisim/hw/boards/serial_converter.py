@@ -16,7 +16,7 @@ from paxisim.hw.clock import Clock
 from paxisim.hw.frames.errors import SERIAL_CONVERTER, error_name
 from paxisim.hw.frames.serial_converter import (
     GOOD,
-    MOST_READ,
+    MAX_READ_REQUEST,
     READ,
     Reply,
     Request,
@@ -31,22 +31,22 @@ from paxisim.hw.framing import FrameDecoder
 from paxisim.hw.profile import Profile
 from paxisim.hw.transport import Transport
 
-PAUSE = 0.005
+POLL_SECONDS = 0.005
 """Seconds between polls, the same as in the vendor's program."""
 PAUSE_BEFORE_ZERO = 0.5
 REPLY_TIMEOUT = 0.15
 """Seconds after which a request is repeated; parts under load were observed to take 90 ms."""
-STALE = REPLY_TIMEOUT + 0.05
+SUSPENDED_AFTER = REPLY_TIMEOUT + 0.05
 """Seconds of waiting that are only possible if the system suspended this program. The age of bytes received after such
 a wait is unknown, and the wait does not count towards the timeout."""
-QUIET = 0.02
+REPLY_SILENCE = 0.02
 """Seconds of silence after the last byte before a reply counts as lost."""
 START_TIMEOUT = 1.0
 SCANNED = range(9)
 """Ids that the vendor's program tries."""
 SCAN_ROUNDS = 3
 """Number of passes over all ids before the sensor counts as absent; a busy host may miss a whole pass."""
-REFUSALS = 3
+MAX_REFUSALS = 3
 """Number of error replies needed to accept an error; a single one may come from a request damaged in transit."""
 
 
@@ -91,10 +91,10 @@ class SerialConverter(LineBoard):
         if self._offset < taxels.BYTES_PER_TAXEL:
             raise InvalidValueError("address must be at least 3 above resultant_address, behind the resultant")
         self._count = self._offset + taxels.BYTES_PER_TAXEL * profile.wire_layout.taxels
-        if self._count > MOST_READ:
+        if self._count > MAX_READ_REQUEST:
             raise InvalidValueError(
-                f"a reply from resultant_address {self._start} to the last taxel must have at most {MOST_READ} bytes, "
-                f"got {self._count}: is address {address} right?"
+                f"a reply from resultant_address {self._start} to the last taxel must have at most {MAX_READ_REQUEST} "
+                f"bytes, got {self._count}: is address {address} right?"
             )
         # 0: the reply to a write, or a refusal; 3: a resultant alone
         lengths = {0, taxels.BYTES_PER_TAXEL, registers.CONVERTER_VERSION_BYTES, self._count}
@@ -178,7 +178,7 @@ class SerialConverter(LineBoard):
         refusals = 0
         if self._repeated:
             # replies to the original and the repeated request look alike; a late one must not pass as the next reading
-            self._line.collect(lambda _: False, QUIET)
+            self._line.collect(lambda _: False, REPLY_SILENCE)
             self._repeated = False
         while True:
             pause = self._ready - self.clock.monotonic()
@@ -191,11 +191,11 @@ class SerialConverter(LineBoard):
             left = deadline - self.clock.monotonic()
             self.transport.write(request.encode())
             heard = self._line.collect(
-                lambda reply: reply.answers(request), max(min(left, REPLY_TIMEOUT), PAUSE), QUIET
+                lambda reply: reply.answers(request), max(min(left, REPLY_TIMEOUT), POLL_SECONDS), REPLY_SILENCE
             )
             now = self.clock.monotonic()
-            self._ready = now + PAUSE
-            if now - asked > STALE:
+            self._ready = now + POLL_SECONDS
+            if now - asked > SUSPENDED_AFTER:
                 deadline += now - asked
                 heard = []
             for arrival, reply in heard:
@@ -205,7 +205,7 @@ class SerialConverter(LineBoard):
                     self._arrival = arrival
                     return reply
                 refusals += 1
-                if refusals == REFUSALS:
+                if refusals == MAX_REFUSALS:
                     raise ProtocolError(
                         f"id {self._id} refuses function {request.function:02X} at {request.address} "
                         f"({request.count} bytes): {error_name(reply.status, SERIAL_CONVERTER)}"

@@ -12,11 +12,11 @@ from paxisim.errors import ProtocolError
 from paxisim.hw.board import Reading
 from paxisim.hw.boards.listened import ListenedBoard
 from paxisim.hw.clock import Clock
-from paxisim.hw.frames.xela_server import MIDDLE, Routine, RoutineDecoder, SensorReading, says_no_reading
+from paxisim.hw.frames.xela_server import COUNTS_MIDDLE, Routine, RoutineDecoder, SensorReading, says_no_reading
 from paxisim.hw.profile import Profile
 from paxisim.hw.transport import Transport
 
-MISSING = 1
+MISSING_STATUS = 1
 """Status of a pad whose reading is missing from a message."""
 
 
@@ -80,7 +80,7 @@ class XelaServer(ListenedBoard[Routine]):
         for pad, slot in enumerate(self.profile.slots):
             reading = message.sensors.get(slot.index)
             own = None if reading is None else self._values(reading)
-            status.append(0 if own is not None and len(own) == taxels else MISSING)
+            status.append(0 if own is not None and len(own) == taxels else MISSING_STATUS)
             if not status[pad]:
                 values[pad] = own
         return Reading(values, None, tuple(status), time, behind)
@@ -92,7 +92,7 @@ class XelaCounts(XelaServer):
     heard: ClassVar = {"messages of the family 'xela-counts', or of the family 'xela-forces'": RoutineDecoder}
 
     def _values(self, reading: SensorReading) -> NDArray[np.float32] | None:
-        return reading.counts - MIDDLE
+        return reading.counts - COUNTS_MIDDLE
 
 
 class XelaForces(XelaServer):

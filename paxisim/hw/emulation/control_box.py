@@ -21,9 +21,9 @@ CHANGED_SUB = 0xC009
 """SUB of the reply to `SET_MODE` as the vendor's document prints it."""
 PORTS = 21
 """Number of ports; public drivers use ports up to 20."""
-LONGEST_READ = 1000
+MAX_READ = 1000
 RESULTANT_BLOCK = 30
-ZERO = bytes([3, 1])
+ZERO_REQUEST = bytes([3, 1])
 
 _LENGTH, _MAIN, _SUB, _OVERFLOW, _PARAMETER, _NO_DATA, _OTHERS = 1, 3, 4, 5, 6, 7, 0x0D
 
@@ -62,7 +62,7 @@ class ControlBox(EmulatedBoard):
             reply = self._answer(request, now)
             if self._wrong_status():
                 reply = wire.Reply(reply.main, reply.sub, b"", _OTHERS, reply.index)
-            wait = VERSION_WAIT if (request.main, request.sub) == wire.VERSION else 0.0
+            wait = VERSION_WAIT if (request.main, request.sub) == wire.GET_VERSION else 0.0
             if wait or self._late:
                 # the box processes one request at a time
                 start = self._late[-1][0] if self._late else now
@@ -83,7 +83,7 @@ class ControlBox(EmulatedBoard):
 
     def _answer(self, request: wire.Request, now: float) -> wire.Reply:
         kind = (request.main, request.sub)
-        if kind == wire.VERSION:
+        if kind == wire.GET_VERSION:
             return self._reply(request, version_of(self.pads.profile))
         if kind == wire.GET_MODE:
             return self._reply(request, bytes([self._mode]))
@@ -91,11 +91,18 @@ class ControlBox(EmulatedBoard):
             return self._set_mode(request)
         if kind == wire.SELECT_PORT:
             return self._select_port(request)
-        if kind == wire.READ:
+        if kind == wire.READ_REGISTERS:
             return self._read(request, now)
-        if kind == wire.WRITE:
+        if kind == wire.WRITE_REGISTERS:
             return self._write(request, now)
-        known = (wire.VERSION, wire.GET_MODE, wire.SET_MODE, wire.SELECT_PORT, wire.READ, wire.WRITE)
+        known = (
+            wire.GET_VERSION,
+            wire.GET_MODE,
+            wire.SET_MODE,
+            wire.SELECT_PORT,
+            wire.READ_REGISTERS,
+            wire.WRITE_REGISTERS,
+        )
         return self._reply(request, error=_SUB if request.main in {main for main, _ in known} else _MAIN)
 
     def _reply(self, request: wire.Request, data: bytes = b"", error: int = 0) -> wire.Reply:
@@ -139,7 +146,7 @@ class ControlBox(EmulatedBoard):
             self._address: self.pads.taxels(pad, now),
         }
         payload = region(memory, address, count)
-        if payload is None or count > LONGEST_READ:
+        if payload is None or count > MAX_READ:
             return self._reply(request, error=_OVERFLOW)
         return self._reply(request, wire.Region(address, payload).encode())
 
@@ -147,7 +154,7 @@ class ControlBox(EmulatedBoard):
         if len(request.data) != 2:
             return self._reply(request, error=_LENGTH)
         pad = self._pad()
-        if request.data == ZERO and pad is not None:
+        if request.data == ZERO_REQUEST and pad is not None:
             self.pads.zero(now, pad)
         return self._reply(request, bytes([_PARAMETER]), error=_PARAMETER)
 

@@ -9,7 +9,7 @@ from paxisim.hw.emulation.pads import EmulatedPads
 from paxisim.hw.emulation.streaming import StreamingBoard
 from paxisim.hw.frames import hand_board as wire
 
-RATE = 100.0
+DEFAULT_RATE = 100.0
 """Default rate of rounds (Hz) if the profile states none; no source states the board's rate."""
 _INVALID = 0
 
@@ -20,10 +20,10 @@ class HandBoard(StreamingBoard):
     Blocks without a pad are valid and read zero. A wrong status marks the block of the first pad as invalid.
     """
 
-    stream_rate = RATE
+    stream_rate = DEFAULT_RATE
 
     def __init__(
-        self, pads: EmulatedPads, *, rate: float | None = RATE, wrong_status: Callable[[], bool] = lambda: False
+        self, pads: EmulatedPads, *, rate: float | None = DEFAULT_RATE, wrong_status: Callable[[], bool] = lambda: False
     ) -> None:
         """Power on.
 
@@ -40,10 +40,10 @@ class HandBoard(StreamingBoard):
         counts = self.pads.counts(now)
         if self._signed:
             counts = counts.clip(max=127)
-        blocks = [bytes(3 * wire.TAXELS)] * wire.BLOCKS
+        blocks = [bytes(3 * wire.TAXELS_PER_BLOCK)] * wire.BLOCKS_PER_ROUND
         for pad, block in enumerate(self._blocks):
             blocks[block] = taxels.to_bytes(counts[pad])
-        states = [wire.VALID] * wire.BLOCKS
+        states = [wire.VALID] * wire.BLOCKS_PER_ROUND
         if self._wrong_status():
             states[self._blocks[0]] = _INVALID
         first, second, third, fourth = (wire.Block(t, s) for t, s in zip(blocks, states, strict=True))

@@ -15,12 +15,12 @@ from paxisim.hw.frames import high_speed as wire
 from paxisim.hw.frames import stream_layout
 from paxisim.hw.framing import FrameDecoder
 
-RATE = 83.0
+DEFAULT_RATE = 83.0
 """Default push rate (Hz) if the profile states none: the lowest rate observed."""
-VERSION = b"PAXISIM-EMU-1.0"
+FIRMWARE_VERSION = b"PAXISIM-EMU-1.0"
 RESET = 0x0022
 ERROR = 0x0023
-RESULTANTS = 0x0500
+RESULTANTS_ADDRESS = 0x0500
 FIRST_TAXELS, TAXELS_STEP = 0x1000, 0x200
 FIRST_PALM_TAXELS, PALM_TAXELS_STEP = 0x3800, 0x100
 DONE = b"\0"
@@ -38,11 +38,11 @@ class HighSpeedBoard(StreamingBoard):
     collide. The board does not answer requests with a wrong check byte.
     """
 
-    stream_rate = RATE
+    stream_rate = DEFAULT_RATE
     gate = GEN3_GATE
 
     def __init__(
-        self, pads: EmulatedPads, *, rate: float | None = RATE, wrong_status: Callable[[], bool] = lambda: False
+        self, pads: EmulatedPads, *, rate: float | None = DEFAULT_RATE, wrong_status: Callable[[], bool] = lambda: False
     ) -> None:
         """Power on: all modules active, resultants and taxels selected, stream off.
 
@@ -139,11 +139,11 @@ class HighSpeedBoard(StreamingBoard):
         palms = counts[registers.HIGH_SPEED_FIRST_PALM :]
         shared = palms[:1] if self._palms_apart or not counts[-1] else counts[-1:]
         return memory | {
-            registers.HIGH_SPEED_VERSION: VERSION,
+            registers.HIGH_SPEED_VERSION: FIRMWARE_VERSION,
             registers.HIGH_SPEED_ACTIVE: stream_layout.active_bitmap(self._active),
             registers.HIGH_SPEED_DATA_TYPE: bytes([self._data_type]),
             registers.HIGH_SPEED_PUSH: bytes([self._pushes]),
             ERROR: b"\0",
             registers.HIGH_SPEED_COUNTS: np.concatenate([counts[:-1], shared, palms[1:]]).tobytes(),
-            RESULTANTS: totals.tobytes(),
+            RESULTANTS_ADDRESS: totals.tobytes(),
         }

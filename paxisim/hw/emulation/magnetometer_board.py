@@ -10,21 +10,21 @@ from paxisim.hw.emulation.pads import EmulatedPads
 from paxisim.hw.emulation.streaming import StreamingBoard
 from paxisim.hw.frames.magnetometer_board import Burst
 
-RATE = 100.0
+DEFAULT_RATE = 100.0
 """Default burst rate (Hz) if the profile states none; the sketch sends as fast as it can read its chips."""
-STEP = 0.01
+FLUX_STEP = 0.01
 """Resolution of the flux (uT): the last decimal that the text sketch prints. The resolution of the chips is coarser."""
-TEMPERATURE = 25.0
+BOARD_TEMPERATURE = 25.0
 """Temperature that each chip reports (degC)."""
 
 
 class MagnetometerBoard(StreamingBoard):
     """Sends bursts at a fixed rate and accepts no requests. Bursts have no error byte."""
 
-    stream_rate = RATE
+    stream_rate = DEFAULT_RATE
 
     def __init__(
-        self, pads: EmulatedPads, *, rate: float | None = RATE, wrong_status: Callable[[], bool] = lambda: False
+        self, pads: EmulatedPads, *, rate: float | None = DEFAULT_RATE, wrong_status: Callable[[], bool] = lambda: False
     ) -> None:
         """Power on.
 
@@ -37,6 +37,6 @@ class MagnetometerBoard(StreamingBoard):
         self._text = bool(pads.profile.settings.get("text", False))
 
     def _message(self, now: float) -> bytes:
-        flux = np.rint(self.pads.counts(now)[0] / STEP) * STEP
-        burst = Burst(np.insert(flux, 0, TEMPERATURE, axis=1).astype(np.float32))
+        flux = np.rint(self.pads.counts(now)[0] / FLUX_STEP) * FLUX_STEP
+        burst = Burst(np.insert(flux, 0, BOARD_TEMPERATURE, axis=1).astype(np.float32))
         return burst.encode_text() if self._text else burst.encode()

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from websockets.sync.server import Server, ServerConnection
 
 HOST = "127.0.0.1"
-KEPT = 64
+MAX_QUEUED = 64
 """Maximum number of texts queued for a slow host."""
 _CLOSE_TIMEOUT = 1.0
 
@@ -99,7 +99,7 @@ class WebSocketServer:
         """Serve one host, in its own thread, until it disconnects."""
         from websockets.exceptions import ConnectionClosed
 
-        lines: queue.Queue[str | None] = queue.Queue(KEPT)
+        lines: queue.Queue[str | None] = queue.Queue(MAX_QUEUED)
         sender = threading.Thread(target=_send, args=(connection, lines), daemon=True)
         with contextlib.suppress(ConnectionClosed):
             connection.send(self._welcome.decode().strip())

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from paxisim.hw.emulation.streaming import StreamingBoard
 from paxisim.hw.emulation.websocket_server import WebSocketServer
-from paxisim.hw.frames.xela_server import MIDDLE, WELCOME, Routine, SensorReading
+from paxisim.hw.frames.xela_server import COUNTS_MIDDLE, WELCOME, Routine, SensorReading
 
-RATE = 100.0
+DEFAULT_RATE = 100.0
 """Default message rate (Hz) if the profile states none."""
 COUNTS_PER_NEWTON = 2000
 """Counts per newton of calibrated force. This is a placeholder; no source states the value."""
@@ -27,9 +27,9 @@ def listen() -> WebSocketServer:
 
 
 class XelaCounts(StreamingBoard):
-    """Sends raw counts: `MIDDLE` plus the signal."""
+    """Sends raw counts: `COUNTS_MIDDLE` plus the signal."""
 
-    stream_rate = RATE
+    stream_rate = DEFAULT_RATE
     _number = 0
 
     @property
@@ -57,4 +57,4 @@ class XelaForces(XelaCounts):
 
 
 def _raw(change: NDArray[np.float64]) -> NDArray[np.float32]:
-    return np.clip(np.rint(MIDDLE + change), 0, _LARGEST).astype(np.float32)
+    return np.clip(np.rint(COUNTS_MIDDLE + change), 0, _LARGEST).astype(np.float32)

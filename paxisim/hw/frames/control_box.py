@@ -38,18 +38,18 @@ FIX = 0x0E
 READ_FUNCTION = 0x7B
 
 # MAIN, then SUB with its first byte on the wire as the high byte, as in the vendor's document
-VERSION = (0x60, 0xA001)
+GET_VERSION = (0x60, 0xA001)
 SET_MODE = (0x70, 0xC00C)
 GET_MODE = (0x70, 0xC00D)
 SELECT_PORT = (0x70, 0xB10A)
-READ = (0x70, 0xC006)
-WRITE = (0x70, 0xB002)
+READ_REGISTERS = (0x70, 0xC006)
+WRITE_REGISTERS = (0x70, 0xB002)
 
 REQUEST_OVERHEAD = 16
 REPLY_OVERHEAD = 17
 REGION_OVERHEAD = 6  # status, function, address and count precede the payload of the reply to a read
-LONGEST_REQUEST_DATA = 64
-LONGEST_REPLY_DATA = 1024  # the largest known part, with 239 taxels and its resultant block, needs 753
+MAX_REQUEST_DATA = 64
+MAX_REPLY_DATA = 1024  # the largest known part, with 239 taxels and its resultant block, needs 753
 
 ZERO_GOOD = (0x00, 0x06)
 """Errors that the box returns when zeroing works."""
@@ -122,7 +122,7 @@ class Region:
 
 def version_request() -> Request:
     """Return the request for the version; the reply's data are ASCII."""
-    return Request(*VERSION)
+    return Request(*GET_VERSION)
 
 
 def set_mode_request(mode: int) -> Request:
@@ -145,12 +145,14 @@ def select_port_request(port: int) -> Request:
 
 def read_request(address: int, count: int) -> Request:
     """Return the request for `count` bytes from `address` on; the reply's data are a `Region`."""
-    return Request(*READ, bytes([READ_FUNCTION]) + address.to_bytes(2, "little") + count.to_bytes(2, "little"))
+    return Request(
+        *READ_REGISTERS, bytes([READ_FUNCTION]) + address.to_bytes(2, "little") + count.to_bytes(2, "little")
+    )
 
 
 def write_request(address: int, value: int) -> Request:
     """Return the request to write one configuration byte; the reply's data are a status."""
-    return Request(*WRITE, bytes([address, value]))
+    return Request(*WRITE_REGISTERS, bytes([address, value]))
 
 
 def parse_region(data: bytes) -> Region | None:
@@ -164,7 +166,7 @@ def parse_region(data: bytes) -> Region | None:
 
 def parse_request(buffer: bytes, at: int) -> tuple[int, Request] | Incomplete | Invalid:
     """A `Parser` of requests, for the box's end of the line."""
-    found = _bounds(buffer, at, 9, range(LONGEST_REQUEST_DATA + 1))
+    found = _bounds(buffer, at, 9, range(MAX_REQUEST_DATA + 1))
     if not isinstance(found, int):
         return found
     body = buffer[at + 5 : at + found - 5]
@@ -189,8 +191,8 @@ def reply_parser(lengths: Container[int]) -> Parser[Reply]:
     return parse
 
 
-parse_reply: Parser[Reply] = reply_parser(range(LONGEST_REPLY_DATA + 1))
-"""A `Parser` of replies of any length up to `LONGEST_REPLY_DATA`."""
+parse_reply: Parser[Reply] = reply_parser(range(MAX_REPLY_DATA + 1))
+"""A `Parser` of replies of any length up to `MAX_REPLY_DATA`."""
 
 
 def _frame(header: bytes, data: bytes) -> bytes:

@@ -34,13 +34,13 @@ from paxisim.errors import InvalidValueError
 from paxisim.hw.framing import Decoder
 
 TAGS = tuple(bytes.fromhex(tag) for tag in ("AAEE", "CCEE", "AAFF", "CCFF"))
-BLOCKS = 4
-TAXELS = 15
-BLOCK = 50
-ROUND = 200
-LAST_DATA = 3 * BLOCK + 2  # offset of the data after the last tag
+BLOCKS_PER_ROUND = 4
+TAXELS_PER_BLOCK = 15
+BLOCK_BYTES = 50
+ROUND_BYTES = 200
+LAST_DATA = 3 * BLOCK_BYTES + 2  # offset of the data after the last tag
 VALID = 0x01
-DECISION = 3 * ROUND
+DECISION_BYTES = 3 * ROUND_BYTES
 """Number of bytes from the beginning of a round that suffice to accept or reject it."""
 
 
@@ -71,11 +71,11 @@ class Round:
         Raises:
             InvalidValueError: There are not exactly four blocks, or one does not have exactly 50 bytes.
         """
-        if len(self.blocks) != BLOCKS:
-            raise InvalidValueError(f"a round has {BLOCKS} blocks, got {len(self.blocks)}")
+        if len(self.blocks) != BLOCKS_PER_ROUND:
+            raise InvalidValueError(f"a round has {BLOCKS_PER_ROUND} blocks, got {len(self.blocks)}")
         data = [tag + bytes([b.state]) + b.taxels + b.rest for tag, b in zip(TAGS, self.blocks, strict=True)]
         for i, block in enumerate(data):
-            if len(block) != BLOCK:
+            if len(block) != BLOCK_BYTES:
                 raise InvalidValueError(f"block {i} must hold 45 bytes of taxels and 2 more, got {len(block) - 3}")
         return b"".join(data)
 
@@ -83,7 +83,7 @@ class Round:
 class RoundDecoder(Decoder[Round]):
     """A `Decoder` of rounds, which relies on the tags in and after a round instead of a check byte.
 
-    It holds back fewer than `DECISION` bytes.
+    It holds back fewer than `DECISION_BYTES` bytes.
     """
 
     def __init__(self) -> None:
@@ -103,41 +103,41 @@ class RoundDecoder(Decoder[Round]):
             self._in_step &= place == at
             return place, place, None
         self._in_step = True
-        return begin, begin + ROUND, _parse(buffer[begin : begin + ROUND])
+        return begin, begin + ROUND_BYTES, _parse(buffer[begin : begin + ROUND_BYTES])
 
     def _choose(self, buffer: bytes, at: int, expected: int, silent: bool) -> int | None:
         """Return the start of the round whose first candidate is `at`; None if more bytes are needed to tell."""
-        if len(buffer) < at + ROUND:
+        if len(buffer) < at + ROUND_BYTES:
             return None
         in_step = self._in_step and at == expected
         # in step, only a round with a truncated last block can be mistaken for a complete one
-        rivals = list(_places(buffer, at + (LAST_DATA if in_step else 1), at + ROUND))
+        rivals = list(_places(buffer, at + (LAST_DATA if in_step else 1), at + ROUND_BYTES))
         if not rivals:
             return at
         if in_step:
-            return at if silent or len(buffer) >= at + ROUND + 2 else None
+            return at if silent or len(buffer) >= at + ROUND_BYTES + 2 else None
         standing = [place for place in (at, *rivals) if not _refuted(buffer, place)]
-        whole = [place for place in standing or (at, *rivals) if len(buffer) >= place + ROUND]
-        if (len(standing) > 1 or not whole) and not silent and len(buffer) < at + DECISION:
+        whole = [place for place in standing or (at, *rivals) if len(buffer) >= place + ROUND_BYTES]
+        if (len(standing) > 1 or not whole) and not silent and len(buffer) < at + DECISION_BYTES:
             return None
         return max(whole, key=lambda place: _valid_states(buffer, place), default=None)
 
 
 def _parse(data: bytes) -> Round:
-    blocks = (data[i : i + BLOCK] for i in range(0, ROUND, BLOCK))
-    return Round(tuple(Block(b[3 : 3 + 3 * TAXELS], b[2], b[3 + 3 * TAXELS :]) for b in blocks))
+    blocks = (data[i : i + BLOCK_BYTES] for i in range(0, ROUND_BYTES, BLOCK_BYTES))
+    return Round(tuple(Block(b[3 : 3 + 3 * TAXELS_PER_BLOCK], b[2], b[3 + 3 * TAXELS_PER_BLOCK :]) for b in blocks))
 
 
 def _tags(buffer: bytes, at: int) -> tuple[int, bool]:
     """Return how many consecutive tags match a round that begins at `at`, and whether the next one mismatches."""
-    for k in range(DECISION // BLOCK):
-        place = at + k * BLOCK
+    for k in range(DECISION_BYTES // BLOCK_BYTES):
+        place = at + k * BLOCK_BYTES
         seen = buffer[place : place + 2]
-        if not TAGS[k % BLOCKS].startswith(seen):
+        if not TAGS[k % BLOCKS_PER_ROUND].startswith(seen):
             return k, True
         if len(seen) < 2:
             return k, False
-    return DECISION // BLOCK, False
+    return DECISION_BYTES // BLOCK_BYTES, False
 
 
 def _refuted(buffer: bytes, at: int) -> bool:
@@ -149,16 +149,16 @@ def _places(buffer: bytes, start: int, stop: int) -> Iterator[int]:
     at = buffer.find(TAGS[0][:1], start, stop)
     while at >= 0:
         fitting, wrong = _tags(buffer, at)
-        if fitting >= BLOCKS or not wrong:
+        if fitting >= BLOCKS_PER_ROUND or not wrong:
             yield at
         at = buffer.find(TAGS[0][:1], at + 1, stop)
 
 
 def _cut_short(buffer: bytes, at: int) -> bool:
     """Whether the first tag of the next round is inside the last block instead of after it."""
-    behind = buffer[at + ROUND : at + ROUND + 2]
-    return not TAGS[0].startswith(behind) and buffer.find(TAGS[0], at + LAST_DATA, at + ROUND + 1) >= 0
+    behind = buffer[at + ROUND_BYTES : at + ROUND_BYTES + 2]
+    return not TAGS[0].startswith(behind) and buffer.find(TAGS[0], at + LAST_DATA, at + ROUND_BYTES + 1) >= 0
 
 
 def _valid_states(buffer: bytes, at: int) -> int:
-    return sum(buffer[at + k * BLOCK + 2] == VALID for k in range(BLOCKS))
+    return sum(buffer[at + k * BLOCK_BYTES + 2] == VALID for k in range(BLOCKS_PER_ROUND))

@@ -47,9 +47,9 @@ ERROR_BIT = 0x80
 REQUEST_HEAD = b"\x55\xaa"
 REPLY_HEAD = b"\xaa\x55"
 PUSH_HEAD = b"\xaa\x56"
-LONGEST_READ = 512
-LONGEST_WRITE = 10
-LONGEST_PUSH = registers.HIGH_SPEED_MODULES * (6 + 3 * 239)
+MAX_READ = 512
+MAX_WRITE = 10
+MAX_PUSH = registers.HIGH_SPEED_MODULES * (6 + 3 * 239)
 """Number of data bytes in the longest push, with every module the part with the most taxels."""
 
 _HEADER = 8
@@ -83,7 +83,7 @@ class Request:
             raise InvalidValueError(
                 f"function must be 03 (read), 10 (write) or 17 (zero), got {self.function:02X}; no other is ever sent"
             )
-        limit = LONGEST_READ if self.function == READ else LONGEST_WRITE
+        limit = MAX_READ if self.function == READ else MAX_WRITE
         if not 1 <= self.count <= limit:
             raise InvalidValueError(f"count of function {self.function:02X} must be in 1..{limit}, got {self.count}")
         if len(self.data) != (0 if self.function == READ else self.count):
@@ -210,7 +210,7 @@ def push_parser(lengths: Container[int]) -> Parser[Push]:
     return parse
 
 
-parse_push: Parser[Push] = push_parser(range(LONGEST_PUSH + 1))
+parse_push: Parser[Push] = push_parser(range(MAX_PUSH + 1))
 """A `Parser` of pushes of any length."""
 
 
@@ -229,7 +229,7 @@ def incoming_parser(lengths: Container[int]) -> Parser[Reply | Push]:
     return parse
 
 
-parse_incoming: Parser[Reply | Push] = incoming_parser(range(LONGEST_PUSH + 1))
+parse_incoming: Parser[Reply | Push] = incoming_parser(range(MAX_PUSH + 1))
 """A `Parser` of replies and of pushes of any length."""
 
 
@@ -257,7 +257,7 @@ def _whole_frame(buffer: bytes, at: int, head: bytes) -> bytes | Incomplete | In
     if len(header) < _HEADER:
         return INCOMPLETE
     count = _number(header, 6)
-    if count > (LONGEST_READ if function == READ else LONGEST_WRITE) or (asking and not count):
+    if count > (MAX_READ if function == READ else MAX_WRITE) or (asking and not count):
         return NO_FRAME
     has_data = not (asking and function == READ)
     length = _HEADER + count * has_data + 1

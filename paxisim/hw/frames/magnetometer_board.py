@@ -22,11 +22,11 @@ from numpy.typing import NDArray
 
 from paxisim.hw.framing import Decoder
 
-END = b"\r\n"
+LINE_END = b"\r\n"
 BYTES_PER_CHIP = 16
-MOST_CHIPS = 16
+MAX_CHIPS = 16
 """Largest number of magnetometers to try if the number is unknown."""
-LEAST, MOST = 1e-6, 1e6
+MIN_ABSOLUTE, MAX_ABSOLUTE = 1e-6, 1e6
 """Bounds on the absolute value of a nonzero temperature or flux. A chip's steps are larger than a tenth of a
 microtesla, and its range ends below 0.1 T; misaligned bytes soon give values outside these bounds."""
 _NUMBER = re.compile(rb"-?\d{1,7}\.\d\d")
@@ -45,11 +45,11 @@ class Burst:
 
     def encode(self) -> bytes:
         """Encode the burst as the binary sketch sends it."""
-        return np.ascontiguousarray(self.values, dtype="<f4").tobytes() + END
+        return np.ascontiguousarray(self.values, dtype="<f4").tobytes() + LINE_END
 
     def encode_text(self) -> bytes:
         """Encode the burst as the text sketch prints it: no tab between a chip's z and the next chip's temperature."""
-        return b"".join(b"\t".join(b"%.2f" % value for value in chip) for chip in self.values.tolist()) + END
+        return b"".join(b"\t".join(b"%.2f" % value for value in chip) for chip in self.values.tolist()) + LINE_END
 
 
 class BurstDecoder(Decoder[Burst]):
@@ -63,7 +63,7 @@ class BurstDecoder(Decoder[Burst]):
         """
         super().__init__()
         self._floats = BYTES_PER_CHIP * chips
-        self._stride = self._floats + len(END)
+        self._stride = self._floats + len(LINE_END)
         self._in_step = False
 
     def clear(self) -> None:
@@ -89,33 +89,33 @@ class BurstDecoder(Decoder[Burst]):
 
     def _search(self, buffer: bytes, at: int) -> int:
         """Return the start of the first burst between two CR LF, or ``-1 - place``: none yet, keep from `place` on."""
-        place = buffer.find(END, at)
+        place = buffer.find(LINE_END, at)
         while place >= 0:
-            begin = place + len(END)
+            begin = place + len(LINE_END)
             if len(buffer) < begin + self._stride:
                 return -1 - place
             if self._read(buffer, begin) is not None and self._stands(buffer, begin, True):
                 return begin
-            place = buffer.find(END, place + 1)
-        keep = len(buffer) - buffer.endswith(END[:1])
+            place = buffer.find(LINE_END, place + 1)
+        keep = len(buffer) - buffer.endswith(LINE_END[:1])
         return -1 - max(keep, at)
 
     def _read(self, buffer: bytes, begin: int) -> Burst | None:
         """Return the burst at `begin` if it is complete, ends in CR LF and holds plausible numbers; otherwise None."""
         floats = buffer[begin : begin + self._floats]
-        if buffer[begin + self._floats : begin + self._stride] != END:
+        if buffer[begin + self._floats : begin + self._stride] != LINE_END:
             return None
         values = np.frombuffer(floats, dtype="<f4").astype(np.float32).reshape(-1, 4)
         return Burst(values) if _plausible(values) else None
 
     def _stands(self, buffer: bytes, begin: int, silent: bool) -> bool | None:
         """Whether the burst is valid, given that it may contain CR LF; None if the next burst is needed to tell."""
-        if buffer.find(END, begin, begin + self._floats) < 0:
+        if buffer.find(LINE_END, begin, begin + self._floats) < 0:
             return True
         behind = begin + 2 * self._stride
         if len(buffer) < behind:
             return True if silent else None
-        return buffer[behind - len(END) : behind] == END
+        return buffer[behind - len(LINE_END) : behind] == LINE_END
 
 
 class TextDecoder(Decoder[Burst]):
@@ -162,4 +162,4 @@ class TextDecoder(Decoder[Burst]):
 
 def _plausible(values: NDArray[np.float32]) -> bool:
     size = np.abs(values)
-    return bool(np.all((size == 0) | ((size >= LEAST) & (size <= MOST))))
+    return bool(np.all((size == 0) | ((size >= MIN_ABSOLUTE) & (size <= MAX_ABSOLUTE))))

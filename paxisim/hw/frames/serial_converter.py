@@ -38,11 +38,11 @@ READ = 0xFB
 WRITE = 0x79
 REQUEST_HEAD = b"\x55\xaa"
 REPLY_HEAD = b"\xaa\x55"
-LONGEST_WRITE = 16
+MAX_WRITE = 16
 """Maximum number of bytes that a request may write; the longest known write has 1."""
-LONGEST_READ = 4096
+MAX_READ_REPLY = 4096
 """Maximum number of data bytes in a reply if the expected number is unknown; the largest part needs 747."""
-MOST_READ = 0xFFFF - 10
+MAX_READ_REQUEST = 0xFFFF - 10
 """Maximum number of data bytes in any reply, given the 16 bits of L."""
 GOOD = (0, 1)
 """Status bytes of replies with valid data."""
@@ -82,10 +82,10 @@ class Request:
                 "7A and 78 would replace the sensor's firmware"
             )
         expected = self.count if self.function == WRITE else 0
-        if len(self.data) != expected or expected > LONGEST_WRITE:
+        if len(self.data) != expected or expected > MAX_WRITE:
             raise InvalidValueError(
                 f"data of function {self.function:02X} with count {self.count} must have {expected} bytes "
-                f"and at most {LONGEST_WRITE}, got {len(self.data)}"
+                f"and at most {MAX_WRITE}, got {len(self.data)}"
             )
         return _frame(REQUEST_HEAD, self, self.data)
 
@@ -142,7 +142,7 @@ def answer(request: Request, data: bytes = b"", status: int = 0) -> Reply:
 
 def parse_request(buffer: bytes, at: int) -> tuple[int, Request] | Incomplete | Invalid:
     """A `Parser` of requests, for the sensor's end of the line."""
-    frame = _whole_frame(buffer, at, REQUEST_HEAD, range(LONGEST_WRITE + 1), extra=0)
+    frame = _whole_frame(buffer, at, REQUEST_HEAD, range(MAX_WRITE + 1), extra=0)
     if not isinstance(frame, bytes):
         return frame
     return len(frame), Request(*_fields(frame), frame[_HEADER:-1])
@@ -165,7 +165,7 @@ def reply_parser(lengths: Container[int]) -> Parser[Reply]:
     return parse
 
 
-parse_reply = reply_parser(range(LONGEST_READ + 1))
+parse_reply = reply_parser(range(MAX_READ_REPLY + 1))
 
 
 def _frame(head: bytes, message: Request | Reply, body: bytes) -> bytes:

@@ -26,11 +26,11 @@ from numpy.typing import NDArray
 
 from paxisim.hw.framing import Decoder
 
-END = b"\n"
-WELCOME = b'{"message": "Welcome"}' + END
-MIDDLE = 2**15
+MESSAGE_END = b"\n"
+WELCOME = b'{"message": "Welcome"}' + MESSAGE_END
+COUNTS_MIDDLE = 2**15
 """Middle of the 16-bit range of counts; public examples show about 32,000 at rest."""
-LONGEST = 2**18
+MAX_MESSAGE_BYTES = 2**18
 """Maximum number of bytes in a message; a message with a hundred sensors of 16 taxels has 25,000."""
 
 
@@ -40,7 +40,7 @@ class SensorReading:
 
     Attributes:
         model: Model name that the server reports, e.g. ``"uSPa44"``.
-        counts: ``(N, 3)`` float32, raw counts x, y, z of each taxel; integers around `MIDDLE`.
+        counts: ``(N, 3)`` float32, raw counts x, y, z of each taxel; integers around `COUNTS_MIDDLE`.
         forces: ``(N, 3)`` float32, the server's calibrated values; None if it sends none.
     """
 
@@ -83,7 +83,7 @@ class Routine:
             }
             if reading.forces is not None:
                 message[str(number)]["calibrated"] = [round(value, 4) for value in reading.forces.ravel().tolist()]
-        return orjson.dumps(message) + END
+        return orjson.dumps(message) + MESSAGE_END
 
 
 class RoutineDecoder(Decoder[Routine]):
@@ -91,7 +91,7 @@ class RoutineDecoder(Decoder[Routine]):
 
     def _next(self, buffer: bytes, at: int, silent: bool) -> tuple[int, int, Routine | None]:
         begin = at
-        while (end := buffer.find(END, at) + 1) > 0:
+        while (end := buffer.find(MESSAGE_END, at) + 1) > 0:
             line = buffer[at:end]
             message = _parse(line)
             if isinstance(message, Routine):
@@ -99,7 +99,7 @@ class RoutineDecoder(Decoder[Routine]):
             at = end
             if message is None:
                 begin = end
-        if len(buffer) - at > LONGEST:
+        if len(buffer) - at > MAX_MESSAGE_BYTES:
             return len(buffer), len(buffer), None
         # the bytes of a welcome are attributed to the message after it
         return begin, begin, None
