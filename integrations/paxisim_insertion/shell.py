@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import logging
 import os
 import sys
@@ -32,6 +33,7 @@ def command(function: Callable[..., None], arguments: list[str] | None = None) -
         print(f"paxisim_insertion: error: {' '.join(str(error).split())}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        print("paxisim_insertion: interrupted; pass --resume to continue", file=sys.stderr)
+        hint = "; pass --resume to continue" if "resume" in inspect.signature(function).parameters else ""
+        print(f"paxisim_insertion: interrupted{hint}", file=sys.stderr)
         return 130
     return 0

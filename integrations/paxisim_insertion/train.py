@@ -47,7 +47,7 @@ def train(
     save_every: float = 30.0,
     buffer: int = BUFFER,
     model: Path | None = None,
-    redraw: bool = True,
+    per_episode: bool = False,
     parameters: Parameters = PARAMETERS,
     threads: int = 1,
     device: str = "auto",
@@ -72,8 +72,8 @@ def train(
         buffer: Capacity of the replay buffer in transitions.
         model: Folder of a diagnosis written by paxisim diagnose. Its sensor model, drawn within its intervals for each
             episode, replaces the randomisation of the method. What it found in the scene is drawn as well.
-        redraw: Also redraw GCS for each sample of the replay buffer; the paper draws once per episode. A model with
-            memory, such as creep, or one that needs the gripper's opening is always drawn once per episode.
+        per_episode: Draw GCS once per episode, as the paper does. Default: draw it again for each sample of the replay
+            buffer, unless the model has memory, such as creep, or needs the gripper's opening.
         parameters: Values that the paper does not specify.
         threads: Number of threads for torch and for the native engine.
         device: Torch device.
@@ -105,7 +105,7 @@ def train(
             diagnosis=found,
             ranges=ranges,
         )
-        run = replace(run, redraw=redraw and can_redraw(run.gcs))
+        run = replace(run, redraw=not per_episode and can_redraw(run.gcs))
         if found is not None:
             run.insertion_env().close()  # raises for a model that does not fit, before the folder is created
         run.create()

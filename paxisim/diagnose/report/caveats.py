@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from paxisim.diagnose.diagnosis import Interval, LeftOver
 from paxisim.diagnose.explanation import Explanation
+from paxisim.diagnose.report.streams import pad_in_words
 from paxisim.diagnose.report.text import percentage
 
 AXES = "xyz"
@@ -38,14 +39,14 @@ def silent_in_words(silent: NDArray[np.bool_], pads: tuple[str, ...]) -> tuple[s
     warnings = []
     if whole.any():
         axes = [" and ".join(AXES[axis] for axis in np.flatnonzero(own)) for own in whole]
-        names = ", ".join(f"{own} of pad {pad}" for own, pad in zip(axes, pads, strict=True) if own)
+        names = ", ".join(f"{own} of {pad_in_words(pad)}" for own, pad in zip(axes, pads, strict=True) if own)
         warnings.append(
             f"{names} never change although the simulation does: either the sensor does not measure them, or they are "
             "not connected. They were excluded"
         )
     single = np.argwhere(silent & ~whole[:, :, None, None])
     if len(single):
-        names = ", ".join(f"{AXES[k]} of pad {pads[p]} ({r}, {c})" for p, k, r, c in single[:MAX_LISTED])
+        names = ", ".join(f"{AXES[k]} of {pad_in_words(pads[p])} ({r}, {c})" for p, k, r, c in single[:MAX_LISTED])
         more = f" and {len(single) - MAX_LISTED} more" if len(single) > MAX_LISTED else ""
         warnings.append(
             f"{names}{more} never change{'s' if len(single) == 1 else ''} under load although the other axes of the "
