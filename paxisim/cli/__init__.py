@@ -55,7 +55,7 @@ VERBS = {
 # verbs that are followed by another
 GROUPS = {
     "scene": ({"init": scene_init, "make": scene_make}, "Write the scene of a recording, or a ready-made one."),
-    "sensor": (
+    "device": (
         {"check": device_check, "quality": device_quality, "profiles": device_profiles},
         "Check a real sensor, measure its quality, list profiles.",
     ),

@@ -103,7 +103,7 @@ def test_an_unknown_name_offers_the_near_ones():
 
 
 def test_an_unverified_profile_warns_and_a_verified_one_does_not():
-    with pytest.warns(UnverifiedProfileWarning, match="sensor check"):
+    with pytest.warns(UnverifiedProfileWarning, match="device check"):
         grid().warn_unverified()
     grid(verified="on my desk").warn_unverified()
 
