@@ -21,11 +21,8 @@ from paxisim.logs.document import built, finite
 from paxisim.scene.scene import Scene
 
 FORMAT = "paxisim-diagnosis/1"
-REPORT_FILE, MODEL_FILE, SCENE_FILE = (
-    "report.html",
-    "model.json",
-    "fitted_scene.toml",
-)  # scene.toml may be the user's own
+REPORT_FILE, MODEL_FILE = "report.html", "model.json"
+SCENE_FILE = "fitted_scene.toml"  # scene.toml may be the user's own
 
 Verdict = Literal["no_discrepancy", "explained", "ambiguous", "partly_explained", "unexplained", "unrelated"]
 

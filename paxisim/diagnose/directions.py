@@ -14,9 +14,7 @@ NO_POSE = ("temperature",)  # covariates that do not describe a pose and so do n
 KEPT_VARIANCE = 0.99  # share of the variance of all covariates that the directions retain
 MAX_DIRECTIONS = 6  # most directions
 CONSTANT_SPREAD = 1e-9  # relative spread up to which a covariate is constant
-MIN_FREE_SPREAD = (
-    0.25  # least spread without contact, relative to the whole; below it, the effect is confounded with the force
-)
+MIN_FREE_SPREAD = 0.25  # least spread without contact, relative to the whole; below it, force confounds the effect
 
 
 @dataclass(frozen=True, eq=False)

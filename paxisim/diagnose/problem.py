@@ -206,10 +206,8 @@ class Problem:
         """
         assert self.curves is not None
         steady = np.ptp(self.curves, axis=1) == 0
-        basis, means = (
-            self.means_where_told(self.curves.T, PIECE_SECONDS),
-            self.means_where_told(difference, PIECE_SECONDS),
-        )
+        basis = self.means_where_told(self.curves.T, PIECE_SECONDS)
+        means = self.means_where_told(difference, PIECE_SECONDS)
         degrees = len(basis) - basis.shape[1]
         if steady.all() or degrees < 2:
             return self

@@ -7,12 +7,8 @@ from numpy.typing import NDArray
 
 MIN_STOP_SECONDS = 1.0
 MIN_STOP_FRAMES = 20
-OFTEN_STILL_SHARE = (
-    0.1  # a stream that repeats in at least this share of the busy frames elsewhere is one that often stands still
-)
-MOVING_FRACTION = (
-    0.3  # the other stream's standard deviation during the stop must exceed this fraction of its usual one
-)
+OFTEN_STILL_SHARE = 0.1  # a stream that repeats in at least this share of busy frames elsewhere often stands still
+MOVING_FRACTION = 0.3  # least standard deviation of the other stream during the stop, relative to its usual one
 
 
 def stopped_in_words(

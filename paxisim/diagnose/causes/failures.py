@@ -22,9 +22,7 @@ MAX_FAILED_SPREAD = 1.8  # largest standard deviation of a failed channel within
 FAR_FROM_REST = 4.0  # times noise and rounding; an untouched taxel does not read that far from its level at rest
 MIN_MISSING = 2  # missing responses needed of a taxel that reads its rest level, as one contact may have missed it
 MIN_MISSING_CHANGES = 20  # changes that noise should have caused and that are missing
-MAX_MISFIT = (
-    0.1  # largest misfit of the other taxels while a response is missing, as a share of the pad's simulated energy
-)
+MAX_MISFIT = 0.1  # largest misfit of the other taxels while a response is missing, relative to the simulated energy
 MIN_REST_FRAMES = 8  # fewest frames at rest needed to estimate a channel's noise in an episode
 
 

@@ -16,14 +16,10 @@ from paxisim.diagnose.causes.channel_curve import mixes_alike
 from paxisim.diagnose.causes.read_only import not_made
 from paxisim.diagnose.problem import FloatArray, Problem, with_noise
 
-MIN_PAIR_LOAD = (
-    0.1  # least energy of one taxel of a pair, as a share of the most loaded taxel's; weak loads depend on placing
-)
+MIN_PAIR_LOAD = 0.1  # least energy of either taxel, relative to the most loaded one; weak loads depend on placing
 MAX_RESIDUAL = 0.5  # largest residual with the other taxel's force, relative to that with the taxel's own force
 ALLOWED_GAINS = (0.3, 3.0)  # allowed gains of a taxel that reads the other's force
-DECISIVE_GAIN = (
-    8.0  # root of the energy that a swap must remove, in noise units; also defines an episode that is decisive
-)
+DECISIVE_GAIN = 8.0  # root of the energy that a swap must remove, in noise units; also makes an episode decisive
 MIN_DECISIVE_SHARE = 0.8  # share of the decisive episodes in which the swap must fit better
 MIN_DECISIVE = 2  # decisive episodes needed, because in a single one the contact may be misplaced
 
