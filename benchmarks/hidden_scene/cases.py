@@ -90,7 +90,7 @@ def _wrong(cause: str, rng: np.random.Generator) -> tuple[Truth, dict[str, float
         bumps = [(*rng.uniform(-7e-3, 7e-3, 2), rng.uniform(3e-3, 5e-3), either(0.12e-3, 0.25e-3)) for _ in range(3)]
         return Truth(bumps=tuple(bumps)), {}
     if cause == "object_size":
-        size = 1 + either(0.05, 0.12)
+        size = 1 + either(0.01, 0.025)  # of 18 mm: more would lift the tip off the pad, or never let it go
         return Truth(size=size), {"object_size": size}
     if cause == "object_pose":
         off = direction(rng.uniform(0.7e-3, 1.5e-3))
