@@ -24,7 +24,7 @@ steps = {"SX-2mm" = 20}
 [[cells]]
 tasks = ["SX-2mm"]
 methods = ["TF"]
-seeds = [0, 1]
+seeds = [0]
 sensors = ["sim"]
 """
 
@@ -76,5 +76,5 @@ def test_the_script_of_the_page_runs_where_there_is_no_slurm(tmp_path):
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     arguments = [sys.executable, "slurm.py", "matrix.toml"]
     done = subprocess.run(arguments, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=250)
-    assert done.stdout == "SX-2mm TF seed 0: finished\nSX-2mm TF seed 1: finished\n", done.stderr
+    assert done.stdout == "SX-2mm TF seed 0: finished\n", done.stderr
     assert all(cell.is_finished(tmp_path / "results") for cell in read_cells(tmp_path / "matrix.toml"))
