@@ -14,7 +14,7 @@ import paxisim
 
 from .env import InsertionEnv
 from .gap import Gap
-from .results import DRAWN, IN_SIMULATION, OUT, TRANSFER, Result, interval_of
+from .results import DRAWN, IN_SIMULATION, OUT, TRANSFER, Result, interval_of, sensor_name
 from .run import Run, versions
 from .shell import command
 from .surrogate import unit
@@ -71,7 +71,7 @@ def evaluate(
     successes = sum(sum(found) for found in kinds.values())
     name = TRANSFER if transfer else DRAWN if drawn else IN_SIMULATION
     if sensor is not None:
-        name = f"surrogate {Path(str(sensor).replace(':', '-')).stem}"
+        name = sensor_name(sensor)
     interval = interval_of(successes, trials)
     training = {
         "steps": trained.steps,

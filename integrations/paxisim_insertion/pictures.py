@@ -11,10 +11,10 @@ import numpy as np
 import paxisim
 
 from .curve import read_curve
+from .rates import ABLATION_REAL, TABLE_2_REAL, TABLE_2_SIM, pooled, read_results
 from .results import IN_SIMULATION, TRANSFER, Result
 from .run import Run
 from .shell import command
-from .table import ABLATION_REAL, TABLE_2_REAL, TABLE_2_SIM, pooled, read_results
 from .tasks import TASKS
 
 

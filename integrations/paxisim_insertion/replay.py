@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+import os
+import platform
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +19,9 @@ import paxisim
 
 from .env import RAW
 from .redraw import Redraw
+
+FLUSHED = "flushed.json"
+"""File name of the write position up to which all files of a buffer are on the disk, and of the machine."""
 
 
 class HistoryReplayBuffer(DictReplayBuffer):
@@ -71,6 +77,7 @@ class HistoryReplayBuffer(DictReplayBuffer):
         self._age = np.zeros((self.buffer_size, self.n_envs), dtype=np.int32)
         self._cursor = np.zeros(2, dtype=np.int64)  # write position, and whether the buffer is full
         self._next_age = np.zeros(self.n_envs, dtype=np.int32)
+        self._folder: Path | None = None
 
     def add(
         self,
@@ -91,10 +98,10 @@ class HistoryReplayBuffer(DictReplayBuffer):
         """Store the buffer in files of a folder from now on, and continue with the files that exist there.
 
         The files have their full size from the start, but take up disk space only as they fill. A process that is
-        killed loses no transition that was added.
+        killed loses no transition that was added. If the machine dies, those since the last `flush` are lost.
 
         Raises:
-            InvalidValueError: Existing files do not have the size of this buffer.
+            InvalidValueError: Existing files do not have the size of this buffer, or are not those of one.
         """
         folder.mkdir(parents=True, exist_ok=True)
         for owner, name in self._arrays():
@@ -107,7 +114,28 @@ class HistoryReplayBuffer(DictReplayBuffer):
             else:
                 kept = np.lib.format.open_memmap(path, mode="w+", dtype=array.dtype, shape=array.shape)
             owner[name] = kept
+        self._folder = folder
+        mark = folder / FLUSHED
+        if mark.exists():
+            try:
+                flushed = json.loads(mark.read_text(encoding="utf-8"))
+                if flushed["machine"] != _machine():  # what the other machine had not written yet may read as zeros
+                    self._cursor[:] = flushed["position"], flushed["full"]
+            except (ValueError, TypeError, KeyError) as error:
+                raise paxisim.InvalidValueError(f"{mark} is not the mark of a replay buffer: {error!r}") from error
         self.pos, self.full = int(self._cursor[0]), bool(self._cursor[1])
+        self.flush()
+
+    def flush(self) -> None:
+        """Write everything that was added to the disk, so that another machine can continue from here."""
+        if self._folder is None:
+            return
+        for owner, name in self._arrays():
+            owner[name].flush()
+        new = self._folder / f"{FLUSHED}.new"
+        mark = {"position": self.pos, "full": self.full, "machine": _machine()}
+        new.write_text(json.dumps(mark) + "\n", encoding="utf-8")
+        os.replace(new, self._folder / FLUSHED)
 
     def _arrays(self) -> list[tuple[dict[str, Any], str]]:
         own = [(vars(self), name) for name in ("actions", "rewards", "dones", "timeouts", "_age", "_cursor")]
@@ -160,3 +188,9 @@ class HistoryReplayBuffer(DictReplayBuffer):
             dones=self.to_torch(done.reshape(-1, 1)),
             rewards=self.to_torch(self._normalize_reward(self.rewards[batch_inds, envs].reshape(-1, 1), env)),
         )
+
+
+def _machine() -> str:
+    """Return a name of this machine that changes when it starts again."""
+    path = Path("/proc/sys/kernel/random/boot_id")
+    return path.read_text(encoding="utf-8").strip() if path.exists() else platform.node()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -44,6 +45,11 @@ def _plain(name: str) -> str:
     return name.replace(" ", "-").replace("/", "").replace(",", "")
 
 
+def sensor_name(sensor: str | Path) -> str:
+    """Return the name of a surrogate, given as for ``.evaluate --sensor``, in results."""
+    return f"surrogate {Path(str(sensor).replace(':', '-')).stem}"
+
+
 def interval_of(successes: int, trials: int) -> tuple[float, float]:
     """Return the 95 % Wilson interval of a success rate."""
     low, high = binomtest(successes, trials).proportion_ci(method="wilson")
@@ -81,10 +87,12 @@ class Result:
     parts: dict[str, tuple[int, int]] = field(default_factory=dict)
 
     def save(self, folder: Path = OUT) -> Path:
-        """Write the result to a file named after task, method, sensor and seed; an older one is overwritten."""
+        """Write the result atomically to a file named after task, method, sensor and seed, over an older one."""
         folder.mkdir(parents=True, exist_ok=True)
         path = folder / file_of(self.task, self.method, self.sensor, self.seed)
-        path.write_text(json.dumps(asdict(self), indent=1) + "\n", encoding="utf-8")
+        new = path.with_suffix(".new")
+        new.write_text(json.dumps(asdict(self), indent=1) + "\n", encoding="utf-8")
+        os.replace(new, path)
         return path
 
     @classmethod

@@ -19,6 +19,7 @@ import paxisim
 
 from .learner import average_of, make_model
 from .redraw import can_redraw
+from .replay import HistoryReplayBuffer
 from .results import RUNS, folder_of
 from .run import BUFFER, REWARD_SCALE, Run
 from .shell import command
@@ -160,8 +161,11 @@ class Progress(BaseCallback):
         self._averaged, self._cpu_began = model._n_updates, time.process_time() - seconds
 
     def save(self) -> None:
-        """Save the model and the average of the actors."""
+        """Save the transitions, the model and the average of the actors."""
         self._take_in()
+        buffer = self._sac.replay_buffer
+        assert isinstance(buffer, HistoryReplayBuffer)
+        buffer.flush()
         self._run.save(self._sac)
         seconds = time.process_time() - self._cpu_began
         save_actor(self._run.folder, self._average.actor, self._sac.num_timesteps, self._sac._n_updates, seconds)

@@ -1,6 +1,7 @@
 """The asymmetric SAC policy: inputs of actor and critic, batch normalisation, and the replay buffer."""
 
 import itertools
+import json
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from paxisim_insertion.average import SHARE, Average
 from paxisim_insertion.env import PRIVILEGED, RAW
 from paxisim_insertion.policy import AsymmetricPolicy
 from paxisim_insertion.redraw import Redraw
-from paxisim_insertion.replay import HistoryReplayBuffer
+from paxisim_insertion.replay import FLUSHED, HistoryReplayBuffer
 from stable_baselines3.common.buffers import DictReplayBuffer
 
 import paxisim
@@ -199,6 +200,31 @@ def test_each_history_has_one_draw_and_each_sample_its_own():
 def test_a_history_that_does_not_divide():
     with pytest.raises(paxisim.InvalidValueError, match="expected a multiple of 7 tactile channels, got 120"):
         HistoryReplayBuffer(10, space_of("GCS"), ACTIONS, history=7)
+
+
+def test_another_machine_continues_from_what_is_on_the_disk(tmp_path):
+    space = space_of("TD")
+    transitions = list(Episodes(space, METHODS["TD"].history(TASKS["SX-2mm"], LAYOUT).k, 1).transitions(15))
+
+    def opened():
+        buffer = HistoryReplayBuffer(200, space, ACTIONS, "cpu", 1, history=1)
+        buffer.keep_in(tmp_path)
+        return buffer
+
+    buffer = opened()
+    for number, transition in enumerate(transitions):
+        if number == 10:
+            buffer.flush()
+        buffer.add(*transition)
+    mark = (tmp_path / FLUSHED).read_text()
+    assert opened().pos == 15, "a process that is killed loses nothing"
+    machine = json.loads(mark)["machine"]
+    (tmp_path / FLUSHED).write_text(mark.replace(machine, "another"))
+    assert opened().pos == 10
+    assert opened().pos == 10
+    (tmp_path / FLUSHED).write_text("{}")
+    with pytest.raises(paxisim.InvalidValueError, match="mark of a replay buffer"):
+        opened()
 
 
 def test_the_average_of_actors():

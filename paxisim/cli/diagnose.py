@@ -8,6 +8,7 @@ from typing import Annotated
 import tyro
 
 from paxisim.cli.output import check_folder, progress
+from paxisim.cli.several import diagnose_each
 from paxisim.cli.stages import Stages
 from paxisim.errors import InvalidValueError, OutputExistsError
 
@@ -21,7 +22,7 @@ FILES = {
 
 
 def diagnose(
-    recording: Annotated[Path, tyro.conf.Positional],
+    recordings: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="PATH [PATH ...]")],
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])],
     *,
     scene: Path | None = None,
@@ -40,14 +41,19 @@ def diagnose(
     replays the motion with other values of the scene's parameters, so the recording needs no simulated tensors. It
     writes the scene with the fitted values to fitted_scene.toml and fitted_scene.xml.
 
+    Several recordings are diagnosed in processes of their own, each into the folder of its name within the output. One
+    that fails stops no other; the status is then 2.
+
     For example:
 
     paxisim diagnose recording.mcap -o diagnosis/
 
     paxisim diagnose recording.mcap --scene scene.toml -o diagnosis/ --jobs 2
 
+    paxisim diagnose monday.mcap tuesday.mcap -o diagnoses/ --jobs 2
+
     Args:
-        recording: Recording with measured and simulated tensors (.mcap, .npz, .csv).
+        recordings: Recordings with measured and simulated tensors (.mcap, .npz, .csv).
         output: Output folder; created if missing, but its parent must exist.
         scene: Scene file, .toml, as for `paxisim replay`.
         causes: Causes to search for, separated by commas; default: all.
@@ -61,9 +67,16 @@ def diagnose(
             mount_offset, mount_tilt, surface, object_size,
             object_pose, joint_offset.
         seed: Random seed.
-        jobs: Number of parallel processes.
+        jobs: Number of parallel processes, over all recordings.
         force: Overwrite an existing diagnosis in the folder.
     """
+    if not recordings:
+        raise InvalidValueError("expected a recording to diagnose, such as recording.mcap")
+    if len(recordings) > 1:
+        options = ["--causes", causes, "--seed", str(seed), *(["--force"] if force else [])]
+        diagnose_each(recordings, output, options if scene is None else [*options, "--scene", str(scene)], jobs)
+        return
+    (recording,) = recordings
     from paxisim.diagnose.run import diagnose as run
     from paxisim.recording import Recording
     from paxisim.scene.scene import Scene

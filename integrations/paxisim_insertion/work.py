@@ -1,0 +1,115 @@
+"""Work: the remaining commands of a cell, and the runner that works on cells in processes of this machine."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+import paxisim
+
+from .cells import Cell
+
+
+@dataclass(frozen=True)
+class Done:
+    """A cell that was worked on.
+
+    Attributes:
+        cell: The cell.
+        wrong: What went wrong; None if the cell has all its results.
+        seconds: Time that it took.
+    """
+
+    cell: Cell
+    wrong: str | None
+    seconds: float
+
+
+class Runner(Protocol):
+    """Where the cells of a matrix are worked on. Every runner runs the same commands, see `work`."""
+
+    @property
+    def at_once(self) -> int:
+        """Number of cells at a time."""
+        ...
+
+    def run(self, cells: list[Cell], runs: Path, out: Path) -> Iterator[Done]:
+        """Work on cells, in their order as far as possible, and yield each when it is done or has failed."""
+        ...
+
+
+def log_of(cell: Cell, runs: Path) -> Path:
+    """Return the path of the log of a cell's commands."""
+    return runs / f"{cell.folder}.log"
+
+
+def work(cell: Cell, runs: Path, out: Path) -> Done:
+    """Run the remaining commands of a cell, on one core.
+
+    Args:
+        cell: The cell.
+        runs: Existing folder of the runs and their logs.
+        out: Folder of the results.
+    """
+    began, wrong = time.monotonic(), None
+    try:
+        for words in cell.commands(runs, out):
+            if _status(words, log_of(cell, runs)):
+                wrong = f"{words[0]} failed, see {log_of(cell, runs)}"
+                break
+    except (paxisim.PaxisimError, OSError) as error:
+        wrong = f"failed: {error}"
+    return Done(cell, wrong, time.monotonic() - began)
+
+
+def _status(words: list[str], log: Path) -> int:
+    arguments = [sys.executable, "-m", "paxisim_insertion.tied", *words]
+    # with one thread the numbers do not depend on the machine's number of cores
+    environment = {**os.environ, "OMP_NUM_THREADS": "1"}
+    with (
+        log.open("a", encoding="utf-8") as told,
+        subprocess.Popen(
+            arguments, stdin=subprocess.PIPE, stdout=told, stderr=subprocess.STDOUT, env=environment
+        ) as process,
+    ):
+        return process.wait()
+
+
+class Here:
+    """The runner that works on cells on this machine, each in its own process."""
+
+    def __init__(self, jobs: int) -> None:
+        """Work on `jobs` cells at a time.
+
+        Raises:
+            InvalidValueError: `jobs` is less than 1.
+        """
+        if jobs < 1:
+            raise paxisim.InvalidValueError(f"jobs must be at least 1, got {jobs}")
+        self._jobs = jobs
+
+    @property
+    def at_once(self) -> int:
+        """Number of cells at a time."""
+        return self._jobs
+
+    def run(self, cells: list[Cell], runs: Path, out: Path) -> Iterator[Done]:
+        """Work on cells and yield each when it is done, see `Runner`."""
+
+        def begin(cell: Cell) -> Done:
+            print(f"{cell}: started, log in {log_of(cell, runs)}", flush=True)
+            return work(cell, runs, out)
+
+        pool = ThreadPoolExecutor(self._jobs)
+        try:
+            for future in as_completed([pool.submit(begin, cell) for cell in cells]):
+                yield future.result()
+        finally:
+            pool.shutdown(cancel_futures=True)

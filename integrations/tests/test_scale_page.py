@@ -1,0 +1,80 @@
+"""The page on many trainings, and the commands of the README: they are as printed."""
+
+import functools
+import importlib
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from paxisim_insertion.cells import read_cells
+from paxisim_insertion.cost import cost
+from paxisim_insertion.results import RESULTS
+from paxisim_insertion.shell import command
+
+ROOT = Path(__file__).parents[2]
+PAGE = ROOT / "docs" / "guides" / "scale.md"
+README = ROOT / "integrations" / "README.md"
+TINY = """
+trials = 1
+steps = {"SX-2mm" = 20}
+[[cells]]
+tasks = ["SX-2mm"]
+methods = ["TF"]
+seeds = [0]
+sensors = ["sim"]
+"""
+
+
+def blocks(kind, page=PAGE):
+    """Return the fenced blocks of a kind."""
+    return re.findall(rf"^```{kind}\n(.*?)^```", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+
+
+@pytest.mark.parametrize("page", [PAGE, README, PAGE.with_name("insertion.md")], ids=lambda page: page.name)
+def test_the_commands_are_ones_that_there_are(page):
+    lines = [line for block in blocks("bash", page) for line in block.splitlines()]
+    known = [shlex.split(line) for line in lines if line.startswith("python -m paxisim_insertion.")]
+    assert known
+    for words in known:
+        name = words[2].rpartition(".")[2]
+        function = getattr(importlib.import_module(words[2]), name)
+        called = []
+
+        @functools.wraps(function)
+        def parsed(*_, called=called, **__):
+            called.append(True)
+
+        assert command(parsed, words[3:]) == 0
+        assert called, words
+
+
+def test_the_matrix_of_the_page_is_one(tmp_path):
+    (text,) = blocks("toml")
+    (tmp_path / "matrix.toml").write_text(text)
+    cells = read_cells(tmp_path / "matrix.toml")
+    assert len(cells) == 18
+    assert cells[0].sensors == ("sim", "transfer", "reference:unit:7")
+
+
+def test_the_costs_of_the_page_are_those_that_the_command_prints(capsys):
+    (line,) = [line for block in blocks("bash") for line in block.splitlines() if "insertion.cost" in line]
+    words = shlex.split(line)[3:]
+    assert command(cost, [str(ROOT / words[0]), *words[1:], "--results", str(RESULTS)]) == 0
+    assert blocks("text") == [capsys.readouterr().out]
+
+
+@pytest.mark.timeout(300)
+def test_the_script_of_the_page_runs_where_there_is_no_slurm(tmp_path):
+    pytest.importorskip("submitit")
+    (script,) = blocks("python")
+    (tmp_path / "slurm.py").write_text(script)
+    (tmp_path / "matrix.toml").write_text(TINY)
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    arguments = [sys.executable, "slurm.py", "matrix.toml"]
+    done = subprocess.run(arguments, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=250)
+    assert done.stdout == "SX-2mm TF seed 0: finished\n", done.stderr
+    assert all(cell.is_finished(tmp_path / "results") for cell in read_cells(tmp_path / "matrix.toml"))
