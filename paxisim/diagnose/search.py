@@ -87,7 +87,8 @@ class Search:
         """The set reached by adding, exchanging and dropping causes until nothing improves."""
         seen: set[frozenset[str]] = set()
         for _ in range(MAX_ROUNDS):
-            self._beside = f"looking for a cause beside {', '.join(self._shown(chosen)) or 'none'}"
+            shown = self._shown(chosen)
+            self._beside = f"looking for a cause beside {', '.join(shown)}" if shown else "looking for the first cause"
             self._say()
             better = self._dropped(self._exchanged(self._added(chosen)))
             if frozenset(better) in seen or set(better) == set(chosen):

@@ -34,7 +34,7 @@ def cause(name: str) -> Cause:
     for item in _all():
         if item.name == name:
             return item
-    raise UnknownNameError("cause", name, known_causes())
+    raise UnknownNameError("cause", name, known_causes(), "if it is your own, import its module first")
 
 
 def _all() -> list[Cause]:
