@@ -1,7 +1,8 @@
 """MuJoCo Warp, Warp and torch, imported once, with one error if they are missing or do not go together."""
 
-# pyright: reportMissingImports=false
+from importlib import import_module
 from importlib.metadata import version
+from typing import Any
 
 import mujoco
 
@@ -11,8 +12,9 @@ from paxisim.warp.versions import check_versions
 try:
     # before the import, which fails on the wrong mujoco with an error that does not say so
     check_versions(mujoco.__version__, version("mujoco-warp"))
-    import mujoco_warp as mujoco_warp
-    import torch as torch
-    import warp as warp
-except ImportError as error:  # importlib's PackageNotFoundError is one, too
+    # not import statements, which a type checker looks for in this package of the same name
+    mujoco_warp: Any = import_module("mujoco_warp")
+    torch: Any = import_module("torch")
+    warp: Any = import_module("warp")
+except ImportError as error:  # also importlib's PackageNotFoundError
     raise MissingExtraError(error.name or "mujoco_warp", "warp", "paxisim.warp") from error

@@ -16,7 +16,7 @@ GEL = ("geom_solref", "geom_solimp", "geom_friction", "body_invweight0")
 
 
 def expand(m: Any, names: tuple[str, ...], worlds: int) -> None:
-    """Give each world its own copy of fields of the model, which all worlds share as `mujoco_warp.put_model` makes it."""
+    """Give each world its own copy of fields that all worlds share in a model from `mujoco_warp.put_model`."""
     for name in names:
         shared = getattr(m, name)
         values = np.repeat(shared.numpy()[:1], worlds, axis=0)

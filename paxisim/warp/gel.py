@@ -1,8 +1,8 @@
 """apply_gel: a gel for each world, and an error where `mujoco_warp.set_const` has undone it.
 
-The gel rests on a large ``body_invweight0`` of the pad's body (see `paxisim.models.gel`). `mujoco_warp.set_const`, which
-follows a change of masses, recomputes this field, and the pad is then as hard as steel. Therefore the model carries the
-weights that were applied, `RECORD`, with which the readout compares.
+The gel rests on a large ``body_invweight0`` of the pad's body (see `paxisim.models.gel`). `mujoco_warp.set_const`,
+which follows a change of masses, recomputes this field, and the pad is then thousands of times stiffer. Therefore the
+model carries the weights that were applied, `RECORD`, with which the readout compares.
 """
 
 from __future__ import annotations

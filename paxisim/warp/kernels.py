@@ -1,10 +1,18 @@
 """Warp kernels: contact forces summed over the taxels, and NaN for worlds whose forces would be wrong."""
 
-# pyright: reportMissingImports=false, reportInvalidTypeForm=false
+# pyright: reportInvalidTypeForm=false
 # no `from __future__ import annotations`: Warp compiles by the types that the annotations are
 from paxisim.warp.engine import warp as wp
 
 _FRICTION = wp.types.vector(length=5, dtype=wp.float32)
+
+
+@wp.func
+def _taxel(geom: int, taxel_of_geom: wp.array(dtype=wp.int32)):
+    """Return the index of the taxel among those of all pads, or -1 for other geoms and for a flex."""
+    if geom < 0:
+        return -1
+    return taxel_of_geom[geom]
 
 
 @wp.kernel
@@ -61,9 +69,7 @@ def sum_contacts(
     # the second geom, its reaction on the first
     in_world = wp.transpose(frames[contact]) * force
     for side in range(2):
-        taxel = int(-1)
-        if pair[side] >= 0:
-            taxel = taxel_of_geom[pair[side]]
+        taxel = _taxel(pair[side], taxel_of_geom)
         if taxel >= 0:
             pad = taxel // taxels
             sign = 2.0 * float(side) - 1.0

@@ -18,8 +18,8 @@ _CHECKED_READS = 10
 class WarpTactileReadout:
     """Reads the force tensor of the pads in all worlds from the contacts of the last step.
 
-    The counterpart of `paxisim.TactileReadout`, with both friction cones. A read starts three kernels, one of which adds
-    each contact to its taxels, and waits for nothing. The first reads are an exception: they call `check`.
+    The counterpart of `paxisim.TactileReadout`, with both friction cones. A read starts three kernels, one of which
+    adds each contact to its taxels, and waits for nothing. The first reads are an exception: they call `check`.
 
     A world whose forces would be wrong reads NaN: after it ran out of room for contacts, until it is reset, and while
     `mujoco_warp.set_const` has undone its gel. `check` says what is wrong.

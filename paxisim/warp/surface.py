@@ -17,8 +17,8 @@ from paxisim.warp.fields import check_mask, view, worlds_of
 def set_surface(m: Any, d: Any, model: mujoco.MjModel, pads: Pads, heights: Any, mask: Any = None) -> None:
     """Give the taxels of each world new heights, as `paxisim.set_surface` does.
 
-    MuJoCo Warp computes the poses of geoms that are fixed to the world only once, in `mujoco_warp.put_data`, so this also
-    moves the taxels in `d`; otherwise those of a fixed pad would be thicker but stay where they were.
+    MuJoCo Warp computes the poses of geoms that are fixed to the world only once, in `mujoco_warp.put_data`. Therefore
+    this also moves the taxels in `d`; those of a fixed pad would otherwise grow to both sides.
 
     Nothing waits for the device if `heights` and `mask` are tensors there; then only their shapes are checked.
 
@@ -27,13 +27,13 @@ def set_surface(m: Any, d: Any, model: mujoco.MjModel, pads: Pads, heights: Any,
         d: The Warp data, from `put_worlds`; changed in place.
         model: The model of which it was made.
         pads: Pads of the model.
-        heights: Thickness of the cubes (m), ``(worlds, pads, rows, cols)``, or ``(pads, rows, cols)`` or ``(rows, cols)``
-            for all; an array or a tensor.
+        heights: Thickness of the cubes (m), ``(worlds, pads, rows, cols)``, or for all worlds ``(pads, rows, cols)`` or
+            ``(rows, cols)``; an array or a tensor.
         mask: Boolean ``(worlds,)``, which worlds to change; default: all.
 
     Raises:
-        InvalidValueError: The heights have the wrong shape or are not positive and finite, the mask has another shape, or
-            the pads belong to another model.
+        InvalidValueError: The heights have the wrong shape or are not positive and finite, the mask has another
+            shape, or the pads belong to another model.
     """
     check_pads(model, pads)
     pos, size, aabb, rbound = (view(m, name) for name in ("geom_pos", "geom_size", "geom_aabb", "geom_rbound"))
