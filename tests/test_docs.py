@@ -60,9 +60,10 @@ def reference():
 @pytest.mark.parametrize(
     ("package", "names"),
     [
-        ("paxisim", {*paxisim.__all__} - {"__version__", "augment", "diagnose"}),
+        ("paxisim", {*paxisim.__all__} - {"__version__", "augment", "diagnose", "warp"}),
         ("paxisim.augment", {*paxisim.augment.__all__}),
         ("paxisim.diagnose", {*paxisim.diagnose.__all__}),
+        ("paxisim.warp", {*paxisim.warp.__all__}),
     ],
 )
 def test_every_public_name_is_in_the_reference(package, names):

@@ -32,11 +32,14 @@ PEGS = {
 }
 WEDGE = """<asset><mesh name="wedge" inertia="convex" vertex="-.009 -.009 -.006  .009 -.009 -.006  .009 .009 -.006
   -.009 .009 -.006  -.009 -.009 .006  .009 -.009 .006  .0075 .0105 .006  -.009 .009 .006"/></asset>"""
+AXES = ("1 0 0", "0 1 0", "0 0 1")
 OVERLAP = 0.1e-3  # how far the pads' flat surfaces reach into the peg at first, so that no taxel touches by a hair (m)
 
 
-def held(peg="box", *, cone="elliptic", layout=LAYOUT, taxels="boxes", fixed=True, gel=True):
+def held(peg="box", *, cone="elliptic", layout=LAYOUT, taxels="boxes", fixed=True, gel=True, free=True):
     """A peg of 30 g in gravity between a pad fixed to the world, or to a heavy body, and one on a motor.
+
+    The peg is free, or slides without turning.
 
     Returns:
         Model, pads, and data at the start.
@@ -44,21 +47,19 @@ def held(peg="box", *, cone="elliptic", layout=LAYOUT, taxels="boxes", fixed=Tru
     geom, reach = PEGS[peg]
     hand = "" if fixed else '<joint name="hand" type="slide" axis="1 0 0" damping="1e4"/>'
     weight = '<geom type="box" size="0.002 0.002 0.002" pos="0 0 0.05" mass="0.2" contype="0" conaffinity="0"/>'
+    slides = "".join(f'<joint name="{n}" type="slide" axis="{a}"/>' for n, a in zip(("object", "y", "z"), AXES))
     world = f"""<mujoco><option timestep="0.002" cone="{cone}" impratio="10"/>{WEDGE}<worldbody>
-      <body name="fixed" quat="0.7071 0.7071 0 0">{hand}{weight}</body>
-      <body name="moving" quat="0.7071 0.7071 0 0"><joint name="grip" type="slide" axis="0 0 1" damping="20"/>
+      <body name="fixed" quat="1 1 0 0">{hand}{weight}</body>
+      <body name="moving" quat="1 1 0 0"><joint name="grip" type="slide" axis="0 0 1" damping="20"/>
         {weight}</body>
-      <body name="object" quat="0.7071 0.7071 0 0"><freejoint name="object"/>{geom} name="object" mass="0.03"/></body>
+      <body name="object" pos="0 {reach - OVERLAP / 2} 0" quat="1 1 0 0">
+        {'<freejoint name="object"/>' if free else slides}{geom} name="object" mass="0.03"/></body>
       </worldbody><actuator><motor name="grip" joint="grip"/></actuator></mujoco>"""
     mounts = [Mount("fixed"), Mount("moving", pos=(0, 0, OVERLAP - 2 * reach), quat=(0, 1, 0, 0))]
     gripper = attach(world, Pad(layout, taxels=taxels), mounts)
     model = gripper.compile()
     pads = gripper.bind(model) if gel else find_pads(model)
     data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    start = model.joint("object").qposadr[0]
-    surface = data.xmat[pads.bodies[0]].reshape(3, 3)
-    data.qpos[start : start + 3] = data.xpos[pads.bodies[0]] + surface @ [0, 0, OVERLAP / 2 - reach]
     mujoco.mj_forward(model, data)
     return model, pads, data
 

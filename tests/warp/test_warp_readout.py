@@ -13,18 +13,24 @@ CONES = ["elliptic", "pyramidal"]
 
 @pytest.mark.parametrize("cone", CONES)
 def test_64_worlds_read_what_mujoco_reads(cone):
-    warped, moved = differences(held("box", cone=cone), 64, 200)
-    # where two faces are equally deep, the next digit decides which of them is the normal, in either engine
+    warped, _ = differences(held("box", cone=cone, free=False), 64, 200)
+    assert warped.max() < 1e-4
+
+
+@pytest.mark.parametrize("cone", CONES)
+def test_a_box_that_turns_differs_in_single_steps_only(cone):
+    """Its contacts jump where two separating axes are equally deep: the last digit decides which of them counts."""
+    warped, _ = differences(held("box", cone=cone), 16, 100)
     assert np.quantile(warped, 0.999) < 1e-4
-    assert warped.max() < max(1e-3, moved.max())
+    assert warped.max() < 1e-2
 
 
 @pytest.mark.parametrize("cone", CONES)
 @pytest.mark.parametrize("peg", ["mesh", "sphere", "cylinder"])
 def test_other_pegs_differ_no_more_than_mujoco_does_from_itself(peg, cone):
     """Round objects have contacts that a tenth of a micrometre moves from taxel to taxel."""
-    warped, moved = differences(held(peg, cone=cone), 8, 60)
-    for share in (0.5, 0.9):
+    warped, moved = differences(held(peg, cone=cone), 24, 120)
+    for share in (0.5, 0.99):
         assert np.quantile(warped, share) < 1e-4 + 3 * np.quantile(moved, share)
 
 
