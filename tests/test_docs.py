@@ -31,6 +31,7 @@ RUN = {
     "guides/gripper.md": ("matplotlib",),
     "guides/randomisation.md": ("gymnasium",),
     "guides/gpu.md": ("torch",),
+    "guides/warp.md": ("mujoco_warp", "torch"),
     "guides/diagnose.md": ("sklearn", "jinja2"),
     "guides/magnetic-pad.md": (),
     "formats/tables.md": (),

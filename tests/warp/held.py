@@ -32,7 +32,7 @@ PEGS = {
 }
 WEDGE = """<asset><mesh name="wedge" inertia="convex" vertex="-.009 -.009 -.006  .009 -.009 -.006  .009 .009 -.006
   -.009 .009 -.006  -.009 -.009 .006  .009 -.009 .006  .0075 .0105 .006  -.009 .009 .006"/></asset>"""
-AXES = ("1 0 0", "0 1 0", "0 0 1")
+AXES = {"object": "1 0 0", "y": "0 1 0", "z": "0 0 1"}
 OVERLAP = 0.1e-3  # how far the pads' flat surfaces reach into the peg at first, so that no taxel touches by a hair (m)
 
 
@@ -47,7 +47,7 @@ def held(peg="box", *, cone="elliptic", layout=LAYOUT, taxels="boxes", fixed=Tru
     geom, reach = PEGS[peg]
     hand = "" if fixed else '<joint name="hand" type="slide" axis="1 0 0" damping="1e4"/>'
     weight = '<geom type="box" size="0.002 0.002 0.002" pos="0 0 0.05" mass="0.2" contype="0" conaffinity="0"/>'
-    slides = "".join(f'<joint name="{n}" type="slide" axis="{a}"/>' for n, a in zip(("object", "y", "z"), AXES))
+    slides = "".join(f'<joint name="{n}" type="slide" axis="{a}"/>' for n, a in AXES.items())
     world = f"""<mujoco><option timestep="0.002" cone="{cone}" impratio="10"/>{WEDGE}<worldbody>
       <body name="fixed" quat="1 1 0 0">{hand}{weight}</body>
       <body name="moving" quat="1 1 0 0"><joint name="grip" type="slide" axis="0 0 1" damping="20"/>
