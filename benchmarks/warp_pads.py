@@ -66,7 +66,7 @@ def seconds(run, device, times: int) -> float:
 def measure(model, pads, worlds: int, device) -> str:
     m, d = paxisim.warp.put_worlds(model, pads, worlds, device=str(device))
     readout = paxisim.warp.WarpTactileReadout(model, pads, worlds, device=str(device))
-    warp.to_torch(d.ctrl)[:] = torch.linspace(1, 10, worlds, device=warp.device_to_torch(device))[:, None]
+    warp.to_torch(d.ctrl)[:] = torch.linspace(2, 10, worlds, device=warp.device_to_torch(device))[:, None]
     step = repeated(lambda: mujoco_warp.step(m, d), device)
     for _ in range(SETTLE):
         step()
@@ -91,7 +91,7 @@ def main() -> None:
     parser.add_argument("--worlds", type=int, nargs="+", default=[64, 256, 1024, 4096, 16384])
     parser.add_argument("--layouts", nargs="+", choices=LAYOUTS, default=list(LAYOUTS))
     options = parser.parse_args()
-    warp.config.quiet = True
+    warp.config.log_level = warp.LOG_WARNING
     device = warp.get_device(options.device)
     versions = f"mujoco {mujoco.__version__}, mujoco-warp {mujoco_warp.__version__}, warp-lang {warp.__version__}"
     print(f"{device.name}; {versions}, torch {torch.__version__}")

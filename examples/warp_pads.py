@@ -38,7 +38,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Pads in many worlds at once on MuJoCo Warp.")
     parser.add_argument("--worlds", type=int, default=8)
     worlds = parser.parse_args().worlds
-    warp.config.quiet = True  # it names every kernel that it loads
+    warp.config.log_level = warp.LOG_WARNING  # otherwise it names every kernel that it loads
     model, pads = gripper_with_peg()
     rng = np.random.default_rng(0)
 
@@ -51,7 +51,7 @@ def main() -> None:
     readout = paxisim.warp.WarpTactileReadout(model, pads, worlds)
     sensor = paxisim.augment.torch.GCS(layout=pads.layout, per="episode")  # C and S, on the same device
 
-    grip = torch.linspace(1, 10, worlds, device=warp.device_to_torch(warp.get_device()))  # N
+    grip = torch.linspace(2, 10, worlds, device=warp.device_to_torch(warp.get_device()))  # N
     warp.to_torch(d.ctrl)[:] = grip[:, None]
     for _ in range(300):
         mujoco_warp.step(m, d)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from typing import Any
 
 import mujoco
@@ -49,21 +50,21 @@ def put_worlds(
     check_pads(model, pads)
     if worlds < 1:
         raise InvalidValueError(f"there must be at least one world, got {worlds}")
-    if data is None:
-        data = mujoco.MjData(model)
-        mujoco.mj_forward(model, data)
+    state = mujoco.MjData(model) if data is None else copy.copy(data)
+    # Warp takes the poses of what is fixed to the world from here, and never computes them again
+    mujoco.mj_forward(model, state)
     contacts, rows = sizes(model, pads)
     contacts = contacts if nconmax is None else nconmax
     rows = rows if njmax is None else njmax
-    if data.ncon > contacts or data.nefc > rows:
+    if state.ncon > contacts or state.nefc > rows:
         raise InvalidValueError(
-            f"the state has {data.ncon} contacts and {data.nefc} constraint rows, more than there is room for: "
+            f"the state has {state.ncon} contacts and {state.nefc} constraint rows, more than there is room for: "
             f"put_worlds needs nconmax and njmax above {contacts} and {rows}"
         )
     with warp.ScopedDevice(device):
         m = mujoco_warp.put_model(model)
         m.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_NATIVECCD)
-        d = mujoco_warp.put_data(model, data, nworld=worlds, nconmax=contacts, njmax=rows)
+        d = mujoco_warp.put_data(model, state, nworld=worlds, nconmax=contacts, njmax=rows)
         expand(m, SURFACE + GEL, worlds)
     record_gel(m, model, pads)
     return m, d
