@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from typing import Any
 
-from paxisim.errors import UnsupportedError
-from paxisim.warp.engine import mujoco_warp
+import numpy as np
 
-_SIZES = {"NEFC": "njmax", "NJMAX_NNZ": "njmax", "BROADPHASE": "nconmax", "NARROWPHASE": "nconmax", "CCD": "nconmax"}
-"""Overflows that drop contacts or rows, by the size of `put_worlds` to raise."""
-DROPS = 0
-for _name in _SIZES:
-    DROPS |= int(getattr(mujoco_warp.OverflowType, _name))
+from paxisim.errors import UnsupportedError
+
+# values of mujoco_warp.OverflowType, which 3.11 has but does not export
+_NEFC, _NJMAX_NNZ, _BROADPHASE, _NARROWPHASE, _CCD = (1 << bit for bit in range(5))
+_SIZES = {
+    "njmax": _NEFC | _NJMAX_NNZ,
+    "nconmax": _BROADPHASE | _NARROWPHASE | _CCD,
+}
+DROPS = sum(_SIZES.values())
+"""Flags of overflows that drop contacts or constraint rows; others stop an iteration early or concern sensors."""
 
 
 def check_overflow(d: Any) -> None:
@@ -23,19 +27,19 @@ def check_overflow(d: Any) -> None:
     Raises:
         UnsupportedError: Contacts or constraint rows were dropped; the message has the size to raise.
     """
-    rows, contacts = int(d.nefc.numpy().max()), int(max(d.nacon.numpy()[0], d.ncollision.numpy()[0]))
+    rows, contacts = d.nefc.numpy(), int(max(d.nacon.numpy()[0], d.ncollision.numpy()[0]))
     flags = d.overflow.numpy()
     # flags are set at the end of a step, so after `forward` only the numbers tell
-    bits = int((flags & DROPS).max())
-    which = {size for name, size in _SIZES.items() if bits & int(getattr(mujoco_warp.OverflowType, name))}
-    which |= {"njmax"} if rows > d.njmax else set()
-    which |= {"nconmax"} if contacts > d.naconmax else set()
+    over = {"njmax": rows > d.njmax, "nconmax": np.full(len(rows), contacts > d.naconmax)}
+    wrong = {size: (flags & bits != 0) | over[size] for size, bits in _SIZES.items()}
+    which = [size for size, worlds in wrong.items() if worlds.any()]
     if not which:
         return
     have = {"njmax": d.njmax, "nconmax": d.naconmax // d.nworld}
-    now = {"njmax": rows, "nconmax": -(-contacts // d.nworld)}
-    sizes = " and ".join(f"{size} (now {have[size]}; the last step needed {now[size]})" for size in sorted(which))
+    now = {"njmax": int(rows.max()), "nconmax": -(-contacts // d.nworld)}
+    count = int(np.sum(wrong["njmax"] | wrong["nconmax"]))
+    sizes = " and ".join(f"{size} (now {have[size]}; the last step needed {now[size]})" for size in which)
     raise UnsupportedError(
-        f"MuJoCo Warp had no room for all contacts, so forces are wrong in {int(((flags & DROPS) != 0).sum())} of "
-        f"{d.nworld} worlds: call put_worlds with a larger {sizes}"
+        f"MuJoCo Warp had no room for all contacts, so forces are wrong in {count} of {d.nworld} "
+        f"worlds: call put_worlds with a larger {sizes}"
     )
