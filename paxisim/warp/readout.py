@@ -71,7 +71,7 @@ class WarpTactileReadout:
         After a masked `mujoco_warp.reset_data` all contacts are gone until the next step or `mujoco_warp.forward`.
 
         Args:
-            m: The Warp model, from `put_worlds`.
+            m: The Warp model, from `put_worlds` or `mujoco_warp.put_model`.
             d: The Warp data, after ``step`` or ``forward``.
 
         Returns:
@@ -79,11 +79,15 @@ class WarpTactileReadout:
             newtons, pad frame. The next read overwrites it: ``clone()`` what you keep.
 
         Raises:
-            InvalidValueError: The data has another number of worlds.
+            InvalidValueError: The data has another number of worlds or is on another device.
             UnsupportedError: In the first reads, see `check`.
         """
         if d.nworld != self._worlds:
             raise InvalidValueError(f"the readout was made for {self._worlds} worlds, but the data has {d.nworld}")
+        if d.nacon.device != self._device:
+            raise InvalidValueError(
+                f"the data is on {d.nacon.device}, but the readout on {self._device}: pass its device"
+            )
         # a graph that is being captured must not wait; what it replays is checked by NaN alone
         if self._reads < _CHECKED_READS and not self._device.is_capturing:
             self._reads += 1

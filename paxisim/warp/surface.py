@@ -23,7 +23,8 @@ def set_surface(m: Any, d: Any, model: mujoco.MjModel, pads: Pads, heights: Any,
     Nothing waits for the device if `heights` and `mask` are tensors there; then only their shapes are checked.
 
     Args:
-        m: The Warp model, from `put_worlds`; changed in place.
+        m: The Warp model, from `put_worlds`; changed in place. Worlds share the surface of a model that
+            `mujoco_warp.put_model` made.
         d: The Warp data, from `put_worlds`; changed in place.
         model: The model of which it was made.
         pads: Pads of the model.

@@ -123,3 +123,27 @@ def test_pads_on_a_moving_hand_read_the_same():
     for _ in range(30):
         reading, expected = warped.step(), engine.step()
     np.testing.assert_allclose(reading, expected, atol=1e-4)
+
+
+def test_a_model_that_put_worlds_did_not_make_has_one_surface_and_gel_for_all():
+    import mujoco_warp
+    import warp
+
+    import paxisim.warp
+    from paxisim.models.gel import Gel
+
+    model, pads, data = held(free=False)
+    surface = bumps(1, pads)[0]
+    with warp.ScopedDevice("cpu"):
+        m = mujoco_warp.put_model(model)
+        d = mujoco_warp.put_data(model, data, nworld=3, nconmax=200, njmax=600)
+    m.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_NATIVECCD)
+    paxisim.warp.set_surface(m, d, model, pads, surface)
+    paxisim.warp.apply_gel(m, model, pads, Gel())
+    d.ctrl.fill_(4.0)
+    readout = paxisim.warp.WarpTactileReadout(model, pads, 3, device="cpu")
+    engine = Engine(model, pads, data, [surface] * 3, [4.0] * 3)
+    for _ in range(12):
+        mujoco_warp.step(m, d)
+        reading, expected = readout.read(m, d).numpy(), engine.step()
+    np.testing.assert_allclose(reading, expected, atol=1e-4)
