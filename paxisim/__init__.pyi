@@ -1,5 +1,6 @@
 from . import augment as augment
 from . import diagnose as diagnose
+from . import warp as warp
 from ._version import __version__ as __version__
 from .augment.chain import Chain as Chain
 from .augment.encodings import encoding as encoding

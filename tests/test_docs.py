@@ -31,6 +31,7 @@ RUN = {
     "guides/gripper.md": ("matplotlib",),
     "guides/randomisation.md": ("gymnasium",),
     "guides/gpu.md": ("torch",),
+    "guides/warp.md": ("mujoco_warp", "torch"),
     "guides/diagnose.md": ("sklearn", "jinja2"),
     "guides/magnetic-pad.md": (),
     "formats/tables.md": (),
@@ -60,9 +61,10 @@ def reference():
 @pytest.mark.parametrize(
     ("package", "names"),
     [
-        ("paxisim", {*paxisim.__all__} - {"__version__", "augment", "diagnose"}),
+        ("paxisim", {*paxisim.__all__} - {"__version__", "augment", "diagnose", "warp"}),
         ("paxisim.augment", {*paxisim.augment.__all__}),
         ("paxisim.diagnose", {*paxisim.diagnose.__all__}),
+        ("paxisim.warp", {*paxisim.warp.__all__}),
     ],
 )
 def test_every_public_name_is_in_the_reference(package, names):

@@ -24,6 +24,8 @@ OPTIONAL = {
     "jinja2",
     "h5py",
     "mcap_ros2",
+    "mujoco_warp",
+    "warp",
 }
 HEAVY = OPTIONAL | {"mujoco", "numpy", "scipy", "lxml", "tyro", "mcap", "orjson"}
 
@@ -45,6 +47,7 @@ LEVELS = {
     "hw": 2,
     "calibrate": 2,
     "scene": 2.5,
+    "warp": 2.5,
     "diagnose": 3,
     "viz": 3,
     "protocols": 3.5,

@@ -96,8 +96,9 @@ PUBLIC = [
     "sensor",
     "set_surface",
     "view",
+    "warp",
 ]
-DEFINED = [n for n in PUBLIC if n not in ("__version__", "augment", "diagnose")]
+DEFINED = [n for n in PUBLIC if n not in ("__version__", "augment", "diagnose", "warp")]
 AUGMENT = [
     "AxisCoupling",
     "AxisGain",
@@ -209,7 +210,7 @@ def test_star_import_and_dir():
     assert set(PUBLIC) <= set(dir(paxisim))
 
 
-STUBS = [Path(paxisim.__file__).parent / part / "__init__.pyi" for part in ("", "augment", "diagnose")]
+STUBS = [Path(paxisim.__file__).parent / part / "__init__.pyi" for part in ("", "augment", "diagnose", "warp")]
 
 
 @pytest.mark.parametrize("stub", STUBS, ids=lambda stub: stub.parent.name)

@@ -166,7 +166,9 @@ def _source(source) -> str:
 
 
 def _report(summary: CaptureSummary, pads: str) -> list[str]:
-    lines = [f"{summary.path}: {_held(summary)} (median {summary.rate:.1f} Hz), {pads} taxels, {size_text(summary.size)}"]
+    lines = [
+        f"{summary.path}: {_held(summary)} (median {summary.rate:.1f} Hz), {pads} taxels, {size_text(summary.size)}"
+    ]
     if summary.dropped or summary.gaps:
         lines.append(
             f"  missing: {summary.dropped} frames dropped, {summary.gaps} gaps of more than half a second, "

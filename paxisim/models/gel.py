@@ -23,6 +23,7 @@ from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError
 
@@ -164,3 +165,8 @@ class Gel:
         stiffest = odds / (1 + odds)
         solref = (-kappa * stiffest**2 / impedance, -beta * stiffest)
         return solref, (impedance, stiffest, self.thickness, *_STIFFENS_FROM)
+
+
+def is_applied(model: mujoco.MjModel, geoms: NDArray[np.int64]) -> bool:
+    """Tell whether the taxels of a pad have a gel from `Gel.apply`, not that of their file."""
+    return bool(np.all(model.geom_solimp[geoms, 0] == _APPLIED_IMPEDANCE))

@@ -151,7 +151,7 @@ def _describe(
     geoms = np.array([taxels[cell] for cell in cells])
     site = model.site_size[_site(model, name)]
     thickness = 2 * float(site[2])
-    inward = _inward(model, geoms)
+    inward = inward_axes(model, geoms)
     backs = model.geom_pos[geoms] + inward * half_thickness(model, geoms)[:, None]
     positions = backs - inward * thickness
     width, height = 2 * site[:2] - np.ptp(positions[:, :2], axis=0)
@@ -165,14 +165,16 @@ def _describe(
 
 def half_thickness(model: mujoco.MjModel, geoms: NDArray[np.int64]) -> NDArray[np.floating]:
     """Return half the thickness of taxels (m), ``(N,)``; taxels are boxes or spheres."""
-    return model.geom_size[geoms, np.where(_are_spheres(model, geoms), 0, 2)]
+    return model.geom_size[geoms, np.where(are_spheres(model, geoms), 0, 2)]
 
 
-def _are_spheres(model: mujoco.MjModel, geoms: NDArray[np.int64]) -> NDArray[np.bool_]:
+def are_spheres(model: mujoco.MjModel, geoms: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Tell which taxels are spheres, ``(N,)``; the others are boxes."""
     return model.geom_type[geoms] == int(mujoco.mjtGeom.mjGEOM_SPHERE)
 
 
-def _inward(model: mujoco.MjModel, geoms: NDArray[np.int64]) -> NDArray[np.floating]:
+def inward_axes(model: mujoco.MjModel, geoms: NDArray[np.int64]) -> NDArray[np.floating]:
+    """Return the directions from the surface into the pad at taxels, ``(N, 3)``, in the pad frame."""
     from scipy.spatial.transform import Rotation
 
     return Rotation.from_quat(model.geom_quat[geoms][:, [1, 2, 3, 0]]).as_matrix()[:, :, 2]
@@ -202,8 +204,8 @@ def set_surface(model: mujoco.MjModel, pads: Pads, heights: NDArray[np.floating]
     half = np.broadcast_to(heights, pads_shape).reshape(len(pads), -1) / 2
     geoms = pads.geoms.reshape(-1)
     half = half.reshape(-1)
-    model.geom_pos[geoms] += _inward(model, geoms) * (half_thickness(model, geoms) - half)[:, None]
-    spheres = _are_spheres(model, geoms)
+    model.geom_pos[geoms] += inward_axes(model, geoms) * (half_thickness(model, geoms) - half)[:, None]
+    spheres = are_spheres(model, geoms)
     model.geom_size[geoms, np.where(spheres, 0, 2)] = half
     model.geom_aabb[geoms, 3:] = np.where(spheres[:, None], half[:, None], model.geom_size[geoms])
     model.geom_rbound[geoms] = np.where(spheres, half, np.linalg.norm(model.geom_size[geoms], axis=1))

@@ -146,7 +146,9 @@ def test_a_signal_is_an_asked_end(board, number):
         assert process.wait(DEADLINE) == 0, said("err.txt")
     log = read_log("press.mcap")
     assert log.complete
-    line = re.match(r"press.mcap: (\d+) frames in [\d.]+ s \(median [\d.]+ Hz\), 1 pad of 3x3 taxels, ", said("out.txt"))
+    line = re.match(
+        r"press.mcap: (\d+) frames in [\d.]+ s \(median [\d.]+ Hz\), 1 pad of 3x3 taxels, ", said("out.txt")
+    )
     assert int(line[1]) == len(log.streams["measured"].time)
 
 

@@ -1,0 +1,70 @@
+"""put_worlds: a compiled model with pads as many worlds of MuJoCo Warp, with room for their contacts."""
+
+from __future__ import annotations
+
+import copy
+from typing import Any
+
+import mujoco
+
+from paxisim.errors import InvalidValueError
+from paxisim.models.pads import Pads, check_pads
+from paxisim.warp.engine import mujoco_warp, warp
+from paxisim.warp.fields import GEL, SURFACE, expand
+from paxisim.warp.gel import record_gel
+from paxisim.warp.sizes import sizes
+
+
+def put_worlds(
+    model: mujoco.MjModel,
+    pads: Pads,
+    worlds: int,
+    *,
+    data: mujoco.MjData | None = None,
+    device: str | None = None,
+    nconmax: int | None = None,
+    njmax: int | None = None,
+) -> tuple[Any, Any]:
+    """Put copies of a model with pads on a device.
+
+    Beyond `mujoco_warp.put_model` and `mujoco_warp.put_data`, this makes room for the contacts of all taxels, gives
+    each world its own surface and gel (see `set_surface` and `apply_gel`), and selects Warp's box collider that agrees
+    with MuJoCo's: its default finds other contacts between boxes, and taxels then differ by newtons at high loads.
+
+    Args:
+        model: The compiled model, with the gel applied (`attach(...).bind(model)` or `Gel.apply`).
+        pads: Pads of the model.
+        worlds: Number of worlds.
+        data: State in which all worlds start; default: the model's initial state.
+        device: Warp's name of the device, e.g. ``"cuda:0"`` or ``"cpu"``; default: Warp's current device.
+        nconmax: Contacts for which a world has room, on average over the worlds; default: from the model.
+        njmax: Constraint rows for which each world has room; default: from the model.
+
+    Returns:
+        The ``mujoco_warp.Model`` and the ``mujoco_warp.Data`` of the worlds.
+
+    Raises:
+        InvalidValueError: The pads belong to another model, there is less than one world, or `data` has more contacts
+            or constraints than there is room for.
+    """
+    check_pads(model, pads)
+    if worlds < 1:
+        raise InvalidValueError(f"there must be at least one world, got {worlds}")
+    state = mujoco.MjData(model) if data is None else copy.copy(data)
+    # Warp takes the poses of what is fixed to the world from here, and never computes them again
+    mujoco.mj_forward(model, state)
+    contacts, rows = sizes(model, pads)
+    contacts = contacts if nconmax is None else nconmax
+    rows = rows if njmax is None else njmax
+    if state.ncon > contacts or state.nefc > rows:
+        raise InvalidValueError(
+            f"the state has {state.ncon} contacts and {state.nefc} constraint rows, more than there is room for: "
+            f"put_worlds needs nconmax and njmax above {contacts} and {rows}"
+        )
+    with warp.ScopedDevice(device):
+        m = mujoco_warp.put_model(model)
+        m.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_NATIVECCD)
+        d = mujoco_warp.put_data(model, state, nworld=worlds, nconmax=contacts, njmax=rows)
+        expand(m, SURFACE + GEL, worlds)
+    record_gel(m, model, pads)
+    return m, d
