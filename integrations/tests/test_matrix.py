@@ -139,6 +139,7 @@ def test_a_cell_that_fails_stops_no_other(file, tmp_path, monkeypatch, capsys):
     assert "8 cells, 7 of them finished" in capsys.readouterr().out, "only the failed cell runs again"
 
 
+@pytest.mark.timeout(300)
 def test_a_killed_matrix_leaves_no_training_behind_and_continues(tmp_path, monkeypatch):
     path = tmp_path / "one.toml"
     path.write_text(
