@@ -76,7 +76,7 @@ def diagnose(
         options = ["--causes", causes, "--seed", str(seed), *(["--force"] if force else [])]
         diagnose_each(recordings, output, options if scene is None else [*options, "--scene", str(scene)], jobs)
         return
-    (recording,) = recordings
+    recording = recordings[0]
     from paxisim.diagnose.run import diagnose as run
     from paxisim.recording import Recording
     from paxisim.scene.scene import Scene
