@@ -70,7 +70,7 @@ def diagnose(
         jobs: Number of parallel processes, over all recordings.
         force: Overwrite an existing diagnosis in the folder.
     """
-    if not recordings:
+    if len(recordings) == 0:
         raise InvalidValueError("expected a recording to diagnose, such as recording.mcap")
     if len(recordings) > 1:
         options = ["--causes", causes, "--seed", str(seed), *(["--force"] if force else [])]
