@@ -70,13 +70,13 @@ def diagnose(
         jobs: Number of parallel processes, over all recordings.
         force: Overwrite an existing diagnosis in the folder.
     """
-    if not recordings:
+    if len(recordings) == 0:
         raise InvalidValueError("expected a recording to diagnose, such as recording.mcap")
     if len(recordings) > 1:
         options = ["--causes", causes, "--seed", str(seed), *(["--force"] if force else [])]
         diagnose_each(recordings, output, options if scene is None else [*options, "--scene", str(scene)], jobs)
         return
-    (recording,) = recordings
+    recording = recordings[0]
     from paxisim.diagnose.run import diagnose as run
     from paxisim.recording import Recording
     from paxisim.scene.scene import Scene
