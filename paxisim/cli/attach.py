@@ -87,7 +87,7 @@ def attach(
         print(f"no picture: {missing}")
         return
     write_output(picture, drawn, force)
-    print(f"{picture}: the gripper with its pads, the taxel in row 0, column 0 of each pad white")
+    print(f"{picture}: the gripper with its pads, taxel (0, 0) of each pad white")
 
 
 def _refuse_other_pads(gripper: Path, layout: TaxelLayout) -> None:
