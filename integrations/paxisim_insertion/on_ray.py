@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import platform
 import secrets
 import socket
@@ -47,7 +48,7 @@ class OnRay:
         if address != "auto":
             _reach(address)
         try:
-            ray.init(address=address, log_to_driver=False, logging_level="ERROR")
+            ray.init(address=address, log_to_driver=False, logging_level=logging.ERROR)
         except ConnectionError as error:
             raise paxisim.InvalidValueError(f"this machine belongs to no Ray cluster: {_START}") from error
         except (RuntimeError, ValueError) as error:
