@@ -12,8 +12,8 @@ import numpy as np
 import paxisim
 
 from .cells import Cell, read_cells
-from .rates import TABLE_2_SIM, read_results
-from .results import IN_SIMULATION, Result
+from .rates import TABLE_2_SIM, read_results, with_cost
+from .results import Result
 from .shell import command
 from .tasks import TASKS
 
@@ -56,7 +56,7 @@ def cost(
         raise paxisim.InvalidValueError(f"seeds and cores must be at least 1, got {seeds} and {cores}")
     steps = {cell.task: cell.steps for cell in read_cells(file)}
     cells = [Cell(t, m, seed, steps[t]) for seed in range(seeds) for m in TABLE_2_SIM for t in TASKS if t in steps]
-    found = [r for r in read_results(results) if r.sensor == IN_SIMULATION and r.training.get("cpu_seconds")]
+    found = with_cost(read_results(results))
     if not found:
         raise paxisim.InvalidValueError("no result has CPU seconds of a training: train and evaluate a cell first")
     seconds = [seconds_of(cell, found) for cell in cells]

@@ -117,6 +117,11 @@ def read_results(folder: Path | None) -> list[Result]:
     return [Result.load(path) for _, path in sorted(paths.items())]
 
 
+def with_cost(found: list[Result]) -> list[Result]:
+    """Return the results that have the CPU seconds of their training, one for each training."""
+    return [result for result in found if result.sensor == IN_SIMULATION and result.training.get("cpu_seconds")]
+
+
 def pooled(found: list[Result], task: str, method: str, sensor: str) -> tuple[int, int]:
     """Return the successes and episodes of all seeds together."""
     these = [r for r in found if (r.task, r.method, r.sensor) == (task, method, sensor)]

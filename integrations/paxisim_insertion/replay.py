@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import platform
 from pathlib import Path
 from typing import Any
@@ -19,6 +18,7 @@ import paxisim
 
 from .env import RAW
 from .redraw import Redraw
+from .whole import write_whole
 
 FLUSHED = "flushed.json"
 """File name of the write position up to which all files of a buffer are on the disk, and of the machine."""
@@ -132,10 +132,8 @@ class HistoryReplayBuffer(DictReplayBuffer):
             return
         for owner, name in self._arrays():
             owner[name].flush()
-        new = self._folder / f"{FLUSHED}.new"
         mark = {"position": self.pos, "full": self.full, "machine": _machine()}
-        new.write_text(json.dumps(mark) + "\n", encoding="utf-8")
-        os.replace(new, self._folder / FLUSHED)
+        write_whole(self._folder / FLUSHED, json.dumps(mark) + "\n")
 
     def _arrays(self) -> list[tuple[dict[str, Any], str]]:
         own = [(vars(self), name) for name in ("actions", "rewards", "dones", "timeouts", "_age", "_cursor")]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -11,9 +10,20 @@ import paxisim
 
 from .cells import Cell
 from .curve_figure import curve_svgs, method_colours
-from .rates import PAPER_TRIALS, SIGNIFICANT, Rate, by_kind, differences, read_results, surrogate_tables, tables
+from .rates import (
+    PAPER_TRIALS,
+    SIGNIFICANT,
+    Rate,
+    by_kind,
+    differences,
+    read_results,
+    surrogate_tables,
+    tables,
+    with_cost,
+)
 from .table import minutes_of
 from .tasks import TASKS
+from .whole import write_whole
 from .work import Done
 
 
@@ -50,9 +60,7 @@ def write_report(path: Path, cells: list[Cell], failed: list[Done], runs: Path, 
     template = files("paxisim_insertion").joinpath("report.html.j2").read_text(encoding="utf-8")
     text = environment.from_string(template).render(_context(cells, failed, runs, out))
     path.parent.mkdir(parents=True, exist_ok=True)
-    new = path.with_name(f"{path.name}.new")
-    new.write_text(text, encoding="utf-8")
-    os.replace(new, path)
+    write_whole(path, text)
     return path
 
 
@@ -88,7 +96,7 @@ def _context(cells: list[Cell], failed: list[Done], runs: Path, out: Path) -> di
         "significant": SIGNIFICANT,
         "paper_trials": PAPER_TRIALS,
         "minutes": {method: [row.get(task) for task in TASKS] for method, row in minutes.items()},
-        "hours": sum(result.training.get("cpu_seconds", 0) for result in found if result.sensor == "sim") / 3600,
+        "hours": sum(result.training["cpu_seconds"] for result in with_cost(found)) / 3600,
         "curves": curve_svgs(cells, runs, colours),
         "colours": colours,
     }

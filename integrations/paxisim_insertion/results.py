@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,8 @@ from typing import Any
 from scipy.stats import binomtest
 
 import paxisim
+
+from .whole import write_whole
 
 RESULTS = Path(__file__).parent / "results"
 """Folder of the results that come with the package."""
@@ -90,9 +91,7 @@ class Result:
         """Write the result atomically to a file named after task, method, sensor and seed, over an older one."""
         folder.mkdir(parents=True, exist_ok=True)
         path = folder / file_of(self.task, self.method, self.sensor, self.seed)
-        new = path.with_suffix(".new")
-        new.write_text(json.dumps(asdict(self), indent=1) + "\n", encoding="utf-8")
-        os.replace(new, path)
+        write_whole(path, json.dumps(asdict(self), indent=1) + "\n")
         return path
 
     @classmethod

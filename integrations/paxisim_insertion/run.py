@@ -25,6 +25,7 @@ from .methods import find_method
 from .tasks import Parameters, find_task
 from .trained import ACTOR, Trained
 from .vec_env import InsertionVecEnv
+from .whole import write_whole
 
 PACKAGES = ("mujoco", "robosuite", "stable-baselines3", "torch", "gymnasium", "numpy")
 BUFFER = 1_000_000
@@ -142,7 +143,7 @@ class Run:
         find_task(self.task)
         find_method(self.method)
         self.folder.mkdir(parents=True, exist_ok=True)
-        _replace(path, json.dumps({**self._identity(), "versions": versions()}, indent=1) + "\n")
+        write_whole(path, json.dumps({**self._identity(), "versions": versions()}, indent=1) + "\n")
 
     @classmethod
     def open(cls, folder: Path, *, other_versions: bool = False) -> Run:
@@ -245,9 +246,3 @@ def _ranges(
 
 def _tuples(value: Any) -> Any:
     return tuple(_tuples(item) for item in value) if isinstance(value, list) else value
-
-
-def _replace(path: Path, text: str) -> None:
-    new = path.with_suffix(".new")
-    new.write_text(text, encoding="utf-8")
-    os.replace(new, path)

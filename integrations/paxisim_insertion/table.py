@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from .rates import SIGNIFICANT, Rate, Table, by_kind, differences, read_results, surrogate_tables, tables
-from .results import IN_SIMULATION, Result
+from .rates import SIGNIFICANT, Rate, Table, by_kind, differences, read_results, surrogate_tables, tables, with_cost
+from .results import Result
 from .shell import command
 from .tasks import TASKS
 
@@ -34,7 +34,7 @@ def table(results: Path | None = None) -> None:
 
 def minutes_of(found: list[Result]) -> dict[str, dict[str, float]]:
     """Return the CPU minutes of a training, averaged over seeds, by method and task."""
-    trained = [r for r in found if r.sensor == IN_SIMULATION and r.training.get("cpu_seconds")]
+    trained = with_cost(found)
     minutes: dict[str, dict[str, float]] = {}
     for method in dict.fromkeys(result.method for result in trained):
         for task in TASKS:

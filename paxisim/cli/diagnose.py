@@ -7,7 +7,7 @@ from typing import Annotated
 
 import tyro
 
-from paxisim.cli.output import check_folder, progress
+from paxisim.cli.output import check_folder, check_no_file, progress
 from paxisim.cli.several import diagnose_each
 from paxisim.cli.stages import Stages
 from paxisim.errors import InvalidValueError, OutputExistsError
@@ -102,8 +102,7 @@ def diagnose(
 
 def _check_folder(folder: Path, force: bool) -> None:
     """Check the output folder before any work is done."""
-    if folder.exists() and not folder.is_dir():
-        raise InvalidValueError(f"the output must be a folder, but {folder} is a file")
+    check_no_file(folder)
     check_folder(folder / "report.html" if folder.is_dir() else folder)
     for name in FILES:
         if (folder / name).exists() and not force:

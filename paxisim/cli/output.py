@@ -93,6 +93,16 @@ def check_output(path: Path, force: bool, suffix: str = "") -> None:
         raise OutputExistsError(f"{path} exists; --force overwrites it")
 
 
+def check_no_file(folder: Path) -> None:
+    """Check that an output folder is not an existing file.
+
+    Raises:
+        InvalidValueError: It is a file.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise InvalidValueError(f"the output must be a folder, but {folder} is a file")
+
+
 def check_folder(path: Path) -> None:
     """Check that a path can be created.
 

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 
-from paxisim.cli.output import check_folder, printable, progress
+from paxisim.cli.output import check_folder, check_no_file, printable, progress
 from paxisim.errors import InvalidValueError, PaxisimError
 
 UNRELATED = 1  # exit status of a diagnosis whose streams are not of the same motion
@@ -33,8 +33,7 @@ def diagnose_each(recordings: Sequence[Path], output: Path, options: Sequence[st
     twice = [name for name, count in Counter(path.stem for path in recordings).items() if count > 1]
     if twice:
         raise InvalidValueError(f"two recordings are named {twice[0]}, and so would be their folders: rename one")
-    if output.exists() and not output.is_dir():
-        raise InvalidValueError(f"the output must be a folder, but {output} is a file")
+    check_no_file(output)
     check_folder(output)
     output.mkdir(exist_ok=True)
     each = [*options, "--jobs", str(max(1, jobs // len(recordings)))]

@@ -41,7 +41,7 @@ def sum_contacts(
     world = world_of[contact]
     condim = dim[contact]
     first = address[contact, 0]
-    # a contact within its gap has no constraint, and one for which there was no room none that counts
+    # a contact within its gap has no constraint; the address of one for which there was no room is beyond the rows
     if first < 0 or first >= rows:
         return
     force = wp.vec3(0.0, 0.0, 0.0)

@@ -52,11 +52,11 @@ def set_surface(m: Any, d: Any, model: mujoco.MjModel, pads: Pads, heights: Any,
 
     flat = pads.geoms.reshape(-1)
     geoms = torch.as_tensor(flat, device=device)
-    half = torch.where(mask[:, None], half, _half_now(size, geoms, put(are_spheres(model, flat)).bool()))
+    spheres = put(are_spheres(model, flat)).bool()
+    half = torch.where(mask[:, None], half, _half_now(size, geoms, spheres))
     inward = inward_axes(model, flat)
     # the backs of the cubes stay where they are, so that changes do not add up rounding errors
     backs = model.geom_pos[flat] + inward * half_thickness(model, flat)[:, None]
-    spheres = put(are_spheres(model, flat)).bool()
     pos[:, geoms] = put(backs) - put(inward) * half[..., None]
     own = size[:, geoms]
     own[..., 2] = torch.where(spheres, own[..., 2], half)
