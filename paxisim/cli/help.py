@@ -21,7 +21,7 @@ def arranged(text: str) -> str:
         text: Help as tyro prints it; tyro wraps its boxes, but not the description.
     """
     width = shutil.get_terminal_size().columns
-    lines = text.rstrip().splitlines() or [""]
+    lines = _without_none(text).rstrip().splitlines() or [""]
     if lines[0].startswith(_ALL_VERBS):  # tyro breaks this line in the middle of a name
         lines[: lines.index("")] = [f"{_ALL_VERBS[:-1]}VERB ..."]
     examples: list[str] = []
@@ -35,6 +35,13 @@ def arranged(text: str) -> str:
         wrapped += ["", "Example:" if len(examples) == 1 else "Examples:"]
         wrapped += [_command(line, width) for line in examples]
     return "\n".join(wrapped)
+
+
+def _without_none(text: str) -> str:
+    """Drop Python's None and empty defaults from tyro's help: to a reader these are options without a default."""
+    text = re.sub(r"\s*\(default:\s+(None|''|)\)", "", text)
+    text = re.sub(r"^( .*)\{None\}\|([^\s\]]+\]?)(?=  )", r"\1\2       ", text, flags=re.MULTILINE)
+    return text.replace("{None}|", "").replace("{None,", "{")
 
 
 def _command(line: str, width: int) -> str:

@@ -28,7 +28,7 @@ def record(
     seconds: float | None = None,
     reconnect: float = 10.0,
     calibration: Path | None = None,
-    csv: Literal["-"] | None = None,
+    csv: Annotated[Literal["-"] | None, tyro.conf.arg(metavar="-")] = None,
     udp: tyro.conf.UseAppendAction[tuple[int, ...]] = (),
     stream: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
     force: bool = False,
