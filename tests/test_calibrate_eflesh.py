@@ -9,7 +9,7 @@ import pytest
 import paxisim
 
 FOLDER = Path(os.environ.get("PAXISIM_EFLESH") or Path(paxisim.__file__).parents[2] / "shared" / "data" / "eflesh")
-pytestmark = pytest.mark.skipif(not (FOLDER / "press_1.sensor.csv").exists(), reason="needs the presses of eFlesh")
+pytestmark = pytest.mark.skipif(not (FOLDER / "press_1.sensor.csv").exists(), reason="needs the eFlesh recordings")
 
 
 @pytest.fixture(scope="module")

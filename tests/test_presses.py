@@ -104,7 +104,7 @@ def test_bad_input():
         paxisim.find_presses(np.arange(9)[::-1], np.zeros(9))
 
 
-@pytest.mark.skipif(not (EFLESH / "press_1.sensor.csv").exists(), reason="needs the presses of eFlesh")
+@pytest.mark.skipif(not (EFLESH / "press_1.sensor.csv").exists(), reason="needs the eFlesh recordings")
 @pytest.mark.parametrize("number", [1, 2])
 @pytest.mark.parametrize(("rest", "noise"), [(0.0, 0.0), (0.68, 0.1), (0.68, 0.5)])
 def test_a_real_load_cell_is_cut_into_its_ten_presses(number, rest, noise):

@@ -1,4 +1,4 @@
-"""Small force tensors to put through a transform."""
+"""Small force tensors for testing transforms."""
 
 import numpy as np
 
@@ -8,12 +8,12 @@ def frame(seed=0, *batch, pads=2, rows=6, cols=5):
 
 
 def taxel(*force):
-    """One pad of one taxel that feels `force`."""
+    """Return one pad with one taxel under `force`."""
     return np.array(force, dtype=float).reshape(1, 3, 1, 1)
 
 
 def press(row, col, rows=7, cols=7, newtons=1.0):
-    """One pad on which one taxel feels a normal force."""
+    """Return one pad with a normal force on one taxel."""
     x = np.zeros((1, 3, rows, cols))
     x[0, 2, row, col] = newtons
     return x

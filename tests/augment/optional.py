@@ -1,4 +1,4 @@
-"""torch, which the library runs without: None where it is missing, and the mark of the tests that need it."""
+"""Optional torch: `torch` is None where it is not installed, and `needs_torch` marks the tests that need it."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""What a transform with memory answers, at regular and irregular times: for the tests of each of them."""
+"""Helpers that run transforms with memory at regular and irregular times."""
 
 import numpy as np
 import pytest
@@ -7,18 +7,18 @@ both = pytest.mark.parametrize("kind", ["regular", "irregular"])
 
 
 def everywhere(value):
-    """A parameter with one value for each element."""
+    """Return a parameter with the same value for every element."""
     return np.full((1, 1, 1, 1), value)
 
 
 def respond(transform, values, time, dtype=np.float64):
-    """The readings of one element that is given `values`."""
+    """Return the readings of one element whose input is `values`."""
     x = np.broadcast_to(np.reshape(values, (-1, 1, 1, 1, 1)), (len(time), 1, 3, 1, 1)).astype(dtype)
     return transform.run(x, time)[:, 0, 0, 0, 0]
 
 
 def times(kind, end, count=400, seed=0):
-    """From 0 to `end`, regular or not."""
+    """Return times from 0 to `end`, evenly spaced or not."""
     if kind == "regular":
         return np.linspace(0, end, count)
     gaps = np.random.default_rng(seed).exponential(size=count - 1) ** 2
@@ -26,5 +26,5 @@ def times(kind, end, count=400, seed=0):
 
 
 def with_jump(time):
-    """A step from 0 to 1 at time 0: two frames at once."""
+    """Return the values and times of a step from 0 to 1 at time 0, as two frames at the same time."""
     return np.concatenate([[0], np.ones(len(time))]), np.concatenate([[0], time])

@@ -1,4 +1,4 @@
-"""`GCS.around` draws chains like a fitted model, each parameter within its interval."""
+"""`GCS.around` draws chains around a fitted model, each parameter within its interval."""
 
 import numpy as np
 import pytest
@@ -34,7 +34,7 @@ INTERVALS = {
     "low_pass": {"low_pass_2": {"tau": (0.01, 0.03)}},
     "latency": {"delay": (-0.01, 0.05)},
 }
-LEAST_P = 1e-3  # with fixed seeds
+LEAST_P = 1e-3  # smallest accepted p-value; the seeds are fixed
 
 
 @pytest.fixture(params=["numpy", pytest.param("torch", marks=needs_torch)])

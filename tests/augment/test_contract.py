@@ -1,6 +1,6 @@
-"""What every transform owes: the same checks for all, over numpy and torch, float32 and float64.
+"""Contract of every transform: the same checks for all, over numpy and torch, float32 and float64.
 
-`transform_examples.py` says what there is to check each transform with.
+`transform_examples.py` holds the example that each transform is checked with.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def example(name: str, seed: int = 0) -> Transform:
 
 
 def frames(*batch: int, seed: int = 1, dtype: str = "float64") -> Any:
-    """A sequence of forces ``(time, *batch, ...)``, partly without contact."""
+    """Return a sequence of forces ``(time, *batch, ...)``, some of them zero."""
     force = np.random.default_rng(seed).normal(size=(len(TIME), *batch, *FRAME))
     return (force * (np.abs(force) > 0.3)).astype(dtype)
 
@@ -61,14 +61,14 @@ def at(series: dict[str, Any], index: Any) -> dict[str, Any]:
 
 
 def with_parameters(transform: Transform, change: Any) -> Transform:
-    """The transform with ``change(value)`` for each of its parameters."""
+    """Return the transform with ``change(value)`` applied to each of its parameters."""
     if isinstance(transform, Chain):
         return Chain([with_parameters(member, change) for member in transform], transform.names)
     return dataclasses.replace(transform, **{name: change(getattr(transform, name)) for name in parameters(transform)})
 
 
 def stacked(transforms: list[Transform]) -> Transform:
-    """One transform with the parameters of many, along a batch."""
+    """Combine transforms into one whose parameters have a batch axis."""
     if isinstance(transforms[0], Chain):
         return Chain([stacked(list(members)) for members in zip(*transforms, strict=True)], transforms[0].names)
     names = parameters(transforms[0])
@@ -102,8 +102,8 @@ def test_it_is_described(name):
     assert kind.__dataclass_params__.frozen
     text = inspect.getdoc(kind)
     for field in dataclasses.fields(kind):
-        assert re.search(rf"^ *{field.name}: ", text, re.MULTILINE), f"{name} does not say what {field.name} is"
-        assert not hasattr(Transform, field.name), f"the field {field.name} of {name} hides a method of all transforms"
+        assert re.search(rf"^ *{field.name}: ", text, re.MULTILINE), f"{name} does not describe {field.name}"
+        assert not hasattr(Transform, field.name), f"the field {field.name} of {name} hides an attribute of Transform"
     for about in parameters(kind).values():
         if about.typical is not None:
             assert about.low <= about.typical[0] <= about.typical[1] <= about.high
@@ -202,7 +202,7 @@ def test_a_batch_of_parameters_is_a_loop_over_them(name):
 def test_one_frame_for_a_batch_of_parameters(name):
     transforms = [example(name, seed) for seed in range(BATCH)]
     if transforms[0].has_memory or not all_parameters(transforms[0]):
-        pytest.skip("a frame of a stream belongs to one environment")
+        pytest.skip("one frame for a batch needs parameters and no memory")
     x, series = frames()[0], at(covariates(name), 0)
     together = stacked(transforms)(x, series)
     assert together.shape == (BATCH, *FRAME)
@@ -214,8 +214,8 @@ def test_one_frame_for_a_batch_of_parameters(name):
 def test_one_sequence_for_a_batch_of_parameters(name):
     transforms = [example(name, seed) for seed in range(BATCH)]
     if not all_parameters(transforms[0]):
-        pytest.skip("it has no numbers for parameters")
-    x, time = frames()[:BATCH], TIME[:BATCH]  # as many frames as environments, which must not be taken for one another
+        pytest.skip("it has no numeric parameters")
+    x, time = frames()[:BATCH], TIME[:BATCH]  # as many frames as environments, to catch a mix-up of their axes
     series = at(covariates(name), slice(BATCH))
     together = stacked(transforms).run(x, time, series)
     assert together.shape == (len(x), BATCH, *FRAME)
@@ -262,7 +262,7 @@ def test_a_reset_restarts_some_of_a_batch(name):
 def test_a_reset_of_some_parameters_that_see_one_stream(name):
     transforms = [example(name, seed) for seed in range(BATCH)]
     if not all_parameters(transforms[0]):
-        pytest.skip("it has no numbers for parameters")
+        pytest.skip("it has no numeric parameters")
     transform, mask = stacked(transforms), np.array([True, False, True, False])
     one, series = frames(), covariates(name)
     outputs = []
@@ -355,7 +355,7 @@ def test_a_chain_is_saved_whole_and_errors_name_its_file(tmp_path):
         Chain.load(path)
     path.write_bytes(b"{")
     os.link(path, tmp_path / "before")
-    chain.save(path)  # beside the file before, which it then replaces
+    chain.save(path)  # writes a new file, which then replaces the old one
     assert (tmp_path / "before").read_bytes() == b"{"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.json", "before"]
 
@@ -368,7 +368,7 @@ def test_bfloat16_is_saved_as_float32():
     np.testing.assert_array_equal(again.gain, gain.float().numpy())
 
 
-# torch's own machinery
+# torch: compile, vmap and gradients
 
 
 def torch_inputs(name: str, *batch: int) -> tuple[Any, dict[str, Any]]:
@@ -395,9 +395,7 @@ def test_it_compiles(name):
 @every
 def test_it_maps_over_a_batch(name):
     if EXAMPLES[name].random:
-        pytest.skip(
-            "environments that share a seed draw by their place in the batch, of which a mapped one knows nothing"
-        )
+        pytest.skip("environments that share a seed draw by their index in the batch, which vmap hides")
     x, series = torch_inputs(name, BATCH)
     transform = to_torch(example(name))
     state = transform.initial_state(x[0], at(series, 0))
@@ -414,7 +412,7 @@ def test_it_maps_over_a_batch(name):
 @every
 def test_it_maps_over_a_batch_with_its_parameters(name):
     if name == "Chain" or not parameters(KINDS[name]):
-        pytest.skip("it has no numbers for parameters")
+        pytest.skip("it has no numeric parameters")
     x, series = torch_inputs(name, BATCH)
     transform = to_torch(stacked([example(name, seed) for seed in range(BATCH)]))
     state = transform.initial_state(x[0], at(series, 0))
@@ -432,12 +430,12 @@ def test_it_maps_over_a_batch_with_its_parameters(name):
 @every
 def test_it_maps_over_its_parameters(name):
     if name == "Chain":
-        pytest.skip("a chain has none of its own")
+        pytest.skip("a chain has no parameters of its own")
     x, series = torch_inputs(name)
     transform = to_torch(stacked([example(name, seed) for seed in range(BATCH)]))
     values = {key: getattr(transform, key) for key in parameters(transform)}
     if not values:
-        pytest.skip("it has no numbers for parameters")
+        pytest.skip("it has no numeric parameters")
 
     def run(values):
         return dataclasses.replace(transform, **values).run(x, TIME, series)
@@ -451,7 +449,7 @@ def test_it_maps_over_its_parameters(name):
 @every
 def test_its_gradients(name):
     if not EXAMPLES[name].differentiable:
-        pytest.skip("its gradient passes straight through, and is not that of the function")
+        pytest.skip("it has a straight-through gradient, not that of the function")
     x, series = torch_inputs(name)
     transform = to_torch(example(name))
     own = {} if name == "Chain" else parameters(transform)
@@ -497,7 +495,7 @@ def test_gradients_pass_at_neutral_parameters(name):
 
 
 def names_of(transform: Transform) -> str:
-    """A pattern for the transform that a message names."""
+    """Return a pattern for the name of the transform, or of a chain's member, in a message."""
     members = transform.members if isinstance(transform, Chain) else ()
     return "(" + "|".join([transform.name, *(member.name for member in members)]) + ")"
 
@@ -578,7 +576,7 @@ def test_parameters_outside_their_range_are_refused(name):
 def test_a_batch_that_does_not_match_is_refused(name):
     transform = stacked([example(name, seed) for seed in range(BATCH)])
     if not all_parameters(transform):
-        pytest.skip("it has no numbers for parameters")
+        pytest.skip("it has no numeric parameters")
     x, series = frames(BATCH - 1), covariates(name, BATCH - 1)
     message = names_of(transform) + f": ({'|'.join(all_parameters(transform))}) of shape .* does not fit a tensor"
     with pytest.raises(InvalidValueError, match=message):
@@ -598,7 +596,7 @@ def test_a_parameter_of_other_taxels_is_refused(name):
         changed = dataclasses.replace(transform, **{key: grown})
         with pytest.raises(InvalidValueError, match=f"^{name}: {key} of shape .* does not fit a tensor"):
             changed.run(frames(), TIME, covariates(name))
-        # nor does a frame of one taxel become one of many
+        # nor is a frame of one taxel broadcast to many
         small = frames()[:, :1, :, :1, :1]
         with pytest.raises(InvalidValueError, match=f"^{name}: .* of shape .* does not fit a tensor"):
             changed.run(small, TIME, covariates(name))
@@ -637,7 +635,7 @@ def test_time_must_not_run_backwards(name):
 def test_streams_of_a_batch_may_have_clocks_of_their_own(name):
     transform = example(name)
     if "seed" in all_parameters(transform):
-        pytest.skip("its draws differ along a batch")
+        pytest.skip("its draws differ along the batch")
     x, series = frames(BATCH), covariates(name, BATCH)
     time = TIME[:, None] * np.linspace(0.5, 2.0, BATCH)
     together = transform.run(x, time, series)

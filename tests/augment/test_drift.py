@@ -1,4 +1,4 @@
-"""Drift of the zero, by time and by temperature."""
+"""Zero drift with time and with temperature."""
 
 import dataclasses
 

@@ -18,7 +18,7 @@ def force(*batch, seed=0):
 
 @pytest.fixture(params=KINDS)
 def array(request):
-    """Makes of numpy's arrays those of the kind under test."""
+    """Function that converts a numpy array to the kind under test."""
     return np.asarray if request.param == "numpy" else torch.as_tensor
 
 
@@ -97,7 +97,7 @@ def test_centre_of_pressure(array):
     x[0, 2, 5, 4] = 2.0
     x[0, 0, 1, 1] = 0.5
     x[1, 2] = 0.1
-    x[1, 2, 0, 0] = -50  # pulls, and does not count
+    x[1, 2, 0, 0] = -50  # tension, which does not count
     y = np.asarray(encoding("CoP", LAYOUT).encode(array(x))).reshape(2, 6)
     np.testing.assert_allclose(y[0], [0.5, 0, 2.0, 0.8, 5 / 6, 1])
     np.testing.assert_allclose(y[1], [0, 0, -47.1, 2 * 0.8 / 58, 2 * (5 / 6) / 58 * 1.5, 1], atol=0.02)
@@ -137,7 +137,7 @@ def test_bad_frames(wrong):
 
 
 def expected(frames, k, fill):
-    """The policy's input by definition, of one environment."""
+    """Return the policy input of one environment, straight from the definition."""
     first = frames[0] if fill == "first" else np.zeros_like(frames[0])
     return np.concatenate([*[first] * max(0, k - len(frames)), *frames[-k:]])
 
@@ -174,7 +174,7 @@ def test_history_of_one_environment():
     history.append(force(seed=2))
     np.testing.assert_array_equal(history.read(), LAYOUT.to_policy(np.stack([force(seed=1), force(seed=2)])))
     history.reset()
-    history.append(force(5, seed=3))  # another batch
+    history.append(force(5, seed=3))  # another batch size
     assert history.read().shape == (5, 12, 6, 5)
     with pytest.raises(InvalidValueError, match=r"History: expected a frame that encodes to \(5, 6, 6, 5\)"):
         history.append(force(4))
@@ -214,7 +214,7 @@ def test_the_default_length_is_the_papers():
 
 @pytest.mark.skipif(torch is None, reason="needs torch")
 def test_history_waits_for_no_device():
-    """A tensor on the meta device has no values: looking into one would raise."""
+    """A tensor on the meta device has no values, so reading one would raise."""
     history = History(encoding("GCS", LAYOUT), 3)
     for _ in range(4):
         history.append(torch.empty(4, 2, 3, 6, 5, device="meta"))

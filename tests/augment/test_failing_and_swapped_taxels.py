@@ -1,4 +1,4 @@
-"""Taxels that fail at some moment, and pairs of taxels that have changed places."""
+"""Taxels that fail at some time, and pairs of taxels that are swapped."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What GCS draws is what Table I of the paper says, parameter by parameter."""
+"""GCS draws each parameter as Table I of the paper states."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ from paxisim.layout import TaxelLayout
 from paxisim.sensors import sensor
 
 LAYOUT = TaxelLayout(6, 5, 4.4e-3)
-# with fixed seeds: a p-value below this would be one run in a thousand
+# smallest accepted p-value; the seeds are fixed, and by chance one test in a thousand would fall below it
 LEAST_P = 1e-3
 
 
@@ -59,7 +59,7 @@ def test_taxel_gains_are_normal_with_deviation_a_quarter_and_a_fifth_dropped(rng
     dropped = gains == 0
     assert stats.binomtest(int(dropped.sum()), gains.size, 0.2).pvalue > LEAST_P
     assert_drawn_from(gains[~dropped], stats.norm(1.0, 0.25))
-    # every taxel on its own: the number dropped of a pad is binomial
+    # taxels are dropped independently, so the number dropped per pad is binomial
     counts = dropped.sum(axis=(-2, -1)).reshape(-1)
     np.testing.assert_allclose(counts.var(), 30 * 0.2 * 0.8, rtol=0.1)
     assert abs(np.corrcoef(gains[:, 0].reshape(-1), gains[:, 1].reshape(-1))[0, 1]) < 4 / np.sqrt(30_000)
@@ -125,13 +125,13 @@ def test_surfaces_are_those_of_gaussian_bumps(rng):
     assert heights.min() >= bump.h_min - bump.boundary - 1e-12
     assert heights.max() <= bump.h_max + 1e-12
     assert inner.min() >= bump.h_min
-    # the lowest inner taxel is near the centre, which is uniform over the grid
+    # a batch follows the same distribution as bumps that are sampled one at a time
     reference = np.stack([GaussianBump.sample(LAYOUT, np.random.default_rng(i)).heights(LAYOUT) for i in range(1000)])
     for statistic in (np.mean, np.ptp, np.min):
         ours = statistic(heights.reshape(-1, 30), axis=1)
         theirs = statistic(reference.reshape(-1, 30), axis=1)
         assert stats.ks_2samp(ours, theirs).pvalue > LEAST_P
-    assert not np.allclose(heights[:, 0], heights[:, 1]), "pads are drawn apart"
+    assert not np.allclose(heights[:, 0], heights[:, 1]), "each pad has its own draw"
 
 
 def test_a_batch_of_surfaces_is_that_of_single_bumps():

@@ -19,7 +19,7 @@ SHAPE = (2, 3, 6, 5)
 
 
 class Touch(gymnasium.Env):
-    """Feels i + 1 newtons in its i-th frame; of a Dict also says how far its fingers are open."""
+    """Environment that reads i + 1 N in frame i, counted from 0; a Dict also holds the finger opening."""
 
     def __init__(self, as_dict=True, dtype=np.float32, shape=SHAPE, gives=None, opening=()):
         box = gymnasium.spaces.Box(0, 10, shape, dtype)
@@ -69,7 +69,7 @@ def test_an_entry_of_a_dict_leaves_the_others():
     observation, _ = env.reset(seed=0)
     assert observation in env.observation_space
     assert env.observation_space["opening"] == inner.observation_space["opening"]
-    assert inner.observation_space["touch"].high.max() == 10, "the inner space is as it was"
+    assert inner.observation_space["touch"].high.max() == 10, "the inner space is unchanged"
     assert observation["opening"] == 0
     assert observation["touch"].dtype == np.float32
 
@@ -121,7 +121,7 @@ def test_memory_is_stepped_with_the_environment():
     felt = [touch(env.reset()), *(touch(env.step(0)) for _ in range(4))]
     raw = np.stack([np.full(SHAPE, i + 1, np.float32) for i in range(5)])
     np.testing.assert_allclose(np.stack(felt), LowPass(0.1).run(raw, 0.05 * np.arange(5)), rtol=1e-6)
-    np.testing.assert_allclose(touch(env.reset()), 1, err_msg="an episode forgets the one before")
+    np.testing.assert_allclose(touch(env.reset()), 1, err_msg="a new episode must not remember the previous one")
 
 
 def test_covariates_come_from_the_observation_or_info():

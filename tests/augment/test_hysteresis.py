@@ -1,4 +1,4 @@
-"""Hysteresis: closed loops, wiped-out memory, and only the turning points count."""
+"""Hysteresis: closed loops, wiping-out of inner loops, and dependence on the turning points alone."""
 
 import itertools
 
@@ -25,7 +25,7 @@ def test_virgin_curve():
     hysteresis = Hysteresis((0.2, 0.3), (0.5, 1.0))
     np.testing.assert_allclose(respond(hysteresis, x, x), expected, atol=1e-14)
     np.testing.assert_allclose(respond(hysteresis, -x, x), -expected, atol=1e-14)
-    # a stream that begins under load has come there the same way
+    # a stream that starts under load is taken to have been loaded along the virgin curve
     for load, reading in zip(x, expected, strict=True):
         np.testing.assert_allclose(respond(hysteresis, [load], [0.0]), reading, atol=1e-14)
 
@@ -39,7 +39,7 @@ def test_the_loop_closes_and_has_the_area_it_should():
     assert y[297 - 1] == pytest.approx(y[198])
     x, y = x[second], y[second]
     area = np.sum((y[1:] + y[:-1]) / 2 * np.diff(x))
-    # points at 50 places cut the corners of the loop a little
+    # sampling at 50 points cuts the corners of the loop slightly
     assert -area == pytest.approx((weight * 4 * radius * np.maximum(0, swing - radius)).sum(), rel=5e-3)
     width = y[49:][::-1] - y[:50]
     assert np.all(width > -1e-12)

@@ -1,4 +1,4 @@
-"""Latency: exact delays at any rate, ahead and behind, with jitter that never reorders."""
+"""Latency: exact positive and negative delays at any rate, and jitter that never reorders frames."""
 
 import numpy as np
 import pytest
@@ -82,7 +82,7 @@ def test_frames_too_fast_for_the_buffer_are_thinned_but_the_delay_is_right(rate)
     expected = np.interp(time - delay, time, x)
     spacing = max(1 / rate, 2 * delay / (capacity - 2))
     assert np.abs(y - expected).max() <= (2 * np.pi * spacing) ** 2 / 8 * 1.01
-    # the delay itself is not off: no error of the first order
+    # the delay itself is unbiased: there is no first-order error
     assert abs(np.mean((y - expected)[rate // 2 :] * np.cos(2 * np.pi * (time - delay))[rate // 2 :])) < 1e-4
 
 

@@ -1,4 +1,4 @@
-"""Low-pass and creep against their analytic responses."""
+"""Low-pass and creep compared with their analytic responses."""
 
 import numpy as np
 import pytest
@@ -31,7 +31,7 @@ def test_ramp_response(kind):
 
 
 def test_sine_response():
-    """What is left after the start is the transfer function's; straight lines cut a sine by (w dt)^2 / 12."""
+    """The steady state follows the transfer function; linear interpolation shrinks a sine by (w dt)^2 / 12."""
     time, omega = np.linspace(0, 40, 8001), 3.0
     phasor = np.exp(1j * omega * time)
     tau, amplitude = np.array([0.1, 0.5]), np.array([0.3, 0.1])
@@ -67,7 +67,7 @@ def test_creep_is_a_sum_of_low_passes():
 
 
 def test_slow_creep_does_not_stall_in_float32():
-    """A minute's creep at 100 Hz: an increment is far below the last digit of the state."""
+    """At 100 Hz and a time constant of 60 s, each increment is tiny compared with the state."""
     time = np.arange(12_000) * 0.01
     x, t = with_jump(time)
     y = respond(Creep((0.25,), (60.0,)), 20 * x, t, np.float32)[1:]
@@ -96,12 +96,12 @@ def test_modes_that_do_not_agree_are_refused(kind, names):
 
 
 @pytest.mark.parametrize("frames", [1, 2, 3, 50, 101, 400])
-@pytest.mark.parametrize("batch", [(), (60,)])  # frames small enough for stretches side by side, and larger ones
+@pytest.mark.parametrize("batch", [(), (60,)])  # frames small enough for parallel stretches, and larger ones
 @pytest.mark.parametrize("transform", [LowPass(0.05), Creep((0.2, -0.1), (1e-4, 3.0)), LowPass(1e4)])
 def test_a_long_sequence_runs_as_it_steps(transform, frames, batch):
     rng = np.random.default_rng(frames)
     x = rng.normal(size=(frames, *batch, *FRAME)).cumsum(axis=0)
-    time = np.cumsum(np.where(rng.random(frames) < 0.1, 0.0, rng.uniform(0.001, 0.03, frames)))  # some frames twice
+    time = np.cumsum(np.where(rng.random(frames) < 0.1, 0.0, rng.uniform(0.001, 0.03, frames)))  # some times repeat
     y, state = transform.run(x, time), transform.initial_state(x[0])
     for frame, dt, ran in zip(x, np.diff(time, prepend=time[0]), y, strict=True):
         stepped, state = transform.step(frame, state, dt)

@@ -1,4 +1,4 @@
-"""What all transforms with memory share; the physics of each has a file of its own."""
+"""Properties shared by all transforms with memory; the physics of each is tested in its own file."""
 
 import dataclasses
 
@@ -51,7 +51,7 @@ def test_worked_example(transform, x, y):
 @deterministic
 @both
 def test_frames_in_between_change_nothing(transform, kind):
-    """x runs straight from frame to frame: ten times the frames, the same readings."""
+    """x is linear between frames, so ten times as many frames give the same readings."""
     time, x = times(kind, 1.0, 40, seed=5), np.random.default_rng(0).normal(size=40)
     if isinstance(transform, Latency):
         transform = dataclasses.replace(transform, capacity=400)

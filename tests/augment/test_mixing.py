@@ -1,4 +1,4 @@
-"""The physics of what mixes taxels and axes: worked values, limits, symmetries."""
+"""Physics of the transforms that mix taxels or axes: worked values, limits, symmetries."""
 
 import math
 
@@ -118,7 +118,7 @@ class TestRotation:
     @pytest.mark.parametrize(
         ("angles", "force", "read"),
         [
-            ((0, 0, math.pi / 2), (0, 1, 0), (1, 0, 0)),  # its x is the pad's y
+            ((0, 0, math.pi / 2), (0, 1, 0), (1, 0, 0)),  # the sensor's x axis is the pad's y axis
             ((0, 0, math.pi / 2), (1, 0, 0), (0, -1, 0)),
             ((math.pi / 2, 0, 0), (0, 0, 1), (0, 1, 0)),
             ((0, math.pi / 2, 0), (1, 0, 0), (0, 0, 1)),
@@ -160,7 +160,7 @@ class TestRotation:
             return Rotation(angles[None])(torch.as_tensor(taxel(1, 2, 3))).sum()
 
         zero = torch.zeros(3, dtype=torch.float64)
-        # y = x - a x X + ...: the sum changes by (x_y - x_z) about x, and so on
+        # y = x - a cross x + ...: per radian about x, the sum changes by -(x_y - x_z); likewise about y and z
         np.testing.assert_allclose(
             torch.autograd.functional.jacobian(read, zero), [-1 * (2 - 3), -1 * (3 - 1), -1 * (1 - 2)]
         )

@@ -1,4 +1,4 @@
-"""White noise and the random walk: their spread, and that they repeat."""
+"""White noise and the random walk: distribution and reproducibility."""
 
 import dataclasses
 

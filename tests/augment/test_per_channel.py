@@ -1,4 +1,4 @@
-"""The physics of what acts on each channel by itself: worked values, limits, symmetries."""
+"""Physics of the transforms that act on each channel separately: worked values, limits, symmetries."""
 
 import math
 
@@ -190,7 +190,7 @@ class TestDeadBand:
         line = np.zeros((401, 1, 3, 1, 1))
         line[:, 0, 2, 0, 0] = np.linspace(-0.5, 0.5, 401)
         assert np.abs(np.diff(soft(line)[:, 0, 2, 0, 0])).max() < 4 * 0.0025
-        line += 1e-4  # not at the width itself
+        line += 1e-4  # avoid the width itself
         np.testing.assert_allclose(DeadBand((0.2,) * 3, 0.4, 1e-9)(line), DeadBand((0.2,) * 3, 0.4)(line), atol=1e-7)
 
     def test_a_soft_edge_is_the_mean_of_noise_ahead_of_a_threshold(self):
@@ -246,7 +246,7 @@ class TestDeadTaxels:
         y = DeadTaxels(dead, stuck, np.array([1.0, 2.0, 3.0]).reshape(1, 3, 1, 1))(x)
         assert y[0, :, 1, 2].tolist() == [0, 0, 0]
         assert y[1, :, 3, 4].tolist() == [1, 2, 3]
-        assert y[1, :, 0, 0].tolist() == [0, 0, 0]  # both: dead
+        assert y[1, :, 0, 0].tolist() == [0, 0, 0]  # both: dead wins
         untouched = (dead + stuck == 0)[:, None] & np.ones_like(x, dtype=bool)
         np.testing.assert_array_equal(y[untouched], x[untouched])
 
@@ -291,9 +291,9 @@ class TestFirmware:
     def test_what_a_sensor_sends(self):
         read = Firmware()
         np.testing.assert_allclose(read(taxel(0.26, -0.24, 3.04)).ravel(), [0.3, -0.2, 3.0])
-        np.testing.assert_allclose(read(taxel(0.14, -0.14, 0.1)), 0)  # one count is none
+        np.testing.assert_allclose(read(taxel(0.14, -0.14, 0.1)), 0)  # a single count is gated to zero
         np.testing.assert_allclose(read(taxel(99, -99, 99)).ravel(), [12.7, -12.8, 25.5])
-        np.testing.assert_allclose(read(taxel(0, 0, -7)), 0)  # no pull
+        np.testing.assert_allclose(read(taxel(0, 0, -7)), 0)  # no tension
 
     def test_a_component_is_zero_or_at_least_two_counts(self):
         counts = np.round(Firmware()(0.3 * frame(0, 50)) / 0.1)

@@ -82,7 +82,7 @@ def test_each_environment_its_own_c():
     y = Poisson(cx, cy)(x)
     for i in range(4):
         np.testing.assert_allclose(y[i], Poisson(cx[i], cy)(x[i]), atol=1e-15)
-    # more environments than frames
+    # one frame for four environments
     assert Poisson(cx, cy)(x[0]).shape == (4, 2, 3, 6, 5)
     np.testing.assert_array_equal(Poisson(cx, cy)(x[0])[:, :, 2], np.broadcast_to(x[0, :, 2], (4, 2, 6, 5)))
     with pytest.raises(InvalidValueError, match=r"Poisson: cx of shape \(3,\)"):
@@ -96,7 +96,7 @@ def test_a_grid_needs_no_layout_and_its_pitch_does_not_matter():
 
 
 def test_positions_off_the_grid_agree_with_the_grid_where_they_are_one():
-    """The grid's taxels, listed in one row in another order, are no grid; the numbers are the same."""
+    """The grid's taxels, listed in one row in random order, form no grid but give the same values."""
     rng = np.random.default_rng(5)
     grid = TaxelLayout(6, 5, 2e-3)
     order = rng.permutation(30)
@@ -107,7 +107,7 @@ def test_positions_off_the_grid_agree_with_the_grid_where_they_are_one():
 
 
 def test_a_tilted_pad_reads_what_a_flat_one_reads_turned():
-    """Turn the whole pad about its x axis: forces turn with it (x stays the frames' x)."""
+    """Turning the whole pad about its x axis turns the forces with it; the taxel frames keep their x axis."""
     rng = np.random.default_rng(6)
     flat = TaxelLayout(4, 5, 2e-3)
     a = 0.4

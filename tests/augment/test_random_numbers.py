@@ -1,4 +1,4 @@
-"""Random numbers: the same everywhere, and as good as random."""
+"""Random numbers: identical everywhere and statistically sound."""
 
 import numpy as np
 import pytest
@@ -18,13 +18,13 @@ def frames(*batch, dtype="float64"):
 
 
 def many(count, draw, *args):
-    """``count`` frames of numbers, one after the other: ``(count, 180)``."""
+    """Return ``count`` consecutive frames of numbers, ``(count, 180)``."""
     x = frames(count)
     return draw(np.full(count, 7), np.arange(count).reshape(count, 1, 1, 1, 1), x, 1, *args).reshape(count, -1)
 
 
 def correlation(a, b):
-    """In units of what independent numbers show."""
+    """Return the absolute correlation, in units of its standard deviation for independent numbers."""
     a, b = a.reshape(-1), b.reshape(-1)
     return abs(np.corrcoef(a, b)[0, 1]) * np.sqrt(len(a))
 
@@ -97,7 +97,7 @@ def test_numbers_do_not_correlate():
         assert correlation(n[lag:], n[:-lag]) < 4, "frames"
         assert correlation(n[lag:, lag:], n[:-lag, :-lag]) < 4, "both"
     for values in (n**2, np.abs(n), np.sign(n)):
-        assert correlation(values[:, 90:], values[:, :90]) < 4, "the two of one radius and angle"
+        assert correlation(values[:, 90:], values[:, :90]) < 4, "the two numbers of one radius and angle"
         assert correlation(values[1:], values[:-1]) < 4
     matrix = np.corrcoef(n.T) - np.eye(SIZE)
     assert np.abs(matrix).max() * np.sqrt(1000) < 5
@@ -123,7 +123,7 @@ def test_seeds_streams_and_environments_do_not_correlate():
 
 
 def test_no_key_comes_twice():
-    # all counts and seeds that a training run may see give words that differ in a place of 64 bits
+    # seeds and counts in the range of a training run give distinct keys; 63 bits of two words are compared
     seeds, counts = np.meshgrid(np.arange(500), np.arange(2000))
     x = np.zeros((seeds.size, 1, 1, 1, 1))
     words = _words(seeds.reshape(-1), counts.reshape(-1, 1, 1, 1, 1), x, 2, 1)
@@ -156,7 +156,7 @@ def test_extremes():
             n = normal(seed, no_draws(frames()) + count, frames(), 2**40)
             assert np.all(np.isfinite(n))
             assert np.unique(n).size == n.size
-    # the smallest and the largest word
+    # the smallest word gives the largest normal number
     assert np.sqrt(-2 * np.log(0.5 / SEEDS)) < 6.77
 
 

@@ -1,4 +1,4 @@
-"""Sample and hold: what the last tick of the device saw."""
+"""Sample and hold: the output is the force at the device's last tick."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from paxisim.augment.sample_and_hold import SampleAndHold
 def test_what_is_held_is_the_force_at_the_last_tick(kind, rate, phase):
     time, x = times(kind, 10.0, 300), np.random.default_rng(0).normal(size=300)
     tick = (np.floor(time * rate - phase + 1e-9) + phase) / rate
-    # where a tick meets a frame within the tolerance it counts as at it
+    # a tick within the tolerance of a frame counts as being at that frame
     expected = np.interp(np.where(tick < 0, 0, tick), time, x)
     y = respond(SampleAndHold(rate, phase), x, time)
     near = np.abs((time * rate - phase) - np.round(time * rate - phase)) < 2e-4

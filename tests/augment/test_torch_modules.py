@@ -63,7 +63,7 @@ def test_episodes_keep_their_parameters_until_resampled(build):
     module.resample()
     assert not torch.equal(module(X)[~MASK], y[~MASK])
     module.resample()
-    module.resample(MASK)  # nothing is kept: all are drawn
+    module.resample(MASK)  # no parameters are kept, so all are drawn
     assert module(X).shape == X.shape
     with pytest.raises(InvalidValueError, match="mask of the batch's shape"):
         module.resample(MASK[:3])
@@ -105,12 +105,12 @@ def test_kept_parameters_travel(build):
     other.load_state_dict(torch.load(file, weights_only=True))
     assert torch.equal(other(X), y)
     other.load_state_dict(torch.nn.Sequential(build(per="episode")).state_dict())
-    assert not torch.equal(other(X), y), "nothing was kept"
+    assert not torch.equal(other(X), y), "no parameters were kept"
     assert module.to("meta")(X.to("meta")).device.type == "meta"
 
 
 def test_nothing_waits_for_the_device(build):
-    """A tensor on the meta device has no values: whatever wants one on the host raises."""
+    """A tensor on the meta device has no values, so any transfer to the host raises."""
     x, mask = X.to("meta"), MASK.to("meta")
     for module in (build().to("meta"), build(per="episode").to("meta")):
         assert module(x).device.type == "meta"

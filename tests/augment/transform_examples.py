@@ -1,7 +1,7 @@
-"""One example of every transform, and what holds for it: what the contract in `test_contract.py` is checked with.
+"""One example of every transform, with its properties, for the contract in `test_contract.py`.
 
-A transform that has no example fails the contract. Write one that changes the tensor, for 2 pads of 6x5 taxels, with
-float64 parameters inside their ranges, of the same shapes at every draw.
+A transform without an example fails the contract. An example must change a tensor of 2 pads of 6x5 taxels. Its
+parameters must be float64, lie inside their ranges and have the same shapes at every draw.
 """
 
 from __future__ import annotations
@@ -53,13 +53,13 @@ class Example:
     """An example of a transform.
 
     Attributes:
-        make: Draws one.
-        linear: ``t(a x + b y) = a t(x) + b t(y)``.
-        conserves_force: The sum over the taxels of a pad, axis by axis, is that of the input.
-        differentiable: The gradient is that of the function, wherever it has one.
-        no_gradient: Parameters with respect to which there is none.
-        random: It draws random numbers.
-        not_neutral: Why it is not the identity by default.
+        make: Function that draws an example.
+        linear: Whether ``t(a x + b y) = a t(x) + b t(y)``.
+        conserves_force: Whether the sum over the taxels of a pad, axis by axis, equals that of the input.
+        differentiable: Whether the gradient is that of the function, wherever it has one.
+        no_gradient: Parameters that have no gradient.
+        random: Whether it draws random numbers.
+        not_neutral: Why it is not the identity by default; empty if it is.
         covariates: Range of each covariate it needs.
     """
 
@@ -74,7 +74,7 @@ class Example:
 
 
 def some_of(rng: np.random.Generator, count: int) -> Any:
-    """Ones at `count` taxels of each pad, else zeros."""
+    """Return ones at `count` random taxels of each pad, zeros elsewhere."""
     chosen = rng.permuted(np.tile(np.arange(ROWS * COLS), (PADS, 1)), axis=1) < count
     return chosen.reshape(TAXELS).astype(float)
 
@@ -136,7 +136,7 @@ EXAMPLES: dict[str, Example] = {
     "Firmware": Example(
         lambda rng: firmware.Firmware(rng.uniform(0.05, 0.2), 16.0, 31.0, 2.0),
         differentiable=False,
-        not_neutral="by default it is the real firmware",
+        not_neutral="by default it models the real firmware",
     ),
     "Hysteresis": Example(lambda rng: hysteresis.Hysteresis(rng.uniform(0.1, 0.3, 3), rng.uniform(0.1, 1, 3))),
     "Interference": Example(

@@ -1,4 +1,4 @@
-"""The shell as its users use it: every verb, and every bad input that ends in one line and status 2."""
+"""The command line from a user's view: every verb, and bad input that ends in one line and status 2."""
 
 import os
 import re

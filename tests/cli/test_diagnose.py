@@ -16,7 +16,7 @@ from paxisim.recording import Recording
 
 @pytest.fixture
 def path(tmp_path):
-    """Four episodes of presses on one pad of 2x2, whose normal force the sensor reads by 20 % too high."""
+    """Four episodes of presses on a 2x2 pad; the sensor reads the normal force 20 % too high."""
     time = np.arange(0, 6, 0.05)
     rng = np.random.default_rng(0)
     shares = np.array([[0.4, 0.3], [0.2, 0.1]]) * np.array([0.2, -0.1, 1.0])[:, None, None]

@@ -1,4 +1,4 @@
-"""``paxisim emulate`` as its users run it: a process with a port, fed by a demo, a file, a scene or a function."""
+"""``paxisim emulate`` as a user runs it: a process with a port, fed by a demo, file, scene or function."""
 
 import os
 import re
@@ -36,7 +36,7 @@ def folder(tmp_path, monkeypatch):
 
 @pytest.fixture
 def scene(folder):
-    """A plate that a motor presses on a pad of 3x3 taxels."""
+    """A plate that a motor presses onto a pad of 3x3 taxels."""
     layout = load_profile(GRID).wire_layout
     world = SCENE.replace('<joint type="slide"', '<joint name="slide" type="slide"').format(joint="slide")
     pad = paxisim.Pad(paxisim.TaxelLayout(3, 3, layout.pitch))
@@ -47,9 +47,9 @@ def scene(folder):
 
 @contextmanager
 def started(*words, **options):
-    """An emulator that signals reach, also where what runs the tests was started without, as by nohup and &.
+    """Start an emulator that receives signals even if the test runner ignores them, e.g. under nohup or ``&``.
 
-    It is killed in the end if it still runs.
+    The process is killed at the end if it still runs.
     """
     command = [sys.executable, "-W", "ignore", "-m", "paxisim.cli", "emulate", *words]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
@@ -196,7 +196,7 @@ def test_bad_input_is_one_line_and_status_2(words, says, capsys, folder):
     assert re.search(says, said.err), said.err
     assert said.err.count("\n") == 1
     assert said.out == ""
-    assert Path("my-link").resolve() == Path("text.npz").resolve(), "a link of the user's own stays"
+    assert Path("my-link").resolve() == Path("text.npz").resolve(), "a user's own link should stay"
 
 
 def test_pads_of_another_shape_are_refused(scene, capsys):

@@ -1,4 +1,4 @@
-"""Names in a file are text: they move no cursor, colour nothing, and no verb prints them raw."""
+"""Names in a file are plain text: no verb prints escape sequences from them."""
 
 import numpy as np
 import pytest

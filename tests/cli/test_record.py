@@ -1,4 +1,4 @@
-"""``paxisim record`` as a process, against an emulated board: however it ends, what is in the file."""
+"""``paxisim record`` as a process against an emulated board: the file contents, however the process ends."""
 
 import os
 import random
@@ -41,7 +41,7 @@ def folder(tmp_path, monkeypatch):
 
 @pytest.fixture(autouse=True)
 def signals():
-    """As at a terminal; tests that run in the background ignore Ctrl-C, and so would the processes they start."""
+    """Restore the handlers of a terminal: background tests ignore Ctrl-C, and their child processes inherit that."""
     numbers = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
     before = [signal.signal(number, signal.default_int_handler) for number in numbers]
     yield
@@ -57,7 +57,7 @@ def board():
 
 @contextmanager
 def recording(board, *words, output="press.mcap", stdin=subprocess.DEVNULL, command=RECORD):
-    """A running ``paxisim record`` with its outputs in files; killed in the end if it still runs."""
+    """Run ``paxisim record`` with its outputs in files; kill it at the end if it still runs."""
     with open("out.txt", "w") as out, open("err.txt", "w") as err:
         process = subprocess.Popen(
             [*command, board.port, "--profile", PROFILE, "-o", output, *words],
@@ -79,10 +79,10 @@ def said(name):
 
 
 def streams():
-    """What can be read from the file now, by stream."""
+    """Return the streams that can be read from the file so far, by name."""
     try:
         return read_log("press.mcap").streams
-    except (FileNotFoundError, InvalidValueError):  # nothing is in it yet
+    except (FileNotFoundError, InvalidValueError):  # still empty
         return {}
 
 
@@ -99,7 +99,7 @@ def has(stream, count=1):
 
 
 class Scheduling:
-    """How late this machine wakes a thread that asked for 10 ms: the longest delay while this runs (s)."""
+    """Measure how late this machine wakes a thread after a 10 ms wait: the longest interval (s) while this runs."""
 
     def __enter__(self):
         self.longest, self._stop = 0.0, threading.Event()
@@ -133,7 +133,7 @@ def test_killed_at_any_moment_it_lacks_the_last_second_at_most(board, attempt):
     assert not log.complete
     assert len(measured.time) > 10
     assert np.all(np.diff(measured.sequence) == 1)
-    # a machine that is busy may also keep the recorder waiting
+    # a busy machine may also delay the recorder
     busy = machine.longest + float(np.diff(measured.time).max())
     assert killed - measured.time[-1] < 1.0 + busy
 
@@ -182,7 +182,7 @@ def test_a_port_that_vanishes_is_one_line_and_status_2(board):
 
 
 def limited(size):
-    """The command, in a process that may not make a file of more than `size` bytes."""
+    """Return the command for a process that may not write a file of more than `size` bytes."""
     code = f"""
 import resource, sys
 resource.setrlimit(resource.RLIMIT_FSIZE, ({size}, {size}))
@@ -272,7 +272,7 @@ def test_info_and_record_agree_on_the_rate(board, capsys):
 
 
 def test_two_recorders_do_not_share_a_port(board, folder):
-    """The second says that the port is taken, makes no file, and the first one's recording has no hole."""
+    """The second reports that the port is in use and makes no file; the recording of the first has no gap."""
     with recording(board) as first:
         wait_for(has("measured", 10), first, "10 frames")
         words = [board.port, "--profile", PROFILE, "-o", "second.mcap", "--seconds", "0.5"]
@@ -376,7 +376,7 @@ def test_a_terminal_shows_how_it_goes(board):
     try:
         while data := os.read(user, 4096):
             shown += data
-    except OSError:  # how Linux says that the other side is closed
+    except OSError:  # Linux raises this once the other side is closed
         pass
     os.close(user)
     assert process.wait(DEADLINE) == 0, shown

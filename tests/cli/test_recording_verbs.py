@@ -24,7 +24,7 @@ def folder(tmp_path, monkeypatch):
 
 
 def write(path, **metadata):
-    """Two pads, 100 Hz for 1 s with a pause and lost readings, and a temperature at 10 Hz."""
+    """Write 1 s of two pads at 100 Hz with a pause and lost readings, and a temperature at 10 Hz."""
     layout = TaxelLayout(4, 3, (0.0022, 0.0023))
     with LogWriter(path, {"layout": layout, "pads": ["left", "right"], "profile": "a-profile", **metadata}) as log:
         for i in range(100):
@@ -113,7 +113,7 @@ def test_info_of_an_archive(capsys):
     assert "simulated (N a taxel): x 0 to 0, y 0 to 0, z 0 to 7.5" in out
     assert "of the table: unknown; 20 samples with unknown values" in " ".join(out.split())
     assert "1: from 1.900 s, 10 samples" in out
-    assert "start:" not in out  # nobody said when it began
+    assert "start:" not in out  # the archive has no start time
 
 
 def test_info_says_how_many_samples_are_without_a_value(capsys):

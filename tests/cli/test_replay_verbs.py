@@ -1,4 +1,4 @@
-"""``paxisim scene make``, ``scene init`` and ``replay``: from a recording to measured and simulated side by side."""
+"""``paxisim scene make``, ``scene init`` and ``replay``: from a recording to paired measured and simulated data."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -16,7 +16,7 @@ GAIN = 0.8
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    """A folder with the scene of an indenter, and a recording of three presses by a sensor that reads too little."""
+    """A folder with an indenter scene and a recording of three presses by a sensor that reads too low."""
     folder = tmp_path_factory.mktemp("press")
     scene = folder / "press.toml"
     words = ["scene", "make", "indenter", "--rows", "4", "--cols", "4", "--pitch-mm", "4", "-o", str(scene)]
@@ -55,7 +55,7 @@ def test_a_recording_is_replayed_and_compared(made, capsys, jobs):
     out = capsys.readouterr().out
     assert "mode kinematic" in out
     assert "peak 1.25" in out
-    assert not list(folder.glob(".paired*")), "nothing is left beside the output"
+    assert not list(folder.glob(".paired*")), "no temporary file should remain beside the output"
     again = paxisim.Scene.from_recording(paired)
     assert [drive.stream for drive in again.drives] == ["x", "y", "depth"]
 
@@ -86,7 +86,7 @@ def test_a_second_call_goes_on_where_the_first_was_stopped(made, tmp_path):
     assert np.abs(paired.simulated - exact.simulated).max() < 0.01 * float(exact.simulated.max())
     other = replace(recording, covariates={**recording.covariates, "x": recording.covariates["x"] + 1e-3})
     simulate_resumable(scene, other, tmp_path / "kept", progress=lambda *one: said.append(one))
-    assert said[-4] == (0, 3, 0), "episodes of another motion are not taken"
+    assert said[-4] == (0, 3, 0), "episodes of another motion should not be reused"
 
 
 def test_a_contact_that_the_scene_misses_is_said_with_its_distance(made, tmp_path, capsys):
@@ -146,7 +146,7 @@ def test_what_cannot_be_followed_is_one_line(made, tmp_path, capsys, change, wan
 
 @pytest.fixture
 def protocol(tmp_path, capsys):
-    """The file of a protocol, cut to the taps of one episode."""
+    """A protocol file reduced to the taps of one episode."""
     path = tmp_path / "taps.json"
     assert main(["protocol", "press", "-o", str(path)]) == 0
     out = capsys.readouterr().out
@@ -199,7 +199,7 @@ def test_the_page_s_lines_about_protocols_run(tmp_path, monkeypatch):
     for line in (write, make):
         assert main(line.split()[1:]) == 0
     whole = paxisim.Protocol.load("press.json")
-    replace(whole, segments=whole.segments[2:3]).save("press.json")  # the taps, of 11 minutes
+    replace(whole, segments=whole.segments[2:3]).save("press.json")  # only the taps, of 11 minutes in total
     assert main(rehearse.split()[1:]) == 0
     assert Recording.load("rehearsed.npz").simulated.max() > 0
     exec(compile(section.split("```python\n")[1].split("```")[0], "replay.md", "exec"), {})

@@ -1,4 +1,4 @@
-"""Progress of a long command: a line that changes on a terminal, plain lines in a log."""
+"""Progress of a long command: one changing line on a terminal, plain lines in a log."""
 
 import io
 import re
@@ -16,7 +16,7 @@ class Terminal(io.StringIO):
 
 @pytest.fixture
 def clock(monkeypatch):
-    """Seconds, moved by hand."""
+    """A monotonic clock (s) that the test advances."""
     now = [100.0]
     monkeypatch.setattr(stages.time, "monotonic", lambda: now[0])
     return now
@@ -32,7 +32,7 @@ def test_a_log_has_a_line_for_each_stage_and_few_within_one(clock):
     lines = log.getvalue().splitlines()
     assert lines[0] == "  0% reading"
     assert lines[1].startswith(" 10% searching, about ")
-    assert 3 <= len(lines) <= 5  # 30 s, and one every 10
+    assert 3 <= len(lines) <= 5  # 30 s with one line every 10 s
 
 
 def test_the_time_left_follows_from_the_share(clock):

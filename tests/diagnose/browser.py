@@ -1,4 +1,4 @@
-"""A headless Chromium, driven through its DevTools pipe: NUL-ended JSON on file descriptors 3 and 4, no port at all."""
+"""A headless Chromium driven through its DevTools pipe: NUL-terminated JSON on file descriptors 3 and 4, no port."""
 
 import base64
 import json
@@ -16,7 +16,7 @@ FLAGS = (
     "--headless", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
     "--disable-component-update", "--disable-sync", "--hide-scrollbars", "--remote-debugging-pipe",
 )  # fmt: skip
-# what a browser reads commands from and writes answers to
+# the browser reads commands from descriptor 3 and writes answers to descriptor 4
 _ON_3_AND_4 = (
     "import os, sys; r, w = (os.dup(int(a)) for a in sys.argv[1:3]); r, w = os.dup(r), os.dup(w); "
     "os.dup2(r, 3); os.dup2(w, 4); os.execv(sys.argv[3], sys.argv[3:])"
@@ -24,12 +24,12 @@ _ON_3_AND_4 = (
 
 
 def find():
-    """The path of a browser: CHROME, or what is on the PATH; None if there is none."""
+    """Return the path of a browser, from CHROME or found on PATH; None if there is none."""
     return os.environ.get("CHROME") or next(filter(None, map(shutil.which, NAMES)), None)
 
 
 class Browser:
-    """One browser with a profile of its own; use it in a `with`."""
+    """One browser with its own profile; use it as a context manager."""
 
     def __init__(self, path):
         own = ["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []
@@ -53,14 +53,14 @@ class Browser:
         os.close(self._write)
         os.close(self._read)
         try:
-            self._process.wait(5)  # it goes when the pipe does
+            self._process.wait(5)  # it exits when the pipe closes
         except subprocess.TimeoutExpired:
             os.killpg(self._process.pid, signal.SIGKILL)
             self._process.wait()
         self._profile.cleanup()
 
     def call(self, method, session=None, seconds=60, **parameters):
-        """The result of a DevTools command; events that come meanwhile are kept in `events`."""
+        """Return the result of a DevTools command; events that arrive meanwhile are kept in `events`."""
         self._number += 1
         message = {"id": self._number, "method": method, "params": parameters}
         if session:
@@ -86,7 +86,7 @@ class Browser:
         return json.loads(message)
 
     def open(self, path, width, height=800, dark=False, seconds=60):
-        """A `Page` showing a file in a window of that size."""
+        """Return a `Page` that shows a file in a window of the given size."""
         target = self.call("Target.createTarget", url="about:blank")["targetId"]
         session = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
         for domain in ("Page", "Runtime", "Log", "Network"):
@@ -106,13 +106,13 @@ class Browser:
 
 
 class Page:
-    """A page that is shown."""
+    """A page open in the browser."""
 
     def __init__(self, browser, session):
         self._browser, self._session = browser, session
 
     def value(self, expression):
-        """What a JavaScript expression comes to."""
+        """Return the value of a JavaScript expression."""
         answer = self._browser.call(
             "Runtime.evaluate", self._session, expression=expression, returnByValue=True, awaitPromise=True
         )
@@ -120,8 +120,8 @@ class Page:
         return answer["result"].get("value")
 
     def troubles(self):
-        """Errors of scripts, of the console and of loading, and all requests but for the page itself."""
-        self.value("1")  # what has happened until now has been told by then
+        """Return script, console and loading errors, and all requests other than local files and data URLs."""
+        self.value("1")  # a round trip, after which all earlier events have arrived
         found = []
         for event in self._browser.events:
             method, about = event.get("method"), event.get("params", {})
@@ -136,7 +136,7 @@ class Page:
         return found
 
     def screenshot(self, whole=True):
-        """PNG bytes of the page, or of what the window shows."""
+        """Return PNG bytes of the whole page, or only of the visible part."""
         answer = self._browser.call(
             "Page.captureScreenshot", self._session, format="png", captureBeyondViewport=whole, **self._clip(whole)
         )

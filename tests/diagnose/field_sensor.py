@@ -1,4 +1,4 @@
-"""A sensor of five magnetometers that is pressed again and again: no part of paxisim makes its readings."""
+"""A sensor with five magnetometers under repeated presses; its readings are made without paxisim."""
 
 import numpy as np
 
@@ -8,14 +8,14 @@ PITCH = 3
 
 
 def press(seed=0, cycles=8, bend=0.2, lead=0.0, fresh=0.0, periods=(12.0,), rate=10.0, noise=1.5):
-    """A recording of one episode in microtesla, with the covariate ``load``.
+    """Return a recording of one episode in microtesla, with the covariate ``load``.
 
     Args:
-        seed: Of the sensor and its noise; the sensor is the same for each.
-        cycles: Presses to 30 N, each of the next of `periods` (s), with rests between them.
-        bend: How much of the field is not straight.
-        lead: Seconds by which the load cell is late.
-        fresh: Share that the first press reads less; half of it at the second, and so on.
+        seed: Random seed of the noise; the sensor is the same for every seed.
+        cycles: Number of presses to 30 N, separated by rests; their durations cycle through `periods` (s).
+        bend: Relative size of the non-linear part of the field.
+        lead: Delay of the load cell (s).
+        fresh: Fraction by which the first press reads low; it halves with every further press.
     """
     rng = np.random.default_rng(seed)
     loads, factors = [np.zeros(30)], [np.ones(30)]

@@ -1,7 +1,7 @@
-"""The fixed cases of test_hidden_singles.py, test_hidden_pairs_and_nulls.py and test_hidden_outsiders.py.
+"""Fixed cases of test_hidden_singles.py, test_hidden_pairs_and_nulls.py and test_hidden_outsiders.py.
 
-Case number i has the seed ``START + i``. Seeds, names and strengths were written down before any of them was diagnosed,
-and a case that is missed stays: the tests ask for counts that a poor build hardly ever reaches.
+Case number i has the seed ``START + i``. Seeds, names and strengths were fixed before any case was diagnosed, and
+missed cases stay in the suite: the tests require counts that a poor build hardly ever reaches.
 """
 
 import sys
@@ -25,15 +25,15 @@ from recorded import recording_of
 START = 7_000_000
 SMALL = {"rows": 4, "cols": 3, "duration": 6.0, "rate": 20}
 MORE = {"interference": ("gripper", "gripper", "gripper")}
-"""Episodes besides those of the family, which has but one that shows the effect."""
+"""Additional episodes by effect, where the family has only one that shows it."""
 QUIET = ({}, {"rho": 0.95}, {"coarse": True}, {"family": "final"}, {"rho": 0.95, "family": "final"})
 CHANCE = 0.01
-"""With which a poor build reaches a bound."""
+"""Probability that a poor build reaches a bound."""
 
 
 @dataclass(frozen=True)
 class Hidden:
-    """A case: what is hidden in it, and how it is recorded."""
+    """A case: the effects hidden in it and the options of its recording."""
 
     number: int
     names: tuple
@@ -41,7 +41,7 @@ class Hidden:
 
     @cache  # noqa: B019
     def recorded(self):
-        """The case, the same each time."""
+        """Make the case; it is the same on every call."""
         rng = np.random.default_rng([START, self.number])
         options = {"strength": rng.uniform(0.5, 1.0), "family": ("development", "final")[rng.integers(2)]}
         more = sum((MORE.get(name, ()) for name in self.names), ())
@@ -50,7 +50,7 @@ class Hidden:
 
     @cache  # noqa: B019
     def diagnosis(self):
-        """What is said of it without scikit-learn: the black box, which takes most time, names nothing."""
+        """Diagnose the case without scikit-learn, because the black box takes most of the time and names no causes."""
         with pytest.MonkeyPatch.context() as patch:
             for name in ("sklearn", "sklearn.ensemble"):
                 patch.setitem(sys.modules, name, None)
@@ -58,12 +58,12 @@ class Hidden:
 
     @property
     def named(self):
-        """The causes that are named, in the order of the alphabet."""
+        """Named causes in alphabetical order."""
         return tuple(sorted(cause.name for cause in self.diagnosis().causes))
 
     @property
     def exact(self):
-        """Whether what is hidden is named, and nothing else."""
+        """Whether exactly the hidden effects are named."""
         return self.named == tuple(sorted(self.names))
 
     def __str__(self):
@@ -85,12 +85,12 @@ SINCE_LEARNT = [case for case in _OTHERS if case.names[0] in LEARNT]
 
 
 def bound(count, rate):
-    """The least of `count` cases that a build which is right at `rate` reaches with less than `CHANCE`."""
+    """Return the smallest count that a build with success rate `rate` reaches with a probability below `CHANCE`."""
     return int(binom.isf(CHANCE, count, rate)) + 1
 
 
 def assert_right(cases, right, rate):
-    """That more of the cases are right than a build at `rate` would reach."""
+    """Assert that more cases are right than a build with success rate `rate` would reach."""
     missed = [case for case in cases if not right(case)]
     least = bound(len(cases), rate)
     said = "\n".join(map(str, missed))

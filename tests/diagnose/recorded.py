@@ -1,4 +1,4 @@
-"""Recordings for tests: cases of `tests/hidden`, which knows nothing of paxisim, as a user has them."""
+"""Recordings for tests: cases of `tests/hidden`, which does not use paxisim, in the form a user has them."""
 
 import sys
 from dataclasses import replace
@@ -22,20 +22,20 @@ def recording_of(case):
 
 
 def small(*causes, seed, **options):
-    """A recording of 4x3 taxels at 20 Hz in eight short episodes, in which `causes` are hidden."""
+    """Return a recording of 4x3 taxels at 20 Hz in eight short episodes with `causes` hidden in it."""
     case = make(causes, seed=seed, **{**SMALL, **options})
     print(f"make({causes}, seed={seed}, {options}): signal {case.signal:.3g}")
     return recording_of(case)
 
 
 def plain(effect=None, seed=1, noise=0.02, **options):
-    """A small recording of a sensor with white noise that counts in no steps.
+    """Return a small recording of a sensor with white noise and no quantisation.
 
     Args:
-        effect: What it reads of ``(force, time)`` of an episode; default: the force.
-        seed: Of the motion and the noise.
-        noise: N.
-        options: Of the motion, for `hidden.practice.cases.make`.
+        effect: Function of an episode's ``(force, time)`` that returns the reading; default: the force.
+        seed: Random seed of the motion and the noise.
+        noise: Standard deviation of the noise (N).
+        options: Motion options for `hidden.practice.cases.make`.
     """
     case = make((), seed=seed, **{**SMALL, **options})
     read = case.simulated.astype(float)
@@ -47,7 +47,7 @@ def plain(effect=None, seed=1, noise=0.02, **options):
 
 
 def diagnosed(recording, causes=None, **arguments):
-    """The diagnosis without scikit-learn: the black box, which takes most time, names nothing."""
+    """Diagnose without scikit-learn, because the black box takes most of the time and names no causes."""
     with pytest.MonkeyPatch.context() as patch:
         for name in ("sklearn", "sklearn.ensemble"):
             patch.setitem(sys.modules, name, None)
@@ -55,5 +55,5 @@ def diagnosed(recording, causes=None, **arguments):
 
 
 def names(diagnosis):
-    """The causes that are named, largest gain first."""
+    """Return the names of the named causes, largest gain first."""
     return [cause.name for cause in diagnosis.causes]

@@ -1,4 +1,4 @@
-"""What the tests of the report share: recordings with hidden effects, and what is in a page."""
+"""Helpers shared by the report tests: recordings with hidden effects, and the pictures of a page."""
 
 import base64
 import html
@@ -23,7 +23,7 @@ def recording(causes=(), seed=3, **options):
 
 
 def pictures_of(page):
-    """(title, alt, SVG) of each picture."""
+    """Return (title, alt, SVG) of each picture."""
     found = re.findall(r'<figcaption>(.*?)</figcaption>\s*<img src="([^"]*)" alt="([^"]*)">', page)
     assert len(found) == page.count("<img ") == page.count("<figure>")
     head = "data:image/svg+xml;base64,"
@@ -42,4 +42,4 @@ def check_pictures(pictures):
         assert root.tag.endswith("svg")
         assert len(list(root.iter())) > 20
         assert not re.search(r"nan|inf\b", re.sub(r"<text.*?</text>", "", svg, flags=re.DOTALL)), title
-        assert not re.search(r'(href|src)="(?!#)(?!data:)', svg), "a picture loads something"
+        assert not re.search(r'(href|src)="(?!#)(?!data:)', svg), "a picture must not load external resources"

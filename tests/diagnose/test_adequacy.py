@@ -1,4 +1,4 @@
-"""Adequacy: structure is seen, noise and tolerances are not."""
+"""Adequacy: structure in the residual is detected, noise and tolerances are not."""
 
 import dataclasses
 import sys
@@ -27,7 +27,7 @@ def problem(causes=(), seed=1, **options):
 
 
 def fitted(given, name):
-    """What a cause, fitted to it, makes of a recording."""
+    """Return the prediction of a cause fitted to a recording."""
     folds = folds_of(given, [cause(name)], Rules())
     fit = Fitter(given, folds).fit([cause(name)])
     return predicted(given, fit.causes, fit.whole, fit.constant)

@@ -1,4 +1,4 @@
-"""Advice can be followed: each sentence stands for a motion, which the generator of test recordings can make."""
+"""Advice can be followed: each sentence stands for a motion that the test recording generator can make."""
 
 import itertools
 import sys
@@ -20,7 +20,7 @@ EXCITES = {item.name: item.excites for item in CAUSES}
 
 
 def test_every_motion_can_be_made():
-    assert set(MOTIONS) - {"regrasps", "objects"} == set(ADVISED)  # these two are of causes inside a scene
+    assert set(MOTIONS) - {"regrasps", "objects"} == set(ADVISED)  # these two belong to causes inside a scene
     assert set(EXCITES.values()) <= set(MOTIONS)
 
 

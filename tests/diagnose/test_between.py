@@ -1,4 +1,4 @@
-"""Curves through frames: exact for cubics, and fair to delays and filters as short as the time between frames."""
+"""Curves through frames: exact for cubics, and accurate for delays and filters as short as the frame interval."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from paxisim.diagnose.problem import Problem
 
 
 def jittered(frames, interval, seed=3):
-    """Frames about `interval` s apart, each off by up to a tenth of it."""
+    """Return frame times about `interval` s apart, each off by up to a tenth of it."""
     rng = np.random.default_rng(seed)
     return interval * (np.arange(frames) + rng.uniform(-0.1, 0.1, frames))
 
@@ -67,4 +67,4 @@ def test_a_fast_motion_meets_short_delays_and_filters_as_it_did_in_truth(transfo
     settled = slice(20, -5)
     assert np.abs(problem.run(transform, x) - expected)[settled].max() < 0.015
     straight = transform.run(x, time, {})
-    assert np.abs(straight - expected)[settled].max() > 0.03, "straight from frame to frame the peaks are cut"
+    assert np.abs(straight - expected)[settled].max() > 0.03, "linear interpolation between frames should cut the peaks"

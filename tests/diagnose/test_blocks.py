@@ -1,4 +1,4 @@
-"""Long arrays gone through in blocks give what they give whole."""
+"""Processing long arrays in blocks gives the same result as processing them whole."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from paxisim.diagnose.blocks import BLOCK_VALUES, in_blocks
 from paxisim.diagnose.problem import Problem
 
 SHAPE = (2, 3, 6, 5)
-FRAMES = 3 * BLOCK_VALUES // 180 + 7  # three blocks and a rest
+FRAMES = 3 * BLOCK_VALUES // 180 + 7  # three blocks and a remainder
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""Sensors whose channels are no newtons are diagnosed, and what one load cannot tell is said."""
+"""Sensors whose channels are not in newtons are diagnosed, and effects that one load cannot separate are reported."""
 
 import sys
 from dataclasses import replace
@@ -40,7 +40,7 @@ def test_curves_of_the_channels_are_named_and_a_late_load_cell_is_aligned_first(
     other = press(seed=1, lead=0.2)
     held = readout.apply(other)
     error = readout.to_channels(found.model.run(held.simulated.astype(float), held.time)) - other.measured
-    assert np.sqrt(np.mean(error**2)) < 1.5 * 1.5  # of the noise
+    assert np.sqrt(np.mean(error**2)) < 1.5 * 1.5  # 1.5 times the noise
 
 
 def test_the_report_takes_no_channel_for_a_force_on_the_pad():
@@ -51,7 +51,7 @@ def test_the_report_takes_no_channel_for_a_force_on_the_pad():
     assert min(phases["loading"], phases["unloading"]) > 0.1
     (effect,) = effects(found.causes, found.model, found.streams)
     mean = effect.sums(0, 2)[1]
-    assert mean.max() == pytest.approx(30, rel=0.1)  # N, the load, whatever the number of channels
+    assert mean.max() == pytest.approx(30, rel=0.1)  # N: the load, independent of the number of channels
     with drawing():
         _, curves = evidence(effect)
     assert "6 most affected channels" in curves.title
@@ -93,7 +93,7 @@ def test_a_sensor_that_settles_is_told_and_its_first_presses_left_out():
 
 
 def test_different_motions_say_nothing_of_settling():
-    assert settling(ready(press(fresh=0.1, periods=(6.0, 20.0, 11.0))), ALL)[0] >= 1  # by phase they are one motion
+    assert settling(ready(press(fresh=0.1, periods=(6.0, 20.0, 11.0))), ALL)[0] >= 1  # the same motion by phase
     uneven = press(fresh=0.1)
     half = np.arange(len(uneven)) > len(uneven) // 2
     uneven.measured[half] *= 0.5

@@ -1,4 +1,4 @@
-"""Streams that are not of one motion are told from those that are, and clocks that are apart from a late sensor."""
+"""Streams of different motions are told from streams of one motion, and shifted clocks from a late sensor."""
 
 from dataclasses import replace
 
@@ -20,14 +20,14 @@ def frames_of(recording):
 
 
 def unrelated(seed=0):
-    """Noise in place of both streams."""
+    """Return a recording with noise in place of both streams."""
     recording, rng = small(seed=seed), np.random.default_rng(seed)
     streams = {name: rng.standard_normal(recording.measured.shape) for name in ("measured", "simulated")}
     return replace(recording, **{name: values.astype(np.float32) for name, values in streams.items()})
 
 
 def shuffled(seed=0):
-    """Each episode measured in another one's place."""
+    """Return a recording whose measured episodes are permuted."""
     recording = small(seed=seed)
     frames = frames_of(recording)
     least = min(map(len, frames))
@@ -38,7 +38,7 @@ def shuffled(seed=0):
 
 
 def late(seconds, *causes, seed=1, **options):
-    """Measured by a clock that is behind."""
+    """Return a recording whose measured stream is late by `seconds`."""
     recording = small(*causes, seed=seed, duration=max(6.0, 3.5 * seconds), **options)
     frames, by = frames_of(recording), round(seconds * 20)
     kept = np.concatenate([own[by:] for own in frames])

@@ -1,4 +1,4 @@
-"""A field follows recorded covariates of any name and number, by channel."""
+"""Interference is found from recorded covariates of any name and number, channel by channel."""
 
 from dataclasses import replace
 
@@ -11,7 +11,7 @@ SEED = 7
 
 
 def moving(name="joints", count=16, seed=SEED):
-    """A recording with angles (rad) of the joints of a hand, which move in a few ways together, contact or not."""
+    """Return a recording with a hand's joint angles (rad), which follow a few common motions regardless of contact."""
     recording = plain(seed=seed, more=("gripper",) * 2)
     rng = np.random.default_rng(seed)
     time = recording.time[:, None]
@@ -21,7 +21,7 @@ def moving(name="joints", count=16, seed=SEED):
 
 
 def read_field(recording, ways, rng, size):
-    """The field of the ways, straight and bent, of each channel by an amount of its own."""
+    """Return the recording with linear and quadratic terms of `ways` added, with random amounts per channel."""
     terms = np.concatenate([ways, 0.3 * ways**2], axis=1)
     amounts = size * rng.normal(size=(terms.shape[1], *recording.simulated.shape[1:]))
     measured = recording.measured + np.tensordot(terms, amounts, 1)
@@ -35,7 +35,7 @@ def test_a_field_follows_sixteen_joints(name):
     assert names(found) == ["interference"]
     assert found.heldout.explained.value > 0.9
     assert f"A linear function of {name}[" in found.causes[0].evidence
-    # the model takes the covariates as they were recorded
+    # the model takes the covariates as recorded
     given = (recording.simulated, recording.time, recording.covariates)
     left = recording.measured - found.model.run(*given)
     assert np.mean(left**2) < 0.2 * np.mean((recording.measured - recording.simulated) ** 2)

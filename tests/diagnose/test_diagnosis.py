@@ -1,4 +1,4 @@
-"""`paxisim.diagnose` from the recording to the files, and what it says of recordings that are no good."""
+"""`paxisim.diagnose` from the recording to the files, and its errors for unusable recordings."""
 
 import dataclasses
 import json

@@ -1,4 +1,4 @@
-"""The noise ahead of a sensor's steps is told from its counts, whatever its zeros and what presses leave behind."""
+"""The noise before quantisation is estimated from counts, despite zero offsets and after-effects of presses."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ ALIVE = np.ones(SIZE, dtype=bool)
 
 
 def held(rng, largest=8 * STEP, slope=0.0):
-    """``(T, *SIZE)`` forces that are taken up at once, held, growing by `slope` a second, and let go."""
+    """Return ``(T, *SIZE)`` forces applied at once, held while growing by `slope` per second, and released."""
     level = (
         rng.uniform(-largest, largest, (EPISODES, 1, *SIZE))
         + slope * np.linspace(0, FRAMES * INTERVAL, FRAMES)[:, None, None, None, None]
@@ -23,7 +23,7 @@ def held(rng, largest=8 * STEP, slope=0.0):
 
 
 def zeros(kind, rng):
-    """``(T, *SIZE)`` what is read without a force, before rounding."""
+    """Return ``(T, *SIZE)`` readings without force, before rounding."""
     time = np.repeat(np.linspace(0, 1, EPISODES), FRAMES)[:, None, None, None, None]
     edges = 0.5 * STEP * rng.choice([-1, 1], SIZE) + 0 * time
     if kind == "at the edges":

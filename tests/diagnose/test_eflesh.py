@@ -1,4 +1,4 @@
-"""A real sensor: presses of eFlesh, where the data is; see benchmarks/eflesh.py for the figures."""
+"""A real sensor: eFlesh presses, if the data is available; benchmarks/eflesh.py produces the full figures."""
 
 import os
 from pathlib import Path
@@ -13,7 +13,7 @@ FOLDER = Path(os.environ.get("PAXISIM_EFLESH") or Path(paxisim.__file__).parents
 CAUSES = ("channel_curve", "latency", "creep", "hysteresis")
 THIN = 4
 
-pytestmark = pytest.mark.skipif(not (FOLDER / "press_1.sensor.csv").exists(), reason="needs the presses of eFlesh")
+pytestmark = pytest.mark.skipif(not (FOLDER / "press_1.sensor.csv").exists(), reason="needs the eFlesh recordings")
 
 
 @pytest.fixture(scope="module")

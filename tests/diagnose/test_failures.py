@@ -1,4 +1,4 @@
-"""Taxels and single channels that fail in the middle of a recording are named, with the moment; others are not."""
+"""Taxels and single channels that fail during a recording are named with the moment of failure; others are not."""
 
 import sys
 from dataclasses import replace
@@ -13,29 +13,29 @@ from paxisim.diagnose.diagnosis import Diagnosis
 sys.path.insert(0, str(Path(__file__).parent))
 from recorded import diagnosed, names, plain, small
 
-CLEAR = 0.6  # N, more than any dead band holds back
-LATE = 0.3  # s, that a moment may be told late
+CLEAR = 0.6  # N, more than any dead band suppresses
+LATE = 0.3  # s, tolerated delay of a reported moment
 
 
 def loaded(recording, rank):
-    """The pad, row and column of the taxel that is the n-th most loaded."""
+    """Return pad, row and column of the taxel with the given load rank; rank 0 is the most loaded."""
     load = np.mean(np.square(recording.simulated[:, :, 2], dtype=float), axis=0)
     pad, row, col = np.unravel_index(np.argsort(-load.ravel())[rank], load.shape)
     return int(pad), int(row), int(col)
 
 
 def failing(seed, kind, rank=0, share=0.5, **options):
-    """A recording with the practice generator's noise in which a taxel, or its normal force, fails.
+    """Make a recording, with the practice generator's noise, in which a taxel or its normal force fails.
 
     Args:
-        seed: Of the recording.
+        seed: Random seed of the recording.
         kind: "frozen", "gone" (its noise remains), "zero", or "frozen z" for one channel.
-        rank: Of the taxel, by load.
-        share: Of the recording, after which it fails.
-        options: Of the recording.
+        rank: Load rank of the taxel; 0 is the most loaded.
+        share: Fraction of the recording after which the taxel fails.
+        options: Options of the recording.
 
     Returns:
-        The recording, the taxel, and the seconds after the first frame.
+        The recording, the taxel, and the time of failure in seconds after the first frame.
     """
     recording = small(seed=seed, **options)
     pad, row, col = loaded(recording, rank)
@@ -52,7 +52,7 @@ def failing(seed, kind, rank=0, share=0.5, **options):
 
 
 def told(found):
-    """The one taxel with the axes that have failed, and when."""
+    """Return the single failed taxel, its failed axes and the moment of failure."""
     fault = found.model["dead_taxels"]
     fault = fault[0] if isinstance(fault, augment.Chain) else fault
     assert isinstance(fault, augment.FailingTaxels)
@@ -64,7 +64,7 @@ def told(found):
 
 
 def assert_moment(recording, taxel, moment, true):
-    """The moment is not late, and the taxel was not pressed from it to the failure."""
+    """Assert that the moment is not late and the taxel is not pressed between it and the failure."""
     pad, row, col = taxel
     assert moment < true + LATE
     seconds = recording.time - recording.time[0]

@@ -1,4 +1,4 @@
-"""What is wrong with a layout, and which taxels are swapped or dead, stands in the table and in the report."""
+"""The table and the report state what is wrong with a layout and which taxels are swapped or dead."""
 
 import numpy as np
 import pytest
@@ -26,7 +26,7 @@ def taxels(*places):
 
 
 def moments():
-    """Since when: taxel (1, 2) of the left pad on all axes, (0, 0) of the right one on z alone."""
+    """Return failure times: taxel (1, 2) of the left pad fails on all axes, (0, 0) of the right pad only on z."""
     since = np.zeros((2, 3, 4, 3))
     since[0, :, 1, 2] = 12.34
     since[1, :, 0, 0] = np.inf, np.inf, 7.0

@@ -1,4 +1,4 @@
-"""What is held out together: episodes, or blocks with gaps where one episode holds what there is to see."""
+"""Units held out together: episodes, or blocks with gaps where a single episode excites a cause."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Gains of taxels: exact where episodes agree, and drawn together as far as they do not."""
+"""Taxel gains: exact where episodes agree, shrunk towards their mean as far as episodes disagree."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ SHAPE = (2, 6, 5)
 
 
 def summed(gains, off, weights, rng):
-    """Pulls of episodes each of which has gains of its own, `off` times normal numbers from the common ones."""
+    """Return the pulls of episodes whose gains differ from the common ones by `off` times standard normal numbers."""
     own = gains - 1 + off * rng.standard_normal(weights.shape)
     return own * weights + np.sqrt(weights) * rng.standard_normal(weights.shape)
 
@@ -21,7 +21,7 @@ def rng():
 
 @pytest.fixture
 def weights(rng):
-    """What eight episodes press on a taxel: much, little or nothing."""
+    """Load of each taxel in eight episodes: high, low or zero."""
     weights = rng.choice([0.0, 300.0, 3e4], size=(8, *SHAPE), p=[0.5, 0.3, 0.2])
     weights[:, 0, 0] = 0.0
     return weights
@@ -33,9 +33,9 @@ def test_gains_that_all_episodes_agree_on_are_found(rng, weights, spread):
     away, ridge = drawn(summed(gains, 0.0, weights, rng), weights)
     weight = weights.sum(axis=0)
     error = (1 + away - gains) * np.sqrt(weight)
-    assert np.sqrt(np.mean(error[weight > 1e4] ** 2)) < 1.5, "as well as the noise lets them be told"
+    assert np.sqrt(np.mean(error[weight > 1e4] ** 2)) < 1.5, "gains should be as accurate as the noise permits"
     assert 0.5 < 1 / np.sqrt(ridge) / spread < 2
-    assert np.ptp(away[weight == 0]) < 1e-12, "what was never pressed is as the others are on the whole"
+    assert np.ptp(away[weight == 0]) < 1e-12, "taxels that were never pressed should share one common gain"
 
 
 def test_where_episodes_disagree_gains_are_drawn_together_and_so_to_the_truth(rng, weights):
@@ -54,7 +54,7 @@ def test_where_episodes_disagree_gains_are_drawn_together_and_so_to_the_truth(rn
 def test_a_gain_that_all_taxels_have_is_kept_where_episodes_disagree(rng, weights):
     gains = 0.8 + 0.03 * rng.standard_normal(SHAPE)
     away, ridge = drawn(summed(gains, 0.1, weights, rng), weights)
-    assert ridge > 5 / 0.03**2, "one would be drawn far"
+    assert ridge > 5 / 0.03**2, "a single gain would be shrunk strongly"
     assert np.mean(away) == pytest.approx(-0.2, abs=0.03)
 
 
@@ -63,6 +63,6 @@ def test_without_any_effect_gains_stay_at_1_and_with_one_episode_nothing_breaks(
     assert np.sqrt(np.mean(away**2)) < 0.015
     lone = np.full((1, *SHAPE), 3e4)
     away, _ = drawn(summed(np.full(SHAPE, 1.1), 0.0, lone, rng), lone)
-    assert np.median(away) == pytest.approx(0.1, abs=0.01), "the only episode is believed"
+    assert np.median(away) == pytest.approx(0.1, abs=0.01), "a single episode should be trusted"
     nothing, _ = drawn(np.zeros((3, *SHAPE)), np.zeros((3, *SHAPE)))
     assert np.all(nothing == 0)

@@ -1,4 +1,4 @@
-"""A cause owns the gauge that its calibration brings: it is named alone, however its sensor was calibrated."""
+"""A cause includes the effect of the calibration convention: it is named alone, however its sensor was calibrated."""
 
 import numpy as np
 import pytest
@@ -46,7 +46,7 @@ def test_loops_are_hysteresis_whatever_a_small_swing_reads(small):
     width, lag, substeps = 0.2 * PEAK, 0.15, 10
 
     def loops(force, time):
-        """The law of Bouc and Wen; `small` is what small swings read."""
+        """Bouc-Wen law; `small` is the gain of small swings."""
         state, last, states = np.zeros_like(force[0]), force[0], np.empty_like(force)
         for frame, now in enumerate(force):
             step = (now - last) / substeps
@@ -71,10 +71,10 @@ def test_a_field_that_is_not_zero_where_the_recording_begins_is_interference():
 def test_a_gain_is_tried_before_the_causes_whose_gauge_is_that_gain(seed):
     problem, rules = problem_of(plain(lambda force, time: 0.8 * force, seed=seed)), Rules()
     items = [item for item in map(cause, known_causes()) if item.name == "axis_gain" or item.gauge is not None]
-    assert len(items) > rules.contest, "more than are tried"
+    assert len(items) > rules.contest, "there should be more causes than the contest tries"
     ranked = Search(problem, items, folds_of(problem, items, rules), rules).ranked(())
     assert ranked[0][1] == "axis_gain"
-    assert ranked[-1][0] > 0.95 * ranked[0][0], "all promise nearly as much"
+    assert ranked[-1][0] > 0.95 * ranked[0][0], "all causes should promise nearly as much"
 
 
 def test_a_gauge_multiplies_what_its_cause_reads():

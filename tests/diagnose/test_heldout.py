@@ -1,4 +1,4 @@
-"""What is called held out comes from fits that never saw what they predict; gains are shares of what can be gained."""
+"""Held-out predictions come from fits that never saw the data; gains are fractions of the explainable error."""
 
 from dataclasses import replace
 
@@ -27,7 +27,7 @@ def problem():
 
 
 def odd(problem, number):
-    """The problem, with measurements of one episode that no other is like."""
+    """Return the problem with the measurements of one episode made unlike those of all others."""
     measured, span = problem.measured.copy(), problem.episodes[number]
     measured[span] = 0.4 * measured[span][::-1] + 0.5
     return replace(problem, measured=measured)
@@ -55,13 +55,13 @@ def heldout(problem, names):
     ids=" + ".join,
 )
 def test_a_held_out_episode_says_nothing_of_its_own_prediction(problem, names):
-    """Its measurements may be anything: what the others predict of it stays."""
+    """The prediction from the other episodes does not depend on the measurements of the held-out episode."""
     number = int(np.argmax([problem.simulated[span].max() for span in problem.episodes]))
     change = (heldout(odd(problem, number), names) - heldout(problem, names)) / problem.sigma
     own = np.zeros(len(change), dtype=bool)
     own[problem.episodes[number]] = True
-    assert np.sqrt(np.mean(change[own] ** 2)) < 0.02, "of the noise"
-    assert np.sqrt(np.mean(change[~own] ** 2)) > 0.02, "it does say something of the others'"
+    assert np.sqrt(np.mean(change[own] ** 2)) < 0.02, "the held-out prediction changed by more than 2% of the noise"
+    assert np.sqrt(np.mean(change[~own] ** 2)) > 0.02, "the changed episode should affect the predictions of the others"
 
 
 @pytest.fixture(scope="module")
@@ -90,9 +90,9 @@ def test_an_episode_that_was_cut_is_said():
 @pytest.mark.parametrize(
     ("before", "after", "floor", "gain"),
     [
-        (2.0, 1.2, 1.0, 0.8),  # of what is above the floor
-        (2.0, 1.2, 1.5, 1.0),  # no more than all, where the floor counts what was explained
-        (2.0, 1.2, 2.1, 0.4),  # of the whole, with nothing above the floor
+        (2.0, 1.2, 1.0, 0.8),  # fraction of the error above the floor
+        (2.0, 1.2, 1.5, 1.0),  # at most 1, where the floor includes error that was explained
+        (2.0, 1.2, 2.1, 0.4),  # fraction of the whole error, with nothing above the floor
         (2.0, 2.2, 1.9999, -0.1),
     ],
 )
@@ -108,7 +108,7 @@ def test_nothing_above_the_floor_is_no_share():
 
 
 def test_a_few_episodes_of_little_noise_give_no_warning():
-    """In some of the draws of the bootstrap there is nothing to explain."""
+    """Some bootstrap samples have no explainable error."""
     before = np.array([5.0, *[0.9] * (EPISODES - 1)])
     each = np.ones(EPISODES)
     share = explained_share(SquaredErrors(before, each, {}, each, 9 * each, "", ()), each, 0)
@@ -120,7 +120,7 @@ def test_confidence_is_how_often_a_gain_is_enough_when_episodes_are_drawn_again(
     assert survives(np.ones(EPISODES), 4.0, 0) == 1.0
     assert survives(np.ones(EPISODES), 9.0, 0) == 0.0
     lone = np.array([8.0, *[0.0] * (EPISODES - 1)])
-    assert 0.5 < survives(lone, 4.0, 0) < 0.8, "the episode is among the drawn"
+    assert 0.5 < survives(lone, 4.0, 0) < 0.8, "share of bootstrap samples that contain the episode"
 
 
 @pytest.mark.parametrize("noise", [0.02, 0.1])

@@ -1,4 +1,4 @@
-"""Effects outside the vocabulary: it is said that something is left which no cause explains."""
+"""Effects outside the vocabulary: the diagnosis reports a residual that no cause explains."""
 
 import pytest
 from hidden_suite import FOREIGN, LEARNT, SINCE_LEARNT, assert_right

@@ -1,4 +1,4 @@
-"""Two hidden effects are both named, and nothing where nothing is hidden."""
+"""Two hidden effects are both named, and nothing is named where nothing is hidden."""
 
 import pytest
 from hidden_suite import NULLS, PAIRS, assert_right
@@ -6,7 +6,7 @@ from hidden_suite import NULLS, PAIRS, assert_right
 pytestmark = [pytest.mark.rates, pytest.mark.timeout(3600)]
 
 POOR = 0.4
-FALSE = 1  # names at most, in ten recordings
+FALSE = 1  # at most this many named causes in ten recordings
 
 
 def test_most_pairs_are_named():

@@ -1,4 +1,4 @@
-"""Single hidden effects are named, with their size and their gain: fixed cases, and counts a poor build misses."""
+"""Single hidden effects are named with the right size and gain: fixed cases, with counts that a poor build misses."""
 
 import sys
 from pathlib import Path
@@ -14,8 +14,8 @@ from hidden.practice.effects import EFFECTS
 from hidden_suite import CHANCE, SINGLES, assert_right, bound
 
 POOR = 0.6
-ERROR = 0.15  # of an effect's size, median
-GAIN = 0.9  # of the headroom, held out, median
+ERROR = 0.15  # median, relative to the size of the effect
+GAIN = 0.9  # median, fraction of the held-out headroom
 
 
 @pytest.mark.parametrize(("count", "rate"), [(19, 0.6), (18, 0.6), (12, 0.4)])

@@ -1,4 +1,4 @@
-"""The table of hidden effects is made of the diagnosis' inner parts: one case goes all the way through it."""
+"""The table of hidden effects uses internals of the diagnosis: one case runs through all of its stages."""
 
 import sys
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Causes inside the scene: found by replays, told apart from the sensor's, and what cannot be told is said."""
+"""Causes inside the scene: found by replays, told apart from sensor causes, and listed where not testable."""
 
 import html
 from dataclasses import replace
@@ -22,7 +22,7 @@ SOME = ("friction", "gel_stiffness", "joint_offset", "axis_gain", "latency", "gr
 
 
 def scene():
-    """A ball on a stage that slides and presses."""
+    """Return a scene with a ball on a stage that slides and presses."""
     text = """<mujoco><option timestep="0.002" cone="elliptic" impratio="10"/><worldbody><body name="bench"/>
     <body name="ball" pos="0 0 0.04"><joint name="x" type="slide" axis="1 0 0"/><joint name="depth" type="slide"
     axis="0 0 -1"/><geom name="ball" type="sphere" size="0.04" mass="0.1"/></body></worldbody></mujoco>"""
@@ -33,7 +33,7 @@ def scene():
 
 
 def motion(seed=0):
-    """Presses at two depths with slides, in each episode other ones."""
+    """Return presses at two depths with slides, which differ in each episode."""
     rng = np.random.default_rng(seed)
     time = np.arange(200) / 50
     knots = [0, 0.3, 0.8, 1.1, 1.7, 1.9, 2.3, 2.6, 3.2, 3.4, 4]
@@ -49,7 +49,7 @@ def motion(seed=0):
 
 
 def measured(sensor=(), seed=0, **values):
-    """What a sensor reads in a scene with these values."""
+    """Return the readings of a sensor in a scene with the given values."""
     felt = scene().simulate(motion(seed), **values)
     chain = paxisim.Chain(list(sensor))
     parts = [chain.run(part.simulated.astype(float), part.time) for part in felt.episodes()]
@@ -59,12 +59,12 @@ def measured(sensor=(), seed=0, **values):
 
 @pytest.fixture(scope="module")
 def kept(tmp_path_factory):
-    """Where replays around the scene are kept for all tests."""
+    """Folder that caches replays of the scene for all tests."""
     return tmp_path_factory.mktemp("replays")
 
 
 def value(found, name):
-    """The interval of a fitted number."""
+    """Return the interval of a fitted parameter."""
     return next(p.value for c in found.causes for p in c.parameters if p.name == name)
 
 
@@ -95,7 +95,7 @@ def test_a_scene_cause_and_a_sensor_cause_are_both_found(kept):
     found = paxisim.diagnose(measured([gain], friction=0.7), SOME, scene=scene(), replays=kept)
     assert {cause.name for cause in found.causes} == {"friction", "axis_gain"}
     assert value(found, "gain_z").value == pytest.approx(0.8, abs=0.03)
-    # the sensor's model is applied to what the scene with the new friction simulates
+    # the sensor's model applies to the simulation with the fitted friction
     again = found.scene.simulate(motion()).simulated.astype(float)
     error = np.concatenate([found.model.run(part, np.arange(len(part)) / 50) for part in np.split(again, EPISODES)])
     recording = measured([gain], friction=0.7)
@@ -161,7 +161,7 @@ def test_without_contact_nothing_in_the_scene_can_be_told():
 
 
 def test_a_number_that_cannot_change_is_named_and_the_others_are_found():
-    # the size of a mesh that another body uses cannot change
+    # the size of a mesh cannot change if another body uses it
     corners = " ".join(f"{x} {y} {z}" for x in (-0.02, 0.02) for y in (-0.02, 0.02) for z in (0, 0.04))
     asset = f'<asset><mesh name="block" vertex="{corners}"/></asset><worldbody><geom type="mesh" mesh="block" '
     asset += 'pos="0.3 0 0"/>'

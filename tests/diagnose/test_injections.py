@@ -1,4 +1,4 @@
-"""Real recordings with known truth, where the data is; see benchmarks/injections.py for the rates."""
+"""Real recordings with known truth, if the data is available; benchmarks/injections.py produces the rates."""
 
 import os
 import sys
@@ -16,9 +16,9 @@ from injected.cases import EFFECTS, Source, injected, nulls
 from injected.real import leaves, regressions
 
 FOLDER = Path(os.environ.get("PAXISIM_EFLESH") or Path(paxisim.__file__).parents[2] / "shared" / "data" / "eflesh")
-SEED = 1  # of practice: the seed that judges is 2
+SEED = 1  # for practice; the benchmark is judged with seed 2
 
-pytestmark = pytest.mark.skipif(not (FOLDER / "press_1.sensor.csv").exists(), reason="needs the presses of eFlesh")
+pytestmark = pytest.mark.skipif(not (FOLDER / "press_1.sensor.csv").exists(), reason="needs the eFlesh recordings")
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""A diagnosis' intervals are those of its model's parameters, and GCS draws around the model with them."""
+"""The intervals of a diagnosis are those of its model's parameters, and GCS samples around the model within them."""
 
 import sys
 from pathlib import Path
@@ -43,7 +43,7 @@ def test_the_fit_is_within_the_intervals(found):
 def test_the_ends_are_those_of_the_causes_numbers(found):
     (cause,) = found.causes
     if cause.name != "rotation":
-        pytest.skip("its numbers have other names than its transform's parameters")
+        pytest.skip("its fitted parameters and its transform's parameters have different names")
     ((low, high),) = found.intervals["rotation"].values()
     np.testing.assert_allclose(np.ravel(low), [p.value.low for p in cause.parameters])
     np.testing.assert_allclose(np.ravel(high), [p.value.high for p in cause.parameters])

@@ -1,4 +1,4 @@
-"""What is named in recordings that tell it, and with which values. How often: test_hidden_singles.py."""
+"""Named causes and their values in recordings that reveal them; test_hidden_singles.py measures how often."""
 
 from dataclasses import replace
 
@@ -40,7 +40,7 @@ def test_a_turn_about_the_normal_is_told_from_a_coupling_of_shear_and_normal_for
     assert set(names(found)) == {"axis_coupling", "rotation"}
     assert values(found, "rotation")["about_z"] == pytest.approx(turn, abs=0.01)
     got = [values(found, "axis_coupling")[name] for name in ("z_to_x", "z_to_y", "x_to_z", "y_to_z", "x_and_y")]
-    np.testing.assert_allclose(got, [0.15, 0.1, -0.05, 0.06, 0.0], atol=0.03)  # a tilt is nearly such a coupling
+    np.testing.assert_allclose(got, [0.15, 0.1, -0.05, 0.06, 0.0], atol=0.03)  # a tilt resembles such a coupling
 
 
 def test_gains_of_taxels_and_of_axes_are_told_apart():
@@ -79,7 +79,7 @@ def test_a_press_beside_its_place_is_no_cause():
 
 @pytest.mark.parametrize("name", ["offset", "drift"])
 def test_a_zero_that_coarse_counts_hide_at_rest_is_told_under_load(name):
-    """The noise does not reach the next count."""
+    """The noise is too small to reach the next count."""
     rng = np.random.default_rng(1)
     recording = plain(seed=6, noise=0.01)
     own = rng.choice([-1.0, 1.0], recording.measured.shape[1:]) * rng.uniform(0.5, 1.0, recording.measured.shape[1:])

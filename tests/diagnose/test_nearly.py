@@ -1,4 +1,4 @@
-"""Between nothing and a cause that is named there are near misses, which are reported as such."""
+"""Causes that narrowly miss being named are reported as such."""
 
 import pytest
 from recorded import diagnosed, names, plain
@@ -9,7 +9,7 @@ CAUSES = ("axis_gain", "creep")
 
 
 RIVAL = pytest.mark.xfail(
-    reason="a creep that is over at once is a gain: it is listed as the gain's rival", strict=True
+    reason="a creep that settles at once is a gain, so it is listed as the gain's rival", strict=True
 )
 
 
@@ -40,7 +40,7 @@ def test_a_number_at_its_bound_leaves_half_of_the_confidence():
 
 
 def test_no_creep_is_slower_than_the_presses_can_show():
-    """A mode that hardly begins would be a gain, by the convention under which the sensor was calibrated."""
+    """A mode that has barely begun would be a gain under the convention used to calibrate the sensor."""
     gain = plain(lambda force, time: 0.7 * Creep((0.1,), (0.5,)).run(force, time), seed=3)
     found = diagnosed(gain, ("axis_gain", "creep"))
     assert set(names(found)) == {"axis_gain", "creep"}

@@ -1,4 +1,4 @@
-"""A problem reads as a sensor does, runs its episodes alike, and leaves out frames only where nothing is lost."""
+"""A problem reads like a sensor, runs episodes independently, and drops frames only where nothing is lost."""
 
 from dataclasses import replace
 
@@ -16,7 +16,7 @@ from paxisim.recording import Recording
 
 
 def problem(step=0.1, dither=0.03, clips=True, frames=60, interval=0.01, cols=3):
-    """Three episodes of slow pushes."""
+    """Return a problem with three episodes of slow pushes."""
     time = np.concatenate([start + interval * np.arange(frames) for start in (0.0, 50.0, 100.0)])
     push = np.tile(np.sin(np.linspace(0, np.pi, frames)) ** 2, 3)
     force = push[:, None, None, None, None] * np.ones((1, 2, 3, 2, cols)) * np.array([0.3, -0.2, 1.0])[:, None, None]
@@ -87,7 +87,7 @@ def test_the_noise_of_coarse_counts_is_found_however_seldom_they_change(share, s
     noise = share * made.step * lfilter([np.sqrt(1 - slow**2)], [1, -slow], fresh, axis=0)
     counted = made.step * np.round((force + noise) / made.step)
     read = with_noise(replace(made, measured=counted, simulated=force))
-    fast = np.sqrt(1 - slow) if share > 1 else 1.0  # changes that show tell what is not slow
+    fast = np.sqrt(1 - slow) if share > 1 else 1.0  # visible changes reveal only the fast part of the noise
     true = np.median(counted[~pressed][:, :, :2].std(axis=0))
     assert 0.7 * fast < np.median(read.sigma[~pressed][:, :, :2]) / true < 1.4
 

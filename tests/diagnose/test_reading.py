@@ -1,4 +1,4 @@
-"""What is read off the data without a search: a layout whose shear is weak, and taxels that do not answer."""
+"""Causes read off the data without a search: a layout with weak shear, and taxels that do not respond."""
 
 from dataclasses import replace
 
@@ -17,12 +17,12 @@ SIZE = (2, 3, 3, 2)
 
 
 def problem(measured_of, axes=(0.3, -0.2, 1.0), seed=4):
-    """Eight presses, half a minute apart: x, y and z of unlike shape; `measured_of` their force and the time."""
+    """Return eight presses, 30 s apart, that differ in x, y and z, measured as ``measured_of(force, time)``."""
     rng = np.random.default_rng(seed)
     time = np.concatenate([30.0 * k + 0.05 * np.arange(FRAMES) for k in range(EPISODES)])
     phase = np.linspace(-1, 1, FRAMES)
     push = np.maximum(np.cos(np.pi * phase), 0)
-    shapes = np.stack([push * np.sin(3 * phase), push * phase, push], axis=1)  # at rest half of the time
+    shapes = np.stack([push * np.sin(3 * phase), push * phase, push], axis=1)  # at rest half the time
     force = np.tile(shapes, (EPISODES, 1))[:, None, :, None, None] * np.ones((1, *SIZE)) * np.reshape(axes, (3, 1, 1))
     measured = measured_of(force, time) + NOISE * rng.standard_normal(force.shape)
     spans = tuple(slice(k * FRAMES, (k + 1) * FRAMES) for k in range(EPISODES))
@@ -54,7 +54,7 @@ def test_a_sign_is_told_where_shear_is_small_beside_normal_force(axis):
 @pytest.mark.parametrize("signs", [(1, 1, -1), (-1, -1, -1)])
 @pytest.mark.parametrize("flipped", [False, True])
 def test_a_normal_force_whose_sign_is_reversed_is_no_turned_pad(signs, flipped):
-    shape = np.random.default_rng(5).random((2, 1, 3, 2))  # a pad that is pressed alike when turned tells nothing
+    shape = np.random.default_rng(5).random((2, 1, 3, 2))  # a symmetric press would not reveal a turned pad
     fault = augment.LayoutFault(flip_rows=flipped, axis_signs=signs)
     upright = problem(lambda force, time: force, axes=(0.15, 0.4, 6.0))
     simulated = upright.simulated * shape
@@ -66,7 +66,7 @@ def test_a_normal_force_whose_sign_is_reversed_is_no_turned_pad(signs, flipped):
 
 def test_a_sensor_that_reads_the_normal_force_as_shear_is_not_turned():
     mixing = np.array([[1, 0, -0.3], [0, 1, 0.3], [0, 0, 1]])
-    # a press whose shear goes with its normal force
+    # a press whose shear is proportional to its normal force
     alike = np.array([[1, 0, 0.05], [0, 1, -0.05], [0, 0, 1]])
     made = problem(lambda force, time: force, axes=(0.02, 0.02, 3.0))
     simulated = np.einsum("ij,tpjrc->tpirc", alike, made.simulated)
@@ -80,7 +80,7 @@ def test_a_sensor_that_reads_the_normal_force_as_shear_is_not_turned():
 def test_a_taxel_that_only_taps_touched_is_dead_if_it_does_not_answer_late_either(answers):
     made = problem(lambda force, time: force)
     simulated, measured = made.simulated.copy(), made.measured.copy()
-    tap = np.where(np.isin(np.arange(len(made.time)) // 2, (40, 100, 130, 160)), 2.0, 0.0)  # four of 0.1 s
+    tap = np.where(np.isin(np.arange(len(made.time)) // 2, (40, 100, 130, 160)), 2.0, 0.0)  # four taps of 0.1 s
     kept = np.exp(-0.05 / 0.6)
     late = lfilter([1 - kept], [1, -kept], tap)
     simulated[:, 0, :, 0, 0] = tap[:, None] * [0.0, 0.0, 1.0]
@@ -130,7 +130,7 @@ def test_a_taxel_that_only_the_edge_of_one_contact_may_have_touched_is_not_dead(
     reading = read_taxels(missed)
     assert reading is not None
     np.testing.assert_array_equal(np.argwhere(reading.values["dead"]), [[0, 1, 1]])
-    sigma[:, 0, 2, 1, 1] += 0.12 * simulated[:, 0, 2, 1, 1]  # the contact's force falls off steeply there
+    sigma[:, 0, 2, 1, 1] += 0.12 * simulated[:, 0, 2, 1, 1]  # the contact force falls off steeply there
     assert read_taxels(replace(missed, sigma=sigma)) is None
 
 
@@ -157,7 +157,7 @@ def test_what_was_read_off_is_left_out_of_what_is_left_to_explain():
     gone = np.zeros(SIZE, dtype=bool)
     gone[1, :, 2, 0] = True
     np.testing.assert_array_equal(off.problem.alive, ~gone)
-    assert off.judged.alive.all(), "what a dead taxel should have read is an error all the same"
+    assert off.judged.alive.all(), "the missing reading of a dead taxel should still count as an error"
 
 
 def test_a_sensor_that_does_not_answer_at_all_is_refused():

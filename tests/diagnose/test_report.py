@@ -1,4 +1,4 @@
-"""The report: what the page holds, and how a real browser shows it."""
+"""The report: the content of the page, and its rendering in a real browser."""
 
 import dataclasses
 import html
@@ -24,7 +24,7 @@ from report_pages import check_pictures, pictures_of, recording
 
 CHROME = browser.find()
 
-pytestmark = pytest.mark.timeout(300)  # four diagnoses and five pages are made ahead of the first test
+pytestmark = pytest.mark.timeout(300)  # the fixtures make four diagnoses and five pages before the first test
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +50,7 @@ def null():
 
 @pytest.fixture(scope="module")
 def pages(two, interfered, outsider, null, tmp_path_factory):
-    """By name, files of pages of every kind."""
+    """Files with pages of every kind, by name."""
     folder = tmp_path_factory.mktemp("pages")
     loaded = Diagnosis.from_json(two.to_json())
     for name, found in {

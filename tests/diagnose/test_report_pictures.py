@@ -1,4 +1,4 @@
-"""The pictures of the report: those of every cause, on any layout."""
+"""The pictures of the report, for every cause and any layout."""
 
 import dataclasses
 import html
@@ -57,7 +57,7 @@ def found_cause(name, parameters=()):
 
 
 def member_of(name, problem, place):
-    """A transform of the cause, and what a diagnosis would say of its parameters."""
+    """Return a transform of the cause and its parameters as a diagnosis reports them."""
     if name in READ:
         value = Interval(0.3, 0.2, 0.4)
         return READ[name], [FittedParameter("step", "N", value)]
@@ -83,7 +83,7 @@ def problem(given):
 def test_every_cause_has_words_and_a_kind_of_picture():
     assert all(item.words.endswith(".") for item in CAUSES)
     assert {item.picture for item in CAUSES} == set(PICTURES) - {"plain"}
-    assert not set(PICTURES) & {item.name for item in CAUSES}, "a kind of picture is no cause"
+    assert not set(PICTURES) & {item.name for item in CAUSES}, "kinds of picture and causes must have different names"
 
 
 @pytest.mark.parametrize(
@@ -107,7 +107,7 @@ def test_the_pictures_of_every_cause(name, place, given, problem):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Shaken(augment.Offset):
-    """A user's own transform."""
+    """A user-defined transform."""
 
 
 def test_a_failure_goes_on_from_one_episode_to_the_next(given):

@@ -1,4 +1,4 @@
-"""Rivals: what a motion cannot tell apart is said, what it can is not."""
+"""Rivals: causes that a motion cannot separate are listed, causes that it separates are not."""
 
 import numpy as np
 import pytest

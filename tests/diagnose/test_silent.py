@@ -1,4 +1,4 @@
-"""Channels that never change are left out where they are pressed beyond what rounding and gates hold back."""
+"""Channels that never change are left out if they are loaded beyond what rounding and dead bands suppress."""
 
 import sys
 from dataclasses import replace
@@ -20,7 +20,7 @@ CAUSES = ("axis_gain", "taxel_gain", "dead_taxels")
 
 @pytest.fixture(scope="module")
 def recording():
-    """One whose normal force is read as too large, on pads of 4x3."""
+    """A recording on 4x3 pads that read the normal force 20% too high."""
     return plain(lambda force, time: force * np.reshape([1.0, 1.0, 1.2], (3, 1, 1)), seed=3)
 
 
@@ -73,7 +73,7 @@ def test_a_sensor_of_normal_force_only_is_diagnosed_by_it(recording, value):
     assert [cause.name for cause in found.causes] == ["axis_gain"]
     gains = {p.name: p.value for p in found.causes[0].parameters}
     assert gains["gain_x"].value == 1
-    assert gains["gain_x"].low is None, "nothing is known of it"
+    assert gains["gain_x"].low is None, "no interval is known for an unmeasured axis"
     assert gains["gain_z"].low is not None
     assert found.heldout.explained.value > 0.8
     assert any("x and y of pad0, x and y of pad1 never change" in line for line in found.symptoms.warnings)

@@ -1,4 +1,4 @@
-"""Two taxels that have changed places are named as such, and are no reversed columns."""
+"""Two swapped taxels are named as swapped, not as reversed columns."""
 
 import sys
 from dataclasses import replace
@@ -18,7 +18,7 @@ SEEDS = (61, 62, 63)
 
 
 def swapped(recording, *pairs):
-    """The recording of a sensor whose wiring has pairs ``(pad, row, col, row, col)`` swapped."""
+    """Return the recording of a sensor whose wiring swaps the pairs ``(pad, row, col, row, col)``."""
     measured = recording.measured.copy()
     for pad, row, col, other_row, other_col in pairs:
         measured[:, pad, :, row, col] = recording.measured[:, pad, :, other_row, other_col]

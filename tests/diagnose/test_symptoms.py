@@ -1,4 +1,4 @@
-"""Symptoms: the error is found where it was put."""
+"""Symptoms: an injected error is located correctly."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ RATE = 50.0
 
 
 def presses(**wrong):
-    """Four episodes on two pads of 3x3: free, loading, holding, unloading; then sliding across."""
+    """Return four episodes on two 3x3 pads: free, loading, holding, unloading, then sliding across."""
     time = np.arange(0, 8, 1 / RATE)
     force = np.interp(time, [0, 1, 2, 4, 5, 6, 6.5, 8], [0, 0, 4, 4, 0, 0, 3, 3])
     middle = np.interp(time, [0, 6.5, 8], [1, 1, 2.5])

@@ -1,4 +1,4 @@
-"""The causes that a diagnosis knows: a plain tuple, and those that a user has added."""
+"""Causes known to a diagnosis: a plain tuple plus the causes added by the user."""
 
 import subprocess
 import sys
@@ -25,7 +25,7 @@ VOCABULARY = {
 
 @pytest.fixture
 def own(monkeypatch):
-    """Causes that are added are forgotten after the test."""
+    """Drop added causes after the test."""
     monkeypatch.setattr(vocabulary, "_ADDED", [])
 
 

@@ -1,4 +1,4 @@
-"""Motions without contact show what a sensor reads without force, and nothing else."""
+"""Motions without contact reveal only the readings without force."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ from recorded import diagnosed, names, small
 
 
 def without_contact(*causes, seed=1):
-    """Episodes in which the gripper opens and closes and touches nothing."""
+    """Return the episodes in which the gripper opens and closes without touching anything."""
     recording = small(*causes, seed=seed, strength=0.8, more=("gripper",) * 5)
     free = [n for n in np.unique(recording.episode) if not recording.simulated[recording.episode == n].any()]
     assert len(free) >= 5

@@ -9,12 +9,12 @@ from paxisim.layout import TaxelLayout
 
 
 def profile(name: str = "gen3-highspeed-mc-m2020", **changes) -> Profile:
-    """A profile that ships, with changes, and without the warning that nobody tried it."""
+    """A shipped profile with changes, marked as verified to avoid the warning."""
     return dataclasses.replace(load_profile(name), **{"verified": "in a test", **changes})
 
 
 def small(family: str, slots=(("pad", 1),), **changes) -> Profile:
-    """A profile of 3x4 taxels in mixed order, with turned axes."""
+    """A profile of 3x4 taxels in shuffled order, with rotated axes."""
     layout = TaxelLayout(3, 4, 3e-3, vendor_order=(3, 7, 11, 2, 6, 10, 1, 5, 9, 0, 4, 8))
     named = tuple(Slot(*slot) for slot in slots)
     fields = {"axes": ("-y", "+x", "+z"), "baud": 460800, "verified": "in a test"} | changes
@@ -22,7 +22,7 @@ def small(family: str, slots=(("pad", 1),), **changes) -> Profile:
 
 
 class Numbered:
-    """Another random tensor of whole counts at every call, so that every message can be told from all others."""
+    """A new random tensor of whole counts at every call, which makes every message unique."""
 
     def __init__(self, profile: Profile, seed: int = 0) -> None:
         self._rng = np.random.default_rng(seed)
@@ -37,6 +37,6 @@ class Numbered:
 
 
 def constant(profile: Profile, seed: int = 0):
-    """The same random tensor of whole counts for ever; each at least 2 counts, none clipped."""
+    """A signal that always returns the same random tensor of whole counts, each at least 2 and none clipped."""
     force = np.random.default_rng(seed).integers(2, 120, (len(profile.slots), *profile.wire_layout.shape)) * 0.1
     return lambda now: force

@@ -1,4 +1,4 @@
-"""What the tests of the two GEN3 families share: cutting bytes up, watching a decoder, and a scripted peer."""
+"""Helpers for the tests of serial boards: splitting bytes, watching a decoder, and a scripted peer."""
 
 import os
 import pty
@@ -31,14 +31,14 @@ def in_pieces(data, sizes):
 
 
 def decode(parse, data, sizes=(), stream=True):
-    """The messages in `data`, and the decoder after the line went silent."""
+    """Return the messages in `data` and the decoder after the line went silent."""
     decoder = FrameDecoder(parse, stream)
     messages = [message for piece in in_pieces(data, sizes) for message in decoder.feed(piece)]
     return messages + decoder.flush(), decoder
 
 
 def accepted(parse, data, stream=True):
-    """``{(start, end): message}`` of everything that a decoder takes for a frame in `data`."""
+    """Return ``{(start, end): message}`` of everything that a decoder accepts as a frame in `data`."""
 
     def watched(buffer, at):
         result = parse(buffer, at)
@@ -51,12 +51,12 @@ def accepted(parse, data, stream=True):
 
 
 def sums_to_zero(frame):
-    """Whether the check byte fits, by its definition rather than by the code under test."""
+    """Whether the check byte is right by its definition, independent of the code under test."""
     return sum(frame) % 256 == 0
 
 
 def joined(chunks):
-    """Chunks one after another, and ``{(start, end): index}`` of each."""
+    """Return the concatenated chunks and ``{(start, end): index}`` of each."""
     at, spans = 0, {}
     for index, chunk in enumerate(chunks):
         spans[at, at + len(chunk)] = index
@@ -65,7 +65,7 @@ def joined(chunks):
 
 
 def check_nothing_lost(parse, frames, noise):
-    """Every one of `frames` is found between pieces of `noise`, unless bytes of noise make up a frame around it."""
+    """Check that each of `frames` is found between pieces of `noise`, unless noise forms a valid frame around it."""
     chunks = [chunk for pair in zip(noise, [*frames, b""], strict=True) for chunk in pair]
     data, spans = joined(chunks)
     found = accepted(parse, data)
@@ -78,7 +78,7 @@ def check_nothing_lost(parse, frames, noise):
 
 
 def count_calls(parse, data, size):
-    """How often `parse` is called for `data` in pieces of `size`, and the most bytes that were held back."""
+    """Return how often `parse` is called for `data` in pieces of `size`, and the maximum number of bytes held back."""
     calls = 0
 
     def counted(buffer, at):
@@ -97,17 +97,17 @@ def count_calls(parse, data, size):
 
 
 def make_profile(family, taxels, slots, **options):
-    """A profile of a part with so many taxels."""
+    """A profile of a part with the given number of taxels."""
     layout = TaxelLayout(1, taxels, (1e-3, 1e-3))
     slots = tuple(Slot(name, index) for name, index in slots.items())
     return Profile(f"test-{family}", family, layout, slots, baud=921600, settings=options)
 
 
 class Peer:
-    """The board's end of a pseudo-terminal, in a thread: `answer` makes bytes of every request."""
+    """The board's end of a pseudo-terminal, in a thread; `answer` returns the bytes to send for each request."""
 
     def __init__(self, parse_request, answer, idle=None):
-        """`idle`, if given, is called between requests and may return bytes to send."""
+        """Create the peer; `idle`, if given, is called between requests and may return bytes to send."""
         self.requests = []
         self._decoder, self._answer, self._idle = FrameDecoder(parse_request, stream=False), answer, idle
         self._master, self._slave = pty.openpty()

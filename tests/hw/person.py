@@ -1,4 +1,4 @@
-"""A person who does what the guided check asks, and the grids whose bytes run line by line."""
+"""A simulated user who follows the guided check, and grids whose bytes run line by line."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from paxisim.layout import TaxelLayout
 
 
 def scan(rows: int, cols: int, along_rows: bool, up: bool, leftward: bool) -> TaxelLayout:
-    """A grid whose bytes run through it line by line, from one of its corners, along its rows or its columns."""
+    """A grid whose bytes run line by line from one of its corners, along its rows or its columns."""
     lines = [[(r, c) for c in range(cols)] for r in range(rows)]
     if not along_rows:
         lines = [[(r, c) for r in range(rows)] for c in range(cols)]
@@ -17,13 +17,13 @@ def scan(rows: int, cols: int, along_rows: bool, up: bool, leftward: bool) -> Ta
 
 
 def scans(size: tuple[int, int]) -> list[TaxelLayout]:
-    """All grids that `size[0] * size[1]` bytes can be, read line by line."""
+    """All grids that `size[0] * size[1]` taxels can form when read line by line."""
     both = [True, False]
     return [scan(*shape, a, u, v) for shape in (size, size[::-1]) for a in both for u in both for v in both]
 
 
 def person(layout: TaxelLayout, step: Step, newtons: float = 6.0) -> np.ndarray:
-    """``(3, rows, cols)`` N: what a fingertip does to a pad of that layout, in its frame."""
+    """``(3, rows, cols)`` forces (N) of a fingertip on a pad with this layout, in the pad frame."""
     at = np.zeros(2) if step.corner is None else 0.7 / 0.75 * np.array(step.corner)
     points = layout.positions[:, :2]
     middle, half = (points.min(axis=0) + points.max(axis=0)) / 2, np.ptp(points, axis=0) / 2
@@ -31,12 +31,12 @@ def person(layout: TaxelLayout, step: Step, newtons: float = 6.0) -> np.ndarray:
     patch = np.exp(-0.5 * np.sum(away**2, axis=1))
     patch *= newtons / patch.sum()
     shear = np.zeros(2) if step.drag is None else 0.5 * np.eye(2)[step.drag]
-    shear = shear + [0.04, -0.05]  # nobody presses quite straight
+    shear = shear + [0.04, -0.05]  # a real press is never exactly normal
     return np.stack([shear[0] * patch, shear[1] * patch, patch]).reshape(layout.shape)
 
 
 def careless_person(layout: TaxelLayout, step: Step, rng: np.random.Generator) -> np.ndarray:
-    """`person` with a finger of any size, somewhere in the quarter asked for, at a slant."""
+    """Like `person`, with random fingertip size, position in the requested quarter, force and slant."""
     at = rng.uniform(-0.5, 0.5, 2)
     if step.corner is not None:
         at = np.clip(np.array(step.corner) * rng.uniform(0.3, 1.25, 2), -1, 1)

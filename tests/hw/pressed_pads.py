@@ -1,4 +1,4 @@
-"""A scene for tests of the layout: two pads, each pressed off its centre and dragged its own way."""
+"""A scene for layout tests: two pads, each pressed off-centre and dragged in a different direction."""
 
 import mujoco
 import numpy as np
@@ -11,7 +11,7 @@ from paxisim.models.pad import Pad
 from paxisim.models.readout import TactileReadout
 
 LAYOUT = TaxelLayout(5, 3, (3e-3, 4e-3))
-# of each pad: where an object lies on it (m) and what it is pushed with (N), pad frame
+# per pad, in the pad frame: position of the object (m) and force applied to it (N)
 PLACES = np.array([[2.1e-3, -3.3e-3], [-2.4e-3, 1.2e-3]])
 PUSHES = np.array([[2.0, 1.1, 9.0], [-0.9, 2.6, 11.0]])
 QUATS = ((1.0, 0.0, 0.0, 0.0), (0.3, 0.5, -0.2, 0.8))
@@ -20,7 +20,7 @@ OBJECT = """<body name="object{0}" pos="0 0 0"><joint name="object{0}" type="fre
 
 
 def pressed_scene():
-    """Model, pads and data of the two pads, just touched."""
+    """Model, pads and data of the two pads at first contact."""
     world = f"""<mujoco><option timestep="0.002" cone="elliptic" gravity="0 0 0"/><worldbody>
       <body name="left" pos="0 0 0.3"/><body name="right" pos="0.2 0.1 0.1"/>
       {OBJECT.format(0)}{OBJECT.format(1)}</worldbody></mujoco>"""
@@ -40,13 +40,13 @@ def pressed_scene():
 
 
 def pressed_force() -> np.ndarray:
-    """``(2, 3, 5, 3)`` newtons, as the simulator reads them once the objects rest."""
+    """``(2, 3, 5, 3)`` forces (N) read from the simulator once the objects are at rest."""
     model, pads, data = pressed_scene()
     for _ in range(300):
         for i, body in enumerate(pads.bodies):
             data.body(f"object{i}").xfrc_applied[:3] = data.xmat[body].reshape(3, 3) @ PUSHES[i]
         mujoco.mj_step(model, data)
     force = TactileReadout(model, pads).read(data)
-    # what follows means nothing unless the press is what was meant
+    # the tests are meaningless unless the applied forces arrive
     np.testing.assert_allclose(force.sum(axis=(-2, -1)), PUSHES, atol=0.1)
     return force

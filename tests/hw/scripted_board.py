@@ -1,4 +1,4 @@
-"""A board with the simplest protocol there is: a frame is ``F`` and one byte, the count of every taxel."""
+"""A board with a minimal protocol: a frame is ``F`` and one byte, the count of every taxel."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ TWO_PADS = Profile(
 
 
 def message(count: int) -> bytes:
-    """What the board sends for a frame."""
+    """The bytes of one frame."""
     return b"F" + bytes([count])
 
 
 class ScriptedBoard(Board):
-    """Reads what a test writes to the other end; tells the other end what it was asked to do."""
+    """Reads frames that a test writes to the other end, and reports each command there as one letter."""
 
     status = 0
 

@@ -1,4 +1,4 @@
-"""The other end of a serial line: a pseudo-terminal that can be pulled out and plugged in again."""
+"""The other end of a serial line: a pseudo-terminal that can be unplugged and plugged in again."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from contextlib import contextmanager
 from pathlib import Path
 
 PATIENCE = 20.0
-"""Seconds after which a test gives up; generous, for slow machines."""
+"""Timeout of the tests (s), generous for slow machines."""
 
 
 def wait_for(condition: Callable[[], object]) -> None:
-    """Wait until something holds."""
+    """Wait until `condition` is true."""
     deadline = time.monotonic() + PATIENCE
     while not condition():
-        assert time.monotonic() < deadline, "waited in vain"
+        assert time.monotonic() < deadline, "the condition did not become true in time"
         time.sleep(0.005)
 
 
 class PluggedPort:
-    """A pseudo-terminal behind a symbolic link, as udev makes them for real ports.
+    """A pseudo-terminal behind a symbolic link, as udev creates for real ports.
 
     Attributes:
-        path: The link, to be opened as a port.
+        path: Path of the link; open it as the port.
     """
 
     def __init__(self, folder: Path, name: str = "ttySensor") -> None:
@@ -36,7 +36,7 @@ class PluggedPort:
         self.plug_in()
 
     def plug_in(self) -> None:
-        """Make a new pseudo-terminal and point the link to it."""
+        """Create a new pseudo-terminal and point the link to it."""
         self._master, self._slave = os.openpty()
         tty.setraw(self._slave)
         temporary = self.path + ".new"
@@ -44,7 +44,7 @@ class PluggedPort:
         os.replace(temporary, self.path)
 
     def unplug(self) -> None:
-        """Pull it out: what is open fails, and there is no such port any more."""
+        """Remove the port: open handles fail and the path no longer exists."""
         if self._master >= 0:
             os.unlink(self.path)
             os.close(self._master)
@@ -52,12 +52,12 @@ class PluggedPort:
             self._master = self._slave = -1
 
     def send(self, data: bytes) -> None:
-        """Write to whoever has the port open."""
+        """Send bytes to the program that has the port open."""
         while data:
             data = data[os.write(self._master, data) :]
 
     def receive(self, count: int) -> bytes:
-        """The next `count` bytes that were written to the port."""
+        """Return the next `count` bytes written to the port."""
         got = b""
         deadline = time.monotonic() + PATIENCE
         while len(got) < count:
@@ -68,7 +68,7 @@ class PluggedPort:
 
 @contextmanager
 def plugged_port(folder: Path, name: str = "ttySensor") -> Iterator[PluggedPort]:
-    """A `PluggedPort` that is gone afterwards."""
+    """Context manager: a `PluggedPort` that is unplugged on exit."""
     port = PluggedPort(folder, name)
     try:
         yield port
@@ -77,5 +77,5 @@ def plugged_port(folder: Path, name: str = "ttySensor") -> Iterator[PluggedPort]
 
 
 def reader_threads() -> list[str]:
-    """The names of the reader threads that run."""
+    """Names of the running reader threads."""
     return [thread.name for thread in threading.enumerate() if thread.name.startswith("paxisim reader")]

@@ -1,4 +1,4 @@
-"""A sensor into a file: emulated boards, the driver, extra streams and real files."""
+"""Recording a sensor to a file, with emulated boards, the driver, extra streams and real files."""
 
 import contextlib
 import json
@@ -49,7 +49,7 @@ def sensor(board):
 
 @contextlib.contextmanager
 def unplugged(folder):
-    """A board that was unplugged after it was opened, and its sensor, which waits for it."""
+    """Context manager: a board unplugged after it was opened, and its sensor, which waits for it to return."""
     with (
         Emulator(PROFILE, constant(PROFILE), link=folder / "port") as board,
         open_sensor(board.port, PROFILE, reconnect=60) as sensor,
@@ -62,7 +62,7 @@ def unplugged(folder):
 
 @pytest.fixture(autouse=True)
 def ctrl_c():
-    """As at a terminal; tests that run in the background ignore it."""
+    """Handle Ctrl-C as at a terminal; a test run in the background would ignore it."""
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
@@ -100,7 +100,7 @@ def test_frames_land_with_their_numbers_times_and_counts(tmp_path):
     assert (summary.dropped, summary.episodes) == (0, 1)
     assert np.all(np.diff(measured.nanoseconds) >= 0)
     assert np.all(np.diff(measured.sequence) == 1)
-    # each frame is one that was felt, in the order of feeling; a board that was kept waiting sends one twice
+    # the frames follow the order of the signal; a board that was delayed may send one twice
     at = 0
     for value in measured.values:
         while not np.allclose(forces[at], value, atol=1e-4):
@@ -178,7 +178,7 @@ def test_all_kinds_of_extra_streams_land_with_their_times_and_values(sensor, tmp
     own_time = time.time() - 5
 
     def feed():
-        # a line at a time, while frames come; the sources end in the middle of the recording
+        # one line at a time while frames arrive; the sources end before the recording does
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
             os.write(writer, b"time,gripper\n")
             for i in range(20):
@@ -236,7 +236,7 @@ def test_one_stream_has_one_source_and_one_shape(sensor, tmp_path):
 
 
 class Enter(ExtraStream):
-    """Somebody who begins an episode whenever one is wanted."""
+    """A stream that starts an episode whenever the test requests one."""
 
     def __init__(self):
         super().__init__("Enter")
@@ -291,7 +291,7 @@ def test_a_late_reader_is_told_what_is_missing(board, tmp_path):
     def be_late(summary):
         if not late:
             late.append(1)
-            time.sleep(0.8)  # longer than a queue of one frame holds
+            time.sleep(0.8)  # longer than a one-frame queue covers
         return summary.dropped > 0
 
     with open_sensor(board.port, PROFILE, queue=1) as sensor:
@@ -359,7 +359,7 @@ def test_silence_before_the_first_frame_and_after_the_last_is_a_gap(tmp_path):
 
 
 class Jumping(SystemClock):
-    """The machine's clock, until somebody sets it, as a time server does."""
+    """The system clock, with a wall time that can jump as when a time server sets it."""
 
     def __init__(self):
         self.by = 0.0
@@ -430,7 +430,7 @@ def test_what_never_came_whole_is_counted(tmp_path):
 
 
 def test_without_frames_the_rest_still_reaches_the_disk(tmp_path):
-    """The file is read while the recording goes on."""
+    """The file is read while it is being recorded."""
     path, on_disk = tmp_path / "press.mcap", []
 
     def look(summary):
@@ -440,7 +440,7 @@ def test_without_frames_the_rest_still_reaches_the_disk(tmp_path):
         return not board.plugged and on_disk[-1] is not None and len(on_disk[-1].time) > 60
 
     arm = PolledFunction(lambda: 1.0, 50, "arm")
-    # by a link, which nobody else gets; the number of a pseudo-terminal is soon another one's
+    # through a link of its own, because the system soon reuses the number of a closed pseudo-terminal
     with (
         Emulator(PROFILE, constant(PROFILE), link=tmp_path / "port") as board,
         open_sensor(board.port, PROFILE, reconnect=60) as sensor,
@@ -492,7 +492,7 @@ def test_a_file_that_is_there_is_kept_unless_asked(sensor, tmp_path):
 
 @pytest.fixture
 def small_disk(tmp_path):
-    """A file system of 400 KiB, where this user may mount one."""
+    """A file system of 400 KiB; skips the test if this user may not mount one."""
     folder = tmp_path / "disk"
     folder.mkdir()
     mount = shutil.which("mount")

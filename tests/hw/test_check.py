@@ -1,4 +1,4 @@
-"""The guided check: whatever order, axes and slots a sensor has, presses at known places find them, or it refuses."""
+"""The guided check finds the order, axes and slots of any sensor from presses at known places, or refuses."""
 
 import importlib.util
 from dataclasses import replace
@@ -19,7 +19,7 @@ WIRES = [(sx + x, sy + y, "+z") for sx in "+-" for sy in "+-" for x, y in ("xy",
 
 
 def recorded(true: Profile, believed: Profile, step: Step, newtons: float = 6.0, seed: int = 0) -> np.ndarray:
-    """Frames of a step: done to the true sensor, sent as counts, read as the believed profile reads them."""
+    """Frames of a step: felt by the true sensor, sent as counts, decoded with the believed profile."""
     rng = np.random.default_rng(seed)
     force = np.zeros((FRAMES, len(true.slots), *true.wire_layout.shape))
     if step.name != "free":
@@ -34,7 +34,7 @@ def recorded(true: Profile, believed: Profile, step: Step, newtons: float = 6.0,
 def check(
     true: Profile, believed: Profile, newtons: float = 6.0, instead: dict[str, Step] | None = None
 ) -> CheckResult:
-    """The whole routine; `instead` says what the user does in place of a step."""
+    """Run the whole routine; `instead` maps a step's name to the step that the user does in its place."""
     steps = check_steps(believed)
     rest = rest_of(believed, recorded(true, believed, steps[0]))
     touches = {}
@@ -119,7 +119,7 @@ def test_findings_are_plain_sentences():
 def test_a_pad_that_lies_across_exchanges_rows_columns_and_pooling():
     believed = sensor(scan(12, 10, True, False, False), pool=(3, 2))
     true = sensor(scan(10, 12, True, False, False), pool=(2, 3))
-    # the bytes of both run along rows, of 10 and of 12 taxels
+    # both layouts send their bytes along rows, of 10 and of 12 taxels
     result = check(replace(true, pool=(1, 1)), replace(believed, pool=(1, 1)))
     assert result.profile.wire_layout == true.wire_layout
     turned = sensor(scan(10, 12, False, False, False))
@@ -251,7 +251,7 @@ def test_in_counts_the_noise_says_what_a_touch_is():
     rng = np.random.default_rng(0)
     still = rng.normal(0, 30, (50, 1, 3, 4, 4))
     rest = rest_of(profile, still)
-    # sixteen taxels of 30 counts are 120 in the total
+    # a noise of 30 counts on each of 16 taxels is 120 counts in the total
     assert rest.least_press[0] == pytest.approx(8 * 120, rel=0.3)
     with pytest.raises(InvalidValueError, match=r"not left alone: its total changed by .* counts"):
         rest_of(profile, still + np.linspace(0, 2000, 50).reshape(-1, 1, 1, 1, 1))

@@ -1,4 +1,4 @@
-"""The GEN1 / GEN2 control box: its frames as bytes, and the conversation over a pseudo-terminal."""
+"""The GEN1 / GEN2 control box: its frames as bytes, and the driver over a pseudo-terminal."""
 
 import functools
 import random
@@ -26,7 +26,7 @@ pytest.importorskip("pty", reason="no pseudo-terminals here")
 import gen3_peer
 from gen3_peer import Peer, count_calls, cuts, hexed, joined, make_profile, repeatable
 
-# each message answers the one before, so none waits for what follows
+# request and reply alternate, so the decoder does not wait for the bytes that follow a message
 decode = functools.partial(gen3_peer.decode, stream=False)
 accepted = functools.partial(gen3_peer.accepted, stream=False)
 
@@ -36,7 +36,7 @@ numbers = st.integers(0, 0xFFFF)
 data = st.binary(max_size=40) | st.lists(st.sampled_from([HEAD, TAIL, b"\x0e", b"\0"]), max_size=8).map(b"".join)
 requests = st.builds(Request, byte, numbers, data, byte)
 replies = st.builds(Reply, byte, numbers, data, byte, byte)
-# what misleads: heads, tails, headers that claim more than there is
+# misleading bytes: heads, tails, and headers that announce more data than follows
 misleading = st.lists(
     st.binary(max_size=20) | st.sampled_from([HEAD, TAIL, HEAD + b"\x0e", hexed("55AA7B7B0E0070C00600 3C00")]),
     max_size=5,
@@ -44,7 +44,7 @@ misleading = st.lists(
 SHORT = reply_parser(range(65))
 
 
-# bytes of the vendor's document, and derived ones
+# example frames from the vendor's document, and frames derived from them
 
 REQUESTS = {
     "55AA7B7B 0E0060A0010000 F1 55AA7D7D": wire.version_request(),
@@ -109,16 +109,16 @@ def test_data_too_long_to_encode():
         Reply(0x70, 0xC006, bytes(65536)).encode()
 
 
-# any bytes in any pieces
+# arbitrary bytes in arbitrary pieces
 
 
 def checks(frame):
-    """Whether head, tail and check byte fit, by their definition rather than by the code under test."""
+    """Whether head, tail and check byte are right by their definition, independent of the code under test."""
     return frame.startswith(HEAD) and frame.endswith(TAIL) and sum(frame[4:-4]) % 256 == 0
 
 
 def check_nothing_lost(frames, noise, parse=SHORT):
-    """Every one of `frames` is found between pieces of `noise`, unless noise makes up a sound frame around it."""
+    """Check that each of `frames` is found between pieces of `noise`, unless noise forms a valid frame around it."""
     chunks = [chunk for pair in zip(noise, [*frames, b""], strict=True) for chunk in pair]
     stream, spans = joined(chunks)
     sent = {span for span, index in spans.items() if index % 2 and span[0] < span[1]}
@@ -181,7 +181,7 @@ def test_a_damaged_reply_is_accepted_only_where_its_check_byte_collides(sent, da
 @repeatable
 @given(st.binary(max_size=40), st.data())
 def test_one_wrong_byte_is_noticed(content, choose):
-    # without a tail inside the data a damaged LEN cannot end at another one
+    # no tail inside the data, so a damaged LEN cannot end at a second tail
     frame = bytearray(Reply(0x70, 0xC006, content.replace(TAIL[:2], b"")).encode())
     at = choose.draw(st.integers(0, len(frame) - 1))
     frame[at] = choose.draw(byte.filter(lambda value: value != frame[at]))
@@ -214,7 +214,7 @@ def test_garbage_costs_one_look_a_byte_and_a_piece(garbage, size):
     assert held < longest
 
 
-# the conversation
+# the driver against a scripted box
 
 TAXELS = 20
 PADS = {
@@ -225,7 +225,7 @@ TOTALS = {2: [[-7, 8, 200]], 5: [[1, -2, 3]]}
 
 
 class Box:
-    """A scripted box; `change` may replace the bytes of a reply."""
+    """A scripted box; `change` can replace the bytes of a reply."""
 
     def __init__(self, change=lambda request, reply: reply.encode(), taxels=TAXELS, mode=5, slow=0):
         self.change, self.taxels, self.mode, self.slow = change, taxels, mode, slow
@@ -259,7 +259,7 @@ class Box:
 
 
 class Conversation:
-    """A board on a pseudo-terminal with a scripted box at its other end."""
+    """Context manager: the driver on a pseudo-terminal with a scripted box at its other end."""
 
     def __init__(self, box, slots=None, taxels=TAXELS, idle=None, **options):
         pytest.importorskip("serial")
@@ -343,7 +343,7 @@ def test_lost_split_late_and_damaged_replies_are_asked_for_again():
             return bytes([*frame[:8], frame[8] ^ 1, *frame[9:]])
         if kind == 4:
             return b"\xff\x55\xaa" + frame + b"\x55\xaa\x7b"
-        if kind in (5, 8):  # comes only with the answer to the next request
+        if kind in (5, 8):  # arrives together with the answer to the next request
             late.append(frame)
             return b""
         answers = b"".join(late) + frame
@@ -409,7 +409,7 @@ def test_a_port_without_a_pad_is_named():
 
 
 def test_another_number_of_taxels_is_named():
-    # the box sends the 20 taxels it has, whatever is asked
+    # the box sends its 20 taxels regardless of the number requested
     with Conversation(Box(), taxels=24) as board, pytest.raises(ProtocolError, match=r"72 bytes for 24 .* 60"):
         board.start()
 
@@ -454,7 +454,7 @@ def test_profiles_that_no_box_can_have(options, match):
         ControlBox(cast(Transport, None), profile, SystemClock())
 
 
-# what speaks there
+# recognising the family that is connected
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Noise, changed and lost bytes at random, all families on serial ports: benchmarks/damaged_streams.py, but shorter."""
+"""Random noise, changed and lost bytes for all families on serial ports: a short benchmarks/damaged_streams.py."""
 
 import sys
 from pathlib import Path
@@ -18,13 +18,13 @@ SIZE = 2_000_000
 def test_a_damaged_stream_gives_no_wrong_frame_and_loses_no_good_one(family, kind):
     result = damaged_streams.measure(family, kind, SIZE, seed=1)
     assert result.faults == 0
-    if family not in ("hand-board", "magnetometer-board"):  # which have no check byte
+    if family not in ("hand-board", "magnetometer-board"):  # these two have no check byte
         assert result.collisions <= result.damaged / 100
         assert result.undecidable == 0
-    if family == "magnetometer-board":  # whose bursts are known by their neighbours
+    if family == "magnetometer-board":  # a burst is recognised by the bursts next to it
         assert result.missed_undecidable <= result.damaged / 20
-    else:  # one frame in 32768 that noise follows
+    else:  # about one in 32768 of the frames followed by noise
         assert result.missed_undecidable <= 3
     assert result.most_held < 1200
-    # it is ten times as fast on a machine at rest
+    # an idle machine is ten times as fast
     assert result.bytes / result.seconds > 1e6

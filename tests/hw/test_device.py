@@ -51,12 +51,12 @@ def use_board(monkeypatch: pytest.MonkeyPatch) -> Callable[[type[ScriptedBoard]]
 @pytest.fixture(autouse=True)
 def scripted(use_board: Callable[[type[ScriptedBoard]], None], monkeypatch: pytest.MonkeyPatch) -> None:
     use_board(ScriptedBoard)
-    monkeypatch.setattr(reader, "READ_TIMEOUT", 0.1)  # what closing a silent port waits for
+    monkeypatch.setattr(reader, "READ_TIMEOUT", 0.1)  # closing a silent port waits up to this long
 
 
 @contextmanager
 def sending(port: PluggedPort, *counts: int) -> Iterator[None]:
-    """Send those counts over and over meanwhile."""
+    """Context manager: send these counts in turn until the block ends."""
     stop = threading.Event()
 
     def send() -> None:
@@ -75,12 +75,12 @@ def sending(port: PluggedPort, *counts: int) -> Iterator[None]:
 
 
 def count_of(frame: device.Frame) -> int:
-    """The count that was sent."""
+    """The count that `frame` was sent with."""
     return round(float(frame.force[0, 0, 0, 0]) * 10)
 
 
 def send_and_wait(port: PluggedPort, pads: TactileSensor, counts: range) -> None:
-    """Send frames and wait until all are in the queue, or dropped from it."""
+    """Send frames and wait until all of them are queued or dropped."""
     arrived = len(pads._queue._frames) + pads.dropped
     for count in counts:
         port.send(message(count))
@@ -88,7 +88,7 @@ def send_and_wait(port: PluggedPort, pads: TactileSensor, counts: range) -> None
 
 
 class Moody(ScriptedBoard):
-    """Refuses where the script says 66."""
+    """Raises a protocol error for each frame with count 66."""
 
     def read(self, timeout: float):
         reading = super().read(timeout)
@@ -236,14 +236,14 @@ class TestCommands:
             with sending(port, 4, 6):
                 pads.zero(software=software)
                 frames = [pads.read(PATIENCE) for _ in range(20)]
-            # 4 and 6 counts about their mean of 5, of 4 taxels for the resultant
+            # 4 and 6 counts differ from their mean by 1 count, the resultant of 4 taxels by 4 counts
             np.testing.assert_allclose([abs(f.force).max() for f in frames], 0.1, atol=0.01)
             np.testing.assert_allclose(
                 [np.abs(f.resultant).max() for f in frames if f.resultant is not None], 0.4, atol=0.04
             )
             assert frames[0].force.dtype == np.float32
             assert len({np.sign(f.force[0, 0, 0, 0]) for f in frames}) == 2
-            if software:  # the board's own zero ends it
+            if software:  # zeroing on the board discards the software zero
                 pads.zero()
                 port.send(message(5))
                 wait_for(lambda: count_of(pads.latest(PATIENCE)) == 5)
@@ -268,7 +268,7 @@ class TestCommands:
             with pytest.raises(UnsupportedError, match="cannot zero"):
                 pads.zero(software=False)
             with pytest.raises(DeviceTimeoutError):
-                pads.zero()  # nothing comes whose mean could be taken
+                pads.zero()  # no frames arrive to average
             port.send(message(1))
             assert count_of(pads.read(PATIENCE)) == 1
 
@@ -322,7 +322,7 @@ class TestUnplugging:
                 with sending(port, 3):
                     with pytest.warns(ZeroInDoubtWarning, match=f"{port.path} was zeroed, then away"):
                         pads.read(PATIENCE)
-                    pads.read(PATIENCE)  # said once
+                    pads.read(PATIENCE)  # warned only once
                     pads.zero(software=again)
 
     def test_a_zero_in_software_is_kept(self, port: PluggedPort) -> None:
@@ -418,7 +418,7 @@ class TestOpeningAndClosing:
                 open_sensor([port.path, second.path], ONE_PAD)
             assert not reader_threads()
             use_board(ScriptedBoard)
-            # both were given back
+            # both ports were released
             open_sensor([port.path, second.path], ONE_PAD).close()
 
     def test_a_board_that_cannot_be_made_gives_the_port_back(self, port: PluggedPort, use_board) -> None:

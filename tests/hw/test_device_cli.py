@@ -1,4 +1,4 @@
-"""``paxisim device``: the guided check and the measurement of quality against the emulator, and what they refuse."""
+"""``paxisim device``: guided check and quality measurement against the emulator, and the inputs they refuse."""
 
 import io
 import re
@@ -33,9 +33,10 @@ def folder(tmp_path, monkeypatch):
 
 
 class User(io.StringIO):
-    """Presses the emulated sensor as the check asks, each time just before the Enter.
+    """Standard input of a user who presses the emulated sensor as the check asks, each time just before Enter.
 
-    `mistakes` says what is done the first time that a step is asked for, in place of it.
+    `mistakes` maps a step's name to the step that the user does in its place the first time. After `patience` answers
+    the input ends.
     """
 
     def __init__(self, true: Profile, believed: Profile, mistakes=None, patience=100):
@@ -72,7 +73,7 @@ def two_pads(like: str, indices=(0, 3)) -> Profile:
 
 
 def mirrored(profile: Profile) -> Profile:
-    """With other axes, swapped pads, and as if the bytes of a grid ran from right to left."""
+    """The profile with other axes, swapped pads, and the bytes of a grid mirrored from right to left."""
     layout, slots = profile.wire_layout, profile.slots
     if profile.has_positions:
         order = np.array(layout.vendor_order)
@@ -171,7 +172,7 @@ def test_what_was_not_felt_is_asked_for_again(monkeypatch, capsys):
     user = User(believed, believed, mistakes={"top-left": free, "drag-right": free})
     run_check(monkeypatch, user, believed)
     assert user.asked == len(check_steps(believed)) + 2
-    # on a busy machine the second may still feel the end of what was before, and be refused for that
+    # on a busy machine the second mistake may be refused because it still includes the end of the previous press
     assert capsys.readouterr().out.count("Again:") == 2
     assert Path("mine.toml").exists()
 

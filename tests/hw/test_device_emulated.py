@@ -1,4 +1,4 @@
-"""The whole driver on the emulator, over a pseudo-terminal: what is pressed is what is read."""
+"""The whole driver against the emulator: the force read equals the force applied."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -31,7 +31,7 @@ def no_thread_is_left() -> Iterator[None]:
 
 
 def shuffled(rows: int, cols: int) -> TaxelLayout:
-    """A grid that the vendor lists in no order at all."""
+    """A grid with a random vendor order."""
     order = np.random.default_rng(rows * cols).permutation(rows * cols)
     return TaxelLayout(rows, cols, (2e-3, 3e-3), vendor_order=tuple(order.tolist()))
 
@@ -94,7 +94,7 @@ PROFILES = {
 
 
 def pattern(profile: Profile) -> NDArray[np.float64]:
-    """Another force on every taxel and axis, all that a taxel's bytes can say."""
+    """Forces that vary over taxels and axes and span most of the range of a taxel's bytes."""
     shape = (len(profile.slots), *profile.wire_layout.shape)
     counts = (np.arange(np.prod(shape)).reshape(shape) * 37) % 125 + 2
     counts[:, :2] *= np.where(counts[:, :2] % 2 == 0, 1, -1)
@@ -103,7 +103,7 @@ def pattern(profile: Profile) -> NDArray[np.float64]:
 
 
 def pressed(profile: Profile) -> NDArray[np.float32]:
-    """What `pattern` should read."""
+    """The forces that the driver should read from `pattern`."""
     counts = np.rint(pattern(profile) / profile.resolution)
     if profile.pool != (1, 1):
         counts = profile.wire_layout.pool_force(counts, *profile.pool)
@@ -152,7 +152,7 @@ def test_frames_follow_the_signal(profile: Profile) -> None:
 
 
 def test_zero(profile: Profile) -> None:
-    force = np.rint(pattern(profile) / 0.4) * 0.1  # small enough that less is left than a byte can say
+    force = np.rint(pattern(profile) / 0.4) * 0.1  # small enough not to be clipped, so that zeroing leaves nothing
     with Emulator(profile, lambda time: force) as emulator, open_sensor(emulator.port, profile) as pads:
         assert np.abs(first_good(pads).force).max() > 1
         pads.zero()
@@ -168,7 +168,7 @@ def test_version(profile: Profile) -> None:
 
 def test_unplugged_and_plugged_in_again(profile: Profile, tmp_path: Path) -> None:
     force = pattern(profile)
-    # a serial port comes back under another name, which a link hides; a server under the same one
+    # a serial port returns under another name, hidden by a link; a server returns under the same one
     is_serial = FAMILIES[profile.family].transport == FAMILIES["control-box"].transport
     link = tmp_path / "ttySensor" if is_serial else None
     with Emulator(profile, lambda time: force, link=link) as emulator, open_sensor(emulator.port, profile) as pads:
@@ -215,9 +215,9 @@ def test_another_family_is_recognised_and_named(spoken: str) -> None:
                 with pytest.raises(InvalidValueError, match=r"not a serial port|WebSocket server"):
                     open_sensor(emulator.port, PROFILES[expected])
                 continue
-            # the hand board's driver never asks, so it meets silence; the others ask around
+            # the hand board's driver sends no requests of its own; the error must still name the family
             with pytest.raises(ProtocolError, match=f"family '{spoken}'"):
                 open_sensor(emulator.port, PROFILES[expected])
             assert not reader_threads()
-        # and the port was given back
+        # the port was released
         open_sensor(emulator.port, PROFILES[spoken]).close()

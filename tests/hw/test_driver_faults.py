@@ -1,4 +1,4 @@
-"""The driver against an emulated sensor on a bad line, through a pseudo-terminal and pyserial."""
+"""The driver against an emulated sensor on a faulty line, through a pseudo-terminal and pyserial."""
 
 import math
 import time
@@ -24,7 +24,7 @@ pytestmark = pytest.mark.real_time
 
 
 def forces_of(profile, messages):
-    """What each message says, as `Frame.force` would hold it; None where it holds no reading."""
+    """The forces in each message as bytes of `Frame.force`; None if the message holds no reading."""
     forces = []
     for message in messages:
         data = b""
@@ -42,7 +42,12 @@ def forces_of(profile, messages):
 
 
 def compare(profile, emulator, frames):
-    """Where each frame stands among the messages (None: none of them says that), and where the whole ones are."""
+    """Compare the frames with the messages sent.
+
+    Returns:
+        The index of each frame's message, None if no message has these forces; the indices of the undamaged messages
+        with a reading; and the number of messages with distinct readings.
+    """
     sent = list(emulator.sent)
     forces = forces_of(profile, [item.message for item in sent])
     place = {force: i for i, force in enumerate(forces) if force is not None}
@@ -57,7 +62,7 @@ def test_a_stream_with_a_hundredth_of_all_bytes_corrupted(record_property):
             frames = []
             while board.messages < 10_000:
                 frames.append(sensor.read(10.0))
-            # what is on its way when the last frame is counted
+            # the message in transit when the loop ends
             last = sensor.read(10.0)
             frames += [last]
         assert sensor.dropped == 0
@@ -71,13 +76,13 @@ def test_a_stream_with_a_hundredth_of_all_bytes_corrupted(record_property):
     record_property("damaged", damaged)
     assert right == sorted(set(right))
     assert not missed
-    # what was damaged and accepted had a check byte that fitted by chance: 1 in 256
+    # a damaged message is accepted only if its check byte matches by chance: 1 in 256
     assert wrong <= damaged / 256 + 5 * math.sqrt(damaged / 256)
     assert sensor.bad_checksums > damaged / 2
 
 
 def test_requests_and_replies_with_a_hundredth_of_all_bytes_corrupted(monkeypatch, record_property):
-    # so that a lost reply costs little; the default is for real lines
+    # shorten the waits for a lost reply; the defaults suit real lines
     monkeypatch.setattr(box_driver, "REPLY_SILENCE", 0.005)
     monkeypatch.setattr(box_driver, "REPLY_TIMEOUT", 0.02)
     chosen = small("control-box", settings={"mode": 5})
@@ -98,7 +103,7 @@ def test_requests_and_replies_with_a_hundredth_of_all_bytes_corrupted(monkeypatc
     record_property("missed", len(missed))
     assert right == sorted(set(right))
     assert wrong <= damaged / 256 + 5 * math.sqrt(damaged / 256) + 1
-    # a reply that came when it was no longer waited for is not a reading; on a busy machine there are some
+    # a reply that arrives after its timeout gives no reading; this happens on a busy machine
     assert len(missed) <= 0.1 * len(whole)
 
 
@@ -166,7 +171,7 @@ def test_a_port_that_stays_away_ends_the_reading():
 def test_two_pads_of_the_paper_at_the_full_rate_of_the_line_lose_nothing():
     layout = profile("gen1-pap-l4629").wire_layout
     chosen = small("high-speed", [("left", 0), ("right", 1)], wire_layout=layout, baud=921600)
-    # far beyond what the line carries
+    # far above the capacity of the line
     with Emulator(chosen, constant(chosen), rate=1e6) as board, open_sensor(board.port, chosen) as sensor:
         first = sensor.read(20.0)
         end = time.monotonic() + 3.0

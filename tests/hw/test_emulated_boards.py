@@ -1,4 +1,4 @@
-"""Emulated boards: state machines on bytes that answer as the protocols say. No port."""
+"""Emulated boards: state machines that answer bytes as the protocols specify, without a port."""
 
 import dataclasses
 
@@ -31,7 +31,7 @@ def board_of(profile, signal=None, faults=None, **options):
 
 
 def expected_bytes(profile, pad: int) -> bytes:
-    """The taxels of `constant`, by another way than the emulator's."""
+    """The bytes of the taxels of `constant`, computed independently of the emulator."""
     flat = profile.wire_layout.to_flat(np.rint(constant(profile)(0)[pad] / profile.resolution)).reshape(-1, 3)
     wire = np.empty_like(flat)
     for pad_axis, axis in enumerate(profile.axes):
@@ -39,7 +39,7 @@ def expected_bytes(profile, pad: int) -> bytes:
     return wire.astype(np.int16).astype(np.uint8).tobytes()
 
 
-# ---- what the firmware makes of forces
+# ---- from forces to counts, as in the firmware
 
 
 def test_counts_are_rounded_gated_and_clipped():
@@ -95,7 +95,7 @@ def test_unknown_profiles_are_named():
 
 
 def ask(board, request, now):
-    """The one reply of a control box."""
+    """Send a request to a control box and return its only reply."""
     (reply,) = FrameDecoder(box.parse_reply).feed(board.receive(request.encode(), now))
     return reply
 
@@ -139,7 +139,7 @@ def test_a_control_box_reports_errors():
     ask(board, box.set_mode_request(5), 0.0)
     assert ask(board, read, 1.0).error == 7  # no port
     ask(board, box.select_port_request(2), 1.0)
-    assert ask(board, read, 1.0).error == 7  # nothing hangs there
+    assert ask(board, read, 1.0).error == 7  # no pad on this port
     assert ask(board, box.select_port_request(77), 1.0).error == 6
     ask(board, box.select_port_request(3), 1.0)
     assert ask(board, read, 1.0).error == 0
@@ -323,7 +323,7 @@ def test_the_counts_of_palm_modules_stand_at_both_places_but_for_one():
         assert contiguous[20:27] == [12, 12, 0, 0, 0, 0, 0]
         assert apart[1:] == [12, 0, 0, 0, 0, 0, 12]
         assert contiguous[27] == apart[0] == 12
-    # without module 27, a host finds the right counts at either place
+    # without module 27, both places hold the correct counts
     board = board_of(small("high-speed", [("palm", 20)]))
     assert read_register(board, 0x0066, 2) == read_register(board, 0x0058, 2) == b"\x0c\0"
 

@@ -1,4 +1,4 @@
-"""The emulator: a port that behaves like one, at the pace of a line."""
+"""The emulator behaves like a serial port, at the speed of the line."""
 
 import dataclasses
 import os
@@ -25,10 +25,10 @@ DEADLINE = 20.0
 
 
 def read_until(port, enough, data=b""):
-    """What comes from the port until `enough(data)` is true."""
+    """Read from the port until `enough(data)` is true and return all bytes."""
     deadline = time.monotonic() + DEADLINE
     while not enough(data):
-        assert time.monotonic() < deadline, f"only {len(data)} bytes came"
+        assert time.monotonic() < deadline, f"only {len(data)} bytes arrived"
         data += port.read(max(port.in_waiting, 1))
     return data
 
@@ -48,7 +48,7 @@ def test_what_leaves_is_what_comes_byte_for_byte():
     with Emulator(PACED, Numbered(PACED), pace=False, record_sent=True) as emulator:
         with serial.Serial(emulator.port, 115200, timeout=0.2) as port:
             port.write(high_speed.push_request(True).encode())
-            # every byte there is, so that a terminal that changes some of them would show
+            # enough data to contain every byte value, so a terminal that translates some bytes is detected
             data = read_until(port, lambda data: len(data) > 100_000)
         sent = b"".join(item.message for item in list(emulator.sent))
     assert set(data) == set(range(256))
@@ -63,7 +63,7 @@ def test_a_stream_keeps_to_its_rate_and_its_line():
         port.write(high_speed.push_request(True).encode())
         data = read_until(port, lambda data: len(pushes_in(data)) > 100)
         seconds = time.monotonic() - start
-    # the upper limit alone: how much slower it is depends on the machine
+    # check the upper bound only; a slow machine may fall short of it
     assert len(data) <= 11520 * seconds
     assert len(pushes_in(data)) - 2 <= 200 * seconds
 
@@ -104,7 +104,7 @@ def test_a_link_follows_the_port(tmp_path):
             while time.monotonic() < deadline:
                 port.read(1)
         emulator.plug()
-        # the old one is still held, so the new one has another name
+        # the old pseudo-terminal is still open, so the new one has another name
         assert os.readlink(link) != first
         port.close()
         with serial.Serial(str(link), 115200, timeout=0.2) as port:
@@ -142,7 +142,7 @@ def test_noise_comes_once_when_the_port_is_opened():
         while len(noise) < 50:
             noise += os.read(device, 50)
         os.close(device)
-        time.sleep(0.1)  # long enough to be seen closed; if not, there is nothing more to come anyway
+        time.sleep(0.1)  # usually enough for the emulator to notice the close; if not, no further noise is due anyway
         with serial.Serial(emulator.port, 115200, timeout=0.2) as port:
             port.write(high_speed.version_request().encode())
             assert len(read_until(port, lambda data: len(data) >= 24)) == 24

@@ -1,4 +1,4 @@
-"""Extra streams from real pipes, sockets and functions: what lands, when, and what is refused and counted."""
+"""Extra streams from real pipes, sockets and functions: samples, their times, and refused and counted input."""
 
 import json
 import os
@@ -23,7 +23,7 @@ pytestmark = pytest.mark.real_time
 def wait_for(condition, what, seconds=30.0):
     deadline = time.monotonic() + seconds
     while not condition():
-        assert time.monotonic() < deadline, f"{what} did not happen in {seconds} s"
+        assert time.monotonic() < deadline, f"timed out after {seconds} s waiting for {what}"
         time.sleep(0.005)
 
 
@@ -35,7 +35,7 @@ def drain(inbox):
 
 
 def lines(data, pieces=1):
-    """What `CsvLines` makes of these bytes, written into a pipe in pieces and then closed."""
+    """Write the bytes into a pipe in pieces, close it, and return the `CsvLines` source and its samples."""
     inbox = queue.Queue(100_000)
     reader, writer = os.pipe()
     source = CsvLines(reader)
@@ -177,7 +177,7 @@ def test_a_function_gives_a_number_an_array_or_a_dict():
 
 
 class NoArray:
-    """As a torch tensor that requires a gradient."""
+    """A value that fails to convert, like a torch tensor that requires a gradient."""
 
     def __array__(self, *_, **__):
         raise RuntimeError("cannot be converted")
@@ -230,9 +230,9 @@ def test_a_full_queue_drops_and_counts():
 
 def test_calls_for_which_a_slow_function_leaves_no_time_are_counted():
     source, _ = polled(lambda: time.sleep(0.05) or 1.0, 4, rate=100.0)
-    assert source.missed >= 3 * 4  # of five that are due while one runs, one begins
+    assert source.missed >= 3 * 4  # of five calls due while one runs, only one starts
     source, _ = polled(lambda: 1.0, 4, rate=20.0)
-    assert source.missed <= 1  # on a machine that is busy
+    assert source.missed <= 1  # one is tolerated on a busy machine
 
 
 def test_a_function_that_hangs_is_left_behind():

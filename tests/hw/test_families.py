@@ -1,4 +1,4 @@
-"""The table of families: every row has its classes, and nothing falls through to another family."""
+"""The table of families: every row has its own classes, and no unknown name resolves to a family."""
 
 import pytest
 
@@ -19,7 +19,7 @@ def test_each_family_has_its_own_driver_and_emulation() -> None:
 def test_what_is_heard_on_its_line_names_the_family(family: str) -> None:
     driver = board_class(family)
     assert any(f"family '{family}'" in what for what in driver.heard)
-    # a board that is asked nothing must be heard unasked
+    # a family without questions must be recognisable from what it sends unasked
     assert driver.questions or not any("requests" in what for what in driver.heard)
 
 

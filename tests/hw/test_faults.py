@@ -1,4 +1,4 @@
-"""Faults: what is asked for happens, from a seed, and decoders survive it on 10,000 messages of every family."""
+"""Simulated line faults occur at the requested rates, reproducibly; decoders of every family recover from them."""
 
 import numpy as np
 import pytest
@@ -87,7 +87,7 @@ def test_impossible_faults_are_refused(text, error, says):
 
 
 def conversation(name: str, faults: Faults):
-    """A board of that profile with a new reading in every message, its line, and what the host sends for the next."""
+    """Return a board with a new reading in every message, its faulty line, and the host's request for the next one."""
     chosen = profile(name)
     board = make_board(EmulatedPads(chosen, Numbered(chosen)), None, False, FaultyLine(Faults()))
     line = FaultyLine(faults, seed=11)
@@ -134,7 +134,7 @@ def decoder_of(name: str):
 def test_a_decoder_survives_a_hundredth_of_all_bytes_corrupted(name, messages, faults, record_property):
     board, line, request = conversation(name, faults)
     decoder = decoder_of(name)
-    # what was written and, behind it, what the decoder gave out until the next message was written as well
+    # received[i]: messages returned by the decoder after message i was written and before the next one
     sent, written, received = [], [], []
     for step in range(messages):
         now = 2.0 + step
@@ -155,17 +155,17 @@ def test_a_decoder_survives_a_hundredth_of_all_bytes_corrupted(name, messages, f
     record_property("whole", len(whole))
     record_property("wrong", len(wrong))
     if faults.drop == 0:
-        # nothing is put together from two messages
+        # no message is assembled from two others
         assert {message for message, _ in wrong} <= set(written)
     missed = whole - set(right)
     if name == "gen1-stream":
-        # there is no check byte: damage between the tags passes, and bytes lost from the last block hide the next round
+        # no check byte: damage between the tags is not detected, and bytes lost from the last block hide the next round
         assert len(missed) <= (0.02 * len(whole) if faults.drop else 0)
         return
-    # what was damaged and accepted had a check byte that fitted by chance: 1 in 256
+    # a damaged message is accepted only if its check byte matches by chance: 1 in 256
     damaged = messages - len(whole)
     assert len(wrong) <= damaged / 256 + 5 * np.sqrt(damaged / 256)
-    # where bytes were lost, such a message took its last bytes from the next one, which is lost with it
+    # if bytes were lost, such a message takes its last bytes from the next one, which is then lost too
     assert missed <= {step for _, step in wrong}
-    # recovery within one message: nothing whole waited for more than the next one
+    # recovery within one message: no undamaged message waits for more than the next one
     assert all(step - at <= 1 for at, _, step in order if at is not None)

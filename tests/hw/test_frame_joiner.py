@@ -60,7 +60,7 @@ def test_a_port_that_is_ahead_completes_a_frame_at_once() -> None:
     (joined,) = joiner.push(0, frame(1.9, 5))
     assert values(joined) == [5, 2]
     joiner.push(0, frame(2.1, 6))
-    # the one that waited, and the new one, for which port 1 is far ahead
+    # completes the waiting frame; port 1 is then far ahead, so the next frame is joined at once
     joiner.push(1, frame(9.0, 3))
     assert [values(j) for j in joiner.push(0, frame(8.9, 7))] == [[7, 3]]
 
@@ -116,7 +116,7 @@ def test_steady_ports_give_each_frame_of_the_first_with_the_nearest_of_the_other
     joiner = FrameJoiner(len(periods))
     got = [joined for _, port, time in events for joined in joiner.push(port, frame(time, time))]
     assert [joined.sequence for joined in got] == list(range(len(got)))
-    # each once, in order, but for those before all ports have sent and the last, which may still wait
+    # each frame once, in order, except those before all ports have sent and the last, which may still be waiting
     begun = max(measured[0] for measured in times)
     joined_times = [joined.time for joined in got]
     assert set(times[0][(times[0] > begun + 0.05) & (times[0] < 0.9)].tolist()) <= set(joined_times)
@@ -125,7 +125,7 @@ def test_steady_ports_give_each_frame_of_the_first_with_the_nearest_of_the_other
         for part, measured, period in zip(values(joined), times, periods, strict=True):
             off = abs(part - joined.time)
             nearest = np.abs(measured - joined.time).min()
-            # the nearest, unless it would have come after the next frame of the first port
+            # the nearest frame, unless it arrives after the next frame of the first port
             assert off <= nearest + 1e-6 or nearest + 0.004 >= periods[0] or off <= period + 1e-6
             assert STALE_STATUS not in joined.status
 

@@ -1,4 +1,4 @@
-"""The older GEN1 hand board: rounds without a checksum, found in any bytes, and the board over a pseudo-terminal."""
+"""The older GEN1 hand board: finding rounds without a checksum, and the driver over a pseudo-terminal."""
 
 import random
 import time
@@ -24,9 +24,9 @@ pytest.importorskip("pty", reason="no pseudo-terminals here")
 from gen3_peer import Peer, cuts, in_pieces, make_profile, repeatable
 
 TAGS = ("AAEE", "CCEE", "AAFF", "CCFF")
-# below any byte of a tag: a round's data that hold none
+# data of a round without tags: all bytes are below those of a tag
 calm_bytes = st.binary(min_size=47, max_size=47).map(lambda data: bytes(b & 0x7F for b in data))
-# tags, and their halves, wherever they like
+# data with tags and halves of tags at arbitrary places
 wild_bytes = st.lists(
     st.binary(max_size=6) | st.sampled_from([bytes.fromhex(tag) for tag in TAGS] + [b"\xaa"]), min_size=10, max_size=47
 ).map(lambda parts: b"".join(parts)[:47].ljust(47, b"\xaa"))
@@ -44,14 +44,14 @@ wild = rounds_of(wild_bytes)
 
 
 def decode(data, sizes=()):
-    """The rounds in `data`, and the decoder after the line went silent."""
+    """Return the rounds in `data` and the decoder after the line went silent."""
     decoder = RoundDecoder()
     found = [message for piece in in_pieces(data, sizes) for message in decoder.feed(piece)]
     return found + decoder.flush(), decoder
 
 
 def numbered(number):
-    """A round like no other."""
+    """A round that is unique to `number`."""
     first, *others = (Block(bytes([number, i, 3] * 15)) for i in range(4))
     return Round((first, *others))
 
@@ -60,7 +60,7 @@ def stream(rounds):
     return b"".join(found.encode() for found in rounds)
 
 
-# bytes
+# rounds as bytes
 
 
 def test_a_round_as_bytes():
@@ -123,7 +123,7 @@ def test_a_stream_met_in_the_middle(sent, data):
 @repeatable
 @given(st.lists(st.tuples(st.binary(max_size=60), calm), max_size=4), st.binary(max_size=60))
 def test_garbage_between_rounds_hides_none(pairs, last):
-    # garbage with whole tags can only be told by what follows; see the tests below
+    # garbage that contains whole tags is identified only by the bytes after it; see the tests below
     clean = [(noise.replace(b"\xaa", b"\xab"), one) for noise, one in pairs]
     data = b"".join(noise + one.encode() for noise, one in clean) + last.replace(b"\xaa", b"\xab")
     assert decode(data)[0] == [one for _, one in pairs]
@@ -143,14 +143,14 @@ def test_lost_bytes_cost_the_rounds_they_were_in(at, lost):
     found, _ = decode(data[:at] + data[at + lost :])
     first, last = at // 200, (at + lost - 1) // 200
     if at % 200 >= 152 and last > first:
-        # the end of a round and the tag that would have told: the one loss that is not noticed
+        # losing the end of a round and the tag that would reveal it is the only undetectable loss
         assert found.pop(first) not in sent
     assert found == sent[:first] + sent[last + 1 :]
 
 
 @pytest.mark.parametrize("lost", range(1, 49))
 def test_a_last_block_cut_short_is_noticed(lost):
-    # the only loss that leaves all four tags in their places
+    # the only loss that leaves all four tags in place
     sent = [numbered(i) for i in range(4)]
     data = stream(sent)
     for size in (1, 37, 200, len(data)):
@@ -174,17 +174,17 @@ def test_a_flipped_tag_costs_one_round_and_no_other_is_touched(at, flip):
     found, _ = decode(bytes(data))
     if at % 50 < 2:
         assert found == [one for i, one in enumerate(sent) if i != at // 200]
-    else:  # no checksum: the round is passed on as it came
+    else:  # no checksum: the round is passed on as received
         assert [one for i, one in enumerate(found) if i != at // 200] == [
             one for i, one in enumerate(sent) if i != at // 200
         ]
 
 
-# all four tags at two places
+# rounds in which all four tags occur at two places
 
 
 def twofold(number, at=20):
-    """A round in whose data all four tags stand once more, `at` bytes behind the right ones, with a number."""
+    """A round, unique to `number`, whose data repeat all four tags `at` bytes after the real ones."""
     blocks = []
     for tag in TAGS:
         data = bytearray([number % 100] * 47)
@@ -196,7 +196,7 @@ def twofold(number, at=20):
 
 @pytest.mark.parametrize("start", range(0, 200, 7))
 def test_the_right_alignment_wins_as_soon_as_the_data_move(start):
-    # the pattern is held for two rounds only
+    # the pattern lasts for only two rounds
     sent = [twofold(1), twofold(2), *(numbered(i) for i in range(4))]
     found, _ = decode(stream(sent)[start:], [13] * 90)
     assert found == (sent if start == 0 else sent[1:])
@@ -211,7 +211,7 @@ def test_a_pattern_held_for_ever_is_told_by_the_states(start):
 
 def test_a_wrong_choice_is_left_once_the_data_move():
     right = [twofold(1)] * 4
-    # behind the pattern's tags the state is right too, and the rounds are met between the two places
+    # the false tags are followed by a valid state too, and decoding starts between the two places
     data = bytearray(stream(right))
     for i in range(0, len(data), 50):
         data[i + 22] = 1
@@ -263,14 +263,14 @@ def test_garbage_costs_few_looks_and_holds_back_little(garbage, size, monkeypatc
     assert decoder.pending == 0
 
 
-# the board
+# the driver
 
 
 NO_LINE = cast(Transport, None)
 
 
 class Conversation:
-    """A board on a pseudo-terminal whose other end sends what `idle` gives."""
+    """Context manager: the driver on a pseudo-terminal whose other end sends the bytes that `idle` returns."""
 
     def __init__(self, idle, slots=None, taxels=15, **options):
         pytest.importorskip("serial")
@@ -289,7 +289,7 @@ class Conversation:
 
 
 def sender(make):
-    """Sends rounds 0, 1, 2 ... in pieces that fit no round."""
+    """Return an `idle` function that sends rounds 0, 1, 2 ... in pieces that are not whole rounds."""
     number = iter(range(10**6))
     waiting = bytearray()
 

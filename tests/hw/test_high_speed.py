@@ -1,4 +1,4 @@
-"""The GEN3 high-speed board: its frames in both directions, and the conversation over a pseudo-terminal."""
+"""The GEN3 high-speed board: its frames in both directions, and the driver over a pseudo-terminal."""
 
 import random
 import time
@@ -59,7 +59,7 @@ replies = (
 requests = st.builds(Request, st.just(READ), numbers, st.integers(1, 512)) | st.binary(min_size=1, max_size=10).flatmap(
     lambda data: st.builds(Request, st.sampled_from([WRITE, ZERO]), numbers, st.just(len(data)), st.just(data))
 )
-# bytes that are meant to mislead: heads, beginnings of frames, and anything
+# misleading bytes: heads, beginnings of frames, and random bytes
 misleading = st.lists(
     st.sampled_from([b"\xaa", b"\x55", b"\x56", b"\xaa\x55\x00", b"\xaa\x56\x00", b"\xaa\x56\x00\x5b\x00\x00"])
     | (pushes | replies).map(lambda message: message.encode()[:-3])
@@ -124,7 +124,7 @@ def test_several_frames_in_one_read_are_all_returned(sent):
     decoder = FrameDecoder(parse_both)
     data = b"".join(message.encode() for message in sent)
     found = decoder.feed(data)
-    # the last may wait for what follows, where the head of another one may stand at its end or inside it
+    # the last may be held back if a head may begin inside it or at its end
     assert len(found) >= len(sent) - (b"\xaa" in data)
     assert found + decoder.flush() == sent
     assert decoder.pending == decoder.skipped == 0
@@ -189,7 +189,7 @@ def test_one_wrong_byte_is_always_noticed(payload, data):
     frame = bytearray(Push(0, payload).encode())
     at = data.draw(st.integers(0, len(frame) - 1))
     frame[at] = data.draw(byte.filter(lambda value: value != frame[at]))
-    # with one length only: a wrong length may make a frame of the beginning, whose check byte fits by chance
+    # one allowed length only: with a wrong length, the beginning may pass as a frame by chance
     assert decode(frames.push_parser({90}), bytes(frame))[0] == []
 
 
@@ -219,13 +219,13 @@ def test_garbage_costs_one_look_a_byte_and_a_piece(garbage, size):
     assert held < 97
 
 
-# what a push carries
+# contents of a push
 
 
 def test_modules_of_the_bitmap():
     assert active_modules(hexed("05000000")) == (0, 2)
     assert active_modules(hexed("000000F8")) == (27,)
-    assert active_modules(hexed("00800110")) == (15, 16)  # bits beyond module 27 mean nothing
+    assert active_modules(hexed("00800110")) == (15, 16)  # bits beyond module 27 are ignored
     assert active_bitmap((0, 2, 27)) == hexed("05000008")
 
 
@@ -237,7 +237,7 @@ def test_the_bitmap_both_ways(modules):
 
 @st.composite
 def streams(draw):
-    """A layout with counts for it."""
+    """A layout, and resultants and taxel counts that fit it."""
     modules = sorted(draw(st.sets(st.integers(0, 27), min_size=1, max_size=4)))
     taxels = [draw(st.sampled_from([9, 25, 31])) for _ in modules]
     rng = np.random.default_rng(draw(st.integers(0, 1000)))
@@ -299,7 +299,7 @@ def test_paxini_sdk_reads_our_answers(message):
         assert (theirs.func_code, theirs.reg_addr, theirs.data) == (message.function, message.register, message.data)
 
 
-# the conversation
+# the driver against a scripted board
 
 TAXELS = 9
 
@@ -309,7 +309,7 @@ def counts(seed, taxels=TAXELS):
 
 
 class Board:
-    """A scripted board that streams `frames` numbered frames, several in one write, once it is told to."""
+    """A scripted board that streams `frames` numbered frames once switched on, `at_once` in one write."""
 
     def __init__(self, modules=None, frames=10**6, interval=0.02, at_once=1, bitmap=None):
         self.modules = {0: 9, 2: 9} if modules is None else modules
@@ -336,7 +336,7 @@ class Board:
         modules = sorted(self.modules)
         layout = StreamLayout(tuple(modules), tuple(self.modules[m] for m in modules), self.registers[0x16])
         readings = [counts(100 * number + module, self.modules[module]) for module in modules]
-        # the high bytes of a resultant mean nothing
+        # the high bytes of a resultant carry no information
         resultants = [np.array([-5 - module, 7, 200 + number % 50 - 512]) for module in modules]
         return layout.encode(resultants, readings)
 
@@ -356,7 +356,7 @@ class Board:
 
 
 class Conversation:
-    """A board on a pseudo-terminal with a scripted one at its other end."""
+    """Context manager: the driver on a pseudo-terminal with a scripted board at its other end."""
 
     def __init__(self, script, slots=None, taxels=TAXELS, **options):
         pytest.importorskip("serial")

@@ -1,7 +1,7 @@
-"""Lost bytes, all four families: no wrong frame, and no frame lost but the damaged one.
+"""Lost bytes in four families: no wrong frame, and no frame lost except the damaged one.
 
-A check byte is a sum, and a loss that adds up to what replaces it leaves the sum as it is. Here every loss of 1 to 4
-bytes in every place of the middle frame of three is tried, on pads at rest and pads that are pressed.
+A check byte is a sum, so it does not detect a loss of bytes that have the same sum as those that take their place. The
+tests try every loss of 1 to 4 bytes at every place of the second of four frames, on pads at rest and on pressed pads.
 """
 
 import numpy as np
@@ -16,7 +16,7 @@ LOADS = {"at rest": 0.0, "a third pressed": 0.3, "all pressed": 1.0}
 
 
 def counts(rng, load, taxels):
-    """``(taxels, 3)`` counts; the given share of the taxels is not zero."""
+    """``(taxels, 3)`` counts; each taxel is nonzero with probability `load`."""
     values = rng.integers([-128, -128, 0], [128, 128, 256], (taxels, 3)).astype(np.int16)
     return values * (rng.random((taxels, 1)) < load)
 
@@ -69,14 +69,14 @@ CASES = [(name, taxels) for name, (_, _, sizes) in FAMILIES.items() for taxels i
 
 
 def check(make_decoder, sent, at, lost, pieces=1):
-    """Lose bytes, decode, and hold what came to what was sent; `at` counts from the beginning of the stream."""
+    """Remove `lost` bytes at offset `at` of the stream, decode the rest, and compare the result with what was sent."""
     frames = [message.encode() for message in sent]
     stream = b"".join(frames)
     damaged = stream[:at] + stream[at + lost :]
     decoder = make_decoder()
     step = -(-len(damaged) // pieces)
     found = [m for i in range(0, len(damaged), step) for m in decoder.feed(damaged[i : i + step])] + decoder.flush()
-    # another loss may leave the very same bytes: then nobody can say which frame was hit
+    # another loss may leave the same bytes; the damaged frame is then ambiguous
     ends = np.cumsum([len(frame) for frame in frames])
     same = [i for i in range(at - 4, at + 5) if i >= 0 and stream[:i] + stream[i + lost :] == damaged]
     hit = {int(np.searchsorted(ends, i, "right")) for i in same if i + lost <= len(stream)}
@@ -113,7 +113,7 @@ def test_the_same_in_pieces_of_any_size(family, load):
 def test_a_loss_is_noticed_where_the_next_frame_is_damaged_as_well():
     push = high_speed.Push(0, bytes(162)).encode()
     short = push[:20] + push[22:]
-    for at in range(2, len(push)):  # whatever is damaged behind the two bytes of the head
+    for at in range(2, len(push)):  # damage anywhere after the two bytes of the head
         for damaged in (push[:at] + push[at + 1 :], push[:at] + bytes([push[at] ^ 0x40]) + push[at + 1 :]):
             decoder = push_decoder(52)
             assert decoder.feed(push + short + damaged + push) + decoder.flush() == [high_speed.Push(0, bytes(162))] * 2

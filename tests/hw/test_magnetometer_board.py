@@ -1,4 +1,4 @@
-"""AnySkin, ReSkin and eFlesh: bursts without head, checksum or counter, in microtesla."""
+"""AnySkin, ReSkin and eFlesh: bursts without header, checksum or counter, in microtesla."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ pytestmark = pytest.mark.filterwarnings("ignore::paxisim.hw.profile.UnverifiedPr
 CHIPS = 5
 PATIENCE = 20.0
 FIELD = np.linspace(-300, 2000, 3 * CHIPS).reshape(1, 3, 1, CHIPS)
-# a float whose two lowest bytes are CR LF, as a field may be that stands still
+# a float whose two lowest bytes are CR LF; a constant field may repeat it in every burst
 CR_LF_INSIDE = struct.unpack("<f", b"\r\n\x12\x43")[0]
 
 
 def bursts(count: int, seed: int = 0, chips: int = CHIPS, still: bool = False) -> list[Burst]:
-    """Readings in the chips' own steps, all different, or those of a board that nothing touches and that says so."""
+    """Readings in multiples of the chips' resolution: all different, or equal if `still`, as on an untouched board."""
     rng = np.random.default_rng(seed)
     steps = rng.integers(-800, 800, (count, chips, 4))
     steps[:, :, 0] = 550
@@ -53,7 +53,7 @@ def same(found: list[Burst], expected: list[Burst]) -> bool:
 
 
 def numbers(found: list[Burst], sent: list[Burst]) -> list[int]:
-    """Which of those sent were found; -1 is one that was never sent."""
+    """The index in `sent` of each burst found; -1 if it was never sent."""
     known = {burst.encode(): number for number, burst in enumerate(sent)}
     return [known.get(burst.encode(), -1) for burst in found]
 
@@ -66,7 +66,7 @@ def test_bursts_come_out_of_any_pieces(piece: int, chips: int) -> None:
     assert len(sent[0].encode()) == 16 * chips + 2
     decoder = BurstDecoder(chips)
     found = [burst for i in range(0, len(data), piece) for burst in decoder.feed(data[i : i + piece])]
-    # where the first one begins is known once a CR LF has come
+    # the first burst is lost: only a CR LF shows where a burst begins
     assert same(found, sent[1:])
     assert decoder.pending == 0
 
@@ -94,12 +94,12 @@ def test_cr_lf_inside_a_float_is_no_end(chip: int, axis: int) -> None:
 def test_lost_bytes_cost_their_burst_and_make_no_wrong_one(lost: int, still: bool) -> None:
     sent = bursts(8, seed=3, still=still)
     for i, burst in enumerate(sent):
-        burst.values[0, 1] = 20 + i  # told apart, though all else stands still
+        burst.values[0, 1] = 20 + i  # makes the bursts distinguishable even if all else is constant
     data = b"".join(burst.encode() for burst in sent)
     for place in range(3 * 82, 4 * 82):
         found = numbers(BurstDecoder(CHIPS).feed(data[:place] + data[place + lost :]), sent)
         first, last = place // 82, (place + lost - 1) // 82
-        # without CR LF before it nobody knows where a burst begins
+        # the beginning of a burst is unknown without the CR LF before it
         also = {last + 1} if (place + lost - 1) % 82 >= 80 else set()
         assert found == [n for n in range(1, 8) if n not in {first, last} | also], place
 
@@ -110,7 +110,7 @@ def test_random_bytes_are_no_burst() -> None:
     for _ in range(200):
         assert decoder.feed(rng.bytes(5000)) == []
         assert decoder.pending < 2 * 82
-    # with CR LF at every place where it should be, the numbers still cannot be a chip's
+    # even with CR LF in all the right places, the numbers are not plausible for a chip
     assert decoder.feed(b"".join(rng.bytes(80) + b"\r\n" for _ in range(200))) == []
 
 
@@ -236,7 +236,7 @@ def test_the_verbs_keep_and_print_the_unit(tmp_path: Path, capsys: pytest.Captur
     assert np.abs(recording.measured).max() > 1
     assert main(["info", str(path)]) == 0
     assert "uT a taxel" in capsys.readouterr().out
-    # what was recorded is felt again
+    # the recording can be played back
     assert main(["emulate", "--profile", "anyskin", "--signal", str(path), "--seconds", "0"]) == 0
     assert main(["emulate", "--profile", "gen2-box-120", "--signal", str(path), "--seconds", "0"]) == 2
     assert "in uT, but profile" in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""Simulator, driver, emulator and recording hold one layout: the same press is the same tensor everywhere."""
+"""Simulator, driver, emulator and recording share one layout: a press gives the same tensor in each of them."""
 
 import contextlib
 
@@ -19,7 +19,7 @@ from paxisim.hw.emulator import Emulator
 
 pytestmark = pytest.mark.real_time
 
-# a device that does everything another way than the tensor: order, axes, signs
+# a device that differs from the tensor in order, axes and signs
 ORDER = (4, 9, 14, 3, 8, 13, 2, 7, 12, 1, 6, 11, 0, 5, 10)
 AXES = ("-y", "+x", "+z")
 NAMES = ("left", "right")
@@ -29,7 +29,7 @@ HALF_A_COUNT = 0.05  # N
 @pytest.fixture(scope="module")
 def force():
     pressed = pressed_force()
-    # any flip, swap or sign would show
+    # any flip, swap or wrong sign changes the tensor noticeably
     for changed in (
         pressed[::-1],
         pressed[:, [1, 0, 2]],
@@ -44,7 +44,7 @@ def force():
 
 
 def device(family: str) -> Profile:
-    """Two pads on one board; a serial converter and a magnetometer board have but one."""
+    """A profile of two pads on one board; serial converter and magnetometer board have only one."""
     wire = TaxelLayout(LAYOUT.rows, LAYOUT.cols, LAYOUT.pitch, vendor_order=ORDER)
     slots = (Slot("left", 3), Slot("right", 1))
     if family in ("serial-converter", "magnetometer-board"):
@@ -54,7 +54,7 @@ def device(family: str) -> Profile:
 
 
 def measure(profile: Profile, signal):
-    """A frame, and the sensor's layout, read through as many ports as two pads need."""
+    """Return a frame and the sensor's layout, read through as many ports as two pads require."""
     pads = len(profile.slots)
     with contextlib.ExitStack() as stack:
         ports = []

@@ -1,4 +1,4 @@
-"""Profiles: those that ship, a user's file and its mistakes, and the way from counts to the pad's tensor."""
+"""Profiles: the shipped ones, user files and their mistakes, and the conversion from counts to the pad's tensor."""
 
 import importlib.util
 import json
@@ -34,7 +34,7 @@ def grid(rows=3, cols=2, order=None, **fields) -> Profile:
     return Profile("test", "control-box", layout, (Slot("left", 2), Slot("right", 5)), **fields)
 
 
-# ---- those that ship ----------------------------------------------------------------------------------------------
+# ---- shipped profiles ---------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", LOADABLE)
@@ -113,7 +113,7 @@ def test_an_unverified_profile_warns_and_a_verified_one_does_not():
 
 def test_order_axes_and_signs_worked_by_hand():
     profile = grid(rows=1, cols=2, order=(1, 0), axes=("-y", "+x", "+z"))
-    counts = np.array([[[1, 2, 3], [4, 5, 6]]], dtype=np.int16)  # the second taxel comes first
+    counts = np.array([[[1, 2, 3], [4, 5, 6]]], dtype=np.int16)  # the second taxel is sent first
     force = profile.to_force(counts)
     assert force.dtype == np.float32
     assert force[0] == pytest.approx(np.array([[[-0.5, -0.2]], [[0.4, 0.1]], [[0.6, 0.3]]]))
@@ -141,7 +141,7 @@ def test_force_and_counts_undo_each_other(data):
     again = profile.to_counts(force)
     assert again.dtype == np.int16
     assert np.array_equal(again, counts)
-    # the layout's own way from a flat reading says the same of the order
+    # the layout's own conversion of a flat reading gives the same order
     if axes == ("+x", "+y", "+z"):
         flat = profile.wire_layout.from_flat(counts.reshape(2, 5, -1).astype(np.float64))
         assert force == pytest.approx(0.1 * flat, rel=1e-6)
@@ -184,7 +184,7 @@ def test_counts_of_another_shape_are_refused(shape):
         grid().to_force(np.zeros(shape, dtype=np.int16))
 
 
-# ---- what a profile cannot be -------------------------------------------------------------------------------------
+# ---- invalid profiles ---------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Drivers that others wrote, or what they do, against the emulator: it is as kind to them as the hardware is."""
+"""Public drivers, or imitations of them, work with the emulator as with the hardware."""
 
 import time
 
@@ -17,7 +17,7 @@ NO_SDK = "paxini-sdk is not installed: pip install 'paxisim[hw]'"
 
 
 def counts_of(chosen, signal):
-    """``(pads, N, 3)`` counts in the order of the wire."""
+    """``(pads, N, 3)`` counts in wire order."""
     return chosen.to_counts(signal(0.0), 2)
 
 
@@ -38,7 +38,7 @@ def test_paxini_sdk_polls_a_serial_converter():
         start = time.monotonic()
         for _ in range(100):
             client.read_distributed_force()
-        # its author saw 176 a second on this part
+        # its author measured 176 readings per second on this part
         assert 100 < 100 / (time.monotonic() - start) < 200
         client.calibrate()
         assert not any(any(point.as_tuple()) for point in client.read_distributed_force())
@@ -55,7 +55,7 @@ def test_paxini_sdk_takes_the_stream_of_a_high_speed_board(modules):
         assert client.read_active_modules() == list(modules)
         for module in modules:
             assert client.read_distribution_point_count(module) == 12
-        # its first frames may be cut: it empties the port while the stream runs
+        # the client clears the port while the stream runs, which may cut its first frames
         frames = list(client.stream_auto_push(max_frames=30))
         for frame in frames:
             for module, sent in zip(modules, counts_of(chosen, signal), strict=True):
@@ -65,11 +65,11 @@ def test_paxini_sdk_takes_the_stream_of_a_high_speed_board(modules):
         assert not any(any(point) for points in frame.distributed_forces.values() for point in points)
 
 
-# what public drivers of the control box do; none is a package
+# imitations of public drivers of the control box, none of which is a package
 
 
 class BoxClient:
-    """Writes a request, sleeps as long as public drivers do, and takes what is there by then."""
+    """Writes a request, sleeps as long as public drivers do, and reads the bytes that have arrived."""
 
     def __init__(self, port):
         from serial import Serial
@@ -90,7 +90,7 @@ class BoxClient:
         return reply
 
     def read(self, request, size):
-        """As `ask`, but waits for so many bytes."""
+        """Like `ask`, but wait for `size` bytes."""
         self.port.write(request.encode())
         (reply,) = FrameDecoder(box.parse_reply).feed(self.port.read(size))
         return reply
@@ -121,5 +121,5 @@ def test_a_client_of_the_box_uses_ports_15_and_20_as_fast_as_usb_is():
                 client.read(box.select_port_request(port), 17)
                 region = box.parse_region(client.read(box.read_request(1038, 360), 360 + 23).data)
                 assert region.payload == sent[pad].tobytes()
-        # 4 to 6 ms on hardware, and what a busy machine adds; at the nominal baud rate it would be 18
+        # 4 to 6 ms on hardware, plus delays of a busy machine; 18 ms at the nominal baud rate
         assert 4e-3 < (time.monotonic() - start) / 50 < 12e-3

@@ -1,4 +1,4 @@
-"""Rate, jitter, noise and drift: known ones are found, and what firmware does to small forces is no fault."""
+"""Known rate, jitter, noise and drift are recovered; taxels that the firmware sets to zero are no fault."""
 
 from dataclasses import replace
 
@@ -15,7 +15,7 @@ RATE = 100.0
 
 
 def resting(count=3000, pads=2, noise=0.2, drift=0.0, jitter=1e-3, lost=0.0, seed=0) -> list[Frame]:
-    """Frames of a resting sensor; `drift` is that of one taxel (N/s), `lost` the share that never came."""
+    """Frames of a resting sensor with a `drift` (N/s) of each taxel and a fraction `lost` of the frames missing."""
     rng = np.random.default_rng(seed)
     sequence = np.flatnonzero(rng.random(count) >= lost)
     sequence = np.union1d(sequence, [0, count - 1])
@@ -58,7 +58,7 @@ def test_drift_is_found_with_an_error_that_means_something():
     for seed in range(40):
         quality = judge(resting(count=600, noise=0.1, drift=0.002, seed=seed))
         errors.append((quality.drift - 0.002 * 12 * 60) / quality.drift_error)
-    # of a standard error, errors have about its size; both too small and too large would be wrong
+    # errors divided by a correct standard error have a standard deviation of about 1
     assert 0.85 < np.std(errors) < 1.25
     assert abs(np.mean(errors)) < 0.2
 

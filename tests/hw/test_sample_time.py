@@ -6,13 +6,13 @@ from numpy.typing import NDArray
 
 from paxisim.hw.sample_time import LEARNING_FRAMES, SampleClock
 
-START = 1e5  # a machine that runs for a day
+START = 1e5  # a machine that has been up for a day
 SETTLED = 2 * LEARNING_FRAMES
-LATEST = 0.008  # s; a delay of most of a period cannot be told from a lost frame
+LATEST = 0.008  # s; a longer delay, close to a period, is indistinguishable from a lost frame
 
 
 def estimates(arrivals: NDArray[np.float64], clock: SampleClock | None = None) -> NDArray[np.float64]:
-    """Of all arrivals; the promises that always hold are checked."""
+    """Estimate the times of all arrivals and check that they are in order and not after the arrivals."""
     clock = clock or SampleClock()
     times = np.array([clock.estimate(arrival) for arrival in arrivals.tolist()])
     assert np.all(times <= arrivals)
@@ -25,7 +25,7 @@ def ticks(count: int, rate: float) -> NDArray[np.float64]:
 
 
 def delayed(measured: NDArray[np.float64], delay: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Arrivals in order: a frame cannot overtake another."""
+    """Arrivals in order, since frames cannot overtake each other."""
     return np.maximum.accumulate(measured + delay)
 
 
@@ -55,7 +55,7 @@ def test_a_steady_clock_is_freed_of_jitter(
     arrivals = delayed(measured, latency + jitter)[came]
     error = (estimates(arrivals) - measured[came])[SETTLED:]
     assert error.std() <= (arrivals - measured[came])[SETTLED:].std() / 3
-    # what all frames share cannot be seen and stays
+    # the latency common to all frames is unobservable and remains
     assert abs(np.median(error) - latency) < scale / 3
 
 
@@ -113,7 +113,7 @@ def test_a_new_rate_is_learnt() -> None:
     error = estimates(arrivals, clock) - measured
     for first in (0, 1500, 3000):
         assert error[first + 1000 : first + 1500].std() < 1e-4
-    # never off by more than a period, not even while it changes
+    # never off by more than a period, even while the rate changes
     assert np.all(np.abs(error) < 1 / 60)
     assert clock.period == pytest.approx(1 / 60, rel=1e-3)
 
@@ -121,11 +121,11 @@ def test_a_new_rate_is_learnt() -> None:
 @pytest.mark.parametrize("case", ["asked for", "by load", "asked for fast"])
 def test_where_no_steady_clock_is_the_time_is_the_arrival(case: str) -> None:
     rng = np.random.default_rng(4)
-    if case == "asked for":  # each request waits for the reply before it
+    if case == "asked for":  # each request waits for the previous reply
         intervals = 0.012 + rng.exponential(1.5e-3, 5000)
     elif case == "asked for fast":
         intervals = 0.0025 + rng.exponential(3e-4, 5000)
-    else:  # one sensor on USB: idle and loaded by turns
+    else:  # one sensor on USB, alternately idle and loaded
         loaded = np.repeat(rng.random(100) < 0.5, 50)
         intervals = np.where(loaded, rng.uniform(0.067, 0.09, 5000), rng.uniform(0.008, 0.05, 5000))
     arrivals = START + np.cumsum(intervals)
@@ -158,13 +158,16 @@ def test_reset_forgets_the_rate_and_keeps_the_order() -> None:
 def stalled(
     measured: NDArray[np.float64], stalls: list[tuple[float, float]], jitter: NDArray[np.float64], kept: int = 10**6
 ) -> tuple[NDArray[np.float64], NDArray[np.intp], NDArray[np.bool_]]:
-    """Arrivals at a host that stops at some times for so long (s), how many frames lay behind each, and which came.
+    """Simulate a host that stalls.
 
     Args:
-        measured: When the frames were.
-        stalls: Begin and length of each.
-        jitter: Of the arrivals.
-        kept: Frames that wait at most; those that come then are lost.
+        measured: Measurement times of the frames (s).
+        stalls: Start and length (s) of each stall.
+        jitter: Delay of each frame (s).
+        kept: Capacity of the queue in frames; frames that arrive when it is full are lost.
+
+    Returns:
+        Arrivals (s), number of frames queued behind each arrival, and a mask of the frames of `measured` that arrived.
     """
     arrivals = delayed(measured, jitter)
     behind = np.zeros(len(measured), dtype=int)
@@ -196,7 +199,7 @@ def test_frames_that_waited_for_a_stalled_host_are_dated_back(rate: float, begin
     arrivals, behind, _ = stalled(measured, stalls, rng.exponential(3e-4, 2000))
     error = estimates_of_queues(arrivals, behind) - measured
     assert np.abs(error).max() < 0.015
-    # and once the rate is known, they are where they belong
+    # once the rate is known, the estimates are accurate
     settled = arrivals > START + 3.0
     if begin > 3.0:
         assert np.abs(error[settled]).max() < 2e-3

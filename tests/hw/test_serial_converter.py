@@ -1,4 +1,4 @@
-"""The GEN3 serial converter: its frames in both directions, and the conversation over a pseudo-terminal."""
+"""The GEN3 serial converter: its frames in both directions, and the driver over a pseudo-terminal."""
 
 import random
 
@@ -61,7 +61,7 @@ replies = st.sampled_from(sorted(LENGTHS - {0})).flatmap(read_replies) | st.buil
 requests = st.builds(Request, byte, st.just(READ), addresses, st.integers(0, 65535)) | st.binary(
     min_size=1, max_size=16
 ).flatmap(lambda data: st.builds(Request, byte, st.just(WRITE), addresses, st.just(len(data)), st.just(data)))
-# bytes that are meant to mislead: heads, beginnings of frames, and anything
+# misleading bytes: heads, beginnings of frames, and random bytes
 misleading = st.lists(
     st.sampled_from([b"\xaa", b"\x55", b"\xaa\x55", b"\x55\xaa", b"\xaa\x55\x0d\x00\x01\x00\xfb"])
     | replies.map(lambda reply: reply.encode()[:-4])
@@ -174,7 +174,7 @@ def test_a_damaged_length_delays_nothing():
     for length in set(range(0, 65536, 7)) - {count + 10 for count in LENGTHS}:
         decoder = FrameDecoder(parse)
         assert decoder.feed(good[:2] + length.to_bytes(2, "little") + good[4:] + good) != []
-    # a length that could be expected, but not with this count, is told from the header as well
+    # an expected length that contradicts the count is rejected from the header alone
     decoder = FrameDecoder(parse)
     assert len(decoder.feed(good[:2] + (100 + 10).to_bytes(2, "little") + good[4:] + good)) == 1
 
@@ -228,7 +228,7 @@ def test_paxini_sdk_reads_our_replies(reply):
     assert (theirs.data_len, theirs.status, theirs.data) == (reply.count, reply.status, reply.data)
 
 
-# the conversation
+# the driver against a scripted sensor
 
 TAXELS = 9
 COUNTS = np.array([[i - 4, 4 - i, 20 * i] for i in range(TAXELS)], dtype=np.int16)
@@ -237,7 +237,7 @@ BLOCK = to_bytes(RESULTANT) + bytes(27) + to_bytes(COUNTS)
 
 
 class Sensor:
-    """A scripted sensor; `change` may replace the answer to a request."""
+    """A scripted sensor; `change` can replace the answer to a request."""
 
     def __init__(self, id=1, version="PAXINI PXSR-STDMC03A-v1.0.5", change=lambda request, reply: reply.encode()):
         self.id, self.version, self.change = id, version, change
@@ -255,7 +255,7 @@ class Sensor:
 
 
 class Conversation:
-    """A board on a pseudo-terminal with a scripted sensor at its other end."""
+    """Context manager: the driver on a pseudo-terminal with a scripted sensor at its other end."""
 
     def __init__(self, sensor, id=1, taxels=TAXELS, **options):
         pytest.importorskip("serial")
@@ -396,13 +396,13 @@ def test_a_late_reply_is_not_taken_for_the_next_reading():
         frame = answer(request, bytes([number]) + BLOCK[1:]).encode()
         if number == 2:
             late.append(frame)
-            return b""  # it comes with the answer to the repeated request
+            return b""  # arrives together with the answer to the repeated request
         return late.pop() + frame if late else frame
 
     with Conversation(Sensor(change=change)) as board:
         board.start()
         read = [int(board.read(10).resultant[0, 0]) for _ in range(4)]
-    # the third came together with the second, which was the answer; returned later it would be old
+    # replies 2 and 3 arrive together and 2 is the answer; 3 would be outdated as the next reading
     assert 3 not in read
     assert read == sorted(set(read))
 

@@ -1,4 +1,4 @@
-"""Signals: what the emulator feels, from samples and made up."""
+"""Signals: the forces on the emulated pads, from samples or synthetic."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ def test_played_samples_are_held_or_joined_and_begin_anew():
     assert [joined(now).flat[0] for now in moments] == [0, 0.5, 1, 2, 0, 1.25]
     once = from_arrays(time_of, force, chosen, loop=False)
     assert once(99.0).flat[0] == 2
-    # where an episode ends, time may begin anew
+    # time may restart at the end of an episode
     episodes = from_arrays([5.0, 5.1, 0.0], force, chosen)
     assert [episodes(now).flat[0] for now in (0.05, 0.15, 0.25, 0.35)] == [0, 1, 2, 0]
     alone = from_arrays([5.0], force[:1] + 1, chosen)

@@ -1,4 +1,4 @@
-"""A host that the system stops for a while (SIGSTOP): what is said of time and of missing frames once it runs again."""
+"""A host suspended for a while (SIGSTOP) reports correct times and no missing frames once it runs again."""
 
 import json
 import math
@@ -60,11 +60,11 @@ PROFILES = {
     ),
 }
 TICK = 1e-3
-"""Seconds that the signal counts."""
+"""Resolution of the time that the signal encodes (s)."""
 
 
 class Ticking:
-    """Forces that tell the time in ticks: the first taxel's normal force is its low byte, the second's its high one.
+    """Forces that encode the time in ticks: low base-250 digit in the first taxel's normal force, high in the second's.
 
     Attributes:
         start: The emulator's time 0 on the machine's monotonic clock (s).
@@ -75,7 +75,7 @@ class Ticking:
         self.start = math.inf
 
     def __call__(self, now):
-        if now > 0:  # it is looked at once before the emulator starts
+        if now > 0:  # the emulator evaluates the signal once before it starts
             self.start = min(self.start, time.monotonic() - now)
         ticks = round(now / TICK)
         self._force[:, 2, 0, 0] = ticks % 250 * 0.1
@@ -84,7 +84,7 @@ class Ticking:
 
 
 def run_stopped(script, port, name, stalls, more):
-    """What a script in a process of its own prints last, while the system stops it: ``(wait, length)`` s each."""
+    """Run a script in its own process, suspend it for each ``(wait, length)`` (s), and return its JSON output."""
     paths = os.pathsep.join([os.path.dirname(__file__), *filter(None, sys.path)])
     command = [sys.executable, "-W", "ignore", "-c", script, port, name, str(more)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=os.environ | {"PYTHONPATH": paths}) as host:
@@ -103,11 +103,11 @@ def run_stopped(script, port, name, stalls, more):
 
 
 def watch(name, stalls, seconds):
-    """What a host says of the emulated board.
+    """Read an emulated board from a host that is suspended.
 
     Returns:
-        Its counters, the frames' sequence numbers and ``(frames, pads)`` s by which each pad's reading is dated later
-        than it was measured.
+        The host's counters, the frames' sequence numbers, and the ``(frames, pads)`` errors (s) of the frame times:
+        positive if later than the pad's measurement.
     """
     chosen = PROFILES[name]()
     clock = Ticking(chosen)
@@ -140,11 +140,12 @@ def test_a_recorder_that_was_stopped_says_no_gap_where_no_frame_is_missing(name,
 
 
 class Stalling:
-    """Transport and clock of an emulated board that answers at once; one wait takes longer than it may.
+    """Transport and clock of an emulated board that answers at once, with one read that stalls.
 
     Attributes:
-        now: The time (s).
-        stall: Which read takes `length` (s), counted from now on; below 0: none.
+        now: Current time (s).
+        stall: Number of reads before the one that stalls; none stalls if it is below 0.
+        length: Duration of the stalled read (s).
     """
 
     def __init__(self, chosen):

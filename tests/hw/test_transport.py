@@ -156,7 +156,7 @@ def test_no_permission_says_how_to_get_it(port: PluggedPort, monkeypatch: pytest
     def refuse(*_: object) -> int:
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr("serial.serialposix.os.open", refuse)  # root may open everything
+    monkeypatch.setattr("serial.serialposix.os.open", refuse)  # patched, because root may open any port
     with pytest.raises(PortAccessError, match=r"dialout.*udev"):
         open_transport(port.path, 9600)
 
@@ -170,7 +170,7 @@ def test_what_is_no_baud_rate(port: PluggedPort, baud) -> None:
 def test_a_baud_rate_that_the_port_refuses(port: PluggedPort) -> None:
     with pytest.raises(UnsupportedError, match=f"{10**12} baud"):
         open_transport(port.path, 10**12)
-    open_transport(port.path, 9600).close()  # and it is not left open
+    open_transport(port.path, 9600).close()  # the failed attempt left the port closed
 
 
 def test_loop() -> None:

@@ -1,4 +1,4 @@
-"""XELA uSkin: JSON of the vendor's server over a WebSocket, raw counts or calibrated forces."""
+"""XELA uSkin: JSON from the vendor's server over a WebSocket, as raw counts or calibrated forces."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ FORCE = np.linspace(-2, 3, 3 * TAXELS).reshape(1, 3, 4, 4)
 
 
 def sensor(number: int = 1, taxels: int = TAXELS, **other: Any) -> dict[str, Any]:
-    """What the server says of one sensor, in the words of its public client."""
+    """The server's entry for one sensor, with the keys that its public client reads."""
     data = ",".join(f"{0x8000 + 10 * number + i:X}" for i in range(3 * taxels))
     return {"time": 1.7e9, "sensor": str(number), "model": "uSPa44", "taxels": taxels, "data": data} | other
 
@@ -63,7 +63,7 @@ def line(message: Any) -> bytes:
 
 @contextlib.contextmanager
 def server(*texts: str, rate: float = 50.0) -> Iterator[str]:
-    """A server that says the first text once, then the others in turn, for ever; its address."""
+    """Context manager: address of a server that sends the first text once, then the others repeatedly in turn."""
 
     over = threading.Event()
 
@@ -175,7 +175,7 @@ def test_calibrated_forces_are_newtons() -> None:
         frame = pads.read(PATIENCE)
         assert frame.unit == "N"
         np.testing.assert_allclose(frame.force, FORCE, atol=1e-4)
-        # the same server offers its counts
+        # the same server also provides raw counts
         with open_sensor(emulator.port, "xela-uspa44") as raw:
             assert raw.read(PATIENCE).unit == "counts"
 
@@ -289,7 +289,7 @@ def test_damaged_texts_make_no_wrong_frame() -> None:
     ):
         good = [frame for frame in (pads.read(PATIENCE) for _ in range(100)) if not any(frame.status)]
         assert pads.skipped > 0
-    # a lost digit makes another number, as JSON has no check byte; a lost comma or quote makes no message
+    # JSON has no check byte, so a lost digit gives another number; a lost comma or quote invalidates the message
     wrong = np.array([(frame.force != np.rint(FORCE * 100)).sum() for frame in good])
     assert wrong.max() <= 3
     assert np.mean(wrong > 0) < 0.25

@@ -1,4 +1,4 @@
-"""Writes samples until it is killed; the time of each goes to stdout once it is written."""
+"""Write samples until killed, printing the time of each sample to stdout once it is written."""
 
 import sys
 import time

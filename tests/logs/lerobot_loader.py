@@ -1,9 +1,9 @@
-"""Run by an interpreter that has lerobot; see `test_lerobot_loader`.
+"""Program for an interpreter that has lerobot; see `test_lerobot_loader`.
 
-python lerobot_loader.py look FOLDER OUT: what lerobot's own loader makes of a dataset, as an npz of arrays.
-python lerobot_loader.py append FOLDER: one more episode, added by lerobot.
-python lerobot_loader.py merge FOLDER OTHER OUT: the two as one dataset, by lerobot.
-python lerobot_loader.py create FOLDER: a dataset that lerobot records itself.
+python lerobot_loader.py look FOLDER OUT: load a dataset with lerobot and save its arrays as npz.
+python lerobot_loader.py append FOLDER: add one episode with lerobot.
+python lerobot_loader.py merge FOLDER OTHER OUT: merge two datasets with lerobot.
+python lerobot_loader.py create FOLDER: record a dataset with lerobot.
 """
 
 import json

@@ -1,4 +1,4 @@
-"""Recordings and files for the tests of logs."""
+"""Recordings and files for the log tests."""
 
 from pathlib import Path
 
@@ -14,13 +14,13 @@ METADATA = {"layout": LAYOUT, "pads": ("left", "right"), "sensor": "a sensor", "
 
 
 def counts(samples: int, seed: int = 0) -> np.ndarray:
-    """Force as a board gives it: whole counts of 0.1 N."""
+    """Return forces as a board reports them, in whole counts of 0.1 N."""
     numbers = np.random.default_rng(seed).integers(-30, 120, (samples, 2, 3, 4, 3))
     return (numbers * 0.1).astype(np.float32)
 
 
 def recording(samples: int = 50, **changes) -> Recording:
-    """One with everything: two episodes with clocks that start anew, both tensors, covariates, metadata."""
+    """Return a recording with two episodes whose clocks restart, both tensors, covariates and metadata."""
     rng = np.random.default_rng(1)
     half = samples // 2
     fields = {

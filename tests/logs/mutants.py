@@ -1,8 +1,8 @@
-"""python mutants.py FORMAT COUNT SEED FOLDER: files changed at random; each gives an object or an error of ours.
+"""python mutants.py FORMAT COUNT SEED FOLDER: load randomly changed files; each gives an object or a `PaxisimError`.
 
-A process of its own, as the most memory that a process ever had can be asked for, and costs nothing meanwhile. Prints
-how many could be read, how many not, and the bytes by which memory grew; ends with a traceback and the mutant's number
-at the first that raises another error.
+Runs as a separate process because the peak memory of a process can be queried at no cost. Prints the number of readable
+and unreadable files, the growth of peak memory and the largest file (bytes). At the first other error, the program
+prints the number of the mutant and ends with a traceback.
 """
 
 import io
@@ -45,7 +45,7 @@ TOKENS = [
 
 
 def changed(data: bytes, rng: random.Random) -> bytes:
-    """One to four changes: bits, bytes, spans left out or repeated, values replaced, an end cut off."""
+    """Apply one to four changes: flip bits, replace bytes or values, drop or repeat spans, or truncate."""
     mutant = bytearray(data)
     for _ in range(rng.choice((1, 1, 1, 2, 4))):
         at, kind = rng.randrange(len(mutant) + 1), rng.randrange(8)
@@ -104,7 +104,7 @@ def mcap_bases(folder: Path) -> list[bytes]:
 
 
 def written(mutants: dict[str, bytes], documents: dict[str, Any] = RECORDED, name: str = "paxisim") -> bytes:
-    """An MCAP file in which some messages, by topic, or entries of the metadata are others."""
+    """Return an MCAP file in which some messages, by topic, or metadata entries are replaced by `mutants`."""
     file = io.BytesIO()
     writer = Writer(file, compression=CompressionType.NONE, enable_crcs=False, enable_data_crcs=False)
     writer.start()
@@ -120,7 +120,7 @@ def written(mutants: dict[str, bytes], documents: dict[str, Any] = RECORDED, nam
 
 
 def mcap_mutant(bases: list[bytes], rng: random.Random) -> bytes:
-    """Any byte of a file, or, in files whose lengths are right, what a message or the metadata says."""
+    """Change any byte of a file, or only the content of a message or metadata entry in a well-formed file."""
     if rng.random() < 0.3:
         return changed(rng.choice(bases), rng)
     documents, name = rng.choice(((RECORDED, "paxisim"), (RECORDED, "paxisim"), (ROBOT, "robot")))
@@ -130,7 +130,7 @@ def mcap_mutant(bases: list[bytes], rng: random.Random) -> bytes:
 
 
 def read_mcap(path: Path) -> object:
-    """As a recording, where it says that it is one, or as streams to add."""
+    """Load a file as a recording if it claims to be one, else as streams to add."""
     return paxisim.Recording.load(path) if is_recording(path) else read_joints(path)
 
 
@@ -140,7 +140,7 @@ def npz_bases(folder: Path) -> list[bytes]:
 
 
 def npz_mutant(bases: list[bytes], rng: random.Random) -> bytes:
-    """The archive, or its members, with their check sums made anew; stored or packed."""
+    """Change the archive itself, or its members with new checksums, stored or compressed."""
     if rng.random() < 0.3:
         return changed(bases[0], rng)
     file = io.BytesIO()
@@ -214,7 +214,7 @@ DATASET = ("data/chunk-000/file-000.parquet", "meta/info.json", "meta/paxisim.js
 
 
 def lerobot_bases(folder: Path) -> list[bytes]:
-    """The files of a dataset, each behind its number, which stays as it is."""
+    """Return the files of a dataset, each prefixed with its number, which stays unchanged."""
     write_lerobot(folder / "dataset", recording().to_arrays(), task="press")
     return [bytes([i]) + (folder / "dataset" / name).read_bytes() for i, name in enumerate(DATASET)]
 
@@ -225,7 +225,7 @@ def lerobot_mutant(bases: list[bytes], rng: random.Random) -> bytes:
 
 
 def read_lerobot(path: Path) -> object:
-    """The dataset with one of its files replaced."""
+    """Load the dataset with one of its files replaced."""
     data = path.read_bytes()
     file = path.parent / "dataset" / DATASET[data[0]]
     whole = file.read_bytes()
@@ -247,7 +247,7 @@ FORMATS = {
 
 
 def peak() -> int:
-    """The most memory that this process ever had in use (bytes)."""
+    """Return the peak memory of this process (bytes)."""
     status = Path("/proc/self/status").read_text()
     return 1024 * int(status.split("VmHWM:")[1].split()[0])
 
@@ -256,9 +256,9 @@ def main(name: str, count: int, seed: int, folder: Path) -> None:
     bases_of, mutant_of, read, kinds = FORMATS[name]
     bases = bases_of(folder)
     path = folder / f"mutant.{name}"
-    for base in bases:  # imports what it needs
+    for base in bases:  # triggers all lazy imports
         path.write_bytes(base)
-        assert isinstance(read(path), kinds), "a file that was not changed"
+        assert isinstance(read(path), kinds), "an unchanged file should load"
     before, largest, good = peak(), 0, 0
     for number in range(count):
         data = mutant_of(bases, random.Random(f"{seed} {number}"))

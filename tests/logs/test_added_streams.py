@@ -1,4 +1,4 @@
-"""Joint streams of other programs as covariates of a recording: MCAP of ROS 2 and with JSON, and CSV."""
+"""Joint streams of other programs as covariates of a recording: ROS 2 MCAP, JSON MCAP and CSV."""
 
 import json
 import subprocess
@@ -50,7 +50,7 @@ def joint_state(at, names, position, velocity=(), effort=()):
 
 
 def write_ros2(path, messages, schema="sensor_msgs/msg/JointState", definition=JOINT_STATE):
-    """A file as ``ros2 bag record`` writes it; it logs each message 3 ms after its stamp."""
+    """Write a file like ``ros2 bag record``, which logs each message 3 ms after its stamp."""
     writer_of = pytest.importorskip("mcap_ros2.writer").Writer
     with open(path, "wb") as file, writer_of(file) as writer:
         registered = writer.register_msgdef(schema, definition)
@@ -59,7 +59,7 @@ def write_ros2(path, messages, schema="sensor_msgs/msg/JointState", definition=J
 
 
 def write_json(path, messages):
-    """Topics of JSON messages; (topic, log time, message)."""
+    """Write JSON ``messages``, given as (topic, log time, message)."""
     with open(path, "wb") as file:
         writer = Writer(file)
         writer.start()
@@ -72,7 +72,7 @@ def write_json(path, messages):
 
 
 def ramp(i):
-    """Time and position (rad) of sample i at 200 Hz, which moves by 1 rad a second."""
+    """Return time (ns) and position (rad) of sample i at 200 Hz for a motion of 1 rad/s."""
     return START + i * 5 * MS, i * 0.005
 
 
@@ -88,7 +88,7 @@ def test_joint_states_of_ros_2_become_covariates(press, tmp_path):
     assert sorted(recording.covariates) == [
         f"{joint}{kind}" for joint in ("finger", "joint1") for kind in ("", ".effort", ".velocity")
     ]
-    # at the stamps, not at the times at which they were logged
+    # at the stamps, not at the log times
     np.testing.assert_allclose(recording.covariates["joint1"], recording.time, atol=1e-6)
     np.testing.assert_allclose(recording.covariates["finger"], -recording.time, atol=1e-6)
     np.testing.assert_allclose(recording.covariates["finger.effort"], 2 * recording.time, atol=1e-6)
@@ -103,7 +103,7 @@ def test_topics_with_the_same_joint_and_messages_of_some_joints(press, tmp_path)
     write_ros2(tmp_path / "arm.mcap", messages)
     recording = Recording.load(press, streams=[tmp_path / "arm.mcap"], align={"tool": "previous"})
     assert sorted(recording.covariates) == ["left/joint_states/joint1", "right/joint_states/joint1", "tool"]
-    # no stamp: the time of logging counts, 3 ms later
+    # without a stamp, the log time counts, 3 ms later
     np.testing.assert_allclose(
         recording.covariates["right/joint_states/joint1"][1:], 0.003 - recording.time[1:], atol=1e-6
     )

@@ -1,4 +1,4 @@
-"""Boards' CSV files, as their own recorder writes them, and plain tables."""
+"""CSV files of boards, as their own recorder writes them, and plain tables."""
 
 import dataclasses
 import warnings
@@ -23,7 +23,7 @@ HOST = """Timestamp,0-2-1x1-X,0-2-1x1-Y,0-2-1x1-Z,0-2-NxN-X[0],0-2-NxN-Y[0],0-2-
 
 
 def board_file(path, kind, modules=(2, 6), points=2, rows=4):
-    """What paxini-sdk's recorder writes; the counts, ``(rows, pads, points, 3)``."""
+    """Write a file with paxini-sdk's recorder and return its counts, ``(rows, pads, points, 3)``."""
     pytest.importorskip("paxini_sdk")
     from paxini_sdk import registers
     from paxini_sdk.recording import CsvRecorder

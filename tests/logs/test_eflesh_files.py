@@ -1,4 +1,4 @@
-"""eFlesh's recordings: fields of magnetometers beside a robot and a load cell."""
+"""eFlesh recordings: magnetometer fields together with a robot and a load cell."""
 
 import numpy as np
 import pytest
@@ -44,7 +44,7 @@ def test_magnetometers_are_taxels_in_microtesla_beside_the_load_in_newtons(tmp_p
 def test_minus_one_is_no_reading_and_long_gaps_are_not_bridged(tmp_path):
     sensor, states = tables(60)
     states[3:5, 4] = -1
-    states[20:45, 4] = -1  # 2.6 s from one reading to the next
+    states[20:45, 4] = -1  # 2.6 s between two readings
     load = Recording.load(write(tmp_path, sensor, states)).covariates["load"]
     np.testing.assert_allclose(load[4], 350 * NEWTONS, rtol=1e-5)
     assert np.isnan(load[21:45]).all()

@@ -1,4 +1,4 @@
-"""Recording.save and Recording.load: what is saved comes back."""
+"""Round trips of `Recording.save` and `Recording.load`."""
 
 import json
 import os
@@ -20,7 +20,7 @@ def test_what_is_saved_comes_back(tmp_path, suffix):
     path = tmp_path / f"a{suffix}"
     original = recording()
     original.save(path)
-    original.save(path)  # a second time, over it
+    original.save(path)  # overwrites the first file
     loaded = Recording.load(path)
     assert_equal(loaded, original)
     found = {name: value for name, value in loaded.metadata.items() if name != "paxisim"}

@@ -33,10 +33,10 @@ SCENE = """
 
 
 def demonstration(samples, seed):
-    """States as robosuite flattens them, the actions that led to them, and what each joint did by name."""
+    """Return flattened states as in robosuite, the actions, and position and velocity of each joint by name."""
     model = mujoco.MjModel.from_xml_string(SCENE)
     data = mujoco.MjData(model)
-    data.time = 5.0 * seed  # a simulation that ran before
+    data.time = 5.0 * seed  # the simulation has run before
     rng = np.random.default_rng(seed)
     states, actions, joints = [], [], []
     for _ in range(samples):
@@ -51,7 +51,7 @@ def demonstration(samples, seed):
 
 
 def write(path, demos, attributes=None, **obs):
-    """``demos`` is (number, states or None, actions); obs are functions of the number of samples."""
+    """Write ``demos`` of (number, states or None, actions); `obs` are functions of the number of samples."""
     with h5py.File(path, "w") as file:
         data = file.create_group("data")
         data.attrs.update(attributes or {})
@@ -82,7 +82,7 @@ def test_a_simulated_demonstration_is_a_recording(tmp_path):
         **images,
     )
     recording = Recording.load(tmp_path / "demo.hdf5")
-    assert recording.episode.tolist() == [2] * 8 + [10] * 5  # by number, not by text
+    assert recording.episode.tolist() == [2] * 8 + [10] * 5  # sorted as numbers, not as text
     np.testing.assert_allclose(recording.time[:8], np.arange(8) * 0.05, atol=1e-9)
     assert recording.time[8] == 0
     assert recording.measured is None
@@ -122,7 +122,7 @@ def test_states_of_another_scene_stay_together(tmp_path):
 def test_joints_are_added_episode_by_episode(tmp_path):
     states, actions, joints = demonstration(21, 1)
     write(tmp_path / "demo.hdf5", [(3, states, actions)])
-    time = 100 + np.arange(11) * 0.1  # half as often, on a clock of its own
+    time = 100 + np.arange(11) * 0.1  # at half the rate, on a separate clock
     Recording(time, np.zeros((11, 1, 3, 1, 1)), episode=np.full(11, 3)).save(tmp_path / "press.npz")
     covariates = Recording.load(tmp_path / "press.npz", streams=tmp_path / "demo.hdf5").covariates
     np.testing.assert_allclose(covariates["shoulder"], [sample["shoulder"][0] for sample in joints[::2]], atol=1e-6)
@@ -158,7 +158,7 @@ def test_files_that_are_none_are_named(tmp_path):
         file["data/demo_0/states/what"] = states
     with pytest.raises(InvalidValueError, match=r"a.hdf5 is not a complete HDF5 file of robosuite or robomimic"):
         Recording.load(path)
-    with h5py.File(path, "w") as file:  # a size that is claimed, but not stored
+    with h5py.File(path, "w") as file:  # a declared size whose values are not stored
         file.create_dataset("data/demo_0/states", shape=(10**9, 50), dtype=float)
     with pytest.raises(InvalidValueError, match=r"states has shape \(1000000000, 50\), but its values are not stored"):
         Recording.load(path)

@@ -1,4 +1,4 @@
-"""Files that somebody made to do harm, or that a disk damaged: an error of ours, and little memory."""
+"""Malicious or damaged files give a `PaxisimError` and need little memory."""
 
 import json
 import os
@@ -23,7 +23,7 @@ MEBIBYTE = 1 << 20
 
 
 def in_little_memory(code, *words, most=64 * MEBIBYTE):
-    """What a process prints that may use `most` bytes more after its imports than before."""
+    """Return the output of a process that may use at most `most` more bytes after its imports."""
     before = f"""
 import resource, sys
 import numpy, orjson, zipfile, mcap.reader, zstandard, paxisim
@@ -52,7 +52,7 @@ pytestmark = [
 
 
 def message_file(path, *messages, metadata=None, topic="/tactile/measured"):
-    """A recording with these JSON messages."""
+    """Write a recording with the given JSON messages."""
     with open(path, "wb") as file:
         writer = Writer(file, compression=CompressionType.ZSTD)
         writer.start()
@@ -111,7 +111,7 @@ def test_a_chunk_that_unpacks_to_very_much(tmp_path, monkeypatch):
 
 
 def test_a_chunk_whose_frame_claims_very_much(tmp_path):
-    """Room is not made for what a zstd frame says of itself."""
+    """No memory is allocated for the size that a zstd frame declares."""
     path = tmp_path / "a.mcap"
     message_file(path, *[sample(force=[i, 0, 1]) for i in range(300)])
     data = path.read_bytes()
@@ -123,7 +123,7 @@ def test_a_chunk_whose_frame_claims_very_much(tmp_path):
 
 
 def test_an_unloaded_hand_is_no_bomb(tmp_path):
-    """The limit leaves room for what compresses best of all that is real: 28 pads of zeros."""
+    """The limit admits the most compressible real data: 28 pads of zeros."""
     path = tmp_path / "a.mcap"
     with LogWriter(path, {}, flush_interval=1e9) as log:
         for i in range(120):

@@ -1,6 +1,6 @@
-"""LeRobotDatasets with lerobot itself, which has an environment of its own as it needs numpy 2.
+"""LeRobotDatasets with lerobot itself, which needs its own environment because it requires numpy 2.
 
-`PAXISIM_LEROBOT_PYTHON` names that environment's interpreter; ``.ci/run`` says how it is made.
+`PAXISIM_LEROBOT_PYTHON` names the interpreter of that environment; ``.ci/run`` shows how to create it.
 """
 
 import json
@@ -31,7 +31,7 @@ pytest.importorskip("pyarrow")
 
 @pytest.fixture
 def python(tmp_path):
-    """Runs that interpreter; lerobot may not ask for anything on the net."""
+    """Run that interpreter, with lerobot kept offline."""
 
     def run(*words):
         environment = {**os.environ, "HF_HUB_OFFLINE": "1", "HF_HOME": str(tmp_path / "cache"), "PYTHONPATH": ""}
@@ -51,7 +51,7 @@ def lerobot(python):
 
 @pytest.fixture
 def looked(tmp_path, lerobot):
-    """What lerobot's loader makes of a dataset: what it says, and arrays by name."""
+    """Load a dataset with lerobot's loader and return its description and its arrays by name."""
 
     def look(folder):
         lerobot("look", folder, tmp_path / "looked.npz")
@@ -63,7 +63,7 @@ def looked(tmp_path, lerobot):
 
 
 def press():
-    """Two pads of 6x5, three joints and an action, in three episodes of 30, 1 and 20 samples at 50 Hz."""
+    """Return two 6x5 pads, three joints and an action in three episodes of 30, 1 and 20 samples at 50 Hz."""
     rng = np.random.default_rng(0)
     lengths = (30, 1, 20)
     samples = sum(lengths)

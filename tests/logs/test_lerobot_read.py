@@ -1,4 +1,4 @@
-"""LeRobotDatasets that others made: what paxisim reads from them, and what it refuses."""
+"""Foreign LeRobotDatasets: what paxisim reads and what it refuses."""
 
 import json
 
@@ -36,7 +36,7 @@ def nested(array):
 
 
 def dataset(folder, streams, files=1, task=("press", "pull"), **changes):
-    """Two episodes at 10 Hz, without anything that paxisim adds; `streams` are arrays, or arrays and what is said."""
+    """Write two episodes at 10 Hz without paxisim's additions; `streams` are arrays or (array, description) pairs."""
     frame = np.concatenate([np.arange(n) for n in LENGTHS])
     episode = np.repeat([0, 1], LENGTHS)
     arrays = {name: given[0] if isinstance(given, tuple) else given for name, given in streams.items()}
@@ -110,7 +110,7 @@ def test_all_pads_in_one_feature(tmp_path):
 
 
 def test_tensors_as_the_extension_type_that_lerobot_registers(tmp_path):
-    """Where its library is imported too, Arrow has a type of its own for them."""
+    """If its library is imported too, Arrow knows a separate type for the tensors."""
 
     class Array3D(pa.ExtensionType):
         def __init__(self):
@@ -154,7 +154,7 @@ def test_pads_that_differ(tmp_path):
     with pytest.raises(InvalidValueError, match="measured has the pads left, expected left, right"):
         Recording.load(dataset(tmp_path / "streams", features))
     Recording(np.arange(3) * 0.1, values(1, 3, 1, 1)[:3]).save(tmp_path / "press.npz")
-    found = Recording.load(tmp_path / "press.npz", streams=tmp_path / "streams")  # for which its pads do not matter
+    found = Recording.load(tmp_path / "press.npz", streams=tmp_path / "streams")  # streams do not depend on the pads
     np.testing.assert_allclose(found.covariates["gripper"], features["gripper"][:3], atol=1e-6)
 
 
@@ -225,7 +225,7 @@ def test_what_paxisim_says_of_a_dataset_is_checked(tmp_path, about):
 
 
 def test_names_and_times_of_episodes_that_came_or_went(tmp_path):
-    """LeRobot's own numbers are left where it has added episodes since."""
+    """LeRobot's own episode numbers are kept if it has added episodes since."""
     path = dataset(tmp_path / "set", {"observation.tactile.left": values(3, 2, 1)})
     about = {"metadata": {"profile": "a"}, "episodes": [7, 3], "begins": [5.0, 9.0]}
     (path / "meta/paxisim.json").write_text(json.dumps(about))
@@ -282,7 +282,7 @@ def test_episodes_that_are_no_whole_numbers(tmp_path, number):
 
 @pytest.mark.parametrize("shape", [(100_000_000,), (10, 10_000_000)], ids=["rows", "lists"])
 def test_a_file_that_unpacks_to_very_much(tmp_path, monkeypatch, shape):
-    """Numbers that are the same take no room in Parquet."""
+    """Repeated values take almost no space in Parquet."""
     path = dataset(tmp_path / "set", {"observation.tactile.left": values(3, 2, 1)}) / "data/chunk-000/file-000.parquet"
     zeros = pa.array(np.zeros(shape, np.float32).ravel())
     if len(shape) > 1:

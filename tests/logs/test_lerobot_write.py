@@ -1,4 +1,4 @@
-"""LeRobotDatasets that paxisim writes: the layout of format v3.0, and that the recording comes back."""
+"""LeRobotDatasets written by paxisim: the layout of format v3.0, and round trips of the recording."""
 
 import json
 import os
@@ -32,7 +32,7 @@ def write(path, original, **options):
 
 
 def press(lengths=(30, 20), rate=50.0, **changes):
-    """Two pads of 6x5, three joints, a gripper's pose and an action, exactly at `rate`."""
+    """Return two 6x5 pads, three joints, a gripper's pose and an action, sampled exactly at `rate`."""
     rng = np.random.default_rng(3)
     samples = sum(lengths)
     fields = {
@@ -53,7 +53,7 @@ def press(lengths=(30, 20), rate=50.0, **changes):
 
 
 def assert_back(found, original, atol=1e-6):
-    """Equal as far as float32 goes, tensors to the bit."""
+    """Assert that two recordings are equal: tensors bit for bit, the rest to float32 precision."""
     np.testing.assert_allclose(found.time, original.time, rtol=0, atol=atol)
     for name in ("measured", "simulated"):
         if getattr(original, name) is None:
@@ -86,7 +86,7 @@ def test_what_is_simulated_a_unit_and_curved_taxels_come_back(tmp_path):
     original = recording(layout=curved, metadata={"unit": "uT"})
     write(tmp_path / "set", original)
     found = Recording.load(tmp_path / "set")
-    assert_back(found, original, atol=1.1e-3)  # its samples are up to 1 ms off a clock of 100 Hz
+    assert_back(found, original, atol=1.1e-3)  # samples are up to 1 ms off a 100 Hz clock
     assert found.episode[0] == 4
     assert found.unit == "uT"
     np.testing.assert_allclose(found.time[:25] - found.time[0], np.arange(25) / 100, atol=1e-7)
@@ -205,7 +205,7 @@ def test_which_covariates_are_the_state_and_the_action(tmp_path):
 
 
 def test_an_irregular_recording_is_resampled(tmp_path):
-    late = press(rate=10.4)  # of 3 s, whose last sample would be a frame too late at 10 Hz
+    late = press(rate=10.4)  # 3 s long; at 10 Hz its last sample would be one frame too late
     said = write(tmp_path / "a", late)
     assert "at 10 Hz, resampled because its samples are irregular" in said
     expected = late.resample(10)
@@ -263,9 +263,9 @@ def test_episodes_of_one_frame(tmp_path):
 
 
 def test_a_large_recording_has_several_files(tmp_path, monkeypatch):
-    """Each episode is whole in one file, and a file ends where it would grow beyond 100 MB."""
+    """Each episode is in a single file, and a file ends before it would exceed 100 MB."""
     monkeypatch.setattr(lerobot_tables, "FILE_MEGABYTES", 0.05)
-    original = press((40, 20, 5, 50, 60))  # about 0.8 kB a frame
+    original = press((40, 20, 5, 50, 60))  # about 0.8 kB per frame
     write(tmp_path / "set", original)
     files = sorted((tmp_path / "set/data").rglob("*.parquet"))
     assert [parquet.read_metadata(file).num_rows for file in files] == [60, 55, 60]
@@ -313,7 +313,7 @@ import resource, signal, sys
 sys.path.insert(0, {str(os.path.dirname(__file__))!r})
 from test_lerobot_write import press, write
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))  # as a disk that is full
+resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))  # like a full disk
 from pathlib import Path
 try:
     write(Path({str(tmp_path / "set")!r}), press())

@@ -1,4 +1,4 @@
-"""LogWriter and read_log: whole files, and those that end anywhere."""
+"""`LogWriter` and `read_log`: complete files, and files cut off at any point."""
 
 import json
 import math
@@ -28,7 +28,7 @@ FORCE = counts(40)
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
-    """A log with ten chunks, and how many samples each length of the file holds at least."""
+    """A log with ten chunks, and the minimum number of samples at each length of the file."""
     path = tmp_path_factory.mktemp("whole") / "a.mcap"
     lengths = []
     with LogWriter(path, {"layout": LAYOUT, "pads": ("left", "right"), "scene": "<mujoco/>"}) as log:
@@ -72,7 +72,7 @@ def test_arrays_of_any_memory_order_are_written(tmp_path):
     np.testing.assert_array_equal(streams["covariate/matrix"].values, resultant[None])
 
 
-# a disk that lost its power may leave zeros
+# a power failure may leave zeros
 @given(part=st.floats(0, 1, exclude_max=True), zeros=st.sampled_from([0, 1, 500]))
 @settings(max_examples=150, deadline=None)
 def test_cut_anywhere_what_is_whole_is_read(tmp_path_factory, whole, part, zeros):
@@ -88,7 +88,7 @@ def test_cut_anywhere_what_is_whole_is_read(tmp_path_factory, whole, part, zeros
         return
     assert not log.complete
     samples = log.streams["measured"].values if "measured" in log.streams else FORCE[:0]
-    # the index behind a chunk may be cut
+    # the index after a chunk may be cut
     assert len(samples) in (least, least + 4)
     np.testing.assert_array_equal(samples, FORCE[: len(samples)])
 
@@ -120,7 +120,7 @@ def test_a_damaged_first_chunk_costs_its_own_samples_alone(tmp_path, whole):
     np.testing.assert_array_equal(log.streams["measured"].values, FORCE[4:])
     with pytest.warns(UserWarning, match=r"a\.mcap is cut off or damaged; .* 36 samples, the last at 0\.000 s"):
         assert len(Recording.load(path)) == 36
-    path.write_bytes(content[:-10])  # nor is there an end, which repeats what the channels are
+    path.write_bytes(content[:-10])  # without the footer, which repeats the channels
     with pytest.raises(InvalidValueError, match=r"a\.mcap is damaged: none of its samples can be read"):
         read_log(path)
 
@@ -143,7 +143,7 @@ def test_killed_at_a_random_moment_the_last_second_is_missing_at_most(tmp_path, 
 
 def test_what_a_pad_in_error_says_is_not_known(tmp_path):
     path = tmp_path / "a.mcap"
-    statuses = [(0, 0), (0, 7), (254, 0), (0, 128)]  # the last is no error
+    statuses = [(0, 0), (0, 7), (254, 0), (0, 128)]  # the last status is not an error
     with LogWriter(path, {}) as log:
         for i, status in enumerate(statuses):
             log.write_at("measured", START + i, FORCE[i], status=status, resultant=FORCE[i].sum((2, 3)))
@@ -192,7 +192,7 @@ log.close()
     done = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=True)
     written = int(done.stdout)
     log = read_log(tmp_path / "a.mcap")
-    assert log.complete  # it has an end, as other programs want it
+    assert log.complete  # it has the footer that other programs expect
     assert written > 10
     np.testing.assert_array_equal(log.streams["measured"].values, counts(1000)[:written])
 

@@ -1,4 +1,4 @@
-"""Parquet tables: those of paxisim come back, and the columns of LeRobot's data sets are read."""
+"""Parquet tables: round trips of paxisim's own tables, and columns of LeRobot datasets."""
 
 import json
 import subprocess
@@ -33,7 +33,7 @@ def test_what_convert_writes_comes_back(tmp_path):
 
 
 def lerobot(folder, fixed, names=None, extra=()):
-    """Two episodes of 3 and 4 frames at 10 Hz, as LeRobot lays them out; gives the path of the table."""
+    """Write two episodes of 3 and 4 frames at 10 Hz in LeRobot's layout; return the table's path and the state."""
     frames = [(episode, frame) for episode, count in ((0, 3), (1, 4)) for frame in range(count)]
     state = np.array([[episode + frame / 10, -frame] for episode, frame in frames], np.float32)
     kind = pa.list_(pa.float32(), 2) if fixed else pa.list_(pa.float32())

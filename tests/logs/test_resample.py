@@ -1,4 +1,4 @@
-"""Streams of different rates on one time axis."""
+"""Streams of different rates resampled onto one time axis."""
 
 import numpy as np
 import pytest
@@ -62,7 +62,7 @@ def test_two_samples_at_one_time_and_a_single_one():
 
 
 def write(path, simulated_ms=None, temperature_ms=None, marks=()):
-    """Measured every 10 ms for 0.5 s, beside streams whose values are their times in ms."""
+    """Write a measured stream, every 10 ms for 0.5 s, and streams whose values are their times in ms."""
     with LogWriter(path, {}) as log:
         for number, ms in marks:
             log.write_at("episode", START + ms * MS, number)
@@ -121,7 +121,7 @@ def test_streams_that_do_not_overlap(tmp_path):
 
 
 def in_bursts(seconds=5.0):
-    """Times (ms) at which lines of 100 Hz arrive whose program hands over 110 of them at once, some after a stall."""
+    """Return arrival times (ms) of 100 Hz lines from a program that flushes 110 at once, some after a stall."""
     late = np.where(np.arange(110) == 60, 5.0, 0.02).cumsum()
     return np.concatenate([start + late for start in np.arange(0, seconds * 1000, 1100)])
 
@@ -135,7 +135,7 @@ def test_what_comes_in_bursts_is_known_between_them_with_a_warning(tmp_path):
     with pytest.warns(UserWarning, match=r"opening came in bursts, 1.1 s apart.*buffers its output; let it flush"):
         opening = Recording.load(tmp_path / "a.mcap").covariates["opening"]
     assert np.isfinite(opening[1:45]).all()
-    assert np.all(np.abs(opening[1:45] - 10 * np.arange(1, 45)) <= 110)  # late by a burst at most
+    assert np.all(np.abs(opening[1:45] - 10 * np.arange(1, 45)) <= 110)  # late by at most one burst
 
 
 def test_a_pause_is_a_gap_also_where_samples_come_fast():

@@ -1,4 +1,4 @@
-"""A stream that stops while the other goes on is found; rest, holding still and coarse counts are not taken for one."""
+"""A stream that stops while the other goes on is detected; rest, held loads and coarse counts are no stop."""
 
 from dataclasses import replace
 
@@ -18,7 +18,7 @@ def stopped_in_words(recording):
 
 
 def presses(noise=0.01, step=0.0, seed=0):
-    """Eight presses on one pad of 2x2 taxels, at rest in between."""
+    """Return eight presses on a pad of 2x2 taxels, at rest in between."""
     rng = np.random.default_rng(seed)
     course = np.maximum(np.sin(2 * np.pi * TIME / 5), 0) ** 2 * (TIME % 5 < 2.5)
     force = course[:, None, None, None, None] * rng.uniform(0.5, 2, (1, 1, 3, 2, 2))

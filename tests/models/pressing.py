@@ -1,4 +1,4 @@
-"""Scenes for reading forces: one object of any shape pressed on a tilted pad, or squeezed between two."""
+"""Scenes for reading forces: an object pressed on a tilted pad, or squeezed between two pads."""
 
 import mujoco
 import numpy as np
@@ -14,7 +14,7 @@ from paxisim.models.pads import Pads, find_pads
 LAYOUT = TaxelLayout(3, 4, 4e-3)
 TILTED = tuple(Rotation.from_euler("xyz", [70, -40, 110], degrees=True).as_quat()[[3, 0, 1, 2]])
 
-# of each object: its geom, whose z meets the pad, and how far that is from the centre (m)
+# for each object: its geom, which meets the pad along z, and the distance from its centre to the contact (m)
 OBJECTS = {
     "box": ('<geom type="box" size="0.006 0.005 0.004"', 0.004),
     "sphere": ('<geom type="sphere" size="0.008"', 0.008),
@@ -36,9 +36,9 @@ JOINTS = {
 def scene(
     shape: str = "box", *, pads_first=True, joint="fixed", cone="elliptic", attributes="", pad=None, quat=TILTED
 ) -> tuple[mujoco.MjModel, Pads, mujoco.MjData]:
-    """One tilted pad on a carrier and, pressed 0.2 mm into it, an object that is free but slow; no gravity.
+    """Return a tilted pad on a carrier with a free, damped object pressed 0.2 mm into it; no gravity.
 
-    The object can be pushed with `push`.
+    Use `push` to push the object.
     """
     geom, reach = OBJECTS[shape]
     carrier = f"""<body name="carrier" pos="0.1 -0.2 0.3" quat="{" ".join(map(str, quat))}">{JOINTS[joint]}
@@ -58,12 +58,12 @@ def scene(
 
 
 def rotation(data: mujoco.MjData, pads: Pads, pad: int = 0) -> np.ndarray:
-    """Pad frame to world frame."""
+    """Return the rotation from the pad frame to the world frame."""
     return data.xmat[pads.bodies[pad]].reshape(3, 3)
 
 
 def place_object(model, data, pads, pos) -> None:
-    """Put the object at `pos` of the first pad's frame (m), its axes along the pad's."""
+    """Put the object at `pos` (m, first pad's frame), with its axes along the pad's."""
     mujoco.mj_forward(model, data)
     to_world = rotation(data, pads)
     start = model.joint("object").qposadr[0]
@@ -73,16 +73,16 @@ def place_object(model, data, pads, pos) -> None:
 
 
 def push(model, data, pads, force, steps: int) -> None:
-    """Push the object's centre with `force` (N, first pad's frame) for some steps."""
+    """Push the object's centre with `force` (N, first pad's frame) for `steps` steps."""
     for _ in range(steps):
         data.body("object").xfrc_applied[:3] = rotation(data, pads) @ force
         mujoco.mj_step(model, data)
 
 
 def give_gap(model, data, geoms) -> None:
-    """List contacts within 1 mm that become active only when they touch."""
+    """Make MuJoCo list contacts within 1 mm that become active only when the geoms touch."""
     model.geom_gap[geoms] = model.body_margin[model.geom_bodyid[geoms]] = 1e-3
-    # MuJoCo 3.5 counts the gap as a part of the margin, 3.9 on top of it
+    # MuJoCo 3.5 includes the gap in the margin, MuJoCo 3.9 adds it to the margin
     for margin in (0, 1e-3):
         model.geom_margin[geoms] = margin
         mujoco.mj_forward(model, data)
@@ -91,13 +91,13 @@ def give_gap(model, data, geoms) -> None:
 
 
 def turned(quat) -> np.ndarray:
-    """The orientation of a pad that faces one of orientation `quat`."""
+    """Return the orientation of a pad that faces a pad with orientation `quat`."""
     facing = Rotation.from_quat(np.roll(quat, -1)) * Rotation.from_rotvec([np.pi, 0, 0])
     return np.roll(facing.as_quat(), 1)
 
 
 def squeezed(shape: str, *, cone="elliptic", grip=4.0, pad=None, order=("fixed", "object", "moving")):
-    """An object of 50 g held by friction between a fixed pad and one pressed against it, hand tilted, in gravity."""
+    """Return an object of 50 g held by friction between a fixed and a moving pad, under oblique gravity."""
     geom, reach = OBJECTS[shape]
     bodies = {
         "fixed": '<body name="fixed"/>',
@@ -107,7 +107,7 @@ def squeezed(shape: str, *, cone="elliptic", grip=4.0, pad=None, order=("fixed",
     world = f"""<mujoco><option timestep="0.002" cone="{cone}" impratio="10"/>{WEDGE}
       <worldbody>{"".join(bodies[name] for name in order)}</worldbody>
       <actuator><motor name="grip" joint="grip"/></actuator></mujoco>"""
-    # the pads face each other along the world's z, turned about it
+    # the pads face each other along the world's z axis and are turned about it
     quat = Rotation.from_euler("z", 30, degrees=True).as_quat()[[3, 0, 1, 2]]
     mounts = [
         Mount("fixed", quat=tuple(quat)),
@@ -116,7 +116,7 @@ def squeezed(shape: str, *, cone="elliptic", grip=4.0, pad=None, order=("fixed",
     # stiff enough for a sphere, which a single taxel may have to carry
     gripper = attach(world, pad or Pad(LAYOUT, gel=Gel(modulus=3e6, thickness=1e-3)), mounts)
     model = gripper.compile()
-    # gravity across the pads: friction carries half of the weight
+    # gravity is mostly along the pads' surfaces: friction carries 80 % of the weight
     model.opt.gravity = Rotation.from_euler("xy", [50, 20], degrees=True).apply([0, 0, -9.81])
     pads = gripper.bind(model)
     data = mujoco.MjData(model)

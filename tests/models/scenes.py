@@ -1,4 +1,4 @@
-"""Scenes that several tests share: a plate on a pad, a two-finger gripper in plain MJCF, an arm to carry it."""
+"""Scenes shared by several tests: a plate on a pad, a two-finger gripper in plain MJCF, an arm that carries it."""
 
 import mujoco
 import numpy as np
@@ -10,7 +10,7 @@ from paxisim.models.pads import Pads, find_pads
 PAPER = TaxelLayout(12, 10, (26.1e-3 / 12, 22.6e-3 / 10))
 POOLED = PAPER.pool(2, 2)
 
-# Closes along x, points down. It has one of everything that attaching must keep.
+# The gripper closes along x and points down. It has one of everything that `attach` must keep.
 GRIPPER = """
 <mujoco model="gripper">
   <compiler angle="radian" autolimits="true"/>
@@ -104,7 +104,7 @@ ARM = """
 
 
 def compiled(pad: Pad, **options) -> tuple[mujoco.MjModel, Pads]:
-    """The pad by itself."""
+    """Compile the pad on its own and find it in the model."""
     model = mujoco.MjModel.from_xml_string(pad.to_xml())
     set_options(model, **options)
     return model, find_pads(model)
@@ -118,19 +118,19 @@ def set_options(model: mujoco.MjModel, *, timestep=2e-3, cone="elliptic", imprat
 
 
 def plate_under_pad(pad: Pad, *, mass=0.5, joint="slide", attributes="", apply=True, size=0.05, **options):
-    """A plate that touches the pad from outside (-z) and is free to move along z, or also along x or y.
+    """Return a plate that touches the pad from outside (-z) and is free to move along z, or also along x or y.
 
     Args:
         pad: The pad.
         mass: Mass of the plate (kg).
-        joint: ``"slide"`` (along z) or axes of slides, e.g. ``"zx"``.
-        attributes: More attributes of the plate's geom.
+        joint: ``"slide"`` (along z) or the axes of the slides, e.g. ``"zx"``.
+        attributes: Additional attributes of the plate's geom.
         apply: Whether the pad's gel is applied to the compiled model.
-        size: Half of the plate's edge (m).
-        **options: For `set_options`.
+        size: Half the edge length of the plate (m).
+        **options: Passed to `set_options`.
 
     Returns:
-        Model, pads and fresh data; ``qpos[0]`` is how far the plate is pushed into the flat surface (m).
+        Model, pads and fresh data; ``qpos[0]`` is the indentation of the flat surface (m).
     """
     axes = "z" if joint == "slide" else joint
     vectors = {"x": "1 0 0", "y": "0 1 0", "z": "0 0 1"}
@@ -150,7 +150,7 @@ def plate_under_pad(pad: Pad, *, mass=0.5, joint="slide", attributes="", apply=T
 
 
 def settle(model: mujoco.MjModel, data: mujoco.MjData, force, seconds: float) -> None:
-    """Push the joints with `force` (N, one per degree of freedom) for that long."""
+    """Push the joints with `force` (N, one per degree of freedom) for `seconds`."""
     data.qfrc_applied[: np.size(force)] = force
     for _ in range(round(seconds / model.opt.timestep)):
         mujoco.mj_step(model, data)

@@ -1,4 +1,4 @@
-"""Attach: what a gripper keeps, what it gains, and what it reads on an arm."""
+"""`attach`: what a gripper keeps, what it gains, and what it reads on an arm."""
 
 import hashlib
 import os
@@ -56,7 +56,7 @@ def names_of(model: mujoco.MjModel) -> dict[str, list[str]]:
 
 
 def same_by_name(before, after, kind, fields):
-    """The fields of every named object of a kind are as they were."""
+    """Check that the fields of every named object of a kind are unchanged."""
     prefix = {"u": "actuator"}.get(kind, kind)
     names = [name for name in names_of(before)[kind] if name]
     assert names
@@ -126,7 +126,7 @@ def test_default_classes_stay_and_still_work():
 
 
 def test_the_grippers_defaults_do_not_reach_the_pads(tmp_path):
-    """Also not after saving, where the defaults are written out anew."""
+    """Nor do they after saving, where the defaults are written out again."""
     text = GRIPPER.replace(
         '<geom friction="0.7 0.01 0.001"/>',
         '<geom friction="0.7 0.01 0.001" margin="0.004" gap="0.001" condim="6" group="3" solmix="7" type="capsule"/>',
@@ -200,7 +200,7 @@ def test_quaternions_are_normalised_and_mounts_have_their_bodys_name():
     assert hash(mount) == hash(Mount("tip", (1.0, 2.0, 3.0), (0, 0, 0, 1), ("a", 1)))
 
 
-@pytest.mark.filterwarnings("ignore:pads")  # its mounts are no places for a pad
+@pytest.mark.filterwarnings("ignore:pads")  # the mounts are no sensible places for a pad
 def test_replaced_geoms_are_off_and_others_are_not(bare, model):
     def collides(which):
         return bool(which.contype[0] or which.conaffinity[0])
@@ -226,7 +226,7 @@ def test_touch_sensors_that_will_not_feel_the_pads_are_named():
 
 
 def test_explicit_pairs_of_replaced_geoms_are_removed_and_others_are_not():
-    """MuJoCo lets the geoms of a pair meet whatever their contact bits say."""
+    """MuJoCo lets the geoms of a pair collide regardless of their contact bits."""
     pairs = '<pair geom1="left_tip" geom2="palm"/><pair geom1="left_link" geom2="right_link"/>'
     model = attach(GRIPPER.replace("<contact>", "<contact>" + pairs), PAD, MOUNTS).compile()
     assert [model.geom(geom).name for geom in model.pair_geom1] == ["left_link"]
@@ -286,7 +286,7 @@ def test_pads_share_the_exclusions_of_their_bodies(model):
 
 
 def test_an_excluded_body_does_not_touch_the_pad():
-    """A bracket in front of the pad, excluded from the finger that carries it, as many grippers have them."""
+    """Many grippers have a bracket in front of the pad that is excluded from contact with the finger."""
     block = '<geom type="box" size="0.05 0.05 0.05"/>'
     bracket = f'<body name="bracket" pos="0 0 -0.06"><joint type="slide"/>{block}</body>'
     text = GRIPPER.replace('<body name="left_finger"', f'{bracket}<body name="left_finger"', 1)
@@ -302,7 +302,7 @@ def test_an_excluded_body_does_not_touch_the_pad():
     assert not touches(text.replace("<contact>", '<contact><exclude body1="bracket" body2="left_finger"/>'))
 
 
-# every way in
+# input types
 
 
 def test_a_spec_a_file_and_text_give_the_same(tmp_path):
@@ -360,7 +360,7 @@ def test_the_same_bytes_in_every_process():
     assert done.stdout.strip() == digest()
 
 
-# the handle
+# the pads that bind returns
 
 
 def test_bind_and_find_pads_agree_whatever_the_order_of_the_mounts(tmp_path):
@@ -386,7 +386,7 @@ def test_bind_keeps_the_vendors_order_of_the_taxels():
     gripper = attach(GRIPPER, layout, MOUNTS)
     model = gripper.compile()
     assert gripper.bind(model).layouts == (layout, layout)
-    assert find_pads(model).layout.vendor_order is None, "a model does not say it"
+    assert find_pads(model).layout.vendor_order is None, "a model does not store it"
 
 
 def test_bind_gives_the_gel():
@@ -408,7 +408,7 @@ def test_a_model_without_the_pads_cannot_be_bound(bare):
         gripper.bind(gripper.compile(), prefix="x_")
 
 
-@pytest.mark.filterwarnings("ignore:pads")  # its mounts are no places for a pad
+@pytest.mark.filterwarnings("ignore:pads")  # the mounts are no sensible places for a pad
 def test_fusestatic_does_not_swallow_the_pads():
     for inner, body in (("", "finger"), ("<body name='tip'><geom name='g' size='0.01'/></body>", "tip")):
         text = f"""<mujoco><compiler fusestatic='true'/><worldbody><body name='finger'>
@@ -435,7 +435,7 @@ def test_a_urdf_gripper(tmp_path):
 
 
 def mesh_gripper(folder: Path, suffix="stl") -> Path:
-    """A gripper file whose fingertips are meshes in a folder of its own."""
+    """Write a gripper file whose fingertips are meshes in a separate folder, and return its path."""
     (folder / "gripper" / "parts").mkdir(parents=True)
     trimesh.creation.box([4e-3, 28e-3, 32e-3]).export(folder / "gripper" / "parts" / f"tip.{suffix}")
     text = GRIPPER.replace("<compiler ", '<compiler meshdir="parts" ')
@@ -454,7 +454,7 @@ def test_a_saved_gripper_finds_its_meshes_from_where_it_was_saved(tmp_path, suff
     out.mkdir(parents=True)
     (out / "saved.xml").write_text(gripper.to_xml(out))
     (out / "absolute.xml").write_text(gripper.to_xml())
-    assert str(tmp_path) not in (out / "saved.xml").read_text(), "relative: the folder may move"
+    assert str(tmp_path) not in (out / "saved.xml").read_text(), "paths are relative, so the folder may move"
     reference = gripper.compile()
     monkeypatch.chdir(out.parent)
     for name in ("saved.xml", "absolute.xml"):
@@ -474,13 +474,13 @@ def test_a_saved_gripper_without_files_names_no_folders():
 
 
 def test_what_is_saved_behaves_as_what_was_compiled(tmp_path):
-    """Forces of a squeeze, to the digits that a file keeps."""
+    """The forces of a squeeze agree to the precision of the saved file."""
     gripper = attach(GRIPPER, Pad(POOLED, heights=np.linspace(0.9e-3, 1.1e-3, 30).reshape(6, 5)), MOUNTS)
     saved = mujoco.MjModel.from_xml_string(gripper.to_xml())
     forces = []
     for model in (gripper.compile(), saved):
         gripper.bind(model)
-        model.geom_contype[find_pads(model).geoms] = 1  # pads that press on each other will do for this
+        model.geom_contype[find_pads(model).geoms] = 1  # pads that press on each other suffice here
         model.body_contype[:] = 1
         set_options(model)
         data = mujoco.MjData(model)
@@ -530,7 +530,7 @@ def test_attached_twice_to_an_arm_each_handle_is_its_own():
 
 
 def test_on_an_arm_sites_keep_their_materials():
-    """MuJoCo loses them where a spec that was compiled is attached; so attach compiles a copy."""
+    """MuJoCo loses them when a compiled spec is attached, so `attach` compiles a copy."""
     gripper = attach(GRIPPER.replace('name="grip_site"', 'name="grip_site" material="black"'), PAD, MOUNTS)
     gripper.bind(gripper.compile())
     gripper.to_xml()
@@ -551,7 +551,7 @@ def test_a_surface_for_one_hand_leaves_the_other_alone():
 @pytest.mark.parametrize("cone", ["elliptic", "pyramidal"])
 @pytest.mark.parametrize("turned", [False, True], ids=["upright", "turned"])
 def test_a_squeezed_box_is_in_balance(cone, turned):
-    """What the box pushes the pads with is its weight, and each pad carries the motor's force."""
+    """The box loads the pads with its weight, and each pad carries the motor's force."""
     gripper = attach(GRIPPER, PAD, MOUNTS)
     mass, squeeze = 0.2, 8.0
     box = f"<body name='box'><freejoint/><geom type='box' size='0.02 0.02 0.03' mass='{mass}'/></body>"
@@ -577,12 +577,12 @@ def test_a_squeezed_box_is_in_balance(cone, turned):
     total = np.einsum("pij,pjrc->i", axes, force)
     np.testing.assert_allclose(total, [0, 0, -mass * 9.81], atol=0.01 * mass * 9.81)
     np.testing.assert_allclose(force[:, 2].sum(axis=(1, 2)), squeeze, rtol=0.15)
-    assert np.mean(force[:, 2] > 0.01) > 0.9, "a flat box lights the pads"
+    assert np.mean(force[:, 2] > 0.01) > 0.9, "a flat box loads most taxels"
     if not turned:
         assert force[:, 2].sum() == pytest.approx(force[:, 2].sum(axis=(1, 2))[0] * 2, rel=0.2)
 
 
-# twice on one gripper
+# two calls on one gripper
 
 
 def test_fingertips_and_palm_in_two_calls():

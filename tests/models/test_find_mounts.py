@@ -43,14 +43,14 @@ def two_fingers(left=BOX, right=BOX, actuators=SERVOS, asset="", palm=""):
 
 
 def frame(mount):
-    """Columns x, y, z of the pad frame in the body frame."""
+    """Return the x, y and z axes of the pad frame as columns in the body frame."""
     matrix = np.zeros(9)
     mujoco.mju_quat2Mat(matrix, np.array(mount.quat))
     return matrix.reshape(3, 3)
 
 
 def check_two(found, x, size, centre=0.0, atol=1e-4):
-    """The fingers look along x at each other, at `x` from the bodies' origins; rows along z, away from the palm."""
+    """Check that the faces oppose each other along x, `x` from their bodies' origins, with rows along z."""
     assert [m.body for m in found.mounts] == ["left", "right"]
     for face, side in zip(found.faces, (1, -1), strict=True):
         np.testing.assert_allclose(face.mount.pos, (side * x, 0, centre), atol=atol)
@@ -154,7 +154,7 @@ def test_mesh_fingers():
 
 
 def test_pad_in_front_of_a_finger():
-    # the pad, 0.5 mm proud of the finger, is the face; the finger behind it would shadow taxels and goes too
+    # the face is the pad, 0.5 mm proud of the finger; the finger is replaced too because it would shadow taxels
     left = BOX + '<geom name="lp" type="box" pos="0.003 0 0.02" size="0.0025 0.008 0.008" mass="0"/>'
     right = BOX + '<geom name="rp" type="box" pos="-0.003 0 0.02" size="0.0025 0.008 0.008" mass="0"/>'
     found = find_mounts(two_fingers(left, right))
@@ -222,7 +222,7 @@ def test_one_actuator_that_moves_both():
 
 
 def linkage(name, side):
-    """A finger kept upright by its linkage, and the passive knuckle beside it; closes towards -side."""
+    """Return a finger kept upright by its linkage, with a passive knuckle beside it; it closes towards -side."""
     return f"""
     <body name="{name}_outer" pos="{side * 0.05} 0 0.02">
       <joint name="{name}_outer" axis="0 {-side} 0" range="-0.6 0.9" damping="0.05"/>
@@ -333,7 +333,7 @@ def test_nothing_moves():
 
 
 def test_nothing_opposes():
-    # the finger comes nearer to the block, but passes it
+    # the finger approaches the block but passes it
     xml = """
     <mujoco><worldbody><geom type="box" size="0.01 0.01 0.01" pos="0.1 0.08 0"/><body name="finger">
       <joint name="finger" type="slide" axis="1 0 0" damping="5"/><geom size="0.01" mass="0.1"/>
@@ -352,7 +352,7 @@ def test_a_finger_without_a_name():
 def test_choose_mounts_finds_for_an_unknown_gripper(tmp_path):
     mounts, report = choose_mounts(load_spec(two_fingers()))
     assert (mounts, report) == (find_mounts(two_fingers()).mounts, find_mounts(two_fingers()).report)
-    # the name of a known gripper alone does not make it one
+    # the file name of a known gripper is not enough
     path = tmp_path / "panda_gripper.xml"
     path.write_text(two_fingers())
     assert choose_mounts(load_spec(path), str(path))[0] == mounts

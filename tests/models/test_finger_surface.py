@@ -18,7 +18,7 @@ ROUND_FINGER = """
   </worldbody>
 </mujoco>
 """
-# the pad looks along the finger's x, rows run along the capsule
+# the pad faces along the finger's x axis, and its rows run along the capsule
 MOUNT = paxisim.Mount("finger", pos=(0.012, 0, 0), quat=(0.5, -0.5, -0.5, 0.5), replaces=("tip",))
 GRID = paxisim.TaxelLayout(5, 4, 0.004)
 
@@ -54,7 +54,7 @@ def test_the_pad_reads_what_presses_on_it():
     )
     world.attach(finger.spec, frame=world.worldbody.add_frame(), prefix="f/")
     model = world.compile()
-    # the finger's x looks up, under the plate
+    # point the finger's x axis up, below the plate
     model.body_pos[model.body("f/finger").id] = 0
     model.body_quat[model.body("f/finger").id] = [0.5**0.5, 0, -(0.5**0.5), 0]
     model.body_pos[model.body("plate").id] = [0, 0, 0.0175]

@@ -1,4 +1,4 @@
-"""Gel: the stiffness, damping and friction that were asked for are those that pressing measures."""
+"""Gel: pressing measures the stiffness, damping and friction that were specified."""
 
 import mujoco
 import numpy as np
@@ -17,10 +17,10 @@ CONES = ["elliptic", "pyramidal"]
 
 
 def pressed_stiffness(pad, force, seconds=0.5, **scene):
-    """Force over indentation (N/m) of a plate pressed onto the whole pad."""
+    """Return force over indentation (N/m) of a plate pressed onto the whole pad."""
     model, _, data = plate_under_pad(pad, **scene)
     settle(model, data, force, seconds)
-    assert abs(data.qvel[0]) < 1e-5, "at rest"
+    assert abs(data.qvel[0]) < 1e-5, "not at rest"
     return force / data.qpos[0]
 
 
@@ -100,7 +100,7 @@ def test_what_the_object_is_made_of_does_not_matter(attributes):
 
 @pytest.mark.parametrize("held", ["fixed", "heavy"])
 def test_a_pad_on_a_finger_is_as_stiff_as_one_on_the_world(held):
-    """The pad moves onto a plate that does not, or onto one that is free in all directions."""
+    """The pad presses on a fixed plate, or on a heavy one that is free in all directions."""
     pad = Pad(POOLED)
     plate = "<freejoint/>" if held == "heavy" else ""
     mass = 20.0 if held == "heavy" else 1.0
@@ -117,7 +117,7 @@ def test_a_pad_on_a_finger_is_as_stiff_as_one_on_the_world(held):
     pads = find_pads(model)
     pad.gel.apply(model, pads)
     data = mujoco.MjData(model)
-    # the finger is turned round: its +z is the world's -z, and its pad looks up at the plate
+    # the finger is upside down: its +z is the world's -z, and its pad faces up to the plate
     settle(model, data, -6.0, 0.5)
     total = TactileReadout(model, pads).read_exact(data)[0].sum(axis=(1, 2))
     surface = data.site("p_pad_gel").xpos[2] + 0.5e-3
@@ -131,7 +131,7 @@ def test_a_pad_on_a_finger_is_as_stiff_as_one_on_the_world(held):
 
 
 def pressed_over_time(pad, force, seconds, **scene):
-    """Indentation over its final value, after each step under a load put on at once."""
+    """Return indentation over its final value, after each step under a load applied at once."""
     model, _, data = plate_under_pad(pad, **scene)
     data.qfrc_applied[0] = force
     depths = []
@@ -142,13 +142,13 @@ def pressed_over_time(pad, force, seconds, **scene):
 
 
 def kelvin_voigt(pad, mass, timestep, steps):
-    """The same from the equation of motion, in steps so small that no scheme matters."""
+    """Return the same from the equation of motion, in steps too small for the integration scheme to matter."""
     stiffness, fine = stated_stiffness(pad), 100
     position = speed = 0.0
     shares = []
     for _ in range(steps):
         for _ in range(fine):
-            pull = 1 - position - pad.gel.relaxation * speed  # over the final force
+            pull = 1 - position - pad.gel.relaxation * speed  # net force over the final force
             speed += timestep / fine * pull * stiffness / mass
             position += timestep / fine * speed
         shares.append(position)
@@ -168,7 +168,7 @@ def test_a_step_load_is_answered_as_by_springs_and_dampers(relaxation, timestep,
 @pytest.mark.parametrize("cone", CONES)
 @pytest.mark.parametrize("mass", [0.1, 0.5, 5.0])
 def test_a_load_is_approached_and_kept(mass, cone):
-    """A light plate outruns the time step at first: 5 N throw 0.1 kg past the spring's end in one step."""
+    """A light plate outruns the time step at first: 5 N throw 0.1 kg past the equilibrium."""
     shares = pressed_over_time(Pad(POOLED), 5.0, 0.5, mass=mass, cone=cone)
     assert shares.max() < (1.5 if mass < 0.5 else 1.02), "overshoot"
     np.testing.assert_allclose(shares[100:], 1, atol=0.02)
@@ -193,7 +193,7 @@ def test_an_impact_is_caught_without_tunnelling(timestep):
 
 
 def drag(cone, friction, speed):
-    """Mean force on a pad over which a plate is dragged at `speed` (m/s), pressed with 4.9 N."""
+    """Return the mean force on a pad while a plate, pressed with 4.9 N, is dragged over it at `speed` (m/s)."""
     pad = Pad(POOLED, gel=Gel(friction=friction))
     attributes = 'friction="3 0.1 0.1"'
     scene = {"joint": "zx", "cone": cone, "impratio": 10.0, "attributes": attributes, "size": 0.3}
@@ -234,7 +234,7 @@ def test_below_the_friction_limit_it_holds_and_above_it_slides(friction, cone):
 
 
 def creep(layout, gel=None, **options):
-    """Speed (m/s) per shear force (N) at which a plate creeps that is held with 4.9 N."""
+    """Return the creep speed (m/s) of a plate that is pressed with 4.9 N and sheared with 1 N."""
     pad = Pad(layout, gel=gel or Gel())
     model, _, data = plate_under_pad(pad, joint="zx", **options)
     settle(model, data, (4.9, 1.0), 0.3)
@@ -250,13 +250,13 @@ def test_a_held_object_barely_creeps():
 
 
 def test_creep_goes_with_the_inverse_of_stiffness_times_relaxation():
-    """As the docstring warns: a gel that relaxes fast lets a held object slide."""
+    """As the docstring of `Gel` warns, a gel that relaxes fast lets a held object slide."""
     base = creep(POOLED)
     assert creep(POOLED, Gel(relaxation=0.01)) == pytest.approx(4 * base, rel=0.1)
     assert creep(POOLED, Gel(modulus=200e3)) == pytest.approx(base / 2, rel=0.1)
 
 
-# the default: most taxels of a gently bumped pad take part
+# the default gel: most taxels of a gently bumped pad carry load
 
 
 def lit(pad, apply, seconds=0.4):
@@ -280,7 +280,7 @@ def test_a_flat_load_lights_most_taxels_of_a_bumped_pad(layout, depth_is):
 
 
 def test_unevenly():
-    """That is what the bump is for."""
+    """The bump makes the load uneven."""
     pad = Pad(POOLED, heights=GaussianBump((1.0, 1.5)).heights(POOLED))
     model, pads, data = plate_under_pad(pad)
     settle(model, data, 4.9, 0.4)
@@ -289,7 +289,7 @@ def test_unevenly():
 
 
 def test_a_pad_from_a_file_lights_most_too():
-    """Nobody applied the gel: a peg of 0.5 kg meets one that was meant for 0.1 kg, so stiffer than it should be."""
+    """Without `apply`, the gel in the file assumes an object of 0.1 kg, so it is too stiff for a peg of 0.5 kg."""
     shares = []
     for seed in range(8):
         bump = GaussianBump.sample(POOLED, np.random.default_rng(seed))
@@ -344,7 +344,7 @@ def test_a_round_object_under_20_newtons_does_not_go_through(layout, shape):
     assert TactileReadout(model, pads).read_exact(data)[0, 2].sum() == pytest.approx(20, rel=1e-3)
 
 
-# what is written where
+# what apply writes
 
 
 def test_apply_changes_the_taxels_and_nothing_else():

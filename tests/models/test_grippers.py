@@ -21,13 +21,13 @@ from paxisim.models.grippers import (
 )
 from paxisim.models.load import load_spec
 
-# two of robosuite's files are read with a repair
+# two of robosuite's files are repaired when read
 pytestmark = pytest.mark.filterwarnings("ignore:.*is not sound MJCF")
 every_gripper = pytest.mark.parametrize("name", known_grippers())
 
 
 def gripper_table():
-    """The benchmark, which holds the scenes."""
+    """Import and return the benchmark module, which holds the scenes."""
     if "gripper_table" not in sys.modules:
         path = Path(__file__).parents[2] / "benchmarks" / "gripper_table.py"
         spec = importlib.util.spec_from_file_location("gripper_table", path)

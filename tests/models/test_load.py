@@ -1,4 +1,4 @@
-"""Reading a gripper's file: always a copy, two faults forgiven with a warning, the rest refused in one line."""
+"""Loading a gripper: always a copy, two faults repaired with a warning, all others refused in one line."""
 
 import warnings
 
@@ -65,7 +65,7 @@ def test_a_file_finds_its_meshes_and_includes_from_anywhere(tmp_path, monkeypatc
         assert compile_spec(spec, "it").nmesh == 1
 
 
-# the two faults of grippers that robosuite ships and forgives
+# the two faults in grippers that robosuite ships and tolerates
 
 
 def faulty(folder, *, repeated=False, attribute=False):
@@ -97,8 +97,8 @@ def test_mujoco_refuses_them_and_we_do_not(tmp_path):
     assert "the attribute 'group' of default class 'visual'" in message
     model = compile_spec(spec, "it")
     assert model.nmesh == 1
-    assert int(model.geom("g").group[0]) == 1, "what the class says, not what the stray attribute does"
-    assert model.nmat == 1, "a material of the same name is no repetition"
+    assert int(model.geom("g").group[0]) == 1, "the value of the class, not of the stray attribute"
+    assert model.nmat == 1, "a material may share the name of a mesh"
 
 
 def test_the_first_of_a_repeated_asset_stays(tmp_path):
@@ -130,7 +130,7 @@ def test_a_repaired_file_still_finds_its_meshes_from_elsewhere(tmp_path, monkeyp
     assert compile_spec(spec, "it").nmesh == 1
 
 
-# what cannot be read
+# unreadable input
 
 
 def test_no_such_file(tmp_path):

@@ -1,4 +1,4 @@
-"""`attach` says what can hardly be meant: once for each kind of thing, with the pads and how much."""
+"""`attach` warns of implausible mounts: once for each kind of problem, with the pads and the amounts."""
 
 import warnings
 from importlib.resources import files

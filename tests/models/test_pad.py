@@ -1,4 +1,4 @@
-"""Pad: what MuJoCo compiles from it."""
+"""`Pad` and the model that MuJoCo compiles from it."""
 
 import hashlib
 import os
@@ -31,13 +31,13 @@ def geom(model, row, col, pad="pad"):
 
 
 def tilted(count=5):
-    """Explicit taxels around an arc."""
+    """Return a layout of explicit taxels along an arc."""
     angle = np.linspace(-0.8, 0.8, count)
     normals = np.column_stack([np.sin(angle), np.zeros(count), -np.cos(angle)])
     return TaxelLayout(1, count, 2e-3, 8e-3 * (normals + [0, 0, 1]), normals)
 
 
-# it loads by itself, whatever the grid
+# a pad loads on its own, whatever its grid
 
 
 @pytest.mark.parametrize(("rows", "cols"), GRIDS)
@@ -92,7 +92,7 @@ def check_contiguous(model, layout, thickness, heights):
     np.testing.assert_allclose((high - low)[..., 0], layout.pitch[1], atol=1e-9)
     np.testing.assert_allclose((high - low)[..., 1], layout.pitch[0], atol=1e-9)
     np.testing.assert_allclose((high - low)[..., 2], heights, atol=1e-9)
-    np.testing.assert_allclose(high[..., 2], np.full(shape, thickness), atol=1e-9, err_msg="the backs stay")
+    np.testing.assert_allclose(high[..., 2], np.full(shape, thickness), atol=1e-9, err_msg="the backs do not move")
 
 
 @pytest.mark.parametrize(("rows", "cols"), GRIDS)
@@ -133,7 +133,7 @@ def test_curved_cubes_face_along_their_normals_and_meet():
 
 
 def test_a_curved_grid_has_no_gaps_between_neighbours():
-    # a cylinder of 12 mm: along the arc, the taxels are further apart than the pitch of their projection
+    # a cylinder of radius 12 mm: along the arc, the taxels are further apart than their projected pitch
     flat = TaxelLayout(3, 5, 4e-3)
     x = flat.positions[:, 0] / 12e-3
     positions = flat.positions + np.column_stack([0 * x, 0 * x, 12e-3 * (1 - np.sqrt(1 - x**2))])
@@ -147,7 +147,7 @@ def test_a_curved_grid_has_no_gaps_between_neighbours():
     assert geom(model, 0, 2).size[1] == pytest.approx(2e-3)
 
 
-# what it is made of
+# geoms, contacts and mass
 
 
 def test_the_base_cannot_be_touched():
@@ -161,7 +161,7 @@ def test_the_base_cannot_be_touched():
 
 
 def contacts(pad, other, pos):
-    """How many contacts a geom at `pos` makes with the pad."""
+    """Return the number of contacts that a geom at `pos` makes with the pad."""
     spec = mujoco.MjSpec.from_string(
         f"<mujoco><worldbody><body pos='{pos}'><freejoint/>{other}</body></worldbody></mujoco>"
     )
@@ -197,8 +197,8 @@ def test_pads_do_not_meet_each_other(bits):
     model = spec.compile()
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    assert data.ncon == 0, "they lie in the same place"
-    model.geom_contype[:] = model.body_contype[:] = 7  # and with other bits they would touch
+    assert data.ncon == 0, "the pads lie in the same place"
+    model.geom_contype[:] = model.body_contype[:] = 7  # with other bits they would touch
     model.geom_conaffinity[:] = model.body_conaffinity[:] = 7
     mujoco.mj_forward(model, data)
     assert data.ncon > 0
@@ -309,7 +309,7 @@ def test_contact_sensors_agree_with_the_readout():
     data = mujoco.MjData(model)
     settle(model, data, 6.0, 0.3)
     force = TactileReadout(model, pads).read(data)
-    sensors = data.sensordata.reshape(2, 3, 3)  # rows, cols, xyz: of the taxel on the object, in the world frame
+    sensors = data.sensordata.reshape(2, 3, 3)  # (rows, cols, xyz): force on the object, in the world frame
     np.testing.assert_allclose(force[0], -pads.layout.from_image(sensors), atol=1e-6)
     assert force[0, 2].sum() == pytest.approx(6.0, rel=1e-3)
 
@@ -359,7 +359,7 @@ def test_an_unknown_kind_of_sensor():
 
 @pytest.mark.parametrize("value", [1e-300, 5e-6])
 def test_a_pitch_that_no_pad_has(value):
-    """A layout refuses one that is too large."""
+    """The layout itself refuses a pitch that is too large."""
     with pytest.raises(InvalidValueError, match="a pad's pitch must lie between 1e-05 and 1 m, got"):
         Pad(TaxelLayout(3, 2, (1e-3, value)))
 

@@ -71,7 +71,7 @@ def test_only_the_pads_that_were_named_in_that_order():
 def test_pads_of_different_shapes_are_found_one_shape_at_a_time():
     spec = empty("a", "b", "c")
     place(spec, Pad(TaxelLayout(2, 3, 2e-3)), "a", "a")
-    place(spec, Pad(TaxelLayout(3, 2, 2e-3)), "b", "b")  # as many taxels
+    place(spec, Pad(TaxelLayout(3, 2, 2e-3)), "b", "b")  # the same number of taxels
     place(spec, Pad(TaxelLayout(4, 4, 2e-3)), "c", "c")
     model = spec.compile()
     message = "different shapes do not fit one tensor .*a_pad 2x3, b_pad 3x2.*: name those wanted"
@@ -132,7 +132,7 @@ def test_two_handles_that_differ_in_shape_cannot_be_made():
         Pads(names=("a", "b"), layouts=layouts, thickness=(1e-3, 1e-3), bodies=np.arange(2), geoms=geoms)
 
 
-# set_surface: everything as after a fresh compile
+# set_surface gives the same model as a fresh compile
 
 QUATS = [(0.3, -0.7, 0.5, 0.4), (0.9, 0.1, 0.4, -0.1)]
 
@@ -144,7 +144,7 @@ def dome_layout(rows=4, cols=3):
 
 
 def scene(layout, heights, *, options="", thickness=4e-3, turned=False):
-    """Two pads on bodies that move and are turned, each with a plate before it that holds it at some depth."""
+    """Compile a model of two pads on movable bodies, each with a plate that indents it."""
     plate = "<geom type='box' size='0.03 0.03 0.005' pos='0 0 -0.0045'/>"
     spec = mujoco.MjSpec.from_string(
         f"""<mujoco>{options}<option gravity='0 0 0'/><worldbody>
@@ -163,7 +163,7 @@ def scene(layout, heights, *, options="", thickness=4e-3, turned=False):
 
 
 def turned_data(model):
-    """The bodies turned, the plates with them."""
+    """Return data with the bodies turned and the plates moved with them."""
     data = mujoco.MjData(model)
     for body, plate in (("a", "plate_a"), ("b", "plate_b")):
         mujoco.mj_kinematics(model, data)
@@ -180,7 +180,7 @@ def turned_data(model):
 
 
 def roots(model):
-    """The root box of each body's tree."""
+    """Return the root box of each body's bounding-volume tree."""
     return np.array([model.bvh_aabb[model.body_bvhadr[b]] for b in range(model.nbody) if model.body_bvhnum[b]])
 
 
@@ -205,7 +205,7 @@ def assert_as_fresh(changed, fresh):
 
 
 def check_leaves(model):
-    """Every box of the trees contains the boxes of the geoms below it."""
+    """Check that every box of the bounding-volume trees contains the boxes below it."""
     for body in range(model.nbody):
         start, count = model.body_bvhadr[body], model.body_bvhnum[body]
         for node in range(start, start + count):
@@ -233,7 +233,7 @@ def test_raised_and_lowered_by_3_mm_it_is_as_freshly_compiled(layout, cone, seed
 
 @pytest.mark.parametrize("layout", [TaxelLayout(4, 3, (4e-3, 5e-3)), dome_layout()], ids=["grid", "curved"])
 def test_also_where_the_frame_of_the_inertia_is_turned(layout):
-    """The boxes of a tree lie in that frame."""
+    """The boxes of a bounding-volume tree lie in the frame of the inertia."""
     heights = random_heights(layout, 5)
     changed = scene(layout, [None, None], turned=True)
     assert abs(changed.body("a_pad").iquat[0]) < 0.95
@@ -269,7 +269,7 @@ def test_a_part_of_the_pads_can_be_changed():
 
 
 def test_moving_the_geoms_alone_loses_contacts():
-    """The trap that set_surface is for; if MuJoCo ever fixes it, this says so."""
+    """`set_surface` exists to avoid this trap; this test fails if MuJoCo ever fixes it."""
     layout = TaxelLayout(4, 3, (4e-3, 5e-3))
     heights = np.full((2, 4, 3), 7e-3)
     naive = scene(layout, [None, None])
@@ -289,7 +289,7 @@ def test_moving_the_geoms_alone_loses_contacts():
         mujoco.mj_forward(model, data)
         return data.ncon
 
-    gap = 3.2e-3  # plates 0.3 mm deep in the raised surface, beyond the one that was compiled
+    gap = 3.2e-3  # plates 0.3 mm deep in the raised surface, out of reach of the compiled one
     assert in_front(fresh, gap) == 2 * 12 * 4
     assert in_front(naive, gap) < 2 * 12 * 4
     changed = scene(layout, [None, None])
@@ -340,7 +340,7 @@ def test_the_handle_found_afterwards_is_the_same():
 
 
 def test_taxels_of_a_simulation_under_way():
-    """A surface that is raised between two steps pushes at the next."""
+    """A surface raised between two steps pushes in the next step."""
     pad = Pad(SMALL)
     spec = mujoco.MjSpec.from_string(
         "<mujoco><worldbody><body pos='0 0 -0.012'><joint type='slide' axis='0 0 1'/>"

@@ -1,4 +1,4 @@
-"""TactileReadout against MuJoCo's own contact forces, against statics, and against the convention."""
+"""`TactileReadout` against MuJoCo's own contact forces, static equilibrium and the sign convention."""
 
 import mujoco
 import numpy as np
@@ -32,7 +32,7 @@ EXACT = 1e-9  # N
 
 
 def reference(model, data, pads) -> np.ndarray:
-    """The tensor by a plain loop over the contacts, with MuJoCo's own function for their forces."""
+    """Return the tensor from a plain loop over the contacts, with their forces from MuJoCo's own function."""
     taxels = {}
     for pad, geoms in enumerate(pads.geoms):
         for index, geom in enumerate(geoms):
@@ -50,7 +50,7 @@ def reference(model, data, pads) -> np.ndarray:
 
 
 def assert_exact(readout, model, data) -> None:
-    """The reading is the reference, and not because nothing touched."""
+    """Check that the reading equals the reference and is not zero for lack of contact."""
     expected = reference(model, data, readout.pads)
     assert np.abs(expected).max() > 0.01
     np.testing.assert_allclose(readout.read_exact(data), expected, rtol=0, atol=EXACT)
@@ -99,9 +99,9 @@ def test_taxels_of_any_condim(condims, cone):
 @pytest.mark.parametrize("cone", ["elliptic", "pyramidal"])
 @pytest.mark.parametrize("condims", [(3, 3), (3, 1), (1, 3), (4, 1, 4, 3), (4, 4, 1, 3), (3, 3, 6, 3), (1, 6, 3, 1, 4)])
 def test_one_contact_a_taxel(condims, cone):
-    """Of any condim, some not active, behind any number of other constraints.
+    """Contacts have any condim, one is inactive, and any number of other constraints come before them.
 
-    Where some contacts have more rows and some fewer, their number may be that of contacts with three each.
+    With more rows for some contacts and fewer for others, the total may equal that of contacts with three rows each.
     """
     count = len(condims)
     balls = "".join(
@@ -134,7 +134,7 @@ def test_one_contact_a_taxel(condims, cone):
 
 
 def test_rows_of_a_pyramidal_cone_that_look_like_those_of_an_elliptic_one():
-    """Four contacts of four rows and one of none span as many rows as five of three."""
+    """The last of four contacts with four rows has the same address as the last of five with three rows."""
     places = [(-3, -3), (3, -3), (-3, 3), (3, 3), (0, 0)]
     balls = "".join(
         f"""<body pos="{x * 1e-3} {y * 1e-3} {-1.2e-3 if waits else -0.98e-3}"><freejoint/>
@@ -155,7 +155,7 @@ def test_rows_of_a_pyramidal_cone_that_look_like_those_of_an_elliptic_one():
 @pytest.mark.parametrize("condim", [1, 3, 6])
 @pytest.mark.parametrize("floor_first", [True, False])
 def test_contacts_and_constraints_that_are_not_the_pads(floor_first, condim, cone):
-    """Other contacts, before and after, joint limits, dry friction and an equality share the constraint rows."""
+    """Other contacts, joint limits, dry friction and an equality share the constraint rows with the pads' contacts."""
     model, pads, data = cluttered_scene(floor_first, condim, cone)
     readout = TactileReadout(model, pads)
     for _ in range(10):
@@ -200,7 +200,7 @@ def test_contacts_within_their_gap_carry_nothing(first, cone):
     assert not inactive.all()
     assert_exact(readout, model, data)
     assert np.all(readout.read(data)[0].reshape(3, -1)[:, first::2] == 0)
-    # and if none is active, with and without other constraints
+    # no contact is active, without and with other constraints
     place_object(model, data, pads, [0, 0, -0.5e-3 - OBJECTS["box"][1]])
     give_gap(model, data, pads.geoms[0])
     assert data.ncon > 0
@@ -214,7 +214,7 @@ def test_contacts_within_their_gap_carry_nothing(first, cone):
 
 
 def test_a_cloth_on_a_pad_counts_for_the_taxels_it_touches():
-    """A flex has no geom: MuJoCo writes -1, which must not count for the model's last geom, here a taxel."""
+    """A flex has no geom: MuJoCo writes -1, which must not be taken for the model's last geom, here a taxel."""
     cloth = """<flexcomp name="cloth" type="grid" dim="2" count="5 5 1" spacing="0.003 0.003 0.003" pos="0 0 0.003"
       mass="0.01" radius="0.001"><contact selfcollide="none"/><edge equality="true"/></flexcomp>"""
     floor = '<geom name="floor" type="box" size="0.1 0.1 0.001" pos="0.1 0 0.001"/>'
@@ -235,7 +235,7 @@ def test_a_cloth_on_a_pad_counts_for_the_taxels_it_touches():
 
 @pytest.mark.parametrize("cone", ["elliptic", "pyramidal"])
 def test_pads_that_touch_each_other(cone):
-    """Possible only after overriding the bits; each contact counts for both taxels, with opposite forces."""
+    """Only overridden contact bits allow this; each contact counts for both taxels, with opposite forces."""
     into_low = " ".join(map(str, Rotation.from_quat(np.roll(TILTED, -1)).as_matrix()[:, 2]))
     world = f"""<mujoco><option cone="{cone}" gravity="0 0 0"/><worldbody><body name="low"/>
       <body name="high"><joint type="slide" axis="{into_low}"/>{WEIGHT}</body></worldbody></mujoco>"""
@@ -258,7 +258,7 @@ def test_pads_that_touch_each_other(cone):
 
 
 def total_in_world(readout, data) -> np.ndarray:
-    """The force on all pads (N, world frame)."""
+    """Return the total force on all pads (N, world frame)."""
     totals = readout.read(data).astype(float).sum(axis=(2, 3))
     return sum(rotation(data, readout.pads, pad) @ total for pad, total in enumerate(totals))
 
@@ -281,7 +281,7 @@ def test_the_taxels_sum_to_the_load(shape, order, cone):
 
 
 def test_the_moments_sum_to_the_load():
-    """A plate pushed off centre: the centre of the taxels' pressure is where the push goes through."""
+    """For a plate pushed off centre, the taxels' centre of pressure lies on the line of the push."""
     layout = TaxelLayout(12, 10, (2.175e-3, 2.26e-3))
     plate = '<geom type="box" size="0.02 0.02 0.002" mass="0.1"/>'
     world = f"""<mujoco><option timestep="0.002" cone="elliptic" gravity="0 0 0"/><worldbody><body name="carrier"/>
@@ -304,10 +304,10 @@ def test_the_moments_sum_to_the_load():
 @pytest.mark.parametrize("pads_first", [True, False], ids=["pads_first", "object_first"])
 @pytest.mark.parametrize("shape", ["box", "cylinder", "mesh"])
 def test_signs_press_drag_right_drag_down(shape, pads_first, quat):
-    """Pressed: +z. Dragged right, towards the last column: +x. Dragged down, towards the last row: +y."""
+    """Pressing reads +z, dragging right (towards the last column) +x, dragging down (towards the last row) +y."""
     model, pads, data = scene(shape, pads_first=pads_first, quat=quat)
     readout = TactileReadout(model, pads)
-    # the directions by where the taxels are, in the world, not by any frame's axes
+    # take the directions from the taxels' world positions, not from any frame's axes
     grid = data.geom_xpos[pads.geoms[0]].reshape(3, 4, 3)
     right = unit(grid[1, -1] - grid[1, 0])
     down = unit(grid[-1, 1] - grid[0, 1])
@@ -326,7 +326,7 @@ def unit(vector) -> np.ndarray:
 
 @pytest.mark.parametrize("shape", ["sphere", "box"])
 def test_each_taxel_is_read_in_its_place(shape):
-    """A probe smaller than a taxel, put on each in turn, shows at that row and column and nowhere else."""
+    """A probe smaller than a taxel, put on each in turn, is read at that row and column only."""
     layout = TaxelLayout(3, 4, 20e-3)
     model, pads, data = scene(shape, pad=Pad(layout))
     readout = TactileReadout(model, pads)
@@ -367,7 +367,7 @@ def test_several_pads_in_the_order_asked_for():
 @pytest.mark.parametrize("cone", ["elliptic", "pyramidal"])
 @pytest.mark.parametrize("shape", ["box", "cylinder", "mesh"])
 def test_equals_the_embedded_contact_sensors(shape, cone):
-    """They give the force on the object, in the world frame."""
+    """The sensors give the force on the object, in the world frame."""
     model, pads, data = squeezed(
         shape, cone=cone, pad=Pad(LAYOUT, gel=Gel(modulus=3e6, thickness=1e-3), sensors="contact")
     )
@@ -430,7 +430,7 @@ def test_reading_changes_nothing():
     np.testing.assert_array_equal(first, second)
     for array, now in zip(before, (data.efc_force, data.contact.frame), strict=True):
         np.testing.assert_array_equal(array, now)
-    # what was read stays what it was
+    # a later read does not change an earlier result
     kept = first.copy()
     push(model, data, pads, [0, 0, 3.0], 5)
     readout.read(data)
@@ -460,14 +460,14 @@ def test_out_of_another_kind_is_refused(shape, dtype):
     readout.accumulate(data)
     with pytest.raises(InvalidValueError, match=expected):
         readout.mean(out=np.zeros(shape, dtype))
-    # nothing was lost by the mistake
+    # the refused call lost no data
     np.testing.assert_array_equal(readout.mean(), readout.read(data))
 
 
 def test_mean_over_substeps():
     model, pads, data = scene()
     readout = TactileReadout(model, pads)
-    for substeps in (25, 4):  # the second mean starts anew
+    for substeps in (25, 4):  # the second mean starts afresh
         reads = []
         for _ in range(substeps):
             push(model, data, pads, [0.8, -0.5, 3.0], 1)

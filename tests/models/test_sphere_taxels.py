@@ -1,4 +1,4 @@
-"""Taxels that are spheres: found again, pressed like a bed of springs, raised like boxes."""
+"""Spherical taxels: they are found again, act like a bed of springs, and can be raised like boxes."""
 
 import mujoco
 import numpy as np
@@ -12,7 +12,7 @@ DEPTH = 0.8e-3
 
 
 def pressed(pad, geom, half, heights=None):
-    """Normal forces (N) under an object that is held at a depth."""
+    """Return the normal forces (N) under an object held at a depth of `DEPTH`."""
     text = f"""<mujoco><option timestep="0.001" cone="elliptic" impratio="10" gravity="0 0 0"/><worldbody>
     <body name="plate"/><body pos="0 0 {half - DEPTH}"><joint type="slide" axis="0 0 1" armature="1e6"/><geom {geom}/>
     </body></worldbody></mujoco>"""
@@ -50,7 +50,7 @@ def test_under_a_ball_spheres_add_up_to_the_bed_and_boxes_do_not():
     fine = paxisim.TaxelLayout(16, 20, (1e-3, 0.75e-3))
     bed = pressed(sphere_pad(fine), ball, 0.02).sum()
     assert pressed(sphere_pad(), ball, 0.02).sum() == pytest.approx(bed, rel=0.08)
-    # four times softer where one contact is made instead of four, and pressed at the nearest corner
+    # a ball makes one contact with a box instead of four, at its nearest corner, so the box is four times softer
     assert pressed(paxisim.Pad(LAYOUT), ball, 0.02).sum() < 0.7 * bed
 
 

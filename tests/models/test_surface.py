@@ -30,7 +30,7 @@ def test_flat():
 
 
 def paper_depths(rows, cols, gx, gy, sx, sy, h_min, h_max, boundary):
-    """The paper's formula, one taxel at a time."""
+    """Return the depths by the paper's formula, one taxel at a time."""
 
     def distance(row, col):
         x, y = col + 0.5, row + 0.5
@@ -71,7 +71,7 @@ def test_x_runs_along_the_columns_and_y_along_the_rows():
     assert np.unravel_index(heights.argmin(), heights.shape) == (0, 4)
     assert np.unravel_index(heights.argmax(), heights.shape) == (5, 0)
     wide = GaussianBump((2.5, 3.5), (3.0, 1.0), boundary=0).heights(POOLED)
-    assert wide[3, 3] < wide[4, 2], "a wide deviation along x: slower growth along a row"
+    assert wide[3, 3] < wide[4, 2], "a wide deviation along x slows the growth along a row"
 
 
 def test_depth_runs_from_h_min_at_the_centre_to_h_max_at_the_furthest_taxel():
@@ -194,7 +194,7 @@ def test_a_finer_map_is_averaged_over_each_taxel():
 def test_areas_are_averaged_exactly_also_where_samples_straddle_taxels(rows, cols, more_rows, more_cols, seed):
     layout = TaxelLayout(rows, cols, 2e-3)
     height_map = np.random.default_rng(seed).uniform(0, 0.5e-3, (rows + more_rows, cols + more_cols))
-    # every sample split into rows x cols equal parts: then the taxels are whole numbers of parts
+    # split every sample into rows x cols equal parts, so that each taxel is a whole number of parts
     parts = np.repeat(np.repeat(height_map, rows, axis=0), cols, axis=1)
     mean = parts.reshape(rows, rows + more_rows, cols, cols + more_cols).mean(axis=(1, 3))
     result = heights_from_map(layout, height_map, thickness=1.5e-3)
@@ -228,7 +228,7 @@ def test_bad_maps():
         heights_from_map(POOLED, steps)
 
 
-# a curved finger: meshes in the pad frame, their front towards -z
+# a curved finger: meshes in the pad frame, with their front towards -z
 
 
 def dome(radius=15e-3):
@@ -238,7 +238,7 @@ def dome(radius=15e-3):
 
 
 def rod(radius=15e-3, length=60e-3):
-    """A cylinder along y."""
+    """Return a cylinder along y."""
     cylinder = trimesh.creation.cylinder(radius=radius, height=length, sections=180)
     cylinder.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, [1, 0, 0]))
     cylinder.apply_translation([0, 0, radius])
@@ -265,7 +265,7 @@ def test_on_a_curve_positions_lie_on_the_surface_and_normals_point_out(mesh, cur
     np.testing.assert_array_equal(layout.positions[:, :2], POOLED.positions[:, :2])
     out = (layout.positions - [0, 0, 15e-3]) * curved
     distance = np.linalg.norm(out, axis=1)
-    np.testing.assert_allclose(distance, 15e-3, atol=0.05e-3)  # the mesh's own facets
+    np.testing.assert_allclose(distance, 15e-3, atol=0.05e-3)  # limited by the mesh's facets
     assert np.all(layout.positions[:, 2] < 15e-3), "the near side"
     angles = np.degrees(np.arccos(np.clip(np.sum(layout.normals * out, axis=1) / distance, -1, 1)))
     assert angles.max() < 1.5
@@ -283,7 +283,7 @@ def test_the_first_surface_that_faces_the_object_counts():
     inside_out = trimesh.Trimesh(block(depth=-20e-3).vertices, block().faces[:, ::-1], process=False)
     both = trimesh.util.concatenate([sheet, block(depth=3e-3)])
     np.testing.assert_allclose(conform(POOLED, both).positions[:, 2], 3e-3, atol=1e-9)
-    # faces that look away are no surface to press on: of the inverted block only the far side, seen from within
+    # faces that point away cannot be pressed: of the inverted block, only the far side counts, seen from within
     assert conform(POOLED, inside_out).positions[:, 2] == pytest.approx(-10e-3)
 
 
@@ -322,7 +322,7 @@ def test_bad_meshes(tmp_path):
 
 
 def test_a_surface_too_steep_to_be_pressed():
-    layout = TaxelLayout(1, 5, 5e-3)  # at 10 of 11 mm a sphere is 65 deg steep
+    layout = TaxelLayout(1, 5, 5e-3)  # 10 mm off its axis, a sphere of radius 11 mm is 65 deg steep
     conform(layout, dome(11e-3))
     with pytest.raises(InvalidValueError, match=r"row 0, column [04] is 6\d deg steep, more than 45"):
         conform(layout, dome(11e-3), max_angle=45)

@@ -1,4 +1,4 @@
-"""TouchGridReadout gives TactileReadout's tensor or says why it cannot; it never gives another."""
+"""`TouchGridReadout` returns the tensor of `TactileReadout` or says why it cannot; it never returns another."""
 
 import contextlib
 
@@ -19,25 +19,25 @@ from paxisim.models.touch_grid import TouchGridReadout
 
 SIGN_IS_SOUND = not mujoco.mj_versionString().startswith("3.")
 PAPER = TaxelLayout(12, 10, (26.1e-3 / 12, 22.6e-3 / 10))
-AGREEMENT = 1e-3  # relative L1 difference; where they agree, they do to rounding
+AGREEMENT = 1e-3  # bound on the relative L1 difference; readouts that agree do so to rounding
 
 
 def raw(model, data, pads) -> np.ndarray:
-    """What the sensors hold, refused or not."""
+    """Return the raw sensor values, even where the readout refuses them."""
     return np.stack(
         [data.sensor(f"{name}_touch_grid").data.reshape(pads.layout.shape)[[1, 2, 0]] for name in pads.names]
     )
 
 
 def difference(force, expected) -> float:
-    """Relative L1 difference."""
+    """Return the relative L1 difference."""
     total = np.abs(expected).sum()
     assert total > 0.01
     return float(np.abs(force - expected).sum() / total)
 
 
 def assert_agrees_or_refuses(model, data, pads) -> bool:
-    """Whether it was read. What was refused would have been wrong."""
+    """Return whether it was read, and check that a refused reading would have been wrong."""
     exact = TactileReadout(model, pads).read_exact(data)
     try:
         force = TouchGridReadout(model, pads).read(data)
@@ -69,7 +69,7 @@ def test_pegs_on_flat_and_bumped_pads(shape, pads_first, bump):
     model, pads, data = scene(shape, pads_first=pads_first, pad=Pad(PAPER, heights=heights, sensors="touch_grid"))
     push(model, data, pads, [0.4, -0.3, 2.0], 10)
     taxel_is_second = np.isin(data.contact.geom[:, 1], pads.geoms)
-    # MuJoCo orders the geoms of a contact by type, and those of one type by id
+    # MuJoCo orders the geoms of a contact by type, and geoms of the same type by id
     assert np.all(taxel_is_second == (shape not in ("mesh", "box") or (shape == "box" and not pads_first)))
     if SIGN_IS_SOUND or not taxel_is_second.any():
         assert assert_agrees_or_refuses(model, data, pads)
@@ -89,7 +89,7 @@ def test_the_refusal_names_the_geoms():
 
 @pytest.mark.parametrize("cone", ["elliptic", "pyramidal"])
 def test_two_pads_each_read_their_own(cone):
-    # the object behind both pads in the tree, so that the taxels come first
+    # the object comes after both pads in the tree, so that the taxels come first
     order = ("fixed", "moving", "object")
     model, pads, data = squeezed("box", cone=cone, pad=Pad(PAPER, sensors="touch_grid"), order=order)
     mujoco.mj_step(model, data, 20)
@@ -102,7 +102,7 @@ def test_two_pads_each_read_their_own(cone):
 
 @pytest.mark.parametrize("seed", range(40))
 def test_whatever_is_read_is_right(seed):
-    """Random pads, surfaces, margins, objects and places: agreement, or a refusal of what would have been wrong."""
+    """For random pads, surfaces, margins, objects and places, the readouts agree, or a wrong one is refused."""
     rng = np.random.default_rng(seed)
     layout = [LAYOUT, PAPER, PAPER.pool(2, 2)][rng.integers(3)]
     heights = [None, rng.uniform(0.5e-3, 1.5e-3, (layout.rows, layout.cols)), GaussianBump.sample(layout, rng)]
@@ -122,7 +122,7 @@ def test_whatever_is_read_is_right(seed):
 
 
 def test_contacts_sorted_into_another_taxels_bin_are_refused():
-    """The plugin sorts by the angle under which it sees the contact."""
+    """The plugin assigns a contact to a bin by the angle at which it sees the contact."""
     model, pads, data = scene("mesh", pad=Pad(PAPER, sensors="touch_grid"))
     readout = TouchGridReadout(model, pads)
     assert readout.read(data).any()
@@ -202,7 +202,7 @@ def test_a_layout_without_a_grid_is_refused():
     normals = [[np.sin(a), 0, -np.cos(a)] for a in (-0.2, 0.2)]
     with pytest.raises(UnsupportedError, match=r"flat grid.*TactileReadout"):
         Pad(TaxelLayout(1, 2, 4e-3, [[-2e-3, 0, 0], [2e-3, 0, 0]], normals), sensors="touch_grid")
-    # nor may a pad be bent after it was built
+    # a pad that is bent after it was built is refused too
     model, pads, _ = scene("box", pad=Pad(LAYOUT, sensors="touch_grid"))
     model.geom_pos[pads.geoms[0, 0], 0] += 1e-3
     with pytest.raises(UnsupportedError, match="flat grid"):

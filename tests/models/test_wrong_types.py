@@ -1,4 +1,4 @@
-"""A thing of a wrong kind, or pads of another model, end in an error that says so."""
+"""Arguments of a wrong type, and pads of another model, raise an error that says so."""
 
 from importlib.resources import files
 
@@ -15,7 +15,7 @@ MOUNT = paxisim.Mount("left_finger", (0, 0, -0.019), (0.5, -0.5, -0.5, 0.5), ("l
 
 @pytest.fixture(scope="module")
 def models():
-    """Two models and their pads, of 3x2 and of 4x4 taxels."""
+    """Two models with their pads, of 3x2 and 4x4 taxels."""
     made = []
     for layout in (LAYOUT, paxisim.TaxelLayout(4, 4, (5e-3, 5e-3))):
         gripper = paxisim.attach(GRIPPER, layout, [MOUNT])
@@ -48,7 +48,7 @@ def test_a_sensor_that_is_none(sensor):
 def test_mounts_that_are_none():
     with pytest.raises(paxisim.InvalidValueError, match=r"mounts must be paxisim.Mount, got 'left_finger'"):
         paxisim.attach(GRIPPER, LAYOUT, ["left_finger"])
-    assert paxisim.attach(GRIPPER, LAYOUT, MOUNT).pad_names == ("left_finger_pad",), "one mount alone will do"
+    assert paxisim.attach(GRIPPER, LAYOUT, MOUNT).pad_names == ("left_finger_pad",), "a single mount is accepted"
 
 
 @pytest.mark.parametrize("own", [0, 1])

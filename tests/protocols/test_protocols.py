@@ -1,4 +1,4 @@
-"""Protocols: what a robot can follow, that it is what it says, and its JSON."""
+"""Protocols: speed limits, excited causes, rehearsal, and the JSON format."""
 
 import json
 from dataclasses import replace
@@ -21,7 +21,7 @@ SCENES = {
 
 
 def part(protocol, episode, *names):
-    """The protocol of some segments of one episode, begun where they begin."""
+    """Return the protocol reduced to one episode, or to the named segments of it."""
     chosen = tuple(s for s in protocol.segments if s.episode == episode and (not names or s.name in names))
     return replace(protocol, segments=chosen)
 
@@ -44,7 +44,7 @@ def test_each_cause_is_excited_in_two_episodes_so_that_it_can_be_held_out(name):
     assert {"press": 21, "regrasp": 14, "open-close": 3}[name] == len(episodes)
     assert min(map(len, episodes.values())) >= 2
     assert len({segment.episode for segment in protocol.segments}) == 8
-    assert protocol.seconds > 600, "drift asks for ten minutes on one clock"
+    assert protocol.seconds > 600, "drift needs ten minutes on one clock"
 
 
 @pytest.mark.parametrize("name", paxisim.known_protocols())
@@ -93,7 +93,7 @@ def test_presses_are_rehearsed():
 
 @pytest.mark.xfail(
     int(mujoco.__version__.split(".")[0]) >= 4,
-    reason="on MuJoCo 4.0 the peg slips, as in tests/scene: the pads' peaks differ by 8 %, not understood",
+    reason="on MuJoCo 4.0 the peg slips, as in tests/scene: the pads' peaks differ by 8 %, for an unknown reason",
 )
 def test_a_peg_is_held_and_grasped_again_by_both_pads_alike():
     protocol = part(paxisim.protocol("regrasp"), 2, "approach", "taps", "staircase", "regrasp")

@@ -1,4 +1,4 @@
-"""The bonded layer against the half-space, a finite element solution, and what holds for every elastic body."""
+"""The bonded layer against the half-space, a finite element solution, and properties of every elastic body."""
 
 import functools
 
@@ -26,7 +26,7 @@ def shear_modulus(modulus, poisson):
 
 
 def half_space_point_load(x, y, z, poisson):
-    """Displacement ``(..., 3, 3)`` per newton inside a half-space with a shear modulus of 1 (Johnson, chapter 3)."""
+    """Return displacements ``(..., 3, 3)`` per newton inside a half-space of shear modulus 1 (Johnson, chapter 3)."""
     r = np.sqrt(x**2 + y**2 + z**2)
     m, far = 1 - 2 * poisson, r + z
     along = lambda a: 1 + a**2 / r**2 + m * (r / far - a**2 / far**2)  # noqa: E731
@@ -40,7 +40,7 @@ def half_space_point_load(x, y, z, poisson):
 
 
 def half_space_rectangle(points, depth, poisson, order=24):
-    """The point loads, summed over the rectangle."""
+    """Return the response to point loads integrated over the rectangle."""
     nodes, weights = np.polynomial.legendre.leggauss(order)
     x, y = (points[:, i, None, None] - nodes.reshape(shape) * SIDES[i] / 2 for i, shape in ((0, (-1, 1)), (1, (1, -1))))
     x, y = np.broadcast_arrays(x, y)
@@ -71,7 +71,7 @@ def test_a_thick_layer_is_a_half_space(poisson, depth):
 
 
 def half_curl(slopes):
-    """Rotation from the slopes ``(n, along, of the displacement's component, force)``."""
+    """Return the rotation for displacement gradients ``(n, derivative axis, displacement component, force)``."""
     return 0.5 * np.stack(
         [
             slopes[:, 1, 2] - slopes[:, 2, 1],
@@ -87,10 +87,11 @@ def half_curl(slopes):
 
 @functools.cache
 def finite_elements():
-    """A quarter of the layer, 6 thicknesses wide, in quadratic hexahedra; lengths in mm.
+    """Assemble a quarter of the layer, 6 thicknesses wide, with quadratic hexahedra; lengths in mm.
 
     Returns:
-        The basis, the stiffness matrices for Lame's two constants, the loads along x and z, and what they hold fixed.
+        The basis, the stiffness matrices for Lame's two constants, the loads along x and z, and the degrees of
+        freedom fixed for each load.
     """
     half, thickness, far = SIDES * 1e3 / 2, LAYER["thickness"] * 1e3, 12.0
 
@@ -113,7 +114,7 @@ def finite_elements():
         loads.append(skfem.LinearForm(lambda v, _, force=force: v[force] / np.prod(2 * half)).assemble(surface))
         held = [basis.get_dofs(lambda x: x[2] > thickness - 1e-9).all()]
         for axis in (0, 1):
-            # a plane of symmetry, or of antisymmetry where the force is across it
+            # a plane of symmetry, or of antisymmetry if the force is normal to it
             components = {axis} if axis != force else {0, 1, 2} - {axis}
             plane = basis.get_dofs(lambda x, axis=axis: x[axis] < 1e-9)
             held.append(plane.all([f"u^{component + 1}" for component in components]))
@@ -151,7 +152,7 @@ def test_finite_elements_agree(poisson):
         assert off_turned.max() < 0.05
 
 
-# --- what holds for every layer --------------------------------------------------------------------------------------
+# --- properties of every layer ---------------------------------------------------------------------------------------
 
 layers = st.fixed_dictionaries(
     {
@@ -189,7 +190,7 @@ def test_the_rotation_is_half_the_curl_of_the_displacement(layer, place, deep):
 @pytest.mark.parametrize(("poisson", "deep"), [(0, 0.3), (0.3, 0.8), (0.495, 0), (0.495, 0.6)])
 def test_an_even_load_compresses_and_shears_evenly(poisson, deep):
     layer = LAYER | {"poisson": poisson}
-    # far enough for a nearly incompressible layer, which yields to the side over many thicknesses
+    # wide enough for a nearly incompressible layer, which yields sideways over many thicknesses
     x, y = np.arange(-60, 61) * SIDES[0], np.arange(-40, 41) * SIDES[1]
     offsets = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     thickness, modulus = layer["thickness"], layer["modulus"]
@@ -227,7 +228,7 @@ def test_mirrored_and_turned_loads(layer, place, deep):
     mirror = np.diag([-1, 1, 1])
     moved_there, turned_there = layer_response([(-place[0], place[1])], depth, **layer)
     np.testing.assert_allclose(moved_there, mirror @ moved @ mirror, atol=1e-9 * np.abs(moved).max())
-    # a rotation is an axial vector: it keeps its part across the mirror
+    # a rotation is an axial vector: it keeps its component normal to the mirror
     np.testing.assert_allclose(turned_there, -mirror @ turned @ mirror, atol=1e-9 * np.abs(turned).max())
     quarter = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]])
     moved_there, turned_there = layer_response(

@@ -1,4 +1,4 @@
-"""The magnets' fields against an independent package and against themselves."""
+"""Magnetic dipole fields against an independent package and for self-consistency."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from paxisim.reference.dipoles import field, jacobian, turned
 from paxisim.reference.parameters import PadParameters
 from paxisim.reference.stiffening import finite_share
 
-magpylib = pytest.importorskip("magpylib", reason="needs magpylib, see the test extra")
+magpylib = pytest.importorskip("magpylib", reason="needs magpylib; install the test extra")
 RNG = np.random.default_rng(0)
 
 
@@ -18,7 +18,7 @@ def test_a_dipole_is_magpylibs():
 
 
 def test_the_pads_magnets_are_small_enough_for_dipoles():
-    """At the sensor below, a cylinder of the pad's size and its dipole differ by a few per cent."""
+    """At the sensor below, the fields of a cylindrical magnet of the pad and of its dipole differ by a few per cent."""
     own = PadParameters()
     cylinder = magpylib.magnet.Cylinder(polarization=(0, 0, own.remanence), dimension=(1e-3, 0.5e-3))
     for offset in ([0, 0, own.distance], [1e-3, 0, own.distance], [4e-3, 2e-3, own.distance]):

@@ -1,4 +1,4 @@
-"""A gel with memory: the standard linear solid's own solutions, loops that stay at slow rates, and streams."""
+"""Gel memory: analytic solutions of the standard linear solid, rate-independent loops, and streams."""
 
 import numpy as np
 import pytest
@@ -10,11 +10,11 @@ from paxisim.reference.memory import at_rest, step
 LAYOUT = paxisim.TaxelLayout(6, 5, (26.1e-3 / 6, 22.6e-3 / 5))
 AREA = 20e-6
 ARM = GelMemory(shares=(0.3,), times=(2.0,), friction=0.0)
-RUBBING = GelMemory(shares=(), times=(), friction=0.5, slip=5e3)  # the slider slips from 0.1 N on
+RUBBING = GelMemory(shares=(), times=(), friction=0.5, slip=5e3)  # the slider slips from 0.1 N
 
 
 def stream(memory, loads, time):
-    """``(T, 3)`` deformation (N) of one taxel by ``(T, 3)`` newtons."""
+    """Return the ``(T, 3)`` deformation (N) of one taxel under ``(T, 3)`` loads (N)."""
     frames = np.asarray(loads, dtype=float)[:, None, :, None, None]
     state, found = at_rest(memory, AREA, frames[0]), []
     for frame, dt in zip(frames, np.diff(time, prepend=time[0]), strict=True):
@@ -37,7 +37,7 @@ def test_a_held_load_creeps_as_the_standard_linear_solid_does():
 
 
 def test_a_deformation_that_is_held_relaxes_as_the_standard_linear_solid_does():
-    """The load that relaxes analytically, at irregular times, holds the gel still."""
+    """The analytically relaxing load, sampled at irregular times, keeps the deformation constant."""
     rng = np.random.default_rng(0)
     time = np.concatenate([[0.0, 0.0], np.cumsum(rng.uniform(0.005, 0.05, 400))])
     loads = np.concatenate([[0.0], 1 + 0.3 * np.exp(-time[1:] / 2.0)])
@@ -94,9 +94,9 @@ def test_a_sensor_with_memory_is_a_stream_in_a_chain():
     with pytest.raises(paxisim.InvalidValueError, match="remembers earlier frames"):
         sensor(force[0])
     read = sensor.run(force, time)
-    one = sensor.run(force[:, 2], time)  # of a batch each stream is by itself
+    one = sensor.run(force[:, 2], time)  # each stream of a batch is independent
     np.testing.assert_allclose(read[:, 2], one, atol=1e-9)
-    clocks = sensor.run(force, np.stack([time, time, time * 2, time], axis=1))  # a batch whose clocks differ
+    clocks = sensor.run(force, np.stack([time, time, time * 2, time], axis=1))  # a batch with different clocks
     np.testing.assert_allclose(clocks[:, 0], sensor.run(force[:, 0], time), atol=1e-9)
     np.testing.assert_allclose(clocks[:, 2], sensor.run(force[:, 2], time * 2), atol=1e-9)
     state = sensor.initial_state(force[0])
@@ -108,7 +108,7 @@ def test_a_sensor_with_memory_is_a_stream_in_a_chain():
     for got, new, old in zip(again, afresh, later, strict=True):
         np.testing.assert_array_equal(got[mask], new[mask])
         np.testing.assert_array_equal(got[~mask], old[~mask])
-    # what it reads of a gel at rest is what a sensor without memory reads, but for the friction
+    # without friction, the reading of a gel at rest is that of a sensor without memory
     still = MagneticSensor(LAYOUT, unit=7, memory=GelMemory(friction=0.0)).run(force[:1], time[:1])
     np.testing.assert_allclose(still[0], MagneticSensor(LAYOUT, unit=7)(force[0]), atol=1e-9)
 

@@ -1,4 +1,4 @@
-"""The half-space against what must hold of it, whatever formula it is computed by."""
+"""The half-space against properties that hold independently of the formula used."""
 
 import numpy as np
 import pytest
@@ -13,13 +13,13 @@ def test_a_normal_force_moves_the_surface_as_boussinesq_says():
     far = np.array([[0.05, 0.0, 1e-9]])
     moved = point_response(far, E, NU)[0]
     assert moved[2, 2] == pytest.approx((1 - NU) / (2 * np.pi * G * 0.05), rel=1e-6)
-    # a compressible body is drawn towards a press at its surface
+    # the surface of a compressible body moves towards a press
     assert point_response(far, E, 0.2)[0, 0, 2] < 0
 
 
 @pytest.mark.parametrize("poisson", [0.0, 0.3, 0.49])
 def test_forces_and_places_may_be_exchanged(poisson):
-    """Betti: at the surface, u_i at B by a force j at A is u_j at A by a force i at B."""
+    """Betti: at the surface, u_i at B due to a force j at A equals u_j at A due to a force i at B."""
     at = np.array([[3e-3, -2e-3, 1e-12]])
     there, back = point_response(at, E, poisson)[0], point_response(at * [-1, -1, 1], E, poisson)[0]
     np.testing.assert_allclose(there, back.T, rtol=1e-6, atol=1e-9 * np.abs(there).max())
@@ -27,7 +27,7 @@ def test_forces_and_places_may_be_exchanged(poisson):
 
 @pytest.mark.parametrize("poisson", [0.2, 0.48])
 def test_the_displacements_are_in_equilibrium_and_leave_the_surface_free(poisson):
-    """Navier: (lambda + mu) grad div u + mu laplace u = 0 inside, by differences; no traction beside the force."""
+    """Navier: (lambda + mu) grad div u + mu laplace u = 0 inside, by differences; no traction away from the force."""
     shear, h = E / (2 * (1 + poisson)), 5e-6
     lame = 2 * shear * poisson / (1 - 2 * poisson)
     at = np.array([1.5e-3, -0.7e-3, 1.2e-3])
@@ -65,6 +65,6 @@ def test_a_rectangle_far_away_is_a_point_and_twice_the_modulus_is_half_the_way()
 def test_below_a_press_nothing_turns_and_beside_it_magnets_lean_towards_it():
     _, turned = half_space_response(np.array([[0.0, 0.0], [4e-3, 0.0]]), 1.2e-3, E, NU, PITCH)
     assert np.abs(turned[0, :, 2]).max() < 1e-9 * np.abs(turned[1]).max()
-    # right-handed about y: the body right of a press turns its top to the left, down into the dip
+    # right-handed about y: the material to the right of a press tilts its top to the left, into the dip
     assert turned[1, 1, 2] != 0
     assert abs(turned[1, 0, 2]) < 1e-6 * abs(turned[1, 1, 2])

@@ -1,4 +1,4 @@
-"""What a magnetic pad reports: calibrated presses, and the paper's three gaps out of the physics."""
+"""Readings of a magnetic pad: calibrated presses, and the paper's three gaps reproduced from physics."""
 
 import numpy as np
 import pytest
@@ -36,7 +36,7 @@ def test_nothing_is_nothing_and_a_calibrated_press_is_read(nominal):
 
 
 def test_shear_without_a_load_of_its_own_points_outward(nominal):
-    """The paper's second gap: under a flat press shear is read, away from the middle."""
+    """The paper's second gap: under a flat press, the pad reads shear that points away from the middle."""
     read = nominal.read(spread(6.0))
     x, y = LAYOUT.positions[:, 0].reshape(6, 5), LAYOUT.positions[:, 1].reshape(6, 5)
     outward = read[0] * x + read[1] * y
@@ -48,7 +48,7 @@ def test_shear_without_a_load_of_its_own_points_outward(nominal):
 
 
 def test_a_pad_of_smaller_taxels_is_a_smaller_pad(nominal):
-    """All lengths shrink with the taxels, so that the same pressures are read as the same pressures."""
+    """All lengths shrink with the taxels, so equal pressures give equal readings."""
     assert nominal.parameters == PadParameters()
     fine = MagneticPad(TaxelLayout(6, 5, (26.1e-3 / 12, 22.6e-3 / 10)))
     force = np.random.default_rng(6).uniform(0, 0.5, (3, 6, 5))
@@ -59,21 +59,21 @@ def test_a_pad_of_smaller_taxels_is_a_smaller_pad(nominal):
 
 
 def test_units_differ_in_scale_by_axis_and_taxel_and_a_number_is_a_unit():
-    """The paper's third gap: every pad has other scales."""
+    """The paper's third gap: every pad has different scales."""
     first, second = MagneticPad.unit(LAYOUT, 1), MagneticPad.unit(LAYOUT, 2)
     force = spread(6.0)
     a, b = first.read(force), second.read(force)
     assert np.abs(a - b).max() > 0.1 * a.max()
     assert abs(a[2].sum() / b[2].sum() - 1) > 0.01
     np.testing.assert_array_equal(a, MagneticPad.unit(LAYOUT, 1).read(force))
-    # uneven normal force under a flat press, the first gap
+    # the first gap: uneven normal force under a flat press
     assert (a[2] - MagneticPad(LAYOUT).read(force)[2]).std() > 0.05 * a[2].mean()
 
 
 def test_neighbours_are_read_too(nominal):
-    """Crosstalk, which the paper's transforms leave out, comes with the gel and with the magnets' common field.
+    """The gel and the magnets' superposed fields cause crosstalk, which the paper's transforms leave out.
 
-    A gel that cannot be compressed rises beside a press, so that neighbours read a pull.
+    An incompressible gel rises beside a press, so neighbours read a pull.
     """
     read = nominal.read(pressed((2, 2), (0, 0, 1.0)))[2]
     assert -0.3 < read[2, 3] < -0.02
@@ -97,7 +97,7 @@ def test_small_loads_add_up_and_large_ones_less_than_that(nominal):
 
 
 def test_far_magnets_may_be_linear(nominal):
-    """All magnets in full, beside the nearest in full and the others by their Jacobian."""
+    """Exact fields of all magnets agree with exact fields of the nearest plus a linearised rest."""
     from paxisim.reference import unit as module
 
     force = np.random.default_rng(1).uniform(0, 0.5, (4, 3, 6, 5))
@@ -108,7 +108,7 @@ def test_far_magnets_may_be_linear(nominal):
 
 
 def test_a_unit_reads_the_sum_of_its_own_magnets():
-    """Its matrices beside a plain sum over all dipoles, each where the unit has it."""
+    """The unit's matrices agree with a plain sum over all dipoles at their actual places."""
     pad = MagneticPad.unit(LAYOUT, 3, PadParameters(gain_spread=0.0, turn_spread=0.0))
     force = np.random.default_rng(4).uniform(0, 0.4, (3, 6, 5))
     moved, rotated = (part.reshape(3, 30).T for part in pad.motion(force))
@@ -119,7 +119,7 @@ def test_a_unit_reads_the_sum_of_its_own_magnets():
 
 
 def test_each_magnet_moves_as_the_gel_does_where_it_is():
-    """A manufactured magnet is not at its nominal depth or in the middle of its taxel."""
+    """A manufactured magnet is neither at its nominal depth nor in the middle of its taxel."""
     pad = MagneticPad.unit(LAYOUT, 5)
     own, places = pad.parameters, pad.made.magnets.T
     force = np.random.default_rng(5).uniform(0, 1e-3, (3, 6, 5))  # small: the gel does not stiffen yet
@@ -150,7 +150,7 @@ def test_warm_magnets_and_a_field_from_outside_shift_the_zero():
     warm = pad.read(rest, warmer=10.0)
     assert 0.01 < np.abs(warm).max() < 1.0
     np.testing.assert_allclose(pad.read(rest, warmer=20.0), 2 * warm)
-    # weaker magnets read less of a load, too
+    # weaker magnets also reduce the reading of a load
     load = pressed((2, 2), (0, 0, 1.0))
     gain = (pad.read(load, warmer=10.0) - warm)[2, 2, 2] / pad.read(load)[2, 2, 2]
     assert gain == pytest.approx(1 - 1.2e-2, rel=1e-6)

@@ -1,4 +1,4 @@
-"""A manufactured sensor in the place of a chain."""
+"""A manufactured sensor as a member of a chain."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ def test_each_pad_of_a_sensor_differs_and_streams_are_as_frames():
 
 
 def test_a_long_batch_is_read_as_its_frames_and_single_precision_does():
-    """numpy computes long batches in blocks."""
+    """Long numpy batches are computed in blocks."""
     sensor = MagneticSensor(LAYOUT, unit=7)
     force = np.random.default_rng(3).uniform(0, 0.5, (70, 2, 3, 6, 5))
     read = sensor(force)

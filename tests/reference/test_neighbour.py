@@ -1,4 +1,4 @@
-"""The field of the pad that faces a pad: against an independent package, by symmetry, and in a sensor."""
+"""The field of the facing pad: against an independent package, by symmetry, and in a sensor."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ def units():
 
 @pytest.mark.parametrize("opening", [0.0, 18e-3])
 def test_the_field_is_magpylibs_of_a_pad_turned_by_half_a_turn(units, opening):
-    magpylib = pytest.importorskip("magpylib", reason="needs magpylib, see the test extra")
+    magpylib = pytest.importorskip("magpylib", reason="needs magpylib; install the test extra")
     from scipy.spatial.transform import Rotation
 
     unit, other = units
@@ -30,7 +30,7 @@ def test_the_field_is_magpylibs_of_a_pad_turned_by_half_a_turn(units, opening):
 
 
 def test_pads_of_a_gripper_face_each_other_so():
-    """Half a turn about y, as in the gripper's scene: x runs the other way, y the same, z against each other."""
+    """The pads differ by half a turn about y, as in the gripper scene: x and z are opposite, y is the same."""
     import mujoco
 
     from paxisim.scene import ready
@@ -73,7 +73,7 @@ def test_a_sensor_reads_its_neighbour_from_where_it_was_zeroed():
     np.testing.assert_allclose(sensor(force, {"gripper_opening": 0.08}), alone(force), atol=1e-12)
     closed = sensor(force, {"gripper_opening": 0.018}) - alone(force)
     assert 0.01 < np.abs(closed).max() < 1.0
-    np.testing.assert_allclose(closed, closed[:1].repeat(4, 0), atol=1e-9)  # whatever the load
+    np.testing.assert_allclose(closed, closed[:1].repeat(4, 0), atol=1e-9)  # independent of the load
     openings = np.array([0.08, 0.05, 0.018, 0.0])
     each = sensor(force, {"gripper_opening": openings})
     np.testing.assert_allclose(each[2], sensor(force[2], {"gripper_opening": 0.018}), atol=1e-12)

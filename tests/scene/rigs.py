@@ -12,7 +12,7 @@ ENCODER = 5e-5  # m
 
 
 def path(time, knots, values):
-    """Minimum-jerk moves from value to value, at rest at each knot."""
+    """Return minimum-jerk moves between `values`, at rest at each knot."""
     knots, values = np.asarray(knots, float), np.asarray(values, float)
     i = np.clip(np.searchsorted(knots, time, side="right") - 1, 0, len(knots) - 2)
     u = np.clip((time - knots[i]) / (knots[i + 1] - knots[i]), 0, 1)
@@ -20,19 +20,19 @@ def path(time, knots, values):
 
 
 def steps_of(values, step=ENCODER):
-    """As an encoder of that resolution reads them."""
+    """Return `values` as an encoder with a resolution of `step` reads them."""
     return np.round(values / step) * step
 
 
 def recording(time, covariates, pads=1, measured=None, **more):
-    """A recording of those streams; forces of zero where none are given."""
+    """Return a recording of the streams `covariates`, with zero forces unless `measured` is given."""
     if measured is None:
         measured = np.zeros((len(time), pads, *LAYOUT.shape), np.float32)
     return Recording(time, measured, covariates=covariates, layout=LAYOUT, **more)
 
 
 def press(rate=100.0, seconds=8.0, depth=1.7e-3):
-    """Streams of the indenter: a press that is held, a tap, a staircase, at two places; lengths in m."""
+    """Return times and streams of the indenter: a held press, a tap and a staircase at two places; lengths in m."""
     time = np.arange(round(seconds * rate)) / rate
     knots = np.array([0, 0.3, 1, 2, 2.6, 3.2, 3.4, 3.6, 4.4, 5, 5.6, 6.2, 6.8, 7.4, 8])
     shares = np.array([0, 0, 1, 1, 0, 0, 0.5, 0, 0, 0.4, 0.4, 0.8, 0.8, 0, 0])
@@ -45,15 +45,15 @@ def press(rate=100.0, seconds=8.0, depth=1.7e-3):
 
 
 def total(tensor):
-    """``(T,)`` the sum of all normal forces."""
+    """Return the sum of all normal forces, ``(T,)``."""
     return tensor[:, :, 2].astype(float).sum(axis=(1, 2, 3))
 
 
 def simulated_press(mjcf, time, streams, rate=100.0, gel=None):
-    """The indenter as servos of its own move it, in MuJoCo alone: forces and where its joints really were.
+    """Simulate the indenter moved by its own servos, in MuJoCo alone.
 
     Returns:
-        ``(T, 1, 3, rows, cols)`` newtons and ``(T, 3)`` x, y and depth.
+        Forces ``(T, 1, 3, rows, cols)`` (N) and the true joint positions x, y and depth ``(T, 3)`` (m).
     """
     model = mujoco.MjModel.from_xml_string(mjcf)
     pads = paxisim.find_pads(model)
@@ -76,17 +76,17 @@ def simulated_press(mjcf, time, streams, rate=100.0, gel=None):
 
 
 def with_servos(scene):
-    """The indenter's MJCF with a heavier ball, and a position servo on each of its joints."""
+    """Return the indenter's MJCF with a heavier ball and a position servo on each joint."""
     servos = "".join(f'<position name="{joint}" joint="{joint}" kp="20000" kv="400"/>' for joint in ("x", "y", "depth"))
     mjcf = str(scene.mjcf).replace("</mujoco>", f"<actuator>{servos}</actuator></mujoco>")
     return mjcf.replace('mass="0.1"', 'mass="2"')
 
 
 def squeezed(mjcf, seconds=6.0, rate=100.0):
-    """The gripper closes on the peg by its motor, in MuJoCo alone.
+    """Simulate the gripper closing on the peg with its motor, in MuJoCo alone.
 
     Returns:
-        ``(T,)`` times, ``(T, 2, 3, rows, cols)`` newtons, ``(T, nq)`` positions and ``(T,)`` the motor's force.
+        Times ``(T,)``, forces ``(T, 2, 3, rows, cols)`` (N), positions ``(T, nq)`` and motor forces ``(T,)``.
     """
     model = mujoco.MjModel.from_xml_string(mjcf)
     pads = paxisim.find_pads(model)

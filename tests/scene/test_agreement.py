@@ -1,4 +1,4 @@
-"""How well a replay met what was measured, said before anything is concluded about the sensor."""
+"""Agreement of a replay with the measurement, reported before anything is concluded about the sensor."""
 
 from dataclasses import replace
 
@@ -12,7 +12,7 @@ TIME = np.arange(0, 12, 0.01)
 
 
 def presses(scale=1.0, noise=0.0, begins=(1, 7), seed=0):
-    """``(T, 1, 3, rows, cols)``: two presses of 20 N, with 0.4 s of rise and three seconds of hold."""
+    """Return presses of 20 N with a rise of 0.4 s and a hold of 3 s, ``(T, 1, 3, rows, cols)``."""
     total = sum(20 * path(TIME, [0, b, b + 0.4, b + 3.4, b + 3.8, 12], [0, 0, 1, 1, 0, 0]) for b in begins)
     shape = (len(TIME), 1, *LAYOUT.shape)
     force = np.zeros(shape)
@@ -30,7 +30,7 @@ def test_equal_streams_agree():
     found = compared(presses(), presses())
     assert not found.problems
     assert (found.peak_ratio, found.slope_ratio) == (1.0, 1.0)
-    # half of a minimum-jerk rise is faster than some four fifths of its fastest
+    # half of a minimum-jerk rise is faster than about four fifths of its peak rate
     assert found.pads[0].measured_slope == pytest.approx(20 / 0.4 * 1.875, rel=0.25)
 
 

@@ -1,4 +1,4 @@
-"""What encoder steps are worth: as a replay finds it, and as a diagnosis allows for it."""
+"""Force error caused by encoder steps: a replay estimates it, and a diagnosis allows for it."""
 
 import json
 
@@ -16,7 +16,7 @@ SCENE = ready.indenter(LAYOUT)
 
 @pytest.fixture(scope="module")
 def replays():
-    """The same press, exact and as encoders of 0.05 mm read it; measured is what the exact one gives."""
+    """The same press, exact and read by encoders with steps of 0.05 mm, which measured the exact forces plus noise."""
     time, streams = press(seconds=4.0)
     exact = SCENE.simulate(recording(time, streams))
     noise = np.random.default_rng(0).normal(0, 0.003, exact.simulated.shape)

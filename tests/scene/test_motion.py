@@ -1,4 +1,4 @@
-"""Streams as smooth motions."""
+"""Streams turned into smooth motions."""
 
 import numpy as np
 import pytest
@@ -46,7 +46,7 @@ def test_the_steps_of_an_encoder_are_found(step, shift):
 
 
 def test_a_stream_without_steps_has_no_resolution():
-    assert resolution(TRUE) == 0  # it rests for half of the time, at values that are no multiples
+    assert resolution(TRUE) == 0  # it rests for half of the time, at values that are not multiples of a step
     assert resolution(np.ones(100)) == 0
     assert resolution(np.full(5, np.nan)) == 0
 

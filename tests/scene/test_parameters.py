@@ -1,4 +1,4 @@
-"""The numbers of a scene: which there are, and that each changes what it says it does."""
+"""Parameters of a scene: which ones exist, and that each has its stated effect."""
 
 import re
 from dataclasses import replace
@@ -14,7 +14,7 @@ DEPTH = 1.2e-3
 
 
 def held(depth=DEPTH, slide=0.0, seconds=1.5):
-    """A press that is held, and slid along x while it is."""
+    """Return a recording of a press that is held and meanwhile slides along x."""
     time = np.arange(round(seconds * 100)) / 100
     down = np.clip(time / 0.4, 0, 1)
     along = slide * np.clip((time - 0.6) / 0.6, 0, 1)
@@ -22,7 +22,7 @@ def held(depth=DEPTH, slide=0.0, seconds=1.5):
 
 
 def bench(layout=LAYOUT):
-    """An indenter on taxels that a ball presses smoothly."""
+    """Return a scene with a ball as indenter on spherical taxels, which it presses smoothly."""
     text = """<mujoco><option timestep="0.002" cone="elliptic" impratio="10"/><worldbody><body name="bench"/>
     <body name="ball" pos="0 0 0.02"><joint name="x" type="slide" axis="1 0 0"/><joint name="y" type="slide"
     axis="0 -1 0"/><joint name="depth" type="slide" axis="0 0 -1"/><geom name="ball" type="sphere" size="0.02"
@@ -34,12 +34,12 @@ def bench(layout=LAYOUT):
 
 
 def force(scene, motion, **values):
-    """``(pads, 3, rows, cols)`` at the end of a motion."""
+    """Return the forces at the end of a motion, ``(pads, 3, rows, cols)``."""
     return scene.simulate(motion, **values).simulated[-5:].mean(axis=0)
 
 
 def place(normal):
-    """Where the normal force acts on a pad, in m along its x and y."""
+    """Return where the normal force acts on a pad (m, along its x and y)."""
     normal = normal.ravel()
     return LAYOUT.positions[:, :2].T @ normal / normal.sum()
 
@@ -53,7 +53,7 @@ def test_an_indenter_has_these_numbers():
     assert all(item.low < item.nominal < item.high for item in found.values())
     assert found["friction"].nominal == bench().gel.friction
     assert "joint_offset_depth" in found
-    assert "joint_offset_x" not in found  # the mount's offset along x is the same thing
+    assert "joint_offset_x" not in found  # equivalent to the mount's offset along x
 
 
 def test_each_pad_of_a_gripper_has_its_own_and_names_tell_them_apart():
@@ -94,7 +94,7 @@ def test_objects_and_pads_in_frames_move_like_others():
     plain, motion = bench(), held()
     text = str(plain.mjcf)
     ball = re.search(r"<geom name=.ball.[^>]*/>", text)[0]
-    turned = f'<frame pos="1e-3 0 0" quat="0 0 0 1"><frame pos="1e-3 0 0">{ball}</frame></frame>'  # ends where it began
+    turned = f'<frame pos="1e-3 0 0" quat="0 0 0 1"><frame pos="1e-3 0 0">{ball}</frame></frame>'  # ends where it was
     framed = replace(plain, mjcf=text.replace(ball, turned))
     for values in ({}, {"object_pose_y": 1e-3}, {"object_size": 1.01}):
         own = force(framed, motion, **values)
@@ -113,7 +113,7 @@ def test_a_tilted_pad_is_pressed_on_its_raised_side():
 
 def test_a_larger_ball_presses_more_taxels():
     scene, motion = bench(), held()
-    # it grows about its middle, so that it also reaches deeper
+    # the ball grows about its centre, so it also reaches deeper
     larger = force(scene, motion, object_size=1.02)
     assert total(larger[None])[0] > 1.2 * total(force(scene, motion)[None])[0]
 

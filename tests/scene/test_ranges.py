@@ -1,4 +1,4 @@
-"""Ranges around what a diagnosis found in a scene, drawn into the model of another robot."""
+"""Ranges around the scene parameters that a diagnosis found, drawn into the model of another robot."""
 
 import mujoco
 import numpy as np
@@ -15,7 +15,7 @@ LEFT, RIGHT = paxisim.find_pads(mujoco.MjModel.from_xml_string(GRIPPER.mjcf)).na
 
 
 def ranges(**ends):
-    """Ranges of some parameters of the gripper."""
+    """Return ranges of the given parameters of the gripper."""
     return paxisim.SceneRanges(tuple(KNOWN[name] for name in ends), tuple(ends.values()), (LEFT, RIGHT))
 
 
@@ -39,7 +39,7 @@ VALUES = {
 def test_a_drawn_model_is_the_one_that_a_scene_with_these_values_compiles_to():
     model, pads = compiled(GRIPPER)
     variation = ranges(**{name: (value, value) for name, value in VALUES.items()}).vary(model, pads, GRIPPER.gel)
-    for _ in range(2):  # a draw does not add to the one before
+    for _ in range(2):  # a draw must not add to the previous one
         drawn = variation.draw(np.random.default_rng(0))
     paxisim.set_surface(model, pads, np.reshape(pads.thickness, (-1, 1, 1)) + drawn.heights)
     wanted, _ = compiled(GRIPPER.with_parameters(**VALUES))
@@ -71,7 +71,7 @@ def test_no_ranges_leave_the_model_alone():
 
 
 def diagnosis(scene):
-    """A diagnosis that found a friction and an offset in millimetres; nothing is computed."""
+    """Return a hand-made diagnosis that found a friction and an offset in mm."""
     own = [
         FittedParameter("friction", "1", Interval(0.7, 0.65, 0.8)),
         FittedParameter(f"mount_offset_x_{LEFT}", "mm", Interval(0.8)),

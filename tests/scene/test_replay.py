@@ -1,4 +1,4 @@
-"""Replayed forces against those of MuJoCo itself, in every mode."""
+"""Replayed forces compared with MuJoCo's own, in every mode."""
 
 import re
 from dataclasses import replace
@@ -21,7 +21,7 @@ FINGERS = tuple(Drive(side, joint=f"gripper_{side}_slide", unit="m") for side in
 
 @pytest.fixture(scope="module")
 def pressed():
-    """A press of the indenter as MuJoCo simulates it with servos; commands beside the true positions."""
+    """A press of the indenter that MuJoCo simulates with servos; holds commands and true positions."""
     time, streams = press()
     force, joints = simulated_press(with_servos(INDENTER), time, streams)
     covariates = dict(zip(NAMES, joints.T, strict=True)) | {f"{name} command": streams[name] for name in NAMES}
@@ -38,7 +38,7 @@ def gripped():
 
 
 def worst(replayed):
-    """The largest error of a taxel, as a share of the largest reading of a taxel."""
+    """Return the largest error of a taxel as a fraction of the largest reading of a taxel."""
     return np.abs(replayed.simulated - replayed.measured).max() / np.abs(replayed.measured).max()
 
 
@@ -49,7 +49,7 @@ def test_exact_poses_give_the_forces_of_the_simulation_that_they_are_from(presse
 
 
 def test_writing_positions_alone_gives_a_fraction_of_the_force(pressed):
-    """Why replay is more than mj_forward: what was tried first, 2 N instead of 16 N."""
+    """This is why replay does more than `mj_forward`, which gives 2 N instead of 16 N."""
     model = mujoco.MjModel.from_xml_string(str(INDENTER.mjcf))
     pads = paxisim.find_pads(model)
     paxisim.Gel().apply(model, pads)
@@ -72,14 +72,14 @@ def test_another_timestep_and_cone_give_these_forces_to_5_percent(pressed, times
 
 @pytest.mark.xfail(
     int(mujoco.__version__.split(".")[0]) >= 4,
-    reason="on MuJoCo 4.0 the peg slips once where it did not: 13 % of the peak at the 99th percentile, not understood",
+    reason="on MuJoCo 4.0 the peg slips one extra time: 13 % of the peak at the 99th percentile, for an unknown reason",
 )
 def test_a_free_object_between_prescribed_fingers(gripped):
     scene = Scene(GRIPPER.mjcf, FINGERS, start=[ObjectStart("peg", stream="peg")])
     replayed = scene.simulate(gripped)
     off = np.abs(total(replayed.simulated) - total(replayed.measured))
     assert np.percentile(off, 99) < 0.01 * total(gripped.measured).max()
-    # the first touch is faster than samples 10 ms apart tell
+    # the first touch is faster than samples 10 ms apart can resolve
     assert off.max() < 0.1 * total(gripped.measured).max()
 
 
@@ -95,7 +95,7 @@ def test_the_force_of_a_motor(gripped):
     scene = Scene(GRIPPER.mjcf, drives, mode="force", start=[ObjectStart("peg", stream="peg")])
     replayed = scene.simulate(gripped)
     assert [drive.stream for drive in scene.prepare(gripped).rig.unused] == ["left", "right"]
-    late = gripped.time > 2.0  # the fingers start at rest, though they moved
+    late = gripped.time > 2.0  # the replay starts the fingers at rest, although they were moving
     assert np.abs(replayed.simulated - replayed.measured)[late].max() < 0.01 * np.abs(gripped.measured).max()
 
 
@@ -133,7 +133,7 @@ def test_the_course_of_the_force_tells_where_the_object_lies_whatever_the_gain(p
     assert how["closing"]["0"] == pytest.approx(offset, abs=2.5e-5)
     assert "axis_gain" not in how["not_testable"]
     assert "stiffening" in how["not_testable"]
-    # a gain that is fitted to the force can be told from the depth
+    # the gain can be told apart from the depth
     peaks = total(read.measured).max(), total(shaped.simulated).max()
     assert peaks[0] / peaks[1] == pytest.approx(0.7, abs=0.05)
 
@@ -149,7 +149,7 @@ def test_a_fitted_closing_that_is_not_there(pressed):
 
 
 def test_a_mocap_body_is_felt_as_a_joint_is(pressed):
-    """MuJoCo itself gives a mocap body no velocity, and so no damping and no friction."""
+    """MuJoCo itself gives a mocap body no velocity, hence neither damping nor friction."""
     body = re.search('<body name="ball".*?</body>', str(INDENTER.mjcf), re.DOTALL).group()
     mocap = re.sub("<joint [^>]*>", "", body).replace('name="ball"', 'name="ball" mocap="true"', 1)
     place = np.column_stack([pressed.covariates[name] for name in NAMES]) * [1, -1, -1] + [0, 0, ready.BALL]
@@ -176,7 +176,7 @@ def test_encoder_steps_are_smoothed(pressed):
 def test_what_an_encoder_step_is_worth_is_said(pressed):
     read = {name: steps_of(pressed.covariates[name]) for name in NAMES}
     said = INDENTER.simulate(recording(pressed.time, read, measured=pressed.measured)).metadata["replay"]
-    # at 1.7 mm the gel stiffens: 0.1 mm are 9 N, by the test of a fitted closing
+    # at 1.7 mm the gel stiffens: 0.1 mm changes the force by 9 N, as in the test of a fitted closing
     assert 0.1 < said["encoder_error"]["newtons"] / said["encoder_error"]["peak"] < 0.3
     assert "positions alone do not determine the total force to 10%" in said["notes"][0]
     fine = {name: steps_of(pressed.covariates[name], 2e-6) for name in NAMES}
@@ -189,7 +189,7 @@ def test_the_mean_over_the_interval_is_that_of_the_forces_in_it(pressed):
     tap = pressed[300:380]
     mean = INDENTER.simulate(tap, mean=True)
     fine = tap.resample(500.0, align="linear")
-    depth = INDENTER.prepare(tap)  # the motion between samples is the spline's, not the line's
+    depth = INDENTER.prepare(tap)  # between samples the motion follows the spline, not a straight line
     motion = depth._motion(tap)
     at = fine.time
     streams = {name: curve(at)[0] for name, curve in zip(NAMES, motion.curves.values(), strict=True)}

@@ -1,4 +1,4 @@
-"""Replays with other values: in parallel as alone, kept by content, and what fails is said."""
+"""Replays with other values: the same in parallel as alone, cached by content, and failures are reported."""
 
 import numpy as np
 import pytest
@@ -43,7 +43,7 @@ def test_replays_are_kept_by_what_they_depend_on(tmp_path):
     with Replays(SCENE, motion(), folder=tmp_path) as replays:
         first = replays.run_each({})
     files = sorted(tmp_path.iterdir())
-    assert len(files) == 2  # one an episode
+    assert len(files) == 2  # one per episode
     marked = np.load(files[0])["force"] + 1
     np.savez(files[0], force=marked)
     files[1].write_bytes(b"damaged")

@@ -1,4 +1,4 @@
-"""Scenes and their TOML."""
+"""Scenes and their TOML files."""
 
 import json
 from pathlib import Path

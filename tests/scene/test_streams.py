@@ -1,4 +1,4 @@
-"""Recordings and scenes that do not fit are refused, in one line, before anything is simulated."""
+"""Recordings and scenes that do not fit each other are refused in one line, before anything is simulated."""
 
 import numpy as np
 import pytest

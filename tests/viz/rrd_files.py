@@ -1,4 +1,4 @@
-"""Reads Rerun's files back, with whichever of its two readers the installed version has."""
+"""Read Rerun files with whichever of its two readers the installed version has."""
 
 import re
 import warnings
@@ -9,21 +9,21 @@ import pytest
 
 
 def read_rrd(path):
-    """``{(entity, component): (times, values)}``, one value an instant; what is static has no times and one value.
+    """Return ``{(entity, component): (times, values)}``; static components have no times and one value.
 
-    Components are named as in `name_of`, the same for all versions of Rerun.
+    Components are named by `name_of`, identically for all versions of Rerun.
     """
     try:
         from rerun.chunk import RrdReader
     except ImportError:
         return _read_with_dataframe(path)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # that a file is still being written
+        warnings.simplefilter("ignore")  # about a file that is still being written
         return _read_chunks(RrdReader(path).stream())
 
 
 def name_of(component):
-    """``"Points2D:colors"`` and ``"Color"`` -> ``"color"``."""
+    """Return the common name of a component: ``"Points2D:colors"`` and ``"Color"`` both give ``"color"``."""
     name = re.sub(r"[23]D$", "", component.split(":")[-1]).lower().removesuffix("s")
     return {"text": "label", "origin": "position", "radii": "radiu"}.get(name, name)
 
@@ -47,7 +47,7 @@ def _read_chunks(chunks):
 
 
 def _read_with_dataframe(path):
-    dataframe = pytest.importorskip("rerun.dataframe", reason="no reader of .rrd files known")
+    dataframe = pytest.importorskip("rerun.dataframe", reason="needs a reader of .rrd files")
     recording = dataframe.load_recording(path)
     found = {}
     for static in (True, False):
@@ -66,5 +66,5 @@ def _read_with_dataframe(path):
 
 
 def rgba(packed):
-    """``(N,)`` colours as Rerun stores them -> ``(N, 4)`` uint8."""
+    """Convert ``(N,)`` colours as Rerun stores them to ``(N, 4)`` uint8."""
     return np.array([[color >> shift & 255 for shift in (24, 16, 8, 0)] for color in packed], dtype=np.uint8)

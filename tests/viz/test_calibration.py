@@ -1,4 +1,4 @@
-"""The pictures of presses and of a calibration."""
+"""Pictures of presses and of a calibration."""
 
 import sys
 from pathlib import Path
@@ -26,7 +26,7 @@ def test_presses_are_drawn_with_their_cuts_and_thresholds(tmp_path):
     for ax in figure.axes:
         np.testing.assert_allclose(cuts_drawn(ax), recording.time[list(presses.cuts)])
         assert len(ax.patches) == len(presses.spans)
-    assert figure.axes[1].get_ylim()[1] < 0.5 * presses.load.max()  # shows the rest enlarged
+    assert figure.axes[1].get_ylim()[1] < 0.5 * presses.load.max()  # magnifies the signal at rest
     figure.savefig(tmp_path / "presses.png")
 
 

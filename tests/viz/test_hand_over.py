@@ -1,4 +1,4 @@
-"""The queue between a reader that must not wait and a drawing that may be slow."""
+"""The queue between a reader that must not wait and a drawing consumer that may be slow."""
 
 import itertools
 import threading
@@ -8,11 +8,11 @@ import pytest
 from paxisim.errors import InvalidValueError
 from paxisim.viz.hand_over import HandOver
 
-LONG = 30.0  # s: longer than anything here takes, on the slowest machine
+LONG = 30.0  # s: longer than any step here takes, even on a slow machine
 
 
 class Consumer:
-    """Remembers what it is given; can be held up."""
+    """Consumer that records the values it receives and can be blocked."""
 
     def __init__(self):
         self.batches, self.counts = [], []
@@ -31,7 +31,7 @@ class Consumer:
 
 
 def held_up(size):
-    """A consumer that is busy with a 0 until it may go on, and its queue."""
+    """Return a consumer blocked on the value 0 until `go` is set, and its queue."""
     consumer = Consumer()
     consumer.go.clear()
     queue = HandOver(consumer, size=size)
@@ -42,7 +42,7 @@ def held_up(size):
 
 def test_a_slow_consumer_costs_the_oldest_values_and_never_a_wait():
     consumer, queue = held_up(size=3)
-    for value in range(1, 100):  # would wait for ever if `put` waited for the consumer
+    for value in range(1, 100):  # would block forever if `put` waited for the consumer
         queue.put(value)
     assert (queue.given, queue.dropped) == (100, 96)
     consumer.go.set()
@@ -74,7 +74,7 @@ def test_beyond_the_rate_values_are_left_out_evenly():
     consumer.go.set()
     queue.close()
     chosen = consumer.batches[1]
-    assert 90 <= len(chosen) <= 100  # what one second allows
+    assert 90 <= len(chosen) <= 100  # the number allowed in one second
     assert chosen[-1] == 999
     steps = {b - a for a, b in itertools.pairwise(chosen)}
     assert max(steps) - min(steps) <= 1
@@ -127,7 +127,7 @@ def test_what_was_closed_takes_nothing_more(wait):
     consumer = Consumer()
     queue = HandOver(consumer, size=1)
     queue.close()
-    for value in range(2):  # one more than has room: would wait for ever
+    for value in range(2):  # one more than fits: would block forever
         with pytest.raises(InvalidValueError, match="was closed"):
             queue.put(value, wait)
     assert (queue.given, queue.dropped, consumer.batches) == (0, 0, [])

@@ -1,4 +1,4 @@
-"""The live view as it is saved, read back with Rerun."""
+"""Saved live views, read back with Rerun."""
 
 import subprocess
 import sys
@@ -23,7 +23,7 @@ PADS = ("left", "right of 2/3")
 
 
 def press(count, layout=GRID, pads=2):
-    """Forces with shear on some taxels, different at every moment: ``(count, pads, 3, rows, cols)``."""
+    """Return ``(count, pads, 3, rows, cols)`` forces that differ in every frame, with shear on some taxels."""
     force = np.random.default_rng(0).uniform(-1, 1, (count, pads, *layout.shape)).astype(np.float32)
     force[:, :, 2] = 4 * np.abs(force[:, :, 2])
     force[:, :, :, :, 0] = 0
@@ -52,7 +52,7 @@ def test_every_reading_is_in_the_file_with_its_colors_arrows_and_totals(tmp_path
         times, vectors = found[f"/pads/measured/{pad}/shear", "vector"]
         assert len(times) == 600
         for at in (0, 599):
-            # an arrow of 1 N is 2 mm long; the first column has no shear, and no arrow
+            # an arrow of 1 N is 2 mm long; the first column has no shear and so no arrow
             shear = 2.0 * forces[at, i, :2].reshape(2, -1).T
             shear = shear[np.linalg.norm(shear, axis=1) > 0.02 * 2.0]
             np.testing.assert_allclose(vectors[at], shear, rtol=1e-6)
@@ -78,7 +78,7 @@ def test_simulated_pads_stand_under_the_measured_and_the_residual_under_both(tmp
         times, colors = found[f"/pads/{line}/left/taxels", "color"]
         assert len(times) == 20
         expected = np.rint(255 * taxel_colors(factor * forces[7, 0], 4.0)).reshape(-1, 4)
-        np.testing.assert_allclose(rgba(colors[7]).astype(int), expected, atol=1)  # of 255
+        np.testing.assert_allclose(rgba(colors[7]).astype(int), expected, atol=1)  # out of 255
         heights.append(np.array(found[f"/pads/{line}/left/taxels", "position"][1][0])[:, 1])
     assert heights[1].min() > heights[0].max()
     assert heights[2].min() > heights[1].max()
@@ -160,7 +160,7 @@ except OSError as error:
 """
 
 
-@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="limits the size of a file as Linux does")
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="needs Linux to limit the size of a file")
 def test_a_full_disk_is_noticed(tmp_path):
     words = [sys.executable, "-c", FULL, str(tmp_path / "view.rrd")]
     done = subprocess.run(words, capture_output=True, text=True, timeout=100, check=True)
@@ -196,7 +196,7 @@ def test_readings_that_cannot_be_shown(tmp_path):
             view.show(0.0, np.zeros((1, 3, 3, 4)))
 
 
-@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="there is always a display")
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="other systems always have a display")
 def test_without_a_display_it_says_what_to_do_instead(monkeypatch):
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)

@@ -1,4 +1,4 @@
-"""What the live view draws, without drawing it."""
+"""Contents of the live view, computed without drawing."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ GRID = TaxelLayout(3, 2, (2e-3, 4e-3))
 
 
 def curved():
-    """Three taxels on a bow: the outer ones face 60 degrees to the left and right."""
+    """Return three taxels on an arc; the outer ones face 60 degrees to the left and right."""
     x, z = np.sin(np.pi / 3), np.cos(np.pi / 3)
     normals = [[-x, 0, -z], [0, 0, -1], [x, 0, -z]]
     return TaxelLayout(1, 3, 2e-3, positions=[[-4e-3, 0, 2e-3], [0, 0, 0], [4e-3, 0, 2e-3]], normals=normals)
@@ -31,7 +31,7 @@ def test_pads_stand_side_by_side_and_lines_below_each_other_without_touching():
     for above, below in ((0, 1), (1, 2)):
         assert places[below, :, :, 1].min() > places[above, :, :, 1].max() + 2
     np.testing.assert_allclose(scene.positions[0] - scene.positions[0, 0], 1e3 * (GRID.positions - GRID.positions[0]))
-    # names above the pads, and to the left of the lines
+    # names stand above the pads and to the left of the lines
     assert np.all(scene.headings[:, 1] < places[0, :, :, 1].min())
     assert np.all(scene.margins[:, 0] < places[..., 0].min())
     drawn = np.concatenate([flat, scene.headings, scene.margins])[:, :2]
@@ -67,9 +67,9 @@ def test_on_a_curved_pad_the_surface_says_what_presses_and_what_drags():
     assert not scene.flat
     layout = curved()
     force = np.zeros((1, 3, 1, 3))
-    force[0, :, 0, 0] = -3 * layout.normals[0]  # straight into the left one
+    force[0, :, 0, 0] = -3 * layout.normals[0]  # pressing straight into the left taxel
     force[0, :, 0, 1] = 0.0, 1.0, 2.0
-    force[0, :, 0, 2] = 0.5 * layout.frames[2, :, 0]  # along the surface of the right one
+    force[0, :, 0, 2] = 0.5 * layout.frames[2, :, 0]  # along the surface of the right taxel
     normal, shear = scene.split(force)
     np.testing.assert_allclose(normal, [[3.0, 2.0, 0.0]], atol=1e-12)
     np.testing.assert_allclose(shear[0], [[0, 0, 0], [0, 1, 0], 0.5 * layout.frames[2, :, 0]], atol=1e-12)
@@ -122,7 +122,7 @@ def test_the_scale_follows_a_peak_at_once_and_forgets_it_in_time():
     assert np.all(np.diff(seen) <= 0)
     assert seen[0] > 7
     assert 0 < seen[-1] < 1
-    scale.update(-5.0, felt, np.ones((1, 3)))  # a clock that runs back fades nothing
+    scale.update(-5.0, felt, np.ones((1, 3)))  # a clock that runs backwards does not reduce the scale
     assert scale.vmax == 8.0
 
 

@@ -1,4 +1,4 @@
-"""``paxisim live`` on what it can look at: a recording, a scene, an emulated sensor; and what it refuses."""
+"""``paxisim live`` for a recording, a scene and an emulated sensor, and the input it refuses."""
 
 import os
 import re
@@ -36,7 +36,7 @@ def folder(tmp_path, monkeypatch):
 
 @pytest.fixture
 def scene(folder):
-    """A plate of 0.1 kg that lies on a pad."""
+    """A 0.1 kg plate lying on a pad."""
     tactile = paxisim.attach(PLATE, paxisim.Pad(LAYOUT), [paxisim.Mount("hand", name="palm")])
     Path("scene.xml").write_text(tactile.to_xml(folder))
     return "scene.xml"
@@ -65,7 +65,7 @@ def test_a_recording_is_drawn_whole_beside_its_simulation(name, capsys):
     np.testing.assert_allclose(
         found["/force/r/measured", "scalar"][1], recording.measured[:, 1].sum(axis=(-2, -1)), rtol=1e-4
     )
-    # one scale for all of it
+    # one scale for the whole recording
     assert len({tuple(scale) for scale in found["/scale", "scalar"][1]}) == 1
 
 
@@ -140,7 +140,7 @@ def test_a_pad_in_error_is_drawn_as_unknown():
 
     profile = load_profile("gen1-stream")
     pressed = np.full((len(profile.slots), *profile.wire_layout.shape), 5.0)
-    for status in (0.0, 1.0):  # the board says it of its first pad
+    for status in (0.0, 1.0):  # the board reports the status of its first pad
         with (
             Emulator(profile, lambda now: pressed, faults=Faults(status=status)) as board,
             open_source(board.port, profile.name, real_time=True) as source,
@@ -157,18 +157,18 @@ def test_ctrl_c_ends_an_endless_source_cleanly_with_a_whole_file(scene, folder):
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
-        # tests that run in the background ignore Ctrl-C, and so would what they start
+        # tests that run in the background ignore Ctrl-C, and their child processes inherit that
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     ) as process:
         try:
             deadline = time.monotonic() + DEADLINE
-            sizes = set()  # it grows by a piece a time; the first few are the window's layout
+            sizes = set()  # the file grows in pieces; the first few hold the window's layout
             while len(sizes) < 10:
                 sizes.update(path.stat().st_size for path in folder.glob(".view.rrd.*"))
                 assert process.poll() is None, process.communicate()
                 assert time.monotonic() < deadline, f"sizes of the file so far: {sorted(sizes)}"
                 time.sleep(0.02)
-            assert not Path("view.rrd").exists()  # until it is whole
+            assert not Path("view.rrd").exists()  # only exists once it is complete
             process.send_signal(signal.SIGINT)
             out, err = process.communicate(timeout=DEADLINE)
         finally:
@@ -252,7 +252,7 @@ def test_a_damaged_recording_is_refused(folder, capsys):
     assert [path.name for path in folder.iterdir()] == ["press.npz"]
 
 
-@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="there is always a display")
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="other systems always have a display")
 def test_without_a_display_and_without_save_it_says_so(scene, monkeypatch, capsys):
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)

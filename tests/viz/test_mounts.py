@@ -1,4 +1,4 @@
-"""The picture of a gripper with its pads."""
+"""Pictures of a gripper with its pads."""
 
 import io
 from importlib.resources import files
@@ -14,7 +14,7 @@ ALWAYS_FLAT = "<mujoco><worldbody><body name='tool'><geom size='.02 .02 .01' typ
 
 
 def pads_drawn(ax):
-    """Collections in front of the gripper: one a pad."""
+    """Return the collections drawn in front of the gripper, one per pad."""
     return [c for c in ax.collections if isinstance(c, PolyCollection) and c.get_zorder() == 2]
 
 
@@ -48,7 +48,7 @@ def test_without_matplotlib_the_extra_is_named(monkeypatch):
 
 
 def drawn(ax):
-    """Corners of all that is drawn, and where the pads' numbers stand."""
+    """Return the corners of everything drawn, including the lines."""
     paths = [path.vertices for c in ax.collections for path in c.get_paths()]
     return np.concatenate([*paths, *(line.get_xydata() for line in ax.lines)])
 
@@ -59,12 +59,12 @@ def drawn(ax):
 def test_the_whole_hand_is_in_the_picture(name):
     gripper = paxisim.attach(paxisim.robosuite_gripper_path(name), paxisim.TaxelLayout(4, 3, 4e-3))
     figure = paxisim.plot_mounts(gripper)
-    figure.savefig(io.BytesIO())  # lays it out
+    figure.savefig(io.BytesIO())  # computes the figure layout
     for ax in figure.axes:
         inside = ax.transAxes.inverted().transform(ax.transData.transform(drawn(ax)))
         assert inside.min() >= 0
         assert inside.max() <= 1
-        assert np.ptp(inside, axis=0).max() > 0.8, "and fills it"
+        assert np.ptp(inside, axis=0).max() > 0.8, "the hand should fill the picture"
 
 
 def test_a_curved_pad_is_drawn_taxel_by_taxel():
@@ -73,12 +73,12 @@ def test_a_curved_pad_is_drawn_taxel_by_taxel():
     </body></worldbody></mujoco>"""
     mount = paxisim.Mount("finger", (0, 0, 0.02), (0, 1, 0, 0), ("tip",))
     curved = paxisim.conform(paxisim.TaxelLayout(4, 6, (6e-3, 6e-3)), paxisim.finger_surface(finger, mount))
-    as_list = paxisim.TaxelLayout(1, 24, (6e-3, 6e-3), curved.positions, curved.normals)  # as PaXini's fingertips
+    as_list = paxisim.TaxelLayout(1, 24, (6e-3, 6e-3), curved.positions, curved.normals)  # like PaXini's fingertips
     for layout in (curved, as_list):
         (above,) = pads_drawn(paxisim.plot_mounts(paxisim.attach(finger, layout, [mount])).axes[2])
         heights = np.array([np.ptp(path.vertices, axis=0).min() for path in above.get_paths()])
-        assert len(heights) == 24, "all face a viewer above"
-        assert heights.max() > 1.3 * heights.min(), "those at the rim are seen from the side"
+        assert len(heights) == 24, "all taxels should face a viewer above"
+        assert heights.max() > 1.3 * heights.min(), "taxels at the rim should appear foreshortened"
 
 
 def test_spheres_are_drawn_as_large_as_they_are():

@@ -1,4 +1,4 @@
-"""Names are drawn as they are: one that looks like TeX breaks no picture."""
+"""Names are drawn literally: a name that looks like TeX breaks no picture."""
 
 import io
 

@@ -34,7 +34,7 @@ def arrows_of(ax):
 
 
 def render(figure):
-    """Draw in earnest: a figure's own canvas draws nothing until it is asked for a file."""
+    """Force drawing: a figure's own canvas draws nothing until the figure is saved."""
     figure.savefig(io.BytesIO(), format="png")
 
 
@@ -86,7 +86,7 @@ def test_taxels_lie_where_the_layout_has_them_in_mm_with_row_0_at_the_top():
     assert "mm" in ax.get_xlabel()
     on_screen = drawn(ax).transData.transform(1e3 * LAYOUT.positions[[0, -1], :2])
     assert on_screen[0, 0] < on_screen[1, 0]  # column 0 is left
-    assert on_screen[0, 1] > on_screen[1, 1]  # row 0 is up; matplotlib's pixels count from below
+    assert on_screen[0, 1] > on_screen[1, 1]  # row 0 is at the top; matplotlib counts pixels from the bottom
 
 
 def test_taxels_that_are_no_grid_are_flattened():
@@ -105,10 +105,10 @@ def test_arrows_point_along_the_shear():
     index = 2 * 5 + 3
     shown = np.flatnonzero(~np.broadcast_to(arrows.Umask, 30))
     np.testing.assert_array_equal(shown, [index])  # none where there is no shear
-    outline = arrows.get_paths()[index].vertices  # around the taxel, on the screen, y up
+    outline = arrows.get_paths()[index].vertices  # relative to the taxel, in screen coordinates, y up
     direction = np.array([0.6, -0.8])
     tip = outline[(outline @ direction).argmax()]
-    np.testing.assert_allclose(tip / np.linalg.norm(tip), direction, atol=1e-3)  # the tail has two corners beside it
+    np.testing.assert_allclose(tip / np.linalg.norm(tip), direction, atol=1e-3)  # the tail has one corner on each side
 
 
 def test_the_longest_arrow_is_one_pitch_or_as_asked():

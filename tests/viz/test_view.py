@@ -21,7 +21,7 @@ BALL = '<body pos="0 0 -0.0101"><freejoint/><geom type="sphere" size="0.01" mass
 
 @pytest.fixture
 def model():
-    """Two pads; on the first a ball lies, pulled into it."""
+    """Two pads; gravity pulls a ball into the first."""
     spec = mujoco.MjSpec.from_string(f'<mujoco><option gravity="0 0 9.81"/><worldbody>{BALL}</worldbody></mujoco>')
     for side, x in (("left_", 0.0), ("right_", 0.1)):
         pad = mujoco.MjSpec.from_string(Pad(LAYOUT).to_xml())
@@ -30,7 +30,7 @@ def model():
 
 
 class FakeViewer:
-    """Stands in for MuJoCo's window for some frames, and remembers what it was shown."""
+    """Replacement for MuJoCo's window that runs for a number of frames and records what it is shown."""
 
     def __init__(self, model, data, frames):
         self.model, self.data, self.left = model, data, frames
@@ -97,7 +97,7 @@ def test_the_pressed_taxel_is_the_red_one(model):
     assert np.sum(saturation[pads.geoms] > 0.1) == 1
     np.testing.assert_array_equal(model.geom_rgba[others], before)
     at_rest = model.geom_rgba[pads.geoms[0], 0]
-    assert at_rest[0] > at_rest[1] == at_rest[4]  # the grid shows
+    assert at_rest[0] > at_rest[1] == at_rest[4]  # the grid of taxels is visible
 
 
 def test_colouring_checks_the_shape(model):
