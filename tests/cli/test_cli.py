@@ -253,7 +253,8 @@ def test_the_help_of_a_verb_ends_with_examples_that_parse(verb, capsys, monkeypa
     assert main([*verb, "--help"]) == 0
     text = capsys.readouterr().out
     assert max(map(len, text.splitlines())) <= 80
-    assert "None" not in text and "(default: )" not in text
+    assert "None" not in text
+    assert "(default: )" not in text
     *_, examples = re.split(r"^Examples?:\n", text, flags=re.MULTILINE)
     assert examples != text
     for line in examples.replace("\\\n", " ").splitlines():
