@@ -98,15 +98,21 @@ def unit(name: str, layout: paxisim.TaxelLayout) -> paxisim.Chain:
     return paxisim.Chain([paxisim.reference_sensor(name)(layout, zeroed_at=OPEN), augment.Firmware()])
 
 
-def surrogate(seed: int = 1, *, field: bool = True, out: Path | None = None) -> None:
+def surrogate(seed: int = 1, *, field: bool = True, out: Path | None = None, force: bool = False) -> None:
     """Draw a surrogate of a real sensor, for ``evaluate --sensor``.
 
     Args:
         seed: Random seed.
         field: Include the field of the other finger's magnets, zeroed with the gripper open.
         out: Output file. Default: sensor-SEED.json.
+        force: Overwrite the output if it exists.
+
+    Raises:
+        OutputExistsError: The output exists, and `force` is off.
     """
     path = out or Path(f"sensor-{seed}.json")
+    if path.exists() and not force:
+        raise paxisim.OutputExistsError(f"{path} exists; --force overwrites it")
     chain = draw(seed, field=field)
     chain.save(path)
     print(f"{path}: {', '.join(chain.names)}")

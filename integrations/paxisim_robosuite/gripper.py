@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable
 from dataclasses import replace
@@ -133,7 +134,8 @@ def register(
     """Register a tactile version of a gripper with robosuite under a new name.
 
     Args:
-        name: The new name, for ``gripper_types=``. Registering the name again replaces the gripper.
+        name: The new name, for ``gripper_types=``. If it is registered already, the gripper is
+            replaced, with a warning.
         gripper: Name of the gripper to put pads on, one of robosuite's or one registered with it.
         sensor: A pad, a layout, or the name of a sensor in paxisim's catalogue. Default: the paper's sensor.
         mounts: Mounts of the pads. Default: paxisim's mounts for robosuite's grippers.
@@ -169,6 +171,8 @@ def register(
             "robosuite drops the plugin of touch_grid sensors when it assembles a scene: give a pad without "
             "sensors, which TactileWrapper reads, or with sensors='contact'"
         )
+    if taken is not None:
+        warnings.warn(f"{name} was registered before: this registration replaces it", stacklevel=2)
     fields: dict[str, Any] = {
         "__doc__": f"robosuite's {gripper} with a pad on each of {', '.join(mount.body for mount in chosen)}.",
         "__module__": __name__,

@@ -166,6 +166,8 @@ def test_a_surrogate_sensor_takes_the_place_of_what_the_method_draws(tmp_path):
 def test_drawn_surrogates(tmp_path, capsys):
     assert command(surrogate, ["--seed", "3", "--out", str(tmp_path / "3.json")]) == 0
     assert "interference" in capsys.readouterr().out
+    assert command(surrogate, ["--seed", "4", "--out", str(tmp_path / "3.json")]) == 2
+    assert "--force overwrites it" in capsys.readouterr().err
     drawn = paxisim.Chain.load(tmp_path / "3.json")
     assert drawn.to_json() == draw(3).to_json() != draw(4).to_json()
     without = draw(3, field=False)

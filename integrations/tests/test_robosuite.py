@@ -123,6 +123,13 @@ def test_what_cannot_be_registered(arguments, error, message):
     assert "A" not in GRIPPER_MAPPING
 
 
+def test_registering_a_name_again_warns():
+    register("Twice", "PandaGripper", LAYOUT)
+    with pytest.warns(UserWarning, match="Twice was registered before"):
+        again = register("Twice", "PandaGripper", LAYOUT, [TIP])
+    assert GRIPPER_MAPPING["Twice"] is again
+
+
 def test_an_environment_without_pads_is_refused():
     env = robosuite.make("Lift", robots="Panda", seed=0, **QUIET)
     with pytest.raises(paxisim.InvalidValueError, match=r"no gripper of the environment has pads .*PandaGripper"):
