@@ -69,12 +69,12 @@ def put_worlds(
             f"put_worlds needs nconmax and njmax above {contacts} and {rows}"
         )
     with warp.ScopedDevice(device):
+        merger = contact_merger(model, pads, warp.get_device()) if merge else None
         m = mujoco_warp.put_model(model)
         m.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_NATIVECCD)
         d = mujoco_warp.put_data(model, state, nworld=worlds, nconmax=contacts, njmax=rows)
+        m.callback.contactfilter = merger
         expand(m, SURFACE + GEL, worlds)
-        if merge:
-            m.callback.contactfilter = contact_merger(model, pads, warp.get_device())
     record_gel(m, model, pads)
     return m, d
 
