@@ -22,10 +22,10 @@ LAYOUTS = {"6x5": (2, 2), "12x10": (1, 1)}
 SETTLE, STEPS = 100, 100
 
 
-def squeezed(pool: tuple[int, int]) -> tuple[mujoco.MjModel, paxisim.Pads]:
+def squeezed(pool: tuple[int, int], taxels: str = "boxes") -> tuple[mujoco.MjModel, paxisim.Pads]:
     """Two pads around a box peg, as in `examples/warp_pads.py`."""
-    layout = paxisim.sensor("paxini-gen1-l4629").layout.pool(*pool)
-    gripper = paxisim.attach(files("paxisim").joinpath("data/two_finger_gripper.xml").read_text(), layout)
+    pad = paxisim.Pad(paxisim.sensor("paxini-gen1-l4629").layout.pool(*pool), taxels=taxels)
+    gripper = paxisim.attach(files("paxisim").joinpath("data/two_finger_gripper.xml").read_text(), pad)
     scene = gripper.spec
     scene.option.cone, scene.option.impratio = mujoco.mjtCone.mjCONE_ELLIPTIC, 10
     peg = scene.worldbody.add_body(name="peg", pos=[0, 0, -0.07])

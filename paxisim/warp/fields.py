@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError
 from paxisim.warp.engine import torch, warp
@@ -26,6 +28,13 @@ def expand(m: Any, names: tuple[str, ...], worlds: int) -> None:
 def view(m: Any, name: str) -> Any:
     """Return a field as a torch tensor ``(worlds, ...)`` that shares its memory."""
     return warp.to_torch(getattr(m, name))
+
+
+def taxel_lookup(model: mujoco.MjModel, geoms: NDArray[np.int64], device: Any) -> Any:
+    """Return the index of each geom of the model among the taxels `geoms`, -1 for other geoms, as a Warp array."""
+    taxel = np.full(model.ngeom, -1, np.int32)
+    taxel[geoms.reshape(-1)] = np.arange(geoms.size)
+    return warp.array(taxel, dtype=int, device=device)
 
 
 def worlds_of(m: Any) -> int:

@@ -8,7 +8,7 @@ _FRICTION = wp.types.vector(length=5, dtype=wp.float32)
 
 
 @wp.func
-def _taxel(geom: int, taxel_of_geom: wp.array(dtype=wp.int32)):
+def taxel_of(geom: int, taxel_of_geom: wp.array(dtype=wp.int32)):
     """Return the index of the taxel among those of all pads, or -1 for other geoms and for a flex."""
     if geom < 0:
         return -1
@@ -69,7 +69,7 @@ def sum_contacts(
     # the second geom, its reaction on the first
     in_world = wp.transpose(frames[contact]) * force
     for side in range(2):
-        taxel = _taxel(pair[side], taxel_of_geom)
+        taxel = taxel_of(pair[side], taxel_of_geom)
         if taxel >= 0:
             pad = taxel // taxels
             sign = 2.0 * float(side) - 1.0

@@ -11,6 +11,7 @@ from paxisim.errors import InvalidValueError
 from paxisim.models.pads import Pads, check_pads
 from paxisim.warp import gel, kernels, overflow
 from paxisim.warp.engine import warp
+from paxisim.warp.fields import taxel_lookup
 
 _CHECKED_READS = 10
 
@@ -48,12 +49,10 @@ class WarpTactileReadout:
         check_pads(model, pads)
         if worlds < 1:
             raise InvalidValueError(f"there must be at least one world, got {worlds}")
-        taxel = np.full(model.ngeom, -1, np.int32)
-        taxel[pads.geoms.reshape(-1)] = np.arange(pads.geoms.size)
         self._pads = pads
         self._worlds = worlds
         self._device = warp.get_device(device)
-        self._taxel_of_geom = warp.array(taxel, dtype=int, device=self._device)
+        self._taxel_of_geom = taxel_lookup(model, pads.geoms, self._device)
         self._bodies = warp.array(pads.bodies.astype(np.int32), dtype=int, device=self._device)
         self._out = warp.zeros((worlds, int(np.prod(pads.shape))), dtype=float, device=self._device)
         self._none_applied = warp.full((worlds, model.nbody), np.nan, dtype=float, device=self._device)

@@ -12,13 +12,14 @@ import numpy as np
 from paxisim.models.pads import Pads, are_spheres
 
 # a flat face on a box makes four contacts, and five where an edge of the face cuts off a corner; a sphere makes one,
-# or two where objects meet
+# or two where objects meet; so does a box whose contacts are merged
 _CONTACTS = {"box": 5, "sphere": 2}
+_MERGED = 2
 _OTHERS = 64
 """Contacts of everything but the pads, as an object on a table or between walls."""
 
 
-def sizes(model: mujoco.MjModel, pads: Pads) -> tuple[int, int]:
+def sizes(model: mujoco.MjModel, pads: Pads, merge: bool) -> tuple[int, int]:
     """Return the numbers of contacts and of constraint rows for which one world of the model has room.
 
     Enough for one object on each taxel of every pad, all other constraints at once and `_OTHERS` further contacts.
@@ -26,14 +27,17 @@ def sizes(model: mujoco.MjModel, pads: Pads) -> tuple[int, int]:
     Args:
         model: The compiled model.
         pads: Pads of the model.
+        merge: Whether the contacts of a box taxel become one for each object before rows are made of them.
 
     Returns:
         ``nconmax`` and ``njmax`` of `mujoco_warp.put_data`.
     """
     spheres = int(are_spheres(model, pads.geoms.reshape(-1)).sum())
-    on_pads = _CONTACTS["sphere"] * spheres + _CONTACTS["box"] * (pads.geoms.size - spheres)
+    boxes = pads.geoms.size - spheres
+    on_pads = _CONTACTS["sphere"] * spheres + _CONTACTS["box"] * boxes
+    with_rows = _CONTACTS["sphere"] * spheres + _MERGED * boxes if merge else on_pads
     largest = int(model.geom_condim.max())
-    rows = _rows(model, 3) * on_pads + _rows(model, largest) * _OTHERS + _other_rows(model)
+    rows = _rows(model, 3) * with_rows + _rows(model, largest) * _OTHERS + _other_rows(model)
     return on_pads + _OTHERS, rows
 
 

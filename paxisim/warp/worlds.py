@@ -12,6 +12,7 @@ from paxisim.models.pads import Pads, check_pads
 from paxisim.warp.engine import mujoco_warp, warp
 from paxisim.warp.fields import GEL, SURFACE, expand
 from paxisim.warp.gel import record_gel
+from paxisim.warp.merging import contact_merger
 from paxisim.warp.sizes import sizes
 
 
@@ -22,6 +23,7 @@ def put_worlds(
     *,
     data: mujoco.MjData | None = None,
     device: str | None = None,
+    merge: bool = False,
     nconmax: int | None = None,
     njmax: int | None = None,
 ) -> tuple[Any, Any]:
@@ -37,6 +39,9 @@ def put_worlds(
         worlds: Number of worlds.
         data: State in which all worlds start; default: the model's initial state.
         device: Warp's name of the device, e.g. ``"cuda:0"`` or ``"cpu"``; default: Warp's current device.
+        merge: Give each box taxel one contact per object in place of the four that a flat face makes, with the same
+            force. There are then a quarter of the constraint rows, and `njmax` is smaller by default. The worlds start
+            without contacts, until the first ``step`` or ``forward``.
         nconmax: Contacts for which a world has room, on average over the worlds; default: from the model.
         njmax: Constraint rows for which each world has room; default: from the model.
 
@@ -44,8 +49,8 @@ def put_worlds(
         The ``mujoco_warp.Model`` and the ``mujoco_warp.Data`` of the worlds.
 
     Raises:
-        InvalidValueError: The pads belong to another model, there is less than one world, or `data` has more contacts
-            or constraints than there is room for.
+        InvalidValueError: The pads belong to another model, there is less than one world, `data` has more contacts or
+            constraints than there is room for, or the taxels whose contacts to merge have no gel.
     """
     check_pads(model, pads)
     if worlds < 1:
@@ -53,7 +58,9 @@ def put_worlds(
     state = mujoco.MjData(model) if data is None else copy.copy(data)
     # Warp takes the poses of what is fixed to the world from here, and never computes them again
     mujoco.mj_forward(model, state)
-    contacts, rows = sizes(model, pads)
+    if merge:
+        _remove_contacts(model, state)  # they are not merged, so there is no room for their rows
+    contacts, rows = sizes(model, pads, merge)
     contacts = contacts if nconmax is None else nconmax
     rows = rows if njmax is None else njmax
     if state.ncon > contacts or state.nefc > rows:
@@ -62,9 +69,20 @@ def put_worlds(
             f"put_worlds needs nconmax and njmax above {contacts} and {rows}"
         )
     with warp.ScopedDevice(device):
+        merger = contact_merger(model, pads, warp.get_device()) if merge else None
         m = mujoco_warp.put_model(model)
         m.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_NATIVECCD)
         d = mujoco_warp.put_data(model, state, nworld=worlds, nconmax=contacts, njmax=rows)
+        m.callback.contactfilter = merger
         expand(m, SURFACE + GEL, worlds)
     record_gel(m, model, pads)
     return m, d
+
+
+def _remove_contacts(model: mujoco.MjModel, state: mujoco.MjData) -> None:
+    """Remove the contacts of a state, but keep the accelerations that they cause for the solver's first guess."""
+    warmstart = state.qacc_warmstart.copy()
+    without = copy.copy(model)
+    without.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    mujoco.mj_forward(without, state)
+    state.qacc_warmstart[:] = warmstart

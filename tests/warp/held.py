@@ -29,6 +29,7 @@ PEGS = {
     "sphere": ('<geom type="sphere" size="0.012"', 0.012),
     "cylinder": ('<geom type="cylinder" size="0.006 0.012" euler="90 0 0"', 0.006),
     "mesh": ('<geom type="mesh" mesh="wedge"', 0.006),
+    "tilted": ('<geom type="box" size="0.008 0.012 0.006" euler="0.4 0.3 0"', 0.006),
 }
 WEDGE = """<asset><mesh name="wedge" inertia="convex" vertex="-.009 -.009 -.006  .009 -.009 -.006  .009 .009 -.006
   -.009 .009 -.006  -.009 -.009 .006  .009 -.009 .006  .0075 .0105 .006  -.009 .009 .006"/></asset>"""
