@@ -8,9 +8,9 @@ import sys
 from pathlib import Path
 
 import pytest
+from pressed_recording import pressed_recording
 
 from paxisim.cli import main
-from paxisim.cli.example import example_recording
 
 BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
 pytestmark = pytest.mark.timeout(300)
@@ -107,7 +107,7 @@ def test_jobs_that_are_killed_run_again_and_those_that_fail_stop_no_other(addres
 
 @leaves_processes
 def test_recordings_on_ray_have_the_same_diagnoses_as_here(address, tmp_path, capsys):
-    example_recording().save(tmp_path / "a.mcap")
+    pressed_recording().save(tmp_path / "a.mcap")
     (tmp_path / "b.mcap").write_bytes(b"nothing")
     names = ["a.mcap", "b.mcap", "c.mcap"]
     words = ["-m", "paxisim", "diagnose", *names, "-o", "out", "--causes", "axis_gain", "--ray", address]
