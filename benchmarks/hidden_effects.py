@@ -18,6 +18,7 @@ For both generators:
 - ``--misses``: list what was named, by cause and for each miss.
 - ``--json FILE``: store each case as a line of JSON; cases already in FILE are not run again.
 - ``--case single:17``: show one case as text, including what was hidden.
+- ``--ray [ADDRESS]``: run on a Ray cluster, on each core of its nodes. All nodes must see this checkout.
 
 Case number n of a kind is the same for any counts.
 """
@@ -28,19 +29,23 @@ import argparse
 import json
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from functools import partial
 from pathlib import Path
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy is imported: one thread per job
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 import numpy as np
 from hidden_table.cost import costs
 from hidden_table.solve import compared, diagnosed, made, solve
 from hidden_table.table import table
 from hidden_table.tasks import GENERATORS, IN_EXAM, KINDS, Outcome, Task, read_outcome, tasks, version
+
+import paxisim
+
+Ended = tuple[Task, Outcome | paxisim.PaxisimError]
 
 
 def kept(path: Path | None, code: str) -> list[Outcome]:
@@ -58,7 +63,20 @@ def kept(path: Path | None, code: str) -> list[Outcome]:
     return out
 
 
-def run(wanted: Sequence[Task], nested: int, jobs: int, path: Path | None) -> list[Outcome]:
+def here(work: Callable[[Task], Outcome], left: Sequence[Task], jobs: int) -> Iterator[Ended]:
+    """Work on tasks in processes of this machine and yield each with its outcome, as `paxisim.RayCluster.run` does."""
+    with ProcessPoolExecutor(jobs) as pool:
+        futures = {pool.submit(work, task): task for task in left}
+        try:
+            for future in as_completed(futures):
+                yield futures[future], future.result()
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
+
+
+def run(
+    wanted: Sequence[Task], nested: int, jobs: int, path: Path | None, cluster: paxisim.RayCluster | None = None
+) -> list[Outcome]:
     """Return all outcomes, reusing those in `path`; after an interrupt, return those completed."""
     code = version(wanted[0].generator)
     done = {o.task: o for o in kept(path, code)}
@@ -66,19 +84,22 @@ def run(wanted: Sequence[Task], nested: int, jobs: int, path: Path | None) -> li
     left = [task for task in wanted if task not in done]
     if path is not None and path.exists():  # removes an incomplete last line
         path.write_text("".join(json.dumps({"version": code, **o.as_row()}) + "\n" for o in done.values()))
-    with ProcessPoolExecutor(jobs) as pool:
-        try:
-            for job in as_completed([pool.submit(solve, task, task.number < nested) for task in left]):
-                outcome = job.result()
-                outcomes.append(outcome)
-                if path is not None:
-                    with path.open("a") as file:
-                        file.write(json.dumps({"version": code, **outcome.as_row()}) + "\n")
-                print(f"\r{len(outcomes)}/{len(wanted)}", end="", file=sys.stderr, flush=True)
-        except (KeyboardInterrupt, BrokenProcessPool) as error:
-            print(f"{type(error).__name__}: the table contains {len(outcomes)} of {len(wanted)} cases")
-            pool.shutdown(wait=False, cancel_futures=True)
+    work = partial(solve, nested=nested)
+    try:
+        for task, outcome in cluster.run(work, left, [Path(__file__)]) if cluster else here(work, left, jobs):
+            if isinstance(outcome, paxisim.PaxisimError):
+                print(f"{task.name}: {outcome}")
+                continue
+            outcomes.append(outcome)
+            if path is not None:
+                with path.open("a") as file:
+                    file.write(json.dumps({"version": code, **outcome.as_row()}) + "\n")
+            print(f"\r{len(outcomes)}/{len(wanted)}", end="", file=sys.stderr, flush=True)
+    except (KeyboardInterrupt, BrokenProcessPool) as error:
+        print(f"stopped by {type(error).__name__}")
     print(file=sys.stderr)
+    if len(outcomes) < len(wanted):
+        print(f"the table contains {len(outcomes)} of {len(wanted)} cases")
     return sorted(outcomes, key=lambda o: o.task.seed)
 
 
@@ -104,6 +125,7 @@ def main() -> None:
     parser.add_argument("--generator", choices=GENERATORS, default="practice", help="generator of the recordings")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=1, help="processes")
+    parser.add_argument("--ray", nargs="?", const="auto", metavar="ADDRESS", help="run on a Ray cluster, at HOST:PORT")
     parser.add_argument("--family", choices=("development", "final", "both"), default="both", help="family of motions")
     parser.add_argument("--nested", type=int, default=0, help="cases of each kind to judge on unseen episodes as well")
     parser.add_argument("--json", type=Path, help="file of JSON lines that stores the cases")
@@ -112,6 +134,8 @@ def main() -> None:
     parser.add_argument("--cost", action="store_true", help="measure time and memory against size")
     arguments = parser.parse_args()
     counts = {kind: getattr(arguments, kind) for kind in KINDS}
+    if arguments.ray and (arguments.cost or arguments.jobs != 1):
+        parser.error("--ray is not available with --jobs, nor with --cost, which measures this machine")
     if arguments.generator == "exam":
         beyond = [f"--{name}" for name in ("nested", "cost") if getattr(arguments, name)]
         beyond += [f"--{kind}" for kind in KINDS if counts[kind] and kind not in IN_EXAM]
@@ -127,8 +151,13 @@ def main() -> None:
     wanted = tasks(arguments.generator, counts, arguments.seed, arguments.family)
     if not (wanted or arguments.cost):
         parser.error("nothing to do: give --singles, --pairs, --triples, --nulls, --outsiders, --poor or --cost")
+    try:
+        cluster = paxisim.RayCluster(arguments.ray) if arguments.ray else None
+    except paxisim.PaxisimError as error:
+        parser.exit(2, f"hidden_effects.py: error: {error}\n")
     if wanted:
-        table(run(wanted, arguments.nested, arguments.jobs, arguments.json), misses=arguments.misses)
+        outcomes = run(wanted, arguments.nested, arguments.jobs, arguments.json, cluster)
+        table(outcomes, misses=arguments.misses)
     if arguments.cost:
         costs(arguments.seed, arguments.jobs)
 

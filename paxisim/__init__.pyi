@@ -11,6 +11,7 @@ from .calibrate.calibration import Calibration as Calibration
 from .calibrate.calibration import calibrate_sensor as calibrate_sensor
 from .calibrate.fit import calibrate_readout as calibrate_readout
 from .calibrate.linear import LinearCalibration as LinearCalibration
+from .cluster import RayCluster as RayCluster
 from .errors import DeviceError as DeviceError
 from .errors import DeviceTimeoutError as DeviceTimeoutError
 from .errors import InvalidValueError as InvalidValueError

@@ -26,6 +26,7 @@ OPTIONAL = {
     "mcap_ros2",
     "mujoco_warp",
     "warp",
+    "ray",
 }
 HEAVY = OPTIONAL | {"mujoco", "numpy", "scipy", "lxml", "tyro", "mcap", "orjson"}
 
@@ -35,6 +36,7 @@ LEVELS = {
     "errors": 0,
     "files": 0.5,
     "layout": 0,
+    "cluster": 0,
     "parallel": 0,
     "bump": 1,
     "sensors": 1,

@@ -42,6 +42,7 @@ PUBLIC = [
     "Profile",
     "Protocol",
     "ProtocolError",
+    "RayCluster",
     "LinearCalibration",
     "Recording",
     "Scene",

@@ -21,12 +21,12 @@ SLOW = 20.0  # Hz, sampling rate of poor motions; low, since the advised motions
 TRIES = 20  # attempts to find a case in which poor motions show the effect at all
 
 
-def solve(task: Task, nested: bool = False) -> Outcome:
+def solve(task: Task, nested: int = 0) -> Outcome:
     """Make a case and diagnose it. A crash counts as a miss and does not stop the other cases.
 
     Args:
         task: The case.
-        nested: Whether to diagnose the case once more without two episodes and to judge the model on these.
+        nested: Number of cases of each kind to diagnose once more without two episodes, to judge the model on these.
     """
     case = made(task)
     weakest = min(case.signals.values(), default=case.signal)
@@ -49,7 +49,7 @@ def solve(task: Task, nested: bool = False) -> Outcome:
         weakest,
         answer,
         share=share,
-        nested=_nested(case, task.seed) if nested else None,
+        nested=_nested(case, task.seed) if task.number < nested else None,
         compared=compared(case, diagnosis),
         baselines=named,
         baseline_shares=shares,

@@ -7,18 +7,11 @@ from typing import Annotated
 
 import tyro
 
-from paxisim.cli.output import check_folder, check_no_file, progress
+from paxisim.cli.diagnosis_files import FILES, check_diagnosis_folder
+from paxisim.cli.output import progress
 from paxisim.cli.several import diagnose_each
 from paxisim.cli.stages import Stages
-from paxisim.errors import InvalidValueError, OutputExistsError
-
-FILES = {
-    "report.html": "the report with pictures, for a browser",
-    "diagnosis.json": "all numbers of the diagnosis",
-    "model.json": "the extended sensor model",
-    "fitted_scene.toml": "the scene with the fitted values",
-    "fitted_scene.xml": "its MJCF",
-}
+from paxisim.errors import InvalidValueError
 
 
 def diagnose(
@@ -29,6 +22,7 @@ def diagnose(
     causes: str = "",
     seed: int = 0,
     jobs: int = 1,
+    ray: Annotated[tuple[str, ...] | None, tyro.conf.arg(metavar="[ADDRESS]")] = None,
     force: bool = False,
 ) -> None:
     """Find out where and why a simulation differs from the real sensor.
@@ -42,7 +36,8 @@ def diagnose(
     writes the scene with the fitted values to fitted_scene.toml and fitted_scene.xml.
 
     Several recordings are diagnosed in processes of their own, each into the folder of its name within the output. One
-    that fails stops no other; the status is then 2.
+    that fails stops no other; the status is then 2. With --ray, the nodes of a Ray cluster work on them instead of this
+    machine, one core each. A recording whose node is killed is started again on another one.
 
     For example:
 
@@ -51,6 +46,8 @@ def diagnose(
     paxisim diagnose recording.mcap --scene scene.toml -o diagnosis/ --jobs 2
 
     paxisim diagnose monday.mcap tuesday.mcap -o diagnoses/ --jobs 2
+
+    paxisim diagnose monday.mcap tuesday.mcap -o /shared/diagnoses/ --ray head-node:6379
 
     Args:
         recordings: Recordings with measured and simulated tensors (.mcap, .npz, .csv).
@@ -68,13 +65,18 @@ def diagnose(
             object_pose, joint_offset.
         seed: Random seed.
         jobs: Number of parallel processes, over all recordings.
+        ray: Diagnose several recordings on a running Ray cluster: HOST:PORT of its head; without an address, the
+            cluster that this machine belongs to. All nodes must see the recordings and the output folder. Needs the
+            extra `ray`.
         force: Overwrite an existing diagnosis in the folder.
     """
     if len(recordings) == 0:
         raise InvalidValueError("expected a recording to diagnose, such as recording.mcap")
+    address = _address(ray, jobs, len(recordings))
     if len(recordings) > 1:
-        options = ["--causes", causes, "--seed", str(seed), *(["--force"] if force else [])]
-        diagnose_each(recordings, output, options if scene is None else [*options, "--scene", str(scene)], jobs)
+        options = ["--causes", causes, "--seed", str(seed)]
+        options += [] if scene is None else ["--scene", str(scene.absolute())]
+        diagnose_each(recordings, output, options, force=force, jobs=jobs, ray=address)
         return
     recording = recordings[0]
     from paxisim.diagnose.run import diagnose as run
@@ -82,13 +84,13 @@ def diagnose(
     from paxisim.scene.scene import Scene
 
     names = [name.strip() for name in causes.split(",") if name.strip()] or None
-    _check_folder(output, force)
+    check_diagnosis_folder(output, force)
     progress(f"reading {recording}")
     loaded = Recording.load(recording)
     inside = None if scene is None else Scene.load(scene)
     with Stages() as stages:
         found = run(loaded, names, scene=inside, seed=seed, jobs=jobs, progress=stages)
-    _check_folder(output, force)
+    check_diagnosis_folder(output, force)
     progress("drawing the report")
     found.save(output)
     print(found)
@@ -100,10 +102,14 @@ def diagnose(
         raise SystemExit(1)
 
 
-def _check_folder(folder: Path, force: bool) -> None:
-    """Check the output folder before any work is done."""
-    check_no_file(folder)
-    check_folder(folder / "report.html" if folder.is_dir() else folder)
-    for name in FILES:
-        if (folder / name).exists() and not force:
-            raise OutputExistsError(f"{folder / name} exists; --force overwrites it")
+def _address(ray: tuple[str, ...] | None, jobs: int, recordings: int) -> str | None:
+    """Return the address of the Ray cluster; None for this machine."""
+    if ray is None:
+        return None
+    if jobs != 1:
+        raise InvalidValueError("expected one of --jobs and --ray: on Ray, each core of the cluster has a recording")
+    if len(ray) > 1:
+        raise InvalidValueError(f"expected one address after --ray, got {' '.join(ray)}")
+    if recordings == 1:
+        raise InvalidValueError("expected several recordings with --ray, got one: leave --ray out")
+    return ray[0] if ray else "auto"

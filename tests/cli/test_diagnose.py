@@ -4,30 +4,19 @@ import json
 import shutil
 import sys
 
-import numpy as np
 import pytest
+from pressed_recording import pressed_recording
 
 from paxisim.augment.chain import Chain
 from paxisim.cli import main
 from paxisim.cli.diagnose import diagnose
 from paxisim.errors import InvalidValueError, OutputExistsError, UnknownNameError
-from paxisim.recording import Recording
 
 
 @pytest.fixture
 def path(tmp_path):
-    """Four episodes of presses on a 2x2 pad; the sensor reads the normal force 20 % too high."""
-    time = np.arange(0, 6, 0.05)
-    rng = np.random.default_rng(0)
-    shares = np.array([[0.4, 0.3], [0.2, 0.1]]) * np.array([0.2, -0.1, 1.0])[:, None, None]
-    tensors = []
-    for _ in range(4):
-        depth = rng.uniform(4, 10) * np.maximum(0, np.sin(2 * np.pi * rng.uniform(0.2, 0.6) * (time - 1))) * (time > 1)
-        tensors.append(depth[:, None, None, None, None] * shares)
-    simulated = np.concatenate(tensors)
-    measured = simulated * np.array([1, 1, 1.2])[:, None, None] + 0.02 * rng.standard_normal(simulated.shape)
-    at = np.concatenate([time + 30 * i for i in range(4)])
-    Recording(at, measured, simulated, episode=np.repeat(np.arange(4), len(time))).save(tmp_path / "a.mcap")
+    """A recording of a sensor that reads the normal force 20 % too high."""
+    pressed_recording().save(tmp_path / "a.mcap")
     return tmp_path / "a.mcap"
 
 
