@@ -195,7 +195,7 @@ def main() -> None:
     parser.add_argument("--worlds", type=int, default=4096)
     parser.add_argument("--iterations", type=int, default=200)
     parser.add_argument("--device", default="cuda:0")
-    parser.add_argument("--output", help="folder for checkpoints and TensorBoard's curves; default: none are written")
+    parser.add_argument("--output", default="runs/mjlab_lift", help="folder for checkpoints and curves (TensorBoard)")
     arguments = parser.parse_args()
     warp.config.log_level = warp.LOG_WARNING  # otherwise it names every kernel that it loads
     env = RslRlVecEnvWrapper(ManagerBasedRlEnv(environment(arguments.worlds), arguments.device))

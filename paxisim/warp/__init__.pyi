@@ -6,5 +6,6 @@ from .mjlab_sensor import TactileSensor as TactileSensor
 from .mjlab_sensor import TactileSensorCfg as TactileSensorCfg
 from .overflow import check_overflow as check_overflow
 from .readout import WarpTactileReadout as WarpTactileReadout
+from .room import sizes as sizes
 from .surface import set_surface as set_surface
 from .worlds import put_worlds as put_worlds

@@ -11,7 +11,7 @@ from paxisim.augment import GCS
 from paxisim.errors import InvalidValueError
 from paxisim.warp.fields import SURFACE
 from paxisim.warp.mjlab_sensor import TactileSensor, TactileSensorCfg
-from paxisim.warp.sizes import sizes
+from paxisim.warp.room import sizes
 
 BOX_COLLIDER = "nativeccd"
 """Flag that MuJoCo Warp disables to let boxes meet by MuJoCo's own box collider."""

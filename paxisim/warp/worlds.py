@@ -12,7 +12,7 @@ from paxisim.models.pads import Pads, check_pads
 from paxisim.warp.engine import mujoco_warp, warp
 from paxisim.warp.fields import GEL, SURFACE, expand
 from paxisim.warp.gel import record_gel
-from paxisim.warp.sizes import sizes
+from paxisim.warp.room import sizes
 
 
 def put_worlds(
