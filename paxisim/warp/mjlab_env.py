@@ -9,8 +9,9 @@ import numpy as np
 
 from paxisim.augment import GCS
 from paxisim.errors import InvalidValueError
-from paxisim.warp.fields import SURFACE
-from paxisim.warp.mjlab_sensor import TactileSensor, TactileSensorCfg
+
+# SURFACE by way of this module, which first sees whether there is an mjlab
+from paxisim.warp.mjlab_sensor import SURFACE, TactileSensor, TactileSensorCfg
 from paxisim.warp.room import sizes
 
 BOX_COLLIDER = "nativeccd"
