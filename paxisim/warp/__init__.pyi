@@ -1,6 +1,11 @@
 from .gel import apply_gel as apply_gel
 from .gel import check_gel as check_gel
+from .mjlab_env import RenewPads as RenewPads
+from .mjlab_env import fit_simulation as fit_simulation
+from .mjlab_sensor import TactileSensor as TactileSensor
+from .mjlab_sensor import TactileSensorCfg as TactileSensorCfg
 from .overflow import check_overflow as check_overflow
 from .readout import WarpTactileReadout as WarpTactileReadout
+from .room import sizes as sizes
 from .surface import set_surface as set_surface
 from .worlds import put_worlds as put_worlds

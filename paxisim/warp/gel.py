@@ -60,7 +60,7 @@ def apply_gel(m: Any, model: mujoco.MjModel, pads: Pads, gel: Gel | Sequence[Gel
     for name, values in new.items():
         _write(view(m, name), geoms, np.stack(values), mask)
     view(m, "geom_priority")[geoms] = 1
-    record = warp.to_torch(getattr(m, RECORD)) if hasattr(m, RECORD) else _new_record(m)
+    record = _record(m)
     for field in (view(m, "body_invweight0")[..., 0], record):
         _write(field, pads.bodies, np.stack(weights), mask)
 
@@ -71,6 +71,16 @@ def _write(field: Any, columns: Any, values: Any, mask: Any) -> None:
     old = field[:, columns]
     new = torch.as_tensor(values, dtype=field.dtype, device=field.device)
     field[:, columns] = torch.where(mask.reshape(-1, *[1] * (old.ndim - 1)), new, old)
+
+
+def _record(m: Any) -> Any:
+    """Return the model's record as a tensor, with as many worlds as the weights have now."""
+    if not hasattr(m, RECORD):
+        return _new_record(m)
+    record = warp.to_torch(getattr(m, RECORD))
+    if record.shape == m.body_invweight0.shape:
+        return record
+    return _new_record(m).copy_(record)  # the weights were shared by all worlds and are no longer
 
 
 def _new_record(m: Any) -> Any:
@@ -89,6 +99,13 @@ def record_gel(m: Any, model: mujoco.MjModel, pads: Pads) -> None:
             record[:, body] = view(m, "body_invweight0")[:, body, 0]
 
 
+def restore_gel(m: Any) -> None:
+    """Write the inverse weights that a gel gave the pads again. Nothing waits for the device."""
+    if hasattr(m, RECORD):
+        record, weights = warp.to_torch(getattr(m, RECORD)), view(m, "body_invweight0")[..., 0]
+        weights.copy_(torch.where(record.isnan(), weights, record))
+
+
 def check_gel(m: Any) -> None:
     """Check that the gels are as they were applied. This waits for the device.
 
@@ -104,8 +121,9 @@ def check_gel(m: Any) -> None:
     undone = torch.nonzero((weights - record).abs() > TOLERANCE * record)
     if len(undone):
         world, body = undone[0].tolist()
+        applied = float(record[world % len(record), body])
         raise UnsupportedError(
-            f"a pad's gel is undone in {len(torch.unique(undone[:, 0]))} of {len(record)} worlds: body_invweight0 of "
-            f"body {body} is {float(weights[world, body]):.4g} instead of {float(record[world, body]):.4g}. "
-            "mujoco_warp.set_const resets it: call paxisim.warp.apply_gel after it"
+            f"a pad's gel is undone in {len(torch.unique(undone[:, 0]))} of {len(weights)} worlds: body_invweight0 of "
+            f"body {body} is {float(weights[world, body]):.4g} instead of {applied:.4g}. mujoco_warp.set_const "
+            "resets it: call paxisim.warp.apply_gel after it, or in mjlab add the event paxisim.warp.RenewPads"
         )

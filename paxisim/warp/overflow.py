@@ -41,5 +41,5 @@ def check_overflow(d: Any) -> None:
     sizes = " and ".join(f"{size} (now {have[size]}; the last step needed {now[size]})" for size in which)
     raise UnsupportedError(
         f"MuJoCo Warp had no room for all contacts, so forces are wrong in {count} of {d.nworld} "
-        f"worlds: call put_worlds with a larger {sizes}"
+        f"worlds: call put_worlds with a larger {sizes}, or in mjlab set it in SimulationCfg"
     )

@@ -13,7 +13,7 @@ from paxisim.warp.engine import mujoco_warp, warp
 from paxisim.warp.fields import GEL, SURFACE, expand
 from paxisim.warp.gel import record_gel
 from paxisim.warp.merging import contact_merger
-from paxisim.warp.sizes import sizes
+from paxisim.warp.room import sizes
 
 
 def put_worlds(

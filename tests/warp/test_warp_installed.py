@@ -25,15 +25,33 @@ def last_line(code, *folders):
 
 
 def test_the_package_and_its_names_need_nothing():
-    assert {"WarpTactileReadout", "apply_gel", "check_gel", "check_overflow", "put_worlds", "set_surface"} == set(
-        paxisim.warp.__all__
-    )
+    assert set(paxisim.warp.__all__) == {
+        "RenewPads", "TactileSensor", "TactileSensorCfg", "WarpTactileReadout", "apply_gel", "check_gel",
+        "check_overflow", "fit_simulation", "put_worlds", "set_surface", "sizes",
+    }  # fmt: skip
 
 
 def test_a_missing_package_is_named_with_the_extra():
     code = "import sys; sys.modules['mujoco_warp'] = None\nimport paxisim\npaxisim.warp.put_worlds"
     message = "MissingExtraError: paxisim.warp needs mujoco-warp, which is not installed: pip install 'paxisim[warp]'"
     assert last_line(code).replace("mujoco_warp", "mujoco-warp").endswith(message)
+
+
+@pytest.mark.parametrize("name", ["RenewPads", "TactileSensor", "TactileSensorCfg", "fit_simulation"])
+def test_without_mjlab_its_extra_is_named(name):
+    code = f"""
+import importlib.metadata as metadata
+found = metadata.version
+def version(name):
+    if name == "mjlab":
+        raise metadata.PackageNotFoundError(name)
+    return found(name)
+metadata.version = version
+import paxisim
+paxisim.warp.{name}
+"""
+    message = "TactileSensor of paxisim.warp needs mjlab, which is not installed: pip install 'paxisim[mjlab]'"
+    assert last_line(code).endswith(message)
 
 
 def test_versions_that_do_not_go_together_are_named(tmp_path):
