@@ -4,15 +4,25 @@ Importing this package registers ``paxisim/RY-2mm-v0``, ``RU-2mm``, ``SQ-2mm``, 
 ``gymnasium.make("paxisim/SX-2mm-v0", method="GCS")``.
 """
 
+from typing import Any
+
 import gymnasium
 
 from .env import InsertionEnv as InsertionEnv
 from .methods import METHODS as METHODS
 from .methods import Method as Method
-from .robosuite_scene import InsertionScene as InsertionScene
 from .tasks import TASKS as TASKS
 from .tasks import Parameters as Parameters
 from .tasks import Task as Task
+
+
+def __getattr__(name: str) -> Any:
+    """Import `InsertionScene`, a robosuite environment, when it is used: the other engines do without robosuite."""
+    if name == "InsertionScene":
+        from .robosuite_scene import InsertionScene
+
+        return InsertionScene
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def _register() -> None:

@@ -15,20 +15,16 @@ import paxisim
 
 from .gap import DrawnGap, Gap
 from .methods import find_method
-from .native_scene import NativeScene
 from .poses import PRIVILEGED as PRIVILEGED
 from .poses import observed_poses
 from .reward import reward_terms, weighted
-from .robosuite_scene import InsertionScene
-from .scene import Grasp, Scene
+from .scene import Grasp
+from .scenes import make_scene
 from .tasks import Parameters, find_task
 
 CONTROL_DT = 0.05
 LARGEST_FORCE, LARGEST_POSE = 1e3, 10.0
 """Finite bounds of the observation space (N; m and rad), larger than any value; checkers dislike infinite ones."""
-
-ENGINES: dict[str, type[NativeScene] | type[InsertionScene]] = {"robosuite": InsertionScene, "native": NativeScene}
-"""Scenes by the name of the engine that moves the hand."""
 
 RAW = "raw"
 """Key of the newest reading before the chain, for a replay buffer that draws its own chains; no network sees it."""
@@ -102,6 +98,7 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
 
         Raises:
             UnknownNameError: There is no such task, method or engine.
+            MissingExtraError: The engine is robosuite's, and robosuite is not installed.
             UnsupportedError: The ranges belong to a scene with another number of pads.
             InvalidValueError: The render mode is not supported, or the chains do not fit the pads or need a covariate
                 other than ``gripper_opening`` (m).
@@ -112,9 +109,7 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
             raise paxisim.InvalidValueError(f"render_mode must be None or 'rgb_array', got {render_mode!r}")
         self.parameters = parameters or Parameters()
         self.render_mode, self.terminates = render_mode, terminate_on_success
-        if engine not in ENGINES:
-            raise paxisim.UnknownNameError("engine", engine, ENGINES)
-        self.scene: Scene = ENGINES[engine](self.task, self.parameters)
+        self.scene = make_scene(engine, self.task, self.parameters)
         assert self.scene.tactile is not None
         self._tactile = self.scene.tactile
         self._layout, self._pads = self._tactile.pads.layout, len(self._tactile.pads)

@@ -6,8 +6,9 @@ import json
 import os
 import platform
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -20,14 +21,15 @@ from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecEnv
 
 import paxisim
 
-from .env import ENGINES, InsertionEnv
+from .env import InsertionEnv
 from .methods import find_method
+from .scenes import check_engine
 from .tasks import Parameters, find_task
 from .trained import ACTOR, Trained
 from .vec_env import InsertionVecEnv
 from .whole import write_whole
 
-PACKAGES = ("mujoco", "robosuite", "stable-baselines3", "torch", "gymnasium", "numpy")
+PACKAGES = ("mujoco", "robosuite", "stable-baselines3", "torch", "gymnasium", "numpy", "mujoco-warp", "warp-lang")
 BUFFER = 1_000_000
 """Capacity of the replay buffer in transitions, stable-baselines3's default."""
 
@@ -53,8 +55,11 @@ explores."""
 
 
 def versions() -> dict[str, str]:
-    """Return the software versions that a result depends on."""
-    found = {name: version(name) for name in PACKAGES}
+    """Return the software versions that a result depends on, of the packages that are installed."""
+    found: dict[str, str] = {}
+    for name in PACKAGES:
+        with suppress(PackageNotFoundError):
+            found[name] = version(name)
     return {"paxisim": paxisim.__version__, "python": platform.python_version(), **found}
 
 
@@ -111,8 +116,7 @@ class Run:
         for name in ("updates", "temperature", "reward_scale"):
             if not 0 < getattr(self, name) < float("inf"):
                 raise paxisim.InvalidValueError(f"{name} must be positive and finite, got {getattr(self, name)!r}")
-        if self.engine not in ENGINES:
-            raise paxisim.UnknownNameError("engine", self.engine, ENGINES)
+        check_engine(self.engine)
 
     @property
     def gcs(self) -> paxisim.GCS | None:

@@ -192,8 +192,8 @@ def stack_chains(chains: Sequence[paxisim.Chain]) -> paxisim.Chain:
 
 def _poses(scene: NativeScene) -> tuple[NDArray[np.floating], ...]:
     """Return views of MuJoCo's position and rotation of the fingertip, then of the peg."""
-    model, data = scene.model_and_data
-    site, body = model.site("grip_site").id, model.body("peg").id
+    _, data = scene.model_and_data
+    site, body = scene._grip, scene._peg
     return (
         data.site_xpos[site],
         data.site_xmat[site].reshape(3, 3),
