@@ -61,8 +61,11 @@ def put_worlds(
             f"the state has {state.ncon} contacts and {state.nefc} constraint rows, more than there is room for: "
             f"put_worlds needs nconmax and njmax above {contacts} and {rows}"
         )
+    # Warp has no mid phase and refuses a model that switches MuJoCo's off
+    plain = copy.copy(model)
+    plain.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_MIDPHASE)
     with warp.ScopedDevice(device):
-        m = mujoco_warp.put_model(model)
+        m = mujoco_warp.put_model(plain)
         m.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_NATIVECCD)
         d = mujoco_warp.put_data(model, state, nworld=worlds, nconmax=contacts, njmax=rows)
         expand(m, SURFACE + GEL, worlds)
