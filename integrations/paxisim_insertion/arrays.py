@@ -15,13 +15,13 @@ def library_of(array: Any) -> Any:
 
 
 def like(values: Any, array: Any) -> Any:
-    """Return numbers as an array of another array's library, dtype and device.
+    """Return numbers as an array of another array's library, floating dtype and device.
 
     Tensors are kept, so that a constant travels to the device only once. Do not change the result in place.
     """
     numbers = np.asarray(values, dtype=float)
     if array_api_compat.is_numpy_array(array):
-        return numbers.astype(array.dtype, copy=False)
+        return numbers.astype(np.result_type(array.dtype, np.float32), copy=False)  # whole numbers become floats
     return _kept(numbers.tobytes(), numbers.shape, library_of(array), array.dtype, array_api_compat.device(array))
 
 

@@ -10,7 +10,7 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from gymnasium import Env
@@ -28,6 +28,9 @@ from .tasks import Parameters, find_task
 from .trained import ACTOR, Trained
 from .vec_env import InsertionVecEnv
 from .whole import write_whole
+
+if TYPE_CHECKING:
+    from .warp_env import InsertionWarpEnv
 
 PACKAGES = ("mujoco", "robosuite", "stable-baselines3", "torch", "gymnasium", "numpy", "mujoco-warp", "warp-lang")
 BUFFER = 1_000_000
@@ -194,6 +197,19 @@ class Run:
         return InsertionEnv(
             self.task, self.method, gcs=self.gcs, ranges=self.ranges, parameters=self.parameters, **options
         )
+
+    def warp_env(self, worlds: int) -> InsertionWarpEnv:
+        """Build as many worlds of the run's environment on MuJoCo Warp.
+
+        Raises:
+            UnsupportedError: The run draws friction, stiffness, mounts or surfaces of the pads found in a scene.
+            MissingExtraError: MuJoCo Warp is not installed.
+        """
+        from .warp_env import InsertionWarpEnv
+
+        if self.ranges.parameters:
+            raise paxisim.UnsupportedError("MuJoCo Warp's engine does not draw what a diagnosis found in the scene")
+        return InsertionWarpEnv(worlds, task=self.task, method=self.method, gcs=self.gcs, parameters=self.parameters)
 
     def make_env(self, index: int = 0) -> Env:
         """Build one of the run's environments, seeded. Its rewards are scaled, its logged returns are not."""

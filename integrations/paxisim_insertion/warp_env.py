@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import torch
@@ -141,6 +141,18 @@ class InsertionWarpEnv(VectorEnv):
             observation, infos = self._begin(), self._told() | {"final_obs": observation, "final_info": last}
             infos |= {"_final_obs": self._all, "_final_info": self._all}
         return observation, reward, ~self._all, self._all if done else ~self._all, infos
+
+    def solved(self, act: Callable[[Observation], Any], seeds: Sequence[int]) -> list[bool]:
+        """Return in which worlds a policy solves the episode of the world's seed; wrong worlds count as not solved.
+
+        Args:
+            act: The policy, which maps observations to actions ``(worlds, axes)``.
+            seeds: One seed per world, see `reset`.
+        """
+        observation, infos = self.reset(seed=seeds)
+        for _ in range(self.task.max_steps):
+            observation, _, _, _, infos = self.step(act(observation))
+        return infos["final_info"]["is_success"].tolist()
 
     def _begin(self, starts: Starts | None = None) -> Observation:
         scene = self.scene

@@ -157,3 +157,16 @@ class WarpScene:
     def observe(self) -> dict[str, torch.Tensor]:
         """Return the poses that the networks see, see `observed_poses`."""
         return observed_poses(self.native, *self._poses)
+
+
+def be_quiet() -> None:
+    """Keep Warp from naming every kernel that it loads.
+
+    Raises:
+        MissingExtraError: MuJoCo Warp is not installed.
+    """
+    try:
+        warp: Any = import_module("warp")
+    except ImportError as error:
+        raise paxisim.MissingExtraError("warp", "warp", "MuJoCo Warp's engine") from error
+    warp.config.log_level = warp.LOG_WARNING
