@@ -1,8 +1,8 @@
 """The tasks on MuJoCo Warp against the native engine: `python integrations/benchmarks/warp_engine.py`.
 
-A noisy expert acts in the native engine, and the worlds get the same actions. Readings are not randomised. The columns are
-those of `paxisim_insertion.engines`, which compares the native engine with robosuite's; `--nudge` compares the native
-engine with itself after the fingertip was moved by 1e-7 m, which shows what any rounding error grows to.
+A noisy expert acts in the native engine, and the worlds get the same actions. Readings are not randomised. The columns
+are those of `paxisim_insertion.engines`, which compares the native engine with robosuite's. `--nudge` compares the
+native engine with itself after the fingertip was moved by 1e-7 m, which shows what any rounding error grows to.
 """
 
 from __future__ import annotations
