@@ -32,6 +32,7 @@ def stack_chains(chains: Sequence[paxisim.Chain]) -> paxisim.Chain:
 def convert_chain(chain: paxisim.Chain, convert: Callable[[Any], Any]) -> paxisim.Chain:
     """Return a chain with its array parameters converted, for example to tensors on a device."""
     members = []
+    member: Any  # a dataclass
     for member in chain.members:
         if isinstance(member, paxisim.Chain):
             members.append(convert_chain(member, convert))

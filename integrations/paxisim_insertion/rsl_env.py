@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import torch
-from rsl_rl.env import VecEnv
-from tensordict import TensorDict
+from rsl_rl.env import VecEnv  # type: ignore - not where robosuite is
+from tensordict import TensorDict  # type: ignore - likewise
 
 from .encoder import POSE_SCALE
 from .env import PRIVILEGED
@@ -37,10 +37,11 @@ class RslEnv(VecEnv):
         self.num_envs, self.num_actions = env.num_envs, len(env.task.axes)
         self.max_episode_length, self.device = env.task.max_steps, str(env.device)
         self.cfg: dict[str, Any] = {}
-        self.actor = [name for name in ("p", "tactile") if name in env.single_observation_space.spaces]
+        observation, _ = env.reset(seed=seed)
+        self.actor = [name for name in ("p", "tactile") if name in observation]
         self.critic = [PRIVILEGED]
         self.episode_length_buf = torch.zeros(env.num_envs, dtype=torch.long, device=env.device)
-        self._now = self.grouped(env.reset(seed=seed)[0])
+        self._now = self.grouped(observation)
 
     def get_observations(self) -> TensorDict:
         """Return the current observations."""

@@ -21,8 +21,8 @@ RAW = "raw"
 
 def make_spaces(
     task: Task, history: paxisim.History, frame: tuple[int, int, int, int], *, raw: bool
-) -> tuple[spaces.Dict, spaces.Box]:
-    """Return the spaces of one environment's observations and actions, see `InsertionEnv`.
+) -> tuple[Any, Any]:
+    """Return the spaces of one environment's observations, a Dict, and actions, a Box; see `InsertionEnv`.
 
     Args:
         task: The task.

@@ -66,7 +66,7 @@ def train_warp(
         raise paxisim.OutputExistsError(f"{out} exists already: choose another folder")
     be_quiet()
     try:
-        from rsl_rl.runners import OnPolicyRunner
+        from rsl_rl.runners import OnPolicyRunner  # type: ignore - not where robosuite is
 
         from .rsl_env import RslEnv
     except ImportError as error:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 import warp
-from paxisim_insertion import InsertionEnv, Parameters
+from paxisim_insertion import TASKS, InsertionEnv, Parameters
 from paxisim_insertion.results import Result
 from paxisim_insertion.reward import insertion, reward_terms, weighted
 from paxisim_insertion.shell import command
@@ -20,6 +20,7 @@ import paxisim
 warp.config.log_level = warp.LOG_WARNING
 POLICIES = Path(__file__).parents[1] / "policies"
 WORLDS = 3
+pytestmark = pytest.mark.timeout(600)  # kernels are compiled once
 
 
 @pytest.fixture(scope="module")
@@ -127,8 +128,9 @@ def test_other_parameters_need_robosuite_only_if_they_move_the_arm():
         InsertionEnv("SX-2mm", "DT")
 
 
-def test_a_policy_is_evaluated(tmp_path, capsys):
+def test_a_policy_is_evaluated(tmp_path, monkeypatch, capsys):
     pytest.importorskip("stable_baselines3")
+    monkeypatch.setitem(TASKS, "SX-2mm", replace(TASKS["SX-2mm"], max_steps=60))
     from paxisim_insertion.evaluate import evaluate
 
     words = ["--run", str(POLICIES / "SX-2mm_DT_0"), "--out", str(tmp_path), "--other-versions", "--engine", "warp"]
