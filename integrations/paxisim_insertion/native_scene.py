@@ -19,8 +19,9 @@ import paxisim
 
 from .arm import find_arm, mass_matrix
 from .geometry import numbers
+from .objects import add_objects
 from .pads import PAD, ScenePads
-from .scene import HALF_OPEN, SIDES, TABLE_HEIGHT, TABLE_SIZE, Scene, add_objects
+from .scene import HALF_OPEN, SIDES, TABLE_HEIGHT, TABLE_SIZE, Scene
 from .tasks import Parameters, Task
 
 TIMESTEP = 5e-3

@@ -16,9 +16,10 @@ from robosuite.models.tasks import ManipulationTask
 
 import paxisim
 
+from .objects import add_objects
 from .pads import PAD, ScenePads
 from .reward import reward_terms, weighted
-from .scene import HALF_OPEN, SIDES, TABLE_HEIGHT, TABLE_SIZE, Scene, add_objects
+from .scene import HALF_OPEN, SIDES, TABLE_HEIGHT, TABLE_SIZE, Scene
 from .tasks import Parameters, Task
 
 GRIPPER = "PaxiInsertionGripper"

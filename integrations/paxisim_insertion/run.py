@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import json
 import os
-import platform
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import asdict, dataclass
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,12 +24,12 @@ from .scenes import check_engine
 from .tasks import Parameters, find_task
 from .trained import ACTOR, Trained
 from .vec_env import InsertionVecEnv
+from .versions import versions as versions
 from .whole import write_whole
 
 if TYPE_CHECKING:
     from .warp_env import InsertionWarpEnv
 
-PACKAGES = ("mujoco", "robosuite", "stable-baselines3", "torch", "gymnasium", "numpy", "mujoco-warp", "warp-lang")
 BUFFER = 1_000_000
 """Capacity of the replay buffer in transitions, stable-baselines3's default."""
 
@@ -55,15 +52,6 @@ REWARD_SCALE = 0.05
 """Factor of the reward in training. It does not change which policy is optimal. But SAC's temperature starts at 1 and
 with rewards of several hundred per step takes most of a training to grow to their scale; until then the policy hardly
 explores."""
-
-
-def versions() -> dict[str, str]:
-    """Return the software versions that a result depends on, of the packages that are installed."""
-    found: dict[str, str] = {}
-    for name in PACKAGES:
-        with suppress(PackageNotFoundError):
-            found[name] = version(name)
-    return {"paxisim": paxisim.__version__, "python": platform.python_version(), **found}
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -13,7 +12,6 @@ from numpy.typing import NDArray
 import paxisim
 
 from .arrays import library_of, like
-from .geometry import base_pieces, contact_attributes, numbers, peg_pieces, to_mjcf
 from .reward import Insertion, insertion
 from .tasks import Parameters, Task
 
@@ -29,7 +27,6 @@ PINNED, FREE = 0.1, 0.2
 """Seconds in which the fingers close on a peg held in place, and then in which the peg is free."""
 
 _OPEN = 0.5e-3  # m between handle and fingers before they close; bumps are up to 0.2 mm high
-_PEG_COLOUR, _BASE_COLOUR = "0.85 0.45 0.2 1", "0.3 0.45 0.65 1"
 
 
 @dataclass(frozen=True)
@@ -253,19 +250,3 @@ class Scene:
         model.actuator_gainprm[actuators, 0] = stiffness
         model.actuator_biasprm[actuators, 1] = -stiffness
         model.actuator_forcerange[actuators] = [-2 * force, 2 * force]
-
-
-def add_objects(world: ET.Element, assets: ET.Element, task: Task, parameters: Parameters) -> None:
-    """Add the base and the peg, which is a free body, to an MJCF model."""
-    touched = contact_attributes(parameters)
-    at = np.array([0.0, 0.0, TABLE_HEIGHT + parameters.floor])
-    base = ET.SubElement(world, "body", {"name": "base", "pos": numbers(at)})
-    geoms, meshes = to_mjcf(base_pieces(task, parameters), "base", _BASE_COLOUR, **touched)
-    base.extend(geoms)
-    above = at + [0, 0, parameters.hole_depth + 0.1]
-    peg = ET.SubElement(world, "body", {"name": "peg", "pos": numbers(above)})
-    ET.SubElement(peg, "freejoint", {"name": "peg"})
-    density = str(parameters.density)
-    geoms, more = to_mjcf(peg_pieces(task, parameters), "peg", _PEG_COLOUR, density=density, **touched)
-    peg.extend(geoms)
-    assets.extend(meshes + more)
