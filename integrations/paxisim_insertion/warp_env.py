@@ -85,7 +85,8 @@ class InsertionWarpEnv(VectorEnv):
         self._rng = torch.Generator(self.device)
         self._rng.seed()
         self._chain, self._state = paxisim.Chain(), ()
-        self._steps, self._home = 0, torch.zeros(0)
+        self._steps = 0
+        self._home: torch.Tensor | None = None
         self._raw = torch.zeros((num_envs, *pads.shape), device=self.device)
         self._all = torch.ones(num_envs, dtype=torch.bool, device=self.device)
         self._succeeded, self._wrong = ~self._all, ~self._all
@@ -121,9 +122,15 @@ class InsertionWarpEnv(VectorEnv):
         Returns:
             Observations, and per world the reward, whether it is terminated (never), whether it is truncated, and
             `infos`.
+
+        Raises:
+            InvalidValueError: The actions have another shape, or no episode has begun.
         """
-        scene = self.scene
+        scene, shape = self.scene, (self.num_envs, len(self._axes))
         action = torch.as_tensor(actions, dtype=torch.float32, device=self.device).clip(-1.0, 1.0)
+        if action.shape != shape or self._home is None:
+            began = "" if self._home is not None else "; call reset() first"
+            raise paxisim.InvalidValueError(f"expected actions of shape {shape}, got {tuple(action.shape)}{began}")
         goal = self._home.clone()
         goal[:, self._axes] = scene.fingertip[:, self._axes] + self.task.action_scale * action
         scene.aim(goal)

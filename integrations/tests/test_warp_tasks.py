@@ -113,8 +113,12 @@ def test_spaces_seeds_and_registration(env):
         assert space.contains(observation[name].numpy()), name
     with pytest.raises(paxisim.InvalidValueError, match="expected 3 seeds, got 2"):
         env.reset(seed=[1, 2])
+    with pytest.raises(paxisim.InvalidValueError, match=r"expected actions of shape \(3, 2\), got \(2,\)"):
+        env.step(np.zeros(2))
     assert gymnasium.spec("paxisim/SX-2mm-warp-v0").vector_entry_point is not None
     many = gymnasium.make_vec("paxisim/SQ-2mm-warp-v0", num_envs=2, method="NT", device="cpu")
+    with pytest.raises(paxisim.InvalidValueError, match="call reset"):
+        many.step(np.zeros((2, 3)))
     observation, _ = many.reset(seed=0)
     assert set(observation) == {"p", "privileged"}
     assert (observation["p"].abs().amax(dim=1) > 1e-3).all()
