@@ -1,18 +1,29 @@
 """The paper's six blind insertion tasks in robosuite, as gymnasium environments.
 
 Importing this package registers ``paxisim/RY-2mm-v0``, ``RU-2mm``, ``SQ-2mm``, ``SQ-1mm``, ``SX-2mm`` and ``SY-2mm``:
-``gymnasium.make("paxisim/SX-2mm-v0", method="GCS")``.
+``gymnasium.make("paxisim/SX-2mm-v0", method="GCS")``. ``gymnasium.make_vec("paxisim/SX-2mm-warp-v0", num_envs=4096)``
+makes worlds of MuJoCo Warp.
 """
+
+from typing import Any
 
 import gymnasium
 
 from .env import InsertionEnv as InsertionEnv
 from .methods import METHODS as METHODS
 from .methods import Method as Method
-from .robosuite_scene import InsertionScene as InsertionScene
 from .tasks import TASKS as TASKS
 from .tasks import Parameters as Parameters
 from .tasks import Task as Task
+
+
+def __getattr__(name: str) -> Any:
+    """Import `InsertionScene`, a robosuite environment, when it is used: the other engines do without robosuite."""
+    if name == "InsertionScene":
+        from .robosuite_scene import InsertionScene
+
+        return InsertionScene
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def _register() -> None:
@@ -21,6 +32,11 @@ def _register() -> None:
             f"paxisim/{name}-v0",
             entry_point="paxisim_insertion.env:InsertionEnv",
             vector_entry_point="paxisim_insertion.vector:InsertionVectorEnv",
+            kwargs={"task": name},
+        )
+        gymnasium.register(
+            f"paxisim/{name}-warp-v0",
+            vector_entry_point="paxisim_insertion.warp_env:InsertionWarpEnv",
             kwargs={"task": name},
         )
 

@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import json
+import sys
+from dataclasses import asdict, dataclass
 from functools import cache
+from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from .robosuite_scene import InsertionScene
+from .scenes import make_scene
 from .tasks import TASKS, Parameters
+from .whole import write_whole
+
+MEASURED = Path(__file__).with_name("arm.json")
+"""The arm as measured with the default parameters, so that the native engine does not need robosuite's code."""
+
+_MOVE_THE_ARM = ("start", "floor", "hole_depth", "peg_length", "handle_height", "handle_size")
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,19 +51,55 @@ class Arm:
 
 
 @cache
+def find_arm(parameters: Parameters) -> Arm:
+    """Return robosuite's Panda with its gripper, the fingertip at the mean start of an episode.
+
+    It comes from `MEASURED` unless parameters that move the arm differ from the defaults.
+
+    Raises:
+        MissingExtraError: The arm has to be measured, and robosuite is not installed.
+    """
+    default = Parameters()
+    if any(getattr(parameters, name) != getattr(default, name) for name in _MOVE_THE_ARM):
+        return measure_arm(parameters)
+    found = json.loads(MEASURED.read_text(encoding="utf-8"))
+    return Arm(**{name: np.array(values) for name, values in found.items()})
+
+
 def measure_arm(parameters: Parameters) -> Arm:
     """Measure robosuite's Panda with its gripper, the fingertip at the mean start of an episode.
 
     The entries of the inertia change by a few percent over the tasks' workspace.
+
+    Raises:
+        MissingExtraError: robosuite is not installed.
     """
-    scene = InsertionScene(TASKS["SX-2mm"], parameters)
+    scene: Any = make_scene("robosuite", TASKS["SX-2mm"], parameters)
     scene.place(np.mean(parameters.start, axis=0))
     model, data = scene.model_and_data
     dofs = scene.arm_dofs
     mujoco.mj_forward(model, data)
-    mass, jacobian = np.zeros((model.nv, model.nv)), np.zeros((6, model.nv))
-    mujoco.mj_fullM(model, mass, data.qM)
+    mass, jacobian = mass_matrix(model, data), np.zeros((6, model.nv))
     mujoco.mj_jacSite(model, data, jacobian[:3], jacobian[3:], scene._grip)
     give = np.linalg.solve(mass[np.ix_(dofs, dofs)], jacobian[:, dofs].T)
     inertia = np.linalg.inv(jacobian[:, dofs] @ give)
     return Arm(inertia, give @ inertia, model.dof_frictionloss[dofs].copy(), model.dof_damping[dofs].copy())
+
+
+def mass_matrix(model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.floating]:
+    """Return the ``(nv, nv)`` mass matrix at the data's positions; how MuJoCo stores it depends on the version."""
+    columns = np.empty((model.nv, model.nv))
+    for column, unit in zip(columns, np.eye(model.nv), strict=True):
+        mujoco.mj_mulM(model, data, column, unit)
+    return columns
+
+
+def main() -> int:
+    """Measure the arm with the default parameters and write it to `MEASURED`."""
+    values = {name: value.tolist() for name, value in asdict(measure_arm(Parameters())).items()}
+    write_whole(MEASURED, json.dumps(values, indent=1) + "\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

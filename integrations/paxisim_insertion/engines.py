@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 
 import paxisim
 
-from .arm import measure_arm
-from .env import ENGINES, PRIVILEGED, InsertionEnv
+from .arm import find_arm
+from .env import PRIVILEGED, InsertionEnv
 from .evaluate import FIRST_SEED, succeeds
 from .expert import expert_action
 from .results import interval_of
 from .run import Run
+from .scenes import ENGINES
 from .shell import command
 from .tasks import TASKS, Parameters
 
@@ -65,7 +66,7 @@ def engines(*, policies: Path | None = None, trials: int = 50, episodes: int = 5
 
 def pushes(parameters: Parameters) -> str:
     """Describe how the arm pushes when an obstacle blocks a full action of 1 cm straight down."""
-    arm = measure_arm(parameters)
+    arm = find_arm(parameters)
     x, z, coupled = arm.inertia[0, 0], arm.inertia[2, 2], arm.inertia[0, 2]
     stiffness = parameters.kp * arm.impedance[:3, :3]
     down, along = 0.01 * stiffness[2, 2], -0.01 * stiffness[0, 2]

@@ -8,30 +8,22 @@ from typing import Any
 import gymnasium
 import mujoco
 import numpy as np
-from gymnasium import spaces
 from numpy.typing import NDArray
 
 import paxisim
 
 from .gap import DrawnGap, Gap
-from .methods import find_method
-from .native_scene import NativeScene
+from .methods import NOTHING_DRAWN, find_method
 from .poses import PRIVILEGED as PRIVILEGED
 from .poses import observed_poses
 from .reward import reward_terms, weighted
-from .robosuite_scene import InsertionScene
-from .scene import Grasp, Scene
+from .scene import Grasp
+from .scenes import make_scene
+from .spaces import RAW as RAW
+from .spaces import make_spaces
 from .tasks import Parameters, find_task
 
 CONTROL_DT = 0.05
-LARGEST_FORCE, LARGEST_POSE = 1e3, 10.0
-"""Finite bounds of the observation space (N; m and rad), larger than any value; checkers dislike infinite ones."""
-
-ENGINES: dict[str, type[NativeScene] | type[InsertionScene]] = {"robosuite": InsertionScene, "native": NativeScene}
-"""Scenes by the name of the engine that moves the hand."""
-
-RAW = "raw"
-"""Key of the newest reading before the chain, for a replay buffer that draws its own chains; no network sees it."""
 
 
 class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.float32]]):
@@ -102,6 +94,7 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
 
         Raises:
             UnknownNameError: There is no such task, method or engine.
+            MissingExtraError: The engine is robosuite's, and robosuite is not installed.
             UnsupportedError: The ranges belong to a scene with another number of pads.
             InvalidValueError: The render mode is not supported, or the chains do not fit the pads or need a covariate
                 other than ``gripper_opening`` (m).
@@ -112,9 +105,7 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
             raise paxisim.InvalidValueError(f"render_mode must be None or 'rgb_array', got {render_mode!r}")
         self.parameters = parameters or Parameters()
         self.render_mode, self.terminates = render_mode, terminate_on_success
-        if engine not in ENGINES:
-            raise paxisim.UnknownNameError("engine", engine, ENGINES)
-        self.scene: Scene = ENGINES[engine](self.task, self.parameters)
+        self.scene = make_scene(engine, self.task, self.parameters)
         assert self.scene.tactile is not None
         self._tactile = self.scene.tactile
         self._layout, self._pads = self._tactile.pads.layout, len(self._tactile.pads)
@@ -126,15 +117,10 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         self.gap = gap
         self._drawn_gap: DrawnGap | None = None
         self._history = self.method.history(self.task, self._layout)
-        shape = self._history.encoding.shape(self._pads, self._history.k)
-        entries: Any = {"p": _pose_space(1), PRIVILEGED: _pose_space(2)}
-        if shape[0]:
-            entries["tactile"] = spaces.Box(-LARGEST_FORCE, LARGEST_FORCE, shape, np.float32)
         frame = (self._pads, 3, self._layout.rows, self._layout.cols)
-        if self.gcs is not None:
-            entries[RAW] = spaces.Box(-LARGEST_FORCE, LARGEST_FORCE, frame, np.float32)
-        self.observation_space: Any = spaces.Dict(entries)
-        self.action_space = spaces.Box(-1.0, 1.0, (len(self.task.axes),), np.float32)
+        observations, actions = make_spaces(self.task, self._history, frame, raw=self.gcs is not None)
+        self.observation_space: Any = observations
+        self.action_space = actions
         self._axes = list(self.task.axes)
         self._chain: paxisim.Chain = paxisim.Chain([])
         self._state: Any = ()
@@ -147,8 +133,7 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
     @property
     def _draw(self) -> paxisim.GCS:
         """Randomisation from which surfaces and, without a sensor, chains are drawn."""
-        gcs = self.gcs if self.sensor is None else None
-        return gcs or paxisim.GCS(geometry=False, convolution=False, scaling=False)
+        return NOTHING_DRAWN if self.gcs is None or self.sensor is not None else self.gcs
 
     def _check_chains(self) -> None:
         chain = self.sensor or self._draw.sample(np.random.default_rng(0), layout=self._layout, pads=self._pads)
@@ -195,8 +180,7 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
             The chain through which the readings of the episode pass.
         """
         rng = self.np_random
-        low, high = self.parameters.start
-        bottom = rng.uniform(low, high)
+        bottom = rng.uniform(*self.parameters.start)
         grasp = Grasp.draw(rng, self.parameters)
         draw = self._draw
         surface = self.surface
@@ -277,7 +261,3 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         if RAW in self.observation_space.spaces:
             observation[RAW] = self._raw
         return observation
-
-
-def _pose_space(poses: int) -> spaces.Box:
-    return spaces.Box(-LARGEST_POSE, LARGEST_POSE, (6 * poses,), np.float32)

@@ -1,4 +1,4 @@
-"""``python -m paxisim_insertion.evaluate --run runs/SX-2mm_GCS_0``: success rate of a policy in robosuite."""
+"""``python -m paxisim_insertion.evaluate --run runs/SX-2mm_GCS_0``: success rate of a policy, in robosuite."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
+from typing import Literal
 
 import torch
 
@@ -15,14 +16,12 @@ import paxisim
 from .env import InsertionEnv
 from .gap import Gap
 from .results import DRAWN, IN_SIMULATION, OUT, TRANSFER, Result, interval_of, sensor_name
+from .results import FIRST_SEED as FIRST_SEED
 from .run import Run, versions
 from .shell import command
 from .surrogate import unit
 from .trained import Trained
 from .transfer import sensors
-
-FIRST_SEED = 1_000_000
-"""First seed of the evaluation's episodes; no training run uses them."""
 
 
 def evaluate(
@@ -32,6 +31,7 @@ def evaluate(
     sensor: str | Path | None = None,
     transfer: bool = False,
     drawn: bool = False,
+    engine: Literal["robosuite", "native", "warp"] = "robosuite",
     out: Path = OUT,
     other_versions: bool = False,
 ) -> None:
@@ -46,6 +46,8 @@ def evaluate(
         transfer: Spread the episodes over 25 sensors that no training has seen, on a robot with a noisy p_t and a
             miscalibrated controller and joints, see Gap.
         drawn: Sample the actions from the policy, as in training, instead of taking the most likely ones.
+        engine: Engine of the simulation: robosuite's, the reference; plain MuJoCo; or MuJoCo Warp, with all episodes at
+            once.
         out: Output folder, which .table reads as well; created if missing.
         other_versions: Accept a run made with other software versions.
     """
@@ -53,14 +55,24 @@ def evaluate(
         raise paxisim.InvalidValueError(f"expected at least one trial, got {trials}")
     if transfer + drawn + (sensor is not None) > 1:
         raise paxisim.InvalidValueError("expected one of --sensor, --transfer and --drawn")
+    if engine == "warp" and (transfer or drawn or sensor is not None):
+        raise paxisim.InvalidValueError("expected --engine warp without --sensor, --transfer and --drawn")
     this = Run.open(run, other_versions=other_versions)
     chain = None if sensor is None else surrogate_of(str(sensor))
-    env = this.insertion_env(sensor=chain, gap=Gap() if transfer else None, terminate_on_success=True)
+    gap = Gap() if transfer else None
+    alone = "native" if engine == "warp" else engine
+    env = this.insertion_env(sensor=chain, gap=gap, engine=alone, terminate_on_success=True)
     kinds: dict[str, list[bool]] = {}
     try:
         trained = this.policy(env)
         turns = sensors(env.layout) if transfer else []
-        for trial in range(trials):
+        if engine == "warp":
+            from .warp_scene import be_quiet
+
+            be_quiet()
+            seeds = range(FIRST_SEED, FIRST_SEED + trials)
+            kinds[IN_SIMULATION] = this.warp_env(trials).solved(trained.act_together, seeds)
+        for trial in range(0 if kinds else trials):
             kind = IN_SIMULATION
             if turns:
                 stand_in = turns[trial % len(turns)]
@@ -72,6 +84,8 @@ def evaluate(
     name = TRANSFER if transfer else DRAWN if drawn else IN_SIMULATION
     if sensor is not None:
         name = sensor_name(sensor)
+    if engine != "robosuite":
+        name = f"{name}, {engine}"
     interval = interval_of(successes, trials)
     training = {
         "steps": trained.steps,

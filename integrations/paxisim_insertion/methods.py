@@ -12,6 +12,9 @@ from .tasks import Task
 LARGEST_OFFSET = 0.5
 """Largest offset (N): 5 counts of a PaXini pad, an upper bound for the field of the fingers over a gripper's travel."""
 
+NOTHING_DRAWN = paxisim.GCS(geometry=False, convolution=False, scaling=False)
+"""Flat pads and unmodified readings, for a method that does not randomise."""
+
 
 @dataclass(frozen=True)
 class Method:

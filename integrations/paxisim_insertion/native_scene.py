@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 
 import paxisim
 
-from .arm import measure_arm
+from .arm import find_arm, mass_matrix
 from .geometry import numbers
+from .objects import add_objects
 from .pads import PAD, ScenePads
-from .scene import HALF_OPEN, SIDES, TABLE_HEIGHT, TABLE_SIZE, Scene, add_objects
+from .scene import HALF_OPEN, SIDES, TABLE_HEIGHT, TABLE_SIZE, Scene
 from .tasks import Parameters, Task
 
 TIMESTEP = 5e-3
@@ -31,6 +32,7 @@ CONTROL_STEPS = round(0.05 / TIMESTEP)
 _AXES = {"x": "1 0 0", "y": "0 1 0", "z": "0 0 1", "roll": "1 0 0", "pitch": "0 1 0", "yaw": "0 0 1"}
 _DOWN = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])  # the fingertip's rotation
 _GRIP = np.array([0.0, 0.0, 0.097])  # position of the grip site in the gripper's frame (m)
+_PREFIX = "gripper/"  # of the gripper's names; MuJoCo 4 warns of an empty one
 _FINGERS = ["finger_joint1", "finger_joint2"]
 
 
@@ -48,7 +50,7 @@ class NativeScene(Scene):
         self.nominal = _DOWN
         gripper = paxisim.attach(paxisim.robosuite_gripper_path("panda"), PAD)
         bare = self._spec(gripper, []).compile()
-        arm = measure_arm(self.parameters)
+        arm = find_arm(self.parameters)
         # the arm's inertia includes the gripper, which the model has already
         values, vectors = np.linalg.eigh(arm.inertia - _inertia(bare))
         tendons = [(vector, {"armature": value}) for value, vector in zip(values, vectors.T, strict=True)]
@@ -61,8 +63,8 @@ class NativeScene(Scene):
         self._model = self._spec(gripper, tendons).compile()
         self._data = mujoco.MjData(self._model)
         self.tune(1.0, 1.0)
-        self._find("grip_site", _FINGERS)
-        self._measure(gripper.bind(self._model))
+        self._find(f"{_PREFIX}grip_site", [_PREFIX + name for name in _FINGERS])
+        self._measure(gripper.bind(self._model, _PREFIX))
 
     @property
     def model_and_data(self) -> tuple[mujoco.MjModel, mujoco.MjData]:
@@ -112,7 +114,7 @@ class NativeScene(Scene):
         mujoco.mj_kinematics(model, data)
         self.tactile = ScenePads(model, data, pads)
         self._find_fingertips(data.xpos[pads.bodies])
-        self._set_grip([model.actuator(f"gripper_{name}").id for name in _FINGERS])
+        self._set_grip([model.actuator(f"{_PREFIX}gripper_{name}").id for name in _FINGERS])
 
     def _spec(
         self,
@@ -154,16 +156,14 @@ def _add_gripper(spec: mujoco.MjSpec, gripper: mujoco.MjSpec) -> None:
         gripper.delete(sensor)
     for body in gripper.bodies[1:]:
         body.gravcomp = 1
-    spec.attach(gripper, frame=spec.body("hand").add_frame(pos=-_DOWN @ _GRIP, quat=quat), prefix="")
+    spec.attach(gripper, frame=spec.body("hand").add_frame(pos=-_DOWN @ _GRIP, quat=quat), prefix=_PREFIX)
 
 
 def _inertia(model: mujoco.MjModel) -> NDArray[np.floating]:
     """Return the ``(6, 6)`` inertia of the hand's six joints, which come first, with the fingers half open."""
     data = mujoco.MjData(model)
     for name, side in zip(_FINGERS, SIDES, strict=True):
-        data.joint(name).qpos = HALF_OPEN * side
+        data.joint(_PREFIX + name).qpos = HALF_OPEN * side
     mujoco.mj_forward(model, data)
-    mass = np.zeros((model.nv, model.nv))
-    mujoco.mj_fullM(model, mass, data.qM)
     first = int(model.joint("x").dofadr[0])
-    return mass[first : first + 6, first : first + 6]
+    return mass_matrix(model, data)[first : first + 6, first : first + 6]

@@ -7,20 +7,16 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from paxisim_robosuite import register
-from paxisim_robosuite.gripper import DEFAULT_SENSOR
 
 import paxisim
 
-PAD = replace(DEFAULT_SENSOR, taxels="spheres", thickness=4e-3, mass=2e-3)
+_CUBES = paxisim.Pad(paxisim.sensor("paxini-gen1-l4629").layout.pool(2, 2))  # the paper's sensor
+
+PAD = replace(_CUBES, taxels="spheres", thickness=4e-3, mass=2e-3)
 """The pad of both scenes. A grip of 30 N indents the gel by more than 1 mm; balls allow their radius, here 2 mm."""
 
-GRIPPER = "PaxiInsertionGripper"
-"""Name under which the Panda gripper with these pads is registered in robosuite."""
-
-_BEHIND = PAD.thickness - DEFAULT_SENSOR.thickness  # m by which a ball reaches behind the cube that it replaces
-
-register(GRIPPER, "PandaGripper", PAD)
+BEHIND = PAD.thickness - _CUBES.thickness
+"""Distance (m) by which a ball reaches behind the cube that it replaces."""
 
 
 class ScenePads:
@@ -42,7 +38,7 @@ class ScenePads:
 
     def set_surface(self, heights: NDArray[np.floating]) -> None:
         """Set the heights of the taxels, ``(pads, rows, cols)`` m, as for cubes; takes effect at the next step."""
-        paxisim.set_surface(self._model, self.pads, heights + _BEHIND)
+        paxisim.set_surface(self._model, self.pads, heights + BEHIND)
 
     def read(self) -> NDArray[np.float32]:
         """Return the forces at the last physics step, ``(pads, 3, rows, cols)`` float32 newtons."""

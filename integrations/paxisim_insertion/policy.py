@@ -16,17 +16,8 @@ from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from stable_baselines3.sac.policies import Actor, SACPolicy
 from torch import nn
 
+from .encoder import FEATURES, POSE_SCALE, tactile_encoder
 from .env import PRIVILEGED
-
-FEATURES = 128
-"""Output size of each encoder (paper)."""
-
-LAYERS = ((32, 2), (32, 1), (64, 2), (64, 1))
-"""Channels and stride of the CNN's layers, all with 3x3 kernels: our choice. Without strides an update takes three
-times as long on a CPU."""
-
-POSE_SCALE = 100.0
-"""Factor that converts poses to cm and centiradian: a layer learns slowly from inputs of a few thousandths."""
 
 
 class ActorFeatures(BaseFeaturesExtractor):
@@ -106,12 +97,3 @@ class AsymmetricPolicy(SACPolicy):
         assert isinstance(self.observation_space, spaces.Dict)
         features = features_extractor or CriticFeatures(self.observation_space)
         return ContinuousCritic(**self._update_features_extractor(self.critic_kwargs, features)).to(self.device)
-
-
-def tactile_encoder(channels: int, rows: int, cols: int) -> nn.Sequential:
-    """Build the CNN that maps ``(batch, channels, rows, cols)`` to ``(batch, 128)``."""
-    layers: list[nn.Module] = []
-    for size, stride in LAYERS:
-        layers += [nn.Conv2d(channels, size, 3, stride, padding=1, bias=False), nn.BatchNorm2d(size), nn.ReLU()]
-        channels, rows, cols = size, -(-rows // stride), -(-cols // stride)
-    return nn.Sequential(*layers, nn.Flatten(), nn.Linear(channels * rows * cols, FEATURES), nn.ReLU())

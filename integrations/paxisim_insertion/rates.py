@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import fisher_exact
 
-from .results import DRAWN, IN_SIMULATION, OUT, RESULTS, TRANSFER, Result, interval_of
+from .results import DRAWN, IN_SIMULATION, OUT, RESULTS, SURROGATE, TRANSFER, Result, interval_of
 from .tasks import TASKS
 
 TABLE_2_SIM = {
@@ -144,7 +144,7 @@ def surrogate_tables(found: list[Result]) -> list[Table]:
     """Return a table for each surrogate of a sensor that methods were evaluated with."""
     known = {**ABLATION_REAL, **TABLE_2_REAL}
     made: list[Table] = []
-    for sensor in sorted({result.sensor for result in found} - {IN_SIMULATION, DRAWN, TRANSFER}):
+    for sensor in sorted({result.sensor for result in found if result.sensor.startswith(SURROGATE)}):
         tried = {result.method for result in found if result.sensor == sensor}
         order = [*TABLE_2_REAL, *(method for method in ABLATION_REAL if method not in TABLE_2_REAL), *sorted(tried)]
         paper = {m: known.get(m, (None,) * len(TASKS)) for m in dict.fromkeys(order) if m in tried}

@@ -22,11 +22,17 @@ RUNS = Path("runs")
 OUT = Path("results")
 """Default folder of new results, in the working directory."""
 
+FIRST_SEED = 1_000_000
+"""First seed of the evaluation's episodes; no training run uses them."""
+
 IN_SIMULATION = "sim"
 """Sensor name for the simulated sensor that the method is trained with."""
 
 DRAWN = "sim, drawn actions"
 """Sensor name for the same, with actions sampled as in training."""
+
+SURROGATE = "surrogate "
+"""Beginning of the sensor names of surrogates."""
 
 TRANSFER = "transfer"
 """Sensor name for the stand-in of a real robot, see `paxisim_insertion.transfer` and `Gap`."""
@@ -48,7 +54,7 @@ def _plain(name: str) -> str:
 
 def sensor_name(sensor: str | Path) -> str:
     """Return the name of a surrogate, given as for ``.evaluate --sensor``, in results."""
-    return f"surrogate {Path(str(sensor).replace(':', '-')).stem}"
+    return f"{SURROGATE}{Path(str(sensor).replace(':', '-')).stem}"
 
 
 def interval_of(successes: int, trials: int) -> tuple[float, float]:
@@ -65,8 +71,8 @@ class Result:
         task: Name of the task.
         method: Name of the method.
         sensor: ``"sim"`` for the sensor that the method is trained with, with ``", drawn actions"`` appended if actions
-            were sampled; ``"transfer"`` for the stand-in of the real robot; otherwise ``"surrogate NAME"``. No real
-            sensor was involved.
+            were sampled; ``"transfer"`` for the stand-in of the real robot; otherwise ``"surrogate NAME"``. For an
+            engine other than robosuite's, its name is appended. No real sensor was involved.
         seed: Seed of the training run.
         trials: Number of episodes.
         success_rate: Fraction of episodes that succeeded.

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .arrays import library_of, like
 from .geometry import keypoints
 from .tasks import Parameters, Task
 
@@ -33,10 +33,8 @@ class Insertion:
     success: Any
 
 
-def insertion(
-    task: Task, parameters: Parameters, position: NDArray[np.floating], rotation: NDArray[np.floating]
-) -> Insertion:
-    """Compute the state of one or more insertions.
+def insertion(task: Task, parameters: Parameters, position: Any, rotation: Any) -> Insertion:
+    """Compute the state of one or more insertions, from arrays of numpy or torch.
 
     The position along a groove does not matter, so only the distance across it counts.
 
@@ -46,22 +44,22 @@ def insertion(
         position: ``(..., 3)`` position of the peg (m) in the base's frame.
         rotation: ``(..., 3, 3)`` rotation of the peg in the base's frame.
     """
-    points = keypoints(parameters)
-    apart = points @ np.swapaxes(rotation, -1, -2) + position[..., None, :] - points
-    across = np.array([task.hole != "groove along x", task.hole != "groove along y"])
-    apart[..., :2] *= across
+    xp = library_of(position)
+    points = like(keypoints(parameters), position)
+    across = like([task.hole != "groove along x", task.hole != "groove along y", True], position)
+    apart = (points @ xp.matrix_transpose(rotation) + position[..., None, :] - points) * across
     height = position[..., 2]
     # inside the hole a peg is off by at most half the clearance and its lean; beside the hole, by its width
     largest = task.clearance / 2 + 0.1 * parameters.peg_size
-    inside = np.all(np.abs(position[..., :2]) * across < largest, axis=-1)
+    inside = xp.all(xp.abs(position[..., :2]) * across[:2] < largest, axis=-1)
     # a peg that rotates between the fingers can jam in the hole's edge
     upright = rotation[..., 2, 2] > np.cos(parameters.engage_lean)
     engaged = inside & upright & (height < parameters.hole_depth - parameters.engage_depth)
-    distance = np.sqrt(np.square(apart).sum(axis=-1)).mean(axis=-1)
+    distance = xp.mean(xp.sqrt(xp.sum(apart * apart, axis=-1)), axis=-1)
     return Insertion(distance, height, engaged, engaged & (height < parameters.success_depth))
 
 
-def reward_terms(state: Insertion, action: NDArray[np.floating], epsilon: float) -> dict[str, Any]:
+def reward_terms(state: Insertion, action: Any, epsilon: float) -> dict[str, Any]:
     """Compute the unweighted terms ``reach``, ``engage``, ``success`` and ``action``, each a number or an array.
 
     Args:
@@ -69,12 +67,12 @@ def reward_terms(state: Insertion, action: NDArray[np.floating], epsilon: float)
         action: ``(..., axes)`` action of the step, in [-1, 1].
         epsilon: Constant added to the denominators.
     """
-    height = np.maximum(state.height, 0.0)  # contacts are soft: the peg sinks in by a few hundredths of a millimetre
+    height = state.height.clip(min=0.0)  # contacts are soft: the peg sinks in by a few hundredths of a millimetre
     return {
         "reach": 1.0 / (10 * state.distance + epsilon),
         "engage": state.engaged / (10 * height + epsilon),
         "success": state.success * 1.0,
-        "action": -np.square(action).sum(axis=-1),
+        "action": -(action * action).sum(axis=-1),
     }
 
 

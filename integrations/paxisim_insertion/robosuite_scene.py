@@ -9,19 +9,25 @@ from typing import Any
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from paxisim_robosuite import TactileGripper, fast_controller
+from paxisim_robosuite import TactileGripper, fast_controller, register
 from robosuite.environments.manipulation.manipulation_env import ManipulationEnv
 from robosuite.models.arenas import TableArena
 from robosuite.models.tasks import ManipulationTask
 
 import paxisim
 
-from .pads import GRIPPER, ScenePads
+from .objects import add_objects
+from .pads import PAD, ScenePads
 from .reward import reward_terms, weighted
-from .scene import HALF_OPEN, SIDES, TABLE_HEIGHT, TABLE_SIZE, Scene, add_objects
+from .scene import HALF_OPEN, SIDES, TABLE_HEIGHT, TABLE_SIZE, Scene
 from .tasks import Parameters, Task
 
+GRIPPER = "PaxiInsertionGripper"
+"""Name under which the Panda gripper with the pads is registered in robosuite."""
+
 GRIPPERS = {True: GRIPPER, False: "PandaGripper"}
+
+register(GRIPPER, "PandaGripper", PAD)
 
 
 class InsertionScene(Scene, ManipulationEnv):

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import json
 import os
-import platform
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from gymnasium import Env
@@ -20,14 +18,18 @@ from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecEnv
 
 import paxisim
 
-from .env import ENGINES, InsertionEnv
+from .env import InsertionEnv
 from .methods import find_method
+from .scenes import check_engine
 from .tasks import Parameters, find_task
 from .trained import ACTOR, Trained
 from .vec_env import InsertionVecEnv
+from .versions import versions as versions
 from .whole import write_whole
 
-PACKAGES = ("mujoco", "robosuite", "stable-baselines3", "torch", "gymnasium", "numpy")
+if TYPE_CHECKING:
+    from .warp_env import InsertionWarpEnv
+
 BUFFER = 1_000_000
 """Capacity of the replay buffer in transitions, stable-baselines3's default."""
 
@@ -50,12 +52,6 @@ REWARD_SCALE = 0.05
 """Factor of the reward in training. It does not change which policy is optimal. But SAC's temperature starts at 1 and
 with rewards of several hundred per step takes most of a training to grow to their scale; until then the policy hardly
 explores."""
-
-
-def versions() -> dict[str, str]:
-    """Return the software versions that a result depends on."""
-    found = {name: version(name) for name in PACKAGES}
-    return {"paxisim": paxisim.__version__, "python": platform.python_version(), **found}
 
 
 @dataclass(frozen=True)
@@ -111,8 +107,7 @@ class Run:
         for name in ("updates", "temperature", "reward_scale"):
             if not 0 < getattr(self, name) < float("inf"):
                 raise paxisim.InvalidValueError(f"{name} must be positive and finite, got {getattr(self, name)!r}")
-        if self.engine not in ENGINES:
-            raise paxisim.UnknownNameError("engine", self.engine, ENGINES)
+        check_engine(self.engine)
 
     @property
     def gcs(self) -> paxisim.GCS | None:
@@ -190,6 +185,19 @@ class Run:
         return InsertionEnv(
             self.task, self.method, gcs=self.gcs, ranges=self.ranges, parameters=self.parameters, **options
         )
+
+    def warp_env(self, worlds: int) -> InsertionWarpEnv:
+        """Build as many worlds of the run's environment on MuJoCo Warp.
+
+        Raises:
+            UnsupportedError: The run draws friction, stiffness, mounts or surfaces of the pads found in a scene.
+            MissingExtraError: MuJoCo Warp is not installed.
+        """
+        from .warp_env import InsertionWarpEnv
+
+        if self.ranges.parameters:
+            raise paxisim.UnsupportedError("MuJoCo Warp's engine does not draw what a diagnosis found in the scene")
+        return InsertionWarpEnv(worlds, task=self.task, method=self.method, gcs=self.gcs, parameters=self.parameters)
 
     def make_env(self, index: int = 0) -> Env:
         """Build one of the run's environments, seeded. Its rewards are scaled, its logged returns are not."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 
 import paxisim
 
-from .geometry import base_pieces, contact_attributes, numbers, peg_pieces, to_mjcf
+from .arrays import library_of, like
 from .reward import Insertion, insertion
 from .tasks import Parameters, Task
 
@@ -24,9 +23,10 @@ HALF_OPEN = 0.02
 SIDES = np.array([1.0, -1.0])
 """The joints of the two fingers open in opposite directions."""
 
-_PINNED, _FREE = 0.1, 0.2  # s: first the fingers close on a peg held in place, then the peg is released
+PINNED, FREE = 0.1, 0.2
+"""Seconds in which the fingers close on a peg held in place, and then in which the peg is free."""
+
 _OPEN = 0.5e-3  # m between handle and fingers before they close; bumps are up to 0.2 mm high
-_PEG_COLOUR, _BASE_COLOUR = "0.85 0.45 0.2 1", "0.3 0.45 0.65 1"
 
 
 @dataclass(frozen=True)
@@ -47,6 +47,23 @@ class Grasp:
         """Draw a grasp within the ranges of the parameters."""
         x, y, z = rng.uniform(-1, 1, 3) * parameters.grasp_offset
         return cls((x, y, z), rng.uniform(-1, 1) * parameters.grasp_lean)
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Where hand and peg are when an episode begins; for a batch each value has the batch's leading dimensions.
+
+    Attributes:
+        grip: ``(..., 3)`` position of the fingertip (m, world).
+        aside: ``(..., 2)`` joint positions of the fingers (m) where they meet in the middle of the handle, as closed.
+        fingers: ``(..., 2)`` joint positions of the fingers (m) just before they close on the handle.
+        peg: ``(..., 7)`` position (m, world) and quaternion of the peg.
+    """
+
+    grip: Any
+    aside: Any
+    fingers: Any
+    peg: Any
 
 
 CENTRED = Grasp()
@@ -127,23 +144,36 @@ class Scene:
         """
         if self.tactile is not None and surface is not None:
             self.tactile.set_surface(surface)
-        peg = self.hole_top + bottom
-        handle = self.parameters.peg_length + self.parameters.handle_height / 2
-        half = grasp.lean / 2
-        middle = peg + handle * np.array([np.sin(grasp.lean), 0.0, np.cos(grasp.lean)])
-        grip = middle + grasp.offset - self._tip_to_grip
-        self._begin(grip)
+        at = self.placement(np.asarray(bottom, dtype=float), np.asarray(grasp.offset), np.asarray(grasp.lean))
+        self._begin(at.grip)
         self.tune(1.0, 1.0)
         model, data = self.model_and_data
-        # the fingers meet in the middle of the handle, which may be off the middle of the hand
-        aside = -grasp.offset[1] * self._finger_directions
         stiffness = -model.actuator_biasprm[self._grippers, 1]
-        model.actuator_biasprm[self._grippers, 0] = stiffness * aside
-        data.qpos[self._fingers] = (self._closed + self.parameters.handle_size / 2 + _OPEN) * SIDES + aside
-        data.qpos[self._peg_qpos] = [*peg, np.cos(half), 0, np.sin(half), 0]
+        model.actuator_biasprm[self._grippers, 0] = stiffness * at.aside
+        data.qpos[self._fingers], data.qpos[self._peg_qpos] = at.fingers, at.peg
         data.qvel[:] = 0
-        self._settle(grip, _PINNED, pinned=True)
-        self._settle(grip, _FREE, pinned=False)
+        self._settle(at.grip, PINNED, pinned=True)
+        self._settle(at.grip, FREE, pinned=False)
+
+    def placement(self, bottom: Any, offset: Any, lean: Any) -> Placement:
+        """Compute where hand and peg are placed for one or more episodes, with arrays of numpy or torch.
+
+        Args:
+            bottom: ``(..., 3)``, see `place`.
+            offset: ``(..., 3)``, see `Grasp`.
+            lean: ``(...)``, see `Grasp`.
+        """
+        xp = library_of(bottom)
+        handle = self.parameters.peg_length + self.parameters.handle_height / 2
+        zero, half = xp.zeros_like(lean), lean / 2
+        peg = bottom + like(self.hole_top, bottom)
+        middle = peg + handle * xp.stack([xp.sin(lean), zero, xp.cos(lean)], axis=-1)
+        # the fingers meet in the middle of the handle, which may be off the middle of the hand
+        aside = -offset[..., 1:2] * like(self._finger_directions, bottom)
+        fingers = like((self._closed + self.parameters.handle_size / 2 + _OPEN) * SIDES, bottom) + aside
+        turn = xp.stack([xp.cos(half), zero, xp.sin(half), zero], axis=-1)
+        grip = middle + offset - like(self._tip_to_grip, bottom)
+        return Placement(grip, aside, fingers, xp.concat([peg, turn], axis=-1))
 
     @property
     def fingertip(self) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
@@ -220,19 +250,3 @@ class Scene:
         model.actuator_gainprm[actuators, 0] = stiffness
         model.actuator_biasprm[actuators, 1] = -stiffness
         model.actuator_forcerange[actuators] = [-2 * force, 2 * force]
-
-
-def add_objects(world: ET.Element, assets: ET.Element, task: Task, parameters: Parameters) -> None:
-    """Add the base and the peg, which is a free body, to an MJCF model."""
-    touched = contact_attributes(parameters)
-    at = np.array([0.0, 0.0, TABLE_HEIGHT + parameters.floor])
-    base = ET.SubElement(world, "body", {"name": "base", "pos": numbers(at)})
-    geoms, meshes = to_mjcf(base_pieces(task, parameters), "base", _BASE_COLOUR, **touched)
-    base.extend(geoms)
-    above = at + [0, 0, parameters.hole_depth + 0.1]
-    peg = ET.SubElement(world, "body", {"name": "peg", "pos": numbers(above)})
-    ET.SubElement(peg, "freejoint", {"name": "peg"})
-    density = str(parameters.density)
-    geoms, more = to_mjcf(peg_pieces(task, parameters), "peg", _PEG_COLOUR, density=density, **touched)
-    peg.extend(geoms)
-    assets.extend(meshes + more)

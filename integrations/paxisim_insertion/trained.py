@@ -68,6 +68,13 @@ class Trained:
         """Return the most likely action, or one sampled from the policy."""
         return self.policy.predict(observation, deterministic=deterministic)[0]  # type: ignore[arg-type]
 
+    def act_together(self, observations: dict[str, torch.Tensor]) -> torch.Tensor:
+        """Return the most likely actions ``(worlds, axes)`` for observations of many worlds, on their device."""
+        self.policy.to(observations["p"].device)
+        self.policy.set_training_mode(False)
+        with torch.no_grad():
+            return self.policy.actor(observations, deterministic=True)
+
     def save(self, folder: Path) -> Path:
         """Write the actor to `ACTOR` in a folder, atomically."""
         return save_actor(folder, self.policy.actor, self.steps, self.updates, self.seconds)

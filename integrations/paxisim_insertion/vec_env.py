@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ from stable_baselines3.common.vec_env import VecEnv
 
 import paxisim
 
+from .chains import stack_chains
 from .env import CONTROL_DT, RAW, InsertionEnv
 from .native_scene import NativeScene
 from .poses import observed_poses
@@ -172,28 +172,10 @@ class InsertionVecEnv(VecEnv):
         return observation
 
 
-def stack_chains(chains: Sequence[paxisim.Chain]) -> paxisim.Chain:
-    """Combine chains that differ only in drawn parameters into one for a batch."""
-    members = []
-    for alike in zip(*(chain.members for chain in chains), strict=True):
-        if isinstance(alike[0], paxisim.Chain):
-            members.append(stack_chains(alike))
-            continue
-        values = {item.name: [getattr(member, item.name) for member in alike] for item in fields(alike[0])}
-        drawn = {
-            name: np.stack(own)
-            for name, own in values.items()
-            if all(isinstance(value, (np.ndarray, np.generic)) for value in own)
-            and any(np.any(value != own[0]) for value in own)
-        }
-        members.append(replace(alike[0], **drawn))
-    return paxisim.Chain(members, chains[0].names)
-
-
 def _poses(scene: NativeScene) -> tuple[NDArray[np.floating], ...]:
     """Return views of MuJoCo's position and rotation of the fingertip, then of the peg."""
-    model, data = scene.model_and_data
-    site, body = model.site("grip_site").id, model.body("peg").id
+    _, data = scene.model_and_data
+    site, body = scene._grip, scene._peg
     return (
         data.site_xpos[site],
         data.site_xmat[site].reshape(3, 3),

@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 from paxisim_insertion import TASKS, InsertionEnv, InsertionScene, Parameters
+from paxisim_insertion.arm import find_arm, measure_arm
 from paxisim_insertion.engines import engines
 from paxisim_insertion.evaluate import FIRST_SEED, succeeds
 from paxisim_insertion.expert import expert_action
@@ -185,6 +186,12 @@ def test_other_parameters_reach_both_engines():
     assert total[:, 2].max() < 16
     np.testing.assert_allclose(other_peg, peg, atol=1e-3)
     np.testing.assert_allclose(other_total[:, 2], total[:, 2], rtol=0.1)
+
+
+def test_the_stored_arm_is_robosuite_s():
+    measured, stored = measure_arm(Parameters()), find_arm(Parameters())
+    for name in ("inertia", "rates", "friction", "damping"):
+        np.testing.assert_allclose(getattr(stored, name), getattr(measured, name), atol=1e-6, err_msg=name)
 
 
 def test_an_unknown_engine():

@@ -4,7 +4,8 @@ import gymnasium
 import numpy as np
 import pytest
 from paxisim_insertion import InsertionEnv
-from paxisim_insertion.vec_env import InsertionVecEnv, stack_chains
+from paxisim_insertion.chains import stack_chains
+from paxisim_insertion.vec_env import InsertionVecEnv
 from paxisim_insertion.vector import InsertionVectorEnv
 
 import paxisim

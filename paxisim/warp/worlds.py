@@ -68,9 +68,12 @@ def put_worlds(
             f"the state has {state.ncon} contacts and {state.nefc} constraint rows, more than there is room for: "
             f"put_worlds needs nconmax and njmax above {contacts} and {rows}"
         )
+    # Warp has no mid phase and refuses a model that switches MuJoCo's off
+    plain = copy.copy(model)
+    plain.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_MIDPHASE)
     with warp.ScopedDevice(device):
         merger = contact_merger(model, pads, warp.get_device()) if merge else None
-        m = mujoco_warp.put_model(model)
+        m = mujoco_warp.put_model(plain)
         m.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_NATIVECCD)
         d = mujoco_warp.put_data(model, state, nworld=worlds, nconmax=contacts, njmax=rows)
         m.callback.contactfilter = merger

@@ -1,0 +1,20 @@
+"""Software versions that a result depends on."""
+
+from __future__ import annotations
+
+import platform
+from contextlib import suppress
+from importlib.metadata import PackageNotFoundError, version
+
+import paxisim
+
+PACKAGES = ("mujoco", "robosuite", "stable-baselines3", "torch", "gymnasium", "numpy", "mujoco-warp", "warp-lang")
+
+
+def versions() -> dict[str, str]:
+    """Return the software versions that a result depends on, of the packages that are installed."""
+    found: dict[str, str] = {}
+    for name in PACKAGES:
+        with suppress(PackageNotFoundError):
+            found[name] = version(name)
+    return {"paxisim": paxisim.__version__, "python": platform.python_version(), **found}
