@@ -19,7 +19,7 @@ _OTHERS = 64
 """Contacts of everything but the pads, as an object on a table or between walls."""
 
 
-def sizes(model: mujoco.MjModel, pads: Pads, merge: bool) -> tuple[int, int]:
+def sizes(model: mujoco.MjModel, pads: Pads, merge: bool = False) -> tuple[int, int]:
     """Return the numbers of contacts and of constraint rows for which one world of the model has room.
 
     Enough for one object on each taxel of every pad, all other constraints at once and `_OTHERS` further contacts.
