@@ -138,20 +138,29 @@ def test_a_case_of_the_benchmark_has_the_same_outcome_as_here(address):
 
 
 @pytest.mark.parametrize(
+    ("address", "error"), [("127.0.0.1:{port}", "no Ray cluster answers"), ("nonsense", "HOST:PORT")]
+)
+def test_a_cluster_that_cannot_be_used(tmp_path, capsys, address, error):
+    pytest.importorskip("ray")
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    refused(tmp_path, capsys, ["--ray", address.format(port=port)], error)
+
+
+@pytest.mark.parametrize(
     ("more", "error"),
     [
-        (["--ray", "127.0.0.1:{port}"], "no Ray cluster answers at 127.0.0.1:"),
-        (["--ray", "nonsense"], "expected HOST:PORT"),
         (["--ray", "a:1", "b:2"], "expected one address"),
         (["--ray", "--jobs", "2"], "one of --jobs and --ray"),
     ],
 )
-def test_a_cluster_that_cannot_be_used(tmp_path, capsys, more, error):
-    if "{port}" in more[-1]:
-        pytest.importorskip("ray")
-        with socket.socket() as free:
-            free.bind(("127.0.0.1", 0))
-            more = ["--ray", more[-1].format(port=free.getsockname()[1])]
+def test_options_that_exclude_one_another(tmp_path, capsys, more, error):
+    refused(tmp_path, capsys, more, error)
+
+
+def refused(tmp_path, capsys, more, error):
+    """Check that `paxisim diagnose` ends with status 2 and an error before it makes anything."""
     assert main(["diagnose", "a.mcap", "b.mcap", "-o", str(tmp_path / "out"), *more]) == 2
     err = capsys.readouterr().err
     assert error in err
