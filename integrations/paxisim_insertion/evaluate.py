@@ -65,19 +65,20 @@ def evaluate(
     kinds: dict[str, list[bool]] = {}
     try:
         trained = this.policy(env)
-        turns = sensors(env.layout) if transfer else []
         if engine == "warp":
             from .warp_scene import be_quiet
 
             be_quiet()
             seeds = range(FIRST_SEED, FIRST_SEED + trials)
             kinds[IN_SIMULATION] = this.warp_env(trials).solved(trained.act_together, seeds)
-        for trial in range(0 if kinds else trials):
-            kind = IN_SIMULATION
-            if turns:
-                stand_in = turns[trial % len(turns)]
-                kind, env.sensor, env.surface = stand_in.kind, stand_in.chain, stand_in.surface
-            kinds.setdefault(kind, []).append(succeeds(env, trained, FIRST_SEED + trial, drawn=drawn))
+        else:
+            turns = sensors(env.layout) if transfer else []
+            for trial in range(trials):
+                kind = IN_SIMULATION
+                if turns:
+                    stand_in = turns[trial % len(turns)]
+                    kind, env.sensor, env.surface = stand_in.kind, stand_in.chain, stand_in.surface
+                kinds.setdefault(kind, []).append(succeeds(env, trained, FIRST_SEED + trial, drawn=drawn))
     finally:
         env.close()
     successes = sum(sum(found) for found in kinds.values())
