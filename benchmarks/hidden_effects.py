@@ -158,6 +158,8 @@ def main() -> None:
     if wanted:
         outcomes = run(wanted, arguments.nested, arguments.jobs, arguments.json, cluster)
         table(outcomes, misses=arguments.misses)
+        if len(outcomes) < len(wanted):
+            sys.exit(1)
     if arguments.cost:
         costs(arguments.seed, arguments.jobs)
 

@@ -57,7 +57,7 @@ def engines(*, policies: Path | None = None, trials: int = 50, episodes: int = 5
         for engine in ENGINES:
             env = run.insertion_env(engine=engine, terminate_on_success=True)
             trained = run.policy(env)
-            solved = sum(succeeds(env, trained, FIRST_SEED + trial) for trial in range(trials))
+            solved = sum(succeeds(env, trained.act, FIRST_SEED + trial) for trial in range(trials))
             env.close()
             low, high = interval_of(solved, trials)
             cells.append(f"{solved} ({low:.2f} to {high:.2f})")

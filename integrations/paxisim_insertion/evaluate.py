@@ -9,7 +9,9 @@ from functools import partial
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 
 import paxisim
 
@@ -20,7 +22,6 @@ from .results import FIRST_SEED as FIRST_SEED
 from .run import Run, versions
 from .shell import command
 from .surrogate import unit
-from .trained import Trained
 from .transfer import sensors
 
 
@@ -73,12 +74,13 @@ def evaluate(
             kinds[IN_SIMULATION] = this.warp_env(trials).solved(trained.act_together, seeds)
         else:
             turns = sensors(env.layout) if transfer else []
+            act = partial(trained.act, deterministic=not drawn)
             for trial in range(trials):
                 kind = IN_SIMULATION
                 if turns:
                     stand_in = turns[trial % len(turns)]
                     kind, env.sensor, env.surface = stand_in.kind, stand_in.chain, stand_in.surface
-                kinds.setdefault(kind, []).append(succeeds(env, trained, FIRST_SEED + trial, drawn=drawn))
+                kinds.setdefault(kind, []).append(succeeds(env, act, FIRST_SEED + trial))
     finally:
         env.close()
     successes = sum(sum(found) for found in kinds.values())
@@ -120,13 +122,15 @@ def surrogate_of(sensor: str) -> paxisim.Chain | Callable[[paxisim.TaxelLayout],
     return partial(unit, name)
 
 
-def succeeds(env: InsertionEnv, trained: Trained, seed: int, *, drawn: bool = False) -> bool:
-    """Return whether the policy, with its most likely or with sampled actions, solves the episode of this seed."""
+def succeeds(
+    env: InsertionEnv, act: Callable[[dict[str, NDArray[np.float32]]], NDArray[np.float32]], seed: int
+) -> bool:
+    """Return whether a policy, a function from observations to actions, solves the episode of this seed."""
     torch.manual_seed(seed)
     observation, info = env.reset(seed=seed)
     terminated = truncated = False
     while not (terminated or truncated):
-        observation, _, terminated, truncated, info = env.step(trained.act(observation, deterministic=not drawn))
+        observation, _, terminated, truncated, info = env.step(act(observation))
     return bool(info["is_success"])
 
 

@@ -9,12 +9,15 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 
 import paxisim
 
 from .encoder import LAYERS
 from .env import InsertionEnv
+from .evaluate import succeeds
 from .results import FIRST_SEED, RUNS, folder_of, interval_of
 from .shell import command
 from .tasks import Parameters
@@ -104,20 +107,14 @@ def compare(
     many = InsertionWarpEnv(trials, task=task, method=method, parameters=parameters, device=device)
     found = {"MuJoCo Warp": many.solved(act, seeds)}
     env = InsertionEnv(task, method, engine="native", parameters=parameters, terminate_on_success=True)
-    found["native"] = [_solves(env, act, seed, many.device) for seed in seeds]
+
+    def alone(observation: dict[str, NDArray[np.float32]]) -> NDArray[np.float32]:
+        return act({n: torch.as_tensor(v, device=many.device)[None] for n, v in observation.items()})[0].cpu().numpy()
+
+    found["native"] = [succeeds(env, alone, seed) for seed in seeds]
     for engine, solved in found.items():
         low, high = interval_of(sum(solved), trials)
         print(f"{task} {method}, {engine}: {sum(solved)} of {trials}, {low:.2f} to {high:.2f}")
-
-
-def _solves(env: InsertionEnv, act: Callable[[Observation], Any], seed: int, device: torch.device) -> bool:
-    observation, info = env.reset(seed=seed)
-    ended = False
-    while not ended:
-        alone = {name: torch.as_tensor(value, device=device)[None] for name, value in observation.items()}
-        observation, _, terminated, truncated, info = env.step(act(alone)[0].cpu().numpy())
-        ended = terminated or truncated
-    return bool(info["is_success"])
 
 
 def _settings(env: Any, horizon: int, save_every: int) -> dict[str, Any]:

@@ -205,7 +205,7 @@ def test_policies_succeed_as_often_in_the_native_engine_as_in_robosuite_s(name):
     result = Result.load(RESULTS / f"{name[:-2]}_sim_{run.seed}.json")
     env = run.insertion_env(engine="native", terminate_on_success=True)
     trained = run.policy(env)
-    solved = sum(succeeds(env, trained, FIRST_SEED + trial) for trial in range(12))
+    solved = sum(succeeds(env, trained.act, FIRST_SEED + trial) for trial in range(12))
     low, high = binom.ppf([1e-4, 1 - 1e-4], 12, np.clip(result.success_rate, 0.02, 0.98))
     assert low <= solved <= high, f"{solved} of 12, expected {result.success_rate:.2f}"
 

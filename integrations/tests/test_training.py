@@ -354,7 +354,7 @@ def test_policies_do_what_their_results_say(folder):
     env = InsertionEnv(run.task, run.method, parameters=run.parameters, terminate_on_success=True)
     try:
         trained = run.policy(env)
-        solved = sum(succeeds(env, trained, FIRST_SEED + trial) for trial in range(8))
+        solved = sum(succeeds(env, trained.act, FIRST_SEED + trial) for trial in range(8))
     finally:
         env.close()
     # the results of 50 and of 8 share their seeds; an episode may end differently on another processor
