@@ -17,7 +17,9 @@ from paxisim.diagnose.cause import courses_of
 from paxisim.diagnose.diagnosis import FittedParameter, Interval
 from paxisim.diagnose.explanation import Explanation, Named
 from paxisim.diagnose.fitting import with_curves
-from paxisim.diagnose.noise import Tolerance, differences
+from paxisim.diagnose.inside.deviations import CORRELATED_SAMPLES
+from paxisim.diagnose.inside.prepared import replay_errors
+from paxisim.diagnose.noise import differences
 from paxisim.diagnose.problem import FloatArray, Problem
 
 CONFIDENCE_LEVEL = 0.9
@@ -45,18 +47,15 @@ def _parameters(found: Explanation, named: Named, spreads: Mapping[tuple[str, st
             out.append(FittedParameter(name, item.unit, interval, item.words))
             continue
         array, half = np.asarray(value, dtype=float), _half_width(found, named, name)
-        unit = _unit(named, name)
+        unit, course = _unit(named, name), named.cause.course
+        words = "" if course is None else course.numbers.get(name, "")
         for place in np.ndindex(array.shape):
             label, number = name + "".join(f"_{i}" for i in place), float(array[place])
             interval = Interval(number)
             if half is not None:
                 interval = Interval(number, number - float(half[place]), number + float(half[place]))
-            out.append(FittedParameter(label, unit, interval, _words(named, name)))
+            out.append(FittedParameter(label, unit, interval, words))
     return out
-
-
-def _words(named: Named, name: str) -> str:
-    return "" if named.cause.course is None else named.cause.course.numbers.get(name, "")
 
 
 def _unit(named: Named, name: str) -> str:
@@ -84,7 +83,8 @@ def _spreads(found: Explanation) -> dict[tuple[str, str], float]:
 
     The variance is cluster-robust. Errors that are correlated within an episode, a channel or a force level do not
     average out, so the scores of each cluster are summed before they are squared. Force levels account for a fitted
-    form that differs from the sensor's. The effect of a misplaced contact is added.
+    form that differs from the sensor's. The effects of errors that all samples may share, such as a misplaced contact,
+    are added, and in a scene the error of parameters that are fitted beside poses.
     """
     if len(found.problem.episodes) < 3:
         return {}
@@ -96,9 +96,12 @@ def _spreads(found: Explanation) -> dict[tuple[str, str], float]:
     flat = slopes.reshape(len(free), -1)
     inverse = np.linalg.pinv(flat @ flat.T + np.diag(prior), rcond=1e-9, hermitian=True)
     variance, degrees = _clustered(rows, residual, slopes, inverse)
-    for change in differences(prediction):
-        effect = rows.weigh(Tolerance().place * change / 2).reshape(frames, -1)
+    errors = [rows.tolerance.place * change / 2 for change in differences(prediction)]
+    for error in errors if rows.scene is None else (*errors, *replay_errors(rows, prediction)):
+        effect = rows.weigh(error).reshape(frames, -1)
         variance += (inverse @ np.einsum("atc,tc->a", slopes, effect)) ** 2
+    if rows.scene is not None:
+        variance += CORRELATED_SAMPLES * np.diag(inverse)
     reach = np.sqrt(variance) * student.ppf(0.5 + CONFIDENCE_LEVEL / 2, degrees)
     strength = np.sum(flat**2, axis=1)
     seen = strength > 1e-9 * strength.max()

@@ -432,23 +432,17 @@ def problem_of(recording: Recording, scene: Responses | None = None, tolerance: 
     """Prepare a recording for fitting.
 
     Args:
-        recording: Recording with both streams.
+        recording: Recording with both streams, without NaN, from `prepare`.
         scene: Effects of scene changes on the simulated stream; None if the scene is not known.
         tolerance: Errors that need no explanation.
 
     Raises:
-        InvalidValueError: A stream is missing or contains NaN, or an episode has fewer than two samples.
+        InvalidValueError: The noise is not finite.
     """
-    if recording.measured is None or recording.simulated is None:
-        missing = "measured" if recording.measured is None else "simulated"
-        raise InvalidValueError(f"a diagnosis compares two streams, but the recording has no {missing} tensor")
+    assert recording.measured is not None
+    assert recording.simulated is not None
     measured, simulated = recording.measured.astype(np.float64), recording.simulated.astype(np.float64)
-    for name, values in (("measured", measured), ("simulated", simulated)):
-        if not np.isfinite(values).all():
-            raise InvalidValueError(f"{name} must be finite; load the recording with missing='drop'")
     episodes = episode_spans(recording.episode)
-    if min(span.stop - span.start for span in episodes) < 2:
-        raise InvalidValueError("each episode needs at least two samples")
     peak = peak_of(simulated) or NOMINAL_PEAK
     step, phase = step_of(measured)
     covariates = {n: c for n, c in recording.covariates.items() if c.ndim == 1 and np.isfinite(c).all()}

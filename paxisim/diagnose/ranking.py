@@ -2,6 +2,7 @@
 
 For each fold, the inner products of all effects with one another and with the residual are kept. From them, any set of
 causes is fitted to some folds and tested on the others by solving a small linear system, without access to the data.
+The parameters of the causes that the model already has are fitted again with them.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ MAX_VALUES = 60_000  # number of values sufficient for a ranking
 IN_SAMPLE_WEIGHT = 0.5  # weight of an in-sample gain
 MAX_SINGLE_STARTS = 8  # most starts that are also tried one at a time
 GAUGE_STEP = 0.05  # relative change of the gain for the effect of a gauge
+_CHOSEN = "\n"  # owner of the columns of the causes that the model already has
 TIE = 0.01  # relative difference up to which a gauge alone promises as much as its cause
 
 
@@ -40,8 +42,7 @@ class Ranking:
             fit: Fit of the model.
         """
         problem = fitter.problem
-        self.causes = {c.name: c for c in causes if c.local is None and c.course is None}
-        self._chosen = [name for name in fit.names if name in self.causes]
+        self.causes = {c.name: c for c in causes if c.local is None and c.course is None and c.name not in fit.names}
         rows = fitter.rows(fit.causes, fit.shapes)
         model = Model(problem, fit.causes, rows)
         prediction = model.run(fit.whole.values, fit.whole.zero)
@@ -51,6 +52,7 @@ class Ranking:
         kept = rows.frames(stride)
         unit = fitter.unit[kept]
         fold = np.where(unit >= 0, fitter.fold[unit], -1)
+        shape = prediction.shape
         prediction = prediction[kept]
         was_read = thin.read(prediction)
 
@@ -66,7 +68,11 @@ class Ranking:
             read = after - prediction if thin.counting.reads_all else thin.read(after) - was_read
             return thin.weigh(read)
 
-        columns, owners = [], []
+        _, free, _, slopes, prior, _ = fitter.linearised(fit)
+        values = np.array([float(fit.whole.values[name][i]) for name, i, _ in free])
+        moves = np.array([about.low < value < about.high for value, (_, _, about) in zip(values, free, strict=True)])
+        columns = [-slope.reshape(shape)[kept] * own for slope, own in zip(slopes, moves, strict=True)]
+        owners = [_CHOSEN] * len(columns)
         for item in self.causes.values():
             seen = weighed if item.change is None else through
             own = [seen(effect) for effect in effects(problem, item, force)]
@@ -75,6 +81,9 @@ class Ranking:
         columns.append(weighed(GAUGE_STEP * force))
         owners.append("")
         self._owner = np.array(owners)
+        away = [(value - about.neutral) / about.scale for value, (_, _, about) in zip(values, free, strict=True)]
+        self._prior = np.zeros((2, len(columns)))  # weights, and gradients
+        self._prior[:, : len(free)] = fitter.samples * prior * moves * np.stack([np.ones(len(free)), away])
         residual = thin.weigh(thin.measured - was_read).reshape(len(kept), -1)
         matrix = np.stack([c.reshape(len(kept), -1) for c in columns])
         count = int(fitter.fold.max()) + 1
@@ -95,21 +104,18 @@ class Ranking:
         in-sample gain counts half, because a single fold may be the only one to show it. If the gauge alone would gain
         as much, the cause ranks behind a cause that consists of that gain.
         """
-        own = self._columns_of(names, with_gauges=True) | self._columns_of(self._chosen)
+        chosen = self._owner == _CHOSEN
+        gauged = any(self.causes[n].gauge is not None for n in names)
+        own = np.isin(self._owner, [*names, ""] if gauged else list(names)) | chosen
         sets = [own]
         if len(names) == 1 and (self._owner == names[0]).sum() <= MAX_SINGLE_STARTS:
             others = own & (self._owner != names[0])
             for column in np.flatnonzero(self._owner == names[0]):
                 sets.append(others | (np.arange(len(own)) == column))
-        chosen = self._columns_of(self._chosen)
         heldout = max(map(self._gain, sets)) - self._gain(chosen)
         promise = max(heldout, IN_SAMPLE_WEIGHT * (self._gain(own, False) - self._gain(chosen, False)))
         gauge = self._gain(own & (self._owner == "") | chosen) - self._gain(chosen)
         return promise * (1 - TIE) if gauge > (1 - TIE) * promise else promise
-
-    def _columns_of(self, names: Sequence[str], with_gauges: bool = False) -> NDArray[np.bool_]:
-        gauged = with_gauges and any(self.causes[n].gauge is not None for n in names)
-        return np.isin(self._owner, [*names, ""] if gauged else list(names))
 
     def _gain(self, chosen: NDArray[np.bool_], heldout: bool = True) -> float:
         which = np.flatnonzero(chosen)
@@ -117,7 +123,8 @@ class Ranking:
             return 0.0
         products, projections = self._products[:, which[:, None], which], self._projections[:, which]
         total, right = products.sum(axis=0), projections.sum(axis=0)
-        ridge = np.diag(1e-6 * np.diag(total) + 1e-9)
+        ridge = np.diag(1e-6 * np.diag(total) + 1e-9 + self._prior[0, which])
+        right = right - self._prior[1, which]
         if heldout and len(products) > 1:
             values = np.linalg.solve(total - products + ridge, (right - projections)[..., None])
         else:

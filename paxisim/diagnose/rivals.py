@@ -22,7 +22,7 @@ def rivals_of(found: Explanation) -> Mapping[str, tuple[str, ...]]:
     rivals: dict[str, tuple[str, ...]] = {named.name: () for named in found.named}
     for named in found.fitted:
         if not named.cause.nuisance:
-            rivals[named.name] = _in_place(found.search, found.chosen, named.name)
+            rivals[named.name] = in_place(found.search, found.chosen, named.name)
             continue
         amounts = np.asarray(next(iter(named.values.values())))
         asked = {item.name for item in found.off.causes}
@@ -31,21 +31,18 @@ def rivals_of(found: Explanation) -> Mapping[str, tuple[str, ...]]:
     return rivals
 
 
-def _in_place(search: Search, names: tuple[str, ...], name: str) -> tuple[str, ...]:
-    """Causes whose held-out error in place of `name` is hardly larger, best first."""
+def in_place(search: Search, names: tuple[str, ...], name: str) -> tuple[str, ...]:
+    """Causes whose held-out error in place of `name`, one of the causes `names`, is hardly larger, best first."""
     rules = search.rules
     fit, rest = search.fit(names), tuple(n for n in names if n != name)
     gain = float((search.without(names, name).heldout - fit.heldout).sum())
     near = {}
-    for _, other in search.ranked(rest)[: rules.contest + 1]:
-        if other == name:
-            continue
+    for other in [other for _, other in search.ranked(rest)[: rules.contest + 1] if other != name]:
         own = search.fit((*rest, other), search.fit(rest))
         worse = float((own.heldout - fit.heldout).sum())
         told = search.causes[name].misfit * fit.effects.get(name, 0.0)
         told += search.causes[other].misfit * own.effects.get(other, 0.0)
-        least = search.material + told
-        if worse < least + rules.tie * max(gain, 0.0) and search.evidence((*rest, other), other).kept:
+        if worse < search.material + told + rules.tie * max(gain, 0.0) and search.evidence((*rest, other), other).kept:
             near[other] = worse
     return tuple(sorted(near, key=lambda n: near[n]))
 

@@ -148,8 +148,7 @@ class Search:
     def ranked(self, names: Sequence[str]) -> list[tuple[float, str]]:
         """Linearised gain and name of each cause that could be added to a set, largest first."""
         ranking = self._ranking(names)
-        others = [n for n in ranking.causes if n not in names]
-        return sorted(((ranking.gain([n]), n) for n in others), reverse=True)
+        return sorted(((ranking.gain([n]), n) for n in ranking.causes), reverse=True)
 
     def objective(self, names: Sequence[str], nuisances: bool = False) -> float:
         """Score of a set, lower is better: the held-out error plus the materiality threshold times the causes' prices.
@@ -255,7 +254,7 @@ class Search:
         def merit(names: tuple[str, ...]) -> tuple[float, float]:
             numbers = sum(len(self.causes[n].parameters(self.problem)) for n in names)
             left = self.objective(names)
-            return (0.0, numbers) if left < least and self._is_plain(names) else (1.0, left)
+            return (numbers, left) if left < least and self._is_plain(names) else (np.inf, left)
 
         return sorted(sets, key=merit)
 

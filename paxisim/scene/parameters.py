@@ -35,6 +35,7 @@ BUMPS = ((2, 0), (1, 1), (0, 2), (3, 0), (2, 1), (1, 2), (0, 3))
 """Numbers of half waves, down the rows and across the columns, of the cosines that make up a pad's surface: bowls and
 saddles, then bumps of a third of the pad. A height common to all taxels is part of a joint's zero, and a plane is part
 of the mount's tilt."""
+_NEAR = 1e-4  # m, smallest displacement of an object's surface along its approach that matters
 _TURN = radians(10)
 
 
@@ -172,12 +173,21 @@ def _geoms(model: mujoco.MjModel, body: int) -> range:
     return range(int(model.body_geomadr[used[0]]), int(model.body_geomadr[used[-1]] + model.body_geomnum[used[-1]]))
 
 
+def _reach(model: mujoco.MjModel, name: str) -> float:
+    """Distance (m) from the origin of a body to its farthest point."""
+    data, body = mujoco.MjData(model), model.body(name).id
+    mujoco.mj_kinematics(model, data)
+    geoms = list(_geoms(model, body))
+    return float(np.max(np.linalg.norm(data.geom_xpos[geoms] - data.xpos[body], axis=1) + model.geom_rbound[geoms]))
+
+
 def _of_objects(rig: Rig) -> list[SceneParameter]:
     names = objects_of(rig)
     out = []
     for body in names:
         after = "" if len(names) == 1 else f"_{body}"
-        size = _ratio("object_size", f"size of {body}, as a multiple of the scene's", (0.5, 2.0), (0.02, 0.02))
+        by = _NEAR / max(_reach(rig.model, body), _NEAR)  # moves the surface as far as a joint's zero
+        size = _ratio("object_size", f"size of {body}, as a multiple of the scene's", (0.5, 2.0), (2 * by, by))
         out.append(replace(size, name=f"object_size{after}", target=body))
         for index, axis in enumerate("xyz"):
             name, words = f"object_pose_{axis}{after}", f"offset of {body} along its own {axis}"
@@ -197,7 +207,7 @@ def _of_joints(scene: Scene, rig: Rig) -> list[SceneParameter]:
         name, words = f"joint_offset_{drive.source}", f"zero of the joints that {drive.source} moves"
         place = drive.source, 0
         if int(rig.model.joint(drive.joint).type[0]) == int(mujoco.mjtJoint.mjJNT_SLIDE):
-            out[drive.source] = _length("joint_offset", name, 5e-3, (1e-4, 1e-4), place, words)
+            out[drive.source] = _length("joint_offset", name, 5e-3, (2 * _NEAR, _NEAR), place, words)
         else:
             out[drive.source] = _angle("joint_offset", name, place, words)
     return list(out.values())

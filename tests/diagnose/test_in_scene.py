@@ -102,6 +102,16 @@ def test_a_scene_cause_and_a_sensor_cause_are_both_found(kept):
     assert np.sqrt(np.mean((recording.measured - error) ** 2)) < 0.03
 
 
+def test_a_value_far_beyond_the_first_replays_is_replayed_again(kept):
+    """The first replays move the zero by 0.2 mm, and the larger ball shows the same force with another curvature."""
+    names = ("joint_offset", "object_size", "stiffening", "axis_gain")
+    found = paxisim.diagnose(measured(joint_offset_depth=5e-4), names, scene=scene(), replays=kept)
+    assert len(found.causes) == 1
+    assert {"joint_offset", "object_size"} <= {found.causes[0].name, *found.causes[0].rivals}
+    moved = found.scene_values.get("joint_offset_depth", (found.scene_values.get("object_size", 1.0) - 1) * 0.04)
+    assert moved == pytest.approx(5e-4, abs=1.5e-4)
+
+
 def test_nothing_is_named_where_nothing_is_wrong(kept):
     found = paxisim.diagnose(measured(seed=0), SOME, scene=scene(), replays=kept)
     assert not found.causes

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+import paxisim
 from paxisim import augment
 from paxisim.diagnose import prepare as preparing
 from paxisim.diagnose.noise import Tolerance, rate
 from paxisim.diagnose.prepare import prepare
-from paxisim.diagnose.problem import MAX_FITTED_VALUES, Problem, problem_of, with_noise
+from paxisim.diagnose.problem import MAX_FITTED_VALUES, Problem, with_noise
 from paxisim.errors import InvalidValueError
 from paxisim.recording import Recording
 
@@ -96,11 +97,9 @@ def test_streams_that_cannot_be_compared_are_refused():
     made = problem()
     force = made.simulated
     with pytest.raises(InvalidValueError, match="no simulated tensor"):
-        problem_of(Recording(made.time, force))
-    broken = force.copy()
-    broken[3] = np.nan
-    with pytest.raises(InvalidValueError, match="measured must be finite"):
-        problem_of(Recording(made.time, broken, force))
+        paxisim.diagnose(Recording(made.time, force))
+    with pytest.raises(InvalidValueError, match="measured contains NaN at every sample"):
+        paxisim.diagnose(Recording(made.time, np.full_like(force, np.nan), force))
 
 
 def test_noise_that_is_not_finite_is_refused():

@@ -21,11 +21,11 @@ def held(depth=DEPTH, slide=0.0, seconds=1.5):
     return recording(time, {"x": along, "y": np.zeros_like(time), "depth": -2e-4 + (depth + 2e-4) * down})
 
 
-def bench(layout=LAYOUT):
+def bench(layout=LAYOUT, radius=0.02):
     """Return a scene with a ball as indenter on spherical taxels, which it presses smoothly."""
-    text = """<mujoco><option timestep="0.002" cone="elliptic" impratio="10"/><worldbody><body name="bench"/>
-    <body name="ball" pos="0 0 0.02"><joint name="x" type="slide" axis="1 0 0"/><joint name="y" type="slide"
-    axis="0 -1 0"/><joint name="depth" type="slide" axis="0 0 -1"/><geom name="ball" type="sphere" size="0.02"
+    text = f"""<mujoco><option timestep="0.002" cone="elliptic" impratio="10"/><worldbody><body name="bench"/>
+    <body name="ball" pos="0 0 {radius}"><joint name="x" type="slide" axis="1 0 0"/><joint name="y" type="slide"
+    axis="0 -1 0"/><joint name="depth" type="slide" axis="0 0 -1"/><geom name="ball" type="sphere" size="{radius}"
     mass="0.1"/></body></worldbody></mujoco>"""
     pad = paxisim.Pad(layout, thickness=4e-3, taxels="spheres")
     made = paxisim.attach(text, pad, [paxisim.Mount("bench", quat=(0, 1, 0, 0), name="pad")])
@@ -61,6 +61,13 @@ def test_each_pad_of_a_gripper_has_its_own_and_names_tell_them_apart():
     for side in ("left", "right"):
         assert any(name.startswith("mount_tilt_x_") and side in name for name in found)
     assert found["object_size"].target == "peg"
+
+
+@pytest.mark.parametrize("radius", [5e-3, 20e-3])
+def test_a_step_of_an_object_s_size_moves_its_surface_as_far_as_a_step_of_a_joint_s_zero(radius):
+    found = bench(radius=radius).parameters()
+    assert found["object_size"].step * radius == pytest.approx(found["joint_offset_depth"].step)
+    assert found["object_size"].material * radius == pytest.approx(found["joint_offset_depth"].material)
 
 
 def test_forces_change_as_the_numbers_say():

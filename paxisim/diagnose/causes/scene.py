@@ -12,6 +12,7 @@ import numpy as np
 
 from paxisim.augment.chain import Chain
 from paxisim.diagnose.cause import Cause, Free, Values, one_away
+from paxisim.diagnose.inside.deviations import CORRELATED_SAMPLES
 from paxisim.diagnose.inside.responses import SHOWN, SPREAD
 from paxisim.diagnose.problem import FloatArray, Problem
 from paxisim.scene.parameters import Group
@@ -96,11 +97,13 @@ SCENE_CAUSES: tuple[Cause, ...] = (
 
 
 def _by_chance(problem: Problem) -> tuple[Free, ...]:
-    """Return the numbers of the mean of poses that scatter about 0, bounded to two standard errors."""
+    """Return the numbers of the mean of poses that scatter about 0, bounded to three standard errors."""
+    assert problem.scene is not None
     out = []
-    for number, one in zip(_numbers(problem, "object_pose"), problem.scene.of("object_pose"), strict=True):  # type: ignore[union-attr]
-        spread = SPREAD[one.parameter.unit] * SHOWN[one.parameter.unit][1] / np.sqrt(len(problem.episodes))
-        out.append(replace(number, low=-2 * spread, high=2 * spread, scale=spread, material=None, spread=spread))
+    for number, one in zip(_numbers(problem, "object_pose"), problem.scene.poses, strict=True):
+        error = SPREAD[one.parameter.unit] * SHOWN[one.parameter.unit][1] / np.sqrt(len(problem.episodes))
+        held = error / np.sqrt(CORRELATED_SAMPLES)  # samples that share an error count as one against the prior
+        out.append(replace(number, low=-3 * error, high=3 * error, scale=error, material=None, spread=held))
     return tuple(out)
 
 
@@ -113,7 +116,7 @@ MEAN_POSE = Cause(
     SCENE_ORDER,
     lambda values, problem: Chain(),
     free=_by_chance,
-    change=lambda values, problem: problem.scene.change("object_pose", values),  # type: ignore[union-attr]
+    change=lambda values, problem: problem.scene.mean_pose(values),  # type: ignore[union-attr]
     nuisance=True,
     tacit=True,
     misfit=0.0,

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 
 from paxisim.diagnose.inside.responses import Responses
-from paxisim.diagnose.noise import Tolerance
-from paxisim.diagnose.problem import Problem, problem_of
+from paxisim.diagnose.noise import Tolerance, rate
+from paxisim.diagnose.problem import FloatArray, Problem, problem_of
 from paxisim.diagnose.rules import Rules
 from paxisim.recording import Recording
 
@@ -31,3 +32,14 @@ def problem_with(recording: Recording, responses: Responses | None) -> Problem:
     frames = np.rint(recording.covariates[_FRAME]).astype(np.intp)
     others = {name: values for name, values in recording.covariates.items() if name != _FRAME}
     return problem_of(replace(recording, covariates=others), responses.select(frames), REPLAYED)
+
+
+def replay_errors(problem: Problem, prediction: FloatArray) -> Iterator[FloatArray]:
+    """Yield tolerated errors ``(T, pads, 3, rows, cols)`` N of a replay that all its samples may share.
+
+    Contacts may be stiffer or softer, along each axis, and earlier or later than in reality.
+    """
+    for axis in np.eye(3):
+        yield problem.tolerance.gain * prediction * axis[:, None, None]
+    speed = [rate(prediction[span], problem.time[span]) for span in problem.episodes]
+    yield problem.tolerance.time * np.concatenate(speed)

@@ -67,12 +67,14 @@ class Responses:
 
     Attributes:
         each: Effect of each number.
+        poses: Effect of each number of the objects' poses, as near to the true scene as is known.
         rows: ``(T,)`` selected frames of the replays.
         centres: Centres by cause, for causes with numbers that were fitted before.
         failed: Causes with numbers that could not be replayed.
     """
 
     each: tuple[Response, ...]
+    poses: tuple[Response, ...]
     rows: NDArray[np.intp]
     centres: Mapping[str, Centre] = field(default_factory=dict)
     failed: frozenset[str] = frozenset()
@@ -85,11 +87,6 @@ class Responses:
     def of(self, group: str) -> list[Response]:
         """Return the responses of the numbers of a cause."""
         return [one for one in self.each if one.parameter.group == group]
-
-    @property
-    def poses(self) -> list[Response]:
-        """Responses of the numbers of the objects' poses."""
-        return self.of("object_pose")
 
     def change(self, group: str, values: Sequence[float]) -> FloatArray:
         """``(T, pads, 3, rows, cols)`` N, change of the simulated stream by a cause.
@@ -110,6 +107,17 @@ class Responses:
         shares = np.concatenate([[way], *(_shares(one, value) for one, value in zip(numbers, si, strict=True))])
         total = shares.astype(np.float32) @ stack
         return total.reshape(len(self.rows), *numbers[0].changes.shape[2:]).astype(np.float64)
+
+    def mean_pose(self, values: Sequence[float]) -> FloatArray:
+        """``(T, pads, 3, rows, cols)`` N, change of the simulated stream by small poses, the same in all episodes.
+
+        Args:
+            values: Values of the numbers of the poses, in the units of `SHOWN`.
+        """
+        if "" not in self._taken:
+            slopes = [self.slope(one) / SHOWN[one.parameter.unit][1] for one in self.poses]
+            self._taken[""] = np.stack(slopes).astype(np.float32)
+        return np.tensordot(np.asarray(values, dtype=np.float32), self._taken[""], 1).astype(np.float64)
 
     def _stack(self, group: str) -> NDArray[np.float32]:
         """``(1 + values, size of the stream)`` changes at the centre of a cause and in its replays."""

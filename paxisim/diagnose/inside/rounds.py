@@ -5,8 +5,8 @@
 2. Replay each number at a few values around its nominal value (`study.py`).
 3. Search. The effects of the numbers are candidate causes like any other (`diagnose/causes/scene.py`). What the poses
    still explain of a residual is removed from it (`deviations.py`).
-4. Replace the replays of the causes found by replays near their fitted values, fit the poses again, now through the
-   sensor model found, and repeat the search.
+4. Replace the replays of the causes found, and of their rivals, by replays near their fitted values, fit the poses
+   again, now through the sensor model found, and repeat the search.
 """
 
 from __future__ import annotations
@@ -27,7 +27,9 @@ from paxisim.diagnose.inside.study import Study
 from paxisim.diagnose.model import Model
 from paxisim.diagnose.problem import FloatArray, Problem
 from paxisim.diagnose.report.streams import InScene
-from paxisim.diagnose.searched import Begun, Searched, begin, search_of, searched
+from paxisim.diagnose.rivals import in_place
+from paxisim.diagnose.search import Search
+from paxisim.diagnose.searched import Searched, begin, explained, search_of
 from paxisim.recording import Recording
 from paxisim.scene.changed import changed
 from paxisim.scene.parameters import SceneParameter
@@ -35,6 +37,7 @@ from paxisim.scene.replays import Replays
 from paxisim.scene.scene import Scene
 
 POSE_FITS = 2  # fits of the poses before anything else
+MAX_REFINEMENTS = 3  # most replays near the fitted values, each followed by a fit
 POSES_END, REPLAYS_END, SEARCH_END = 0.1, 0.35, 0.6  # progress after the poses, the replays and the first search
 
 Tell = Callable[[str, float], None]
@@ -83,19 +86,31 @@ def in_scene(
             begun = begin(_simulated(recording, study), causes, study.responses(), tell)
             if isinstance(begun, Diagnosis):
                 return begun
-            study.move(_poses(begun, study, begun.off.problem.thinned.at_compared))
+            study.move(_poses(begun.off.problem, study, begun.off.problem.thinned.at_compared))
         study.screen(_part(tell, POSES_END, REPLAYS_END))
         begun = begin(_simulated(recording, study), causes, study.responses(), tell)
         if isinstance(begun, Diagnosis):
             return begun
-        first = search_of(begun.off, begun.wanted, jobs, _part(tell, REPLAYS_END, SEARCH_END))
-        fit = first.fit(first.run())
-        values = _values(fit, begun.off.problem, study)
-        study.move(_poses(begun, study, _read_by(first.fitter, fit)))
-        study.refine(values)
-        last = _part(tell, SEARCH_END, 1.0)
-        found = searched(_simulated(recording, study), causes, study.responses(), seed, jobs, last)
-        return found if isinstance(found, Diagnosis) else _result(found, study, scene)
+        search = search_of(begun.off, begun.wanted, jobs, _part(tell, REPLAYS_END, SEARCH_END))
+        names = search.run()
+        sets, replayed, last = [*_rivals(search, names), names], {}, _part(tell, SEARCH_END, 1.0)
+        for _ in range(MAX_REFINEMENTS):
+            *beside, values = [_values(search.fit(own), search.problem, study) for own in sets]
+            every = {name: value for own in (*beside, values) for name, value in own.items()}
+            if _near(every, replayed, study):
+                break
+            tell("replaying near the fitted values", SEARCH_END)
+            study.approach(values)
+            study.move(_poses_beside(search.fit(sets[-1]), values, search, study))
+            study.refine(every)
+            replayed = every
+            begun = begin(_simulated(recording, study), causes, study.responses(), _part(tell, SEARCH_END, SEARCH_END))
+            if isinstance(begun, Diagnosis):
+                return begun
+            search = search_of(begun.off, begun.wanted, jobs, last)
+            sets = [tuple(name for name in own if name in search.causes) for own in sets]  # a replay may have failed
+        it = explained(begun.off, search, seed, jobs, last)
+        return _result(Searched(**vars(begun), it=it), study, scene)
 
 
 def _simulated(recording: Recording, study: Study) -> Recording:
@@ -118,22 +133,44 @@ def _values(fit: Fit, problem: Problem, study: Study) -> dict[str, float]:
     return {name: value / SHOWN[study.parameters[name].unit][1] for name, value in shown.items()}
 
 
-def _poses(begun: Begun, study: Study, predict: Callable[[FloatArray], FloatArray]) -> Poses:
-    problem = begun.off.problem
+def _rivals(search: Search, names: tuple[str, ...]) -> list[tuple[str, ...]]:
+    """Return the sets with a rival in place of one of the causes found.
+
+    Rivals are replayed near their fitted values, too. Otherwise the coarse interpolation of their effects would speak
+    against them in the last search.
+    """
+    shown = [name for name in names if not search.causes[name].nuisance]
+    return [(*(n for n in names if n != name), own) for name in shown for own in in_place(search, names, name)]
+
+
+def _near(values: Mapping[str, float], replayed: Mapping[str, float], study: Study) -> bool:
+    """Whether all fitted values are near enough to those replayed for a linear interpolation."""
+    known = values.keys() <= replayed.keys()
+    return known and all(abs(v - replayed[name]) <= study.parameters[name].step for name, v in values.items())
+
+
+def _poses_beside(fit: Fit, values: Mapping[str, float], search: Search, study: Study) -> Poses:
+    """Return the poses fitted in the scene with its fitted values, and through the sensor model found."""
+    assert search.problem.scene is not None
+    rows = search.problem.scene.rows
+    problem = replace(
+        search.problem, simulated=study.fitted(values)[rows].astype(np.float64), scene=study.responses().select(rows)
+    )
+    sensor = [item for item in fit.causes if item.change is None]
+    fitter = Fitter(problem, search.folds)
+    compared = fitter.rows(sensor, fit.shapes)
+
+    def read(simulated: FloatArray) -> FloatArray:
+        own = Model(replace(problem.thinned, simulated=simulated), sensor, compared)
+        return own.run(fit.whole.values, fit.whole.zero)
+
+    return _poses(problem, study, read)
+
+
+def _poses(problem: Problem, study: Study, predict: Callable[[FloatArray], FloatArray]) -> Poses:
     assert problem.scene is not None
     episode = study.replays.recording.episode[problem.scene.rows]
     return fitted_poses(problem, predict, episode, study.poses)
-
-
-def _read_by(fitter: Fitter, fit: Fit) -> Callable[[FloatArray], FloatArray]:
-    """Return a function from forces simulated in the thinned frames to the readings that the fitted model predicts."""
-    thin, rows = fitter.problem, fitter.rows(fit.causes, fit.shapes)
-
-    def read(simulated: FloatArray) -> FloatArray:
-        own = Model(replace(thin, simulated=simulated), fit.causes, rows)
-        return own.run(fit.whole.values, fit.whole.zero)
-
-    return read
 
 
 def _matters(item: SceneParameter, value: float, named: Sequence[str]) -> bool:

@@ -18,7 +18,8 @@ SCREEN_STEPS = (-2.0, 2.0)
 GLANCE_STEPS, POSE_STEPS = (1.0,), (-1.0, 1.0)
 """The same before the poses of the episodes are known: for the scene's other numbers, and for the poses."""
 REFINE_STEPS = (-0.5, 0.5)
-"""Offsets from its fitted value, in steps, after the search; other numbers of its cause keep their fitted values."""
+"""Offsets from its fitted value, in steps, after the search; other numbers of its cause keep their fitted values. The
+objects' poses are moved by the same steps in the scene with all fitted values."""
 
 BATCH = 4
 """Numbers replayed in one batch: enough to keep the processes busy, few enough to report progress often."""
@@ -49,6 +50,7 @@ class Study:
         self.poses: Poses = {}
         self.unstable: dict[str, str] = {}
         self._changes: dict[SceneParameter, dict[float, NDArray[np.float32]]] = {}
+        self._poses: tuple[Response, ...] = ()  # effects of the poses in the scene with fitted values
         self._centres: dict[str, tuple[Values, NDArray[np.float32]]] = {}
 
     def glance(self, tell: Tell) -> None:
@@ -95,6 +97,23 @@ class Study:
         self.poses = poses
         self.base = self.replays.run_each(self._with_poses({}))
 
+    def approach(self, values: Mapping[str, float]) -> None:
+        """Replay the motion with other poses of the objects in the scene with fitted values.
+
+        Args:
+            values: Fitted values by name, in SI units.
+
+        Raises:
+            UnsupportedError: The simulation becomes unstable.
+        """
+        centre = {self.parameters[name]: value for name, value in values.items()}
+        middles = {item: centre.get(item, item.nominal) for item in self._changes if item.group == "object_pose"}
+        known, self._changes = self._changes, {}
+        wanted = {item: [middle + by * item.step for by in REFINE_STEPS] for item, middle in middles.items()}
+        self._replay(wanted, centre)
+        self._poses = tuple(_response(item, own, middles[item]) for item, own in self._changes.items())
+        self._changes = known
+
     def refine(self, values: Mapping[str, float]) -> None:
         """Replay with some numbers near their fitted values; replaces the other replays of these numbers.
 
@@ -117,16 +136,15 @@ class Study:
         for item in self.parameters.values():
             known = self._changes.get(item)
             if known and item.name not in self.unstable:
-                at = sorted(known)
-                middle = middles.get(item, item.nominal)
-                each.append(Response(item, middle, np.array(at), np.stack([known[v] for v in at])))
+                each.append(_response(item, known, middles.get(item, item.nominal)))
         kept = {one.parameter for one in each}
         centres = {
             group: Centre(np.array([v for item, v in own.items() if item in kept]), change)
             for group, (own, change) in self._centres.items()
         }
         failed = frozenset(self.parameters[name].group for name in self.unstable)
-        return Responses(tuple(each), np.arange(len(self.base)), centres, failed)
+        poses = self._poses or tuple(one for one in each if one.parameter.group == "object_pose")
+        return Responses(tuple(each), poses, np.arange(len(self.base)), centres, failed)
 
     def fitted(self, values: Mapping[str, float]) -> NDArray[np.float32]:
         """``(T, pads, 3, rows, cols)`` N, stream simulated with all fitted values at once.
@@ -148,3 +166,8 @@ class Study:
                 own[item] = value + own.get(item, 0.0)
             out[number] = own
         return out
+
+
+def _response(item: SceneParameter, changes: Mapping[float, NDArray[np.float32]], middle: float) -> Response:
+    at = sorted(changes)
+    return Response(item, middle, np.array(at), np.stack([changes[v] for v in at]))
