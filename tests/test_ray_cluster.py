@@ -138,7 +138,8 @@ def test_a_case_of_the_benchmark_has_the_same_outcome_as_here(address):
 
 
 @pytest.mark.parametrize(
-    ("address", "error"), [("127.0.0.1:{port}", "no Ray cluster answers"), ("nonsense", "HOST:PORT")]
+    ("address", "error"),
+    [("127.0.0.1:{port}", "no Ray cluster answers at 127.0.0.1:"), ("nonsense", "expected HOST:PORT")],
 )
 def test_a_cluster_that_cannot_be_used(tmp_path, capsys, address, error):
     pytest.importorskip("ray")

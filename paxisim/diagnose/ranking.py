@@ -82,8 +82,9 @@ class Ranking:
         owners.append("")
         self._owner = np.array(owners)
         away = [(value - about.neutral) / about.scale for value, (_, _, about) in zip(values, free, strict=True)]
-        self._prior = np.zeros((2, len(columns)))  # weights, and gradients
-        self._prior[:, : len(free)] = fitter.samples * prior * moves * np.stack([np.ones(len(free)), away])
+        self._prior, self._pull = np.zeros(len(columns)), np.zeros(len(columns))  # weights, and gradients
+        self._prior[: len(free)] = fitter.samples * prior * moves
+        self._pull[: len(free)] = self._prior[: len(free)] * away
         residual = thin.weigh(thin.measured - was_read).reshape(len(kept), -1)
         matrix = np.stack([c.reshape(len(kept), -1) for c in columns])
         count = int(fitter.fold.max()) + 1
@@ -123,8 +124,8 @@ class Ranking:
             return 0.0
         products, projections = self._products[:, which[:, None], which], self._projections[:, which]
         total, right = products.sum(axis=0), projections.sum(axis=0)
-        ridge = np.diag(1e-6 * np.diag(total) + 1e-9 + self._prior[0, which])
-        right = right - self._prior[1, which]
+        ridge = np.diag(1e-6 * np.diag(total) + 1e-9 + self._prior[which])
+        right = right - self._pull[which]
         if heldout and len(products) > 1:
             values = np.linalg.solve(total - products + ridge, (right - projections)[..., None])
         else:

@@ -74,7 +74,7 @@ def diagnose(
     _check(causes, scene, seed, jobs)
     tell = progress or (lambda stage, share: None)
     if scene is None:
-        found = searched(recording, causes, None, seed, jobs, tell)
+        found = searched(recording, causes, seed, jobs, tell)
         return found if isinstance(found, Diagnosis) else _told(found, seed, jobs, tell)
     inside = in_scene(recording, scene, causes, seed, jobs, tell, replays)
     if isinstance(inside, Diagnosis):

@@ -68,17 +68,15 @@ class Searched(Begun):
 def searched(
     recording: Recording,
     causes: Sequence[str] | None,
-    responses: Responses | None,
     seed: int,
     jobs: int,
     tell: Callable[[str, float], None],
 ) -> Searched | Diagnosis:
-    """Search a recording for causes.
+    """Search a recording for causes of the sensor.
 
     Args:
         recording: As in `paxisim.diagnose`.
         causes: As in `paxisim.diagnose`.
-        responses: Effects of the scene parameters; None without a scene.
         seed: As in `paxisim.diagnose`.
         jobs: As in `paxisim.diagnose`.
         tell: As `progress` in `paxisim.diagnose`.
@@ -89,7 +87,7 @@ def searched(
     Raises:
         InvalidValueError: As in `paxisim.diagnose`.
     """
-    begun = begin(recording, causes, responses, tell)
+    begun = begin(recording, causes, None, tell)
     if isinstance(begun, Diagnosis):
         return begun
     search = search_of(begun.off, begun.wanted, jobs, tell)
@@ -103,7 +101,10 @@ def begin(
     responses: Responses | None,
     tell: Callable[[str, float], None],
 ) -> Begun | Diagnosis:
-    """Check a recording and run the deterministic checks; see `searched` for the arguments."""
+    """Check a recording and run the deterministic checks; `searched` describes the arguments.
+
+    `responses` are the effects of the scene parameters, or None without a scene.
+    """
     tell("checking the recording", 0.0)
     if responses is not None:
         recording = with_frames(recording)

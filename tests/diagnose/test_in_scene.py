@@ -103,7 +103,7 @@ def test_a_scene_cause_and_a_sensor_cause_are_both_found(kept):
 
 
 def test_a_value_far_beyond_the_first_replays_is_replayed_again(kept):
-    """The first replays move the zero by 0.2 mm, and the larger ball shows the same force with another curvature."""
+    """The first replays move the zero by 0.4 mm, and a larger ball shows the same force with another curvature."""
     names = ("joint_offset", "object_size", "stiffening", "axis_gain")
     found = paxisim.diagnose(measured(joint_offset_depth=5e-4), names, scene=scene(), replays=kept)
     assert len(found.causes) == 1

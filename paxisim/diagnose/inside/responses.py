@@ -114,10 +114,10 @@ class Responses:
         Args:
             values: Values of the numbers of the poses, in the units of `SHOWN`.
         """
-        if "" not in self._taken:
+        if "mean_pose" not in self._taken:
             slopes = [self.slope(one) / SHOWN[one.parameter.unit][1] for one in self.poses]
-            self._taken[""] = np.stack(slopes).astype(np.float32)
-        return np.tensordot(np.asarray(values, dtype=np.float32), self._taken[""], 1).astype(np.float64)
+            self._taken["mean_pose"] = np.stack(slopes).astype(np.float32)
+        return np.tensordot(np.asarray(values, dtype=np.float32), self._taken["mean_pose"], 1).astype(np.float64)
 
     def _stack(self, group: str) -> NDArray[np.float32]:
         """``(1 + values, size of the stream)`` changes at the centre of a cause and in its replays."""

@@ -25,6 +25,7 @@ BATCH = 4
 """Numbers replayed in one batch: enough to keep the processes busy, few enough to report progress often."""
 
 Tell = Callable[[str, float], None]
+_Changes = dict[SceneParameter, dict[float, NDArray[np.float32]]]  # of the simulated stream, at each replayed value
 
 
 class Study:
@@ -49,8 +50,8 @@ class Study:
         self.base: NDArray[np.float32] = replays.recording.simulated
         self.poses: Poses = {}
         self.unstable: dict[str, str] = {}
-        self._changes: dict[SceneParameter, dict[float, NDArray[np.float32]]] = {}
-        self._poses: tuple[Response, ...] = ()  # effects of the poses in the scene with fitted values
+        self._changes: _Changes = {}
+        self._near_poses: tuple[Response, ...] = ()  # effects of the poses in the scene with fitted values
         self._centres: dict[str, tuple[Values, NDArray[np.float32]]] = {}
 
     def glance(self, tell: Tell) -> None:
@@ -70,20 +71,24 @@ class Study:
         for first in range(0, len(parameters), BATCH):
             some = parameters[first : first + BATCH]
             tell(f"replaying with a different {some[0].name}", first / len(parameters))
-            self._replay({item: [item.nominal + by * item.step for by in steps[item]] for item in some})
+            self._changes |= self._replay(
+                {item: [item.nominal + by * item.step for by in steps[item]] for item in some}
+            )
 
-    def _replay(self, wanted: Mapping[SceneParameter, list[float]], centre: Values | None = None) -> None:
-        """Add replays that change one number at a time, from the nominal values or from a centre."""
+    def _replay(self, wanted: Mapping[SceneParameter, list[float]], centre: Values | None = None) -> _Changes:
+        """Return the changes in replays with one number changed at a time, from the nominal values or from a centre."""
         clipped = {item: {float(np.clip(v, item.low, item.high)) for v in values} for item, values in wanted.items()}
         middle = {item: item.nominal for item in wanted} | dict(centre or {})
         pairs = [(item, v) for item, values in clipped.items() for v in sorted(values - {middle[item]})]
         sets = [self._with_poses({**(centre or {}), item: value}) for item, value in pairs]
         base = self.base if centre is None else self.replays.run_each(self._with_poses(centre))
+        changes: _Changes = {}
         for (item, value), force in zip(pairs, self.replays.run_sets(sets), strict=True):
             if isinstance(force, PaxisimError):
                 self.unstable[item.name] = f"the replay fails at {item.name} = {value:.4g}: {force}"
             else:
-                self._changes.setdefault(item, {})[value] = force - base
+                changes.setdefault(item, {})[value] = force - base
+        return changes
 
     def move(self, poses: Poses) -> None:
         """Adopt new poses of the objects and simulate the base stream again.
@@ -108,11 +113,8 @@ class Study:
         """
         centre = {self.parameters[name]: value for name, value in values.items()}
         middles = {item: centre.get(item, item.nominal) for item in self._changes if item.group == "object_pose"}
-        known, self._changes = self._changes, {}
         wanted = {item: [middle + by * item.step for by in REFINE_STEPS] for item, middle in middles.items()}
-        self._replay(wanted, centre)
-        self._poses = tuple(_response(item, own, middles[item]) for item, own in self._changes.items())
-        self._changes = known
+        self._near_poses = tuple(_response(i, own, middles[i]) for i, own in self._replay(wanted, centre).items())
 
     def refine(self, values: Mapping[str, float]) -> None:
         """Replay with some numbers near their fitted values; replaces the other replays of these numbers.
@@ -126,9 +128,8 @@ class Study:
             self._centres[group] = centre, self.replays.run_each(self._with_poses(centre)) - self.base
             for item in numbers:
                 self._changes.pop(item, None)
-            self._replay(
-                {item: [value + by * item.step for by in REFINE_STEPS] for item, value in centre.items()}, centre
-            )
+            wanted = {item: [value + by * item.step for by in REFINE_STEPS] for item, value in centre.items()}
+            self._changes |= self._replay(wanted, centre)
 
     def responses(self) -> Responses:
         """Return the effects of the numbers."""
@@ -143,7 +144,7 @@ class Study:
             for group, (own, change) in self._centres.items()
         }
         failed = frozenset(self.parameters[name].group for name in self.unstable)
-        poses = self._poses or tuple(one for one in each if one.parameter.group == "object_pose")
+        poses = self._near_poses or tuple(one for one in each if one.parameter.group == "object_pose")
         return Responses(tuple(each), poses, np.arange(len(self.base)), centres, failed)
 
     def fitted(self, values: Mapping[str, float]) -> NDArray[np.float32]:
