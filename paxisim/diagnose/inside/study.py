@@ -144,7 +144,8 @@ class Study:
             for group, (own, change) in self._centres.items()
         }
         failed = frozenset(self.parameters[name].group for name in self.unstable)
-        poses = self._near_poses or tuple(one for one in each if one.parameter.group == "object_pose")
+        poses = [one for one in self._near_poses or each if one.parameter.group == "object_pose"]
+        poses = tuple(one for one in poses if one.parameter in kept)  # a pose may have failed since
         return Responses(tuple(each), poses, np.arange(len(self.base)), centres, failed)
 
     def fitted(self, values: Mapping[str, float]) -> NDArray[np.float32]:
