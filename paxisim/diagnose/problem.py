@@ -386,7 +386,8 @@ class Problem:
 
     def residual(self, prediction: FloatArray) -> FloatArray:
         """Residual of the measurement in units of the noise, if the sensor reads the force `prediction`."""
-        return self.weigh(self.measured - self.read(prediction))
+        left = self.weigh(self.measured - self.read(prediction))
+        return left if self._deviations is None else left + self._deviations.simulated
 
     def weigh(self, difference: FloatArray) -> FloatArray:
         """A difference of tensors in units of the noise, after projecting out a zero offset that follows `curves`.

@@ -52,8 +52,7 @@ class Ranking:
         kept = rows.frames(stride)
         unit = fitter.unit[kept]
         fold = np.where(unit >= 0, fitter.fold[unit], -1)
-        shape = prediction.shape
-        prediction = prediction[kept]
+        shape, prediction = prediction.shape, prediction[kept]
         was_read = thin.read(prediction)
 
         def weighed(change: FloatArray) -> FloatArray:
@@ -85,7 +84,7 @@ class Ranking:
         self._prior, self._pull = np.zeros(len(columns)), np.zeros(len(columns))  # weights, and gradients
         self._prior[: len(free)] = fitter.samples * prior * moves
         self._pull[: len(free)] = self._prior[: len(free)] * away
-        residual = thin.weigh(thin.measured - was_read).reshape(len(kept), -1)
+        residual = thin.residual(prediction).reshape(len(kept), -1)
         matrix = np.stack([c.reshape(len(kept), -1) for c in columns])
         count = int(fitter.fold.max()) + 1
         size = len(columns)

@@ -23,6 +23,10 @@ class Deviations:
 
     The removed part is linear in the residual: a least-squares fit of poses with a normal prior (`SPREAD`) that sum to
     zero over the episodes.
+
+    Attributes:
+        simulated: ``(T, pads, 3, rows, cols)`` what is left of the effect of the poses that the simulation already has.
+            It belongs to every residual, since the prior is about no deviation at all.
     """
 
     def __init__(self, scene: Responses, weight: FloatArray, episodes: Sequence[slice]) -> None:
@@ -39,6 +43,11 @@ class Deviations:
         eye = CORRELATED_SAMPLES * np.eye(len(slopes))
         self._inverses = np.linalg.inv(np.stack([own @ own.T + eye for own in self._columns]))
         self._common = np.linalg.inv(self._inverses.sum(axis=0))
+        shares = [
+            own[scene.rows] / SPREAD[one.parameter.unit] for one, own in zip(scene.poses, scene.simulated, strict=True)
+        ]
+        effect = sum(slope * np.reshape(own, (-1, 1, 1, 1, 1)) for slope, own in zip(slopes, shares, strict=True))
+        self.simulated = self.removed(np.asarray(effect))
 
     @classmethod
     def of(cls, scene: Responses, weight: FloatArray, episodes: Sequence[slice]) -> Deviations | None:

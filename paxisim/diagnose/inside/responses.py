@@ -68,6 +68,7 @@ class Responses:
     Attributes:
         each: Effect of each number.
         poses: Effect of each number of the objects' poses, as near to the true scene as is known.
+        simulated: ``(poses, frames)`` poses of the objects in the replays, in SI units, as deviations from their mean.
         rows: ``(T,)`` selected frames of the replays.
         centres: Centres by cause, for causes with numbers that were fitted before.
         failed: Causes with numbers that could not be replayed.
@@ -75,6 +76,7 @@ class Responses:
 
     each: tuple[Response, ...]
     poses: tuple[Response, ...]
+    simulated: FloatArray
     rows: NDArray[np.intp]
     centres: Mapping[str, Centre] = field(default_factory=dict)
     failed: frozenset[str] = frozenset()

@@ -146,7 +146,10 @@ class Study:
         failed = frozenset(self.parameters[name].group for name in self.unstable)
         poses = [one for one in self._near_poses or each if one.parameter.group == "object_pose"]
         poses = tuple(one for one in poses if one.parameter in kept)  # a pose may have failed since
-        return Responses(tuple(each), poses, np.arange(len(self.base)), centres, failed)
+        episodes, frames = np.unique(self.replays.recording.episode, return_inverse=True)
+        simulated = [[self.poses.get(int(n), {}).get(one.parameter, 0.0) for n in episodes] for one in poses]
+        simulated = np.reshape(simulated, (len(poses), len(episodes)))[:, frames]
+        return Responses(tuple(each), poses, simulated, np.arange(len(self.base)), centres, failed)
 
     def fitted(self, values: Mapping[str, float]) -> NDArray[np.float32]:
         """``(T, pads, 3, rows, cols)`` N, stream simulated with all fitted values at once.
