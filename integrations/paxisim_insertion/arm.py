@@ -80,7 +80,7 @@ def measure_arm(parameters: Parameters) -> Arm:
     dofs = scene.arm_dofs
     mujoco.mj_forward(model, data)
     mass, jacobian = mass_matrix(model, data), np.zeros((6, model.nv))
-    mujoco.mj_jacSite(model, data, jacobian[:3], jacobian[3:], scene._grip)
+    mujoco.mj_jacSite(model, data, jacobian[:3], jacobian[3:], scene.grip_site)
     give = np.linalg.solve(mass[np.ix_(dofs, dofs)], jacobian[:, dofs].T)
     inertia = np.linalg.inv(jacobian[:, dofs] @ give)
     return Arm(inertia, give @ inertia, model.dof_frictionloss[dofs].copy(), model.dof_damping[dofs].copy())

@@ -37,7 +37,12 @@ _FINGERS = ["finger_joint1", "finger_joint2"]
 
 
 class NativeScene(Scene):
-    """A hand with the arm's inertia, friction and controller that holds a peg above its base."""
+    """A hand with the arm's inertia, friction and controller that holds a peg above its base.
+
+    Attributes:
+        pull: ``(6, 6)`` coefficients of the hand's joints in the tendons of the controller, whose first three columns
+            turn a target position into the actuators' controls.
+    """
 
     def __init__(self, task: Task, parameters: Parameters | None = None) -> None:
         """Build the scene.
@@ -59,7 +64,7 @@ class NativeScene(Scene):
         self._impedance, vectors = np.linalg.eigh(arm.impedance)
         tendons += [(vector, {}) for vector in vectors.T]
         self._friction = arm.friction
-        self._towards = np.array([row for row, _ in tendons[-6:]])
+        self.pull = np.array([row for row, _ in tendons[-6:]])
         self._model = self._spec(gripper, tendons).compile()
         self._data = mujoco.MjData(self._model)
         self.tune(1.0, 1.0)
@@ -73,7 +78,7 @@ class NativeScene(Scene):
 
     def aim(self, position: NDArray[np.floating]) -> None:
         """Pull the fingertip towards a position (m, world), pointing straight down, from the next physics step on."""
-        self._data.ctrl[:6] = self._towards[:, :3] @ (position - self.base)
+        self._data.ctrl[:6] = self.pull[:, :3] @ (position - self.base)
 
     def advance(self) -> None:
         """Simulate 50 ms. Other Python threads can run in the meantime."""
@@ -95,10 +100,10 @@ class NativeScene(Scene):
         if not pinned:
             mujoco.mj_step(model, data, steps)
             return
-        home = data.qpos[self._peg_qpos].copy()
+        home = data.qpos[self.peg_qpos].copy()
         for _ in range(steps):
             mujoco.mj_step(model, data)
-            data.qpos[self._peg_qpos], data.qvel[self._peg_dofs] = home, 0
+            data.qpos[self.peg_qpos], data.qvel[self.peg_dofs] = home, 0
 
     def tune(self, stiffness: float, friction: float) -> None:
         """See `Scene.tune`. The controller is a critically damped spring on each of the last six tendons."""
@@ -110,7 +115,7 @@ class NativeScene(Scene):
 
     def _measure(self, pads: paxisim.Pads) -> None:
         model, data = self._model, self._data
-        self._data.qpos[self._fingers] = HALF_OPEN * SIDES
+        self._data.qpos[self.finger_qpos] = HALF_OPEN * SIDES
         mujoco.mj_kinematics(model, data)
         self.tactile = ScenePads(model, data, pads)
         self._find_fingertips(data.xpos[pads.bodies])

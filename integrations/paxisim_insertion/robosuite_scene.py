@@ -116,7 +116,7 @@ class InsertionScene(Scene, ManipulationEnv):
             error[:3], error[3:] = goal - position, turn
             if np.abs(error).max() < 1e-6:
                 break
-            mujoco.mj_jacSite(model, data, jacobian[:3], jacobian[3:], self._grip)
+            mujoco.mj_jacSite(model, data, jacobian[:3], jacobian[3:], self.grip_site)
             arm = jacobian[:, self.arm_dofs]
             data.qpos[self._arm] += arm.T @ np.linalg.solve(arm @ arm.T + 1e-6 * np.eye(6), error)
         return data.qpos[self._arm].copy()
@@ -135,16 +135,16 @@ class InsertionScene(Scene, ManipulationEnv):
 
     def _settle(self, grip: NDArray[np.floating], seconds: float, pinned: bool) -> None:
         _, data = self.model_and_data
-        home = data.qpos[self._peg_qpos].copy()
+        home = data.qpos[self.peg_qpos].copy()
         goal = self.goal(grip)
         for step in range(round(seconds / self.model_timestep)):
             if pinned:
-                data.qpos[self._peg_qpos], data.qvel[self._peg_dofs] = home, 0
+                data.qpos[self.peg_qpos], data.qvel[self.peg_dofs] = home, 0
             self.sim.step1()
             self._pre_action(goal, policy_step=step == 0)
             self.sim.step2()
         if pinned:
-            data.qpos[self._peg_qpos], data.qvel[self._peg_dofs] = home, 0
+            data.qpos[self.peg_qpos], data.qvel[self.peg_dofs] = home, 0
 
     def _pre_action(self, action: NDArray[np.floating], policy_step: bool = False) -> None:
         """Apply an action as robosuite's robot does, without its records for observables."""
@@ -196,7 +196,7 @@ class InsertionScene(Scene, ManipulationEnv):
         self._arm = np.array([int(model.joint(name).qposadr[0]) for name in names])
         self.arm_dofs = np.array([int(model.joint(name).dofadr[0]) for name in names])
         data.qpos[self._arm] = robot.init_qpos
-        data.qpos[self._fingers] = HALF_OPEN * SIDES
+        data.qpos[self.finger_qpos] = HALF_OPEN * SIDES
         mujoco.mj_kinematics(model, data)
         self._point_down()
         self._find_pads()

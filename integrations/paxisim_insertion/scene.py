@@ -95,12 +95,26 @@ class Scene:
         parameters: Geometry of the task.
         tactile: The pads, None for a gripper without pads.
         nominal: ``(3, 3)`` rotation of a fingertip that points straight down, with the fingers closing along y.
+        grip_site: Index of the fingertip's site in MuJoCo's model.
+        peg_body: Index of the peg's body.
+        peg_qpos: Its place in ``qpos``.
+        peg_dofs: Its place in ``qvel``.
+        finger_qpos: ``(2,)`` places of the fingers in ``qpos``.
+        finger_actuators: ``(2,)`` indices of the actuators that close the fingers.
+        closed: Joint position (m) of each finger where the two meet.
     """
 
     task: Task
     parameters: Parameters
     tactile: PadsInScene | None = None
     nominal: NDArray[np.floating]
+    grip_site: int
+    peg_body: int
+    peg_qpos: slice
+    peg_dofs: slice
+    finger_qpos: NDArray[np.integer]
+    finger_actuators: NDArray[np.integer]
+    closed: float
 
     @property
     def model_and_data(self) -> tuple[mujoco.MjModel, mujoco.MjData]:
@@ -148,9 +162,9 @@ class Scene:
         self._begin(at.grip)
         self.tune(1.0, 1.0)
         model, data = self.model_and_data
-        stiffness = -model.actuator_biasprm[self._grippers, 1]
-        model.actuator_biasprm[self._grippers, 0] = stiffness * at.aside
-        data.qpos[self._fingers], data.qpos[self._peg_qpos] = at.fingers, at.peg
+        stiffness = -model.actuator_biasprm[self.finger_actuators, 1]
+        model.actuator_biasprm[self.finger_actuators, 0] = stiffness * at.aside
+        data.qpos[self.finger_qpos], data.qpos[self.peg_qpos] = at.fingers, at.peg
         data.qvel[:] = 0
         self._settle(at.grip, PINNED, pinned=True)
         self._settle(at.grip, FREE, pinned=False)
@@ -170,7 +184,7 @@ class Scene:
         middle = peg + handle * xp.stack([xp.sin(lean), zero, xp.cos(lean)], axis=-1)
         # the fingers meet in the middle of the handle, which may be off the middle of the hand
         aside = -offset[..., 1:2] * like(self._finger_directions, bottom)
-        fingers = like((self._closed + self.parameters.handle_size / 2 + _OPEN) * SIDES, bottom) + aside
+        fingers = like((self.closed + self.parameters.handle_size / 2 + _OPEN) * SIDES, bottom) + aside
         turn = xp.stack([xp.cos(half), zero, xp.sin(half), zero], axis=-1)
         grip = middle + offset - like(self._tip_to_grip, bottom)
         return Placement(grip, aside, fingers, xp.concat([peg, turn], axis=-1))
@@ -179,19 +193,19 @@ class Scene:
     def fingertip(self) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
         """Position (m) and rotation of robosuite's grip site in the world."""
         _, data = self.model_and_data
-        return data.site_xpos[self._grip].copy(), data.site_xmat[self._grip].reshape(3, 3).copy()
+        return data.site_xpos[self.grip_site].copy(), data.site_xmat[self.grip_site].reshape(3, 3).copy()
 
     @property
     def peg(self) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
         """Position (m) and rotation of the peg in the world."""
         _, data = self.model_and_data
-        return data.xpos[self._peg].copy(), data.xmat[self._peg].reshape(3, 3).copy()
+        return data.xpos[self.peg_body].copy(), data.xmat[self.peg_body].reshape(3, 3).copy()
 
     @property
     def opening(self) -> float:
         """Distance (m) between the faces of the two fingers."""
         _, data = self.model_and_data
-        return float(np.sum(data.qpos[self._fingers] * SIDES)) - 2 * self._closed
+        return float(np.sum(data.qpos[self.finger_qpos] * SIDES)) - 2 * self.closed
 
     @property
     def base(self) -> NDArray[np.floating]:
@@ -218,13 +232,13 @@ class Scene:
         # testing all pairs of geoms finds the same contacts as the bodies' bounding volume trees, and is faster here
         trees = int(mujoco.mjtDisableBit.mjDSBL_MIDPHASE)
         model.opt.disableflags |= several | trees
-        self._peg = model.body("peg").id
+        self.peg_body = model.body("peg").id
         joint = model.joint("peg")
         first, dof = int(joint.qposadr[0]), int(joint.dofadr[0])
-        self._peg_qpos, self._peg_dofs = slice(first, first + 7), slice(dof, dof + 6)
-        self._grip = model.site(grip_site).id
+        self.peg_qpos, self.peg_dofs = slice(first, first + 7), slice(dof, dof + 6)
+        self.grip_site = model.site(grip_site).id
         self._finger_joints = np.array([model.joint(name).id for name in fingers])
-        self._fingers = model.jnt_qposadr[self._finger_joints]
+        self.finger_qpos = model.jnt_qposadr[self._finger_joints]
 
     def _find_fingertips(self, faces: NDArray[np.floating], thickness: float = 0.0) -> None:
         """Find the vector from the grip site to where the fingers meet, and their joint position when closed.
@@ -237,16 +251,16 @@ class Scene:
         self._finger_directions = np.sign(data.xaxis[self._finger_joints, 1])
         position, rotation = self.fingertip
         apart = float(np.linalg.norm(faces[0] - faces[1])) - thickness
-        self._closed = HALF_OPEN - apart / 2
+        self.closed = HALF_OPEN - apart / 2
         height = float((faces.mean(axis=0) - position) @ rotation[:, 2])
         self._tip_to_grip = self.nominal @ [0.0, 0.0, height]
 
     def _set_grip(self, actuators: Any) -> None:
         """Set the fingers' stiffness, as springs that pull them together, to hold the handle with the grip force."""
         model, _ = self.model_and_data
-        self._grippers = np.asarray(actuators)
+        self.finger_actuators = np.asarray(actuators)
         force = self.parameters.grip_force
-        stiffness = force / (self._closed + self.parameters.handle_size / 2)
+        stiffness = force / (self.closed + self.parameters.handle_size / 2)
         model.actuator_gainprm[actuators, 0] = stiffness
         model.actuator_biasprm[actuators, 1] = -stiffness
         model.actuator_forcerange[actuators] = [-2 * force, 2 * force]

@@ -175,7 +175,7 @@ class InsertionVecEnv(VecEnv):
 def _poses(scene: NativeScene) -> tuple[NDArray[np.floating], ...]:
     """Return views of MuJoCo's position and rotation of the fingertip, then of the peg."""
     _, data = scene.model_and_data
-    site, body = scene._grip, scene._peg
+    site, body = scene.grip_site, scene.peg_body
     return (
         data.site_xpos[site],
         data.site_xmat[site].reshape(3, 3),

@@ -71,16 +71,16 @@ class WarpScene:
         self._bias = view(m.actuator_biasprm)
         self._qpos, self._qvel, self._ctrl = view(d.qpos), view(d.qvel), view(d.ctrl)
         self._poses: Poses = (
-            view(d.site_xpos)[:, native._grip],
-            view(d.site_xmat)[:, native._grip],
-            view(d.xpos)[:, native._peg],
-            view(d.xmat)[:, native._peg],
+            view(d.site_xpos)[:, native.grip_site],
+            view(d.site_xmat)[:, native.grip_site],
+            view(d.xpos)[:, native.peg_body],
+            view(d.xmat)[:, native.peg_body],
         )
         self._base = torch.tensor(native.base, dtype=torch.float32, device=self.device)
-        self._towards = torch.tensor(native._towards[:, :3].T, dtype=torch.float32, device=self.device)
+        self._towards = torch.tensor(native.pull[:, :3].T, dtype=torch.float32, device=self.device)
         self._fingers, self._grippers = (
             torch.as_tensor(indices, dtype=torch.long, device=self.device)
-            for indices in (native._fingers, native._grippers)
+            for indices in (native.finger_qpos, native.finger_actuators)
         )
 
     def _record(self) -> None:
@@ -108,11 +108,11 @@ class WarpScene:
         stiffness = -self._bias[:, self._grippers, 1]
         self._bias[:, self._grippers, 0] = stiffness * at.aside
         self._qpos[:, :3] = at.grip - self._base
-        self._qpos[:, self._fingers], self._qpos[:, native._peg_qpos] = at.fingers, at.peg
+        self._qpos[:, self._fingers], self._qpos[:, native.peg_qpos] = at.fingers, at.peg
         self.aim(at.grip)
         for _ in range(round(PINNED / TIMESTEP)):
             self._step()
-            self._qpos[:, native._peg_qpos], self._qvel[:, native._peg_dofs] = at.peg, 0.0
+            self._qpos[:, native.peg_qpos], self._qvel[:, native.peg_dofs] = at.peg, 0.0
         for _ in range(round(FREE / TIMESTEP)):
             self._step()
 
@@ -141,7 +141,7 @@ class WarpScene:
     def opening(self) -> torch.Tensor:
         """``(worlds,)`` distances (m) between the faces of the two fingers."""
         apart = self._qpos[:, self._fingers]
-        return apart[:, 0] - apart[:, 1] - 2 * self.native._closed
+        return apart[:, 0] - apart[:, 1] - 2 * self.native.closed
 
     @property
     def insertion(self) -> Insertion:

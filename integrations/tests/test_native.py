@@ -54,7 +54,7 @@ def accelerations(scene):
     """``(6, 6)`` accelerations of the fingertip per unit force or torque, beyond the joints' friction."""
     placed(scene, holding=False)
     model, data = scene.model_and_data
-    where, site = body(scene, "eef"), scene._grip
+    where, site = body(scene, "eef"), scene.grip_site
     jacobian, taken = np.zeros((6, model.nv)), np.empty((6, 6))
     for axis in range(6):
         both = []

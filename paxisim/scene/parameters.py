@@ -70,6 +70,11 @@ class SceneParameter:
     index: int = 0
     words: str = ""
 
+    @property
+    def by_episode(self) -> bool:
+        """Whether the value is another one in each episode, as an object's pose in its holder."""
+        return self.group == "object_pose"
+
 
 def parameters_of(scene: Scene, rig: Rig) -> dict[str, SceneParameter]:
     """Return all parameters of a scene by name, with the scene's own bounds where given.

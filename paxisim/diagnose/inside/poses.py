@@ -64,7 +64,7 @@ def fitted_poses(
             centre.append(-before.get(int(number), {}).get(one.parameter, 0.0) / spread)
     count = len(columns)
     for one in thin.scene.each:  # errors common to all episodes are no pose errors
-        if one.parameter.group != "object_pose":
+        if not one.parameter.by_episode:
             wide = PRIOR_STEPS * one.parameter.step
             columns.append(with_poses.weigh(predict(thin.simulated + thin.scene.slope(one) * wide) - base))
     centre += [0.0] * (len(columns) - count)

@@ -32,7 +32,6 @@ from paxisim.diagnose.search import Search
 from paxisim.diagnose.searched import Searched, begin, explained, search_of
 from paxisim.recording import Recording
 from paxisim.scene.changed import changed
-from paxisim.scene.parameters import SceneParameter
 from paxisim.scene.replays import Replays
 from paxisim.scene.scene import Scene
 
@@ -173,15 +172,15 @@ def _poses(problem: Problem, study: Study, predict: Callable[[FloatArray], Float
     return fitted_poses(problem, predict, episode, study.poses)
 
 
-def _matters(item: SceneParameter, value: float, named: Sequence[str]) -> bool:
-    """Whether a number belongs to a named cause, or is a solver setting materially different from the scene's."""
-    return item.group in named or (item.group == "impratio" and abs(value - item.nominal) > item.material)
-
-
 def _result(found: Searched, study: Study, scene: Scene) -> FoundInScene:
-    fitted = _values(found.it.found.fit, found.off.problem, study)
+    fit = found.it.found.fit
     groups = [named.name for named in found.it.found.named if named.cause.change is not None]
-    values = {name: v for name, v in fitted.items() if _matters(study.parameters[name], v, groups)}
+    nuisances = {cause.name for cause in fit.causes if cause.nuisance}  # kept if they differ from the scene's values
+    values = {}
+    for name, value in _values(fit, found.off.problem, study).items():
+        item = study.parameters[name]
+        if item.group in groups or (item.group in nuisances and abs(value - item.nominal) > item.material):
+            values[name] = value
     assert found.raw.scene is not None
     rows = found.raw.scene.rows
 

@@ -56,12 +56,12 @@ class Study:
 
     def glance(self, tell: Tell) -> None:
         """Replay the motion with each number changed a little, the objects' poses in both directions."""
-        poses = {item: POSE_STEPS for item in self.parameters.values() if item.group == "object_pose"}
+        poses = {item: POSE_STEPS for item in self.parameters.values() if item.by_episode}
         self._screen(dict.fromkeys(self.parameters.values(), GLANCE_STEPS) | poses, tell)
 
     def screen(self, tell: Tell) -> None:
         """Replay the motion with each number except poses changed in both directions; replaces earlier replays."""
-        others = [item for item in self.parameters.values() if item.group != "object_pose"]
+        others = [item for item in self.parameters.values() if not item.by_episode]
         for item in others:
             self._changes.pop(item, None)
         self._screen(dict.fromkeys(others, SCREEN_STEPS), tell)
@@ -112,7 +112,7 @@ class Study:
             UnsupportedError: The simulation becomes unstable.
         """
         centre = {self.parameters[name]: value for name, value in values.items()}
-        middles = {item: centre.get(item, item.nominal) for item in self._changes if item.group == "object_pose"}
+        middles = {item: centre.get(item, item.nominal) for item in self._changes if item.by_episode}
         wanted = {item: [middle + by * item.step for by in REFINE_STEPS] for item, middle in middles.items()}
         self._near_poses = tuple(_response(i, own, middles[i]) for i, own in self._replay(wanted, centre).items())
 
@@ -144,7 +144,7 @@ class Study:
             for group, (own, change) in self._centres.items()
         }
         failed = frozenset(self.parameters[name].group for name in self.unstable)
-        poses = [one for one in self._near_poses or each if one.parameter.group == "object_pose"]
+        poses = [one for one in self._near_poses or each if one.parameter.by_episode]
         poses = tuple(one for one in poses if one.parameter in kept)  # a pose may have failed since
         episodes, frames = np.unique(self.replays.recording.episode, return_inverse=True)
         simulated = [[self.poses.get(int(n), {}).get(one.parameter, 0.0) for n in episodes] for one in poses]
