@@ -135,11 +135,12 @@ def main(
     ]
     outcomes = _read(out)
     done = {(one.cause, one.beside, one.seed) for one in outcomes}
-    left = [task for task in tasks if task not in done]
+    left, failed = [task for task in tasks if task not in done], 0
     with ProcessPoolExecutor(jobs) as pool, out.open("a") as file:
         running = {pool.submit(solve, task, sensor, replays): task for task in left}
         for future in as_completed(running):
             if future.exception() is not None:  # the others go on, and the next run tries this one again
+                failed += 1
                 print(f"{running[future]} failed:", *traceback.format_exception(future.exception()), flush=True)
                 continue
             one = future.result()
@@ -149,6 +150,9 @@ def main(
             print(f"{' + '.join(sorted(one.hidden)) or 'nothing'}, seed {one.seed}: {one.verdict}; named", end=" ")
             print(f"{', '.join(one.named) or 'nothing'}; rivals {', '.join(one.rivals) or 'none'}", flush=True)
     _table([one for one in outcomes if (one.cause, one.beside, one.seed) in tasks])
+    if failed:
+        print(f"hidden_scenes.py: {failed} of {len(left)} cases failed; run again to repeat them", file=sys.stderr)
+        sys.exit(1)
 
 
 def _read(path: Path) -> list[Outcome]:

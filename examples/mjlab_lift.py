@@ -140,7 +140,12 @@ def environment(worlds: int) -> ManagerBasedRlEnvCfg:
             "crush": RewardTermCfg(func=crush, weight=-1.0),
             "smooth": RewardTermCfg(func=mdp.action_rate_l2, weight=-0.01),
         },
-        terminations={"time_out": TerminationTermCfg(func=mdp.time_out, time_out=True)},
+        terminations={
+            "time_out": TerminationTermCfg(func=mdp.time_out, time_out=True),
+            # a lost peg ends the episode: MuJoCo Warp lets a body that spins freely gain energy until it is NaN
+            "toppled": TerminationTermCfg(func=mdp.bad_orientation, params={"limit_angle": 1.0, "asset_cfg": PEG}),
+            "diverged": TerminationTermCfg(func=mdp.nan_detection),
+        },
         events={
             # half to twice the mass; mjlab then recomputes what the gel rests on, and RenewPads restores it
             "mass": EventTermCfg(
@@ -176,15 +181,17 @@ def ppo(iterations: int) -> RslRlOnPolicyRunnerCfg:
 def evaluate(env: RslRlVecEnvWrapper, policy: Any) -> None:
     """Run one episode without exploration, and print what the pads read before its end and how far the pegs rose."""
     observations, _ = env.reset()
+    held = torch.ones(env.num_envs, dtype=torch.bool, device=env.device)
     with torch.inference_mode():
         for _ in range(env.max_episode_length - 1):
-            observations, *_ = env.step(policy(observations))
+            observations, _, ended, _ = env.step(policy(observations))
+            held &= ~ended.bool()  # before the time is over, an episode ends with a lost peg
     env.unwrapped.scene["tactile"].check()  # waits for the device, so not in every step
     force = env.unwrapped.scene["tactile"].data
     total = force[:, :, 2].sum(dim=(-2, -1)).mean(dim=0)
     print(f"tensor {tuple(force.shape)} on {force.device}")
     print(f"the pads read {total[0]:.2f} N and {total[1]:.2f} N on average")
-    risen = lift(env.unwrapped)
+    risen = lift(env.unwrapped) * held
     there = risen.ge(0.9).float().mean()
     print(f"the peg rose by {1e3 * GOAL * risen.mean():.1f} mm on average, to the goal in {there:.0%} of the worlds")
 

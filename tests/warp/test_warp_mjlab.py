@@ -217,6 +217,18 @@ def test_the_hand_of_the_example_lifts_with_the_force_that_is_commanded():
     np.testing.assert_allclose(force[:, :, 1].sum(dim=(1, 2, 3)), weight, rtol=0.05)
 
 
+def test_a_lost_or_diverged_peg_of_the_example_ends_its_episode_and_no_other():
+    example = runpy.run_path(str(ROOT / "examples" / "mjlab_lift.py"))
+    env = ManagerBasedRlEnv(example["environment"](3), "cpu")
+    env.reset()
+    env.sim.data.qpos[1, -4:] = torch.tensor([0.5**0.5, 0.5**0.5, 0.0, 0.0])  # on its side
+    env.sim.data.qvel[2, -1] = float("nan")
+    observations, _, ended, _, _ = env.step(torch.zeros(3, 2))
+    assert ended.tolist() == [False, True, True]
+    assert torch.isfinite(observations["actor"]).all()
+    assert env.step(torch.zeros(3, 2))[2].tolist() == [False] * 3
+
+
 def test_the_example_trains(tmp_path):
     path = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])
     words = ["--worlds", "8", "--iterations", "2", "--device", "cpu"]
