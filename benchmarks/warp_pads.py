@@ -1,6 +1,7 @@
 """What pads cost on MuJoCo Warp: steps and readings per second, a read over a step, and memory, by number of worlds.
 
-On a GPU each step and each read is a CUDA graph. Needs the extra warp:
+On a GPU each step and each read is a CUDA graph. The last line for each size of pad is MuJoCo's own engine with a world
+in each of as many threads as there are cores. Needs the extra warp:
 
     python benchmarks/warp_pads.py                     # the GPU if there is one, 64 to 16,384 worlds
     python benchmarks/warp_pads.py --device cpu --worlds 16 64
@@ -8,7 +9,9 @@ On a GPU each step and each read is a CUDA graph. Needs the extra warp:
 
 import argparse
 import dataclasses
+import os
 import time
+from concurrent.futures import ThreadPoolExecutor
 from importlib.resources import files
 
 import mujoco
@@ -18,6 +21,8 @@ import warp
 
 import paxisim
 
+# claim of Genesis 1.4.5: 1000 geometric probes in 4096 environments, 100 steps in 2.9 s on a GPU
+GENESIS = 1000 * 4096 * 100 / 2.9
 LAYOUTS = {"6x5": (2, 2), "12x10": (1, 1)}
 SETTLE, STEPS = 100, 100
 
@@ -85,11 +90,36 @@ def measure(model, pads, worlds: int, device) -> str:
     )
 
 
+def on_cores(model, pads, cores: int) -> str:
+    """Step and read one world of MuJoCo's own engine in each thread."""
+
+    def start(force: float) -> tuple[mujoco.MjData, paxisim.TactileReadout]:
+        data = mujoco.MjData(model)
+        data.ctrl[:] = force
+        mujoco.mj_step(model, data, SETTLE)
+        return data, paxisim.TactileReadout(model, pads)
+
+    def step(world) -> None:
+        data, readout = world
+        for _ in range(STEPS):
+            mujoco.mj_step(model, data)
+            readout.read(data)
+
+    with ThreadPoolExecutor(cores) as pool:
+        worlds = list(pool.map(start, torch.linspace(2, 10, cores).tolist()))
+        begun = time.perf_counter()
+        list(pool.map(step, worlds))
+        rate = cores * STEPS / (time.perf_counter() - begun)
+    taxels = rate * pads.geoms.size
+    return f"MuJoCo on {cores} cores: {rate:.0f} world-steps/s with readings, {taxels:.3g} taxel readings/s"
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description="What pads cost on MuJoCo Warp.")
     parser.add_argument("--device", help="Warp's name; default: its current device")
     parser.add_argument("--worlds", type=int, nargs="+", default=[64, 256, 1024, 4096, 16384])
     parser.add_argument("--layouts", nargs="+", choices=LAYOUTS, default=list(LAYOUTS))
+    parser.add_argument("--cores", type=int, default=os.cpu_count(), help="threads of MuJoCo's own engine")
     options = parser.parse_args()
     warp.config.log_level = warp.LOG_WARNING
     device = warp.get_device(options.device)
@@ -100,6 +130,8 @@ def main() -> None:
         print(f"two pads of {name}")
         for worlds in options.worlds:
             print(measure(model, pads, worlds, device), flush=True)
+        print(on_cores(model, pads, options.cores), flush=True)
+    print(f"Genesis, as it claims: {GENESIS:.3g} probe readings/s, from geometry and without contact forces")
 
 
 if __name__ == "__main__":

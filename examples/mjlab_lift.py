@@ -201,7 +201,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Grasp and lift with two pads in mjlab.")
     parser.add_argument("--worlds", type=int, default=4096)
     parser.add_argument("--iterations", type=int, default=200)
-    parser.add_argument("--device", default="cuda:0")
+    parser.add_argument("--device", default="cuda:0" if torch.cuda.is_available() else "cpu")
     parser.add_argument("--output", default="runs/mjlab_lift", help="folder for checkpoints and curves (TensorBoard)")
     arguments = parser.parse_args()
     warp.config.log_level = warp.LOG_WARNING  # otherwise it names every kernel that it loads

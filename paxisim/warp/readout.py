@@ -10,7 +10,7 @@ import numpy as np
 from paxisim.errors import InvalidValueError
 from paxisim.models.pads import Pads, check_pads
 from paxisim.warp import gel, kernels, overflow
-from paxisim.warp.engine import warp
+from paxisim.warp.engine import device_of, warp
 from paxisim.warp.fields import taxel_lookup
 
 _CHECKED_READS = 10
@@ -45,13 +45,14 @@ class WarpTactileReadout:
 
         Raises:
             InvalidValueError: The pads belong to another model, or there is less than one world.
+            UnsupportedError: This machine has no such device.
         """
         check_pads(model, pads)
         if worlds < 1:
             raise InvalidValueError(f"there must be at least one world, got {worlds}")
         self._pads = pads
         self._worlds = worlds
-        self._device = warp.get_device(device)
+        self._device = device_of(device)
         self._taxel_of_geom = taxel_lookup(model, pads.geoms, self._device)
         self._bodies = warp.array(pads.bodies.astype(np.int32), dtype=int, device=self._device)
         self._out = warp.zeros((worlds, int(np.prod(pads.shape))), dtype=float, device=self._device)

@@ -9,7 +9,7 @@ import mujoco
 
 from paxisim.errors import InvalidValueError
 from paxisim.models.pads import Pads, check_pads
-from paxisim.warp.engine import mujoco_warp, warp
+from paxisim.warp.engine import device_of, mujoco_warp, warp
 from paxisim.warp.fields import GEL, SURFACE, expand
 from paxisim.warp.gel import record_gel
 from paxisim.warp.merging import contact_merger
@@ -51,8 +51,10 @@ def put_worlds(
     Raises:
         InvalidValueError: The pads belong to another model, there is less than one world, `data` has more contacts or
             constraints than there is room for, or the taxels whose contacts to merge have no gel.
+        UnsupportedError: This machine has no such device.
     """
     check_pads(model, pads)
+    on = device_of(device)
     if worlds < 1:
         raise InvalidValueError(f"there must be at least one world, got {worlds}")
     state = mujoco.MjData(model) if data is None else copy.copy(data)
@@ -71,8 +73,8 @@ def put_worlds(
     # Warp has no mid phase and refuses a model that switches MuJoCo's off
     plain = copy.copy(model)
     plain.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_MIDPHASE)
-    with warp.ScopedDevice(device):
-        merger = contact_merger(model, pads, warp.get_device()) if merge else None
+    with warp.ScopedDevice(on):
+        merger = contact_merger(model, pads, on) if merge else None
         m = mujoco_warp.put_model(plain)
         m.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_NATIVECCD)
         d = mujoco_warp.put_data(model, state, nworld=worlds, nconmax=contacts, njmax=rows)

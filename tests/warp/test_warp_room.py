@@ -70,3 +70,14 @@ def test_a_state_that_does_not_fit_is_an_error():
     model, pads, data = held()
     with pytest.raises(InvalidValueError, match=r"the state has 96 contacts and 288 constraint rows"):
         paxisim.warp.put_worlds(model, pads, 2, data=data, device="cpu", njmax=100)
+
+
+@pytest.mark.parametrize("device", ["cuda:99", "gpu"])
+def test_a_device_that_the_machine_lacks(device):
+    import paxisim.warp
+
+    model, pads, _ = held()
+    with pytest.raises(UnsupportedError, match=f"no device '{device}' here, only cpu.*pass 'cpu'"):
+        paxisim.warp.put_worlds(model, pads, 2, device=device)
+    with pytest.raises(UnsupportedError, match="NVIDIA's driver"):
+        paxisim.warp.WarpTactileReadout(model, pads, 2, device=device)
