@@ -68,17 +68,14 @@ def _model(scene: Scene, values: Values) -> str:
     sizes = {item: value for item, value in values.items() if item.group == "object_size"}
     for item, value in sizes.items():  # before the poses, which must not be scaled
         _scale(spec, model, item.target, value)
-    for group in ("mount_offset", "mount_tilt"):
-        for pad in pads.names:
-            own = {item.index: v for item, v in values.items() if item.group == group and item.target == pad}
-            if own:
-                _mount(spec, model, pad, group, [own.get(0, 0.0), own.get(1, 0.0), 0.0])
     for pad in pads.names:
-        own = {item.index: v for item, v in values.items() if item.group == "surface" and item.target == pad}
-        if own:
-            _bump(spec, model, pads, pad, own)
+        offset, tilt, surface = (of_target(values, g, pad) for g in ("mount_offset", "mount_tilt", "surface"))
+        if offset or tilt:
+            _mount(spec, model, pad, offset, tilt)
+        if surface:
+            _bump(spec, model, pads, pad, surface)
     for body in {item.target for item in values if item.group == "object_pose"}:
-        own = {item.index: v for item, v in values.items() if item.group == "object_pose" and item.target == body}
+        own = of_target(values, "object_pose", body)
         _place(spec, model, body, [own.get(k, 0.0) for k in range(6)])
     for value in (v for item, v in values.items() if item.group == "impratio"):
         spec.option.impratio = value
@@ -89,17 +86,29 @@ def _model(scene: Scene, values: Values) -> str:
     return mjcf_of(spec)
 
 
-def _mount(spec: mujoco.MjSpec, model: mujoco.MjModel, pad: str, group: str, vector: list[float]) -> None:
-    """Translate or rotate a pad's body by a vector in the pad's own frame."""
+def of_target(values: Values, group: str, target: str) -> dict[int, float]:
+    """Return the values of one cause for a pad or an object, by their index."""
+    return {item.index: value for item, value in values.items() if item.group == group and item.target == target}
+
+
+def remounted(
+    position: np.ndarray, turn: Rotation, offset: Mapping[int, float], tilt: Mapping[int, float]
+) -> tuple[np.ndarray, Rotation]:
+    """Return the pose of a pad's body, moved by an offset along and a rotation about the pad's own x and y."""
+    along, about = ([own.get(0, 0.0), own.get(1, 0.0), 0.0] for own in (offset, tilt))
+    return position + turn.apply(along), turn * Rotation.from_rotvec(about)
+
+
+def _mount(
+    spec: mujoco.MjSpec, model: mujoco.MjModel, pad: str, offset: Mapping[int, float], tilt: Mapping[int, float]
+) -> None:
     body = spec.body(pad)
-    turn = _of_frames(body).inv() * rotation_of(
-        model.body_quat[model.body(pad).id]
-    )  # the spec's pose is relative to its frames
-    if group == "mount_offset":
-        body.pos = body.pos + turn.apply(vector)
-    else:
+    turn = rotation_of(model.body_quat[model.body(pad).id])
+    turn = _of_frames(body).inv() * turn  # the spec's pose is relative to its frames
+    body.pos, turned = remounted(body.pos, turn, offset, tilt)
+    if tilt:
         body.alt.type = _QUATERNION
-        body.quat = quaternion_of(turn * Rotation.from_rotvec(vector))
+        body.quat = quaternion_of(turned)
 
 
 def _bump(spec: mujoco.MjSpec, model: mujoco.MjModel, pads: Pads, pad: str, heights: Mapping[int, float]) -> None:

@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from paxisim.errors import InvalidValueError, UnknownNameError, UnsupportedError
 from paxisim.models.gel import Gel
 from paxisim.models.pads import Pads
-from paxisim.scene.changed import quaternion_of, rotation_of
+from paxisim.scene.changed import of_target, quaternion_of, remounted, rotation_of
 from paxisim.scene.parameters import SceneParameter, height_map, parameters_of
 from paxisim.scene.rig import build_rig
 
@@ -155,19 +154,11 @@ class SceneVariation:
             gel.apply(self._model, self._pads)
         heights = np.zeros((len(self._pads), self._pads.layout.rows, self._pads.layout.cols))
         for number, pad in enumerate(self.ranges.pads[: len(self._pads)]):
-            own = {group: self._of_pad(of, pad, group) for group in ("mount_offset", "mount_tilt", "surface")}
-            self._mount(number, own["mount_offset"], own["mount_tilt"])
-            heights[number] = height_map(self._pads.layout, own["surface"])
+            offset, tilt, surface = (of_target(of, group, pad) for group in ("mount_offset", "mount_tilt", "surface"))
+            if offset or tilt:
+                turn = rotation_of(self._turn[number])
+                body = self._pads.bodies[number]
+                self._model.body_pos[body], turned = remounted(self._position[number], turn, offset, tilt)
+                self._model.body_quat[body] = quaternion_of(turned)
+            heights[number] = height_map(self._pads.layout, surface)
         return SceneDraw(values, gel, heights)
-
-    def _of_pad(self, values: Mapping[SceneParameter, float], pad: str, group: str) -> dict[int, float]:
-        return {item.index: v for item, v in values.items() if item.group == group and item.target == pad}
-
-    def _mount(self, number: int, offset: Mapping[int, float], tilt: Mapping[int, float]) -> None:
-        """Translate and rotate a pad in its own frame, relative to its original pose in the model."""
-        if not offset and not tilt:
-            return
-        body, turn = self._pads.bodies[number], rotation_of(self._turn[number])
-        self._model.body_pos[body] = self._position[number] + turn.apply([offset.get(0, 0.0), offset.get(1, 0.0), 0.0])
-        turned = turn * Rotation.from_rotvec([tilt.get(0, 0.0), tilt.get(1, 0.0), 0.0])
-        self._model.body_quat[body] = quaternion_of(turned)
