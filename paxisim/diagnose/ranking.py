@@ -23,7 +23,6 @@ MAX_VALUES = 60_000  # number of values sufficient for a ranking
 IN_SAMPLE_WEIGHT = 0.5  # weight of an in-sample gain
 MAX_SINGLE_STARTS = 8  # most starts that are also tried one at a time
 GAUGE_STEP = 0.05  # relative change of the gain for the effect of a gauge
-_CHOSEN = "\n"  # owner of the columns of the causes that the model already has
 TIE = 0.01  # relative difference up to which a gauge alone promises as much as its cause
 
 
@@ -71,7 +70,7 @@ class Ranking:
         values = np.array([float(fit.whole.values[name][i]) for name, i, _ in free])
         moves = np.array([about.low < value < about.high for value, (_, _, about) in zip(values, free, strict=True)])
         columns = [-slope.reshape(shape)[kept] * own for slope, own in zip(slopes, moves, strict=True)]
-        owners = [_CHOSEN] * len(columns)
+        owners = [name for name, _, _ in free]
         for item in self.causes.values():
             seen = weighed if item.change is None else through
             own = [seen(effect) for effect in effects(problem, item, force)]
@@ -79,7 +78,7 @@ class Ranking:
             owners += [item.name] * len(own)
         columns.append(weighed(GAUGE_STEP * force))
         owners.append("")
-        self._owner = np.array(owners)
+        self._owner, self._chosen = np.array(owners), np.arange(len(owners)) < len(free)
         away = [(value - about.neutral) / about.scale for value, (_, _, about) in zip(values, free, strict=True)]
         self._prior, self._pull = np.zeros(len(columns)), np.zeros(len(columns))  # weights, and gradients
         self._prior[: len(free)] = fitter.samples * prior * moves
@@ -104,7 +103,7 @@ class Ranking:
         in-sample gain counts half, because a single fold may be the only one to show it. If the gauge alone would gain
         as much, the cause ranks behind a cause that consists of that gain.
         """
-        chosen = self._owner == _CHOSEN
+        chosen = self._chosen
         gauged = any(self.causes[n].gauge is not None for n in names)
         own = np.isin(self._owner, [*names, ""] if gauged else list(names)) | chosen
         sets = [own]

@@ -10,7 +10,7 @@ from paxisim.diagnose.causes import CAUSES
 
 PACKAGE = Path(package.__file__).parent
 GENERIC = sorted(PACKAGE.glob("*.py"))
-MOST, NOW = 3500, 5501  # lines: the target, and the upper bound until it is reached
+MOST, NOW = 3500, 5500  # lines: the target, and the upper bound until it is reached
 NAMES = {item.name for item in CAUSES}
 
 
@@ -22,7 +22,7 @@ def strings(path):
 
 
 @pytest.mark.parametrize(
-    "most", [NOW, pytest.param(MOST, marks=pytest.mark.xfail(reason="5,501 lines: target not reached", strict=True))]
+    "most", [NOW, pytest.param(MOST, marks=pytest.mark.xfail(reason="5,500 lines: target not reached", strict=True))]
 )
 def test_the_package_without_its_report_and_its_causes_is_small(most):
     lines = {path.name: len(path.read_text(encoding="utf-8").splitlines()) for path in GENERIC}
