@@ -87,6 +87,9 @@ def test_a_wrong_friction_is_found_with_its_value_and_goes_into_the_scene(kept, 
     assert again.scene.gel == found.scene.gel
     page = (tmp_path / "diagnosis" / "report.html").read_text()
     assert "When sliding" in page
+    assert 'paxisim.Scene.load("fitted_scene.toml")' in page
+    assert "<code>model.json</code> holds an empty chain" in page
+    assert "model.run(" not in page
     assert "friction" in str(found)
 
 

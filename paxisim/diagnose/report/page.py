@@ -126,6 +126,7 @@ def _context(diagnosis: Diagnosis) -> dict[str, Any]:
         "beyond_in_words": black_box_in_words(diagnosis.heldout) if extended else "",
         "held_out": len(diagnosis.heldout.gain_per_episode) > 1,
         "reasons": reasons_of(diagnosis),
+        "has_model": bool(list(diagnosis.model)),
         "covariates": diagnosis.model.covariate_names,
         "reads_ahead": _reads_ahead(diagnosis.model),
         "version": __version__,
