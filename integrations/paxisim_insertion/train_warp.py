@@ -36,7 +36,7 @@ def train_warp(
     worlds: int = 4096,
     iterations: int = 500,
     horizon: int = 24,
-    reward_scale: float = 0.01,
+    reward_scale: float = 1e-4,
     save_every: int = 50,
     trials: int = 50,
     out: Path | None = None,
@@ -52,7 +52,8 @@ def train_warp(
         worlds: Number of worlds.
         iterations: Number of PPO's iterations, each of `horizon` steps of all worlds.
         horizon: Steps of each world per iteration.
-        reward_scale: Factor of the reward in training.
+        reward_scale: Factor of the reward in training. Returns should be of the order of 1, as rsl-rl's PPO clips the
+            changes of its value function at 0.2.
         save_every: Iterations between two saved models.
         trials: Episodes in which the trained policy, with its most likely actions, is tried in both engines, or 0.
         out: Output folder; created if missing. Default: runs/TASK_METHOD_SEED_ppo.
