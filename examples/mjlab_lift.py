@@ -142,7 +142,7 @@ def environment(worlds: int) -> ManagerBasedRlEnvCfg:
         },
         terminations={
             "time_out": TerminationTermCfg(func=mdp.time_out, time_out=True),
-            # a lost peg ends the episode: MuJoCo Warp lets a body that spins freely gain energy until it is NaN
+            # a lost peg ends the episode: in MuJoCo Warp 3.11 a body that spins freely gains energy until it is NaN
             "toppled": TerminationTermCfg(func=mdp.bad_orientation, params={"limit_angle": 1.0, "asset_cfg": PEG}),
             "diverged": TerminationTermCfg(func=mdp.nan_detection),
         },
