@@ -72,7 +72,7 @@ class SceneParameter:
 
     @property
     def by_episode(self) -> bool:
-        """Whether the value is another one in each episode, as an object's pose in its holder."""
+        """Whether the value differs between episodes, as an object's pose in its holder does."""
         return self.group == "object_pose"
 
 
