@@ -170,6 +170,12 @@ def _table(outcomes: list[Outcome]) -> None:
     _row("any single cause", [one for one in alone if one.cause])
     _row("nothing", [one for one in alone if not one.cause])
     _row("one in the scene, one in the sensor", [one for one in outcomes if one.beside])
+    single = [one for one in alone if one.cause]
+    if single:
+        sure = [one for one in single if not one.rivals]
+        rivals, right = sum(len(one.rivals) for one in single), sum(one.hidden == set(one.named) for one in sure)
+        print(f"\nrivals of a single cause: {rivals / len(single):.1f} on average; ", end="")
+        print(f"none in {len(sure)} of {len(single)}, of which {right} exact")
 
 
 def _row(label: str, own: list[Outcome]) -> None:
