@@ -27,8 +27,9 @@ _GRID = 60
 
 def method_colours(methods: Iterable[str]) -> dict[str, str]:
     """Return a colour for each method, the same in every report for those of the paper."""
-    order = list(dict.fromkeys([*TABLE_2_SIM, *ABLATION_REAL, *methods]))
-    return {method: _PALETTE[order.index(method) % len(_PALETTE)] for method in order if method in set(methods)}
+    own = list(methods)
+    order = list(dict.fromkeys([*TABLE_2_SIM, *ABLATION_REAL, *own]))
+    return {method: _PALETTE[order.index(method) % len(_PALETTE)] for method in order if method in own}
 
 
 def curve_svgs(cells: list[Cell], runs: Path, colours: dict[str, str]) -> dict[str, str]:

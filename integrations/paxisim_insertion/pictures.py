@@ -11,6 +11,7 @@ import numpy as np
 import paxisim
 
 from .curve import read_curve
+from .curve_figure import method_colours
 from .rates import ABLATION_REAL, TABLE_2_REAL, TABLE_2_SIM, pooled, read_results
 from .results import IN_SIMULATION, TRANSFER, Result
 from .run import Run
@@ -54,17 +55,21 @@ def draw_curves(runs: list[Run]) -> Any:
 
     figure = Figure((11, 6), layout="constrained")
     axes = figure.subplots(2, 3, sharey=True).reshape(-1)
-    methods = list(dict.fromkeys([*TABLE_2_SIM, *ABLATION_REAL, *(run.name for run in runs)]))
+    colours = method_colours(run.name for run in runs)
     for axis, task in zip(axes, TASKS, strict=True):
-        for run in (run for run in runs if run.task == task):
+        own = [run for run in runs if run.task == task]
+        first = {run.name: run for run in reversed(own)}  # one label for all seeds of a method
+        for run in own:
             points = np.array(read_curve(run.folder)).reshape(-1, 2)
-            number = methods.index(run.name)
-            label = run.name if run.seed == 0 else None
-            axis.plot(points[:, 0] / 1e3, points[:, 1], color=f"C{number % 10}", lw=1.2, label=label)
-        axis.set(title=task, xlabel="steps (thousands)", ylim=(0, 1))
-        axis.grid(alpha=0.3)
-        if axis.get_legend_handles_labels()[1]:
+            label = run.name if run is first[run.name] else None
+            axis.plot(points[:, 0] / 1e3, points[:, 1], color=colours[run.name], lw=1.2, label=label)
+        axis.set(title=task, xlabel="steps (thousands)", ylim=(0, 1.02))
+        if own:
+            axis.grid(alpha=0.3)
             axis.legend(fontsize=7)
+        else:
+            axis.text(0.5, 0.5, "not trained", ha="center", va="center", transform=axis.transAxes, color="grey")
+            axis.set(xticks=[], xlabel="")
     for axis in axes[::3]:
         axis.set_ylabel("success, last 100 episodes")
     return figure
