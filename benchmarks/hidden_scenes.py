@@ -165,12 +165,12 @@ def _table(outcomes: list[Outcome]) -> None:
     print("\n| hidden | cases | exact | named | named or rival | covered | least squares: exact | its covered |")
     print("|---|---|---|---|---|---|---|---|")
     alone = [one for one in outcomes if not one.beside]
+    single = [one for one in alone if one.cause]
     for name in CAUSES:
         _row(name, [one for one in alone if one.cause == name])
-    _row("any single cause", [one for one in alone if one.cause])
+    _row("any single cause", single)
     _row("nothing", [one for one in alone if not one.cause])
     _row("one in the scene, one in the sensor", [one for one in outcomes if one.beside])
-    single = [one for one in alone if one.cause]
     if single:
         sure = [one for one in single if not one.rivals]
         rivals, right = sum(len(one.rivals) for one in single), sum(one.hidden == set(one.named) for one in sure)
