@@ -98,6 +98,7 @@ def evaluate(
         "engine": this.engine,
         "batch": this.batch,
         "temperature": this.temperature,
+        "reward_scale": this.reward_scale,
         "redraw": this.redraw,
         "parameters": asdict(this.parameters),
         "model": [] if this.diagnosis is None else list(this.diagnosis.model.names),

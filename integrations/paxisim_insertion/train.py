@@ -21,7 +21,7 @@ from .learner import average_of, make_model
 from .redraw import can_redraw
 from .replay import HistoryReplayBuffer
 from .results import RUNS, folder_of
-from .run import BUFFER, REWARD_SCALE, Run
+from .run import BUFFER, REWARD_SCALE, TEMPERATURE, Run
 from .shell import command
 from .tasks import Parameters
 from .trained import save_actor
@@ -40,7 +40,7 @@ def train(
     envs: int = 20,
     updates: float = 0.25,
     batch: int = 128,
-    temperature: float = 1.0,
+    temperature: float = TEMPERATURE,
     reward_scale: float = REWARD_SCALE,
     out: Path | None = None,
     resume: bool = False,
