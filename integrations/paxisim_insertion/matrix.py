@@ -81,7 +81,7 @@ def _run(cells: list[Cell], runner: Runner, runs: Path, out: Path) -> list[Done]
             failed.append(one)
         hours = seconds / max(trained, 1) * (steps - done) / max(1, min(runner.at_once, number)) / 3600
         told = f"{hours:.1f} h left" if trained or not number else "time left unknown"
-        print(f"{one.cell}: {one.wrong or 'finished'}; {done} of {steps} steps, {told}", flush=True)
+        print(f"{one.cell}: {one.wrong or 'finished'}; {done} of {steps} steps, {told}\n", end="", flush=True)
     return failed
 
 

@@ -104,7 +104,7 @@ class Here:
         """Work on cells and yield each when it is done, see `Runner`."""
 
         def begin(cell: Cell) -> Done:
-            print(f"{cell}: started, log in {log_of(cell, runs)}", flush=True)
+            print(f"{cell}: started, log in {log_of(cell, runs)}\n", end="", flush=True)  # one write: threads share it
             return work(cell, runs, out)
 
         pool = ThreadPoolExecutor(self._jobs)
