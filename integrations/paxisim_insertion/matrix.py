@@ -16,7 +16,7 @@ from .report import check_report, write_report
 from .results import OUT, RUNS
 from .shell import command
 from .table import table
-from .work import Done, Here, Runner
+from .work import Done, Here, Runner, say
 
 
 def matrix(
@@ -81,7 +81,7 @@ def _run(cells: list[Cell], runner: Runner, runs: Path, out: Path) -> list[Done]
             failed.append(one)
         hours = seconds / max(trained, 1) * (steps - done) / max(1, min(runner.at_once, number)) / 3600
         told = f"{hours:.1f} h left" if trained or not number else "time left unknown"
-        print(f"{one.cell}: {one.wrong or 'finished'}; {done} of {steps} steps, {told}\n", end="", flush=True)
+        say(f"{one.cell}: {one.wrong or 'finished'}; {done} of {steps} steps, {told}")
     return failed
 
 

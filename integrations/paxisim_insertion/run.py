@@ -76,7 +76,7 @@ class Run:
         engine: Engine that moves the hand during training, see `InsertionEnv`.
         updates: Updates per environment step.
         batch: Transitions per update.
-        temperature: Initial temperature of SAC, see `TEMPERATURE`.
+        temperature: Initial temperature of SAC.
         parameters: Values that the paper does not specify.
         diagnosis: Diagnosis of a sensor. Its model, drawn within its intervals for each episode, replaces the
             randomisation of the method.

@@ -17,6 +17,11 @@ import paxisim
 from .cells import Cell
 
 
+def say(line: str) -> None:
+    """Print a line in one write, so that threads that print at the same time do not mix theirs."""
+    print(f"{line}\n", end="", flush=True)
+
+
 @dataclass(frozen=True)
 class Done:
     """A cell that was worked on.
@@ -104,7 +109,7 @@ class Here:
         """Work on cells and yield each when it is done, see `Runner`."""
 
         def begin(cell: Cell) -> Done:
-            print(f"{cell}: started, log in {log_of(cell, runs)}\n", end="", flush=True)  # one write: threads share it
+            say(f"{cell}: started, log in {log_of(cell, runs)}")
             return work(cell, runs, out)
 
         pool = ThreadPoolExecutor(self._jobs)
