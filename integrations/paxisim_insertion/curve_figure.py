@@ -1,4 +1,4 @@
-"""Curve figures: learning curves as SVG for the page of a report, one per task, with one line per method."""
+"""Curve figures: learning curves by task and method, drawn on matplotlib's axes or as SVG for the page of a report."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import io
 import re
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,8 +33,39 @@ def method_colours(methods: Iterable[str]) -> dict[str, str]:
     return {method: _PALETTE[order.index(method) % len(_PALETTE)] for method in order if method in own}
 
 
+def read_curves(runs: Iterable[tuple[str, str, Path]]) -> dict[str, dict[str, list[NDArray[np.float64]]]]:
+    """Read the learning curves of runs.
+
+    Args:
+        runs: Task, method and folder of each run.
+
+    Returns:
+        By task and method, an (n, 2) array of steps and success rates for each seed. Runs without a log are left out.
+
+    Raises:
+        InvalidValueError: A log is not that of a training.
+    """
+    curves: dict[str, dict[str, list[NDArray[np.float64]]]] = {}
+    for task, method, folder in runs:
+        points = np.array(read_curve(folder), dtype=float).reshape(-1, 2)
+        if len(points):
+            curves.setdefault(task, {}).setdefault(method, []).append(points)
+    return {task: curves[task] for task in TASKS if task in curves}
+
+
+def draw_curves(axes: Any, curves: dict[str, list[NDArray[np.float64]]], colours: dict[str, str]) -> None:
+    """Draw the mean over the seeds of each method, and with several seeds a band that holds their middle half."""
+    for method, seeds in curves.items():
+        steps, values = _together(seeds)
+        if len(seeds) > 1:
+            low, high = np.quantile(values, (0.25, 0.75), axis=0)
+            axes.fill_between(steps / 1e3, low, high, color=colours[method], alpha=0.2, lw=0)
+        axes.plot(steps / 1e3, values.mean(axis=0), color=colours[method], lw=1.6, label=method)
+    axes.set(xlabel="steps (thousands)", ylim=(0, 1.02), xlim=(0, None))
+
+
 def curve_svgs(cells: list[Cell], runs: Path, colours: dict[str, str]) -> dict[str, str]:
-    """Return an SVG by task: the mean over the seeds of each method, and a band with the middle half of the seeds.
+    """Return an SVG by task with the curves of its methods, see `draw_curves`.
 
     Args:
         cells: The cells; those without a log are left out, and so are tasks without any.
@@ -43,19 +75,11 @@ def curve_svgs(cells: list[Cell], runs: Path, colours: dict[str, str]) -> dict[s
     Raises:
         InvalidValueError: A log is not that of a training.
     """
-    drawn: dict[str, str] = {}
-    for task in TASKS:
-        curves: dict[str, list[NDArray[np.float64]]] = {}
-        for cell in (cell for cell in cells if cell.task == task):
-            points = np.array(read_curve(runs / cell.folder), dtype=float).reshape(-1, 2)
-            if len(points):
-                curves.setdefault(cell.method, []).append(points)
-        if curves:
-            drawn[task] = _draw(curves, colours)
-    return drawn
+    curves = read_curves((cell.task, cell.method, runs / cell.folder) for cell in cells)
+    return {task: _svg(by_method, colours) for task, by_method in curves.items()}
 
 
-def _draw(curves: dict[str, list[NDArray[np.float64]]], colours: dict[str, str]) -> str:
+def _svg(curves: dict[str, list[NDArray[np.float64]]], colours: dict[str, str]) -> str:
     from matplotlib import rc_context
     from matplotlib.figure import Figure
 
@@ -67,13 +91,8 @@ def _draw(curves: dict[str, list[NDArray[np.float64]]], colours: dict[str, str])
         figure.patch.set_alpha(0)
         axes = figure.add_subplot()
         axes.patch.set_alpha(0)
-        for method, seeds in curves.items():
-            steps, values = _together(seeds)
-            if len(seeds) > 1:
-                low, high = np.quantile(values, (0.25, 0.75), axis=0)
-                axes.fill_between(steps / 1e3, low, high, color=colours[method], alpha=0.2, lw=0)
-            axes.plot(steps / 1e3, values.mean(axis=0), color=colours[method], lw=1.6)
-        axes.set(xlabel="steps (thousands)", ylabel="success", ylim=(0, 1.02), xlim=(0, None))
+        draw_curves(axes, curves, colours)
+        axes.set_ylabel("success")
         axes.grid(color=INK, alpha=0.15, lw=0.6)
         buffer = io.StringIO()
         figure.savefig(buffer, format="svg", metadata=dict.fromkeys(("Date", "Creator", "Format", "Type")))

@@ -10,8 +10,7 @@ import numpy as np
 
 import paxisim
 
-from .curve import read_curve
-from .curve_figure import method_colours
+from .curve_figure import draw_curves, method_colours, read_curves
 from .rates import ABLATION_REAL, TABLE_2_REAL, TABLE_2_SIM, pooled, read_results
 from .results import IN_SIMULATION, TRANSFER, Result
 from .run import Run
@@ -45,33 +44,33 @@ def pictures(
         if not folders:
             raise paxisim.InvalidValueError(f"{policies} has no folders of runs or exported actors")
         runs = [Run.open(folder, other_versions=other_versions) for folder in folders]
-        _save(draw_curves(runs), out / "learning.png")
+        _save(draw_panels(runs), out / "learning.png")
     _save(draw_table(found), out / "table.png")
 
 
-def draw_curves(runs: list[Run]) -> Any:
-    """Return a figure with one panel per task and one line per run, coloured by method."""
+def draw_panels(runs: list[Run]) -> Any:
+    """Return a figure with one panel per task and one line per method, with a band if it has several seeds."""
     from matplotlib.figure import Figure
 
     figure = Figure((11, 6), layout="constrained")
     axes = figure.subplots(2, 3, sharey=True).reshape(-1)
+    curves = read_curves((run.task, run.name, run.folder) for run in runs)
     colours = method_colours(run.name for run in runs)
+    lines: dict[str, Any] = {}
     for axis, task in zip(axes, TASKS, strict=True):
-        own = [run for run in runs if run.task == task]
-        first = {run.name: run for run in reversed(own)}  # one label for all seeds of a method
-        for run in own:
-            points = np.array(read_curve(run.folder)).reshape(-1, 2)
-            label = run.name if run is first[run.name] else None
-            axis.plot(points[:, 0] / 1e3, points[:, 1], color=colours[run.name], lw=1.2, label=label)
-        axis.set(title=task, xlabel="steps (thousands)", ylim=(0, 1.02))
-        if own:
+        axis.set_title(task)
+        if task in curves:
+            draw_curves(axis, curves[task], colours)
             axis.grid(alpha=0.3)
-            axis.legend(fontsize=7)
+            lines |= {str(line.get_label()): line for line in axis.lines}
         else:
             axis.text(0.5, 0.5, "not trained", ha="center", va="center", transform=axis.transAxes, color="grey")
-            axis.set(xticks=[], xlabel="")
+            axis.set_xticks([])
     for axis in axes[::3]:
         axis.set_ylabel("success, last 100 episodes")
+    shown = [method for method in colours if method in lines]
+    if shown:
+        figure.legend([lines[method] for method in shown], shown, loc="outside lower center", ncols=len(shown))
     return figure
 
 
