@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -122,6 +122,12 @@ def with_cost(found: list[Result]) -> list[Result]:
     return [result for result in found if result.sensor == IN_SIMULATION and result.training.get("cpu_seconds")]
 
 
+def in_order(methods: Iterable[str]) -> list[str]:
+    """Return each method once: those of the paper in its order, then the others."""
+    own = dict.fromkeys(methods)
+    return [method for method in dict.fromkeys([*TABLE_2_SIM, *ABLATION_REAL, *own]) if method in own]
+
+
 def pooled(found: list[Result], task: str, method: str, sensor: str) -> tuple[int, int]:
     """Return the successes and episodes of all seeds together."""
     these = [r for r in found if (r.task, r.method, r.sensor) == (task, method, sensor)]
@@ -145,9 +151,8 @@ def surrogate_tables(found: list[Result]) -> list[Table]:
     known = {**ABLATION_REAL, **TABLE_2_REAL}
     made: list[Table] = []
     for sensor in sorted({result.sensor for result in found if result.sensor.startswith(SURROGATE)}):
-        tried = {result.method for result in found if result.sensor == sensor}
-        order = [*TABLE_2_REAL, *(method for method in ABLATION_REAL if method not in TABLE_2_REAL), *sorted(tried)]
-        paper = {m: known.get(m, (None,) * len(TASKS)) for m in dict.fromkeys(order) if m in tried}
+        tried = in_order(result.method for result in found if result.sensor == sensor)
+        paper = {method: known.get(method, (None,) * len(TASKS)) for method in tried}
         made.append(_table(f"Paper's real robot / our {sensor}", paper, found, sensor))
     return made
 
@@ -159,7 +164,7 @@ def by_kind(found: list[Result]) -> dict[str, dict[str, Rate]]:
     if not kinds:
         return {}
     by_method: dict[str, dict[str, Rate]] = {}
-    for method in dict.fromkeys(result.method for result in these):
+    for method in in_order(result.method for result in these):
         counts = np.array([[r.parts.get(kind, (0, 0)) for kind in kinds] for r in these if r.method == method])
         totals = counts.sum(axis=0).tolist()
         by_method[method] = {kind: Rate(None, *total) for kind, total in zip(kinds, totals, strict=True)}

@@ -7,14 +7,25 @@ from pathlib import Path
 
 import numpy as np
 
-from .rates import SIGNIFICANT, Rate, Table, by_kind, differences, read_results, surrogate_tables, tables, with_cost
+from .rates import (
+    SIGNIFICANT,
+    Rate,
+    Table,
+    by_kind,
+    differences,
+    in_order,
+    read_results,
+    surrogate_tables,
+    tables,
+    with_cost,
+)
 from .results import Result
 from .shell import command
 from .tasks import TASKS
 
 
 def table(results: Path | None = None) -> None:
-    """Print the tables: the paper's success rate, a slash, and ours over all seeds with its 95 % interval.
+    """Print the tables: the paper's success rate, a slash, and ours over all seeds with its 95 % Wilson interval.
 
     Args:
         results: Folder of the results. Default: the results that come with the package and those in ./results, which
@@ -36,7 +47,7 @@ def minutes_of(found: list[Result]) -> dict[str, dict[str, float]]:
     """Return the CPU minutes of a training, averaged over seeds, by method and task."""
     trained = with_cost(found)
     minutes: dict[str, dict[str, float]] = {}
-    for method in dict.fromkeys(result.method for result in trained):
+    for method in in_order(result.method for result in trained):
         for task in TASKS:
             seconds = [r.training["cpu_seconds"] for r in trained if (r.task, r.method) == (task, method)]
             if seconds:
@@ -48,7 +59,7 @@ def _print(one: Table) -> None:
     print(f"\n{one.title}\n\n| method | {' | '.join(TASKS)} | mean |\n|{'---|' * (2 + len(TASKS))}")
     for method, rates in one.rows.items():
         means = one.means(method)
-        mean = " / ".join(map(_number, means)).rstrip() if any(value is not None for value in means) else ""
+        mean = " / ".join(map(_number, means)) if any(value is not None for value in means) else ""
         print(f"| {method} | {' | '.join(map(_both, rates))} | {mean} |")
 
 
@@ -70,18 +81,18 @@ def _print_cost(found: list[Result]) -> None:
 def _both(rate: Rate) -> str:
     if rate.paper is None and not rate.trials:
         return ""
-    return f"{_number(rate.paper)} / {_ours(rate)}".rstrip()
+    return f"{_number(rate.paper)} / {_ours(rate)}"
 
 
 def _ours(rate: Rate) -> str:
     if not rate.trials:
-        return ""
+        return "-"
     low, high = rate.interval
     return f"{rate.successes / rate.trials:.2f} ({low:.2f} to {high:.2f})"
 
 
 def _number(rate: float | None) -> str:
-    return "" if rate is None else f"{rate:.2f}"
+    return "-" if rate is None else f"{rate:.2f}"
 
 
 if __name__ == "__main__":

@@ -41,10 +41,11 @@ def folder(tmp_path):
 def test_tables_of_several_seeds(folder, capsys):
     table(folder)
     shown = capsys.readouterr().out.split("\n\n|")
-    assert "| GCS | 1.00 / | 0.90 / | 0.84 / | 0.98 / | 0.98 / 0.80 (0.71 to 0.87) | 0.76 / | 0.91 / |" in shown[1]
-    assert "| NT | 0.94 / | 0.82 / | 0.60 / | 0.56 / | 0.42 / 0.10 (0.04 to 0.21) | 0.20 / |" in shown[2]
-    assert "0.90 / 0.60 (0.46 to 0.72) | 0.70 / 0.70 (0.56 to 0.81) | 0.80 / |" in shown[3]
-    assert "| GCS w/o G |  |  | 0.90 / |  | 0.40 / 0.50 (0.37 to 0.63) | 0.00 / |  |" in shown[4]
+    gcs = "| GCS | 1.00 / - | 0.90 / - | 0.84 / - | 0.98 / - | 0.98 / 0.80 (0.71 to 0.87) | 0.76 / - | 0.91 / - |"
+    assert gcs in shown[1]
+    assert "| NT | 0.94 / - | 0.82 / - | 0.60 / - | 0.56 / - | 0.42 / 0.10 (0.04 to 0.21) | 0.20 / - |" in shown[2]
+    assert "0.90 / 0.60 (0.46 to 0.72) | 0.70 / 0.70 (0.56 to 0.81) | 0.80 / - |" in shown[3]
+    assert "| GCS w/o G |  |  | 0.90 / - |  | 0.40 / 0.50 (0.37 to 0.63) | 0.00 / - |  |" in shown[4]
     assert " method | magnetic pad | zeroed in the grasp |" in shown[5]
     assert "| GCS | 0.59 (0.48 to 0.69) | 0.90 (0.70 to 0.97) |" in shown[5]
     assert "| GCS+O |" in shown[6]

@@ -1,4 +1,4 @@
-"""The page on many trainings, and the commands of the README: they are as printed."""
+"""The page on many trainings, and the commands and tables of the README: they are as printed."""
 
 import functools
 import importlib
@@ -14,6 +14,7 @@ from paxisim_insertion.cells import read_cells
 from paxisim_insertion.cost import cost
 from paxisim_insertion.results import RESULTS
 from paxisim_insertion.shell import command
+from paxisim_insertion.table import table
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "guides" / "scale.md"
@@ -65,6 +66,11 @@ def test_the_costs_of_the_page_are_those_that_the_command_prints(capsys):
     words = shlex.split(line)[3:]
     assert command(cost, [str(ROOT / words[0]), *words[1:], "--results", str(RESULTS)]) == 0
     assert blocks("text") == [capsys.readouterr().out]
+
+
+def test_the_tables_of_the_readme_are_those_that_the_command_prints(capsys):
+    assert command(table, ["--results", str(RESULTS)]) == 0
+    assert capsys.readouterr().out.strip() in README.read_text(encoding="utf-8")
 
 
 @pytest.mark.timeout(300)
