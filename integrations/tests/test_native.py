@@ -210,6 +210,19 @@ def test_policies_succeed_as_often_in_the_native_engine_as_in_robosuite_s(name):
     assert low <= solved <= high, f"{solved} of 12, expected {result.success_rate:.2f}"
 
 
+@pytest.mark.parametrize("task", ["SX-2mm", "SY-2mm"])
+def test_the_grip_keeps_every_taxel_of_a_flat_handle_above_the_threshold_of_tb(task):
+    run = Run.open(POLICIES / f"{task}_TB_0", other_versions=True)
+    env = run.insertion_env(engine="native", terminate_on_success=True)
+    trained = run.policy(env)
+    for seed in range(5):
+        observation, _ = env.reset(seed=seed)
+        terminated = truncated = False
+        while not (terminated or truncated):
+            assert observation["tactile"].all(), f"TB sees more than NT on {task}, seed {seed}"
+            observation, _, terminated, truncated, _ = env.step(trained.act(observation))
+
+
 @pytest.mark.parametrize("task", TASKS)
 def test_an_expert_that_sees_the_poses_solves_the_task(task):
     env = InsertionEnv(task, "DT", engine="native", terminate_on_success=True)
