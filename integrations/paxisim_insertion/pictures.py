@@ -11,7 +11,7 @@ import numpy as np
 import paxisim
 
 from .curve_figure import draw_curves, method_colours, read_curves
-from .rates import ABLATION_REAL, TABLE_2_REAL, TABLE_2_SIM, pooled, read_results
+from .rates import ABLATION_REAL, PAPER_TRIALS, TABLE_2_REAL, TABLE_2_SIM, in_order, pooled, read_results
 from .results import IN_SIMULATION, TRANSFER, Result
 from .run import Run
 from .shell import command
@@ -78,23 +78,26 @@ def draw_table(found: list[Result]) -> Any:
     """Return a figure of four coloured tables: the paper's results and ours, in simulation and after transfer."""
     from matplotlib.figure import Figure
 
-    real = {**TABLE_2_REAL, **{name: rates for name, rates in ABLATION_REAL.items() if name not in TABLE_2_REAL}}
-    figure = Figure((13, 7), layout="constrained")
+    methods = in_order([*TABLE_2_SIM, *ABLATION_REAL, *(r.method for r in found if r.sensor in PAPER_TRIALS)])
+    figure = Figure((13, 1 + 0.7 * len(methods)), layout="constrained")
     axes = figure.subplots(2, 2)
-    for row, paper, sensor, titles in (
-        (axes[0], TABLE_2_SIM, IN_SIMULATION, ("the paper, simulation", "ours, simulation")),
-        (axes[1], real, TRANSFER, ("the paper, real robot", "ours, transfer to surrogates")),
+    unknown = (None,) * len(TASKS)
+    for row, paper, sensor, theirs_in, ours_in in (
+        (axes[0], TABLE_2_SIM, IN_SIMULATION, "simulation", "simulation"),
+        (axes[1], {**ABLATION_REAL, **TABLE_2_REAL}, TRANSFER, "real robot", "transfer to surrogates"),
     ):
-        ours = [[_share(*pooled(found, task, method, sensor)) for task in TASKS] for method in paper]
-        theirs = [[np.nan if rate is None else rate for rate in rates] for rates in paper.values()]
+        ours = [[_share(*pooled(found, task, method, sensor)) for task in TASKS] for method in methods]
+        theirs = [[np.nan if rate is None else rate for rate in paper.get(method, unknown)] for method in methods]
+        titles = (f"the paper, {theirs_in}", f"ours, {ours_in}")
         for axis, values, title in zip(row, (theirs, ours), titles, strict=True):
             axis.imshow(values, vmin=0, vmax=1, cmap="RdYlGn", aspect="auto")
             axis.set_xticks(range(len(TASKS)), list(TASKS))
-            axis.set_yticks(range(len(paper)), list(paper))
+            axis.set_yticks(range(len(methods)), methods)
             axis.set_title(title)
             for (y, x), value in np.ndenumerate(np.array(values)):
                 if np.isfinite(value):
-                    axis.text(x, y, f"{value:.2f}", ha="center", va="center")
+                    ink = "white" if abs(value - 0.5) > 0.4 else "black"
+                    axis.text(x, y, f"{value:.2f}", ha="center", va="center", color=ink)
     return figure
 
 

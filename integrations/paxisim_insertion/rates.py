@@ -146,6 +146,24 @@ def tables(found: list[Result]) -> list[Table]:
     return made
 
 
+def each_seed(found: list[Result], sensor: str) -> dict[str, list[list[float]]]:
+    """Return the success rates of single seeds, for the methods that have several seeds of a task.
+
+    Returns:
+        By method, the rates of each task in the order of the seeds, and at the end their means over the tasks, of the
+        seeds that every task has.
+    """
+    rows: dict[str, list[list[float]]] = {}
+    for method in in_order(result.method for result in found):
+        these = [result for result in found if (result.method, result.sensor) == (method, sensor)]
+        by_task = [{r.seed: r.success_rate for r in these if r.task == task} for task in TASKS]
+        if any(len(rates) > 1 for rates in by_task):
+            means = {seed: _mean([rates.get(seed) for rates in by_task]) for seed in {r.seed for r in these}}
+            by_task.append({seed: mean for seed, mean in means.items() if mean is not None})
+            rows[method] = [[rates[seed] for seed in sorted(rates)] for rates in by_task]
+    return rows
+
+
 def surrogate_tables(found: list[Result]) -> list[Table]:
     """Return a table for each surrogate of a sensor that methods were evaluated with."""
     known = {**ABLATION_REAL, **TABLE_2_REAL}

@@ -16,11 +16,13 @@ from .rates import (
     Rate,
     by_kind,
     differences,
+    each_seed,
     read_results,
     surrogate_tables,
     tables,
     with_cost,
 )
+from .results import IN_SIMULATION, TRANSFER
 from .table import minutes_of
 from .tasks import TASKS
 from .whole import write_whole
@@ -90,6 +92,10 @@ def _context(cells: list[Cell], failed: list[Done], runs: Path, out: Path) -> di
             for one in (*tables(found), *surrogate_tables(found))
             if any(rate.trials for rates in one.rows.values() for rate in rates)
         ],
+        "each_seed": {
+            "Simulation, each seed": each_seed(found, IN_SIMULATION),
+            "Transfer, each seed": each_seed(found, TRANSFER),
+        },
         "kinds": list(next(iter(kinds.values()), {})),
         "by_kind": {method: [_shown(rate) for rate in row.values()] for method, row in kinds.items()},
         "differences": differences(found),

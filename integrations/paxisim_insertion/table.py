@@ -13,19 +13,22 @@ from .rates import (
     Table,
     by_kind,
     differences,
+    each_seed,
     in_order,
     read_results,
     surrogate_tables,
     tables,
     with_cost,
 )
-from .results import Result
+from .results import IN_SIMULATION, TRANSFER, Result
 from .shell import command
 from .tasks import TASKS
 
 
 def table(results: Path | None = None) -> None:
     """Print the tables: the paper's success rate, a slash, and ours over all seeds with its 95 % Wilson interval.
+
+    The interval covers chance in the episodes of the evaluation, not in training: see the tables of each seed.
 
     Args:
         results: Folder of the results. Default: the results that come with the package and those in ./results, which
@@ -34,6 +37,8 @@ def table(results: Path | None = None) -> None:
     found = read_results(results)
     for one in tables(found):
         _print(one)
+    _print_seeds("Simulation, each seed", each_seed(found, IN_SIMULATION))
+    _print_seeds("Transfer, each seed", each_seed(found, TRANSFER))
     _print_kinds(by_kind(found))
     for one in surrogate_tables(found):
         _print(one)
@@ -61,6 +66,14 @@ def _print(one: Table) -> None:
         means = one.means(method)
         mean = " / ".join(map(_number, means)) if any(value is not None for value in means) else ""
         print(f"| {method} | {' | '.join(map(_both, rates))} | {mean} |")
+
+
+def _print_seeds(title: str, rows: dict[str, list[list[float]]]) -> None:
+    if not rows:
+        return
+    print(f"\n{title}\n\n| method | {' | '.join(TASKS)} | mean |\n|{'---|' * (2 + len(TASKS))}")
+    for method, row in rows.items():
+        print(f"| {method} | {' | '.join(', '.join(map(_number, rates)) for rates in row)} |")
 
 
 def _print_kinds(rates: dict[str, dict[str, Rate]]) -> None:

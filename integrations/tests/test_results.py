@@ -9,10 +9,12 @@ from paxisim_insertion import InsertionEnv
 from paxisim_insertion.curve import read_curve, write_curve
 from paxisim_insertion.interpret import interpret, touches
 from paxisim_insertion.pictures import pictures
+from paxisim_insertion.rates import each_seed
 from paxisim_insertion.results import Result, file_of
 from paxisim_insertion.run import Run
 from paxisim_insertion.shell import command
 from paxisim_insertion.table import table
+from paxisim_insertion.tasks import TASKS
 
 import paxisim
 
@@ -46,14 +48,29 @@ def test_tables_of_several_seeds(folder, capsys):
     assert "| NT | 0.94 / - | 0.82 / - | 0.60 / - | 0.56 / - | 0.42 / 0.10 (0.04 to 0.21) | 0.20 / - |" in shown[2]
     assert "0.90 / 0.60 (0.46 to 0.72) | 0.70 / 0.70 (0.56 to 0.81) | 0.80 / - |" in shown[3]
     assert "| GCS w/o G |  |  | 0.90 / - |  | 0.40 / 0.50 (0.37 to 0.63) | 0.00 / - |  |" in shown[4]
-    assert " method | magnetic pad | zeroed in the grasp |" in shown[5]
-    assert "| GCS | 0.59 (0.48 to 0.69) | 0.90 (0.70 to 0.97) |" in shown[5]
-    assert "| GCS+O |" in shown[6]
-    assert "| GCS |" not in shown[6], "methods without results are omitted"
-    assert "- sim, SX-2mm NT: 0.42 / 0.00 (0.00 to 0.07), p = " in shown[6]
-    assert "- sim, SX-2mm GCS: 0.98 / 0.80 (0.71 to 0.87), p = 0.0021" in shown[6]
-    assert "- transfer, SX-2mm GCS:" not in shown[6], "0.90 of ten and 0.60 of fifty do not differ significantly"
-    assert "| GCS |  |  |  |  | 8 |  |" in shown[7]
+    assert "| GCS |  |  |  |  | 0.90, 0.70 |  |  |" in shown[5]
+    assert "NT" not in shown[5], "methods with one seed are omitted"
+    assert " method | magnetic pad | zeroed in the grasp |" in shown[6]
+    assert "| GCS | 0.59 (0.48 to 0.69) | 0.90 (0.70 to 0.97) |" in shown[6]
+    assert "| GCS+O |" in shown[7]
+    assert "| GCS |" not in shown[7], "methods without results are omitted"
+    assert "- sim, SX-2mm NT: 0.42 / 0.00 (0.00 to 0.07), p = " in shown[7]
+    assert "- sim, SX-2mm GCS: 0.98 / 0.80 (0.71 to 0.87), p = 0.0021" in shown[7]
+    assert "- transfer, SX-2mm GCS:" not in shown[7], "0.90 of ten and 0.60 of fifty do not differ significantly"
+    assert "| GCS |  |  |  |  | 8 |  |" in shown[8]
+
+
+def test_the_means_of_each_seed():
+    rates = {0: (1.0, 0.9, 0.8, 0.7, 0.6, 0.5), 1: (0.5, 0.5, 0.5, 0.5, 0.5, 0.8), 2: (1.0, 1.0, 1.0)}
+    found = [
+        replace(BASE, task=task, seed=seed, success_rate=rate)
+        for seed, row in reversed(rates.items())
+        for task, rate in zip(TASKS, row, strict=False)
+    ]
+    (row,) = each_seed([*found, replace(BASE, method="NT")], "sim").values()
+    assert row[:-1] == [[1.0, 0.5, 1.0], [0.9, 0.5, 1.0], [0.8, 0.5, 1.0], [0.7, 0.5], [0.6, 0.5], [0.5, 0.8]]
+    assert row[-1] == pytest.approx([0.75, 0.55]), "seed 2 lacks three tasks"
+    assert each_seed(found, "transfer") == {}
 
 
 def test_a_result_is_read_as_it_was_written(folder):
