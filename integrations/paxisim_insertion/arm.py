@@ -20,7 +20,7 @@ from .whole import write_whole
 MEASURED = Path(__file__).with_name("arm.json")
 """The arm as measured with the default parameters, so that the native engine does not need robosuite's code."""
 
-_MOVE_THE_ARM = ("start", "floor", "hole_depth", "peg_length", "handle_height", "handle_size")
+_CHANGE_THE_ARM = ("armature", "start", "floor", "hole_depth", "peg_length", "handle_height", "handle_size")
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,13 +54,13 @@ class Arm:
 def find_arm(parameters: Parameters) -> Arm:
     """Return robosuite's Panda with its gripper, the fingertip at the mean start of an episode.
 
-    It comes from `MEASURED` unless parameters that move the arm differ from the defaults.
+    It comes from `MEASURED` unless parameters that change or move the arm differ from the defaults.
 
     Raises:
         MissingExtraError: The arm has to be measured, and robosuite is not installed.
     """
     default = Parameters()
-    if any(getattr(parameters, name) != getattr(default, name) for name in _MOVE_THE_ARM):
+    if any(getattr(parameters, name) != getattr(default, name) for name in _CHANGE_THE_ARM):
         return measure_arm(parameters)
     found = json.loads(MEASURED.read_text(encoding="utf-8"))
     return Arm(**{name: np.array(values) for name, values in found.items()})

@@ -175,11 +175,14 @@ class InsertionScene(Scene, ManipulationEnv):
         add_objects(self.model.worldbody, self.model.asset, self.task, self.parameters)
 
     def edit_model_xml(self, xml_str: str) -> str:
-        """Give visual geoms inertia as well: the peg's are in that group, which robosuite excludes."""
+        """Set the arm's armature, and give visual geoms inertia: the peg's are such geoms, which robosuite excludes."""
         root = ET.fromstring(super().edit_model_xml(xml_str))
         compiler = root.find("compiler")
         assert compiler is not None
         compiler.set("inertiagrouprange", "0 1")
+        joints = {joint.get("name"): joint for joint in root.iter("joint")}
+        for index, name in enumerate(self.robots[0].robot_model.joints):
+            joints[name].set("armature", str(self.parameters.armature / (index + 1)))
         return ET.tostring(root, encoding="unicode")
 
     def _setup_references(self) -> None:

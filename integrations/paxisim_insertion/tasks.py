@@ -97,6 +97,9 @@ class Parameters:
         success_depth: h_th: the insertion succeeds when the peg's bottom is closer than this to the hole's bottom.
         epsilon: Epsilon of the reaching and engagement rewards.
         kp: Stiffness of the controller (1/s^2), robosuite's default.
+        armature: Armature (kg m^2) of the arm's first joint, robosuite's default; that of joint i is an i-th of it. The
+            controller multiplies errors by the inertia at the fingertip, so it scales the stiffness too, and a push
+            straight down also pushes along x: 0.54 times as strongly with 5, and 0.30 times with 0.1.
         grip_force: Force (N) with which each finger would hold a rigid handle: the force that deoxys, the software of
             the paper's robot, commands. robosuite's own fingers hold 30 mm with 15.5 N, and a peg that is pushed along
             them rotates.
@@ -126,6 +129,7 @@ class Parameters:
     success_depth: float = 5e-3
     epsilon: float = 0.1
     kp: float = 150.0
+    armature: float = 5.0
     grip_force: float = 30.0
 
     def __post_init__(self) -> None:

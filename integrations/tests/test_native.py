@@ -69,11 +69,26 @@ def accelerations(scene):
     return taken
 
 
-def test_the_fingertips_inertia(scenes):
+def inertias(scenes):
+    """Inertia of robosuite's fingertip, and of both engines' relative to the diagonal of robosuite's."""
     expected, found = (np.linalg.inv(accelerations(scene)) for scene in scenes)
     scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
-    np.testing.assert_allclose(found / scale, expected / scale, atol=0.05)
-    assert expected[0, 2] / scale[0, 2] < -0.3, "robosuite's arm couples x and z"
+    return expected, expected / scale, found / scale
+
+
+def test_the_fingertips_inertia(scenes):
+    _, expected, found = inertias(scenes)
+    np.testing.assert_allclose(found, expected, atol=0.05)
+    assert expected[0, 2] < -0.3, "robosuite's arm couples x and z"
+
+
+def test_a_small_armature_makes_the_arm_lighter_in_both_engines():
+    kilograms, expected, found = inertias([scene(TASKS["SX-2mm"], Parameters(armature=0.1)) for scene in ENGINES])
+    np.testing.assert_allclose(found, expected, atol=0.05)
+    assert kilograms[2, 2] == pytest.approx(12.3, abs=1), "32.6 with robosuite's armature"
+    assert -0.33 < expected[0, 2] < -0.25
+    gains = [find_arm(Parameters(armature=armature)).impedance for armature in (5, 0.1)]
+    assert [gain[0, 2] / gain[2, 2] for gain in gains] == pytest.approx([-0.54, -0.30], abs=0.01)
 
 
 def test_the_fingertips_stiffness(scenes):
