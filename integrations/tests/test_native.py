@@ -14,6 +14,7 @@ from paxisim_insertion.native_scene import NativeScene
 from paxisim_insertion.results import RESULTS, Result
 from paxisim_insertion.run import Run
 from paxisim_insertion.shell import command
+from paxisim_insertion.surrogate import uneven
 from scipy.stats import binom
 
 import paxisim
@@ -223,6 +224,21 @@ def test_policies_succeed_as_often_in_the_native_engine_as_in_robosuite_s(name):
     solved = sum(succeeds(env, trained.act, FIRST_SEED + trial) for trial in range(12))
     low, high = binom.ppf([1e-4, 1 - 1e-4], 12, np.clip(result.success_rate, 0.02, 0.98))
     assert low <= solved <= high, f"{solved} of 12, expected {result.success_rate:.2f}"
+
+
+def test_bumps_change_the_loads_of_a_flat_handle_less_than_gains_do():
+    """The README's reason why GCS without G transfers as well as GCS here."""
+    scene = NativeScene(TASKS["SX-2mm"])
+    layout = scene.tactile.pads.layout
+    rng = np.random.default_rng(0)
+    for draw in (lambda _: paxisim.GCS().sample_surface(rng, layout=layout), lambda seed: uneven(seed, layout)):
+        spreads = []
+        for seed in range(10):
+            scene.place(START, surface=draw(seed))
+            normal = scene.tactile.read()[:, 2]
+            assert normal.min() > 0.1, "every taxel touches"
+            spreads.append(normal.std(axis=(1, 2)) / normal.mean(axis=(1, 2)))
+        assert 0.05 < np.mean(spreads) < 0.13, "the gains of taxels have 0.25"
 
 
 @pytest.mark.parametrize("task", ["SX-2mm", "SY-2mm"])
