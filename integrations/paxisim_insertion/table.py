@@ -80,7 +80,8 @@ def _print_kinds(rates: dict[str, dict[str, Rate]]) -> None:
     if not rates:
         return
     kinds = next(iter(rates.values()))
-    print(f"\nTransfer, all tasks of a method, by kind of sensor\n\n| method | {' | '.join(kinds)} |\n|{'---|' * (1 + len(kinds))}")
+    print("\nTransfer, all tasks of a method, by kind of sensor\n")
+    print(f"| method | {' | '.join(kinds)} |\n|{'---|' * (1 + len(kinds))}")
     for method, row in rates.items():
         print(f"| {method} | {' | '.join(map(_ours, row.values()))} |")
 
