@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from .cells import Cell
 from .curve import read_curve
-from .rates import ABLATION_REAL, TABLE_2_SIM, in_order
+from .rates import REAL, in_order
 from .tasks import TASKS
 
 INK = "#1f2328"
@@ -29,7 +29,7 @@ _GRID = 60
 def method_colours(methods: Iterable[str]) -> dict[str, str]:
     """Return a colour for each method, the same in every report for those of the paper."""
     own = list(methods)
-    order = in_order([*TABLE_2_SIM, *ABLATION_REAL, *own])
+    order = in_order([*REAL, *own])
     return {method: _PALETTE[order.index(method) % len(_PALETTE)] for method in in_order(own)}
 
 

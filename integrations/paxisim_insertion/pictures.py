@@ -11,7 +11,7 @@ import numpy as np
 import paxisim
 
 from .curve_figure import draw_curves, method_colours, read_curves
-from .rates import ABLATION_REAL, PAPER_TRIALS, TABLE_2_REAL, TABLE_2_SIM, in_order, pooled, read_results
+from .rates import PAPER_TRIALS, REAL, TABLE_2_SIM, UNKNOWN, in_order, pooled, read_results
 from .results import IN_SIMULATION, TRANSFER, Result
 from .run import Run
 from .shell import command
@@ -78,16 +78,15 @@ def draw_table(found: list[Result]) -> Any:
     """Return a figure of four coloured tables: the paper's results and ours, in simulation and after transfer."""
     from matplotlib.figure import Figure
 
-    methods = in_order([*TABLE_2_SIM, *ABLATION_REAL, *(r.method for r in found if r.sensor in PAPER_TRIALS)])
+    methods = in_order([*REAL, *(r.method for r in found if r.sensor in PAPER_TRIALS)])
     figure = Figure((13, 1 + 0.7 * len(methods)), layout="constrained")
     axes = figure.subplots(2, 2)
-    unknown = (None,) * len(TASKS)
     for row, paper, sensor, theirs_in, ours_in in (
         (axes[0], TABLE_2_SIM, IN_SIMULATION, "simulation", "simulation"),
-        (axes[1], {**ABLATION_REAL, **TABLE_2_REAL}, TRANSFER, "real robot", "transfer to surrogates"),
+        (axes[1], REAL, TRANSFER, "real robot", "transfer to surrogates"),
     ):
         ours = [[_share(*pooled(found, task, method, sensor)) for task in TASKS] for method in methods]
-        theirs = [[np.nan if rate is None else rate for rate in paper.get(method, unknown)] for method in methods]
+        theirs = [[np.nan if rate is None else rate for rate in paper.get(method, UNKNOWN)] for method in methods]
         titles = (f"the paper, {theirs_in}", f"ours, {ours_in}")
         for axis, values, title in zip(row, (theirs, ours), titles, strict=True):
             axis.imshow(values, vmin=0, vmax=1, cmap="RdYlGn", aspect="auto")

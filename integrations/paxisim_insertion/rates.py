@@ -41,6 +41,12 @@ ABLATION_REAL = {
 }
 """The paper's ablation on the real robot."""
 
+REAL = {**ABLATION_REAL, **TABLE_2_REAL}
+"""The paper's success rates on the real robot, of all methods."""
+
+UNKNOWN = (None,) * len(TASKS)
+"""Success rates of a method that the paper does not have."""
+
 PAPER_TRIALS = {IN_SIMULATION: 50, TRANSFER: 10}
 """Episodes per success rate in the paper."""
 
@@ -136,8 +142,8 @@ def pooled(found: list[Result], task: str, method: str, sensor: str) -> tuple[in
 
 def tables(found: list[Result]) -> list[Table]:
     """Return the tables of the paper: simulation, transfer and ablation."""
-    more = {r.method: (None,) * len(TASKS) for r in found if r.method not in {**TABLE_2_SIM, **ABLATION_REAL}}
-    ablated = {method: (None,) * len(TASKS) for method in ABLATION_REAL if method not in TABLE_2_SIM}
+    more = {r.method: UNKNOWN for r in found if r.method not in REAL}
+    ablated = {method: UNKNOWN for method in ABLATION_REAL if method not in TABLE_2_SIM}
     made = [_table("Simulation (paper / ours)", {**TABLE_2_SIM, **ablated, **more}, found, IN_SIMULATION)]
     if any(result.sensor == DRAWN for result in found):
         made.append(_table("Simulation, actions drawn (paper / ours)", {"NT": TABLE_2_SIM["NT"]}, found, DRAWN))
@@ -164,13 +170,18 @@ def each_seed(found: list[Result], sensor: str) -> dict[str, list[list[float]]]:
     return rows
 
 
+def seed_tables(found: list[Result]) -> dict[str, dict[str, list[list[float]]]]:
+    """Return by title the tables of `each_seed` that have rows: simulation and transfer."""
+    sensors = {"Simulation, each seed": IN_SIMULATION, "Transfer, each seed": TRANSFER}
+    return {title: rows for title, sensor in sensors.items() if (rows := each_seed(found, sensor))}
+
+
 def surrogate_tables(found: list[Result]) -> list[Table]:
     """Return a table for each surrogate of a sensor that methods were evaluated with."""
-    known = {**ABLATION_REAL, **TABLE_2_REAL}
     made: list[Table] = []
     for sensor in sorted({result.sensor for result in found if result.sensor.startswith(SURROGATE)}):
         tried = in_order(result.method for result in found if result.sensor == sensor)
-        paper = {method: known.get(method, (None,) * len(TASKS)) for method in tried}
+        paper = {method: REAL.get(method, UNKNOWN) for method in tried}
         made.append(_table(f"Paper's real robot / our {sensor}", paper, found, sensor))
     return made
 
@@ -192,7 +203,7 @@ def by_kind(found: list[Result]) -> dict[str, dict[str, Rate]]:
 def differences(found: list[Result]) -> list[Difference]:
     """Return where our rates differ from the paper's by Fisher's exact test, with p below `SIGNIFICANT`."""
     differ: list[Difference] = []
-    papers = ((IN_SIMULATION, TABLE_2_SIM), (TRANSFER, {**ABLATION_REAL, **TABLE_2_REAL}))
+    papers = ((IN_SIMULATION, TABLE_2_SIM), (TRANSFER, REAL))
     for sensor, paper in papers:
         for method, rates in paper.items():
             for task, theirs in zip(TASKS, rates, strict=True):

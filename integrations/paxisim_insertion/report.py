@@ -16,13 +16,12 @@ from .rates import (
     Rate,
     by_kind,
     differences,
-    each_seed,
     read_results,
+    seed_tables,
     surrogate_tables,
     tables,
     with_cost,
 )
-from .results import IN_SIMULATION, TRANSFER
 from .table import minutes_of
 from .tasks import TASKS
 from .whole import write_whole
@@ -92,10 +91,7 @@ def _context(cells: list[Cell], failed: list[Done], runs: Path, out: Path) -> di
             for one in (*tables(found), *surrogate_tables(found))
             if any(rate.trials for rates in one.rows.values() for rate in rates)
         ],
-        "each_seed": {
-            "Simulation, each seed": each_seed(found, IN_SIMULATION),
-            "Transfer, each seed": each_seed(found, TRANSFER),
-        },
+        "seed_tables": seed_tables(found),
         "kinds": list(next(iter(kinds.values()), {})),
         "by_kind": {method: [_shown(rate) for rate in row.values()] for method, row in kinds.items()},
         "differences": differences(found),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Collection
 from pathlib import Path
 
 import numpy as np
@@ -13,14 +14,14 @@ from .rates import (
     Table,
     by_kind,
     differences,
-    each_seed,
     in_order,
     read_results,
+    seed_tables,
     surrogate_tables,
     tables,
     with_cost,
 )
-from .results import IN_SIMULATION, TRANSFER, Result
+from .results import Result
 from .shell import command
 from .tasks import TASKS
 
@@ -37,8 +38,8 @@ def table(results: Path | None = None) -> None:
     found = read_results(results)
     for one in tables(found):
         _print(one)
-    _print_seeds("Simulation, each seed", each_seed(found, IN_SIMULATION))
-    _print_seeds("Transfer, each seed", each_seed(found, TRANSFER))
+    for title, rows in seed_tables(found).items():
+        _print_seeds(title, rows)
     _print_kinds(by_kind(found))
     for one in surrogate_tables(found):
         _print(one)
@@ -60,8 +61,12 @@ def minutes_of(found: list[Result]) -> dict[str, dict[str, float]]:
     return minutes
 
 
+def _print_head(title: str, columns: Collection[str]) -> None:
+    print(f"\n{title}\n\n| method | {' | '.join(columns)} |\n|{'---|' * (1 + len(columns))}")
+
+
 def _print(one: Table) -> None:
-    print(f"\n{one.title}\n\n| method | {' | '.join(TASKS)} | mean |\n|{'---|' * (2 + len(TASKS))}")
+    _print_head(one.title, [*TASKS, "mean"])
     for method, rates in one.rows.items():
         means = one.means(method)
         mean = " / ".join(map(_number, means)) if any(value is not None for value in means) else ""
@@ -69,9 +74,7 @@ def _print(one: Table) -> None:
 
 
 def _print_seeds(title: str, rows: dict[str, list[list[float]]]) -> None:
-    if not rows:
-        return
-    print(f"\n{title}\n\n| method | {' | '.join(TASKS)} | mean |\n|{'---|' * (2 + len(TASKS))}")
+    _print_head(title, [*TASKS, "mean"])
     for method, row in rows.items():
         print(f"| {method} | {' | '.join(', '.join(map(_number, rates)) for rates in row)} |")
 
@@ -79,15 +82,13 @@ def _print_seeds(title: str, rows: dict[str, list[list[float]]]) -> None:
 def _print_kinds(rates: dict[str, dict[str, Rate]]) -> None:
     if not rates:
         return
-    kinds = next(iter(rates.values()))
-    print("\nTransfer, all tasks of a method, by kind of sensor\n")
-    print(f"| method | {' | '.join(kinds)} |\n|{'---|' * (1 + len(kinds))}")
+    _print_head("Transfer, all tasks of a method, by kind of sensor", next(iter(rates.values())))
     for method, row in rates.items():
         print(f"| {method} | {' | '.join(map(_ours, row.values()))} |")
 
 
 def _print_cost(found: list[Result]) -> None:
-    print(f"\nCPU minutes of a training\n\n| method | {' | '.join(TASKS)} |\n|{'---|' * (1 + len(TASKS))}")
+    _print_head("CPU minutes of a training", TASKS)
     for method, minutes in minutes_of(found).items():
         print(f"| {method} | {' | '.join(f'{minutes[task]:.0f}' if task in minutes else '' for task in TASKS)} |")
 
