@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .scenes import make_scene
-from .tasks import TASKS, Parameters
+from .tasks import PARAMETERS, TASKS, Parameters
 from .whole import write_whole
 
 MEASURED = Path(__file__).with_name("arm.json")
@@ -59,8 +59,7 @@ def find_arm(parameters: Parameters) -> Arm:
     Raises:
         MissingExtraError: The arm has to be measured, and robosuite is not installed.
     """
-    default = Parameters()
-    if any(getattr(parameters, name) != getattr(default, name) for name in _CHANGE_THE_ARM):
+    if any(getattr(parameters, name) != getattr(PARAMETERS, name) for name in _CHANGE_THE_ARM):
         return measure_arm(parameters)
     found = json.loads(MEASURED.read_text(encoding="utf-8"))
     return Arm(**{name: np.array(values) for name, values in found.items()})
@@ -96,7 +95,7 @@ def mass_matrix(model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.floati
 
 def main() -> int:
     """Measure the arm with the default parameters and write it to `MEASURED`."""
-    values = {name: value.tolist() for name, value in asdict(measure_arm(Parameters())).items()}
+    values = {name: value.tolist() for name, value in asdict(measure_arm(PARAMETERS)).items()}
     write_whole(MEASURED, json.dumps(values, indent=1) + "\n")
     return 0
 

@@ -18,9 +18,8 @@ from .results import interval_of
 from .run import Run
 from .scenes import ENGINES
 from .shell import command
-from .tasks import TASKS, Parameters
+from .tasks import PARAMETERS, TASKS, Parameters
 
-PARAMETERS = Parameters()
 NOISE = 0.3
 """Standard deviation of the noise added to the expert's actions, which makes pegs also miss and slip."""
 

@@ -21,7 +21,7 @@ import paxisim
 from .env import InsertionEnv
 from .methods import find_method
 from .scenes import check_engine
-from .tasks import Parameters, find_task
+from .tasks import PARAMETERS, Parameters, find_task
 from .trained import ACTOR, Trained
 from .vec_env import InsertionVecEnv
 from .versions import versions as versions
@@ -100,7 +100,7 @@ class Run:
     updates: float = 0.25
     batch: int = 256
     temperature: float = TEMPERATURE
-    parameters: Parameters = Parameters()  # noqa: RUF009 - frozen
+    parameters: Parameters = PARAMETERS
     diagnosis: paxisim.diagnose.Diagnosis | None = None
     ranges: paxisim.SceneRanges = paxisim.SceneRanges()  # noqa: RUF009 - frozen
 

@@ -153,3 +153,7 @@ class Parameters:
                 f"the hole ({self.hole_depth:g} m) must be shallower than the peg ({self.peg_length:g} m) is long and "
                 f"deeper than success_depth ({self.success_depth:g} m)"
             )
+
+
+PARAMETERS = Parameters()
+"""The default parameters."""

@@ -23,10 +23,9 @@ from .replay import HistoryReplayBuffer
 from .results import RUNS, folder_of
 from .run import BUFFER, REWARD_SCALE, TEMPERATURE, Run
 from .shell import command
-from .tasks import Parameters
+from .tasks import PARAMETERS, Parameters
 from .trained import save_actor
 
-PARAMETERS = Parameters()
 STEPS = 300_000
 
 

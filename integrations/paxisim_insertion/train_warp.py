@@ -20,12 +20,10 @@ from .env import InsertionEnv
 from .evaluate import succeeds
 from .results import FIRST_SEED, RUNS, folder_of, interval_of
 from .shell import command
-from .tasks import Parameters
+from .tasks import PARAMETERS, Parameters
 from .warp_env import InsertionWarpEnv, Observation
 from .warp_scene import be_quiet
 from .whole import write_whole
-
-PARAMETERS = Parameters()
 
 
 def train_warp(
