@@ -225,8 +225,8 @@ class ControlBox(LineBoard):
     ) -> wire.Reply | None:
         """Return the reply to `request`, which is repeated until `timeout`; None if there is none.
 
-        A reply with an error and no region is returned only after `MAX_REFUSALS` of them, or as the last one before the
-        timeout.
+        The last repetition may end up to `REPLY_TIMEOUT` after it. A reply with an error and no region is returned only
+        after `MAX_REFUSALS` of them, or as the last one before the timeout.
         """
         deadline = self.clock.monotonic() + timeout
         refusals = 0
@@ -237,9 +237,9 @@ class ControlBox(LineBoard):
         while True:
             self._line.empty()
             asked = self.clock.monotonic()
-            left = max(deadline - self.clock.monotonic(), REPLY_SILENCE)
             self.transport.write(request.encode())
-            heard = self._line.collect(fits, min(left, REPLY_TIMEOUT), REPLY_SILENCE)
+            # the box has its full time even past the deadline: the system may have suspended this program before
+            heard = self._line.collect(fits, REPLY_TIMEOUT, REPLY_SILENCE)
             waited = self.clock.monotonic() - asked
             if waited > SUSPENDED_AFTER:
                 deadline += waited

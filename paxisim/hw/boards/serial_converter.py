@@ -171,6 +171,8 @@ class SerialConverter(LineBoard):
     def _ask(self, request: Request, timeout: float) -> Reply | None:
         """Return the reply to `request`, which is repeated until `timeout`; None if there is none.
 
+        The last repetition may end up to `REPLY_TIMEOUT` after it.
+
         Raises:
             ProtocolError: The sensor refuses.
         """
@@ -188,11 +190,9 @@ class SerialConverter(LineBoard):
             # a late reply may be followed immediately by the reply to the repeated request
             self._decoder.stream = self._repeated
             asked = self.clock.monotonic()
-            left = deadline - self.clock.monotonic()
             self.transport.write(request.encode())
-            heard = self._line.collect(
-                lambda reply: reply.answers(request), max(min(left, REPLY_TIMEOUT), POLL_SECONDS), REPLY_SILENCE
-            )
+            # the sensor has its full time even past the deadline: the system may have suspended this program before
+            heard = self._line.collect(lambda reply: reply.answers(request), REPLY_TIMEOUT, REPLY_SILENCE)
             now = self.clock.monotonic()
             self._ready = now + POLL_SECONDS
             if now - asked > SUSPENDED_AFTER:
