@@ -48,7 +48,8 @@ def matrix(
     print(f"{len(cells)} cells, {len(cells) - len(left)} of them finished", flush=True)
     runs.mkdir(parents=True, exist_ok=True)
     failed = _run(left, runner, runs, out)
-    table(out)
+    if any(out.glob("*.json")):
+        table(out)
     if report is not None:
         print(f"\n{write_report(report, cells, failed, runs, out)}")
     if failed:

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 from scipy.stats import fisher_exact
 
+import paxisim
+
 from .results import DRAWN, IN_SIMULATION, OUT, RESULTS, SURROGATE, TRANSFER, Result, interval_of
 from .tasks import TASKS
 
@@ -117,8 +119,21 @@ class Difference:
 
 
 def read_results(folder: Path | None) -> list[Result]:
-    """Read the results of a folder, or those of the package and of ./results, see `table`."""
-    folders = (RESULTS, OUT) if folder is None else (folder,)
+    """Read the results of a folder, or those of the package and of ./results, see `table`.
+
+    Raises:
+        InvalidValueError: There are no results, or a file is not a result.
+    """
+    found = results_in(RESULTS, OUT) if folder is None else results_in(folder)
+    if not found:
+        raise paxisim.InvalidValueError(
+            f"{folder} has no results: train and evaluate a cell first, with .matrix or .train and .evaluate"
+        )
+    return found
+
+
+def results_in(*folders: Path) -> list[Result]:
+    """Read the results of folders; of results with the same file name, that of the last folder."""
     paths = {path.name: path for folder in folders for path in sorted(folder.glob("*.json"))}
     return [Result.load(path) for _, path in sorted(paths.items())]
 

@@ -16,7 +16,7 @@ from .rates import (
     Rate,
     by_kind,
     differences,
-    read_results,
+    results_in,
     seed_tables,
     surrogate_tables,
     tables,
@@ -66,7 +66,7 @@ def write_report(path: Path, cells: list[Cell], failed: list[Done], runs: Path, 
 
 
 def _context(cells: list[Cell], failed: list[Done], runs: Path, out: Path) -> dict[str, Any]:
-    found = read_results(out)
+    found = results_in(out)
     minutes = minutes_of(found)
     kinds = by_kind(found)
     used = dict.fromkeys([result.method for result in found] + [cell.method for cell in cells])

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
+import functools
 import inspect
+import io
+import itertools
 import logging
 import os
 import sys
 from collections.abc import Callable
+from typing import Any
 
 import tyro
 
@@ -17,7 +22,7 @@ def command(function: Callable[..., None], arguments: list[str] | None = None) -
     """Run a function as a shell command.
 
     Args:
-        function: The command; its parameters are the options.
+        function: The command, named as its module; its parameters are the options.
         arguments: Command-line arguments; default: those of the process.
 
     Returns:
@@ -25,15 +30,54 @@ def command(function: Callable[..., None], arguments: list[str] | None = None) -
     """
     logging.getLogger("robosuite_logs").setLevel(logging.ERROR)  # it warns about its own setup
     try:
-        tyro.cli(function, args=arguments, config=(tyro.conf.FlagCreatePairsOff,))
+        parse(function, arguments)()
         sys.stdout.flush()
     except BrokenPipeError:  # the reader closed the pipe, as `head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except (paxisim.PaxisimError, OSError) as error:
-        print(f"paxisim_insertion: error: {' '.join(str(error).split())}", file=sys.stderr)
-        return 2
+        return _complain(str(error))
     except KeyboardInterrupt:
         hint = "; pass --resume to continue" if "resume" in inspect.signature(function).parameters else ""
         print(f"paxisim_insertion: interrupted{hint}", file=sys.stderr)
         return 130
+    except SystemExit as stop:
+        return 0 if not stop.code else _complain(str(stop.code))
     return 0
+
+
+def parse(function: Callable[..., None], arguments: list[str] | None) -> Callable[[], None]:
+    """Return the command with its options, ready to be called.
+
+    Raises:
+        SystemExit: With status 0 after printing the requested help, or with the reason why parsing failed.
+    """
+    program = f"python -m paxisim_insertion.{function.__name__}"
+
+    @functools.wraps(function)
+    def bind(*args: Any, **options: Any) -> Callable[[], None]:
+        return functools.partial(function, *args, **options)
+
+    box = io.StringIO()
+    try:
+        with contextlib.redirect_stderr(box):
+            return tyro.cli(bind, prog=program, args=arguments, config=(tyro.conf.FlagCreatePairsOff,))
+    except SystemExit as stop:
+        if not stop.code:
+            raise
+        raise SystemExit(f"{_reason(box.getvalue())}; see {program} --help") from None
+
+
+def _reason(box: str) -> str:
+    """Return the first paragraph of tyro's message, which consists of a heading and paragraphs between rules."""
+
+    def is_rule(line: str) -> bool:
+        return not line.strip("─- ")
+
+    lines = [line.strip("│╭╮╰╯ ") for line in box.splitlines()[1:]]
+    paragraph = itertools.takewhile(lambda line: not is_rule(line), itertools.dropwhile(is_rule, lines))
+    return " ".join(paragraph).removesuffix(".")
+
+
+def _complain(reason: str) -> int:
+    print(f"paxisim_insertion: error: {' '.join(reason.split())}", file=sys.stderr)
+    return 2
