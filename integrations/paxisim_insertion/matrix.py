@@ -12,10 +12,11 @@ import paxisim
 
 from .cells import Cell, read_cells
 from .on_ray import OnRay
+from .rates import results_in
 from .report import check_report, write_report
 from .results import OUT, RUNS
 from .shell import command
-from .table import table
+from .table import print_tables
 from .work import Done, Here, Runner, say
 
 
@@ -48,8 +49,8 @@ def matrix(
     print(f"{len(cells)} cells, {len(cells) - len(left)} of them finished", flush=True)
     runs.mkdir(parents=True, exist_ok=True)
     failed = _run(left, runner, runs, out)
-    if any(out.glob("*.json")):
-        table(out)
+    if found := results_in(out):
+        print_tables(found)
     if report is not None:
         print(f"\n{write_report(report, cells, failed, runs, out)}")
     if failed:

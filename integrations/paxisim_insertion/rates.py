@@ -124,10 +124,12 @@ def read_results(folder: Path | None) -> list[Result]:
     Raises:
         InvalidValueError: There are no results, or a file is not a result.
     """
-    found = results_in(RESULTS, OUT) if folder is None else results_in(folder)
+    folders = (RESULTS, OUT) if folder is None else (folder,)
+    found = results_in(*folders)
     if not found:
         raise paxisim.InvalidValueError(
-            f"{folder} has no results: train and evaluate a cell first, with .matrix or .train and .evaluate"
+            f"{' or '.join(map(str, folders))} has no results: train and evaluate a cell first, with .matrix or .train "
+            "and .evaluate"
         )
     return found
 

@@ -27,6 +27,9 @@ def command(function: Callable[..., None], arguments: list[str] | None = None) -
 
     Returns:
         The exit status: 0, 2 after an error, which is printed as one line on stderr, or 130 after an interrupt.
+
+    Raises:
+        SystemExit: With status 0, after the requested help was printed.
     """
     logging.getLogger("robosuite_logs").setLevel(logging.ERROR)  # it warns about its own setup
     try:
@@ -35,13 +38,12 @@ def command(function: Callable[..., None], arguments: list[str] | None = None) -
     except BrokenPipeError:  # the reader closed the pipe, as `head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except (paxisim.PaxisimError, OSError) as error:
-        return _complain(str(error))
+        print(f"paxisim_insertion: error: {' '.join(str(error).split())}", file=sys.stderr)
+        return 2
     except KeyboardInterrupt:
         hint = "; pass --resume to continue" if "resume" in inspect.signature(function).parameters else ""
         print(f"paxisim_insertion: interrupted{hint}", file=sys.stderr)
         return 130
-    except SystemExit as stop:
-        return 0 if not stop.code else _complain(str(stop.code))
     return 0
 
 
@@ -49,7 +51,8 @@ def parse(function: Callable[..., None], arguments: list[str] | None) -> Callabl
     """Return the command with its options, ready to be called.
 
     Raises:
-        SystemExit: With status 0 after printing the requested help, or with the reason why parsing failed.
+        SystemExit: With status 0, after the requested help was printed.
+        InvalidValueError: The arguments are not options of the command.
     """
     program = f"python -m paxisim_insertion.{function.__name__}"
 
@@ -64,7 +67,7 @@ def parse(function: Callable[..., None], arguments: list[str] | None) -> Callabl
     except SystemExit as stop:
         if not stop.code:
             raise
-        raise SystemExit(f"{_reason(box.getvalue())}; see {program} --help") from None
+        raise paxisim.InvalidValueError(f"{_reason(box.getvalue())}; see {program} --help") from None
 
 
 def _reason(box: str) -> str:
@@ -76,8 +79,3 @@ def _reason(box: str) -> str:
     lines = [line.strip("│╭╮╰╯ ") for line in box.splitlines()[1:]]
     paragraph = itertools.takewhile(lambda line: not is_rule(line), itertools.dropwhile(is_rule, lines))
     return " ".join(paragraph).removesuffix(".")
-
-
-def _complain(reason: str) -> int:
-    print(f"paxisim_insertion: error: {' '.join(reason.split())}", file=sys.stderr)
-    return 2

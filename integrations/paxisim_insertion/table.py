@@ -35,7 +35,11 @@ def table(results: Path | None = None) -> None:
         results: Folder of the results. Default: the results that come with the package and those in ./results, which
             take precedence for the same task, method, sensor and seed.
     """
-    found = read_results(results)
+    print_tables(read_results(results))
+
+
+def print_tables(found: list[Result]) -> None:
+    """Print the tables of results, see `table`."""
     for one in tables(found):
         _print(one)
     for title, rows in seed_tables(found).items():
