@@ -11,7 +11,7 @@ import numpy as np
 from paxisim.errors import DeviceTimeoutError, InvalidValueError, ProtocolError
 from paxisim.hw import registers, taxels
 from paxisim.hw.board import Reading
-from paxisim.hw.boards.line import Line, LineBoard
+from paxisim.hw.boards.line import SUSPENDED_AFTER, Line, LineBoard
 from paxisim.hw.clock import Clock
 from paxisim.hw.frames import control_box as wire
 from paxisim.hw.frames.errors import CONTROL_BOX, error_name
@@ -21,9 +21,6 @@ from paxisim.hw.transport import Transport
 
 REPLY_TIMEOUT = 0.1
 """Seconds after which a request is repeated; observed replies take 3 ms for 120 taxels and 10 ms for a version."""
-SUSPENDED_AFTER = REPLY_TIMEOUT + 0.05
-"""Seconds of waiting that are only possible if the system suspended this program. The age of bytes received after such
-a wait is unknown, and the wait does not count towards the timeout."""
 REPLY_SILENCE = 0.03
 """Seconds of silence after the last byte before a reply counts as lost."""
 START_TIMEOUT = 1.0
@@ -108,7 +105,7 @@ class ControlBox(LineBoard):
             PortNotFoundError: The port disappeared.
         """
         replies = self._read_ports(timeout)
-        if self._stopped or self._arrival - self._first_arrival > len(replies) * SUSPENDED_AFTER:
+        if self._stopped or self._arrival - self._first_arrival > len(replies) * (REPLY_TIMEOUT + SUSPENDED_AFTER):
             # this program was suspended between pads, so the first reading is much older than the last
             replies = self._read_ports(timeout)
         payloads, status, errors = [], [], []
@@ -235,15 +232,9 @@ class ControlBox(LineBoard):
             self._line.collect(lambda _: False, REPLY_SILENCE)
             self._repeated = False
         while True:
-            self._line.empty()
-            asked = self.clock.monotonic()
-            self.transport.write(request.encode())
-            # the box has its full time even past the deadline: the system may have suspended this program before
-            heard = self._line.collect(fits, REPLY_TIMEOUT, REPLY_SILENCE)
-            waited = self.clock.monotonic() - asked
-            if waited > SUSPENDED_AFTER:
-                deadline += waited
-                self._stopped, heard = True, []
+            heard, suspended = self._line.ask(request.encode(), fits, REPLY_TIMEOUT, REPLY_SILENCE)
+            deadline += suspended
+            self._stopped |= suspended > 0
             arrival, reply = next(((time, reply) for time, reply in heard if fits(reply)), (0.0, None))
             if reply is not None:
                 refusals += reply.error not in good

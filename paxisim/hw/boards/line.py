@@ -16,6 +16,8 @@ QUEUE_PAUSE = 2e-3
 """Seconds of silence after which a port counts as drained; the system delivers buffered bytes in pieces."""
 QUEUE_TIME = 20e-3
 """Upper bound in seconds for draining a port, for a line that is never silent."""
+SUSPENDED_AFTER = 0.05
+"""Seconds beyond its timeout that a wait takes only if the system suspended this program."""
 _KEPT = 4096
 
 
@@ -79,6 +81,30 @@ class Line(Generic[Message]):
             if not data or left <= 0 or any(until(message) for _, message in messages):
                 return collected
             wait = min(left, quiet)
+
+    def ask(
+        self, request: bytes, answers: Callable[[Message], bool], timeout: float, quiet: float
+    ) -> tuple[list[tuple[float, Message]], float]:
+        """Send a request and collect the messages up to its reply, as `collect` does; older ones are discarded.
+
+        Args:
+            request: The bytes to send.
+            answers: Predicate for the reply.
+            timeout: Maximum time to wait for the reply (s), counted from the request. A reply has all of it even if the
+                caller's own time is up, as the system may have suspended this program before the request.
+            quiet: Give up after this many seconds of silence since the last byte.
+
+        Returns:
+            The messages with their arrival times, and the number of seconds that must not count towards the caller's
+            timeout. It is 0 unless the system suspended this program during the wait; there are no messages then,
+            since their age is unknown.
+        """
+        self.empty()
+        asked = self._clock.monotonic()
+        self._transport.write(request)
+        heard = self.collect(answers, timeout, quiet)
+        waited = self._clock.monotonic() - asked
+        return ([], waited) if waited > timeout + SUSPENDED_AFTER else (heard, 0.0)
 
     def _take(self, data: bytes, now: float) -> list[tuple[float, Message]]:
         self.recent = (self.recent + data)[-_KEPT:]

@@ -36,9 +36,6 @@ POLL_SECONDS = 0.005
 PAUSE_BEFORE_ZERO = 0.5
 REPLY_TIMEOUT = 0.15
 """Seconds after which a request is repeated; parts under load were observed to take 90 ms."""
-SUSPENDED_AFTER = REPLY_TIMEOUT + 0.05
-"""Seconds of waiting that are only possible if the system suspended this program. The age of bytes received after such
-a wait is unknown, and the wait does not count towards the timeout."""
 REPLY_SILENCE = 0.02
 """Seconds of silence after the last byte before a reply counts as lost."""
 START_TIMEOUT = 1.0
@@ -186,18 +183,13 @@ class SerialConverter(LineBoard):
             pause = self._ready - self.clock.monotonic()
             if pause > 0:
                 self.clock.sleep(pause)
-            self._line.empty()
             # a late reply may be followed immediately by the reply to the repeated request
             self._decoder.stream = self._repeated
-            asked = self.clock.monotonic()
-            self.transport.write(request.encode())
-            # the sensor has its full time even past the deadline: the system may have suspended this program before
-            heard = self._line.collect(lambda reply: reply.answers(request), REPLY_TIMEOUT, REPLY_SILENCE)
-            now = self.clock.monotonic()
-            self._ready = now + POLL_SECONDS
-            if now - asked > SUSPENDED_AFTER:
-                deadline += now - asked
-                heard = []
+            heard, suspended = self._line.ask(
+                request.encode(), lambda reply: reply.answers(request), REPLY_TIMEOUT, REPLY_SILENCE
+            )
+            deadline += suspended
+            self._ready = self.clock.monotonic() + POLL_SECONDS
             for arrival, reply in heard:
                 if not reply.answers(request):
                     continue
