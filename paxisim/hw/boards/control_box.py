@@ -232,10 +232,10 @@ class ControlBox(LineBoard):
             self._line.collect(lambda _: False, REPLY_SILENCE)
             self._repeated = False
         while True:
-            heard, suspended = self._line.ask(request.encode(), fits, REPLY_TIMEOUT, REPLY_SILENCE)
+            replies, suspended = self._line.ask(request.encode(), fits, REPLY_TIMEOUT, REPLY_SILENCE)
             deadline += suspended
             self._stopped |= suspended > 0
-            arrival, reply = next(((time, reply) for time, reply in heard if fits(reply)), (0.0, None))
+            arrival, reply = replies[0] if replies else (0.0, None)
             if reply is not None:
                 refusals += reply.error not in good
                 if reply.error in good or refusals == MAX_REFUSALS or wire.parse_region(reply.data) is not None:

@@ -85,7 +85,7 @@ class Line(Generic[Message]):
     def ask(
         self, request: bytes, answers: Callable[[Message], bool], timeout: float, quiet: float
     ) -> tuple[list[tuple[float, Message]], float]:
-        """Send a request and collect the messages up to its reply, as `collect` does; older ones are discarded.
+        """Send a request and return its replies. Everything that arrived before is discarded.
 
         Args:
             request: The bytes to send.
@@ -95,16 +95,18 @@ class Line(Generic[Message]):
             quiet: Give up after this many seconds of silence since the last byte.
 
         Returns:
-            The messages with their arrival times, and the number of seconds that must not count towards the caller's
-            timeout. It is 0 unless the system suspended this program during the wait; there are no messages then,
-            since their age is unknown.
+            The replies with their arrival times, and the number of seconds that must not count towards the caller's
+            timeout. It is 0 unless the system suspended this program during the wait; there are no replies then, since
+            their age is unknown.
         """
         self.empty()
         asked = self._clock.monotonic()
         self._transport.write(request)
         heard = self.collect(answers, timeout, quiet)
         waited = self._clock.monotonic() - asked
-        return ([], waited) if waited > timeout + SUSPENDED_AFTER else (heard, 0.0)
+        if waited > timeout + SUSPENDED_AFTER:
+            return [], waited
+        return [(time, message) for time, message in heard if answers(message)], 0.0
 
     def _take(self, data: bytes, now: float) -> list[tuple[float, Message]]:
         self.recent = (self.recent + data)[-_KEPT:]

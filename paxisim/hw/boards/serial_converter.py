@@ -185,14 +185,12 @@ class SerialConverter(LineBoard):
                 self.clock.sleep(pause)
             # a late reply may be followed immediately by the reply to the repeated request
             self._decoder.stream = self._repeated
-            heard, suspended = self._line.ask(
+            replies, suspended = self._line.ask(
                 request.encode(), lambda reply: reply.answers(request), REPLY_TIMEOUT, REPLY_SILENCE
             )
             deadline += suspended
             self._ready = self.clock.monotonic() + POLL_SECONDS
-            for arrival, reply in heard:
-                if not reply.answers(request):
-                    continue
+            for arrival, reply in replies:
                 if (len(reply.data) == reply.count) if request.function == READ else (reply.status in GOOD):
                     self._arrival = arrival
                     return reply
