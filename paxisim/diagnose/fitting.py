@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from paxisim.diagnose.cause import Cause, Free, courses_of
+from paxisim.diagnose.cause import Cause, courses_of
 from paxisim.diagnose.folds import Folds
 from paxisim.diagnose.model import Fitted, Model
 from paxisim.diagnose.problem import FloatArray, Problem
@@ -181,21 +181,12 @@ class Fitter:
             rows, *parts = [own.shrunk(left) for own in (rows, *parts)]
         return rows, parts
 
-    def linearised(
-        self, fit: Fit
-    ) -> tuple[Problem, list[tuple[str, int, Free]], FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Linearise a fit about its values.
-
-        Returns:
-            The compared frames; the free parameters with their causes and indices; the residual; its derivatives
-            ``(free, residuals)`` per unit of each parameter's scale; ``(free,)`` weights of the priors in these units;
-            and the prediction (N).
-        """
+    def linearised(self, fit: Fit) -> tuple[Squares, FloatArray, FloatArray]:
+        """The sum of squares about a fit, the residual there, and its ``(free, residuals)`` Jacobian."""
         rows = replace(self._rows(fit.causes, fit.shapes)[0], constant=fit.constant)
         squares = Squares(Model(self.problem, fit.causes, rows), fit.causes)
         values = {n: v for n, v in fit.whole.values.items() if n in {name for name, _, _ in squares.free}}
-        residual, slopes = squares.linearised(values, fit.whole.zero)
-        return rows, squares.free, residual, slopes, squares.prior, squares.prediction
+        return squares, *squares.linearised(values, fit.whole.zero)
 
     def rows(self, causes: Sequence[Cause], shapes: Shapes) -> Problem:
         """The compared frames, with the zero-offset curves of these causes."""

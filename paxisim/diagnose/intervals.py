@@ -88,13 +88,14 @@ def _spreads(found: Explanation) -> dict[tuple[str, str], float]:
     """
     if len(found.problem.episodes) < 3:
         return {}
-    rows, free, residual, slopes, prior, prediction = found.search.fitter.linearised(found.fit)
+    squares, residual, slopes = found.search.fitter.linearised(found.fit)
+    rows, free, prediction = squares.rows, squares.free, squares.prediction
     if not free:
         return {}
     frames = len(rows.time)
     residual, slopes = residual.reshape(frames, -1), slopes.reshape(len(free), frames, -1)
     flat = slopes.reshape(len(free), -1)
-    inverse = np.linalg.pinv(flat @ flat.T + np.diag(prior), rcond=1e-9, hermitian=True)
+    inverse = np.linalg.pinv(flat @ flat.T + np.diag(squares.prior), rcond=1e-9, hermitian=True)
     variance, degrees = _clustered(rows, residual, slopes, inverse)
     errors = [rows.tolerance.place * change / 2 for change in differences(prediction)]
     for error in errors if rows.scene is None else (*errors, *replay_errors(rows, prediction)):

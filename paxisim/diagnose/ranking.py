@@ -66,7 +66,8 @@ class Ranking:
             read = after - prediction if thin.counting.reads_all else thin.read(after) - was_read
             return thin.weigh(read)
 
-        _, free, _, slopes, prior, _ = fitter.linearised(fit)
+        squares, _, slopes = fitter.linearised(fit)
+        free = squares.free
         values = np.array([float(fit.whole.values[name][i]) for name, i, _ in free])
         moves = np.array([about.low < value < about.high for value, (_, _, about) in zip(values, free, strict=True)])
         columns = [-slope.reshape(shape)[kept] * own for slope, own in zip(slopes, moves, strict=True)]
@@ -81,7 +82,7 @@ class Ranking:
         self._owner, self._chosen = np.array(owners), np.arange(len(owners)) < len(free)
         away = [(value - about.neutral) / about.scale for value, (_, _, about) in zip(values, free, strict=True)]
         self._prior, self._pull = np.zeros(len(columns)), np.zeros(len(columns))  # weights, and gradients
-        self._prior[: len(free)] = fitter.samples * prior * moves
+        self._prior[: len(free)] = fitter.samples * squares.prior * moves
         self._pull[: len(free)] = self._prior[: len(free)] * away
         residual = thin.residual(prediction).reshape(len(kept), -1)
         matrix = np.stack([c.reshape(len(kept), -1) for c in columns])

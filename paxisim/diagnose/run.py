@@ -11,20 +11,10 @@ import numpy as np
 from paxisim.diagnose.advice import advice
 from paxisim.diagnose.cause import Cause
 from paxisim.diagnose.ceiling import ceiling
-from paxisim.diagnose.diagnosis import (
-    Diagnosis,
-    FoundCause,
-    LeftOver,
-    Verdict,
-)
+from paxisim.diagnose.diagnosis import Diagnosis, FoundCause, LeftOver, Verdict
 from paxisim.diagnose.explanation import Explanation
 from paxisim.diagnose.folds import effects
-from paxisim.diagnose.heldout import (
-    SquaredErrors,
-    figures,
-    gains_of,
-    survives,
-)
+from paxisim.diagnose.heldout import SquaredErrors, figures, gains_of, survives
 from paxisim.diagnose.inside.rounds import in_scene
 from paxisim.diagnose.intervals import model_intervals, parameters_of
 from paxisim.diagnose.problem import FloatArray, Problem

@@ -115,7 +115,7 @@ class Squares:
         return values
 
     def linearised(self, values: Fitted, zero: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The residual at these values and its ``(free, residuals)`` Jacobian."""
+        """The residual at these values and its ``(free, residuals)`` Jacobian, per unit of each parameter's scale."""
         residual = self.residual(values, zero)
         return residual, self._slopes(values)
 
