@@ -160,18 +160,19 @@ def _moved(x: Any, time: NDArray[np.float64], delay: float) -> Any:
     """Delay a sequence ``(time, ...)`` by linear interpolation between frames; both ends are held."""
     if len(time) == 1:
         return x + 0
-    xp = namespace(x)
-    if time.ndim > 1:  # each stream has its own clock
-        streams = x.reshape(len(x), -1, *x.shape[-4:])
-        clocks = time.reshape(len(time), -1)
-        moved = [_moved(streams[:, number], clocks[:, number], delay) for number in range(clocks.shape[1])]
-        return xp.stack(moved, axis=1).reshape(x.shape)
-    then = np.clip(time - delay, time[0], time[-1])
-    after = np.clip(np.searchsorted(time, then, side="right"), 1, len(time) - 1)
-    gap = time[after] - time[after - 1]
-    way = np.divide(then - time[after - 1], gap, out=np.ones_like(gap), where=gap > 0)  # at a jump: the last value
-    way, before, after = as_like(way.reshape(-1, *[1] * (x.ndim - 1)), x), xp.asarray(after - 1), xp.asarray(after)
-    return x[before] * (1 - way) + x[after] * way
+    clocks = time.reshape(len(time), -1)  # one for each stream, or one for all
+    then = np.clip(clocks - delay, clocks[0], clocks[-1])
+    after = np.stack([np.searchsorted(*pair, side="right") for pair in zip(clocks.T, then.T, strict=True)], axis=1)
+    after = np.clip(after, 1, len(time) - 1)
+    start = np.take_along_axis(clocks, after - 1, axis=0)
+    gap = np.take_along_axis(clocks, after, axis=0) - start
+    way = np.divide(then - start, gap, out=np.ones_like(gap), where=gap > 0)  # at a jump: the last value
+    # the frames of all streams in one row
+    count = clocks.shape[1]
+    place = namespace(x).asarray((after * count + np.arange(count)).ravel())
+    frames = x.reshape(-1, *x.shape[time.ndim :])
+    way = as_like(way.reshape(-1, *[1] * (frames.ndim - 1)), x)
+    return (frames[place - count] * (1 - way) + frames[place] * way).reshape(x.shape)
 
 
 def _slot(x: Any) -> Any:

@@ -19,7 +19,7 @@ _NODES = 4
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """Points between the frames of a sequence, each on the cubic through the four nearest frames.
+    """Points at and between the frames of a sequence, as weighted sums of the frames.
 
     Attributes:
         time: ``(M,)`` seconds, including those of the frames.
@@ -31,19 +31,22 @@ class Curve:
     own: NDArray[np.int64]
     weights: csr_array
 
-    def __call__(self, x: NDArray[np.floating]) -> NDArray[np.floating]:
-        """Interpolate ``(T, ...)`` values at the frames to ``(M, ...)`` values at the points."""
-        return (self.weights.astype(x.dtype) @ x.reshape(len(x), -1)).reshape(-1, *x.shape[1:])
+
+def at_frames(time: NDArray[np.float64]) -> Curve:
+    """The frames at these times (s) and no points between them."""
+    own = np.arange(len(time))
+    return Curve(time, own, csr_array((np.ones(len(own)), (own, own))))
 
 
-def curve_through(time: NDArray[np.float64]) -> Curve | None:
-    """Points between frames at these times (s); None if frames are close enough, too few or not in order."""
+def curve_through(time: NDArray[np.float64]) -> Curve:
+    """Points between frames at these times (s), each on the cubic through the four nearest frames.
+
+    If the frames are close enough, too few or not in order, there is nothing between them.
+    """
     gaps = np.diff(time)
-    if len(time) < _NODES or gaps.min() <= 0:
-        return None
     parts = np.where(gaps < MAX_GAP, np.maximum(np.round(gaps / FINE_STEP), 1), 1).astype(int)
-    if parts.max() == 1:
-        return None
+    if len(time) < _NODES or gaps.min() <= 0 or parts.max() == 1:
+        return at_frames(time)
     before = np.append(np.repeat(np.arange(len(gaps)), parts), len(gaps))  # the frame before each point
     own = np.append(0, np.cumsum(parts))
     way = (np.arange(len(before)) - own[before]) / np.append(parts, 1)[before]

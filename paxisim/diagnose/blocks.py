@@ -8,7 +8,7 @@ import numpy as np
 
 from paxisim.diagnose.noise import FloatArray
 
-BLOCK_VALUES = 150_000  # values per block
+BLOCK_VALUES = 40_000  # values per block
 
 
 def in_blocks(values: FloatArray, function: Callable[[slice], FloatArray]) -> FloatArray:

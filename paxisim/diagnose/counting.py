@@ -18,8 +18,8 @@ MIN_NOISE = 0.02  # steps
 BEYOND = 5.0  # distance from a rounding edge, in units of the noise, at which the edge has no effect
 UNSURE = 0.02  # relative uncertainty of the force from calibration and contact position, which smooths the steps
 TABLE_POINTS = 400  # points of the table below per standard deviation of the noise
-BEYOND_EDGE = ndtr(-(np.arange(int(TABLE_POINTS * BEYOND) + 1) + 0.5) / TABLE_POINTS).astype(np.float32)
-"""Share of the noise beyond a rounding edge, by the distance to the edge."""
+BEYOND_EDGE = np.append(ndtr(-(np.arange(int(TABLE_POINTS * BEYOND)) + 0.5) / TABLE_POINTS), 0.0).astype(np.float32)
+"""Share of the noise beyond a rounding edge, by the distance to the edge; 0 from `BEYOND` on."""
 CLIPPING_REACH = 7.0  # force, in units of the noise, above which clipping at 0 has no effect
 
 
@@ -127,16 +127,17 @@ class Counting:
     def _rounding(self, force: FloatArray) -> NDArray[np.float32]:
         """How much rounding subtracts from the mean reading, in single precision."""
         least = max(self.dither / self.step, MIN_NOISE)
-        turns = ((force - self.phase) / self.step).astype(np.float32)
+        turns = ((force - self.phase) / self.step).astype(np.float32).ravel()
         variance = np.float32(least**2) + (np.float32(UNSURE) * turns) ** 2
         turns = turns - np.rint(turns)
         if least >= STEEP:
-            return _smooth(turns, variance) * np.float32(self.step)
-        steep = variance < STEEP**2
-        ripple = np.empty_like(turns)
-        ripple[steep] = _staircase(turns[steep], np.sqrt(variance[steep]))
-        ripple[~steep] = _smooth(turns[~steep], variance[~steep])
-        return ripple * np.float32(self.step)
+            ripple = _smooth(turns, variance)
+        else:
+            steep, ripple = variance < STEEP**2, np.empty_like(turns)
+            for where, form in ((steep, _staircase), (~steep, _smooth)):
+                part = np.flatnonzero(where)  # twice as fast as the mask
+                ripple[part] = form(turns[part], variance[part])
+        return (ripple * np.float32(self.step)).reshape(force.shape)
 
 
 def _smooth(turns: NDArray[np.float32], variance: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -147,12 +148,8 @@ def _smooth(turns: NDArray[np.float32], variance: NDArray[np.float32]) -> NDArra
     return np.sin(angle) * (first - second * np.cos(angle)) / np.float32(np.pi)
 
 
-def _staircase(turns: NDArray[np.float32], width: NDArray[np.float32]) -> NDArray[np.float32]:
+def _staircase(turns: NDArray[np.float32], variance: NDArray[np.float32]) -> NDArray[np.float32]:
     """How much rounding subtracts from `turns` (-0.5 to 0.5) at noise below `STEEP`, in steps."""
-    taken = turns.copy()
-    at_edge = np.abs(turns) > 0.5 - BEYOND * width
-    own = turns[at_edge]
-    below = (0.5 - np.abs(own)) / width[at_edge]  # distance to the edge, in units of the noise
+    below = (0.5 - np.abs(turns)) / np.sqrt(variance)  # distance to the edge, in units of the noise
     place = np.minimum(below * np.float32(TABLE_POINTS), np.float32(TABLE_POINTS * BEYOND)).astype(np.intp)
-    taken[at_edge] = own - np.copysign(BEYOND_EDGE[place], own)
-    return taken
+    return turns - np.copysign(BEYOND_EDGE[place], turns)

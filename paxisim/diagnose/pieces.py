@@ -8,19 +8,18 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from paxisim.augment.transform import Transform
-from paxisim.diagnose.between import curve_through
+from paxisim.diagnose.between import Curve, at_frames, curve_through
 
 
 class Pieces:
-    """Pieces of a recording, in groups that are each padded to one length.
-
-    A piece is padded with its last frame while time continues. The padding follows the piece and cannot affect it.
-    """
+    """Pieces of a recording, in groups of similar length."""
 
     def __init__(self, time: NDArray[np.float64], spans: Sequence[slice], between: bool = False) -> None:
         """Lay out the pieces.
@@ -30,16 +29,11 @@ class Pieces:
             spans: The frames of each piece.
             between: Whether to interpolate between the frames, see `curve_through`.
         """
-        self._curves = [curve_through(time[span]) if between else None for span in spans]
-        times = [time[span] if curve is None else curve.time for span, curve in zip(spans, self._curves, strict=True)]
-        self._spans = spans
-        self._groups: list[tuple[list[int], NDArray[np.float64]]] = []
-        alike: dict[int, list[int]] = {}  # pieces of equal length within a factor of 2
-        for number, own in enumerate(times):
-            alike.setdefault(len(own).bit_length(), []).append(number)
-        for members in alike.values():
-            length = max(len(times[number]) for number in members)
-            self._groups.append((members, np.stack([_longer(times[number], length) for number in members], axis=1)))
+        alike: dict[int, list[tuple[slice, Curve]]] = {}  # pieces of equal length within a factor of 2
+        for span in spans:
+            curve = curve_through(time[span]) if between else at_frames(time[span])
+            alike.setdefault(len(curve.time).bit_length(), []).append((span, curve))
+        self._groups = [_Group(members, len(time)) for members in alike.values()]
 
     def run(
         self, transform: Transform, x: NDArray[np.floating], covariates: Mapping[str, NDArray[np.float64]]
@@ -52,28 +46,51 @@ class Pieces:
             covariates: ``(T, ...)`` by name; empty if frames are interpolated.
         """
         out = np.empty_like(x)
-        for members, time in self._groups:
-            spans, curves = [self._spans[n] for n in members], [self._curves[n] for n in members]
-            points = [x[span] if curve is None else curve(x[span]) for span, curve in zip(spans, curves, strict=True)]
-            given = {name: _beside([c[span] for span in spans], len(time)) for name, c in covariates.items()}
-            made = transform.run(_beside(points, len(time)), time, given)
-            for place, (span, curve) in enumerate(zip(spans, curves, strict=True)):
-                out[span] = made[: span.stop - span.start, place] if curve is None else made[curve.own, place]
+        for group in self._groups:
+            given = {name: group.beside(values) for name, values in covariates.items()}
+            made = transform.run(group.beside(x), group.time, given)
+            out[group.frames] = made.reshape(-1, *x.shape[1:])[group.own]
         return out
+
+
+class _Group:
+    """Pieces side by side, padded to one length.
+
+    A piece is padded with its last frame while time continues. The padding follows the piece and cannot affect it.
+
+    Attributes:
+        time: ``(length, pieces)`` seconds.
+        frames: Frames of the recording that belong to the pieces.
+        own: Their places among the ``length * pieces`` points.
+    """
+
+    def __init__(self, pieces: Sequence[tuple[slice, Curve]], count: int) -> None:
+        """Lay out pieces of a recording of `count` frames."""
+        length, width = max(len(curve.time) for _, curve in pieces), len(pieces)
+        self.time = np.stack([_longer(curve.time, length) for _, curve in pieces], axis=1)
+        self.frames = np.concatenate([np.arange(span.start, span.stop) for span, _ in pieces])
+        self.own = np.concatenate([curve.own * width + place for place, (_, curve) in enumerate(pieces)])
+        padded = [curve.weights[np.minimum(np.arange(length), len(curve.time) - 1)].tocoo() for _, curve in pieces]
+        row = np.concatenate([own.row * width + place for place, own in enumerate(padded)])
+        col = np.concatenate([own.col + span.start for own, (span, _) in zip(padded, pieces, strict=True)])
+        data = np.concatenate([own.data for own in padded])
+        weights = csr_array((data, (row, col)), shape=(length * width, count))
+        self._frame = weights.indices if weights.nnz == length * width else None  # one frame each: no arithmetic
+        self._weights = {np.dtype(kind): weights.astype(kind) for kind in (np.float32, np.float64)}
+
+    def beside(self, values: NDArray[Any]) -> NDArray[Any]:
+        """``(T, ...)`` values of a recording as ``(length, pieces, ...)``."""
+        if self._frame is not None:
+            points = values[self._frame]
+        else:
+            points = self._weights[values.dtype] @ values.reshape(len(values), -1)
+        return points.reshape(*self.time.shape, *values.shape[1:])
 
 
 def _longer(time: NDArray[np.float64], length: int) -> NDArray[np.float64]:
     """Times extended at the median interval, or at 1 s for a single time."""
     step = float(np.median(np.diff(time))) if len(time) > 1 else 1.0
     return np.append(time, time[-1] + step * np.arange(1, length + 1 - len(time)))
-
-
-def _beside(pieces: Sequence[NDArray[np.floating]], length: int) -> NDArray[np.floating]:
-    """``(length, pieces, ...)`` values side by side; the last value of each piece is repeated."""
-    out = np.empty((length, len(pieces), *pieces[0].shape[1:]), dtype=pieces[0].dtype)
-    for place, own in enumerate(pieces):
-        out[: len(own), place], out[len(own) :, place] = own, own[-1]
-    return out
 
 
 def in_one_piece(time: NDArray[np.float64], episodes: Sequence[slice]) -> tuple[slice, ...]:
