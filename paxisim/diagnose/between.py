@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
 
 FINE_STEP = 0.01  # s between interpolated points
 MAX_GAP = 0.15  # s; longer gaps between frames are not interpolated
@@ -24,18 +23,20 @@ class Curve:
     Attributes:
         time: ``(M,)`` seconds, including those of the frames.
         own: ``(T,)`` indices of the frames.
-        weights: ``(M, T)`` interpolation weights.
+        nodes: ``(M, n)`` indices of the frames that each point is made of, in order.
+        weights: ``(M, n)`` weights of these frames.
     """
 
     time: NDArray[np.float64]
     own: NDArray[np.int64]
-    weights: csr_array
+    nodes: NDArray[np.int64]
+    weights: NDArray[np.float64]
 
 
 def at_frames(time: NDArray[np.float64]) -> Curve:
     """The frames at these times (s) and no points between them."""
     own = np.arange(len(time))
-    return Curve(time, own, csr_array((np.ones(len(own)), (own, own))))
+    return Curve(time, own, own[:, None], np.ones((len(own), 1)))
 
 
 def curve_through(time: NDArray[np.float64]) -> Curve:
@@ -58,6 +59,4 @@ def curve_through(time: NDArray[np.float64]) -> Curve:
         for other in range(_NODES):
             if other != one:
                 weights[:, one] *= (points - at[:, other]) / (at[:, one] - at[:, other])
-    rows = np.repeat(np.arange(len(points)), _NODES)
-    matrix = csr_array((weights.ravel(), (rows, nodes.ravel())), shape=(len(points), len(time)))
-    return Curve(points, own, matrix)
+    return Curve(points, own, nodes, weights)

@@ -29,10 +29,11 @@ class Pieces:
             spans: The frames of each piece.
             between: Whether to interpolate between the frames, see `curve_through`.
         """
-        alike: dict[int, list[tuple[slice, Curve]]] = {}  # pieces of equal length within a factor of 2
+        # interpolated pieces and others apart, and pieces of equal length within a factor of 2 together
+        alike: dict[tuple[int, int], list[tuple[slice, Curve]]] = {}
         for span in spans:
             curve = curve_through(time[span]) if between else at_frames(time[span])
-            alike.setdefault(len(curve.time).bit_length(), []).append((span, curve))
+            alike.setdefault((curve.nodes.shape[1], len(curve.time).bit_length()), []).append((span, curve))
         self._groups = [_Group(members, len(time)) for members in alike.values()]
 
     def run(
@@ -70,20 +71,19 @@ class _Group:
         self.time = np.stack([_longer(curve.time, length) for _, curve in pieces], axis=1)
         self.frames = np.concatenate([np.arange(span.start, span.stop) for span, _ in pieces])
         self.own = np.concatenate([curve.own * width + place for place, (_, curve) in enumerate(pieces)])
-        padded = [curve.weights[np.minimum(np.arange(length), len(curve.time) - 1)].tocoo() for _, curve in pieces]
-        row = np.concatenate([own.row * width + place for place, own in enumerate(padded)])
-        col = np.concatenate([own.col + span.start for own, (span, _) in zip(padded, pieces, strict=True)])
-        data = np.concatenate([own.data for own in padded])
-        weights = csr_array((data, (row, col)), shape=(length * width, count))
-        self._frame = weights.indices if weights.nnz == length * width else None  # one frame each: no arithmetic
-        self._weights = {np.dtype(kind): weights.astype(kind) for kind in (np.float32, np.float64)}
+        padded = [np.minimum(np.arange(length), len(curve.time) - 1) for _, curve in pieces]
+        together = list(zip(padded, pieces, strict=True))
+        self._nodes = np.stack([span.start + curve.nodes[at] for at, (span, curve) in together], axis=1)
+        weights = np.stack([curve.weights[at] for at, (_, curve) in together], axis=1)
+        starts = np.arange(0, weights.size + 1, weights.shape[-1])
+        matrix = csr_array((weights.ravel(), self._nodes.ravel(), starts), shape=(length * width, count))
+        self._weights = {np.dtype(kind): matrix.astype(kind) for kind in (np.float32, np.float64)}
 
     def beside(self, values: NDArray[Any]) -> NDArray[Any]:
         """``(T, ...)`` values of a recording as ``(length, pieces, ...)``."""
-        if self._frame is not None:
-            points = values[self._frame]
-        else:
-            points = self._weights[values.dtype] @ values.reshape(len(values), -1)
+        if self._nodes.shape[-1] == 1:
+            return values[self._nodes[..., 0]]
+        points = self._weights[values.dtype] @ values.reshape(len(values), -1)
         return points.reshape(*self.time.shape, *values.shape[1:])
 
 
