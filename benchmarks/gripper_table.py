@@ -19,7 +19,7 @@ import numpy as np
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
 from paxisim.models.attach import attach
-from paxisim.models.closing import Stroke, close_gripper
+from paxisim.models.grip import Grip
 from paxisim.models.find_mounts import find_mounts
 from paxisim.models.gel import Gel
 from paxisim.models.grippers import known_gripper, known_grippers, robosuite_gripper_path
@@ -80,9 +80,9 @@ def hold(name: str, mounts: tuple[Mount, ...] | None = None) -> Balance:
     gripper = known_gripper(name)
     layout = TaxelLayout(ROWS, COLS, (gripper.face_mm[0] * 1e-3 / ROWS, gripper.face_mm[1] * 1e-3 / COLS))
     tactile = attach(robosuite_gripper_path(name), Pad(layout, gel=GEL), mounts or gripper.mounts)
-    stroke = close_gripper(tactile.compile()) if name != "wiping" else None
+    grip = tactile.grips[0] if name != "wiping" else None
     spec, frame = tactile.spec, START.get(name, 0)
-    _add_object(spec, name, tactile.compile(), stroke, frame)
+    _add_object(spec, name, tactile.compile(), grip, frame)
     _carry(spec)
     if name in HANDS:  # otherwise the heavy links would make the weak servos sag
         for body in spec.bodies:
@@ -92,7 +92,7 @@ def hold(name: str, mounts: tuple[Mount, ...] | None = None) -> Balance:
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.gravity = (0, 0, -9.81)
     model = spec.compile()
-    return _Simulation(model, TactileReadout(model, tactile.bind(model)), stroke, frame).run(name not in CARRIED)
+    return _Simulation(model, TactileReadout(model, tactile.bind(model)), grip, frame).run(name not in CARRIED)
 
 
 def _carry(spec: mujoco.MjSpec) -> None:
@@ -107,15 +107,14 @@ def _carry(spec: mujoco.MjSpec) -> None:
     )
 
 
-def _add_object(spec: mujoco.MjSpec, name: str, model: mujoco.MjModel, stroke: Stroke | None, frame: int) -> None:
+def _add_object(spec: mujoco.MjSpec, name: str, model: mujoco.MjModel, grip: Grip | None, frame: int) -> None:
     """Place the object between the open pads."""
     pads = find_pads(model)
-    if stroke is None:
-        data = mujoco.MjData(model)
-        mujoco.mj_kinematics(model, data)
-        centres, frames = data.xpos[pads.bodies], data.xmat[pads.bodies].reshape(-1, 3, 3)
-    else:
-        centres, frames = stroke.pos[frame, pads.bodies], stroke.rot[frame, pads.bodies]
+    data = mujoco.MjData(model)
+    if grip is not None:
+        data.qpos[:] = grip.qpos[frame]
+    mujoco.mj_kinematics(model, data)
+    centres, frames = data.xpos[pads.bodies], data.xmat[pads.bodies].reshape(-1, 3, 3)
     outward, height, width = -frames[:, :, 2], pads.layout.size[0], pads.layout.size[1]
     body = spec.worldbody.add_body(name="object")
     if name in CARRIED:
@@ -133,9 +132,9 @@ def _add_object(spec: mujoco.MjSpec, name: str, model: mujoco.MjModel, stroke: S
     body.add_freejoint()
     axes = frames[0]
     local = (centres - centres[0]) @ axes
-    thick = 0.85 * float(np.ptp(local[:, 2])) if stroke is not None else 0.02
+    thick = 0.85 * float(np.ptp(local[:, 2])) if grip is not None else 0.02
     body.pos = centres[0] + axes @ ((local.min(axis=0) + local.max(axis=0)) / 2)
-    if stroke is None:
+    if grip is None:
         body.pos = centres[0] + (thick / 2 - 1e-4) * outward[0]
     body.quat = _quat(axes)
     size = (0.4 * width, 0.3 * height, thick / 2)
@@ -149,8 +148,8 @@ def _quat(axes: np.ndarray) -> np.ndarray:
 
 
 class _Simulation:
-    def __init__(self, model: mujoco.MjModel, readout: TactileReadout, stroke: Stroke | None, frame: int) -> None:
-        self.model, self.readout, self.stroke, self.frame = model, readout, stroke, frame
+    def __init__(self, model: mujoco.MjModel, readout: TactileReadout, grip: Grip | None, frame: int) -> None:
+        self.model, self.readout, self.grip, self.frame = model, readout, grip, frame
         self.data = mujoco.MjData(model)
         self.object = model.body("object").id
         self.dofs = np.flatnonzero(model.dof_bodyid == self.object)
@@ -165,16 +164,16 @@ class _Simulation:
     def _close(self, free: bool) -> None:
         """Close until every pad is pressed; a free object is held in place until the first pad presses on it."""
         model, data = self.model, self.data
-        if self.stroke is None:
+        if self.grip is None:
             return
-        data.qpos[1 : 1 + self.stroke.qpos.shape[1]] = self.stroke.qpos[self.frame]
-        data.ctrl[:] = data.actuator_length if self.frame else self.stroke.open_ctrl
+        data.qpos[1 : 1 + self.grip.qpos.shape[1]] = self.grip.qpos[self.frame]
+        data.ctrl[:] = data.actuator_length if self.frame else self.grip.open_ctrl
         mujoco.mj_forward(model, data)
         # start without force: the servos of some hands push even at their target position
         start = data.ctrl - (data.actuator_force / model.actuator_gainprm[:, 0] if self.frame else 0)
         home = data.qpos[self.first :].copy()
         for alpha in np.linspace(0, 1, 2000):
-            data.ctrl[:] = start + alpha * (self.stroke.close_ctrl - start)
+            data.ctrl[:] = start + alpha * (self.grip.close_ctrl - start)
             mujoco.mj_step(model, data)
             pressed = self._pressed()
             if free and pressed.max() < GRIP / 2:

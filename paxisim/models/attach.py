@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import mujoco
@@ -16,6 +17,7 @@ from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.layout import TaxelLayout
 from paxisim.models import names
 from paxisim.models.gel import Gel
+from paxisim.models.grip import Grip
 from paxisim.models.load import compile_spec, compile_whole, load_spec, one_line
 from paxisim.models.mjcf import numbers
 from paxisim.models.mount import Mount
@@ -43,6 +45,18 @@ class TactileGripper:
     gel: Gel
     layout: TaxelLayout
     report: str = ""
+    _found: tuple[Grip, ...] = ()
+
+    @cached_property
+    def grips(self) -> tuple[Grip, ...]:
+        """How each hand closes its pads; empty if nothing closes them. Computed on first use for mounts given by hand.
+
+        Raises:
+            InvalidValueError: MuJoCo cannot compile the gripper, or it is unstable when it is driven.
+        """
+        from paxisim.models.find_mounts import grips_of
+
+        return self._found or grips_of(self.spec, self.mounts)
 
     def compile(self) -> mujoco.MjModel:
         """Compile the gripper by itself.
@@ -109,6 +123,10 @@ def attach(
     gripper: mujoco.MjSpec | str | Path,
     sensor: Pad | TaxelLayout | str,
     mounts: Iterable[Mount] | None = None,
+    *,
+    fingers: Sequence[str] = (),
+    close: Sequence[str] = (),
+    under: str = "",
 ) -> TactileGripper:
     """Put tactile pads on a gripper, an arm or a hand.
 
@@ -127,6 +145,9 @@ def attach(
         mounts: Mounts of the pads, in any order; the pads are ordered by their bodies. Default: the known mounts if
             `gripper` is a file that robosuite ships, else the mounts that `find_mounts` proposes. The attribute
             `report` of the result says which.
+        fingers: Names of the bodies that are the fingertips, for `find_mounts`.
+        close: Names of the actuators or joints that close the hand, for `find_mounts`.
+        under: Name of the body that carries the hand, for `find_mounts`.
 
     Returns:
         The gripper with its pads, not compiled: call ``result.compile()`` and then ``result.bind(model)``.
@@ -137,12 +158,16 @@ def attach(
     """
     spec = load_spec(gripper)
     pad = _as_pad(sensor)
-    report = ""
+    report, grips = "", ()
+    if mounts is not None and (fingers or close or under):
+        raise InvalidValueError("fingers, close and under choose the mounts: leave them out, or the mounts")
     if mounts is None:
         from paxisim.models.find_mounts import choose_mounts
 
         is_file = isinstance(gripper, Path) or (isinstance(gripper, str) and not gripper.lstrip().startswith("<"))
-        mounts, report = choose_mounts(spec, str(gripper) if is_file else "")
+        mounts, report, grips = choose_mounts(
+            spec, str(gripper) if is_file else "", fingers=fingers, close=close, under=under
+        )
     chosen = (mounts,) if isinstance(mounts, Mount) else tuple(mounts)
     for mount in chosen:
         if not isinstance(mount, Mount):
@@ -173,7 +198,8 @@ def attach(
     order = sorted(range(len(chosen)), key=lambda i: model.body(pad_names[i]).id)
     mounts, pad_names = tuple(chosen[i] for i in order), tuple(pad_names[i] for i in order)
     _warn_of_mounts(spec, pad_names, mounts)
-    return TactileGripper(spec, mounts, pad_names, pad.gel, pad.layout, report)
+    grips = tuple(grip.reordered(order) for grip in grips)
+    return TactileGripper(spec, mounts, pad_names, pad.gel, pad.layout, report, grips)
 
 
 def _warn_of_mounts(spec: mujoco.MjSpec, pad_names: tuple[str, ...], mounts: tuple[Mount, ...]) -> None:

@@ -21,12 +21,20 @@ from scipy import ndimage
 from scipy.spatial import ConvexHull
 
 FACE_DEPTH = 1e-3
-"""Depth (m) within which a curved surface counts as one face: the thickness of the gel."""
+"""Depth (m) within which a curved surface counts as one face."""
+ROOM = 3.5e-3
+"""Room (m) that a pad needs behind its plane: the thickness of the default gel, into which an object may sink, and the
+bumps of its surface."""
+STEPS = 2.5e-3
+"""Largest depth (m) of the steps of one face."""
 
 _STEP = 0.15e-3  # a parallel surface further back belongs to another face
 _COS_PARALLEL = np.cos(np.radians(3))
 _SHARE = 0.2  # the face is the foremost plane with at least this share of the largest plane's area
+_FILL = 0.6  # a face fills at least this share of its rectangle, or it scores less
+_SQUARE = np.array([[0, 0], [0, 1], [1, 0], [1, 1]])
 _COS_TILT = np.cos(np.radians(40))  # a triangle tilted more does not belong to the face
+_COS_STEP = np.cos(np.radians(15))  # and the same for a stepped face
 _COS_SEARCH = np.cos(np.radians(55))  # largest angle between a face's normal and the requested direction
 
 
@@ -61,7 +69,7 @@ class Face:
         frame: ``(3, 3)`` columns x, y, z of the pad frame in the link frame; z points into the link.
         size: Extent along y and along x.
         fill: Share of that rectangle that lies within `FACE_DEPTH` of the plane.
-        flatness: Largest distance of the face behind its plane, at most `FACE_DEPTH`.
+        flatness: Largest distance of the face behind its plane, at most `FACE_DEPTH`, or `STEPS` if it has steps.
         geoms: Geoms that would shadow a pad on the face (`shadowing`): first the visible ones, by decreasing area,
             then those hidden closely behind.
     """
@@ -155,12 +163,14 @@ def find_face(
     surface: Surface,
     direction: NDArray[np.float64],
     base: NDArray[np.float64],
-    near: tuple[NDArray[np.float64], float] | None = None,
+    where: NDArray[np.bool_] | None = None,
+    steps: bool = False,
 ) -> Face | None:
     """Find the face of `surface` that faces `direction`.
 
-    The candidates are directions in which the surface has area, within 55 degrees of `direction`. The face is the
-    candidate whose plane has the largest connected area. Area counts more with its distance from the finger's base,
+    The candidates are directions within 55 degrees of `direction` in which the surface or its convex hull has area: a
+    flat object rests on the hull, also where the surface is stepped. The face is the candidate whose plane has the
+    largest area, in one piece or in pieces near one another. Area counts more with its distance from the finger's base,
     and is weighted by the squared cosine of the angle to `direction`. A bonus for `direction` itself decides on round
     fingers. Finally, the normal is refined to the mean normal of that area.
 
@@ -168,49 +178,58 @@ def find_face(
         surface: Surface of the link.
         direction: ``(3,)`` direction of the outward normal, link frame; need not be of unit length.
         base: ``(3,)`` point at the base of the finger: y points from there to the face.
-        near: A point and a radius: use only the part of the surface within that distance of the line through the
-            point along `direction`.
+        where: ``(N,)`` triangles that may belong to the face; default: all.
+        steps: Whether the face may have steps along the finger: its plane then rests on their edges.
 
     Returns:
         The face, or None if no part of the surface faces that way.
     """
     goal = _unit(direction)
-    if near is not None:
-        offset = surface.points - near[0]
-        offset -= np.outer(offset @ goal, goal)
-        surface = _part(surface, np.linalg.norm(offset, axis=1) < near[1])
-    if not len(surface.normals):
+    part = surface if where is None else _part(surface, where)
+    if not len(part.normals):
         return None
-    distance = np.linalg.norm(surface.points - base, axis=1)
+    distance = np.linalg.norm(part.points - base, axis=1)
     weights = 0.1 + (distance - distance.min()) / max(float(np.ptp(distance)), 1e-9)
     regions = [
-        (region.area * float(normal @ goal) ** 2 * (1.0 if k == 0 else 0.8), k, normal, region)
-        for k, normal in enumerate(_candidates(surface, goal))
-        if (region := _region(surface, normal, weights)) is not None
+        (region.score(normal @ goal) * (1.0 if k == 0 else 0.8), k, normal, stepped, region)
+        for k, (normal, stepped) in enumerate(_candidates(part, goal, base if steps else None))
+        if (region := _region(part, normal, weights, STEPS if stepped else None)) is not None
     ]
     if not regions:
         return None
-    score, _, normal, region = max(regions, key=lambda r: (r[0], -r[1]))
-    for _ in range(6):
-        mean = _unit(surface.normals[region.members].mean(axis=0))
-        refined = _region(surface, mean, weights)
-        if refined is None or refined.area * float(mean @ goal) ** 2 < 0.7 * score:
+    score, _, normal, stepped, region = max(regions, key=lambda r: (r[0], -r[1]))
+    for _ in range(0 if stepped else 6):
+        mean = _unit(part.normals[region.members].mean(axis=0))
+        refined = _region(part, mean, weights, None)
+        if refined is None or refined.score(mean @ goal) < 0.7 * score:
             break
         converged = float(mean @ normal) > np.cos(np.radians(0.05))
         normal, region = mean, refined
-        score = max(score, region.area * float(mean @ goal) ** 2)
+        score = max(score, region.score(mean @ goal))
         if converged:
             break
-    return _fit(surface, normal, region, base)
+    return _fit(part, normal, region, base, surface, stepped)
 
 
 @dataclass(frozen=True, eq=False)
 class _Region:
-    """Triangles of a depth image that form one plane, with their weighted area and the height of the plane."""
+    """Triangles of a depth image that form one plane.
+
+    Attributes:
+        members: Indices of the triangles.
+        area: Their weighted area.
+        fill: Share of the smallest rectangle around them that they fill.
+        height: Height of the plane.
+    """
 
     members: NDArray[np.int64]
     area: float
+    fill: float
     height: float
+
+    def score(self, cosine: float) -> float:
+        """Return how well the region serves as a face, if its normal has this cosine to the wanted one."""
+        return self.area * float(cosine) ** 2 * min(1.0, self.fill / _FILL)
 
 
 def _part(surface: Surface, keep: NDArray[np.bool_]) -> Surface:
@@ -222,21 +241,49 @@ def _areas(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.linalg.norm(cross, axis=1) / 2
 
 
-def _candidates(surface: Surface, goal: NDArray[np.float64], most: int = 10) -> Iterator[NDArray[np.float64]]:
-    """Yield `goal` and the normals of the largest facets within 55 degrees of it, at least 8 degrees apart."""
-    yield goal
-    facing = surface.normals @ goal > _COS_SEARCH
-    normals, weights = surface.normals[facing], _areas(surface.triangles[facing])
-    for _ in range(most):
-        if not weights.sum() > 0:
-            return
-        keys, index = np.unique(np.round(normals, 2), axis=0, return_inverse=True)
-        totals = np.bincount(index.ravel(), weights=weights, minlength=len(keys))
-        facet = index.ravel() == int(totals.argmax())
-        mean = _unit(np.sum(normals[facet] * weights[facet, None], axis=0))
-        yield mean
-        rest = normals @ mean < np.cos(np.radians(8))
-        normals, weights = normals[rest], weights[rest]
+def _candidates(
+    surface: Surface, goal: NDArray[np.float64], base: NDArray[np.float64] | None, most: int = 10
+) -> Iterator[tuple[NDArray[np.float64], bool]]:
+    """Yield `goal` and the normals of the largest facets within 55 degrees of it, some degrees apart.
+
+    The facets are those of the surface. If `base` is given, the point from which the finger reaches out, those of its
+    convex hull follow with True: the hull rests on the edges of steps along the finger.
+    """
+    yield goal, False
+    seen: list[NDArray[np.float64]] = []
+    facets = [(surface.triangles, False)]
+    if base is not None:
+        vertices, faces = _hull(surface.triangles.reshape(-1, 3))
+        facets.append((vertices[faces], True))
+    for triangles, stepped in facets:
+        cross = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+        length = np.linalg.norm(cross, axis=1)
+        facing = cross @ goal > _COS_SEARCH * length
+        normals, weights = cross[facing] / length[facing, None], length[facing]
+        if stepped and base is not None:
+            aside = _unit(np.cross(goal, surface.points.mean(axis=0) - base))
+            normals = normals - np.outer(normals @ aside, aside)
+            normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        apart = np.cos(np.radians(3 if stepped else 8))
+        for mean in seen:
+            normals, weights = _apart(mean, normals, weights, apart)
+        for _ in range(most):
+            if not weights.sum() > 0:
+                break
+            keys, index = np.unique(np.round(normals, 2), axis=0, return_inverse=True)
+            totals = np.bincount(index.ravel(), weights=weights, minlength=len(keys))
+            facet = index.ravel() == int(totals.argmax())
+            mean = _unit(np.sum(normals[facet] * weights[facet, None], axis=0))
+            seen.append(mean)
+            yield mean, stepped
+            normals, weights = _apart(mean, normals, weights, apart)
+
+
+def _apart(
+    mean: NDArray[np.float64], normals: NDArray[np.float64], weights: NDArray[np.float64], cosine: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    rest = normals @ mean < cosine
+    return normals[rest], weights[rest]
 
 
 def _unit(vector: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -250,14 +297,18 @@ def _plane_axes(normal: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.stack([u, np.cross(normal, u)], axis=1)
 
 
-def _region(surface: Surface, normal: NDArray[np.float64], weights: NDArray[np.float64]) -> _Region | None:
+def _region(
+    surface: Surface, normal: NDArray[np.float64], weights: NDArray[np.float64], depth: float | None
+) -> _Region | None:
     """Return the foremost plane normal to `normal` with at least `_SHARE` of the largest plane's visible area.
 
-    A mostly flat plane ends where the surface bends; a curved one reaches `FACE_DEPTH` back.
+    A mostly flat plane ends where the surface bends; a curved one reaches `FACE_DEPTH` back. A stepped one reaches
+    `depth` back.
     """
     cell = 1.5 * surface.edge
     points = surface.points
-    heights, flat = points @ normal, points @ _plane_axes(normal)
+    axes = _plane_axes(normal)
+    heights, flat = points @ normal, points @ axes
     low, high = flat.min(axis=0), flat.max(axis=0)
     index = np.floor((flat - (low + high) / 2) / cell).astype(np.int64)  # symmetric, so that normals do not drift
     index -= index.min(axis=0)
@@ -265,7 +316,7 @@ def _region(surface: Surface, normal: NDArray[np.float64], weights: NDArray[np.f
     key = index[:, 0] * shape[1] + index[:, 1]
     order = np.lexsort((heights, key))
     top = order[np.append(np.diff(key[order]) > 0, True)]  # the foremost triangle of each cell
-    top = top[surface.normals[top] @ normal > _COS_TILT]
+    top = top[surface.normals[top] @ normal > (_COS_TILT if depth is None else _COS_STEP)]
     if not len(top):
         return None
     parallel = surface.normals[top] @ normal > _COS_PARALLEL
@@ -275,13 +326,15 @@ def _region(surface: Surface, normal: NDArray[np.float64], weights: NDArray[np.f
         image.flat[key[chosen]] = weights[chosen]
         labels, count = ndimage.label(image, structure=np.ones((3, 3)))  # type: ignore[misc]
         winner = int(np.argmax(ndimage.sum_labels(image, labels, np.arange(1, count + 1)))) + 1
-        return chosen[labels.flat[key[chosen]] == winner]
+        return chosen[np.isin(labels.flat[key[chosen]], _near_patches(labels, winner))]
+
+    reach = np.where(parallel, _STEP, FACE_DEPTH) if depth is None else np.full(len(top), depth)
 
     levels: list[tuple[float, NDArray[np.int64]]] = []  # weighted area and members, foremost first
     most = 0.0
     for ceiling in np.unique(np.ceil(heights[top] / 5e-5))[::-1] * 5e-5:
         behind = ceiling - heights[top]
-        inside = top[(behind >= 0) & (behind < np.where(parallel, _STEP, FACE_DEPTH))]
+        inside = top[(behind >= 0) & (behind < reach)]
         if weights[inside].sum() <= most:
             continue
         members = largest_patch(inside)
@@ -291,21 +344,62 @@ def _region(surface: Surface, normal: NDArray[np.float64], weights: NDArray[np.f
             levels.append((area, members))
     members = next(members for area, members in levels if area >= _SHARE * most)
     straight = surface.normals[members] @ normal > _COS_PARALLEL
-    if straight.mean() > 0.5:
+    if depth is None and straight.mean() > 0.5:
         members = largest_patch(members[straight])
     height = float((surface.triangles[members] @ normal).max())
-    return _Region(members, float(weights[members].sum()) * cell**2, height)
+    around = _smallest_rectangle(surface.triangles[members].reshape(-1, 3) @ axes)
+    fill = min(1.0, len(members) * cell**2 / max(around, 1e-12))
+    return _Region(members, float(weights[members].sum()) * cell**2, fill, height)
 
 
-def _fit(surface: Surface, normal: NDArray[np.float64], region: _Region, base: NDArray[np.float64]) -> Face:
-    """Turn a region into a rectangle with a frame."""
+def _smallest_rectangle(points: NDArray[np.float64]) -> float:
+    """Return the area of the smallest rectangle around ``(N, 2)`` points."""
+    _, spans = _rectangles(points)
+    return float(spans.prod(axis=1).min())
+
+
+def _near_patches(labels: NDArray[np.int64], first: int) -> list[int]:
+    """Return the patches of an image that lie no further from `first`, or from one of them, than they are long.
+
+    Together they fill at least `_FILL` of the smallest rectangle around them.
+    """
+    boxes = ndimage.find_objects(labels)
+    low = np.array([[side.start for side in box] for box in boxes])
+    high = np.array([[side.stop for side in box] for box in boxes])
+    chosen, waiting = [first], [first]
+    while waiting:
+        this = waiting.pop() - 1
+        gap = np.linalg.norm(np.maximum(0, np.maximum(low - high[this], low[this] - high)), axis=1)
+        reach = np.minimum((high - low).max(axis=1), (high - low)[this].max())
+        found = [k + 1 for k in np.flatnonzero(gap <= reach).tolist() if k + 1 not in chosen]
+        chosen += found
+        waiting += found
+    while len(chosen) > 1:
+        cells = np.argwhere(np.isin(labels, chosen))
+        corners = (cells[:, None] + _SQUARE).reshape(-1, 2).astype(float)
+        if len(cells) >= _FILL * _smallest_rectangle(corners):
+            break
+        middle = (low[first - 1] + high[first - 1]) / 2
+        chosen.remove(max(chosen[1:], key=lambda k: float(np.linalg.norm((low[k - 1] + high[k - 1]) / 2 - middle))))
+    return chosen
+
+
+def _fit(
+    surface: Surface,
+    normal: NDArray[np.float64],
+    region: _Region,
+    base: NDArray[np.float64],
+    whole: Surface,
+    stepped: bool,
+) -> Face:
+    """Turn a region into a rectangle with a frame; `whole` is the surface of the link, of which `surface` is a part."""
     corners = surface.triangles[region.members].reshape(-1, 3)
     # edges in the depth image are off by up to a cell: include neighbours on the same plane
     tops = surface.triangles @ normal
     facing = surface.normals @ normal
-    depth = np.where(facing > _COS_PARALLEL, _STEP, FACE_DEPTH)
+    depth = STEPS if stepped else np.where(facing > _COS_PARALLEL, _STEP, FACE_DEPTH)
     straight = bool(np.all(facing[region.members] > _COS_PARALLEL))
-    level = (facing > (_COS_PARALLEL if straight else _COS_TILT)) & (tops.min(axis=1) > region.height - depth)
+    level = (facing > (_COS_STEP if stepped else _COS_PARALLEL if straight else _COS_TILT)) & (tops.min(axis=1) > region.height - depth)
     level &= tops.max(axis=1) < region.height + 1e-9
     axes = _plane_axes(normal)
     flat = corners @ axes
@@ -324,7 +418,7 @@ def _fit(surface: Surface, normal: NDArray[np.float64], region: _Region, base: N
     size = (float(extent[1]), float(extent[0]))
     seen, areas = np.unique(surface.geoms[region.members], return_counts=True)
     visible = [int(g) for g in seen[np.lexsort((seen, -areas))]]
-    hidden = [g for g in shadowing(surface, middle, frame, size) if g not in visible]
+    hidden = [g for g in shadowing(whole, middle, frame, size) if g not in visible]
     return Face(
         center=middle,
         frame=frame,
@@ -341,15 +435,7 @@ def _row_axis(flat: NDArray[np.float64], outward: NDArray[np.float64]) -> NDArra
     If all rectangles are about equally small, this is `outward` itself. If `outward` is very short, it is the longer
     side of the rectangle.
     """
-    points = flat[ConvexHull(flat, qhull_options="QJ Pp").vertices]
-    edges = np.roll(points, -1, axis=0) - points
-    angles = np.unique(np.round(np.arctan2(edges[:, 1], edges[:, 0]) % (np.pi / 2), 6))
-
-    def extents(angle: NDArray[np.float64]) -> NDArray[np.float64]:
-        axes = np.stack([np.cos(angle), np.sin(angle), -np.sin(angle), np.cos(angle)]).T.reshape(-1, 2, 2)
-        return np.ptp(axes @ points.T, axis=-1)
-
-    spans = extents(angles)
+    angles, spans = _rectangles(flat)
     best = int(spans.prod(axis=1).argmin())
     angle, span = angles[best], spans[best]
     length = float(np.linalg.norm(outward))
@@ -357,11 +443,26 @@ def _row_axis(flat: NDArray[np.float64], outward: NDArray[np.float64]) -> NDArra
         angle += np.pi / 2 if span[1] > span[0] else 0.0
         axis = np.array([np.cos(angle), np.sin(angle)])
         return axis if axis @ outward >= 0 else -axis
-    if extents(np.linspace(0, np.pi / 2, 16)).prod(axis=1).max() < 1.15 * span.prod():
+    if _rectangles(flat, np.linspace(0, np.pi / 2, 16))[1].prod(axis=1).max() < 1.15 * span.prod():
         return outward / length
     along = np.arctan2(outward[1], outward[0])
     angle += np.round((along - angle) / (np.pi / 2)) * np.pi / 2
     return np.array([np.cos(angle), np.sin(angle)])
+
+
+def _rectangles(
+    points: NDArray[np.float64], angles: NDArray[np.float64] | None = None
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the extents ``(n, 2)`` of ``(N, 2)`` points along axes turned by `angles` (rad).
+
+    Default angles: those of the edges of the points' convex hull, one of which belongs to the smallest rectangle.
+    """
+    outline = points[ConvexHull(points, qhull_options="QJ Pp").vertices]
+    if angles is None:
+        edges = np.roll(outline, -1, axis=0) - outline
+        angles = np.unique(np.round(np.arctan2(edges[:, 1], edges[:, 0]) % (np.pi / 2), 6))
+    axes = np.stack([np.cos(angles), np.sin(angles), -np.sin(angles), np.cos(angles)]).T.reshape(-1, 2, 2)
+    return angles, np.ptp(axes @ outline.T, axis=-1)
 
 
 def shadowing(
@@ -369,7 +470,7 @@ def shadowing(
     center: NDArray[np.float64],
     frame: NDArray[np.float64],
     size: tuple[float, float],
-    depth: float = FACE_DEPTH + 0.3e-3,
+    depth: float = ROOM,
 ) -> tuple[int, ...]:
     """Return the geoms under the area of a pad that reach to within `depth` behind its plane, or beyond the plane.
 

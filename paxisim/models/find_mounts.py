@@ -1,8 +1,8 @@
-"""find_mounts: propose mounts for the pads on a gripper that paxisim does not know.
+"""find_mounts: propose mounts for the pads on any robot that has a hand.
 
-The search closes the gripper's actuators (`paxisim.models.closing`), picks the fingertips that approach one another,
-finds on each the face towards the others (`paxisim.models.faces`), and reports what it did. A gripper with one moving
-jaw gets a pad on that jaw and one on the part it closes against.
+The search finds the robot's hands and closes them (`paxisim.models.hands`), chooses on each fingertip the face that
+moves towards what the hand closes on (`paxisim.models.pad_faces`), and reports what it did. A hand with one jaw gets a
+pad on that jaw and one on the part that it closes against. The palm of a hand gets none.
 
 The proposed pad frame has z into the finger, y from the finger's base to its tip, so that row 0 is nearest the palm,
 and x = y cross z. The sensing surface is the plane of the face. Lengths in m.
@@ -10,6 +10,7 @@ and x = y cross z. The sensing surface is the plane of the face. Lengths in m.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,13 +18,20 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from paxisim.errors import InvalidValueError
-from paxisim.models.closing import close_gripper, links_of
-from paxisim.models.faces import Face, find_face
-from paxisim.models.fingertips import Fingers, Pair, unit
+from paxisim.errors import InvalidValueError, UnknownNameError
+from paxisim.models.closing import Stroke
+from paxisim.models.grip import Grip
 from paxisim.models.grippers import mounts_for_file
+from paxisim.models.hands import Hand, closes_on, fingers_on
+from paxisim.models.links import Links
 from paxisim.models.load import compile_whole, load_spec
 from paxisim.models.mount import Mount
+from paxisim.models.pad_faces import PadFace, Rejected, pad_faces
+
+WAYS_OUT = (
+    "name the fingers (--fingers), the actuators or joints that close (--close) or a part of the robot (--under), or "
+    "give the mounts by hand (--mount)"
+)
 
 
 @dataclass(frozen=True)
@@ -37,6 +45,7 @@ class FoundFace:
         fill: Share of the rectangle that lies within 1 mm of the plane; below 0.7 the face is round or narrow.
         opposite: Names of the bodies that the face closes against.
         geoms: Names of the geoms that shadow a pad on the face, on its own and on other bodies.
+        off_course: Angle (rad) between the outward normal and the way the face moves when its finger closes.
     """
 
     mount: Mount
@@ -45,6 +54,7 @@ class FoundFace:
     fill: float
     opposite: tuple[str, ...]
     geoms: tuple[str, ...]
+    off_course: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,9 +64,10 @@ class FoundMounts:
     Attributes:
         faces: Faces, one per fingertip.
         report: Readable account of the search and its result.
-        model: Model of the gripper that was searched, for drawing.
-        open_qpos: ``(nq,)`` pose with the gripper open.
+        model: Model of the robot that was searched, for drawing.
+        open_qpos: ``(nq,)`` pose with all hands open.
         grasp_qpos: ``(nq,)`` pose in which the first fingertips meet or are nearest.
+        grips: One entry per hand; the indices of its pads are those of `faces`.
     """
 
     faces: tuple[FoundFace, ...]
@@ -64,6 +75,7 @@ class FoundMounts:
     model: mujoco.MjModel
     open_qpos: NDArray[np.float64]
     grasp_qpos: NDArray[np.float64]
+    grips: tuple[Grip, ...]
 
     @property
     def mounts(self) -> tuple[Mount, ...]:
@@ -71,11 +83,25 @@ class FoundMounts:
         return tuple(face.mount for face in self.faces)
 
 
-def find_mounts(gripper: mujoco.MjSpec | str | Path) -> FoundMounts:
-    """Propose a mount for every fingertip of a gripper, by closing it and finding the faces that meet.
+def find_mounts(
+    gripper: mujoco.MjSpec | str | Path,
+    *,
+    fingers: Sequence[str] = (),
+    close: Sequence[str] = (),
+    under: str = "",
+) -> FoundMounts:
+    """Propose a mount for every fingertip of a robot's hands, by closing them and finding the faces that meet.
+
+    Without options, a proposal that fails a check is refused: a pad must face the way its fingertip moves when the hand
+    closes, and it must face its partner or, in a hand, the space that the fingers close on. With `fingers`, such a
+    proposal is made with a warning in the report.
 
     Args:
-        gripper: The gripper alone: an MjSpec (left unchanged), the path of its MJCF file, or the MJCF text.
+        gripper: A gripper, a hand or a whole robot: an MjSpec (left unchanged), the path of its MJCF or URDF file, or
+            the MJCF text. Objects beside the robot do not matter.
+        fingers: Names of the bodies that are the fingertips; a single fixed jaw is one of them.
+        close: Names of the actuators, or of joints without one, that close the hand; all others are held.
+        under: Name of a body: search only the part of the robot that it carries.
 
     Returns:
         The faces with their mounts, and a report.
@@ -83,39 +109,85 @@ def find_mounts(gripper: mujoco.MjSpec | str | Path) -> FoundMounts:
     Raises:
         InvalidValueError: Nothing closes, no fingertips oppose each other, or a finger's body has no name; the message
             says what was found.
+        UnknownNameError: There is no such body, actuator or joint.
     """
     spec = load_spec(gripper)
-    for key in list(spec.keys):
-        spec.delete(key)
-    for joint in list(spec.joints):
-        if int(joint.type) == int(mujoco.mjtJoint.mjJNT_FREE):
-            spec.delete(joint)
-    model = compile_whole(spec, "the gripper")
-    if not links_of(model):
-        raise InvalidValueError("the gripper has no geom that can touch anything (contype, conaffinity)")
-    return _Search(Fingers(model, close_gripper(model))).result()
+    actuated = _drive_joints(spec, close)
+    model = compile_whole(spec, "the robot")
+    links = Links(model)
+    if not links.geoms.keys() - {0}:
+        if not np.any(model.geom_contype | model.geom_conaffinity):
+            raise InvalidValueError("the robot has no geom that can touch anything (contype, conaffinity)")
+    if not model.nu:
+        raise InvalidValueError(
+            "the robot has no actuators, so nothing closes: name the joints that close it (--close), or give the "
+            "mounts by hand (--mount)"
+        )
+    return _Search(links, fingers, actuated, under).result()
 
 
-def choose_mounts(spec: mujoco.MjSpec, file: str = "") -> tuple[tuple[Mount, ...], str]:
+def choose_mounts(
+    spec: mujoco.MjSpec,
+    file: str = "",
+    *,
+    fingers: Sequence[str] = (),
+    close: Sequence[str] = (),
+    under: str = "",
+) -> tuple[tuple[Mount, ...], str, tuple[Grip, ...]]:
     """Return the known mounts of a gripper file that robosuite ships, else those that `find_mounts` proposes.
 
-    A file counts as known if its name is known and it has the bodies and geoms that the mounts need.
+    A file counts as known if its name is known, it has the bodies and geoms that the mounts need, and no option is
+    given.
 
     Args:
-        spec: The gripper (left unchanged).
+        spec: The robot (left unchanged).
         file: Name of the file it came from, if any.
+        fingers: As for `find_mounts`.
+        close: As for `find_mounts`.
+        under: As for `find_mounts`.
 
     Returns:
-        The mounts, and a readable account of how they were chosen.
+        The mounts, a readable account of how they were chosen, and how their hands close (empty for a known gripper).
 
     Raises:
         InvalidValueError: The gripper is not known, and `find_mounts` found no mounts.
     """
-    known = mounts_for_file(file)
+    known = None if fingers or close or under else mounts_for_file(file)
     if known is not None and _fits(spec, known):
-        return known, f"{Path(file).name} is known: pads on {', '.join(m.body for m in known)}"
-    found = find_mounts(spec)
-    return found.mounts, found.report
+        return known, f"{Path(file).name} is known: pads on {', '.join(m.body for m in known)}", ()
+    found = find_mounts(spec, fingers=fingers, close=close, under=under)
+    return found.mounts, found.report, found.grips
+
+
+def grips_of(spec: mujoco.MjSpec, mounts: Sequence[Mount]) -> tuple[Grip, ...]:
+    """Return how the hands close that carry the given mounts; empty if nothing closes them.
+
+    Args:
+        spec: The robot (left unchanged).
+        mounts: Mounts of its pads.
+    """
+    model = compile_whole(spec, "the robot")
+    links = Links(model)
+    search = _Search(links, [mount.body for mount in mounts], (), "")
+    on = [int(links.of_body[model.body(mount.body).id]) for mount in mounts]
+    grips = []
+    for hand in search.hands():
+        search.take(hand)
+        mine = [i for i, link in enumerate(on) if link == hand.palm or any(link in m for m in hand.members.values())]
+        across = {i: tuple(j for j in mine if hand.finger(on[i]) != hand.finger(on[j])) for i in mine}
+        grips.append(_grip(hand, tuple(mine), tuple(across[i] for i in mine)))
+    return tuple(grips)
+
+
+def _grip(hand: Hand, pads: tuple[int, ...], partners: tuple[tuple[int, ...], ...]) -> Grip:
+    return Grip(
+        pads,
+        partners,
+        tuple(hand.drive.actuators.tolist()),
+        hand.drive.control(hand.closing.open_ctrl),
+        hand.drive.control(hand.closing.close_ctrl),
+        hand.stroke.qpos,
+    )
 
 
 def _fits(spec: mujoco.MjSpec, mounts: tuple[Mount, ...]) -> bool:
@@ -127,159 +199,212 @@ def _fits(spec: mujoco.MjSpec, mounts: tuple[Mount, ...]) -> bool:
     )
 
 
-_Found = dict[int, tuple[Face, tuple[int, ...]]]  # link -> its face and the links it closes against
+def _drive_joints(spec: mujoco.MjSpec, close: Sequence[str]) -> tuple[str, ...]:
+    """Give each named joint that has no actuator of that name a servo, and return the names of the actuators."""
+    actuators = {actuator.name for actuator in spec.actuators if actuator.name}
+    joints = {joint.name: joint for joint in spec.joints if joint.name}
+    names = []
+    for name in close:
+        if name in actuators:
+            names.append(name)
+            continue
+        if name not in joints:
+            raise UnknownNameError("actuator or joint", name, [*actuators, *joints])
+        targets = [a.name for a in spec.actuators if a.target == name and a.name]
+        if targets:
+            names += targets
+            continue
+        servo = spec.add_actuator(name=f"close_{name}", target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        servo.set_to_position(kp=10.0, dampratio=1.0)
+        if joints[name].range[0] < joints[name].range[1]:
+            servo.ctrlrange, servo.ctrllimited = joints[name].range, 1
+        names.append(servo.name)
+    return tuple(names)
 
 
 class _Search:
     """The search, with one method per step."""
 
-    def __init__(self, fingers: Fingers) -> None:
-        self.fingers = fingers
-        self.model, self.stroke = fingers.model, fingers.stroke
+    def __init__(self, links: Links, fingers: Sequence[str], close: Sequence[str], under: str) -> None:
+        self.links, self.model = links, links.model
+        self.wanted = {self._link(name) for name in fingers}
+        self.close = [self.model.actuator(name).id for name in close]
+        self.under = self._link(under) if under else 0
+        self.taken: set[int] = set()
+        self.rejected: list[str] = []
         self.warnings: list[str] = []
 
+    def _link(self, name: str) -> int:
+        body = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, name)
+        if body < 0:
+            raise UnknownNameError("body", name, [n for i in range(self.model.nbody) if (n := self.model.body(i).name)])
+        return int(self.links.of_body[body])
+
     def result(self) -> FoundMounts:
-        tips = self.fingers.fingertips()
-        names = ", ".join(self.fingers.name(tip) for tip in tips)
-        pairs = self.fingers.pairs(tips)
-        found = self._opposing_tips(tips, pairs) if pairs else self._jaw_against_rest(tips)
-        if not found:
-            raise InvalidValueError(
-                f"the gripper closes ({self.stroke.summary}), which moves {names}, but they do not approach one "
-                "another or a face that could carry a pad: give its mounts by hand"
-            )
-        faces = tuple(self._found(link, face, others) for link, (face, others) in sorted(found.items()))
-        grasp = min((p.frame for p in pairs), default=len(self.stroke.qpos) - 1)
-        report = self._report(found, faces, pairs)
-        return FoundMounts(faces, report, self.model, self.stroke.qpos[0], self.stroke.qpos[grasp])
-
-    def _opposing_tips(self, tips: list[int], pairs: list[Pair]) -> _Found:
-        found: _Found = {}
-        for tip in tips:
-            mine = [(p.b if p.a == tip else p.a, p) for p in pairs if tip in (p.a, p.b)]
-            if not mine:
-                self.warnings.append(f"{self.fingers.name(tip)} moves, but towards no other finger: no pad on it")
+        hands: list[tuple[Hand, list[PadFace]]] = []
+        for hand in self.hands():
+            try:
+                found, notes = pad_faces(hand, self.wanted)
+            except Rejected as reason:
+                self.rejected.append(str(reason))
                 continue
-            towards = np.zeros(3)
-            for other, p in mine:
-                there = self.fingers.world(other, p.frame, self.fingers.centre[other])
-                towards += unit(self.fingers.local(tip, p.frame, there) - self.fingers.centre[tip]) / (p.gap + 5e-3)
-            direction = unit(towards) + self.fingers.motion(tip, max(p.frame for _, p in mine))
-            face = find_face(
-                self.fingers.surface(tip), self.fingers.across_hinge(tip, direction), self.fingers.base(tip)
-            )
-            if face is None:
-                self.warnings.append(f"{self.fingers.name(tip)}: no face towards the other fingers: no pad on it")
-            else:
-                found[tip] = (face, tuple(other for other, _ in mine))
-        return found
+            self.take(hand)
+            self.warnings += notes
+            hands.append((hand, found))
+        hands.sort(key=lambda pair: min(face.link for face in pair[1]))
+        if not hands:
+            raise InvalidValueError(self._refusal())
+        faces: list[FoundFace] = []
+        grips: list[Grip] = []
+        lines = ["Closed the robot's hands without gravity and contacts:"]
+        for hand, found in hands:
+            first = len(faces)
+            index = {face.link: first + i for i, face in enumerate(found)}
+            faces += [self._found(hand, face) for face in found]
+            partners = tuple(tuple(index[k] for k in face.partners if k in index) for face in found)
+            grips.append(_grip(hand, tuple(index.values()), partners))
+            lines += self._report(hand, found, faces[first:])
+        lines += [f"warning: {w}" for w in self.warnings]
+        open_qpos = self._open([hand for hand, _ in hands])
+        hand = hands[0][0]
+        grasp = min((p.frame for p in hand.pairs), default=len(hand.stroke.qpos) - 1)
+        return FoundMounts(tuple(faces), "\n".join(lines), self.model, open_qpos, hand.stroke.qpos[grasp], tuple(grips))
 
-    def _jaw_against_rest(self, tips: list[int]) -> _Found:
-        """Find the faces of jaws that close on a fixed part, which gets a pad opposite the first jaw."""
-        found: _Found = {}
-        last = len(self.stroke.qpos) - 1
-        for tip in tips:
-            face = find_face(self.fingers.surface(tip), self.fingers.motion(tip, last), self.fingers.base(tip))
-            if face is None or 0 not in self.fingers.links:
-                continue
-            where = self.fingers.world(tip, last, face.center)
-            ahead = -(self.stroke.rot[last, tip] @ face.frame[:, 2])
-            radius = max(face.size) / 2
-            rest = find_face(self.fingers.surface(0), -ahead, self.fingers.base(0), (where, radius))
-            if rest is None:
-                continue
-            found[tip] = (face, (0,))
-            found.setdefault(0, (rest, (tip,)))
-        return found
+    def hands(self) -> Iterator[Hand]:
+        """Yield the hands that may get pads, the most distal first; `take` one to leave its links out of the rest."""
+        links = self.links
+        depth = {k: len(links.ancestors(k)) for k in links.parent}
+        inside = links.below(self.under)
+        for palm in sorted((k for k in links.parent if k in inside), key=lambda k: (-depth[k], k)):
+            branches = self._branches(palm)
+            tries = [(branches, False)] if len(branches) > 1 else []
+            tries += [([b], True) for b in branches if palm in links.geoms and self._is_jaw(palm, b)]
+            for some, jaw in tries:
+                if not links.below(some[0]) & self.taken:
+                    yield Hand(links, palm, some, self.close, jaw)
 
-    def _found(self, link: int, face: Face, others: tuple[int, ...]) -> FoundFace:
+    def take(self, hand: Hand) -> None:
+        """Leave the links of a hand out of the further search."""
+        self.taken |= {hand.palm}.union(*hand.members.values())
+
+    def _branches(self, palm: int) -> list[int]:
+        """Return the branches of a palm that may be fingers, or those asked for."""
+        if not self.wanted and not self.close:
+            return fingers_on(self.links, palm, self.taken)
+        links = self.links
+        branches = [b for b in links.children(palm) if not links.below(b) & self.taken]
+        if self.wanted:
+            branches = [b for b in branches if links.below(b) & self.wanted]
+            return branches if len(branches) > 1 or palm in self.wanted else []
+        dofs = links.dofs(set().union(*(links.below(b) for b in branches)))
+        other = np.setdiff1d(np.arange(self.model.nv), dofs)
+        drives = links.drives[self.close]
+        return branches if drives[:, dofs].any() and not drives[:, other].any() else []
+
+    def _is_jaw(self, palm: int, branch: int) -> bool:
+        if self.wanted:
+            return palm in self.wanted
+        return closes_on(self.links, palm, branch)
+
+    def _refusal(self) -> str:
+        if self.rejected:
+            return f"no hand found: {'; '.join(dict.fromkeys(self.rejected))}: {WAYS_OUT}"
+        return f"no hand found: no fingers branch off a palm, and no jaw closes on the link that carries it: {WAYS_OUT}"
+
+    def _open(self, hands: list[Hand]) -> NDArray[np.float64]:
+        """Return the rest pose with each hand open."""
+        qpos = self.links.data.qpos.copy()
+        for hand in hands:
+            opened = hand.stroke.qpos[0]
+            moved = np.abs(opened - self.links.data.qpos) > 1e-9
+            qpos[moved] = opened[moved]
+        return qpos
+
+    def _found(self, hand: Hand, pad: PadFace) -> FoundFace:
         """Express a face in the frame of the body that carries most of it."""
-        model = self.model
+        model, links, face = self.model, self.links, pad.face
         body = int(model.geom_bodyid[face.geoms[0]])
         if not model.body(body).name:
-            parent = self.fingers.body_name(int(model.body_parentid[body]))
+            parent = links.body_name(int(model.body_parentid[body]))
             raise InvalidValueError(
-                f"a pad would go on {self.fingers.body_name(body)} (its parent is {parent}), which has no name: name "
+                f"a pad would go on {links.body_name(body)} (its parent is {parent}), which has no name: name "
                 "it, since a mount refers to its body by name"
             )
-        rot, pos = self.fingers.data.xmat[body].reshape(3, 3), self.fingers.data.xpos[body]
-        world = self.stroke.rot[0, link]
-        center = rot.T @ (self.fingers.world(link, 0, face.center) - pos)
+        data = links.data
+        rot, pos = data.xmat[body].reshape(3, 3), data.xpos[body]
+        link_rot = data.xmat[pad.link].reshape(3, 3)
+        center = rot.T @ (data.xpos[pad.link] + link_rot @ face.center - pos)
         quat = np.empty(4)
-        mujoco.mju_mat2Quat(quat, np.ascontiguousarray(rot.T @ world @ face.frame).ravel())
+        mujoco.mju_mat2Quat(quat, np.ascontiguousarray(rot.T @ link_rot @ face.frame).ravel())
         quat = np.round(quat, 6)
         quat = quat * np.sign(quat[np.flatnonzero(quat)[0]]) + 0.0
         replaces: list[str | int] = []
         for geom in sorted(face.geoms):
-            name, owner = model.geom(geom).name, int(model.geom_bodyid[geom])
-            if name:
-                replaces.append(name)
-            elif owner == body:
-                replaces.append(geom - int(model.body_geomadr[body]))
-            else:
-                there, here = self.fingers.body_name(owner), self.fingers.body_name(body)
-                self.warnings.append(
-                    f"an unnamed geom of {there} shadows the pad on {here}: name it and add it to replaces"
-                )
+            own = int(model.geom_bodyid[geom]) == body and not model.geom(geom).name
+            replaces.append(geom - int(model.body_geomadr[body]) if own else links.geom_name(geom))
         mount = Mount(
-            self.fingers.body_name(body),
+            links.body_name(body),
             tuple((np.round(center, 6) + 0.0).tolist()),
             tuple(quat.tolist()),
             tuple(replaces),  # type: ignore[arg-type]
         )
-        labels = tuple(self._geom_name(geom) for geom in face.geoms)
-        return FoundFace(mount, face.size, face.flatness, face.fill, tuple(map(self.fingers.name, others)), labels)
+        return FoundFace(
+            mount,
+            face.size,
+            face.flatness,
+            face.fill,
+            tuple(map(links.name, pad.partners)),
+            tuple(links.geom_name(geom) for geom in face.geoms),
+            pad.off_course,
+        )
 
     # report
 
-    def _geom_name(self, geom: int) -> str:
-        body = int(self.model.geom_bodyid[geom])
-        number = geom - int(self.model.body_geomadr[body])
-        return self.model.geom(geom).name or f"geom {number} of {self.fingers.body_name(body)}"
-
-    def _report(
-        self,
-        found: _Found,
-        faces: tuple[FoundFace, ...],
-        pairs: list[Pair],
-    ) -> str:
-        lines = ["Closed the gripper without gravity and contacts:"]
-        s = self.stroke
-        for n, a, b, spread in zip(s.actuators, s.open_ctrl, s.close_ctrl, s.spread, strict=True):
-            why = "only spreads fingers" if spread else "neither opens nor closes"
-            lines.append(f"  {n}: {f'held at {a:.4g}, {why}' if a == b else f'from {a:.4g} to {b:.4g}'}")
-        for p in pairs:
-            if p.a in found and p.b in found:
-                gaps = [self._gap(found, p, f) for f in range(len(s.qpos))]
+    def _report(self, hand: Hand, found: list[PadFace], faces: list[FoundFace]) -> list[str]:
+        links, closing = self.links, hand.closing
+        lines = []
+        for a, start, end, spreads in zip(
+            hand.drive.actuators, closing.open_ctrl, closing.close_ctrl, closing.spreads, strict=True
+        ):
+            why = "only spreads fingers" if spreads else "neither opens nor closes"
+            name = self.model.actuator(int(a)).name or f"actuator {a}"
+            held = f"held at {start:.4g}, {why}"
+            lines.append(f"  {name}: {held if start == end else f'from {start:.4g} to {end:.4g}'}")
+        by_link = {pad.link: pad.face.center for pad in found}
+        for p in hand.pairs:
+            if p.a in by_link and p.b in by_link:
+                gaps = [_gap(hand.stroke, frame, p.a, p.b, by_link) for frame in range(len(hand.stroke.qpos))]
                 lines.append(
-                    f"{self.fingers.name(p.a)} opposes {self.fingers.name(p.b)}: the faces' centres are "
+                    f"{links.name(p.a)} opposes {links.name(p.b)}: the faces' centres are "
                     f"{gaps[0] * 1e3:.1f} mm apart when open, {min(gaps) * 1e3:.1f} mm when nearest"
                 )
-        for (link, (face, others)), f in zip(sorted(found.items()), faces, strict=True):
-            moved = float(np.linalg.norm(self.fingers.moves[link]))
+        for pad, f in zip(found, faces, strict=True):
+            moved = float(np.linalg.norm(hand.moves.get(pad.link, np.zeros(3))))
+            towards = ", ".join(f.opposite) if f.opposite else "the palm"
             lines.append(
-                f"{f.mount.body} (moves {moved * 1e3:.1f} mm) faces {', '.join(f.opposite)}: face of "
+                f"{f.mount.body} (moves {moved * 1e3:.1f} mm) faces {towards}: face of "
                 f"{f.size[0] * 1e3:.1f} x {f.size[1] * 1e3:.1f} mm (y, x), flat to {f.flatness * 1e3:.2f} mm over "
-                f"{f.fill:.0%}"
+                f"{f.fill:.0%}, its normal {np.degrees(f.off_course):.0f} deg off the way it closes"
             )
             lines.append(f"  switches off {', '.join(f.geoms)}")
-            lines += [f"  note: {note}" for note in self._notes(link, face, f, others)]
-        return "\n".join([*lines, *(f"warning: {w}" for w in self.warnings)])
+            lines += [f"  note: {note}" for note in self._notes(pad, f)]
+        return lines
 
-    def _gap(self, found: _Found, pair: Pair, frame: int) -> float:
-        a, b = (self.fingers.world(k, frame, found[k][0].center) for k in (pair.a, pair.b))
-        return float(np.linalg.norm(a - b))
-
-    def _notes(self, link: int, face: Face, found: FoundFace, others: tuple[int, ...]) -> list[str]:
+    def _notes(self, pad: PadFace, found: FoundFace) -> list[str]:
         notes = []
         if found.fill < 0.7:
             notes.append("the face is round or narrow: the edges of the pad stand out from it")
-        corners = self.fingers.surface(link).triangles.reshape(-1, 3)
-        mine = np.isin(np.repeat(self.fingers.surface(link).geoms, 3), face.geoms)
-        local = (corners[mine] - face.center) @ face.frame
+        surface, face = self.links.surface(pad.link), pad.face
+        mine = np.isin(np.repeat(surface.geoms, 3), face.geoms)
+        local = (surface.triangles.reshape(-1, 3)[mine] - face.center) @ face.frame
         beyond = float(np.max(np.abs(local[:, :2]) - np.array([face.size[1], face.size[0]]) / 2))
         if beyond > 2e-3:
             notes.append(
                 f"the geoms switched off reach {beyond * 1e3:.0f} mm beyond the face: the finger has no contact there"
             )
         return notes
+
+
+def _gap(stroke: Stroke, frame: int, a: int, b: int, centres: dict[int, NDArray[np.float64]]) -> float:
+    apart = stroke.world(a, frame, centres[a]) - stroke.world(b, frame, centres[b])
+    return float(np.linalg.norm(apart))

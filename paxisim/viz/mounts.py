@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError, MissingExtraError
 from paxisim.models.attach import TactileGripper
-from paxisim.models.closing import close_gripper
 from paxisim.models.faces import shape_of
 from paxisim.models.pads import Pads, find_pads
 
@@ -79,11 +78,13 @@ def _view(elevation: float, azimuth: float) -> NDArray[np.floating]:
 
 
 def _open_pose(gripper: TactileGripper) -> NDArray[np.floating]:
+    """Return the rest pose with every hand open."""
     model = gripper.compile()
-    try:
-        return close_gripper(model).qpos[0]
-    except InvalidValueError:  # the gripper cannot close, such as a wiping tool
-        return model.qpos0
+    qpos = model.qpos0.copy()
+    for grip in gripper.grips:
+        moved = np.abs(grip.qpos[-1] - grip.qpos[0]) > 1e-9
+        qpos = np.where(moved, grip.qpos[0], qpos if len(gripper.grips) > 1 else grip.qpos[0])
+    return qpos
 
 
 def _triangles(model: mujoco.MjModel, data: mujoco.MjData, pads: Pads) -> NDArray[np.floating]:

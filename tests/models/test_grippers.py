@@ -111,7 +111,7 @@ def test_opposing_pads_face_each_other_and_agree_on_their_rows(name):
 
 @pytest.mark.robosuite
 @pytest.mark.parametrize(
-    "name", ["panda", "rethink", "robotiq_85", "robotiq_140", "robotiq_s", "xarm7", "jaco_three_finger"]
+    "name", ["panda", "rethink", "robotiq_85", "robotiq_140", "robotiq_s", "xarm7"]
 )
 def test_find_mounts_finds_the_known_ones(name):
     found = find_mounts(robosuite_gripper_path(name)).mounts

@@ -1,0 +1,157 @@
+"""Links: the rigid parts of a robot, which of them its actuators move, and how they branch into arms and fingers.
+
+A link is a body together with the bodies welded to it. Its id is that of its first body; the links that cannot move are
+one per robot, and link 0 is the world. Objects that stand beside the robot, in trees without an actuator, are left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from paxisim.models.faces import Surface, surface_of
+
+_OUTER = 0.6  # the outer part of a jaw begins at this share of its reach
+_HOME = "home"  # usual name of the keyframe in which a robot rests
+
+
+class Links:
+    """The links of a compiled robot at rest: in its keyframe ``home``, else its first keyframe, else ``qpos0``.
+
+    Attributes:
+        model: The robot.
+        data: Its rest pose, with kinematics computed and controls that hold it.
+        geoms: Ids of the collision geoms of each link that has any.
+        of_body: ``(nbody,)`` link of each body.
+        drives: ``(nu, nv)`` True where an actuator acts on a degree of freedom.
+    """
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        """Sort the bodies into links.
+
+        Args:
+            model: The compiled robot, possibly with objects beside it.
+        """
+        self.model = model
+        self.data = _at_rest(model)
+        weld, root = np.array(model.body_weldid), np.array(model.body_rootid)
+        self.of_body = np.where(weld > 0, weld, root).astype(np.int64)
+        self.drives = _drives(model, self.data)
+        moved = model.dof_bodyid[self.drives.any(axis=0)] if self.drives.any() else model.dof_bodyid
+        robots = set(root[moved].tolist())
+        self.geoms: dict[int, tuple[int, ...]] = {}
+        collides = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
+        for link in np.unique(self.of_body[model.geom_bodyid[collides]]):
+            if int(root[link]) in robots or link == 0:
+                own = collides & (self.of_body[model.geom_bodyid] == link)
+                self.geoms[int(link)] = tuple(np.flatnonzero(own).tolist())
+        self._surfaces: dict[int, Surface] = {}
+
+    @cached_property
+    def parent(self) -> dict[int, int]:
+        """The link that carries each link."""
+        model = self.model
+        return {
+            int(k): int(self.of_body[model.body_parentid[k]]) if k else 0 for k in np.unique(self.of_body)
+        }
+
+    def ancestors(self, link: int) -> tuple[int, ...]:
+        """Return the links between `link` and the world, nearest first, including the world (0)."""
+        chain: list[int] = []
+        while link:
+            link = self.parent[link]
+            chain.append(link)
+        return tuple(chain)
+
+    def below(self, link: int) -> set[int]:
+        """Return the links that `link` carries, directly or not, and itself."""
+        return {k for k in self.parent if k == link or link in self.ancestors(k)}
+
+    def children(self, link: int) -> list[int]:
+        """Return the links that `link` carries directly."""
+        return [k for k, parent in self.parent.items() if parent == link != k]
+
+    def dofs(self, links: set[int]) -> NDArray[np.int64]:
+        """Return the degrees of freedom between `links` and the links that carry them."""
+        return np.flatnonzero(np.isin(self.of_body[self.model.dof_bodyid], list(links)))
+
+    def joints(self, link: int) -> list[int]:
+        """Return the joints that move `link` on the link that carries it."""
+        return np.flatnonzero(self.of_body[self.model.jnt_bodyid] == link).tolist()
+
+    def surface(self, link: int) -> Surface:
+        """Return the collision surface of a link in its frame; computed once."""
+        if link not in self._surfaces:
+            self._surfaces[link] = surface_of(self.model, self.data, self.geoms[link], link)
+        return self._surfaces[link]
+
+    def cloud(self, link: int, count: int = 600) -> NDArray[np.float64]:
+        """Return about `count` points spread over the surface of a link, in its frame."""
+        points = self.surface(link).points
+        return points[:: max(1, len(points) // count)]
+
+    def hinge(self, link: int) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+        """Return anchor and axis of the link's last hinge in its frame, or None if it has no hinge."""
+        for joint in reversed(self.joints(link)):
+            if int(self.model.jnt_type[joint]) == int(mujoco.mjtJoint.mjJNT_HINGE):
+                axis = self.data.xaxis[joint] @ self.data.xmat[link].reshape(3, 3)
+                return self.local(link, self.data.xanchor[joint]), axis
+        return None
+
+    def is_outer(self, link: int, points: NDArray[np.float64], hinge: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Tell which points lie further from a hinge than `_OUTER` of the reach of the link."""
+        reach = np.linalg.norm(self.surface(link).points - hinge, axis=1).max()
+        return np.linalg.norm(points - hinge, axis=1) > _OUTER * reach
+
+    def outer(self, link: int) -> NDArray[np.float64]:
+        """Return the points of `cloud` on the outer part of a link that has a hinge; all if it has none."""
+        points, hinge = self.cloud(link), self.hinge(link)
+        return points if hinge is None else points[self.is_outer(link, points, hinge[0])]
+
+    def centre(self, link: int) -> NDArray[np.float64]:
+        """Return the mean position of a link's collision geoms in its frame."""
+        return self.local(link, self.data.geom_xpos[list(self.geoms[link])].mean(axis=0))
+
+    def local(self, link: int, point: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Transform world points at rest to the frame of a link."""
+        return (point - self.data.xpos[link]) @ self.data.xmat[link].reshape(3, 3)
+
+    def name(self, link: int) -> str:
+        """Return the name of a link: that of its body with the most collision geoms."""
+        bodies = [int(self.model.geom_bodyid[g]) for g in self.geoms.get(link, ())]
+        return self.body_name(max(bodies, key=bodies.count) if bodies else link)
+
+    def body_name(self, body: int) -> str:
+        """Return the name of a body, or its number if it has none."""
+        return self.model.body(body).name or f"body {body}"
+
+    def geom_name(self, geom: int) -> str:
+        """Return the name of a geom, or its body and its index among the geoms of that body, ``BODY/3``."""
+        body = int(self.model.geom_bodyid[geom])
+        return self.model.geom(geom).name or f"{self.body_name(body)}/{geom - int(self.model.body_geomadr[body])}"
+
+    def names(self, links: Sequence[int]) -> str:
+        """Return the names of links as a list in a sentence."""
+        return ", ".join(self.name(link) for link in links)
+
+
+def _at_rest(model: mujoco.MjModel) -> mujoco.MjData:
+    data = mujoco.MjData(model)
+    if model.nkey:
+        names = [model.key(k).name for k in range(model.nkey)]
+        mujoco.mj_resetDataKeyframe(model, data, names.index(_HOME) if _HOME in names else 0)
+    mujoco.mj_forward(model, data)
+    return data
+
+
+def _drives(model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.bool_]:
+    moment = np.zeros((model.nu, model.nv))
+    if model.nu:
+        mujoco.mju_sparse2dense(
+            moment, data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind.reshape(-1)
+        )
+    return np.abs(moment) > 1e-9
