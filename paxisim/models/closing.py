@@ -18,6 +18,7 @@ from paxisim.errors import InvalidValueError
 from paxisim.models.links import Links
 
 _LONGEST = 6.0  # s; longer strokes are cut off
+_RAMP = 1.0  # s; a step of the controls would make a loose linkage swing
 _LOOK = 4e-3  # s between two samples of the pose
 _FRAMES = 40
 _LOCK = 1e7  # kg m^2 or kg, armature of a locked joint
@@ -108,17 +109,19 @@ class Drive:
         values: NDArray[np.float64],
         frames: list[tuple[NDArray[np.float64], ...]] | None = None,
     ) -> None:
-        """Simulate with constant controls until nothing moves; append the poses to `frames` if given."""
-        data.ctrl[:] = self.control(values)
+        """Simulate until nothing moves; if `frames` is given, move the controls slowly and append the poses to it."""
+        start, end = data.ctrl.copy(), self.control(values)
         every = max(1, round(_LOOK / self.model.opt.timestep))
         before, fastest, quiet = data.qpos.copy(), 0.0, 0
         while data.time < _LONGEST and quiet < 20:
+            share = 1.0 if frames is None else min(1.0, data.time / _RAMP)
+            data.ctrl[:] = start + share * (end - start)
             mujoco.mj_step(self.model, data, every)
             if not np.all(np.isfinite(data.qpos)) or data.warning[int(mujoco.mjtWarning.mjWARN_BADQACC)].number:
                 raise InvalidValueError("the robot is unstable when its actuators are driven: check its timestep")
             speed = float(np.abs(data.qpos - before).max(initial=0.0))
             before, fastest = data.qpos.copy(), max(fastest, speed)
-            quiet = quiet + 1 if speed <= 1e-3 * fastest else 0
+            quiet = quiet + 1 if share == 1.0 and speed <= 1e-3 * fastest else 0
             if frames is not None:
                 mujoco.mj_kinematics(self.model, data)
                 frames.append(_frame(data))

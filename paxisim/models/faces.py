@@ -399,7 +399,9 @@ def _fit(
     facing = surface.normals @ normal
     depth = STEPS if stepped else np.where(facing > _COS_PARALLEL, _STEP, FACE_DEPTH)
     straight = bool(np.all(facing[region.members] > _COS_PARALLEL))
-    level = (facing > (_COS_STEP if stepped else _COS_PARALLEL if straight else _COS_TILT)) & (tops.min(axis=1) > region.height - depth)
+    level = (facing > (_COS_STEP if stepped else _COS_PARALLEL if straight else _COS_TILT)) & (
+        tops.min(axis=1) > region.height - depth
+    )
     level &= tops.max(axis=1) < region.height + 1e-9
     axes = _plane_axes(normal)
     flat = corners @ axes

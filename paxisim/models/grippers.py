@@ -117,8 +117,17 @@ _RETHINK = KnownGripper(
     "rethink_gripper.xml",
     (33.0, 7.0),
     (
-        _finger("l_finger_tip", (0.0, -0.0087, -0.017), _LOOKS_ALONG_MINUS_Y, "l_fingertip_g0", "l_fingerpad_g0"),
-        _finger("r_finger_tip", (0.0, 0.0087, -0.017), _LOOKS_ALONG_Y, "r_fingertip_g0", "r_fingerpad_g0"),
+        _finger(
+            "l_finger_tip",
+            (0.0, -0.0087, -0.017),
+            _LOOKS_ALONG_MINUS_Y,
+            "l_fingertip_g0",
+            "l_fingerpad_g0",
+            "l_finger_g0",
+        ),
+        _finger(
+            "r_finger_tip", (0.0, 0.0087, -0.017), _LOOKS_ALONG_Y, "r_fingertip_g0", "r_fingerpad_g0", "r_finger_g0"
+        ),
     ),
 )
 
@@ -132,6 +141,7 @@ _ROBOTIQ_85 = KnownGripper(
             _LOOKS_ALONG_MINUS_Y,
             f"{side}_fingertip_collision",
             f"{side}_fingerpad_collision",
+            f"{side}_inner_finger_collision",
         )
         for side in ("left", "right")
     ),

@@ -99,6 +99,7 @@ class Hand:
         """Return the last links of all fingers that move; of a linkage, only the outer ones."""
         length = {k: float(np.linalg.norm(m)) for k, m in self.moves.items()}
         most = max(length.values(), default=0.0)
+        self._upright: set[int] = set()
         if most < 1e-4:
             return []
         tips = [k for k in leaves if length[k] >= _MOVES * most or (k in self.closing.flexes and length[k] > 1e-4)]
@@ -109,12 +110,16 @@ class Hand:
             same = float(self.moves[t] @ self.moves[other]) > _SAME_WAY * length[t] * length[other]
             return linkage[t] == linkage[other] and same and reach[t] < 0.9 * reach[other]
 
+        # the outer tips of a linkage with several links are kept upright by it
+        self._upright = {other for other in tips for t in tips if t != other and inside(t, other)}
         return [t for t in tips if not any(inside(t, other) for other in tips if other != t)]
 
     def _reach(self, link: int) -> float:
         """Return the largest distance of a link from the palm, when open."""
         return float(
-            np.linalg.norm(self.stroke.world(link, 0, self.links.cloud(link)) - self.stroke.pos[0, self.palm], axis=1).max()
+            np.linalg.norm(
+                self.stroke.world(link, 0, self.links.cloud(link)) - self.stroke.pos[0, self.palm], axis=1
+            ).max()
         )
 
     def _pairs(self) -> list[Pair]:
@@ -169,7 +174,7 @@ class Hand:
         """Return the sense in which a tip flexes about its own hinge, or 0 if it does not flex with its finger."""
         if link in self.closing.flexes:
             return self.closing.flexes[link]
-        if not self._is_driven(link):
+        if link in self._upright or not self._is_driven(link):
             return 0
         rot = self.stroke.rot
         whole = float(_rotation(rot[0, self.palm].T @ rot[0, link], rot[-1, self.palm].T @ rot[-1, link]) @ axis)

@@ -41,8 +41,8 @@ class Links:
         weld, root = np.array(model.body_weldid), np.array(model.body_rootid)
         self.of_body = np.where(weld > 0, weld, root).astype(np.int64)
         self.drives = _drives(model, self.data)
-        moved = model.dof_bodyid[self.drives.any(axis=0)] if self.drives.any() else model.dof_bodyid
-        robots = set(root[moved].tolist())
+        moved = model.dof_bodyid[self.drives.any(axis=0)]
+        robots = set((root[moved] if len(moved) else root).tolist())
         self.geoms: dict[int, tuple[int, ...]] = {}
         collides = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
         for link in np.unique(self.of_body[model.geom_bodyid[collides]]):
@@ -55,9 +55,7 @@ class Links:
     def parent(self) -> dict[int, int]:
         """The link that carries each link."""
         model = self.model
-        return {
-            int(k): int(self.of_body[model.body_parentid[k]]) if k else 0 for k in np.unique(self.of_body)
-        }
+        return {int(k): int(self.of_body[model.body_parentid[k]]) if k else 0 for k in np.unique(self.of_body)}
 
     def ancestors(self, link: int) -> tuple[int, ...]:
         """Return the links between `link` and the world, nearest first, including the world (0)."""
