@@ -19,9 +19,9 @@ import numpy as np
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
 from paxisim.models.attach import attach
-from paxisim.models.grip import Grip
 from paxisim.models.find_mounts import find_mounts
 from paxisim.models.gel import Gel
+from paxisim.models.grip import Grip
 from paxisim.models.grippers import known_gripper, known_grippers, robosuite_gripper_path
 from paxisim.models.mount import Mount
 from paxisim.models.pad import Pad

@@ -115,9 +115,8 @@ def find_mounts(
     actuated = _drive_joints(spec, close)
     model = compile_whole(spec, "the robot")
     links = Links(model)
-    if not links.geoms.keys() - {0}:
-        if not np.any(model.geom_contype | model.geom_conaffinity):
-            raise InvalidValueError("the robot has no geom that can touch anything (contype, conaffinity)")
+    if not np.any(model.geom_contype | model.geom_conaffinity):
+        raise InvalidValueError("the robot has no geom that can touch anything (contype, conaffinity)")
     if not model.nu:
         raise InvalidValueError(
             "the robot has no actuators, so nothing closes: name the joints that close it (--close), or give the "

@@ -9,6 +9,7 @@ middle of its range, as one that only spreads fingers.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import mujoco
 import numpy as np
@@ -113,7 +114,7 @@ def _sense_of_flexion(links: Links, drive: Drive, palm: int, leaf: int) -> int:
         return 0
     tip = data.geom_xpos[list(links.geoms[leaf])]
     further = 0.0
-    for before, joint in zip(joints, joints[1:], strict=False):
+    for before, joint in pairwise(joints):
         low, high = model.jnt_range[joint]
         if joint not in parallel or not model.jnt_limited[joint] or high - low < 1e-6:
             continue

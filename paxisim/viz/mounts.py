@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from paxisim.errors import InvalidValueError, MissingExtraError
+from paxisim.errors import MissingExtraError
 from paxisim.models.attach import TactileGripper
 from paxisim.models.faces import shape_of
 from paxisim.models.pads import Pads, find_pads

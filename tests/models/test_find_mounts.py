@@ -271,7 +271,8 @@ def test_three_fingers_around_a_centre():
         for i in range(3)
     )
     servos = "".join(f'<position joint="finger{i}" kp="2" ctrlrange="-0.4 0.7"/>' for i in range(3))
-    xml = f"""<mujoco><compiler angle="radian"/><worldbody><body name="palm"><geom type="cylinder" size="0.07 0.01" pos="0 0 -0.03"/>
+    xml = f"""<mujoco><compiler angle="radian"/><worldbody><body name="palm">
+        <geom type="cylinder" size="0.07 0.01" pos="0 0 -0.03"/>
         {fingers}</body></worldbody><actuator>{servos}</actuator></mujoco>"""
     found = find_mounts(xml)
     assert [m.body for m in found.mounts] == ["finger0", "finger1", "finger2"]

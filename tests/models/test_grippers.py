@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from paxisim.errors import InvalidValueError, MissingExtraError, UnknownNameError
-from paxisim.models.links import Links
 from paxisim.models.faces import shadowing, surface_of
 from paxisim.models.find_mounts import choose_mounts, find_mounts
 from paxisim.models.grippers import (
@@ -19,6 +18,7 @@ from paxisim.models.grippers import (
     mounts_for_file,
     robosuite_gripper_path,
 )
+from paxisim.models.links import Links
 from paxisim.models.load import load_spec
 
 # two of robosuite's files are repaired when read
