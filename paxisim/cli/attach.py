@@ -42,12 +42,12 @@ def attach(
     The command recognises robosuite's grippers by their file name. On any other gripper, it closes the actuators and
     puts the pads where the fingers meet. It prints the mounts it chose and draws a picture of the result.
 
+    With --xacro, the pads go where the maker of a covered hand has its sensors. --sensor then selects the kind, since
+    one tensor holds pads of one kind.
+
     For example:
 
     paxisim attach my_gripper.xml --sensor paxini-gen1-l4629 --pool 2 -o tactile_gripper.xml
-
-    With --xacro, the pads go where the sensors' maker has them on the same hand. One tensor holds pads of one kind, so
-    --sensor selects the kind:
 
     paxisim attach right_hand.xml --sensor xela-uscuah --xacro allegro_hand_right_curved.xacro -o tactile_hand.xml
 
