@@ -23,6 +23,9 @@ from paxisim.models.pad import Pad
 from paxisim.models.pads import Pads, find_pads
 from paxisim.sensors import sensor as find_sensor
 
+MIN_LEAN = 0.02
+"""Smallest mean of the taxels' normals along y for which a pad counts as curved around one end, as fingertips are."""
+
 
 @dataclass(frozen=True, eq=False)
 class TactileGripper:
@@ -150,6 +153,10 @@ def attach(
 
         is_file = isinstance(gripper, Path) or (isinstance(gripper, str) and not gripper.lstrip().startswith("<"))
         mounts, report = choose_mounts(spec, str(gripper) if is_file else "")
+        # chosen mounts have y from the palm to the tip
+        if not each and pads[0].layout.normals[:, 1].mean() < -MIN_LEAN:
+            mounts = [replace(mount, quat=_turned(mount.quat)) for mount in mounts]
+            report += "\nturned the pads by 180 degrees, so that the end around which their taxels curve is at the tip"
     chosen = (mounts,) if isinstance(mounts, Mount) else tuple(mounts)
     for mount in chosen:
         if not isinstance(mount, Mount):
@@ -209,6 +216,12 @@ def _as_pad(sensor: Pad | TaxelLayout | str) -> Pad:
         raise InvalidValueError(f"expected a Pad, a TaxelLayout or the name of a sensor, got {type(sensor).__name__}")
     product = find_sensor(sensor)
     return Pad(product.layout, mass=product.mass)
+
+
+def _turned(quat: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
+    """Return an orientation turned by 180 degrees about its own z."""
+    w, x, y, z = quat
+    return (-z, y, -x, w)
 
 
 def _check_together(pads: list[Pad], mounts: tuple[Mount, ...]) -> None:
