@@ -1,8 +1,8 @@
 """Catalogue of sensor products: layout, rate, mass and ranges, each figure with its source.
 
 The figures are in ``paxisim/data/sensors.toml``, which is read on first use. The taxel positions of curved sensors
-come from an optional package, which is needed only when their layout is requested; listing the catalogue needs only
-numpy.
+come from an optional package or the user's copy of the maker's models, which are needed only when their layout is
+requested; listing the catalogue needs only numpy.
 """
 
 from __future__ import annotations
@@ -38,7 +38,8 @@ class Sensor:
         rows: Number of rows of taxels; 1 for a curved sensor.
         cols: Number of columns of taxels; the number of taxels for a curved sensor.
         pitch: Size of a taxel (m) as (row pitch along y, column pitch along x); None for a curved sensor.
-        coordinates: Source of a curved sensor's positions, ``"PACKAGE:PART"``; None for a flat grid.
+        coordinates: Source of a curved sensor's positions, ``"PACKAGE:PART"``; None for a flat grid. Only those of
+            paxini-sdk can be read without a hand; for ``xela_models``, see `paxisim.sensor_modules`.
         rate: Readings per second (Hz).
         mass: Mass of one pad (kg).
         resolution: One count of a taxel's reading (N).
@@ -109,13 +110,17 @@ def format_table() -> str:
     rows: list[tuple[str, ...]] = [("name", "model", "taxels", "pitch (mm)", "Hz")]
     for item in known_sensors():
         flat = item.pitch is not None
-        taxels = f"{item.rows} x {item.cols}" if flat else str(item.taxels)
+        taxels = f"{item.rows}x{item.cols}" if flat else str(item.taxels)
         pitch = " x ".join(f"{1e3 * p:.4g}" for p in item.pitch) if item.pitch else "curved"
         rows.append((item.name, item.model, taxels, pitch, "-" if item.rate is None else f"{item.rate:g}"))
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     rows.insert(1, tuple("-" * width for width in widths))
     lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
-    return "\n".join([*lines, "", "Layouts of curved sensors need paxini-sdk: pip install 'paxisim[paxini]'"])
+    needs = [
+        "PaXini's curved sensors need paxini-sdk: pip install 'paxisim[paxini]'",
+        "XELA's curved sensors need your copy of xela_models: attach it with --xacro FILE",
+    ]
+    return "\n".join([*lines, "", *needs])
 
 
 def surface_layout(points: ArrayLike) -> TaxelLayout:
@@ -167,6 +172,11 @@ def _sphere_normals(positions: NDArray[np.float64], neighbours: NDArray[np.intp]
 def _read_coordinates(item: Sensor) -> ArrayLike:
     """Read the table of points ``(N, 3)`` (mm) that `item` names."""
     package, _, part = str(item.coordinates).partition(":")
+    if package == "xela_models":
+        raise UnsupportedError(
+            f"the taxels of sensor {item.name!r} are in XELA's own models of hands, of which paxisim has no copy: "
+            "attach it with --xacro FILE, or with paxisim.sensor_modules in Python"
+        )
     if package != "paxini-sdk":
         raise UnsupportedError(f"sensor {item.name!r} has coordinates of an unknown kind: {item.coordinates!r}")
     try:

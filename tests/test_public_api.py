@@ -51,6 +51,7 @@ PUBLIC = [
     "SceneRanges",
     "SceneVariation",
     "Sensor",
+    "SensorModule",
     "SensorQuality",
     "Slot",
     "TactileGripper",
@@ -95,7 +96,9 @@ PUBLIC = [
     "reference_sensor",
     "robosuite_gripper_path",
     "sensor",
+    "sensor_modules",
     "set_surface",
+    "skin_distance",
     "view",
     "warp",
 ]

@@ -13,7 +13,7 @@ from paxisim.errors import InvalidValueError, MissingExtraError, UnknownNameErro
 from paxisim.sensors import Sensor, format_table, known_sensors, sensor, surface_layout
 
 FLAT = [s.name for s in known_sensors() if s.coordinates is None]
-CURVED = [s.name for s in known_sensors() if s.coordinates is not None]
+CURVED = [s.name for s in known_sensors() if (s.coordinates or "").startswith("paxini-sdk:")]
 FIGURES = ("pitch", "rate", "mass", "resolution", "shear_range", "normal_range")
 
 
@@ -106,7 +106,7 @@ def test_table_fits_a_terminal_and_lists_everything():
     for item in known_sensors():
         (line,) = (line for line in lines if line.startswith(item.name + " "))
         assert item.model in line
-    assert "4 x 6    7.17 x 7.24    -" in format_table()
+    assert "4x6     7.17 x 7.24    -" in format_table()
 
 
 @pytest.mark.parametrize("radii", [(8, 8, 8), (8, 14, 7), (15, 18, 9)])
@@ -148,11 +148,17 @@ def test_curved_layout_without_the_package_names_the_extra(name: str, monkeypatc
     monkeypatch.setitem(sys.modules, "paxini_sdk.sensor_registry", None)
     item = copy.copy(sensor(name))
     item.__dict__.pop("layout", None)
-    assert item.taxels > 50  # known without the package
+    assert item.taxels > 30  # known without the package
     with pytest.raises(MissingExtraError, match=r"paxini-sdk.*pip install 'paxisim\[paxini\]'"):
         _ = item.layout
     with pytest.raises(ImportError, match=name):
         _ = item.layout
+
+
+def test_the_layout_of_a_hand_s_own_sensor_names_the_option_that_reads_it():
+    assert sensor("xela-uscuah").taxels == 30
+    with pytest.raises(UnsupportedError, match=r"'xela-uscuah'.*--xacro FILE.*paxisim\.sensor_modules"):
+        _ = sensor("xela-uscuah").layout
 
 
 def test_coordinates_that_do_not_fit_are_refused(monkeypatch: pytest.MonkeyPatch):

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import textwrap
 import warnings
+from collections import Counter
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
@@ -14,6 +15,10 @@ from paxisim.cli.output import TERMINAL_COLUMNS, check_output, png, progress, wr
 from paxisim.cli.taxels import Taxels
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
+from paxisim.models.mount import Mount
+
+if TYPE_CHECKING:
+    from paxisim.models.sensor_modules import SensorModule
 
 _INDENTED = "\n" + " " * len("  --mount '")
 
@@ -24,6 +29,9 @@ def attach(
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])],
     *,
     mount: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
+    conform: bool = False,
+    xacro: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,
+    link: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
     picture: Path | None = None,
     thickness_mm: float = 1.0,
     sensors: Literal["none", "contact", "touch_grid"] = "none",
@@ -34,9 +42,14 @@ def attach(
     The command recognises robosuite's grippers by their file name. On any other gripper, it closes the actuators and
     puts the pads where the fingers meet. It prints the mounts it chose and draws a picture of the result.
 
+    With --xacro, the pads go where the maker of a covered hand has its sensors. --sensor then selects the kind, since
+    one tensor holds pads of one kind.
+
     For example:
 
     paxisim attach my_gripper.xml --sensor paxini-gen1-l4629 --pool 2 -o tactile_gripper.xml
+
+    paxisim attach right_hand.xml --sensor xela-uscuah --xacro allegro_hand_right_curved.xacro -o tactile_hand.xml
 
     Args:
         gripper: The gripper's MJCF file.
@@ -44,6 +57,10 @@ def attach(
         output: Output MJCF file, .xml.
         mount: Where to put a pad, once per pad, in the format that this command prints:
             'BODY pos-mm=X,Y,Z quat=W,X,Y,Z replaces=GEOM,GEOM name=NAME'.
+        conform: Lay each pad onto its finger if that is curved under it.
+        xacro: Your copy of the maker's model of the hand with its sensors, .xacro or .urdf, such as XELA's xela_models.
+        link: With --xacro, a link of that model and the body of the gripper that it is, if attach asks for it, as
+            LINK=BODY.
         picture: Picture of the gripper with its pads, .png; default: the name of the output, with .png.
         thickness_mm: Thickness of the taxels in mm.
         sensors: MuJoCo sensors to embed; paxisim's own reader needs none.
@@ -54,16 +71,22 @@ def attach(
     picture = output.with_suffix(".png") if picture is None else picture
     check_output(output, force, ".xml")
     check_output(picture, force, ".png")
-    layout = taxels.layout()
-    _refuse_other_pads(gripper, layout)
-    pad = paxisim.Pad(
-        layout,
-        thickness=thickness_mm * 1e-3,
-        mass=taxels.mass,
-        sensors=None if sensors == "none" else sensors,
-    )
-    progress("attaching" if mount else "closing the gripper to see where its fingers meet")
-    tactile = paxisim.attach(gripper, pad, [parse_mount(text) for text in mount] or None)
+    mounts = [parse_mount(text) for text in mount]
+    modules = _modules(gripper, taxels, xacro, link, mounts)
+    layouts = [module.layout for module in modules] or [taxels.layout()]
+    mounts = mounts or [module.mount for module in modules]
+    _refuse_other_pads(gripper, layouts[0])
+    pads = [
+        paxisim.Pad(
+            layout,
+            thickness=thickness_mm * 1e-3,
+            mass=taxels.mass,
+            sensors=None if sensors == "none" else sensors,
+        )
+        for layout in layouts
+    ]
+    progress("attaching" if mounts else "closing the gripper to see where its fingers meet")
+    tactile = paxisim.attach(gripper, pads if modules else pads[0], mounts or None, conform=conform)
     model = tactile.to_xml(output.absolute().parent)
     progress("drawing")
     try:
@@ -76,18 +99,53 @@ def attach(
         for line in tactile.report.splitlines():
             indent = line[: len(line) - len(line.lstrip())] + "  "
             print(textwrap.fill(line, TERMINAL_COLUMNS, subsequent_indent=indent, break_on_hyphens=False))
+    if not mount and not modules:
         print("\nTo change the mounts, edit these options and run the command with them:")
         for chosen in tactile.mounts:
             line = f"  --mount '{format_mount(chosen)}'"
             print(line if len(line) <= TERMINAL_COLUMNS else f"  --mount '{format_mount(chosen, _INDENTED)}'")
         print()
-    pads = len(tactile.pad_names)
-    print(f"{output}: {pads} pad{'s' * (pads > 1)} of {pad.layout.rows}x{pad.layout.cols} taxels")
+    count, layout = len(tactile.pad_names), tactile.layout
+    print(f"{output}: {count} pad{'s' * (count > 1)} of {layout.rows}x{layout.cols} taxels")
     if missing is not None:
         print(f"no picture: {missing}")
         return
     write_output(picture, drawn, force)
     print(f"{picture}: the gripper with its pads, taxel (0, 0) of each pad white")
+
+
+def _modules(
+    gripper: Path, taxels: Taxels, xacro: Path | None, link: tuple[str, ...], mounts: list[Mount]
+) -> list[SensorModule]:
+    """Return the modules of the chosen kind in the maker's model of the hand; none without such a model.
+
+    Raises:
+        InvalidValueError: The options contradict one another, or the model does not have modules of one chosen kind.
+    """
+    if xacro is None:
+        if link:
+            raise InvalidValueError("--link pairs a link of the model that --xacro names: expected --xacro too")
+        return []
+    import paxisim
+
+    pairs = {name: body for name, _, body in (pair.partition("=") for pair in link)}
+    if mounts or (taxels.rows, taxels.cols, taxels.pitch_mm) != (None, None, None) or taxels.pool != 1:
+        raise InvalidValueError("--xacro says where the taxels are: expected no --mount, grid or --pool with it")
+    if not all(pairs.values()):
+        raise InvalidValueError(f"--link must be LINK=BODY, got {' '.join(link)!r}")
+    modules = paxisim.sensor_modules(gripper, xacro, pairs)
+    kinds = {(module.layout.rows, module.layout.cols) for module in modules}
+    if taxels.sensor is not None:
+        product = paxisim.sensor(taxels.sensor)
+        kinds &= {(product.rows, product.cols)}
+    if len(kinds) != 1:
+        found = Counter(f"{module.layout.rows}x{module.layout.cols}" for module in modules)
+        there = ", ".join(f"{count} modules of {kind} taxels" for kind, count in found.items())
+        raise InvalidValueError(
+            f"{xacro} has {there}, and one tensor holds one kind: choose one of these with --sensor (`paxisim sensors` "
+            "lists the products)"
+        )
+    return [module for module in modules if (module.layout.rows, module.layout.cols) in kinds]
 
 
 def _refuse_other_pads(gripper: Path, layout: TaxelLayout) -> None:

@@ -25,6 +25,9 @@ from paxisim.models.pad import Pad
 from paxisim.models.pads import Pads, find_pads
 from paxisim.sensors import sensor as find_sensor
 
+MIN_LEAN = 0.02
+"""Smallest mean of the taxels' normals along y for which a pad counts as curved around one end, as fingertips are."""
+
 
 @dataclass(frozen=True, eq=False)
 class TactileGripper:
@@ -35,8 +38,9 @@ class TactileGripper:
         mounts: Mounts of the pads, in the order of the ``pads`` axis, which is the order of the pads' bodies.
         pad_names: Names of the pads in `spec`.
         gel: Gel that `bind` gives to the pads.
-        layout: Taxels of each pad.
-        report: How the mounts were chosen; empty if the caller gave them.
+        layout: Taxels of the first pad, which all pads share unless they follow different surfaces.
+        report: How the mounts were chosen, unless the caller gave them, and how far the taxels of pads that
+            follow a surface are from the skin.
     """
 
     spec: mujoco.MjSpec
@@ -121,12 +125,13 @@ class TactileGripper:
 
 def attach(
     gripper: mujoco.MjSpec | str | Path,
-    sensor: Pad | TaxelLayout | str,
+    sensor: Pad | TaxelLayout | str | Sequence[Pad | TaxelLayout],
     mounts: Iterable[Mount] | None = None,
     *,
     fingers: Sequence[str] = (),
     close: Sequence[str] = (),
     under: str = "",
+    conform: bool = False,
 ) -> TactileGripper:
     """Put tactile pads on a gripper, an arm or a hand.
 
@@ -141,23 +146,27 @@ def attach(
 
     Args:
         gripper: A spec (left unchanged), an MJCF file or MJCF text.
-        sensor: Pad to build, a layout, or the name of a sensor in the catalogue.
+        sensor: Pad to build, a layout, or the name of a sensor in the catalogue. If pads follow different surfaces, a
+            pad or layout for each mount, in the order of `mounts`; all have the same rows, columns and gel.
         mounts: Mounts of the pads, in any order; the pads are ordered by their bodies. Default: the known mounts if
             `gripper` is a file that robosuite ships, else the mounts that `find_mounts` proposes. The attribute
             `report` of the result says which.
         fingers: Names of the bodies that are the fingertips, for `find_mounts`.
         close: Names of the actuators or joints that close the hand, for `find_mounts`.
         under: Name of the body that carries the hand, for `find_mounts`.
+        conform: Lay each pad onto the geoms that its mount replaces, if these are curved under it.
 
     Returns:
         The gripper with its pads, not compiled: call ``result.compile()`` and then ``result.bind(model)``.
 
     Raises:
-        InvalidValueError: The gripper cannot be parsed, no mount was given or found, or two pads share a name.
+        InvalidValueError: The gripper cannot be parsed, no mount was given or found, two pads share a name, one tensor
+            cannot hold the pads, or a finger cannot carry a pad that should conform to it.
         UnknownNameError: The sensor is unknown, or a mount names a body or geom that the gripper does not have.
     """
     spec = load_spec(gripper)
-    pad = _as_pad(sensor)
+    each = isinstance(sensor, Sequence) and not isinstance(sensor, str)
+    pads = [_as_pad(one) for one in sensor] if each else [_as_pad(sensor)]  # type: ignore[arg-type]
     report, grips = "", ()
     if mounts is not None and (fingers or close or under):
         raise InvalidValueError("fingers, close and under choose the mounts: leave them out, or the mounts")
@@ -168,6 +177,10 @@ def attach(
         mounts, report, grips = choose_mounts(
             spec, str(gripper) if is_file else "", fingers=fingers, close=close, under=under
         )
+        # chosen mounts have y from the palm to the tip
+        if not each and pads[0].layout.normals[:, 1].mean() < -MIN_LEAN:
+            mounts = [replace(mount, quat=_turned(mount.quat)) for mount in mounts]
+            report += "\nturned the pads by 180 degrees, so that the end around which their taxels curve is at the tip"
     chosen = (mounts,) if isinstance(mounts, Mount) else tuple(mounts)
     for mount in chosen:
         if not isinstance(mount, Mount):
@@ -180,18 +193,26 @@ def attach(
         if mount.body not in bodies:
             raise UnknownNameError("body", mount.body, [name for name in bodies if name])
         replaced += [_geom(spec, bodies[mount.body], which) for which in mount.replaces]
-    if pad.contype == Pad.contype and pad.conaffinity == Pad.conaffinity:
-        pad = replace(pad, **_bits(replaced))
-    pad_names = tuple(f"{mount.name}_{pad.name}" for mount in chosen)
+    pads = pads if each else pads * len(chosen)
+    _check_together(pads, chosen)
+    if conform:
+        pads = _laid_on_fingers(spec, pads, chosen)
+    if all(pad.contype == Pad.contype and pad.conaffinity == Pad.conaffinity for pad in pads):
+        pads = [replace(pad, **_bits(replaced)) for pad in pads]
+    if conform or each or not all(pad.layout.is_grid for pad in pads):
+        from paxisim.models.finger_surface import describe_distance
+
+        lines = [describe_distance(spec, mount, pad.layout) for mount, pad in zip(chosen, pads, strict=True)]
+        report = "\n".join([*filter(None, [report]), *lines])
+    pad_names = tuple(f"{mount.name}_{pad.name}" for mount, pad in zip(chosen, pads, strict=True))
     taken = [name for name in pad_names if name in bodies or pad_names.count(name) > 1]
     if taken:
         raise InvalidValueError(f"there would be two bodies named {taken[0]!r}: give each mount its own name")
     _warn_of_touch(spec, {mount.body for mount in chosen} | {geom.parent.name for geom in replaced})
-    child = pad.to_xml()
     _switch_off(spec, replaced)
-    for mount in chosen:
+    for mount, pad in zip(chosen, pads, strict=True):
         frame = bodies[mount.body].add_frame(pos=mount.pos, quat=mount.quat)
-        frame.attach_body(mujoco.MjSpec.from_string(child).body(pad.name), f"{mount.name}_", "")
+        frame.attach_body(mujoco.MjSpec.from_string(pad.to_xml()).body(pad.name), f"{mount.name}_", "")
     _inherit_exclusions(spec, dict(zip(pad_names, (mount.body for mount in chosen), strict=True)))
     model = compile_spec(spec, "the gripper with pads")
     # `bind` and `find_pads` in a saved file must use the same order, or a policy could get its pads swapped
@@ -199,7 +220,8 @@ def attach(
     mounts, pad_names = tuple(chosen[i] for i in order), tuple(pad_names[i] for i in order)
     _warn_of_mounts(spec, pad_names, mounts)
     grips = tuple(grip.reordered(order) for grip in grips)
-    return TactileGripper(spec, mounts, pad_names, pad.gel, pad.layout, report, grips)
+    first = pads[order[0]]
+    return TactileGripper(spec, mounts, pad_names, first.gel, first.layout, report, grips)
 
 
 def _warn_of_mounts(spec: mujoco.MjSpec, pad_names: tuple[str, ...], mounts: tuple[Mount, ...]) -> None:
@@ -219,6 +241,44 @@ def _as_pad(sensor: Pad | TaxelLayout | str) -> Pad:
         raise InvalidValueError(f"expected a Pad, a TaxelLayout or the name of a sensor, got {type(sensor).__name__}")
     product = find_sensor(sensor)
     return Pad(product.layout, mass=product.mass)
+
+
+def _turned(quat: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
+    """Return an orientation turned by 180 degrees about its own z."""
+    w, x, y, z = quat
+    return (-z, y, -x, w)
+
+
+def _check_together(pads: list[Pad], mounts: tuple[Mount, ...]) -> None:
+    """Check that there is a pad for each mount, and that one tensor and one gel hold for all."""
+    if len(pads) != len(mounts):
+        raise InvalidValueError(f"expected a pad for each of {len(mounts)} mounts, got {len(pads)}")
+    for mount, pad in zip(mounts, pads, strict=True):
+        if pad.layout.shape != pads[0].layout.shape or pad.layout.vendor_order != pads[0].layout.vendor_order:
+            shapes = " and ".join(f"{p.layout.rows}x{p.layout.cols}" for p in (pads[0], pad))
+            raise InvalidValueError(
+                f"one tensor cannot hold pads of different taxels ({shapes} in the vendors' orders, the second on "
+                f"{mount.name!r}): attach each kind by itself"
+            )
+        if pad.gel != pads[0].gel:
+            raise InvalidValueError(f"all pads of one call must have the same gel, but that on {mount.name!r} differs")
+
+
+def _laid_on_fingers(spec: mujoco.MjSpec, pads: list[Pad], mounts: tuple[Mount, ...]) -> list[Pad]:
+    from paxisim.models.finger_surface import lay_on_finger
+
+    laid, refused = [], []
+    for mount, pad in zip(mounts, pads, strict=True):
+        try:
+            laid.append(replace(pad, layout=lay_on_finger(spec, mount, pad.layout)))
+        except InvalidValueError as error:
+            refused.append(f"{mount.name}: {error}")
+    if refused:
+        raise InvalidValueError(
+            f"{len(refused)} of {len(mounts)} pads cannot be laid onto their fingers ({'; '.join(refused)}): use a "
+            "smaller pad, another mount, or no conform"
+        )
+    return laid
 
 
 def _geom(spec: mujoco.MjSpec, body: mujoco.MjsBody, which: str | int) -> mujoco.MjsGeom:

@@ -91,7 +91,7 @@ def conform(layout: TaxelLayout, mesh: Any, *, max_angle: float = 75.0) -> Taxel
 
     Raises:
         InvalidValueError: The file cannot be read or has no triangles, a taxel misses the surface, or the surface is
-            too steep at a taxel.
+            too steep at a taxel or between two.
     """
     import trimesh
 
@@ -119,6 +119,14 @@ def conform(layout: TaxelLayout, mesh: Any, *, max_angle: float = 75.0) -> Taxel
         raise InvalidValueError(
             f"the surface at row {row}, column {col} is {angle.max():.0f} deg steep, more than {max_angle:g}"
         )
+    grid = depth.reshape(layout.rows, layout.cols)
+    for axis, pitch in enumerate(layout.pitch):
+        step = np.abs(np.diff(grid, axis=axis))
+        if step.size and step.max() > pitch * np.tan(np.radians(max_angle)):
+            row, col = np.unravel_index(int(step.argmax()), step.shape)
+            raise InvalidValueError(
+                f"the surface steps by {1e3 * step.max():.1f} mm from the taxel at row {row}, column {col} to the next"
+            )
     return TaxelLayout(layout.rows, layout.cols, layout.pitch, positions, normals, layout.vendor_order)
 
 

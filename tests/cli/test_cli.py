@@ -9,6 +9,7 @@ from importlib.resources import files
 from pathlib import Path
 
 import mujoco
+import numpy as np
 import pytest
 
 import paxisim
@@ -88,6 +89,20 @@ def test_attach_to_a_gripper_of_robosuite_fits_a_terminal(name, capsys):
     words = re.findall(r"--mount '([^']*)'", out)
     assert [parse_mount(text).body for text in words] == [mount.body for mount in mounts]
     assert [parse_mount(text).replaces for text in words] == [mount.replaces for mount in mounts]
+
+
+def test_attach_conforms_to_round_fingers_and_says_how_near_the_taxels_are(capsys):
+    flat, round_ = 'size="0.004 0.012 0.014" pos="-0.004', 'type="cylinder" size="0.012 0.014" pos="-0.012'
+    Path("round.xml").write_text(GRIPPER.replace(flat, round_))
+    words = [*GRID, "--mount", MOUNTS[0], "--mount", MOUNTS[1], "--conform"]
+    assert main(["attach", "round.xml", *words, "-o", "out.xml"]) == 0
+    printed = capsys.readouterr().out
+    assert "pad left on left_finger: taxels within 0.0..0.0 mm of the skin" in " ".join(printed.split())
+    assert "--mount" not in printed
+    pads = paxisim.find_pads(mujoco.MjModel.from_xml_path("out.xml"))
+    assert [np.ptp(layout.positions[:, 2]) for layout in pads.layouts] == pytest.approx([4.1e-3] * 2, abs=2e-4)
+    assert main(["attach", "gripper.xml", *words, "-o", "flat.xml"]) == 0
+    assert all(layout.is_grid for layout in paxisim.find_pads(mujoco.MjModel.from_xml_path("flat.xml")).layouts)
 
 
 def test_attach_refuses_a_gripper_with_pads_of_another_shape_and_writes_nothing(capsys, folder):

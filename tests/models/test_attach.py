@@ -667,3 +667,21 @@ def test_a_failed_attach_leaves_the_spec_alone():
         with pytest.raises((InvalidValueError, UnknownNameError)):
             attach(spec, PAD, mounts)
     assert spec.to_xml() == before
+
+
+@pytest.mark.filterwarnings("ignore:curved pads")
+@pytest.mark.parametrize("end", [-1, 1])  # the end of the layout, along its y, around which it curves
+def test_the_curved_end_of_a_layout_goes_to_the_tip_of_the_finger(end):
+    flat_grid = TaxelLayout(4, 3, 4e-3)
+    normals = flat_grid.normals + np.outer(flat_grid.positions[:, 1] * end > 5e-3, [0, end, 0])
+    curved = TaxelLayout(1, 12, 4e-3, flat_grid.positions, normals)
+    frames = []
+    for layout in (flat_grid, curved):
+        gripper = attach(GRIPPER, layout)
+        data = mujoco.MjData(gripper.compile())
+        mujoco.mj_kinematics(data.model, data)
+        frames.append([data.body(name).xmat.reshape(3, 3) for name in gripper.pad_names])
+    assert ("turned the pads by 180 degrees" in gripper.report) == (end == -1)
+    for plain, turned in zip(*frames, strict=True):  # y of a found mount points to the tip
+        np.testing.assert_allclose(turned, plain * [end, end, 1], atol=1e-9)
+    assert attach(GRIPPER, curved, MOUNTS).mounts == MOUNTS

@@ -20,6 +20,7 @@ ROUND_FINGER = """
 """
 # the pad faces along the finger's x axis, and its rows run along the capsule
 MOUNT = paxisim.Mount("finger", pos=(0.012, 0, 0), quat=(0.5, -0.5, -0.5, 0.5), replaces=("tip",))
+MOUNT_2 = paxisim.Mount("finger", pos=(-0.012, 0, 0), quat=(0.5, -0.5, 0.5, -0.5), replaces=("tip",), name="second")
 GRID = paxisim.TaxelLayout(5, 4, 0.004)
 
 
@@ -94,3 +95,74 @@ def test_geoms_by_index_and_what_is_not_there():
         paxisim.finger_surface(ROUND_FINGER, paxisim.Mount("finger", replaces=(7,)))
     with pytest.raises(paxisim.InvalidValueError, match="replaces no geom"):
         paxisim.finger_surface(ROUND_FINGER, paxisim.Mount("finger"))
+
+
+def test_attach_lays_pads_onto_curved_fingers_alone():
+    flat = paxisim.Mount("finger", pos=(0.01, 0, 0.05), quat=MOUNT.quat, replaces=("link",), name="side")
+    finger = paxisim.attach(ROUND_FINGER, GRID, [MOUNT, flat], conform=True)
+    round_, side = finger.bind(finger.compile()).layouts
+    expected = paxisim.conform(GRID, paxisim.finger_surface(ROUND_FINGER, MOUNT))
+    np.testing.assert_allclose(round_.positions, expected.positions, atol=1e-6)
+    np.testing.assert_allclose(round_.normals, expected.normals, atol=1e-4)
+    assert side == GRID
+    assert finger.report.splitlines() == [
+        "pad finger on finger: taxels within 0.0..0.0 mm of the skin, in place of geom tip",
+        "pad side on finger: taxels within 0.0..0.0 mm of the skin, in place of geom link",
+    ]
+    assert paxisim.attach(ROUND_FINGER, GRID, [MOUNT]).report == ""
+
+
+def test_pads_that_cannot_be_laid_are_named_with_the_reason():
+    beside = paxisim.Mount("finger", pos=(0.01, 0.03, 0.05), quat=MOUNT.quat, replaces=("link",), name="beside")
+    bare = paxisim.Mount("finger", pos=(0.01, 0, 0.05), quat=MOUNT.quat, name="bare")
+    wide = paxisim.TaxelLayout(5, 4, (0.004, 0.0078))
+    with pytest.raises(paxisim.InvalidValueError) as refused:
+        paxisim.attach(ROUND_FINGER, [GRID, GRID, wide, GRID], [MOUNT, beside, MOUNT_2, bare], conform=True)
+    message = str(refused.value)
+    assert message.startswith("3 of 4 pads cannot be laid onto their fingers (beside: 20 of 20 taxels miss the mesh")
+    assert "second: the surface at row" in message
+    assert "bare: the mount on 'finger' replaces no geom" in message
+    curved = paxisim.conform(GRID, paxisim.finger_surface(ROUND_FINGER, MOUNT))
+    with pytest.raises(paxisim.InvalidValueError, match="only a flat grid can be laid"):
+        paxisim.attach(ROUND_FINGER, curved, [MOUNT], conform=True)
+
+
+def test_a_step_between_taxels_is_refused():
+    stairs = trimesh.util.concatenate(
+        [
+            trimesh.creation.box([0.01, 0.05, 0.01], trimesh.transformations.translation_matrix(at))
+            for at in ((-0.005, 0, 0.005), (0.005, 0, 0.025))
+        ]
+    )
+    with pytest.raises(paxisim.InvalidValueError, match=r"steps by 20.0 mm from the taxel at row 0, column 1"):
+        paxisim.conform(GRID, stairs)
+
+
+def test_a_pad_for_each_mount():
+    pads = [paxisim.Pad(GRID, mass=0.001), paxisim.Pad(GRID, mass=0.002)]
+    finger = paxisim.attach(ROUND_FINGER, pads, [MOUNT, MOUNT_2])
+    model = finger.compile()
+    assert [model.body(name).mass[0] for name in finger.pad_names] == pytest.approx([0.001, 0.002])
+    for wrong, why in [
+        ([GRID], "a pad for each of 2 mounts, got 1"),
+        ([GRID, paxisim.TaxelLayout(4, 5, 0.004)], "different taxels .5x4 and 4x5"),
+        ([GRID, paxisim.TaxelLayout(5, 4, 0.004, vendor_order=tuple(range(19, -1, -1)))], "different taxels"),
+        ([GRID, paxisim.Pad(GRID, gel=paxisim.Gel(modulus=2e5))], "the same gel, but that on 'second' differs"),
+    ]:
+        with pytest.raises(paxisim.InvalidValueError, match=why):
+            paxisim.attach(ROUND_FINGER, wrong, [MOUNT, MOUNT_2])
+
+
+def test_the_distance_from_the_skin_has_the_sign_of_its_side():
+    radius = np.hypot(GRID.positions[:, 0], 0.012)  # the flat pad touches the capsule along its middle
+    np.testing.assert_allclose(paxisim.skin_distance(ROUND_FINGER, MOUNT, GRID), radius - 0.012, atol=5e-5)
+    under = paxisim.Mount("finger", pos=(0.010, 0, 0), quat=MOUNT.quat, replaces=("tip",))
+    narrow = paxisim.TaxelLayout(5, 1, 0.004)
+    np.testing.assert_allclose(paxisim.skin_distance(ROUND_FINGER, under, narrow), -0.002, atol=5e-5)
+    # a mount that replaces nothing has the geoms of its finger as skin, here the link above the capsule
+    above = paxisim.Mount("finger", pos=(0.015, 0, 0.05), quat=MOUNT.quat)
+    np.testing.assert_allclose(paxisim.skin_distance(ROUND_FINGER, above, narrow), 0.005, atol=1e-9)
+    with pytest.raises(paxisim.InvalidValueError, match="no geom with a surface"):
+        paxisim.skin_distance(
+            "<mujoco><worldbody><body name='bare'/></worldbody></mujoco>", paxisim.Mount("bare"), GRID
+        )
