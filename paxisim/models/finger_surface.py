@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.models.faces import shape_of
 from paxisim.models.load import compile_whole, load_spec
-from paxisim.models.mount import Mount
+from paxisim.models.mount import Mount, replaced_in_model
 
 if TYPE_CHECKING:
     import trimesh
@@ -52,8 +52,7 @@ def finger_surface(gripper: mujoco.MjSpec | str | Path, mount: Mount) -> trimesh
     origin = data.xpos[body] + axes @ np.array(mount.pos)
     pad_rotation = axes @ rotation.reshape(3, 3)
     parts = []
-    for which in mount.replaces:
-        geom = _geom(model, body, which)
+    for geom in replaced_in_model(model, mount):
         shape = _mesh_of(model, geom) or shape_of(model, geom)
         if shape is not None:
             vertices, faces = shape
@@ -62,18 +61,6 @@ def finger_surface(gripper: mujoco.MjSpec | str | Path, mount: Mount) -> trimesh
     if not parts:
         raise InvalidValueError(f"the mount on {mount.body!r} replaces no geom that has a surface")
     return trimesh.util.concatenate(parts)  # type: ignore[return-value]
-
-
-def _geom(model: mujoco.MjModel, body: int, which: str | int) -> int:
-    if isinstance(which, int):
-        count = int(model.body_geomnum[body])
-        if not 0 <= which < count:
-            raise InvalidValueError(f"body {model.body(body).name!r} has {count} geoms, there is no geom {which}")
-        return int(model.body_geomadr[body]) + which
-    geom = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, which)
-    if geom < 0:
-        raise UnknownNameError("geom", which, [name for i in range(model.ngeom) if (name := model.geom(i).name)])
-    return geom
 
 
 def _mesh_of(model: mujoco.MjModel, geom: int) -> tuple[NDArray[np.floating], NDArray[np.int64]] | None:
