@@ -19,16 +19,12 @@ MOUNTS = [
 
 def gripper_with(objects="", joint="<freejoint/>", **geom):
     """Return the two-finger gripper with pads, and a peg between them in the same scene."""
-    scene = mujoco.MjSpec.from_string(f"<mujoco><worldbody>{objects}</worldbody></mujoco>")
+    bits = " ".join(f'{key}="{value}"' for key, value in geom.items())
+    peg = f"""<body name="peg" pos="0 0 0.93">{joint}
+      <geom name="peg" type="box" size="0.012 0.009 0.03" mass="0.05" {bits}/></body>"""
+    scene = mujoco.MjSpec.from_string(f"<mujoco><worldbody>{objects}{peg if joint else ''}</worldbody></mujoco>")
     tactile = paxisim.attach(GRIPPER, POOLED, MOUNTS)
     scene.attach(tactile.spec, frame=scene.worldbody.add_frame(pos=(0, 0, 1)), prefix="g/")
-    if joint:
-        bits = " ".join(f'{key}="{value}"' for key, value in geom.items())
-        peg = mujoco.MjSpec.from_string(
-            f"""<mujoco><worldbody><body name="peg" pos="0 0 0.93">{joint}
-              <geom name="peg" type="box" size="0.012 0.009 0.03" mass="0.05" {bits}/></body></worldbody></mujoco>"""
-        )
-        scene.worldbody.add_frame().attach_body(peg.body("peg"), "", "")
     return tactile, scene
 
 
