@@ -76,8 +76,9 @@ class TactileGripper(GripperModel):
         bodies = {body.get("name"): body for body in self.worldbody.iter("body")}
         if mount.body not in bodies:
             raise paxisim.UnknownNameError("body", mount.body, [name for name in bodies if name])
-        for which in mount.replaces:
-            geom = self._geom(bodies[mount.body], which)
+        geoms = [(str(body.get("name", "")), body.findall("geom")) for body in self.worldbody.iter("body")]
+        replaced = mount.find_replaced((body, [geom.get("name", "") for geom in own]) for body, own in geoms)
+        for geom in (geoms[body][1][index] for body, index in replaced):
             geom.set("contype", "0")
             geom.set("conaffinity", "0")
             # contact bits do not affect explicit pairs
@@ -94,19 +95,6 @@ class TactileGripper(GripperModel):
         self._inherit_exclusions(mount.body, pad.name)
         self.sensor.extend(document.findall("sensor/*"))
         return [str(geom.get("name")) for geom in body.findall("geom") if geom.get("condim")]
-
-    def _geom(self, body: ET.Element, which: str | int) -> ET.Element:
-        if isinstance(which, int):
-            geoms = body.findall("geom")
-            if not 0 <= which < len(geoms):
-                raise paxisim.InvalidValueError(
-                    f"body {body.get('name')!r} has {len(geoms)} geoms, there is no geom {which}"
-                )
-            return geoms[which]
-        named = {geom.get("name"): geom for geom in self.worldbody.iter("geom")}
-        if which not in named:
-            raise paxisim.UnknownNameError("geom", which, [name for name in named if name])
-        return named[which]
 
     def _inherit_exclusions(self, finger: str, pad: str) -> None:
         # MuJoCo excludes contacts by body, and a pad is a separate body

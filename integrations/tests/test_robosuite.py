@@ -66,6 +66,17 @@ def test_mounts_and_sensor_of_ones_own():
     assert kept.contype[0]
 
 
+def test_a_geom_by_its_body_and_index():
+    mount = paxisim.Mount("finger_joint1_tip", replaces=("leftfinger/1",))
+    register("ByIndexPandaGripper", "PandaGripper", LAYOUT, [mount])
+    try:
+        model = compiled(gripper_factory("ByIndexPandaGripper", idn=0))
+    finally:
+        del GRIPPER_MAPPING["ByIndexPandaGripper"]
+    assert not model.geom("gripper0_finger1_collision").contype[0]
+    assert model.geom("gripper0_finger1_pad_collision").contype[0]
+
+
 def test_a_geom_that_the_body_does_not_have():
     register("WrongGeom", "PandaGripper", LAYOUT, [paxisim.Mount("finger_joint1_tip", replaces=(99,))])
     try:

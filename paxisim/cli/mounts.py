@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 
 from paxisim.errors import InvalidValueError, UnknownNameError
-from paxisim.models.mount import Mount
+from paxisim.models.mount import Mount, is_index
 
 _KEYS = ("name", "pos-mm", "quat", "replaces")
 
@@ -33,7 +33,7 @@ def parse_mount(text: str) -> Mount:
         body,
         pos=tuple(1e-3 * v for v in _numbers("pos-mm", values.get("pos-mm", "0,0,0"))),  # type: ignore[arg-type]
         quat=tuple(_numbers("quat", values.get("quat", "1,0,0,0"))),  # type: ignore[arg-type]
-        replaces=tuple(int(geom) if geom.isdigit() else geom for geom in replaces),
+        replaces=tuple(int(geom) if is_index(geom) else geom for geom in replaces),
         name=values.get("name", ""),
     )
 
@@ -46,7 +46,7 @@ def format_mount(mount: Mount, between: str = " ") -> str:
         "quat=" + ",".join(f"{round(v, 6) + 0.0:g}" for v in mount.quat),
     ]
     if mount.replaces:
-        words.append("replaces=" + ",".join(str(geom) for geom in mount.replaces))
+        words.append("replaces=" + shlex.quote(",".join(str(geom) for geom in mount.replaces)))
     if mount.name != mount.body:
         words.append("name=" + shlex.quote(mount.name))
     return between.join(words)

@@ -20,7 +20,7 @@ from paxisim.models.gel import Gel
 from paxisim.models.grip import Grip
 from paxisim.models.load import compile_spec, compile_whole, load_spec, one_line
 from paxisim.models.mjcf import numbers
-from paxisim.models.mount import Mount
+from paxisim.models.mount import Mount, replaced_in_spec
 from paxisim.models.pad import Pad
 from paxisim.models.pads import Pads, find_pads
 from paxisim.sensors import sensor as find_sensor
@@ -72,6 +72,9 @@ class TactileGripper:
 
     def bind(self, model: mujoco.MjModel, prefix: str = "") -> Pads:
         """Find this gripper's pads in a compiled model and give them their gel.
+
+        A warning names what would take the gel or the load away from the pads: the override flag, explicit contact
+        pairs, taxels without friction, and objects whose contact bits (contype, conaffinity) let them pass through.
 
         Args:
             model: Model compiled from `spec`, or from an arm to which `spec` was attached. The contact parameters of
@@ -142,7 +145,8 @@ def attach(
 
     MuJoCo's touch sensors count the contacts of one body, not those of a pad on it. They stay, but a warning names
     those on a body that gets a pad. Implausible mounts also give a warning: pads inside one another, larger than their
-    finger, far from it, or curved on a flat finger.
+    finger, far from it, curved on a flat finger, or behind or level with geoms that take their load and that `replaces`
+    should name.
 
     Args:
         gripper: A spec (left unchanged), an MJCF file or MJCF text.
@@ -192,7 +196,7 @@ def attach(
     for mount in chosen:
         if mount.body not in bodies:
             raise UnknownNameError("body", mount.body, [name for name in bodies if name])
-        replaced += [_geom(spec, bodies[mount.body], which) for which in mount.replaces]
+        replaced += replaced_in_spec(spec, mount)
     pads = pads if each else pads * len(chosen)
     _check_together(pads, chosen)
     if conform:
@@ -279,18 +283,6 @@ def _laid_on_fingers(spec: mujoco.MjSpec, pads: list[Pad], mounts: tuple[Mount, 
             "smaller pad, another mount, or no conform"
         )
     return laid
-
-
-def _geom(spec: mujoco.MjSpec, body: mujoco.MjsBody, which: str | int) -> mujoco.MjsGeom:
-    if isinstance(which, int):
-        geoms = list(body.geoms)
-        if not 0 <= which < len(geoms):
-            raise InvalidValueError(f"body {body.name!r} has {len(geoms)} geoms, there is no geom {which}")
-        return geoms[which]
-    named = {geom.name: geom for geom in spec.geoms}
-    if which not in named:
-        raise UnknownNameError("geom", which, [name for name in named if name])
-    return named[which]
 
 
 def _bits(replaced: list[mujoco.MjsGeom]) -> dict[str, int]:

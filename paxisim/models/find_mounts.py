@@ -25,7 +25,7 @@ from paxisim.models.grippers import mounts_for_file
 from paxisim.models.hands import Hand, closes_on, fingers_on
 from paxisim.models.links import Links
 from paxisim.models.load import compile_whole, load_spec
-from paxisim.models.mount import Mount
+from paxisim.models.mount import Mount, replaced_in_spec
 from paxisim.models.pad_faces import PadFace, Rejected, pad_faces
 
 WAYS_OUT = (
@@ -190,12 +190,12 @@ def _grip(hand: Hand, pads: tuple[int, ...], partners: tuple[tuple[int, ...], ..
 
 
 def _fits(spec: mujoco.MjSpec, mounts: tuple[Mount, ...]) -> bool:
-    names = {geom.name for geom in spec.geoms}
-    sizes = {body.name: len(body.geoms) for body in spec.bodies}
-    return all(
-        m.body in sizes and all(g in names if isinstance(g, str) else g < sizes[m.body] for g in m.replaces)
-        for m in mounts
-    )
+    try:
+        for mount in mounts:
+            replaced_in_spec(spec, mount)
+    except (UnknownNameError, InvalidValueError):
+        return False
+    return {m.body for m in mounts} <= {body.name for body in spec.bodies}
 
 
 def _drive_joints(spec: mujoco.MjSpec, close: Sequence[str]) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.layout import TaxelLayout
 from paxisim.models.faces import shape_of
 from paxisim.models.load import compile_whole, load_spec
-from paxisim.models.mount import Mount
+from paxisim.models.mount import Mount, replaced_in_model
 from paxisim.models.surface import conform
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ def finger_surface(gripper: mujoco.MjSpec | str | Path, mount: Mount) -> trimesh
         UnknownNameError: The gripper has no such body or geom.
     """
     model = compile_whole(load_spec(gripper), "the gripper")
-    surface = _surface(model, mount, [_geom(model, _body(model, mount), which) for which in mount.replaces])
+    surface = _surface(model, mount, replaced_in_model(model, mount))
     if surface is None:
         raise InvalidValueError(f"the mount on {mount.body!r} replaces no geom that has a surface")
     return surface
@@ -70,7 +70,7 @@ def skin_distance(gripper: mujoco.MjSpec | str | Path, mount: Mount, layout: Tax
     """
     model = compile_whole(load_spec(gripper), "the gripper")
     body = _body(model, mount)
-    geoms = [_geom(model, body, which) for which in mount.replaces]
+    geoms = replaced_in_model(model, mount)
     if not geoms:
         weld = int(model.body_weldid[body])
         bodies = np.flatnonzero(model.body_weldid == weld) if weld else [body]
@@ -153,18 +153,6 @@ def _signed_distance(triangles: NDArray[np.floating], points: NDArray[np.floatin
         if np.sum(2 * np.arctan2(volume, below)) > 2 * np.pi:
             distance[index] *= -1
     return distance
-
-
-def _geom(model: mujoco.MjModel, body: int, which: str | int) -> int:
-    if isinstance(which, int):
-        count = int(model.body_geomnum[body])
-        if not 0 <= which < count:
-            raise InvalidValueError(f"body {model.body(body).name!r} has {count} geoms, there is no geom {which}")
-        return int(model.body_geomadr[body]) + which
-    geom = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, which)
-    if geom < 0:
-        raise UnknownNameError("geom", which, [name for i in range(model.ngeom) if (name := model.geom(i).name)])
-    return geom
 
 
 def _mesh_of(model: mujoco.MjModel, geom: int) -> tuple[NDArray[np.floating], NDArray[np.int64]] | None:

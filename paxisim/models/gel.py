@@ -112,6 +112,10 @@ class Gel:
         ``body_invweight0`` of the pad bodies, for the model's current time step, cone and ``impratio``.
         ``mj_setConst`` and recompiling reset ``body_invweight0``; call this method again after them.
 
+        The priority becomes higher than that of everything the taxels can touch, so that MuJoCo takes the stiffness,
+        friction and condim (3) of the taxels. A warning names what would still take the gel or the load away: see
+        `paxisim.models.contact_checks`.
+
         Args:
             model: The compiled model.
             pads: Pads of the model, from `find_pads` or `attach(...).bind(model)`.
@@ -122,7 +126,8 @@ class Gel:
         """
         import mujoco
 
-        from paxisim.models.pads import check_pads
+        from paxisim.models.contact_checks import warn_of_contacts
+        from paxisim.models.pads import check_pads, highest_priority_met
 
         check_pads(model, pads)
         shortest = _STEPS_PER_RELAXATION * model.opt.timestep
@@ -136,7 +141,7 @@ class Gel:
         model.geom_solref[pads.geoms] = solref
         model.geom_solimp[pads.geoms] = solimp
         model.geom_friction[pads.geoms, 0] = self.friction
-        model.geom_priority[pads.geoms] = 1
+        model.geom_priority[pads.geoms] = 1 + highest_priority_met(model, pads)
         softening = 1.0
         if int(model.opt.cone) == int(mujoco.mjtCone.mjCONE_PYRAMIDAL):
             squared = self.friction**2
@@ -147,6 +152,7 @@ class Gel:
             regularisation = softening * self._regularisation(layout, kappa, contacts)
             odds = _APPLIED_IMPEDANCE / (1 - _APPLIED_IMPEDANCE)
             model.body_invweight0[body, 0] = regularisation * odds
+        warn_of_contacts(model, pads)
 
     def _oscillator(self, timestep: float) -> tuple[float, float]:
         """Return kappa (1/s^2) and beta (1/s)."""

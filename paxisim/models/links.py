@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.models.faces import Surface, surface_of
+from paxisim.models.mount import name_for_replaces
 
 _OUTER = 0.6  # the outer part of a jaw begins at this share of its reach
 _HOME = "home"  # usual name of the keyframe in which a robot rests
@@ -129,8 +130,7 @@ class Links:
 
     def geom_name(self, geom: int) -> str:
         """Return the name of a geom, or its body and its index among the geoms of that body, ``BODY/3``."""
-        body = int(self.model.geom_bodyid[geom])
-        return self.model.geom(geom).name or f"{self.body_name(body)}/{geom - int(self.model.body_geomadr[body])}"
+        return name_for_replaces(self.model, geom) or f"geom {geom}"
 
     def names(self, links: Sequence[int]) -> str:
         """Return the names of links as a list in a sentence."""

@@ -1,4 +1,4 @@
-"""Checks for implausible mounts: pads inside one another, beyond their finger, far from it, or in a wrong unit.
+"""Checks for implausible mounts: pads inside one another, beyond, behind or far from their finger, or in a wrong unit.
 
 The finger of a pad is the body that it is mounted on together with the bodies welded to it. If that body cannot move,
 the finger is its ancestors. Meshes are represented by MuJoCo's convex hulls. Lengths in m.
@@ -6,6 +6,7 @@ the finger is its ancestors. Meshes are represented by MuJoCo's convex hulls. Le
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from itertools import combinations
 
 import mujoco
@@ -14,9 +15,9 @@ from numpy.typing import NDArray
 
 from paxisim.layout import TaxelLayout
 from paxisim.models import names
-from paxisim.models.faces import shape_of
-from paxisim.models.mount import Mount
-from paxisim.models.pads import Pads
+from paxisim.models.faces import FACE_DEPTH, shape_of
+from paxisim.models.mount import Mount, name_for_replaces, replaced_in_model
+from paxisim.models.pads import Pads, half_thickness
 from paxisim.models.surface import first_facing
 
 MAX_PITCH = 0.05
@@ -25,6 +26,10 @@ MAX_MOUNT_DISTANCE = 0.1
 """Largest distance of a pad's centre from its finger."""
 MAX_TAXEL_DISTANCE = 0.01
 """Largest distance of a taxel from the finger's surface behind it; beyond, it hangs in the air."""
+MAX_GAP_IN_FRONT = 0.01
+"""Largest gap between a pad and a geom of its finger in front of it; beyond, an object can come between them."""
+ROOM = FACE_DEPTH + 0.3e-3
+"""Room that a pad needs behind its surface, to be pressed in; a geom that reaches into it takes load."""
 MAX_CURVE_DISTANCE = 2e-3
 """Largest distance of a curved pad from the surface that it lies on."""
 MAX_OVERHANG_SHARE = 0.25
@@ -37,6 +42,7 @@ MAX_CHECKED_TAXELS = 200
 AWAY = "pads away from the body they are mounted on (a mount's pos is in m, in the frame of its body)"
 LARGE = "pads larger than what they sit on"
 CURVED = "curved pads that do not follow the surface they sit on (paxisim.conform lays a pad onto a finger)"
+HIDDEN = "pads behind other geoms, or level with them, which take their load (add these to replaces of the mount)"
 INSIDE = "pads inside one another (use smaller pads or other mounts)"
 HUGE = "taxels larger than those of any sensor (lengths are in m)"
 _OF_ONE_NUMBER = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
@@ -61,10 +67,21 @@ def doubts(model: mujoco.MjModel, pads: Pads, mounts: tuple[Mount, ...]) -> list
         kind, how = ("", "") if finger is None else _on_finger(finger, pads.layouts[pad])
         if kind:
             found.setdefault(kind, []).append(f"{pads.names[pad]!r} on {mount.body!r}, {how}")
+    touches = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
+    for pad, geoms in enumerate(hiding_geoms(model, pads, touches)):
+        if geoms:
+            words = ",".join(_word(model, geom) for geom in geoms)
+            found.setdefault(HIDDEN, []).append(f"{pads.names[pad]!r} on {mounts[pad].body!r} by {words}")
     for (first, second), depth in _overlaps(model, data, pads).items():
         both = f"{pads.names[first]!r} and {pads.names[second]!r}"
         found.setdefault(INSIDE, []).append(f"{both}, by {1e3 * depth:.1f} mm")
     return [f"{kind}: {'; '.join(where)}" for kind, where in found.items()]
+
+
+def _word(model: mujoco.MjModel, geom: int) -> str:
+    """Return how to refer to a geom in `Mount.replaces`."""
+    word = name_for_replaces(model, geom)
+    return repr(word) if word else "a geom that has no name, nor has its body: name it"
 
 
 def _finger(model: mujoco.MjModel, data: mujoco.MjData, pad: int, mount: Mount) -> NDArray[np.float64] | None:
@@ -75,9 +92,7 @@ def _finger(model: mujoco.MjModel, data: mujoco.MjData, pad: int, mount: Mount) 
     weld = int(model.body_weldid[pad])
     welded = np.flatnonzero(model.body_weldid == weld).tolist() if weld else _parents(model, pad)
     touches = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
-    for which in mount.replaces:
-        geom = model.body(mount.body).geomadr[0] + which if isinstance(which, int) else model.geom(which).id
-        touches[geom] = True
+    touches[replaced_in_model(model, mount)] = True
     own = [body for body in welded if not _is_pad(model, body)]
     triangles = []
     for geom in np.flatnonzero(touches & np.isin(model.geom_bodyid, own)):
@@ -114,7 +129,7 @@ def _on_finger(finger: NDArray[np.float64], layout: TaxelLayout) -> tuple[str, s
         distances[nearest] > MAX_MOUNT_DISTANCE and offsets[nearest] @ mesh.face_normals[nearest] > 0
     ):  # not inside the finger
         return AWAY, f"{1e3 * distances[nearest]:.0f} mm"
-    looked_at = layout.positions[np.unique(np.linspace(0, layout.taxels - 1, MAX_CHECKED_TAXELS).astype(int))]
+    looked_at = layout.positions[_sample(layout.taxels)]
     depth, triangle = first_facing(looked_at[:, :2], mesh)
     behind = depth - looked_at[:, 2]
     hangs = (triangle < 0) | (behind > MAX_TAXEL_DISTANCE)
@@ -129,20 +144,100 @@ def _on_finger(finger: NDArray[np.float64], layout: TaxelLayout) -> tuple[str, s
     return "", ""
 
 
+def hiding_geoms(model: mujoco.MjModel, pads: Pads, candidates: NDArray[np.bool_]) -> list[list[int]]:
+    """Return the geoms that take load from each pad, because they lie in front of its surface or level with it.
+
+    On the pad's own finger, a geom may lie up to `MAX_GAP_IN_FRONT` before the surface or reach into the `ROOM` behind
+    it. A geom of another link of the gripper must reach the surface itself, in every pose.
+
+    Args:
+        model: The compiled model.
+        pads: Pads of the model.
+        candidates: ``(ngeom,)`` geoms that objects can touch; those of pads do not count.
+    """
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    of_pads = np.isin(model.geom_bodyid, [body for body in range(model.nbody) if _is_pad(model, body)])
+    tree, link = model.body_rootid[model.geom_bodyid], model.body_weldid[model.geom_bodyid]
+    hiding = []
+    for body, taxels in zip(pads.bodies, pads.geoms[:, _sample(pads.layout.taxels)], strict=True):
+        near = candidates & ~of_pads & (tree == model.body_rootid[body])
+        own = near & (link == model.body_weldid[body])
+        found = _in_front(model, data, taxels, np.flatnonzero(own), MAX_GAP_IN_FRONT, ROOM)
+        others = np.flatnonzero(near & ~own).tolist()
+        for _ in _poses(model, data):
+            others = _in_front(model, data, taxels, others, 0.0, MIN_OVERLAP)
+        hiding.append(sorted(found + others))
+    return hiding
+
+
+def _in_front(
+    model: mujoco.MjModel, data: mujoco.MjData, taxels: NDArray[np.int64], geoms: Iterable[int], gap: float, room: float
+) -> list[int]:
+    """Return the geoms that begin less than `room` behind the surface of taxels and end at most `gap` before it.
+
+    They are seen along the normals through the middles of the taxels.
+    """
+    inward = data.geom_xmat[taxels].reshape(-1, 3, 3)[:, :, 2]
+    points = data.geom_xpos[taxels] - inward * half_thickness(model, taxels)[:, None]
+    middle = points.mean(axis=0)
+    reach = np.linalg.norm(points - middle, axis=1).max() + max(gap, room)
+    found = []
+    for geom in map(int, geoms):
+        if np.linalg.norm(data.geom_xpos[geom] - middle) > model.geom_rbound[geom] + reach:
+            continue
+        shape = shape_of(model, geom)
+        if shape is not None:
+            axes = data.geom_xmat[geom].reshape(3, 3)
+            first, last = _crossed(*shape, (points - data.geom_xpos[geom]) @ axes, inward @ axes)
+            if np.any((first < last) & (first < room) & (last > -gap)):
+                found.append(geom)
+    return found
+
+
+def _crossed(
+    vertices: NDArray[np.float64], faces: NDArray[np.int64], points: NDArray[np.float64], lines: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return where lines through `points` enter and leave a convex solid; a line that misses it leaves first."""
+    a, b, c = vertices[faces].swapaxes(0, 1)
+    normals = np.cross(b - a, c - a)
+    area = np.linalg.norm(normals, axis=1)
+    whole = area > 1e-16
+    normals = normals[whole] / area[whole, None]
+    room = np.sum(normals * a[whole], axis=1) - points @ normals.T  # points x faces
+    rate = lines @ normals.T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        at = room / rate
+    first = np.where(rate < -1e-9, at, -np.inf).max(axis=1)
+    last = np.where(rate > 1e-9, at, np.inf).min(axis=1)
+    beside = ((np.abs(rate) <= 1e-9) & (room < 0)).any(axis=1)
+    return np.where(beside, np.inf, first), np.where(beside, -np.inf, last)
+
+
+def _sample(taxels: int) -> NDArray[np.int64]:
+    """Return the indices of at most `MAX_CHECKED_TAXELS` taxels."""
+    return np.unique(np.linspace(0, taxels - 1, MAX_CHECKED_TAXELS).astype(int))
+
+
 def _overlaps(model: mujoco.MjModel, data: mujoco.MjData, pads: Pads) -> dict[tuple[int, int], float]:
     """Return the overlap (m) of the pads that overlap in every pose; pads of closing fingers may overlap in some."""
-    limited = np.flatnonzero(model.jnt_limited)
-    address = model.jnt_qposadr[limited]
     deep: dict[tuple[int, int], float] = dict.fromkeys(combinations(range(len(pads)), 2), np.inf)
-    for end in (None, 0, 1):
-        data.qpos[:] = model.qpos0
-        if end is not None:
-            one = np.isin(model.jnt_type[limited], _OF_ONE_NUMBER)
-            data.qpos[address[one]] = model.jnt_range[limited[one], end]
-        mujoco.mj_kinematics(model, data)
+    for _ in _poses(model, data):
         deep = {pair: min(depth, _overlap(model, data, pads, *pair)) for pair, depth in deep.items()}
         deep = {pair: depth for pair, depth in deep.items() if depth > MIN_OVERLAP}
     return deep
+
+
+def _poses(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[None]:
+    """Move the model to its initial pose, and then to that with all joints at the lower and at the upper end."""
+    limited = np.flatnonzero(model.jnt_limited)
+    limited = limited[np.isin(model.jnt_type[limited], _OF_ONE_NUMBER)]
+    for end in (None, 0, 1):
+        data.qpos[:] = model.qpos0
+        if end is not None:
+            data.qpos[model.jnt_qposadr[limited]] = model.jnt_range[limited, end]
+        mujoco.mj_kinematics(model, data)
+        yield
 
 
 def _overlap(model: mujoco.MjModel, data: mujoco.MjData, pads: Pads, first: int, second: int) -> float:

@@ -74,6 +74,28 @@ def check_pads(model: mujoco.MjModel, pads: Pads) -> None:
             raise InvalidValueError(f"the pad {name!r} is not one of this model: paxisim.find_pads(model) gives those")
 
 
+def meets_pads(model: mujoco.MjModel, pads: Pads) -> NDArray[np.bool_]:
+    """Tell which geoms and flexes each pad can touch according to their contact bits.
+
+    Returns:
+        ``(pads, ngeom + nflex)``; explicit pairs, exclusions and welds do not count.
+    """
+    contype = np.concatenate([model.geom_contype, model.flex_contype])
+    conaffinity = np.concatenate([model.geom_conaffinity, model.flex_conaffinity])
+    own_contype = np.bitwise_or.reduce(contype[pads.geoms], axis=1)[:, None]
+    own_conaffinity = np.bitwise_or.reduce(conaffinity[pads.geoms], axis=1)[:, None]
+    return (contype & own_conaffinity | conaffinity & own_contype) != 0
+
+
+def highest_priority_met(model: mujoco.MjModel, pads: Pads) -> int:
+    """Return the highest contact priority of the geoms and flexes that the pads can touch; at least 0."""
+    priority = np.concatenate([model.geom_priority, model.flex_priority])
+    priority[pads.geoms] = 0
+    if not priority.any():
+        return 0
+    return int(priority[meets_pads(model, pads).any(axis=0)].max(initial=0))
+
+
 def find_pads(model: mujoco.MjModel, *, prefix: str = "", names: tuple[str, ...] | list[str] | None = None) -> Pads:
     """Find the pads of a compiled model, including a model that was saved and loaded again.
 

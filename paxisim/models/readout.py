@@ -7,6 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError
+from paxisim.models.contact_checks import warn_of_contacts
+from paxisim.models.gel import is_applied
 from paxisim.models.pads import Pads, check_pads
 
 _ELLIPTIC = int(mujoco.mjtCone.mjCONE_ELLIPTIC)
@@ -30,6 +32,9 @@ class TactileReadout:
     def __init__(self, model: mujoco.MjModel, pads: Pads) -> None:
         """Prepare the lookup.
 
+        If the pads have no gel from `Gel.apply`, which warns too, a warning names what takes the gel of their file or
+        the load away.
+
         Args:
             model: The compiled model. Its cone may be changed later.
             pads: Pads of the model.
@@ -38,6 +43,8 @@ class TactileReadout:
             InvalidValueError: The pads belong to another model.
         """
         check_pads(model, pads)
+        if not is_applied(model, pads.geoms):
+            warn_of_contacts(model, pads)
         self._model = model
         self._pads = pads
         # one bin for x, y and z of each taxel, and three more for all other geoms and for -1, which MuJoCo writes

@@ -59,7 +59,8 @@ def apply_gel(m: Any, model: mujoco.MjModel, pads: Pads, gel: Gel | Sequence[Gel
     mask = check_mask(mask, worlds, device)
     for name, values in new.items():
         _write(view(m, name), geoms, np.stack(values), mask)
-    view(m, "geom_priority")[geoms] = 1
+    priority = view(m, "geom_priority")
+    priority[geoms] = torch.as_tensor(scratch.geom_priority[geoms], dtype=priority.dtype, device=priority.device)
     record = _record(m)
     for field in (view(m, "body_invweight0")[..., 0], record):
         _write(field, pads.bodies, np.stack(weights), mask)

@@ -116,7 +116,7 @@ def test_attach_refuses_a_gripper_with_pads_of_another_shape_and_writes_nothing(
 
 
 def test_a_mount_survives_its_words():
-    mount = paxisim.Mount("a body", (0.0012, -0.3, 0), (1, 2, -3, 0.5), ("tip", 3), "left")
+    mount = paxisim.Mount("a body", (0.0012, -0.3, 0), (1, 2, -3, 0.5), ("tip", 3, "a body/3"), "left")
     again = parse_mount(format_mount(mount))
     assert again.pos == pytest.approx(mount.pos, abs=1e-6)
     assert again.quat == pytest.approx(mount.quat, abs=1e-5)
@@ -190,6 +190,11 @@ def test_overwriting_is_asked_for():
         (["attach", "gripper.xml", *GRID, "--mount", "hand pos-mm=a", "-o", "a.xml"], "numbers with commas"),
         (["attach", "gripper.xml", *GRID, "--mount", "hand at=1", "-o", "a.xml"], "unknown key of a mount 'at'"),
         (["attach", "gripper.xml", *GRID, "--mount", "hand replaces=x", "-o", "a.xml"], "unknown geom 'x'"),
+        (
+            ["attach", "gripper.xml", *GRID, "--mount", "hand replaces=hand/1", "-o", "a.xml"],
+            "1 geom, there is no geom 1",
+        ),
+        (["attach", "gripper.xml", *GRID, "--mount", "hand replaces=\u00b2", "-o", "a.xml"], "unknown geom"),
         (["attach", "gripper.xml", *GRID, "--mount", "hand quat=0,0,0,0", "-o", "a.xml"], "quat must not be zero"),
         (["view", "gripper.xml"], "no pads|no display|window"),
         (["demo", "--squeeze", "inf"], "--squeeze must lie between"),

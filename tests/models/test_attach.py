@@ -238,6 +238,56 @@ def test_a_replaced_geom_of_another_body_is_named():
         assert model.geom(name).contype[0] == model.geom(name).conaffinity[0] == 0
 
 
+# the pad is on the last of three welded bodies; the bits of the unnamed geoms come from a default class
+WELDED = """
+<mujoco>
+  <default><default class="hull"><geom type="box" contype="4" conaffinity="4"/></default></default>
+  <worldbody>
+    <body name="arm">
+      <joint type="slide"/>
+      <geom name="root" size="0.01" pos="0 0 0.2"/>
+      <body name="rig/link">
+        <geom size="0.01 0.01 0.01" contype="0" conaffinity="0" type="box"/>
+        <frame pos="0 0 0.001"><geom class="hull" size="0.02 0.02 0.003" pos="0 0 0.003"/></frame>
+        <geom class="hull" size="0.02 0.02 0.003" pos="0 0 0.1"/>
+        <body name="tip">
+          <geom name="tip" class="hull" size="0.02 0.02 0.002" pos="0 0 0.002"/>
+        </body>
+      </body>
+    </body>
+  </worldbody>
+  <contact><pair geom1="root" geom2="tip"/></contact>
+</mujoco>
+"""
+
+
+def bits_on(model, body):
+    first, count = int(model.body(body).geomadr[0]), int(model.body(body).geomnum[0])
+    geoms = slice(first, first + count)
+    return list(zip(model.geom_contype[geoms].tolist(), model.geom_conaffinity[geoms].tolist(), strict=True))
+
+
+def test_unnamed_geoms_of_other_bodies_are_switched_off_by_body_and_index():
+    gripper = attach(WELDED, POOLED, [Mount("tip", replaces=("tip/0", "rig/link/1"))])
+    assert bits_on(gripper.compile(), "rig/link") == [(0, 0), (0, 0), (4, 4)]
+    for model in (gripper.compile(), mujoco.MjModel.from_xml_string(gripper.to_xml())):
+        assert sorted(bits_on(model, "rig/link")) == [(0, 0), (0, 0), (4, 4)], "MuJoCo saves a frame's geoms last"
+        assert bits_on(model, "tip") == [(0, 0)]
+        assert model.npair == 0, "the pair named a geom that was given by its index"
+        pads = find_pads(model)
+        assert set(model.geom_conaffinity[pads.geoms].flat) == {4}
+
+
+def test_a_geom_whose_name_looks_like_body_and_index_comes_first():
+    text = WELDED.replace('name="root"', 'name="rig/link/1"').replace('geom1="root"', 'geom1="rig/link/1"')
+    mount = Mount("tip", replaces=("tip", "rig/link/1"))
+    with pytest.warns(UserWarning, match="pads behind other geoms"):
+        model = attach(text, POOLED, [mount]).compile()
+    assert bits_on(model, "rig/link") == [(0, 0), (4, 4), (4, 4)]
+    assert bits_on(model, "arm") == [(0, 0)]
+    assert paxisim.finger_surface(text, Mount("tip", replaces=("rig/link/1",))).extents == pytest.approx([0.02] * 3)
+
+
 @pytest.mark.parametrize(
     ("bits", "expected"),
     [
@@ -612,9 +662,21 @@ def test_fingertips_and_palm_in_two_calls():
         (
             [Mount("left_finger", replaces=(2,))],
             InvalidValueError,
-            "body 'left_finger' has 2 geoms, there is no geom 2",
+            "body 'left_finger' has 2 geoms, there is no geom 2: the last is 1",
         ),
         ([Mount("left_finger", replaces=(-1,))], InvalidValueError, "there is no geom -1"),
+        (
+            [Mount("left_finger", replaces=("hand/1",))],
+            InvalidValueError,
+            "body 'hand' has 1 geom, there is no geom 1: the last is 0",
+        ),
+        (
+            [Mount("left_finger", replaces=("left_fingr/0",))],
+            UnknownNameError,
+            "unknown body 'left_fingr'; did you mean 'left_finger'.*'left_fingr/0' in replaces is geom 0 of that body",
+        ),
+        ([Mount("left_finger", replaces=("left_finger/-1",))], UnknownNameError, "unknown geom 'left_finger/-1'"),
+        ([Mount("left_finger", replaces=("left_finger/" + "9" * 5000,))], UnknownNameError, "unknown geom 'left_"),
         ([LEFT, LEFT], InvalidValueError, "there would be two bodies named 'left_finger_pad': give each mount its"),
         ([Mount("hand", name="x"), Mount("left_finger", name="x")], InvalidValueError, "two bodies named 'x_pad'"),
         ([], InvalidValueError, "expected at least one mount, got none"),

@@ -87,12 +87,16 @@ def test_meshes_are_taken_as_they_are_not_as_hulls(tmp_path):
 def test_geoms_by_index_and_what_is_not_there():
     by_index = paxisim.finger_surface(ROUND_FINGER, paxisim.Mount("finger", replaces=(2,)))
     assert by_index.extents == pytest.approx([0.008] * 3, rel=0.01)
+    by_body = paxisim.finger_surface(ROUND_FINGER, paxisim.Mount("finger", replaces=("finger/2",)))
+    np.testing.assert_array_equal(by_body.vertices, by_index.vertices)
     with pytest.raises(paxisim.UnknownNameError, match="did you mean 'finger'"):
         paxisim.finger_surface(ROUND_FINGER, paxisim.Mount("fingr", replaces=("tip",)))
     with pytest.raises(paxisim.UnknownNameError, match="did you mean 'tip'"):
         paxisim.finger_surface(ROUND_FINGER, paxisim.Mount("finger", replaces=("tipp",)))
     with pytest.raises(paxisim.InvalidValueError, match="no geom 7"):
         paxisim.finger_surface(ROUND_FINGER, paxisim.Mount("finger", replaces=(7,)))
+    with pytest.raises(paxisim.InvalidValueError, match="has 3 geoms, there is no geom 3: the last is 2"):
+        paxisim.finger_surface(ROUND_FINGER, paxisim.Mount("finger", replaces=("finger/3",)))
     with pytest.raises(paxisim.InvalidValueError, match="replaces no geom"):
         paxisim.finger_surface(ROUND_FINGER, paxisim.Mount("finger"))
 

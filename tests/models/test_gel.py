@@ -91,6 +91,8 @@ def test_units():
         'solref="-100 -1" solimp="0.1 0.2 0.01"',
         'condim="6" friction="3 1 1" margin="0"',
         'solmix="1000" priority="-3"',
+        'solref="-100 -1" solimp="0.1 0.2 0.01" priority="1"',
+        'condim="1" friction="0.01 0.1 0.1" priority="7"',
     ],
 )
 def test_what_the_object_is_made_of_does_not_matter(attributes):

@@ -1,8 +1,10 @@
 """`attach` warns of implausible mounts: once for each kind of problem, with the pads and the amounts."""
 
+import dataclasses
 import warnings
 from importlib.resources import files
 
+import mujoco
 import pytest
 
 import paxisim
@@ -94,6 +96,87 @@ def test_pads_that_meet_where_the_gripper_is_closed_are_meant():
     closed = GRIPPER.replace('pos="-0.05 0 -0.05"', 'pos="-0.0005 0 -0.05"').replace('"0 0.04"', '"-0.04 0"')
     closed = closed.replace('pos="0.05 0 -0.05"', 'pos="0.0005 0 -0.05"')
     assert said(closed, LAYOUT, fingertips(pos=(0.001, 0, -0.019))) == []
+
+
+def test_a_mount_that_replaces_nothing():
+    """Its fingertip is level with the pad, and takes most of the load."""
+    mounts = fingertips()
+    bare = [dataclasses.replace(mount, replaces=()) for mount in mounts]
+    (warning,) = said(GRIPPER, LAYOUT, bare)
+    assert warning == (
+        "pads behind other geoms, or level with them, which take their load (add these to replaces of the mount): "
+        "'left_finger_pad' on 'left_finger' by 'left_fingertip'; 'right_finger_pad' on 'right_finger' by "
+        "'right_fingertip'"
+    )
+    assert share_of_pads(mounts) == pytest.approx(1, abs=1e-3)
+    with pytest.warns(UserWarning, match="pads behind"):
+        assert share_of_pads(bare) < 0.3
+
+
+def share_of_pads(mounts):
+    """Return the share of the gripper's force on a peg that its pads read."""
+    gripper = paxisim.attach(GRIPPER, LAYOUT, mounts)
+    peg = gripper.spec.worldbody.add_body(name="peg", pos=[0, 0, -0.07])
+    peg.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.012, 0.009, 0.03])
+    model = gripper.compile()
+    readout = paxisim.TactileReadout(model, gripper.bind(model))
+    data = mujoco.MjData(model)
+    data.ctrl[0] = 3
+    mujoco.mj_step(model, data, 800)
+    return readout.read(data)[:, 2].sum() / 6
+
+
+ON_A_LINK = """<mujoco><worldbody><body name="hand"><body name="finger">
+  <joint type="slide" axis="0 0 1" range="0 0.03"/>
+  <geom name="bone" type="box" size="0.02 0.02 0.005" pos="0 0 0.015"/>
+  <body name="pulp"><geom name="pulp" type="box" size="0.02 0.02 0.005" pos="0 0 0.005"/>{welded}</body>
+  {welded_to_finger}</body>{elsewhere}</body></worldbody></mujoco>"""
+BOX = '<geom type="box" size="0.02 0.02 0.002" pos="0 0 {}"/>'
+
+
+def on_a_link(*replaces, welded="", welded_to_finger="", elsewhere=""):
+    text = ON_A_LINK.format(welded=welded, welded_to_finger=welded_to_finger, elsewhere=elsewhere)
+    pads = paxisim.TaxelLayout(3, 3, (4e-3, 4e-3))
+    return said(text, pads, [paxisim.Mount("pulp", replaces=("pulp", *replaces))])
+
+
+@pytest.mark.parametrize(("front", "hides"), [(-0.03, False), (-0.008, True), (0.0, True), (1e-3, True), (2e-3, False)])
+def test_an_unnamed_geom_of_a_body_welded_to_the_pad(front, hides):
+    """It counts from 10 mm in front of the pad (here its front is 4 mm before its back) to 1.3 mm behind."""
+    welded = f'<body name="nail"><geom size="0.001" contype="0" conaffinity="0"/>{BOX.format(front + 2e-3)}</body>'
+    assert on_a_link("nail/1", welded_to_finger=welded) == []
+    warned = on_a_link(welded_to_finger=welded)
+    assert [word.split(" by ")[1] for word in warned] == ["'nail/1'"] * hides
+
+
+def test_a_pad_deep_inside_a_geom():
+    assert on_a_link(welded='<geom type="sphere" size="0.05"/>')[0].endswith("by 'pulp/1'")
+
+
+def test_a_geom_without_a_name_on_a_body_without_one():
+    (warning,) = on_a_link(welded_to_finger=f"<body>{BOX.format(0.002)}</body>")
+    assert warning.endswith("by a geom that has no name, nor has its body: name it")
+
+
+def test_a_geom_beside_the_pad_takes_none_of_its_area():
+    assert on_a_link(welded='<geom type="box" size="0.005 0.005 0.005" pos="0.0115 0 0.005"/>') == []
+
+
+@pytest.mark.parametrize(("axis", "hides"), [("1 0 0", True), ("0 0 1", False)])
+def test_another_link_hides_a_pad_if_it_is_level_with_it_in_every_pose(axis, hides):
+    link = f'<body name="cap"><joint type="slide" axis="{axis}" range="0 0.02"/>{BOX.format(0.002)}</body>'
+    assert on_a_link("cap/0", welded_to_finger=link) == []
+    warned = on_a_link(welded_to_finger=link)
+    assert len(warned) == hides
+    assert all("by 'cap/0'" in warning for warning in warned)
+
+
+def test_what_the_finger_meets_when_it_closes_does_not_hide_its_pad():
+    assert on_a_link(elsewhere=f'<body name="jaw">{BOX.format(-0.002)}</body>') == []
+    text = ON_A_LINK.format(welded="", welded_to_finger="", elsewhere="")
+    text = text.replace("</worldbody>", f'<body name="peg"><freejoint/>{BOX.format(0.0)}</body></worldbody>')
+    mount = paxisim.Mount("pulp", replaces=("pulp",))
+    assert said(text, paxisim.TaxelLayout(3, 3, (4e-3, 4e-3)), [mount]) == []
 
 
 @pytest.mark.robosuite

@@ -54,7 +54,7 @@ def test_metres_that_are_taken_for_millimetres_are_recognised():
 def test_degrees_are_recognised():
     hinge = """<mujoco><worldbody><body name="b"><joint name="h" range="-90 90" limited="true"/><geom size=".03"/>
       </body></worldbody></mujoco>"""
-    model = paxisim.attach(hinge, LAYOUT, [paxisim.Mount("b")]).to_xml()
+    model = paxisim.attach(hinge, LAYOUT, [paxisim.Mount("b", replaces=(0,))]).to_xml()
     turned = recording(TIME, {"angle": np.linspace(0, 60, len(TIME))})
     refused('are deg, not rad: set unit = "deg"', Scene(model, [Drive("angle", joint="h", unit="rad")]), turned)
 

@@ -40,6 +40,16 @@ def test_each_world_has_its_gel(cone):
     assert np.abs(expected[0] - expected[1]).max() > 0.01
 
 
+def test_taxels_outrank_an_object_with_a_priority():
+    import paxisim.warp
+
+    model, pads, data = held()
+    model.geom_priority[model.geom("object").id] = 3
+    warped = Warped(model, pads, data, None, loads(2))
+    paxisim.warp.apply_gel(warped.m, model, pads, Gel())
+    assert set(warped.m.geom_priority.numpy()[pads.geoms].flat) == {4}
+
+
 def test_a_mask_keeps_the_other_gels():
     import paxisim.warp
 
