@@ -28,6 +28,9 @@ def attach(
     taxels: tyro.conf.OmitArgPrefixes[Taxels],
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])],
     *,
+    fingers: tuple[str, ...] = (),
+    close: tuple[str, ...] = (),
+    under: str = "",
     mount: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
     conform: bool = False,
     xacro: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,
@@ -37,10 +40,12 @@ def attach(
     sensors: Literal["none", "contact", "touch_grid"] = "none",
     force: bool = False,
 ) -> None:
-    """Put tactile pads on a gripper and write the result as MJCF.
+    """Put tactile pads on a gripper, a hand or a whole robot and write the result as MJCF.
 
-    The command recognises robosuite's grippers by their file name. On any other gripper, it closes the actuators and
-    puts the pads where the fingers meet. It prints the mounts it chose and draws a picture of the result.
+    The command recognises robosuite's grippers by their file name. On any other robot, it finds the hands, closes them
+    and puts a pad on each fingertip, facing the way it closes. It prints the mounts it chose and draws a picture of the
+    result. If it finds no hand whose pads would be right, it writes nothing and says why. Then tell it where to look
+    with --fingers, --close or --under, or place each pad by hand with --mount.
 
     With --xacro, the pads go where the maker of a covered hand has its sensors. --sensor then selects the kind, since
     one tensor holds pads of one kind.
@@ -51,10 +56,15 @@ def attach(
 
     paxisim attach right_hand.xml --sensor xela-uscuah --xacro allegro_hand_right_curved.xacro -o tactile_hand.xml
 
+    paxisim attach arm.xml --rows 4 --cols 3 --pitch-mm 4 --fingers jaw_left jaw_right -o tactile_arm.xml
+
     Args:
-        gripper: The gripper's MJCF file.
+        gripper: The robot's MJCF or URDF file.
         taxels: The pad's taxels.
         output: Output MJCF file, .xml.
+        fingers: Bodies that are the fingertips; a jaw that does not move is one of them.
+        close: Actuators, or joints that have none, that close the hand.
+        under: Body that carries the hand, such as the last link of an arm.
         mount: Where to put a pad, once per pad, in the format that this command prints:
             'BODY pos-mm=X,Y,Z quat=W,X,Y,Z replaces=GEOM,GEOM name=NAME'.
         conform: Lay each pad onto its finger if that is curved under it.
@@ -85,8 +95,16 @@ def attach(
         )
         for layout in layouts
     ]
-    progress("attaching" if mounts else "closing the gripper to see where its fingers meet")
-    tactile = paxisim.attach(gripper, pads if modules else pads[0], mounts or None, conform=conform)
+    progress("attaching" if mounts else "closing the robot's hands to see where their fingers meet")
+    tactile = paxisim.attach(
+        gripper,
+        pads if modules else pads[0],
+        mounts or None,
+        fingers=fingers,
+        close=close,
+        under=under,
+        conform=conform,
+    )
     model = tactile.to_xml(output.absolute().parent)
     progress("drawing")
     try:

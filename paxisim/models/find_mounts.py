@@ -11,7 +11,7 @@ and x = y cross z. The sensing surface is the plane of the face. Lengths in m.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import mujoco
@@ -32,6 +32,8 @@ WAYS_OUT = (
     "name the fingers (--fingers), the actuators or joints that close (--close) or a part of the robot (--under), or "
     "give the mounts by hand (--mount)"
 )
+
+_REASONS = 3  # at most so many are listed
 
 
 @dataclass(frozen=True)
@@ -67,7 +69,8 @@ class FoundMounts:
         model: Model of the robot that was searched, for drawing.
         open_qpos: ``(nq,)`` pose with all hands open.
         grasp_qpos: ``(nq,)`` pose in which the first fingertips meet or are nearest.
-        grips: One entry per hand; the indices of its pads are those of `faces`.
+        grips: One entry per hand; the indices of its pads are those of `faces`. Empty if joints without an actuator
+            close the robot.
     """
 
     faces: tuple[FoundFace, ...]
@@ -112,6 +115,7 @@ def find_mounts(
         UnknownNameError: There is no such body, actuator or joint.
     """
     spec = load_spec(gripper)
+    of_robot = len(spec.actuators)
     actuated = _drive_joints(spec, close)
     model = compile_whole(spec, "the robot")
     links = Links(model)
@@ -122,7 +126,9 @@ def find_mounts(
             "the robot has no actuators, so nothing closes: name the joints that close it (--close), or give the "
             "mounts by hand (--mount)"
         )
-    return _Search(links, fingers, actuated, under).result()
+    found = _Search(links, fingers, actuated, under).result()
+    # the controls of a grip are those of the robot, without the servos that only this search has
+    return found if model.nu == of_robot else replace(found, grips=())
 
 
 def choose_mounts(
@@ -167,7 +173,7 @@ def grips_of(spec: mujoco.MjSpec, mounts: Sequence[Mount]) -> tuple[Grip, ...]:
     """
     model = compile_whole(spec, "the robot")
     links = Links(model)
-    search = _Search(links, [mount.body for mount in mounts], (), "")
+    search = _Search(links, [mount.body for mount in mounts])
     on = [int(links.of_body[model.body(mount.body).id]) for mount in mounts]
     grips = []
     for hand in search.hands():
@@ -224,7 +230,7 @@ def _drive_joints(spec: mujoco.MjSpec, close: Sequence[str]) -> tuple[str, ...]:
 class _Search:
     """The search, with one method per step."""
 
-    def __init__(self, links: Links, fingers: Sequence[str], close: Sequence[str], under: str) -> None:
+    def __init__(self, links: Links, fingers: Sequence[str] = (), close: Sequence[str] = (), under: str = "") -> None:
         self.links, self.model = links, links.model
         self.wanted = {self._link(name) for name in fingers}
         self.close = [self.model.actuator(name).id for name in close]
@@ -250,9 +256,12 @@ class _Search:
             self.take(hand)
             self.warnings += notes
             hands.append((hand, found))
-        hands.sort(key=lambda pair: min(face.link for face in pair[1]))
-        if not hands:
+        missing = sorted(self.wanted - {face.link for _, found in hands for face in found})
+        if hands and missing:
+            self.rejected.append(f"nothing closes {self.links.names(missing)}")
+        if missing or not hands:
             raise InvalidValueError(self._refusal())
+        hands.sort(key=lambda pair: min(face.link for face in pair[1]))
         faces: list[FoundFace] = []
         grips: list[Grip] = []
         lines = ["Closed the robot's hands without gravity and contacts:"]
@@ -293,8 +302,10 @@ class _Search:
         links = self.links
         branches = [b for b in links.children(palm) if not links.below(b) & self.taken]
         if self.wanted:
-            branches = [b for b in branches if links.below(b) & self.wanted]
-            return branches if len(branches) > 1 or palm in self.wanted else []
+            named = [b for b in branches if links.below(b) & self.wanted]
+            if palm in self.wanted or len(named) < 2:
+                return named if palm in self.wanted else []
+            return sorted({*named, *fingers_on(links, palm, self.taken)})  # the rest of a linkage moves with them
         dofs = links.dofs(set().union(*(links.below(b) for b in branches)))
         other = np.setdiff1d(np.arange(self.model.nv), dofs)
         drives = links.drives[self.close]
@@ -306,8 +317,10 @@ class _Search:
         return closes_on(self.links, palm, branch)
 
     def _refusal(self) -> str:
-        if self.rejected:
-            return f"no hand found: {'; '.join(dict.fromkeys(self.rejected))}: {WAYS_OUT}"
+        reasons = list(dict.fromkeys(self.rejected))
+        if reasons:
+            more = f"; and {len(reasons) - _REASONS} other places" if len(reasons) > _REASONS else ""
+            return f"no hand found: {'; '.join(reasons[:_REASONS])}{more}: {WAYS_OUT}"
         return f"no hand found: no fingers branch off a palm, and no jaw closes on the link that carries it: {WAYS_OUT}"
 
     def _open(self, hands: list[Hand]) -> NDArray[np.float64]:

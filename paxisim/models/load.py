@@ -41,6 +41,10 @@ def load_spec(model: mujoco.MjSpec | str | Path) -> mujoco.MjSpec:
     try:
         return parse(argument)
     except ValueError as error:
+        if "mujocoinclude" in str(error):
+            raise InvalidValueError(
+                f"{source} is a part that other models include, not a model: give the file that includes it"
+            ) from error
         try:
             repaired, repairs = _repaired(source, parse is mujoco.MjSpec.from_file)
             spec = mujoco.MjSpec.from_string(repaired)

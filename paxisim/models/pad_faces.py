@@ -63,11 +63,14 @@ def pad_faces(hand: Hand, wanted: set[int]) -> tuple[list[PadFace], list[str]]:
     if not hand.tips:
         raise Rejected(f"driving {_actuators(hand)} moves nothing that can touch")
     found, warnings = _jaw(hand) if hand.is_jaw else _fingers(hand)
+    if hand.palm in wanted and not hand.is_jaw:
+        found += _palm(hand)
     found = _in_line(hand, found)
     doubts = {pad.link: doubt for pad in found if (doubt := _doubt(hand, pad, found))}
     if wanted:
         found = [pad for pad in found if pad.link in wanted]
-        missing = [k for k in wanted if k in hand.tips and k not in {pad.link for pad in found}]
+        asked = {hand.palm, *hand.tips} & wanted
+        missing = sorted(asked - {pad.link for pad in found})
         if missing:
             raise Rejected("; ".join(warnings) or f"{hand.links.names(missing)}: no face that closes")
         return found, [*warnings, *doubts.values()]
@@ -76,7 +79,7 @@ def pad_faces(hand: Hand, wanted: set[int]) -> tuple[list[PadFace], list[str]]:
         reasons = [*doubts.values(), *warnings]
         why = "; ".join(reasons) if reasons else "they do not approach one another"
         raise Rejected(f"{_actuators(hand)} moves {names}, but {why}")
-    return found, [*warnings, *(f"{doubt}: no pad on it" for doubt in doubts.values())]
+    return found, [f"{reason}: no pad on it" for reason in (*warnings, *doubts.values())]
 
 
 def _actuators(hand: Hand) -> str:
@@ -92,7 +95,7 @@ def _fingers(hand: Hand) -> tuple[list[PadFace], list[str]]:
         pairs = [(p.b if p.a == tip else p.a, p) for p in hand.pairs if tip in (p.a, p.b)]
         name = hand.links.name(tip)
         if not hand.curls(tip) and not pairs:
-            warnings.append(f"{name} moves, but towards no other finger: no pad on it")
+            warnings.append(f"{name} moves, but towards no other finger")
             continue
         frame = max((p.frame for _, p in pairs), default=len(hand.stroke.qpos) - 1)
         direction = hand.motion(tip, frame)
@@ -105,7 +108,7 @@ def _fingers(hand: Hand) -> tuple[list[PadFace], list[str]]:
             direction = hand.across_hinge(tip, unit(towards) + direction)
         face = find_face(hand.links.surface(tip), direction, hand.base(tip))
         if face is None:
-            warnings.append(f"{name} has no face towards what it closes on: no pad on it")
+            warnings.append(f"{name} has no face towards what it closes on")
             continue
         found.append(PadFace(tip, face, tuple(other for other, _ in pairs), _off_course(hand, tip, face, frame)))
     return found, warnings
@@ -138,6 +141,17 @@ def _jaw(hand: Hand) -> tuple[list[PadFace], list[str]]:
     ], []
 
 
+def _palm(hand: Hand) -> list[PadFace]:
+    """Find the face of the palm towards the closed fingertips."""
+    palm, last = hand.palm, len(hand.stroke.qpos) - 1
+    if palm not in hand.links.geoms:
+        return []
+    tips = np.mean([hand.stroke.world(tip, last, hand.links.centre(tip)) for tip in hand.tips], axis=0)
+    direction = hand.stroke.local(palm, last, tips) - hand.links.centre(palm)
+    face = find_face(hand.links.surface(palm), direction, np.zeros(3))
+    return [] if face is None else [PadFace(palm, face, tuple(hand.tips), 0.0)]
+
+
 def _off_course(hand: Hand, tip: int, face: Face, frame: int) -> float:
     """Return the angle between a face's outward normal and the way it moves."""
     return float(np.arccos(np.clip(-face.frame[:, 2] @ hand.motion(tip, frame, face.center), -1, 1)))
@@ -148,6 +162,8 @@ def _doubt(hand: Hand, pad: PadFace, found: list[PadFace]) -> str:
     name = hand.links.name(pad.link)
     if pad.off_course > (_CURLS if hand.curls(pad.link) else _CLOSES):
         return f"the face of {name} points {np.degrees(pad.off_course):.0f} deg off the way it moves"
+    if pad.link == hand.palm and not hand.is_jaw:
+        return ""
     if hand.curls(pad.link):
         return "" if _faces_the_hand(hand, pad) else f"{name} does not bend towards the palm or another finger"
     others = [other for other in found if other.link in pad.partners]
