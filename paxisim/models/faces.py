@@ -32,6 +32,7 @@ _STEP = 0.15e-3  # a parallel surface further back belongs to another face
 _COS_PARALLEL = np.cos(np.radians(3))
 _SHARE = 0.2  # the face is the foremost plane with at least this share of the largest plane's area
 _FILL = 0.6  # a face fills at least this share of its rectangle, or it scores less
+_PATCHES = 0.45  # patches of one face fill at least this share of theirs, as four boxes at its corners do
 _SQUARE = np.array([[0, 0], [0, 1], [1, 0], [1, 1]])
 _COS_TILT = np.cos(np.radians(40))  # a triangle tilted more does not belong to the face
 _COS_STEP = np.cos(np.radians(15))  # and the same for a stepped face
@@ -361,7 +362,7 @@ def _smallest_rectangle(points: NDArray[np.float64]) -> float:
 def _near_patches(labels: NDArray[np.int64], first: int) -> list[int]:
     """Return the patches of an image that lie no further from `first`, or from one of them, than they are long.
 
-    Together they fill at least `_FILL` of the smallest rectangle around them.
+    Together they fill at least `_PATCHES` of the smallest rectangle around them.
     """
     boxes = ndimage.find_objects(labels)
     low = np.array([[side.start for side in box] for box in boxes])
@@ -377,7 +378,7 @@ def _near_patches(labels: NDArray[np.int64], first: int) -> list[int]:
     while len(chosen) > 1:
         cells = np.argwhere(np.isin(labels, chosen))
         corners = (cells[:, None] + _SQUARE).reshape(-1, 2).astype(float)
-        if len(cells) >= _FILL * _smallest_rectangle(corners):
+        if len(cells) >= _PATCHES * _smallest_rectangle(corners):
             break
         middle = (low[first - 1] + high[first - 1]) / 2
         chosen.remove(max(chosen[1:], key=lambda k: float(np.linalg.norm((low[k - 1] + high[k - 1]) / 2 - middle))))

@@ -175,14 +175,14 @@ def _doubt(hand: Hand, pad: PadFace, found: list[PadFace]) -> str:
     if len(found) > 2:
         return ""
     frame = _meeting(hand, pad, others)
+    aside = np.abs(_into(hand, frame, others[0], pad, np.zeros(3))[:2])
+    if np.any(aside > (pad.half[:2] + max(others[0].half[:2])) / 2):
+        return f"the faces of {name} and {partners} pass each other {np.linalg.norm(aside) * 1e3:.0f} mm apart"
     for at in (0, frame):
         apart = _into(hand, at, others[0], pad, np.zeros(3))
         near = np.linalg.norm(apart) < max(pad.face.size)
         if not near and not hand.is_jaw and -unit(apart)[2] < np.cos(_CLOSES):
             return f"the face of {name} does not point at {partners}"
-    aside = np.abs(_into(hand, frame, others[0], pad, np.zeros(3))[:2])
-    if np.any(aside > (pad.half[:2] + max(others[0].half[:2])) / 2):
-        return f"the faces of {name} and {partners} pass each other {np.linalg.norm(aside) * 1e3:.0f} mm apart"
     return ""
 
 
