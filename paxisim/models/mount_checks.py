@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from paxisim.layout import TaxelLayout
 from paxisim.models import names
-from paxisim.models.faces import FACE_DEPTH, shape_of
+from paxisim.models.faces import ROOM, shape_of
 from paxisim.models.mount import Mount, name_for_replaces, replaced_in_model
 from paxisim.models.pads import Pads, half_thickness
 from paxisim.models.surface import first_facing
@@ -28,8 +28,6 @@ MAX_TAXEL_DISTANCE = 0.01
 """Largest distance of a taxel from the finger's surface behind it; beyond, it hangs in the air."""
 MAX_GAP_IN_FRONT = 0.01
 """Largest gap between a pad and a geom of its finger in front of it; beyond, an object can come between them."""
-ROOM = FACE_DEPTH + 0.3e-3
-"""Room that a pad needs behind its surface, to be pressed in; a geom that reaches into it takes load."""
 MAX_CURVE_DISTANCE = 2e-3
 """Largest distance of a curved pad from the surface that it lies on."""
 MAX_OVERHANG_SHARE = 0.25
