@@ -140,9 +140,9 @@ def on_a_link(*replaces, welded="", welded_to_finger="", elsewhere=""):
     return said(text, pads, [paxisim.Mount("pulp", replaces=("pulp", *replaces))])
 
 
-@pytest.mark.parametrize(("front", "hides"), [(-0.03, False), (-0.008, True), (0.0, True), (1e-3, True), (2e-3, False)])
+@pytest.mark.parametrize(("front", "hides"), [(-0.03, False), (-0.008, True), (0.0, True), (3e-3, True), (4e-3, False)])
 def test_an_unnamed_geom_of_a_body_welded_to_the_pad(front, hides):
-    """It counts from 10 mm in front of the pad (here its front is 4 mm before its back) to 1.3 mm behind."""
+    """It counts from 10 mm in front of the pad (here its front is 4 mm before its back) to 3.5 mm behind."""
     welded = f'<body name="nail"><geom size="0.001" contype="0" conaffinity="0"/>{BOX.format(front + 2e-3)}</body>'
     assert on_a_link("nail/1", welded_to_finger=welded) == []
     warned = on_a_link(welded_to_finger=welded)
