@@ -65,6 +65,10 @@ class Drive:
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT) | int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)
         self._locked = np.setdiff1d(np.arange(model.nv), dofs)
         model.dof_armature[self._locked] = _LOCK
+        still = ~np.isin(np.arange(model.njnt), model.dof_jntid[dofs])
+        self._still = np.concatenate(
+            [np.zeros(0, dtype=np.int64), *(_positions(model, int(joint)) for joint in np.flatnonzero(still))]
+        )
         low, high = control_range(model).T
         own = links.drives[:, dofs].any(axis=1)
         self.actuators = np.flatnonzero(own & ~links.drives[:, self._locked].any(axis=1))
@@ -117,6 +121,9 @@ class Drive:
             share = 1.0 if frames is None else min(1.0, data.time / _RAMP)
             data.ctrl[:] = start + share * (end - start)
             mujoco.mj_step(self.model, data, every)
+            # constraints, such as one that welds a hand to a mocap body, move even heavy joints
+            data.qpos[self._still] = self.rest.qpos[self._still]
+            data.qvel[self._locked] = 0.0
             if not np.all(np.isfinite(data.qpos)) or data.warning[int(mujoco.mjtWarning.mjWARN_BADQACC)].number:
                 raise InvalidValueError("the robot is unstable when its actuators are driven: check its timestep")
             speed = float(np.abs(data.qpos - before).max(initial=0.0))
@@ -126,6 +133,13 @@ class Drive:
                 mujoco.mj_kinematics(self.model, data)
                 frames.append(_frame(data))
         mujoco.mj_kinematics(self.model, data)
+
+
+def _positions(model: mujoco.MjModel, joint: int) -> NDArray[np.int64]:
+    """Return the indices of a joint's coordinates in ``qpos``."""
+    first = int(model.jnt_qposadr[joint])
+    width = {int(mujoco.mjtJoint.mjJNT_FREE): 7, int(mujoco.mjtJoint.mjJNT_BALL): 4}.get(int(model.jnt_type[joint]), 1)
+    return np.arange(first, first + width)
 
 
 def control_range(model: mujoco.MjModel) -> NDArray[np.float64]:
