@@ -186,12 +186,12 @@ def grips_of(spec: mujoco.MjSpec, mounts: Sequence[Mount]) -> tuple[Grip, ...]:
 
 def _grip(hand: Hand, pads: tuple[int, ...], partners: tuple[tuple[int, ...], ...]) -> Grip:
     return Grip(
-        pads,
-        partners,
-        tuple(hand.drive.actuators.tolist()),
-        hand.drive.control(hand.closing.open_ctrl),
-        hand.drive.control(hand.closing.close_ctrl),
-        hand.stroke.qpos,
+        pads=pads,
+        actuators=tuple(hand.drive.actuators.tolist()),
+        open_ctrl=hand.drive.control(hand.closing.open_ctrl),
+        close_ctrl=hand.drive.control(hand.closing.close_ctrl),
+        qpos=hand.stroke.qpos,
+        partners=partners,
     )
 
 
