@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -252,7 +254,41 @@ def test_concatenating_the_episodes_gives_the_recording():
     assert twice.episode.tolist() == [0, 0, 0, 1, 1, 2, 2, 2, 3, 3]
     assert twice.metadata == {"sensor": "a", "start": 5.0}
     np.testing.assert_array_equal(twice.simulated, np.concatenate([-FORCE, -FORCE]))
-    np.testing.assert_array_equal(twice.time, [*recording.time] * 2)
+    np.testing.assert_array_equal(twice.time, [*recording.time, *(recording.time + 4.0)])
+
+
+def test_concatenating_keeps_the_clock_and_what_is_keyed_by_episode(tmp_path):
+    def part(start, episodes, **metadata):
+        at = np.sort(np.tile(TIME, len(episodes)) + np.repeat(np.arange(len(episodes)), 5))
+        force = np.zeros((len(at), 1, 3, 1, 1))
+        return Recording(at, force, episode=np.repeat(episodes, 5), metadata={"start": start, **metadata})
+
+    replay = {"mode": "force", "closing": {"0": 0.1}, "encoder_error": {"episode": 0, "newtons": 1.0, "peak": 2.0}}
+    other = {**replay, "closing": {"0": 0.2, "1": 0.3}, "encoder_error": {"episode": 1, "newtons": 3.0, "peak": 2.0}}
+    first = part(1000.0, [0], task="pick", replay=replay)
+    second = part(1010.0, [0, 1], tasks={"0": "place", "1": "turn"}, replay=other)
+    both = Recording.concatenate([first, second])
+    np.testing.assert_allclose(both.time[[0, 5, 10]], [0, 10, 11])
+    assert both.metadata == {
+        "start": 1000.0,
+        "tasks": {"0": "pick", "1": "place", "2": "turn"},
+        "replay": {
+            "mode": "force",
+            "closing": {"0": 0.1, "1": 0.2, "2": 0.3},
+            "encoder_error": {"episode": 2, "newtons": 3.0, "peak": 2.0},
+            "notes": [],
+        },
+    }
+    (tmp_path / "joint.csv").write_text("time,u\n" + "".join(f"{1000 + t},{t}\n" for t in range(13)))
+    for episode, u in ((0, 0.0), (1, 10.0), (2, 11.0)):
+        both.select([episode]).save(tmp_path / "part.npz")
+        loaded = Recording.load(tmp_path / "part.npz", streams=tmp_path / "joint.csv")
+        assert loaded.covariates["u"][0] == pytest.approx(u)
+    unknown = Recording.concatenate([first, replace(second, metadata={})])
+    assert "start" not in unknown.metadata
+    unknown.save(tmp_path / "part.npz")
+    with pytest.raises(InvalidValueError, match="clock, but that of the recording starts anew"):
+        Recording.load(tmp_path / "part.npz", streams=tmp_path / "joint.csv")
 
 
 @pytest.mark.parametrize(

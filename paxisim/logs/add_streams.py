@@ -85,6 +85,11 @@ def add_streams(
         first = np.repeat(recording.time[episode_starts(episode)], [span.stop - span.start for _, span in spans])
         at = np.round((recording.time - first) * 1e9).astype(np.int64)
     else:
+        if np.any(np.diff(recording.time) < 0):
+            raise InvalidValueError(
+                f"{path} has one clock, but that of the recording starts anew in an episode: number the episodes in a "
+                "column episode_index, or load the streams with each recording before concatenating them"
+            )
         spans = [(None, slice(None))]
         at = log_times(recording)[0]
         _check_overlap(path, streams, at)
