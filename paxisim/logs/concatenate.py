@@ -47,12 +47,12 @@ def concatenate(parts: Sequence[RecordingArrays]) -> RecordingArrays:
         begin += len(part.time)
         if "task" in part.metadata and any(other.metadata.get("task") != part.metadata["task"] for other in parts):
             metadata[-1].setdefault("tasks", dict.fromkeys(map(str, episode[own].tolist()), metadata[-1]["task"]))
-    starts = [part.metadata.get("start") for part in parts]
     merged = _merged(metadata)
-    if all(isinstance(start, (int, float)) for start in starts):
-        merged["start"] = starts[0]  # the others' time then counts from it, too
+    merged.pop("start", None)
+    starts = [start for part in parts if isinstance(start := part.metadata.get("start"), (int, float))]
+    if len(starts) == len(parts):
+        merged["start"] = starts[0]  # from which the times of all parts count
     else:
-        merged.pop("start", None)
         starts = [0.0] * len(parts)
     return RecordingArrays(
         np.concatenate([part.time + (start - starts[0]) for part, start in zip(parts, starts, strict=True)]),
@@ -87,8 +87,8 @@ def _merged(parts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     out = {name: value for name, value in parts[0].items() if all(_same(name, value, part) for part in parts[1:])}
     if any("tasks" in part for part in parts):
         out["tasks"] = _joined(parts, "tasks")
-    replays = [part.get("replay") for part in parts]
-    if "replay" not in out and all(isinstance(replay, Mapping) for replay in replays):
+    replays = [replay for part in parts if isinstance(replay := part.get("replay"), Mapping)]
+    if "replay" not in out and len(replays) == len(parts):
         shared = {name: value for name, value in replays[0].items() if all(_same(name, value, r) for r in replays[1:])}
         errors = [error for replay in replays if (error := replay.get("encoder_error"))]
         worst = max(errors, key=lambda error: error.get("newtons", 0) / (error.get("peak") or 1), default=None)

@@ -235,6 +235,23 @@ def test_csv_that_counts_episodes(tmp_path):
     np.testing.assert_allclose(found, [np.nan, np.nan, np.nan, 1, 1.1])
 
 
+def test_numbered_episodes_on_the_recordings_own_clock(tmp_path):
+    at = np.array([0.0, 0.5, 1.0, 5.0, 5.5, 6.0])
+    recording = Recording(at, np.zeros((6, 1, 3, 1, 1)), episode=[1, 1, 1, 4, 4, 4], metadata={"start": 1000.0})
+    recording.save(tmp_path / "a.npz")
+    for zero in (0.0, 1000.0):  # the recording's time, and Unix time
+        rows = "".join(f"{4 if t > 2 else 1},{zero + t},{10 * t}\n" for t in (0.5, 1.0, 5.0, 6.0))
+        (tmp_path / "u.csv").write_text(f"episode_index,time,u\n{rows}")
+        found = Recording.load(tmp_path / "a.npz", streams=tmp_path / "u.csv").covariates["u"]
+        np.testing.assert_allclose(found, [np.nan, 5, 10, 50, 55, 60])
+    (tmp_path / "u.csv").write_text("episode_index,time,u\n1,0.5,1\n1,1,2\n4,0,3\n")
+    with pytest.warns(UserWarning, match="episode 4 shares no time with the recording's"):
+        Recording.load(tmp_path / "a.npz", streams=tmp_path / "u.csv")
+    (tmp_path / "u.csv").write_text("episode_index,time,u\n1,90,1\n1,91,1\n4,92,1\n")
+    with pytest.raises(InvalidValueError, match="its episodes do not overlap those of the recording"):
+        Recording.load(tmp_path / "a.npz", streams=tmp_path / "u.csv")
+
+
 @pytest.mark.parametrize(
     ("name", "text", "words"),
     [
