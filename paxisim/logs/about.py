@@ -23,6 +23,7 @@ def about_text(recording: RecordingArrays) -> str:
         "format": schemas.FORMAT,
         "layout": None if recording.layout is None else recording.layout.to_dict(),
         "pads": recording.pads,
+        "covariates": {name: values.shape[1:] for name, values in recording.covariates.items()},
         "metadata": recording.metadata,
     }
     try:
@@ -74,3 +75,13 @@ def read_about(path: Path, about: Any) -> dict[str, Any]:
     except InvalidValueError as error:
         raise InvalidValueError(f"{path}: 'layout' in 'about': {error}") from error
     return {"layout": layout, "pads": tuple(pads), "metadata": metadata}
+
+
+def covariate_shapes(about: dict[str, Any]) -> dict[str, tuple[int, ...]]:
+    """Return the shapes of the covariates' samples as stated in the parsed JSON text; empty in older files."""
+    given = about.get("covariates")
+    return {
+        name: tuple(shape)
+        for name, shape in (given.items() if isinstance(given, dict) else ())
+        if isinstance(shape, list) and len(shape) < 32 and all(type(n) is int and 0 < n < 2**31 for n in shape)
+    }

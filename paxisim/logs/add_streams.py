@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -61,8 +62,10 @@ def read_streams(path: Path) -> Streams:
     if suffix == ".parquet":
         from paxisim.logs.parquet import read_parquet
 
-        columns = read_parquet(path)[0]
-        return _of_table(path, _from_columns(path, columns), restarts="time" not in columns)
+        columns, about = read_parquet(path)
+        table = _from_columns(path, columns)
+        table = replace(table, covariates={**table.covariates, **about.get("covariates", {})})
+        return _of_table(path, table, restarts="time" not in columns)
     if suffix in (".h5", ".hdf5"):
         from paxisim.logs.hdf5 import read_hdf5
 
