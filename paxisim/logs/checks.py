@@ -12,7 +12,7 @@ from paxisim.layout import TaxelLayout
 from paxisim.logs.recording_arrays import RecordingArrays, episode_starts
 
 # reserved names: files store these as separate fields
-_FIELDS_NOT_METADATA = ("format", "layout", "pads", "time_zero_ns")
+_FIELDS_NOT_METADATA = ("format", "layout", "pads", "time_zero_ns", "episode_clocks")
 
 
 def check_fields(given: RecordingArrays) -> RecordingArrays:

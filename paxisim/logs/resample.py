@@ -35,7 +35,8 @@ def resample_log(
 
     Returns:
         The arrays. Time counts from the first sample, whose Unix time becomes ``metadata["start"]``, unless the file
-        stores its clock (``time_zero_ns``: the log time at which the time of each episode is 0).
+        describes its clock. ``episode_clocks`` has, for each episode, the log times of its first sample and of its
+        time 0, and its number; ``time_zero_ns`` of older files has only the second.
 
     Raises:
         InvalidValueError: The log has no tensors, or the two tensors do not overlap in time.
@@ -60,10 +61,13 @@ def resample_log(
             warnings.warn(said, stacklevel=2)
     metadata = dict(log.metadata)
     layout, pads = metadata.pop("layout", None), metadata.pop("pads", ())
-    zeros = metadata.pop("time_zero_ns", None)
+    zeros, clocks = metadata.pop("time_zero_ns", None), metadata.pop("episode_clocks", None)
+    if clocks:
+        begins, zeros, numbers = np.asarray(clocks, dtype=np.int64).T
+        marks = Stream(begins, numbers)
     episode, mark = _episodes(at, marks)
     if zeros is None or marks is None or len(zeros) != len(marks.values):
-        metadata.setdefault("start", float(at[0] * 1e-9))
+        metadata["start"] = float(at[0] * 1e-9)
         zero: Any = at[0]
     else:
         zero = np.asarray(zeros, dtype=np.int64)[mark]
