@@ -19,6 +19,7 @@ from paxisim.hw.calibrated import SensorCalibration
 from paxisim.hw.clock import Clock
 from paxisim.hw.frame import Frame
 from paxisim.hw.sample_time import SampleClock
+from paxisim.logs.schemas import in_error
 
 READ_TIMEOUT = 0.5
 """Maximum time (s) for one reading; a silent board delays commands and `Reader.close` by as much."""
@@ -302,7 +303,7 @@ class Reader:
                 self._miss(fault)
                 if self._clock.monotonic() - self._heard >= RESTART_AFTER:
                     raise
-        good = [frame for frame in frames if not any(frame.status)]
+        good = [frame for frame in frames if not in_error(frame.status)]
         if not good:
             raise DeviceError(
                 f"{self.port} reported an error with each frame, so none can serve as zero: {frames[-1].status}"
