@@ -1,5 +1,6 @@
 """Streams of different motions are told from streams of one motion, and shifted clocks from a late sensor."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +11,7 @@ from recorded import diagnosed, names, small
 
 from paxisim.cli import main
 from paxisim.diagnose.correspondence import correspondence_of
+from paxisim.diagnose.prepare import prepare
 from paxisim.recording import Recording
 
 STRONG = 0.95
@@ -44,6 +46,30 @@ def late(seconds, *causes, seed=1, **options):
     kept = np.concatenate([own[by:] for own in frames])
     then = np.concatenate([own[:-by] for own in frames])
     return replace(recording[kept], measured=recording.measured[then])
+
+
+def test_episodes_keep_the_recordings_own_numbers():
+    at, heights = np.arange(200) / 20, np.random.default_rng(0).uniform(1, 4, (4, 5))
+    knots = [0, 0.7, 2.1, 3, 3.9, 5.2, 5.9, 6.8, 8.2, 8.7, 10]
+    presses = [np.interp(at, knots, [0, *np.ravel([(h, 0) for h in own])]) for own in heights]
+    simulated, measured = (np.concatenate(own) for own in (presses, np.roll(presses, 1, axis=0)))
+    episode = np.repeat([505, 506, 507, 508], 200)
+    ones = np.ones((1, 3, 2, 2))
+    mixed = Recording(
+        np.tile(at, 4), np.multiply.outer(measured, ones), np.multiply.outer(simulated, ones), episode=episode
+    )
+    numbers = re.findall(r"episode (\d+)", correspondence_of(mixed).why)
+    assert len(numbers) == 2
+    assert {int(number) for number in numbers} <= {505, 506, 507, 508}
+    plain = small(seed=0)
+    time = plain.time + np.where(np.arange(len(plain)) >= 30, 5.0, 0.0)  # a gap in the first episode
+    time[plain.episode > 0] = plain.time[plain.episode > 0]
+    measured = plain.measured.copy()
+    measured[30] = np.nan
+    gap, warnings = prepare(replace(plain, time=time, measured=measured, episode=plain.episode + 500))
+    new = 500 + int(plain.episode.max()) + 1
+    assert np.unique(gap.episode).tolist() == [*range(500, new), new]
+    assert f"episode {new} is the part of episode 500 from" in " ".join(warnings)
 
 
 @pytest.mark.parametrize("seed", range(3))
