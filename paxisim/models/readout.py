@@ -78,8 +78,8 @@ class TactileReadout:
         """Return the same forces as `read`, in float64."""
         if self._model.opt.enableflags & SLEEP:
             raise UnsupportedError(
-                "the model lets bodies sleep, and MuJoCo removes the contacts of a sleeping body, so its load would read "
-                'as 0 N: remove <flag sleep="enable"/> from <option>'
+                "the model lets bodies sleep, and MuJoCo removes the contacts of a sleeping body, so its load would "
+                'read as 0 N: remove <flag sleep="enable"/> from <option>'
             )
         # this runs with cold caches, between milliseconds of physics, so every numpy call counts
         contacts = data.contact

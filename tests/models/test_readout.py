@@ -500,5 +500,5 @@ def test_a_model_whose_bodies_sleep_is_refused():
     readout = TactileReadout(model, pads)
     assert readout.read(data).any()
     model.opt.enableflags |= SLEEP
-    with pytest.raises(UnsupportedError, match='sleep.*would read as 0 N: remove <flag sleep="enable"/>'):
+    with pytest.raises(UnsupportedError, match=r'sleep.*would read as 0 N: remove <flag sleep="enable"/>'):
         readout.read(data)
