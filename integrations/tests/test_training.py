@@ -78,6 +78,9 @@ def test_a_run_that_was_killed_goes_on_with_all_it_had_seen(killed):
     env = run.make_envs()
     model = make_model(run, env, "cpu")
     saved = model.num_timesteps
+    begun = make_model(replace(run, folder=killed / "none"), env, "cpu").replay_buffer
+    raw = np.ones((1, 4, 2, 3, *env.get_attr("layout")[0].shape[1:]), np.float32)
+    assert not np.array_equal(begun._redraw(raw), model.replay_buffer._redraw(raw)), "draws go on, not anew"
     assert 0 < saved <= 2 * collected
     assert isinstance(model.replay_buffer, HistoryReplayBuffer)
     assert model.replay_buffer.pos == collected
