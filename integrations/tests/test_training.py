@@ -171,6 +171,16 @@ def test_one_s_own_results_are_tabulated_with_those_of_the_package(tmp_path, mon
     table()
     after = capsys.readouterr().out
     assert " 0.98 / 0.00 (" in after
+    for result in kept:
+        result.save()
+    tried = {**kept[0].training, "steps": 1000}
+    replace(kept[0], seed=9, success_rate=0.0, training=tried).save()
+    replace(kept[0], seed=8, success_rate=0.0, versions={**kept[0].versions, "mujoco": "3.0.0"}).save()
+    table()
+    mixed, left_out = capsys.readouterr().out.split("\nLeft out")
+    assert mixed.strip() == before.strip()
+    assert "SX-2mm GCS, sim, seed 9: steps 1000\n" in left_out
+    assert "SX-2mm GCS, sim, seed 8: mujoco 3.0.0\n" in left_out
 
 
 def test_the_actor_alone_acts_as_the_model_does(killed, tmp_path, capsys):
