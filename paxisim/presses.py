@@ -88,7 +88,7 @@ def find_presses(time: ArrayLike, load: ArrayLike) -> Presses:
         )
     if np.any(np.diff(at) < 0):
         raise InvalidValueError("time must not run backwards; pass each episode of a recording separately")
-    values = values.reshape(len(at), -1)
+    values = values[:, None] if values.ndim == 1 else values
     known = np.isfinite(values).all(axis=1)
     if known.sum() < MIN_SAMPLES:
         raise InvalidValueError(f"finding presses needs at least {MIN_SAMPLES} known samples, got {int(known.sum())}")

@@ -187,8 +187,13 @@ class Recording:
 
         Raises:
             InvalidValueError: Shapes do not fit; `time` runs backwards or does not overlap with the recording's; or
-                `time` is given for a recording of several episodes whose clocks each restart.
+                `time` is given for a recording of several episodes whose clocks each restart; or the name is that of a
+                tensor.
         """
+        if name in ("measured", "simulated"):
+            raise InvalidValueError(
+                f"{name!r} is a tensor, not a covariate: use dataclasses.replace(recording, {name}=...)"
+            )
         if time is not None:
             values = at_times_of(self.to_arrays(), name, values, time, align, max_gap)
         return replace(self, covariates={**self.covariates, name: values})

@@ -106,6 +106,8 @@ def test_episodes_are_numbered_and_a_still_signal_has_one():
 
 
 def test_bad_input():
+    with pytest.raises(InvalidValueError, match="at least 8 known samples, got 0"):
+        paxisim.find_presses([], [])
     with pytest.raises(InvalidValueError, match="load must be"):
         paxisim.find_presses(np.arange(9), np.zeros(10))
     with pytest.raises(InvalidValueError, match="at least 8 known samples, got 5"):

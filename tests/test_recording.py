@@ -59,6 +59,12 @@ def test_numbers_of_other_kinds_are_converted():
         ({"measured": FORCE, "episode": [0, 1, 0, 1, 1]}, "those of episode 0 are not"),
         ({"measured": FORCE, "time": [0, 1, 3, 2, 4]}, "sample 3 is at 2 s, the one before at 3 s"),
         ({"measured": FORCE, "time": [0, 1, np.nan, 3, 4]}, "time must be finite, sample 2 is not"),
+        ({"measured": np.zeros((8, 1, 3, 1, 1)), "time": [2.0] * 8}, "all 8 samples have one time, 2 s: time must"),
+        ({"measured": FORCE * 1e39}, "measured holds a number that is infinite or too large for float32; use NaN"),
+        ({"measured": np.full_like(FORCE, -np.inf)}, "measured holds a number that is infinite"),
+        ({"measured": FORCE, "covariates": {"a": [1, 2, 3, np.inf, 5]}}, r"covariates\['a'\] holds .* infinite"),
+        ({"measured": FORCE, "time": np.ma.masked_equal([0, 1, 2, 3, 4], 2)}, "time must be finite, sample 2 is not"),
+        ({"measured": FORCE, "episode": np.ma.masked_equal([0, 0, 1, 1, 1], 1)}, "whole numbers"),
         ({"measured": FORCE[:0], "time": []}, "at least one sample"),
         ({"measured": FORCE, "metadata": {"layout": 3}}, "metadata must not hold 'layout'"),
     ],
@@ -66,6 +72,15 @@ def test_numbers_of_other_kinds_are_converted():
 def test_what_does_not_fit_is_named(fields, words):
     with pytest.raises(InvalidValueError, match=words):
         Recording(**{"time": TIME, **fields})
+
+
+def test_masked_values_are_unknown():
+    force = np.ma.masked_greater(FORCE, 100)
+    recording = Recording(TIME, force, covariates={"a": np.ma.masked_equal(np.arange(5), 3)})
+    np.testing.assert_array_equal(np.isnan(recording.measured), force.mask)
+    np.testing.assert_array_equal(recording.covariates["a"], [0, 1, 2, np.nan, 4])
+    with pytest.raises(InvalidValueError, match="'measured' is a tensor, not a covariate"):
+        recording.with_covariate("measured", FORCE)
 
 
 def test_time_may_start_anew_with_an_episode():
