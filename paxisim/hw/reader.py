@@ -80,7 +80,7 @@ class Reader:
         self._connect, self._deliver, self._fail = connect, deliver, fail
         self._reconnect, self._clock, self._calibration = reconnect, clock, calibration
         self._board: Board | None = None
-        self._gone_bad_checksums = self._gone_skipped = 0
+        self._gone_bad_checksums = self._gone_skipped = self._gone_lost = 0
         self._sample_clock = SampleClock()
         self._sequence = 0
         self._zero: Frame | None = None
@@ -103,6 +103,12 @@ class Reader:
         """`Board.skipped`, summed over all connections."""
         board = self._board
         return self._gone_skipped + (board.skipped if board else 0)
+
+    @property
+    def lost(self) -> int:
+        """`Board.lost`, summed over all connections."""
+        board = self._board
+        return self._gone_lost + (board.lost if board else 0)
 
     def start(self) -> None:
         """Open the port, start the board, then the thread. If that fails, nothing stays open.
@@ -196,6 +202,7 @@ class Reader:
             return
         self._gone_bad_checksums += board.bad_checksums
         self._gone_skipped += board.skipped
+        self._gone_lost += board.lost
         with suppress(DeviceError):  # a lost board cannot be stopped
             board.stop()
         board.transport.close()
