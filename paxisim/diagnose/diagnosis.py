@@ -328,10 +328,20 @@ class Diagnosis:
 
     @classmethod
     def load(cls, folder: str | Path) -> Diagnosis:
-        """Read a diagnosis that `save` wrote; raises like `from_json`, and FileNotFoundError if there is no file."""
+        """Read a diagnosis that `save` wrote.
+
+        Raises:
+            InvalidValueError: As for `from_json`; or the MJCF of its scene is not in the folder.
+            FileNotFoundError: There is no file.
+        """
         found = parse_file(Path(folder) / "diagnosis.json", cls.from_json)
-        scene = Path(folder) / SCENE_FILE
-        return replace(found, scene=Scene.load(scene)) if scene.is_file() else found
+        path = Path(folder) / SCENE_FILE
+        if not path.is_file():
+            return found
+        scene = Scene.load(path)
+        if Path(scene.mjcf).resolve().parent != path.resolve().parent:  # type: ignore[arg-type]
+            raise InvalidValueError(f"{path} must name an MJCF in its own folder, got {scene.mjcf}")
+        return replace(found, scene=scene)
 
     def __repr__(self) -> str:
         """Summary on one line."""
