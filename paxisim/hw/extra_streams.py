@@ -26,6 +26,7 @@ from paxisim.hw.clock import Clock
 
 POLL_SECONDS = 0.1  # seconds after which a waiting thread checks whether to end
 MAX_LINE_BYTES = 1 << 16  # bytes; a longer line is rejected
+MAX_NAMES = 500  # streams of one source; a message with every joint of a humanoid has fewer
 DAY = 86400.0
 EPISODE_WORD = "episode"
 ENTER_KEY = "Enter"
@@ -72,6 +73,7 @@ class ExtraStream(ABC):
         self.dropped = 0
         self.missed = 0
         self._sets = 0
+        self._names: set[str] = set()
         self.problem = ""
         self.ended = False
         self._lock = threading.Lock()
@@ -126,7 +128,10 @@ class ExtraStream(ABC):
                 self.complain(f"expected a printable name of 1 to 100 characters, got {_short(name)}")
             elif array is None:
                 self.complain(f"{name} must be finite numbers, got {_short(value)}")
+            elif name not in self._names and len(self._names) >= MAX_NAMES:
+                self.complain(f"more than {MAX_NAMES} names of streams came; later ones, such as {name}, are left out")
             else:
+                self._names.add(name)
                 self._put(Sample(self, f"covariate/{name}", array, arrival, time, self._sets))
 
     def _put(self, sample: Sample) -> None:

@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError, MissingExtraError
+from paxisim.logs.limits import most_unpacked, refuse_streams, refuse_unpacked
 from paxisim.logs.recording_arrays import RecordingArrays
 
 _DEMO = re.compile(r"demo_(\d+)")
@@ -66,6 +67,15 @@ def _read(path: Path, file: Any) -> RecordingArrays:
         there = ", ".join(sorted(file)[:5]) or "nothing"
         raise InvalidValueError(f"{path} has no demonstrations: expected groups data/demo_N, it holds {there}")
     interval = _interval(data)
+    size = 0
+    for _, demo in demos:
+        counts = [_member(path, demo, name) for name in ("states", "actions")]
+        obs = _member(path, demo, "obs")
+        refuse_streams(path, len(obs) if hasattr(obs, "keys") else 0)
+        counts += [_member(path, obs, name) for name in obs] if hasattr(obs, "keys") else []
+        # as float64, in the demonstration and joined with the others
+        size += 16 * sum(min(one.size, _most_values(one)) for one in counts if _is_read(one))
+    refuse_unpacked(path, size, most_unpacked(path))
     parts = [_Demo(path, f"{path}: data/demo_{number}", demo, interval) for number, demo in demos]
     for part in parts[1:]:
         differ = sorted({name for name, _ in part.shapes().items() ^ parts[0].shapes().items()})
@@ -101,6 +111,18 @@ def _member(path: Path, group: Any, name: str) -> Any:
             "its values into the file"
         )
     return found
+
+
+def _is_read(dataset: Any) -> bool:
+    """Whether a member holds numbers of a kind that is read: vectors, or a tensor."""
+    shape = getattr(dataset, "shape", None) or ()
+    is_tactile = len(shape) == 5 and shape[2] == 3
+    return bool(shape) and getattr(dataset.dtype, "kind", "") in "biuf" and (len(shape) <= 2 or is_tactile)
+
+
+def _most_values(dataset: Any) -> int:
+    """Return how many values a dataset may have; those that are not stored would read as zeros."""
+    return dataset.id.get_storage_size() * 1024
 
 
 class _Demo:
@@ -147,10 +169,9 @@ class _Demo:
         return {name: value.shape[1:] for name, value in self.arrays.items()}
 
     def _take(self, name: str, dataset: Any) -> None:
-        shape = getattr(dataset, "shape", ())
-        is_tactile = len(shape) == 5 and shape[2] == 3
-        if not shape or getattr(dataset.dtype, "kind", "") not in "biuf" or (len(shape) > 2 and not is_tactile):
+        if not _is_read(dataset):
             return
+        is_tactile = len(dataset.shape) == 5
         if name in self.arrays:
             raise InvalidValueError(f"{self.place}: two streams would have the same name {name!r}")
         if is_tactile and self.tactile:
@@ -161,7 +182,7 @@ class _Demo:
         self.arrays[name] = self._numbers(name, dataset)
 
     def _numbers(self, name: str, dataset: Any) -> NDArray[np.float64]:
-        if dataset.size > dataset.id.get_storage_size() * 1024:  # values that are not stored would read as zeros
+        if dataset.size > _most_values(dataset):
             raise InvalidValueError(f"{self.place}: {name} has shape {dataset.shape}, but its values are not stored")
         return np.asarray(dataset[()], dtype=np.float64)
 

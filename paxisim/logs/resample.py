@@ -19,6 +19,7 @@ from paxisim.logs.stream import Log, Stream
 GAP_INTERVALS = 5
 # ns; samples closer than this may have been sent together in a burst
 _AT_ONCE = 1_000_000
+_MOST_WARNINGS = 4  # of one kind; more become one
 _BLOCK = 4096  # samples interpolated per block, to limit memory
 
 
@@ -51,14 +52,20 @@ def resample_log(
     marks = streams.pop("episode", None)
     methods = methods_by_name(method, [name for name in streams if name != reference])
     arrays: dict[str, NDArray[Any]] = {reference: streams.pop(reference).values}
+    unknown, bursts = [], []
     for name, stream in streams.items():
         arrays[name] = resample(stream, at, methods[name], max_gap)
         if arrays[name] is stream.values:
             continue
         if np.isnan(arrays[name]).all() and not np.isnan(stream.values).all():
-            _complain_of_nothing_known(name, stream, reference, at, max_gap)
+            unknown.append(_nothing_known(name, stream, reference, at, max_gap))
         if said := describe_bursts(name, stream):
-            warnings.warn(said, stacklevel=2)
+            bursts.append(said)
+    for said in (unknown, bursts):
+        for text in (
+            said if len(said) <= _MOST_WARNINGS else (f"{said[0]}; the same holds for {len(said) - 1} more streams",)
+        ):
+            warnings.warn(text, stacklevel=2)
     metadata = dict(log.metadata)
     layout, pads = metadata.pop("layout", None), metadata.pop("pads", ())
     zeros, clocks = metadata.pop("time_zero_ns", None), metadata.pop("episode_clocks", None)
@@ -200,9 +207,12 @@ def _episodes(at: NDArray[np.int64], marks: Stream | None) -> tuple[NDArray[np.i
     return numbers[mark], mark
 
 
-def _complain_of_nothing_known(
-    name: str, stream: Stream, reference: str, at: NDArray[np.int64], max_gap: float | None
-) -> None:
+def _nothing_known(name: str, stream: Stream, reference: str, at: NDArray[np.int64], max_gap: float | None) -> str:
+    """Return why a stream is known at no time of the reference.
+
+    Raises:
+        InvalidValueError: The stream is a tensor.
+    """
     first, last = ((stream.nanoseconds[i] - at[0]) * 1e-9 for i in (0, -1))
     text = (
         f"{name} is not known at any time of {reference}: it has {len(stream.values)} samples from {first:.3f} s to "
@@ -213,4 +223,4 @@ def _complain_of_nothing_known(
         text += f"; values between samples more than {limit:.3g} s apart are not known (max_gap)"
     if name in schemas.TACTILE_STREAMS:
         raise InvalidValueError(text)
-    warnings.warn(text, stacklevel=2)
+    return text

@@ -7,11 +7,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from log_files import START, counts, write_log
+from log_files import METADATA, START, counts, write_log
 from mcap.writer import Writer
 
 from paxisim.cli import main
 from paxisim.errors import InvalidValueError, UnknownNameError
+from paxisim.logs.mcap_writer import LogWriter
 from paxisim.recording import Recording
 
 MS = 1_000_000
@@ -167,6 +168,28 @@ def test_json_topics(press, tmp_path):
     np.testing.assert_allclose(covariates["gripper/opening"], 0.04 - time, atol=1e-6)
     assert covariates["tool/orientation"].shape == (50, 4)
     np.testing.assert_array_equal(covariates["tool/orientation"][5], [1, 0, 0, np.nan])
+
+
+def test_a_file_with_very_many_names_is_refused_and_warnings_are_one(press, tmp_path):
+    path = tmp_path / "joints.mcap"
+    with open(path, "wb") as file:
+        writer = Writer(file)
+        writer.start()
+        channel = writer.register_channel("/joints", "json", 0)
+        for i in range(8):
+            message = {f"joint{300 * i + k}": 1.0 for k in range(300)}
+            writer.add_message(channel, START + i, json.dumps(message).encode(), START + i)
+        writer.finish()
+    with pytest.raises(InvalidValueError, match=r"joints.mcap has more than 2000 streams"):
+        Recording.load(press, streams=path)
+    with LogWriter(tmp_path / "a.mcap", METADATA) as log:
+        for i, sample in enumerate(counts(50)):
+            log.write_at("measured", START + i * 10 * MS, sample)
+        for i in range(300):
+            log.write_at(f"covariate/once{i}", START + 3 * MS, 1.0)
+    with pytest.warns(UserWarning, match="once0 is not known .*the same holds for 299 more") as warned:
+        Recording.load(tmp_path / "a.mcap")
+    assert len(warned) == 1
 
 
 def test_messages_that_cannot_be_read_are_left_out_and_counted(press, tmp_path):

@@ -200,6 +200,22 @@ def test_files_that_are_none_are_named(tmp_path):
         Recording.load(path)
 
 
+def test_a_small_file_that_becomes_large_or_has_many_names_is_refused(tmp_path):
+    path = tmp_path / "a.hdf5"
+    with h5py.File(path, "w") as file:
+        part = file.create_dataset("data/demo_0/obs/x", (2**18, 600), "u1", chunks=(2**9, 600))
+        part[: 2**9] = 1  # the rest is not stored
+    assert path.stat().st_size < 2**20
+    with pytest.raises(InvalidValueError, match=r"unpacks to \d{10} bytes or more, expected at most 2147483648"):
+        Recording.load(path)
+    with h5py.File(path, "w") as file:
+        file["one"] = np.zeros(3)
+        for number in range(2001):
+            file[f"data/demo_0/obs/{number}"] = file["one"]
+    with pytest.raises(InvalidValueError, match=r"a.hdf5 has more than 2000 streams"):
+        Recording.load(path)
+
+
 def test_without_h5py_the_error_names_the_extra(tmp_path):
     states, actions, _ = demonstration(4, 1)
     write(tmp_path / "demo.hdf5", [(0, states, actions)], tactile=tactile)
