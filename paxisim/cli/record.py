@@ -13,7 +13,7 @@ import tyro
 
 from paxisim.cli.output import check_output, load_calibration, printable, size_text
 from paxisim.errors import InvalidValueError, PaxisimError
-from paxisim.hw.extra_streams import ENTER_KEY
+from paxisim.hw.extra_streams import ENTER_KEY, MAX_CLOCK_OFF
 
 if TYPE_CHECKING:
     from paxisim.hw.capture import CaptureSummary
@@ -187,6 +187,11 @@ def _report(summary: CaptureSummary, pads: str) -> list[str]:
         if source.label != ENTER_KEY:
             last = f"; the last bad one: {source.problem.partition(': ')[2]}" if source.bad else ""
             lines.append(f"  {_source(source)}{last}")
+            if abs(source.clock_off) > MAX_CLOCK_OFF:
+                lines.append(
+                    f"  warning: the times of {source.label} are up to {source.clock_off:+.1f} s off this machine's "
+                    "clock, and its samples lie that far from the frames: set the sender's clock, or send no time"
+                )
     return lines
 
 

@@ -45,6 +45,7 @@ class ExtraSummary:
         missed: Function calls skipped because the previous call was still running when they were due.
         problem: Reason for the latest bad item; empty if there was none.
         ended: True if the source could deliver nothing more.
+        clock_off: Largest difference (s) of a sample's own time from this machine's clock at its arrival.
     """
 
     label: str
@@ -54,6 +55,7 @@ class ExtraSummary:
     missed: int
     problem: str
     ended: bool
+    clock_off: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -343,7 +345,7 @@ class _Recorder:
             size=self.writer.size,
             episodes=self.episode + bool(self.frames),
             extra=tuple(
-                ExtraSummary(s.label, self.samples[s], s.bad, s.dropped, s.missed, s.problem, s.ended)
+                ExtraSummary(s.label, self.samples[s], s.bad, s.dropped, s.missed, s.problem, s.ended, s.clock_off)
                 for s in self.extra
             ),
             ended=ended,

@@ -98,6 +98,15 @@ def test_clocks_that_are_apart_are_aligned_before_anything_is_named(seconds):
     assert names(found) == ["taxel_gain"]
     (warning,) = [w for w in found.symptoms.warnings if "clocks" in w]
     assert f"{seconds:.1f}" in warning
+    assert f"Verdict: {found.verdict}, clocks differ by {seconds:.1f}" in str(found)
+    again = type(found).from_json(found.to_json())
+    assert again.clock_shift == pytest.approx(seconds, abs=0.03)
+
+
+def test_streams_that_agree_once_their_clocks_are_aligned_are_not_without_discrepancy():
+    found = diagnosed(late(0.8), ("axis_gain",))
+    assert found.verdict == "clocks_differ"
+    assert "Verdict: clocks_differ, clocks differ by 0.8" in str(found)
 
 
 @pytest.mark.parametrize("seconds", [0.1, 0.3])
