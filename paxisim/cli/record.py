@@ -174,6 +174,11 @@ def _report(summary: CaptureSummary, pads: str) -> list[str]:
             f"  missing: {summary.dropped} frames dropped, {summary.gaps} gaps of more than half a second, "
             f"the longest {summary.longest_gap:.1f} s"
         )
+    if summary.uncertain:
+        lines.append(
+            f"  warning: this program was held up, so the times of {summary.uncertain} frames may be wrong by up to "
+            f"{summary.longest_stall:.1f} s (time_error in the file)"
+        )
     counts = (
         (summary.bad_checksums, "bad checksums"),
         (summary.timeouts, "timeouts"),

@@ -67,6 +67,9 @@ class CaptureSummary:
         frames: Number of frames in the file.
         dropped: Frames that arrived but were not fetched in time, counted from gaps in the sensor's sequence numbers.
             Incomplete frames have no number: see `bad_checksums`, `timeouts` and `reconnects`.
+        uncertain: Frames that waited while the system suspended this program, so that their times may be wrong by up to
+            `longest_stall`.
+        longest_stall: Longest such time (s).
         gaps: Number of intervals of more than half a second in which no frame was measured, including the time before
             the first frame and, once finished, after the last. Frames that only arrived late, for example because the
             system suspended this program, leave no gap.
@@ -101,6 +104,8 @@ class CaptureSummary:
     timeouts: int = 0
     reconnects: int = 0
     zero_in_doubt: bool = False
+    uncertain: int = 0
+    longest_stall: float = 0.0
 
 
 def capture(
@@ -183,7 +188,8 @@ class _Recorder:
         self.heard = self.start
         # faults counted before the start are not part of this recording
         self.before = _damage(sensor)
-        self.frames = self.dropped = self.gaps = self.episode = 0
+        self.frames = self.dropped = self.gaps = self.episode = self.uncertain = 0
+        self.longest_stall = 0.0
         self.longest_gap = 0.0
         self.end: float | None = None
 
@@ -269,7 +275,10 @@ class _Recorder:
             status=frame.status,
             resultant=frame.resultant,
             arrival=self._utc(frame.arrival) * 1e-9,
+            time_error=frame.time_error or None,
         )
+        self.uncertain += frame.time_error > 0
+        self.longest_stall = max(self.longest_stall, frame.time_error)
         self.last = frame
         self.frames += 1
 
@@ -351,6 +360,8 @@ class _Recorder:
             ended=ended,
             error=error,
             zero_in_doubt=self.sensor.zero_in_doubt,
+            uncertain=self.uncertain,
+            longest_stall=self.longest_stall,
             **{name: count - self.before[name] for name, count in _damage(self.sensor).items()},
         )
 

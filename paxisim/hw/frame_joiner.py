@@ -81,6 +81,7 @@ class FrameJoiner:
             tuple(status),
             np.concatenate(resultants) if len(resultants) == len(parts) else None,
             first.unit,
+            max(part.time_error for part in parts),
         )
         self._sequence += 1
         return [joined]
