@@ -59,7 +59,7 @@ class TaxelLayout:
         for name in ("rows", "cols"):
             value = getattr(self, name)
             is_number = isinstance(value, (int, float, np.integer, np.floating)) and np.isfinite(value)
-            if not is_number or value < 1 or int(value) != value:
+            if not is_number or isinstance(value, bool) or value < 1 or int(value) != value:
                 raise InvalidValueError(f"{name} must be a whole number of at least 1, got {value!r}")
             object.__setattr__(self, name, int(value))
         if self.taxels > MAX_TAXELS:

@@ -88,14 +88,14 @@ def find_presses(time: ArrayLike, load: ArrayLike) -> Presses:
         )
     if np.any(np.diff(at) < 0):
         raise InvalidValueError("time must not run backwards; pass each episode of a recording separately")
-    values = values.reshape(len(at), -1)
+    values = values[:, None] if values.ndim == 1 else values
     known = np.isfinite(values).all(axis=1)
     if known.sum() < MIN_SAMPLES:
         raise InvalidValueError(f"finding presses needs at least {MIN_SAMPLES} known samples, got {int(known.sum())}")
     size = np.full(len(at), np.nan)
     size[known] = values[known, 0] if values.shape[1] == 1 else _distance(values[known])
-    if values.shape[1] == 1 and abs(size[known].min()) > size[known].max():
-        size = -size  # the load cell reads pressing as negative
+    if values.shape[1] == 1 and _reads_negative(size[known]):
+        size = -size
     rest, noise = _at_rest(size[known])
     peak = float(np.quantile(size[known], 0.995)) - rest
     low, high = (
@@ -103,6 +103,16 @@ def find_presses(time: ArrayLike, load: ArrayLike) -> Presses:
     )
     spans = _between_rests(at, size, low, high)
     return Presses(at, size, rest, noise, low, high, spans, _cuts(at, spans))
+
+
+def _reads_negative(load: NDArray[np.float64]) -> bool:
+    """Return whether the load cell reads pressing as negative.
+
+    A recording begins and ends at rest, whatever the zero of the load cell. If one end is pressed, its zero must do.
+    """
+    bottom, peak = np.quantile(load, [0.005, 0.995])
+    begin, end = (float(np.median(part)) - bottom > 0.5 * (peak - bottom) for part in (load[:8], load[-8:]))
+    return begin if begin == end else abs(load.min()) > load.max()
 
 
 def _distance(values: NDArray[np.float64]) -> NDArray[np.float64]:

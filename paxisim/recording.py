@@ -187,8 +187,13 @@ class Recording:
 
         Raises:
             InvalidValueError: Shapes do not fit; `time` runs backwards or does not overlap with the recording's; or
-                `time` is given for a recording of several episodes whose clocks each restart.
+                `time` is given for a recording of several episodes whose clocks each restart; or the name is that of a
+                tensor.
         """
+        if name in ("measured", "simulated"):
+            raise InvalidValueError(
+                f"{name!r} is a tensor, not a covariate: use dataclasses.replace(recording, {name}=...)"
+            )
         if time is not None:
             values = at_times_of(self.to_arrays(), name, values, time, align, max_gap)
         return replace(self, covariates={**self.covariates, name: values})
@@ -227,10 +232,12 @@ class Recording:
 
     @classmethod
     def concatenate(cls, recordings: Iterable[Recording]) -> Recording:
-        """Concatenate the episodes of several recordings, in order; each keeps its own clock.
+        """Concatenate the episodes of several recordings, in order.
 
-        Episodes keep their numbers if these are unique, and are renumbered from 0 otherwise. The metadata contains the
-        entries that all recordings share, and the ``start`` of the first.
+        Episodes keep their numbers if these are unique, and are renumbered from 0 otherwise, with the tasks and other
+        metadata that belong to them. If every recording has a ``start``, all times count from that of the first;
+        otherwise each keeps its own clock, and the result has no ``start``. Of the other metadata, the entries that
+        all recordings share are kept.
 
         Args:
             recordings: At least one recording; all with the same layout, pads, tensors and covariates.

@@ -39,6 +39,17 @@ def test_all_channels_together_say_the_load_of_another_motion(calibration: paxis
     assert first.model.explained.min() > 0.99
 
 
+def test_a_channel_that_is_never_known_is_set_aside(calibration: paxisim.Calibration, tmp_path, capsys) -> None:
+    recording = rig()[0]
+    recording.measured[:, 0, 2, 0, 0] = np.nan
+    recording.save(tmp_path / "a.npz")
+    assert main(["calibrate", str(tmp_path / "a.npz"), "--loads", *NAMES, "-o", str(tmp_path / "a.json")]) == 0
+    model = paxisim.Calibration.load(tmp_path / "a.json").model
+    assert not model.used[0, 2, 0, 0]
+    assert model.used.sum() == calibration.model.used.sum() - 1
+    np.testing.assert_allclose(model.error, calibration.model.error, rtol=0.3)
+
+
 def test_a_quadratic_fit_helps_where_channels_bend_and_is_refused_for_many() -> None:
     straight = rig()[0]
     # with more channels than loads, the nonlinearities cancel in a sum of channels

@@ -319,7 +319,7 @@ def test_torch_gradients_pass_through():
 # invalid input: one line that says what was expected and what was given
 
 
-@pytest.mark.parametrize("value", [0, -1, 2.5, float("nan"), float("inf"), "three", None, [1, 2]])
+@pytest.mark.parametrize("value", [True, 0, -1, 2.5, float("nan"), float("inf"), "three", None, [1, 2]])
 @pytest.mark.parametrize("name", ["rows", "cols"])
 def test_bad_counts(name, value):
     fields = {"rows": 2, "cols": 2, "pitch": 1e-3} | {name: value}

@@ -55,6 +55,16 @@ def test_each_press_is_found_and_the_cuts_lie_between(how):
             assert before[1] - 3 <= cut <= after[0] + 3
 
 
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("zero", [-25.0, 0.0, 25.0])
+def test_the_sign_of_the_load_does_not_depend_on_the_zero_of_the_load_cell(sign, zero):
+    time, load, spans = pressed(0, rest=0.0)
+    found = paxisim.find_presses(time, sign * load + zero)
+    assert len(found.spans) == len(spans)
+    assert found.rest == pytest.approx(sign * zero, abs=0.1)
+    assert (found.load - found.rest).max() == pytest.approx(load.max(), abs=0.1)
+
+
 def test_level_and_noise_at_rest_are_those_of_the_signal():
     found = [paxisim.find_presses(*pressed(seed)[:2]) for seed in range(10)]
     assert np.mean([item.rest for item in found]) == pytest.approx(0.7, abs=0.03)
@@ -96,6 +106,8 @@ def test_episodes_are_numbered_and_a_still_signal_has_one():
 
 
 def test_bad_input():
+    with pytest.raises(InvalidValueError, match="at least 8 known samples, got 0"):
+        paxisim.find_presses([], [])
     with pytest.raises(InvalidValueError, match="load must be"):
         paxisim.find_presses(np.arange(9), np.zeros(10))
     with pytest.raises(InvalidValueError, match="at least 8 known samples, got 5"):

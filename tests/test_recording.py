@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -57,6 +59,12 @@ def test_numbers_of_other_kinds_are_converted():
         ({"measured": FORCE, "episode": [0, 1, 0, 1, 1]}, "those of episode 0 are not"),
         ({"measured": FORCE, "time": [0, 1, 3, 2, 4]}, "sample 3 is at 2 s, the one before at 3 s"),
         ({"measured": FORCE, "time": [0, 1, np.nan, 3, 4]}, "time must be finite, sample 2 is not"),
+        ({"measured": np.zeros((8, 1, 3, 1, 1)), "time": [2.0] * 8}, "all 8 samples have one time, 2 s: time must"),
+        ({"measured": FORCE * 1e39}, "measured holds a number that is infinite or too large for float32; use NaN"),
+        ({"measured": np.full_like(FORCE, -np.inf)}, "measured holds a number that is infinite"),
+        ({"measured": FORCE, "covariates": {"a": [1, 2, 3, np.inf, 5]}}, r"covariates\['a'\] holds .* infinite"),
+        ({"measured": FORCE, "time": np.ma.masked_equal([0, 1, 2, 3, 4], 2)}, "time must be finite, sample 2 is not"),
+        ({"measured": FORCE, "episode": np.ma.masked_equal([0, 0, 1, 1, 1], 1)}, "whole numbers"),
         ({"measured": FORCE[:0], "time": []}, "at least one sample"),
         ({"measured": FORCE, "metadata": {"layout": 3}}, "metadata must not hold 'layout'"),
     ],
@@ -64,6 +72,15 @@ def test_numbers_of_other_kinds_are_converted():
 def test_what_does_not_fit_is_named(fields, words):
     with pytest.raises(InvalidValueError, match=words):
         Recording(**{"time": TIME, **fields})
+
+
+def test_masked_values_are_unknown():
+    force = np.ma.masked_greater(FORCE, 100)
+    recording = Recording(TIME, force, covariates={"a": np.ma.masked_equal(np.arange(5), 3)})
+    np.testing.assert_array_equal(np.isnan(recording.measured), force.mask)
+    np.testing.assert_array_equal(recording.covariates["a"], [0, 1, 2, np.nan, 4])
+    with pytest.raises(InvalidValueError, match="'measured' is a tensor, not a covariate"):
+        recording.with_covariate("measured", FORCE)
 
 
 def test_time_may_start_anew_with_an_episode():
@@ -252,7 +269,41 @@ def test_concatenating_the_episodes_gives_the_recording():
     assert twice.episode.tolist() == [0, 0, 0, 1, 1, 2, 2, 2, 3, 3]
     assert twice.metadata == {"sensor": "a", "start": 5.0}
     np.testing.assert_array_equal(twice.simulated, np.concatenate([-FORCE, -FORCE]))
-    np.testing.assert_array_equal(twice.time, [*recording.time] * 2)
+    np.testing.assert_array_equal(twice.time, [*recording.time, *(recording.time + 4.0)])
+
+
+def test_concatenating_keeps_the_clock_and_what_is_keyed_by_episode(tmp_path):
+    def part(start, episodes, **metadata):
+        at = np.sort(np.tile(TIME, len(episodes)) + np.repeat(np.arange(len(episodes)), 5))
+        force = np.zeros((len(at), 1, 3, 1, 1))
+        return Recording(at, force, episode=np.repeat(episodes, 5), metadata={"start": start, **metadata})
+
+    replay = {"mode": "force", "closing": {"0": 0.1}, "encoder_error": {"episode": 0, "newtons": 1.0, "peak": 2.0}}
+    other = {**replay, "closing": {"0": 0.2, "1": 0.3}, "encoder_error": {"episode": 1, "newtons": 3.0, "peak": 2.0}}
+    first = part(1000.0, [0], task="pick", replay=replay)
+    second = part(1010.0, [0, 1], tasks={"0": "place", "1": "turn"}, replay=other)
+    both = Recording.concatenate([first, second])
+    np.testing.assert_allclose(both.time[[0, 5, 10]], [0, 10, 11])
+    assert both.metadata == {
+        "start": 1000.0,
+        "tasks": {"0": "pick", "1": "place", "2": "turn"},
+        "replay": {
+            "mode": "force",
+            "closing": {"0": 0.1, "1": 0.2, "2": 0.3},
+            "encoder_error": {"episode": 2, "newtons": 3.0, "peak": 2.0},
+            "notes": [],
+        },
+    }
+    (tmp_path / "joint.csv").write_text("time,u\n" + "".join(f"{1000 + t},{t}\n" for t in range(13)))
+    for episode, u in ((0, 0.0), (1, 10.0), (2, 11.0)):
+        both.select([episode]).save(tmp_path / "part.npz")
+        loaded = Recording.load(tmp_path / "part.npz", streams=tmp_path / "joint.csv")
+        assert loaded.covariates["u"][0] == pytest.approx(u)
+    unknown = Recording.concatenate([first, replace(second, metadata={})])
+    assert "start" not in unknown.metadata
+    unknown.save(tmp_path / "part.npz")
+    with pytest.raises(InvalidValueError, match="clock, but that of the recording starts anew"):
+        Recording.load(tmp_path / "part.npz", streams=tmp_path / "joint.csv")
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ import paxisim
 from .methods import find_method
 from .results import DRAWN, IN_SIMULATION, TRANSFER, Result, file_of, folder_of, sensor_name
 from .tasks import find_task
+from .versions import differing
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -65,12 +66,13 @@ class Cell:
         return folder_of(self.task, self.method, self.seed)
 
     def has(self, sensor: str, out: Path) -> bool:
-        """Return whether the complete training was evaluated with this sensor."""
+        """Return whether the complete training was evaluated with this sensor, by the software of this machine."""
         path = out / file_of(self.task, self.method, sensor, self.seed)
         if not path.exists():
             return False
         found = Result.load(path)
-        return found.training["steps"] >= self.steps and found.trials >= self.trials
+        is_complete = found.training["steps"] >= self.steps and found.trials >= self.trials
+        return is_complete and not differing(found.versions)
 
     def is_finished(self, out: Path) -> bool:
         """Return whether all results of the cell exist."""
@@ -119,7 +121,14 @@ def read_cells(file: Path) -> list[Cell]:
     once: dict[str, Cell] = {}
     for cell in cells:
         before = once.get(cell.folder, cell)  # two trainings in one folder would spoil each other
-        once[cell.folder] = replace(before, sensors=tuple(dict.fromkeys((*before.sensors, *cell.sensors))))
+        once[cell.folder] = cell = replace(before, sensors=tuple(dict.fromkeys((*before.sensors, *cell.sensors))))
+        names: dict[str, str] = {}
+        for sensor in cell.sensors:
+            if names.setdefault(sensor_name(sensor), sensor) != sensor:
+                raise paxisim.InvalidValueError(
+                    f"{file}: {names[sensor_name(sensor)]} and {sensor} would have one name in the results, "
+                    f"{sensor_name(sensor)!r}: rename one of the files"
+                )
     return list(once.values())
 
 

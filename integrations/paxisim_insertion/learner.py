@@ -28,6 +28,7 @@ def make_model(run: Run, env: VecEnv, device: str = "auto") -> SAC:
     """
     # SAC counts a step of all environments as one, and makes whole numbers of updates
     due = run.updates * run.envs
+    redraw = _redraw(run, env)
     model = SAC(
         AsymmetricPolicy,
         env,
@@ -38,13 +39,15 @@ def make_model(run: Run, env: VecEnv, device: str = "auto") -> SAC:
         buffer_size=run.buffer,
         batch_size=run.batch,
         replay_buffer_class=HistoryReplayBuffer,
-        replay_buffer_kwargs={"history": env.get_attr("history")[0].k, "redraw": _redraw(run, env)},
+        replay_buffer_kwargs={"history": env.get_attr("history")[0].k, "redraw": redraw},
         seed=run.seed,
         device=device,
     )
     if run.model_path.exists():
         try:
             _go_on(run, model)
+            if redraw is not None:  # the draws of the beginning are not repeated
+                redraw.seed(run.seed_after(model.num_timesteps))
         except NOT_WEIGHTS as error:
             raise paxisim.InvalidValueError(f"{run.model_path} does not fit the environment: {error}") from error
     buffer = model.replay_buffer

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +13,9 @@ from scipy.stats import fisher_exact
 
 import paxisim
 
-from .results import DRAWN, IN_SIMULATION, OUT, RESULTS, SURROGATE, TRANSFER, Result, interval_of
-from .tasks import TASKS
+from .results import DRAWN, IN_SIMULATION, OUT, RESULTS, SURROGATE, TRANSFER, Result, file_of, interval_of
+from .tasks import PARAMETERS, TASKS
+from .versions import plain
 
 TABLE_2_SIM = {
     "NT": (0.94, 0.82, 0.6, 0.56, 0.42, 0.2),
@@ -119,7 +121,7 @@ class Difference:
 
 
 def read_results(folder: Path | None) -> list[Result]:
-    """Read the results of a folder, or those of the package and of ./results, see `table`.
+    """Read the results of a folder, or those of the package and of ./results, see `table`; see also `comparable`.
 
     Raises:
         InvalidValueError: There are no results, or a file is not a result.
@@ -135,9 +137,39 @@ def read_results(folder: Path | None) -> list[Result]:
 
 
 def results_in(*folders: Path) -> list[Result]:
-    """Read the results of folders; of results with the same file name, that of the last folder."""
-    paths = {path.name: path for folder in folders for path in sorted(folder.glob("*.json"))}
-    return [Result.load(path) for _, path in sorted(paths.items())]
+    """Read the results of folders, one after the other."""
+    return [Result.load(path) for folder in folders for path in sorted(folder.glob("*.json"))]
+
+
+def comparable(found: list[Result]) -> tuple[list[Result], list[str]]:
+    """Return results of which each task, method and sensor has one setting, and a line about each one left out.
+
+    A rate pools only trainings of the same steps, settings and software. Of several kinds, that with the most seeds is
+    kept, then that with the most steps, then the last. Of several results of one seed the last is kept.
+    """
+    kinds: dict[tuple[str, str, str], dict[str, dict[int, Result]]] = {}
+    for one in found:
+        kind = json.dumps(_made(one), sort_keys=True)
+        kinds.setdefault((one.task, one.method, one.sensor), {}).setdefault(kind, {})[one.seed] = one
+    kept, lines = [], []
+    for (task, method, sensor), own in kinds.items():
+        *others, best = sorted(own.values(), key=lambda k: (len(k), next(iter(k.values())).training.get("steps", 0)))
+        kept += best.values()
+        usual = _made(next(iter(best.values())))
+        for one in (one for other in others for one in other.values()):
+            differ = [f"{n} {v}" for n, v in _made(one).items() if usual.get(n) != v]
+            lines.append(
+                f"{task} {method}, {sensor}, seed {one.seed}: {', '.join(differ) or 'fewer settings are known'}"
+            )
+    return sorted(kept, key=lambda r: file_of(r.task, r.method, r.sensor, r.seed)), lines
+
+
+def _made(result: Result) -> dict[str, Any]:
+    """Return the settings and versions that made a result; a parameter that is not stated has its default."""
+    settings = {n: value for n, value in result.training.items() if n not in ("updates", "cpu_seconds", "parameters")}
+    stated = {**asdict(PARAMETERS), **result.training.get("parameters", {})}
+    stated = {name: json.loads(json.dumps(value)) for name, value in stated.items()}  # tuples as lists
+    return {**settings, **stated, **{name: plain(version) for name, version in result.versions.items()}}
 
 
 def with_cost(found: list[Result]) -> list[Result]:

@@ -33,6 +33,10 @@ class Redraw:
     def __init__(self, gcs: paxisim.GCS, encoding: Any, layout: paxisim.TaxelLayout, seed: int) -> None:
         """Draw from `gcs` for pads of `layout`, and encode frames as the policy's history does."""
         self._gcs, self._encoding, self._layout = gcs, encoding, layout
+        self.seed(seed)
+
+    def seed(self, seed: int) -> None:
+        """Begin new random draws."""
         self._rng = np.random.default_rng(seed)
 
     def __call__(self, frames: NDArray[np.float32]) -> NDArray[np.float32]:

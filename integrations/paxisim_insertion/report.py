@@ -15,6 +15,7 @@ from .rates import (
     SIGNIFICANT,
     Rate,
     by_kind,
+    comparable,
     differences,
     results_in,
     seed_tables,
@@ -66,7 +67,7 @@ def write_report(path: Path, cells: list[Cell], failed: list[Done], runs: Path, 
 
 
 def _context(cells: list[Cell], failed: list[Done], runs: Path, out: Path) -> dict[str, Any]:
-    found = results_in(out)
+    found, left_out = comparable(results_in(out))
     minutes = minutes_of(found)
     kinds = by_kind(found)
     used = dict.fromkeys([result.method for result in found] + [cell.method for cell in cells])
@@ -95,6 +96,7 @@ def _context(cells: list[Cell], failed: list[Done], runs: Path, out: Path) -> di
         "kinds": list(next(iter(kinds.values()), {})),
         "by_kind": {method: [_shown(rate) for rate in row.values()] for method, row in kinds.items()},
         "differences": differences(found),
+        "left_out": left_out,
         "significant": SIGNIFICANT,
         "paper_trials": PAPER_TRIALS,
         "minutes": {method: [row.get(task) for task in TASKS] for method, row in minutes.items()},

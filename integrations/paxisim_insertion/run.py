@@ -24,6 +24,7 @@ from .scenes import check_engine
 from .tasks import PARAMETERS, Parameters, find_task
 from .trained import ACTOR, Trained
 from .vec_env import InsertionVecEnv
+from .versions import differing
 from .versions import versions as versions
 from .whole import write_whole
 
@@ -170,10 +171,9 @@ class Run:
             run = cls(folder, parameters=Parameters(**values), diagnosis=diagnosis, ranges=_ranges(**drawn), **found)
         except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
             raise paxisim.InvalidValueError(f"{path} is not a run of this version: {error}") from error
-        here = versions()
-        # 2.13.0+cpu and 2.13.0 are the same version
-        differ = {n: made for n, made in made_with.items() if here.get(n, "").split("+")[0] != made.split("+")[0]}
+        differ = differing(made_with)
         if differ and not other_versions:
+            here = versions()
             told = ", ".join(f"{name} {made} (here {here.get(name)})" for name, made in differ.items())
             raise paxisim.InvalidValueError(f"{folder} was made with {told}: use those, or pass --other-versions")
         return run

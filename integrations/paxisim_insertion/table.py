@@ -13,6 +13,7 @@ from .rates import (
     Rate,
     Table,
     by_kind,
+    comparable,
     differences,
     in_order,
     read_results,
@@ -33,13 +34,15 @@ def table(results: Path | None = None) -> None:
 
     Args:
         results: Folder of the results. Default: the results that come with the package and those in ./results, which
-            take precedence for the same task, method, sensor and seed.
+            take precedence for the same task, method, sensor, seed and settings. A rate pools only trainings of the
+            same steps, settings and software versions; the others are listed.
     """
     print_tables(read_results(results))
 
 
-def print_tables(found: list[Result]) -> None:
-    """Print the tables of results, see `table`."""
+def print_tables(results: list[Result]) -> None:
+    """Print the tables of results, see `table`, and name those that are not comparable."""
+    found, left_out = comparable(results)
     for one in tables(found):
         _print(one)
     for title, rows in seed_tables(found).items():
@@ -51,6 +54,10 @@ def print_tables(found: list[Result]) -> None:
     for one in differences(found):
         print(f"- {one.sensor}, {one.task} {one.method}: {_both(one.rate)}, p = {one.p:.2g}")
     _print_cost(found)
+    if left_out:
+        print("\nLeft out, because a rate pools only one setting\n")
+    for line in left_out:
+        print(f"- {line}")
 
 
 def minutes_of(found: list[Result]) -> dict[str, dict[str, float]]:

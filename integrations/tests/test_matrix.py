@@ -55,8 +55,19 @@ def test_the_order_of_cells(file):
     assert [cell.seed for cell in cells] == [0] * 4 + [1] * 4
 
 
-def saved(out, sensor, steps):
-    Result("SX-2mm", "NT", sensor, 0, 50, 0.5, (0.4, 0.6), {}, {"steps": steps}).save(out)
+def test_two_sensors_of_one_name_are_refused(file):
+    paths = [file.parent / folder / "unit.json" for folder in ("a", "b")]
+    for path in paths:
+        path.parent.mkdir()
+        paxisim.Chain([]).save(path)
+    text = TEXT.replace("seeds = [0]\n", f"seeds = [0]\nsensors = {list(map(str, paths))}\n")
+    file.write_text(text)
+    with pytest.raises(paxisim.InvalidValueError, match=r"a/unit.json and .*b/unit.json would have one name"):
+        read_cells(file)
+
+
+def saved(out, sensor, steps, **versions):
+    Result("SX-2mm", "NT", sensor, 0, 50, 0.5, (0.4, 0.6), versions, {"steps": steps}).save(out)
 
 
 def test_what_is_left_of_a_cell(tmp_path):
@@ -78,6 +89,9 @@ def test_what_is_left_of_a_cell(tmp_path):
     assert train[-1] == "--resume"
     assert [words[7:] for words in evaluations] == [["--transfer"], ["--drawn"]], "39 steps are too few"
     assert not cell.is_finished(out)
+    saved(out, "sim", 40, mujoco="3.0.0")
+    assert not cell.has("sim", out), "another version made it"
+    saved(out, "sim", 40)
     saved(out, "transfer", 40)
     saved(out, "sim, drawn actions", 40)
     assert cell.is_finished(out)

@@ -78,6 +78,9 @@ def test_a_run_that_was_killed_goes_on_with_all_it_had_seen(killed):
     env = run.make_envs()
     model = make_model(run, env, "cpu")
     saved = model.num_timesteps
+    begun = make_model(replace(run, folder=killed / "none"), env, "cpu").replay_buffer
+    raw = np.ones((1, 4, 2, 3, *env.get_attr("layout")[0].shape[1:]), np.float32)
+    assert not np.array_equal(begun._redraw(raw), model.replay_buffer._redraw(raw)), "draws go on, not anew"
     assert 0 < saved <= 2 * collected
     assert isinstance(model.replay_buffer, HistoryReplayBuffer)
     assert model.replay_buffer.pos == collected
@@ -168,6 +171,16 @@ def test_one_s_own_results_are_tabulated_with_those_of_the_package(tmp_path, mon
     table()
     after = capsys.readouterr().out
     assert " 0.98 / 0.00 (" in after
+    for result in kept:
+        result.save()
+    tried = {**kept[0].training, "steps": 1000}
+    replace(kept[0], seed=9, success_rate=0.0, training=tried).save()
+    replace(kept[0], seed=8, success_rate=0.0, versions={**kept[0].versions, "mujoco": "3.0.0"}).save()
+    table()
+    mixed, left_out = capsys.readouterr().out.split("\nLeft out")
+    assert mixed.strip() == before.strip()
+    assert "SX-2mm GCS, sim, seed 9: steps 1000\n" in left_out
+    assert "SX-2mm GCS, sim, seed 8: mujoco 3.0.0\n" in left_out
 
 
 def test_the_actor_alone_acts_as_the_model_does(killed, tmp_path, capsys):

@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 
 from paxisim.augment.chain import Chain
-from paxisim.augment.gcs import GCS, PAPER_LAYOUT, uniform
+from paxisim.augment.gcs import GCS, PAPER_LAYOUT, torch_of, uniform
 from paxisim.augment.hysteresis import Hysteresis
 from paxisim.augment.latency import Latency
-from paxisim.augment.parameter_spec import as_like, namespace, parameters
+from paxisim.augment.parameter_spec import as_like, is_torch, namespace, parameters
+from paxisim.augment.random_numbers import SEEDS
 from paxisim.augment.transform import Transform
 from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.layout import TaxelLayout
@@ -25,7 +26,8 @@ class FittedGCS(GCS):
 
     The fit determines what the paper's C and S have to guess, so `convolution`, `scaling` and their ranges are ignored.
     The surfaces (G) are drawn as in `GCS`, because no fit determines them. Each number with an interval is drawn
-    independently from the uniform distribution over it; all others keep the model's values. The intervals are meant
+    independently from the uniform distribution over it, and each seed of noise or jitter from all seeds; all others
+    keep the model's values. The intervals are meant
     to be the 90 % intervals of a diagnosis. The distribution is uniform so that a policy sees the ends of an interval
     as often as its middle.
 
@@ -137,6 +139,8 @@ def _drawn(chain: Chain, intervals: Mapping[str, Any], rng: Any, batch: tuple[in
 def _one(member: Transform, intervals: Mapping[str, Any], rng: Any, batch: tuple[int, ...]) -> Transform:
     values = {}
     for name, about in parameters(member).items():
+        if about.seeds and (about.seeds in intervals or _any(getattr(member, about.seeds))):
+            values[name] = _seeds(rng, (*batch, *np.shape(getattr(member, name))))
         if name not in intervals:
             continue
         low, high = (np.asarray(bound, dtype=np.float64) for bound in intervals[name])
@@ -148,6 +152,17 @@ def _one(member: Transform, intervals: Mapping[str, Any], rng: Any, batch: tuple
         if isinstance(member, Hysteresis) and name == "weight":
             values[name] = _sum_of_one(values[name], low.clip(min=0.0), _most_weight(member))
     return dataclasses.replace(member, **values) if values else member  # type: ignore[type-var]
+
+
+def _any(value: Any) -> bool:
+    return bool(np.any(value.cpu().numpy() if is_torch(value) else value))
+
+
+def _seeds(rng: Any, shape: tuple[int, ...]) -> Any:
+    if isinstance(rng, np.random.Generator):
+        return rng.integers(0, SEEDS, shape)
+    torch, where = torch_of(rng)
+    return torch.randint(0, SEEDS, shape, **{**where, "dtype": torch.int64})
 
 
 def _most_weight(member: Hysteresis) -> float:

@@ -35,8 +35,9 @@ class Crosstalk(Transform):
       unchanged, also at the edge, because nothing is exchanged across it.
     - A magnet that the adjacent sensor also detects adds to that sensor's reading and takes from none: ``taken = 0``.
       This differs from ``taken = 1`` only by a gain in the interior, but not at the edge.
-    - On a grid, neighbours are one pitch apart along both axes. Otherwise the distance is that of the positions divided
-      by the geometric mean of the two pitches. Forces are exchanged in the pad frame.
+    - On a grid, neighbours are one pitch apart along both axes. Otherwise offsets are divided by the pitch along each
+      axis of a taxel's frame, as in `Poisson`, with the mean of both taxels' squared distances. Forces are exchanged in
+      the pad frame.
 
     Source: a fitted mixing matrix of a published 4x8 u-skin-like array, where nearest neighbours receive 0.13 (shear)
     and 0.06 (normal) on average, with both signs; hence negative values are allowed. The kernel's form is ours.
@@ -92,7 +93,9 @@ class Crosstalk(Transform):
 def _distances(rows: int, cols: int, positions: str | None) -> NDArray[np.floating]:
     """``(3, N, N)``: distances in pitches, at least 1; mask of nearest neighbours; mask of those beyond."""
     layout = TaxelLayout(rows, cols, (1.0, 1.0)) if positions is None else read_layout(positions)
+    pitch = np.array([layout.pitch[1], layout.pitch[0], math.sqrt(layout.pitch[0] * layout.pitch[1])])
     offsets = layout.positions[:, None] - layout.positions[None, :]
-    distance = np.linalg.norm(offsets, axis=-1) / math.sqrt(layout.pitch[0] * layout.pitch[1])
+    squared = np.sum((np.einsum("jia,iab->jib", offsets, layout.frames) / pitch) ** 2, axis=-1)
+    distance = np.sqrt((squared + squared.T) / 2)
     beyond = distance > NEXT
     return np.stack([np.maximum(distance, 1.0), ~beyond & ~np.eye(rows * cols, dtype=bool), beyond])

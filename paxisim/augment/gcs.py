@@ -217,18 +217,19 @@ def uniform(rng: Any, shape: tuple[int, ...], bounds: tuple[float, float]) -> An
     low, high = bounds
     if isinstance(rng, np.random.Generator):
         return np.asarray(low + (high - low) * rng.random(shape), dtype=np.float32)
-    torch, where = _torch(rng)
+    torch, where = torch_of(rng)
     return low + (high - low) * torch.rand(shape, **where)
 
 
 def _normal(rng: Any, shape: tuple[int, ...]) -> Any:
     if isinstance(rng, np.random.Generator):
         return rng.standard_normal(shape, dtype=np.float32)
-    torch, where = _torch(rng)
+    torch, where = torch_of(rng)
     return torch.randn(shape, **where)
 
 
-def _torch(rng: Any) -> tuple[Any, dict[str, Any]]:
+def torch_of(rng: Any) -> tuple[Any, dict[str, Any]]:
+    """Return torch, and the arguments of its functions that draw float32 numbers from `rng`; see `GCS.sample`."""
     if type(rng).__module__.split(".")[0] != "torch":
         raise InvalidValueError(f"GCS: rng must be a numpy.random.Generator or a torch.Generator, got {rng!r}")
     import torch

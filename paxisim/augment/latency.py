@@ -62,7 +62,7 @@ class Latency(StatefulTransform):
 
     delay: Any = parameter(0.0, unit="s", typical=(0.005, 0.12))
     jitter: Any = parameter(0.0, unit="s", low=0.0, typical=(0.0, 0.005))
-    seed: Any = parameter(0, low=0, high=SEEDS - 1, typical=(0, SEEDS - 1), whole=True)
+    seed: Any = parameter(0, low=0, high=SEEDS - 1, typical=(0, SEEDS - 1), whole=True, seeds="jitter")
     capacity: int = 16
 
     def __post_init__(self) -> None:

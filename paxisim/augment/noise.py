@@ -45,7 +45,7 @@ class WhiteNoise(StatefulTransform):
     stage: ClassVar[str] = "electronics"
 
     sigma: Any = parameter(((((0.0,),),),), "pkrc", unit="N", low=0.0, typical=(0.005, 0.05))
-    seed: Any = parameter(0, low=0, high=SEEDS - 1, typical=(0, SEEDS - 1), whole=True)
+    seed: Any = parameter(0, low=0, high=SEEDS - 1, typical=(0, SEEDS - 1), whole=True, seeds="sigma")
 
     def __post_init__(self) -> None:
         """Check the fields."""
@@ -94,7 +94,7 @@ class RandomWalk(StatefulTransform):
     stage: ClassVar[str] = "electronics"
 
     sigma: Any = parameter(((((0.0,),),),), "pkrc", unit="N/sqrt(s)", low=0.0, typical=(0.001, 0.01))
-    seed: Any = parameter(0, low=0, high=SEEDS - 1, typical=(0, SEEDS - 1), whole=True)
+    seed: Any = parameter(0, low=0, high=SEEDS - 1, typical=(0, SEEDS - 1), whole=True, seeds="sigma")
 
     def __post_init__(self) -> None:
         """Check the fields."""

@@ -62,6 +62,7 @@ class Parameter:
         typical: Plausible range for random draws.
         infinite: Whether it may be infinite, e.g. for a limit that does not apply.
         whole: Whether only whole numbers are valid.
+        seeds: Name of the parameter that scales the random numbers that this one seeds; `GCS.around` draws the seed.
     """
 
     core: str = ""
@@ -71,6 +72,7 @@ class Parameter:
     typical: tuple[float, float] | None = None
     infinite: bool = False
     whole: bool = False
+    seeds: str = ""
 
 
 def parameter(neutral: Any, core: str = "", unit: str = "1", **about: Any) -> Any:

@@ -15,6 +15,8 @@ from paxisim.augment.transform import Covariates, Transform
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
 
+_SLACK = 1e-3  # pitches; a taxel that is off its place by less changes nothing much
+
 
 @dataclass(frozen=True, eq=False)
 class Poisson(Transform):
@@ -126,7 +128,7 @@ def _push(offsets: NDArray[np.floating], reach: float, falloff: float) -> NDArra
 
     def push(offset: NDArray[np.floating]) -> NDArray[np.floating]:
         d = np.linalg.norm(offset, axis=-1, keepdims=True)
-        felt = (d > 1e-9) & (d <= reach + 1e-9)
+        felt = (d > 1e-9) & (d <= reach + _SLACK)
         d = np.where(felt, d, 1.0)
         return np.where(felt, np.exp((1 - d) / falloff) * offset[..., :2] / d, 0.0)
 

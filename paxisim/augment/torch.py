@@ -56,6 +56,7 @@ class Randomised(nn.Module):
             raise InvalidValueError(f"{type(self).__name__}: at_eval must be 'identity' or 'fixed', got {at_eval!r}")
         self.per, self.at_eval = per, at_eval
         self._kept: chains.Chain | None = None
+        self._drawn_in_eval = False
 
     def draw(self, batch_shape: tuple[int, ...], device: torch.device) -> chains.Chain:
         """Draw a chain with parameters for each element of a batch, on `device`, without keeping it."""
@@ -100,9 +101,16 @@ class Randomised(nn.Module):
         return self._fixed(x)(x)
 
     def _fixed(self, x: Tensor) -> chains.Chain:
-        if self._kept is None:
-            self._kept = self.draw(tuple(x.shape[:-4]), x.device)
+        if self._kept is None:  # in eval mode one draw for all, so that the size of a batch does not matter
+            self._kept = self.draw(tuple(x.shape[:-4]) if self.training else (), x.device)
+            self._drawn_in_eval = not self.training
         return self._kept
+
+    def train(self, mode: bool = True) -> Any:
+        """Set training or eval mode; parameters that were drawn in eval mode are dropped for training."""
+        if mode and self._drawn_in_eval:
+            self._kept, self._drawn_in_eval = None, False
+        return super().train(mode)
 
     def get_extra_state(self) -> dict[str, Tensor]:
         """Return the kept parameters for ``state_dict``: tensors by "member.parameter"."""
@@ -110,7 +118,8 @@ class Randomised(nn.Module):
 
     def set_extra_state(self, state: dict[str, Tensor]) -> None:
         """Restore the state that `get_extra_state` returned."""
-        self._kept = _with_tensors(self.draw((), torch.device("cpu")), state) if state else None
+        with torch.random.fork_rng(devices=[]):  # only the form of the chain is needed, not its numbers
+            self._kept = _with_tensors(self.draw((), torch.device("cpu")), state) if state else None
 
     def _apply(self, fn: Callable[[Tensor], Tensor], recurse: bool = True) -> Any:
         if self._kept is not None:
@@ -144,7 +153,7 @@ class GCS(Randomised):
             pads: Number of pads.
             per: See the module docstring.
             at_eval: Behaviour in eval mode: ``"identity"`` returns the input unchanged, ``"fixed"`` applies the kept
-                parameters.
+                parameters; if there are none, it draws one set for all samples and keeps it.
         """
         super().__init__(per, at_eval)
         self.gcs = paper.GCS() if gcs is None else gcs

@@ -85,7 +85,7 @@ def fit_load_model(recording: Recording, readout: LinearCalibration, *, quadrati
             f"the recording must have measured tensors of shape {readout.used.shape}, like the readout"
         )
     values = values_of(recording, readout.loads)
-    known = np.isfinite(values).all(axis=1) & np.isfinite(recording.measured).all(axis=(1, 2, 3, 4))
+    known = np.isfinite(values).all(axis=1) & np.isfinite(recording.measured[:, readout.used]).all(axis=1)
     recording, values = recording[known], values[known]
     assert recording.measured is not None
     values = readout.earlier(recording, values)

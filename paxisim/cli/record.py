@@ -13,7 +13,7 @@ import tyro
 
 from paxisim.cli.output import check_output, load_calibration, printable, size_text
 from paxisim.errors import InvalidValueError, PaxisimError
-from paxisim.hw.extra_streams import ENTER_KEY
+from paxisim.hw.extra_streams import ENTER_KEY, MAX_CLOCK_OFF
 
 if TYPE_CHECKING:
     from paxisim.hw.capture import CaptureSummary
@@ -174,6 +174,11 @@ def _report(summary: CaptureSummary, pads: str) -> list[str]:
             f"  missing: {summary.dropped} frames dropped, {summary.gaps} gaps of more than half a second, "
             f"the longest {summary.longest_gap:.1f} s"
         )
+    if summary.uncertain:
+        lines.append(
+            f"  warning: this program was held up, so the times of {summary.uncertain} frames may be wrong by up to "
+            f"{summary.longest_stall:.1f} s (time_error in the file)"
+        )
     counts = (
         (summary.bad_checksums, "bad checksums"),
         (summary.timeouts, "timeouts"),
@@ -187,6 +192,11 @@ def _report(summary: CaptureSummary, pads: str) -> list[str]:
         if source.label != ENTER_KEY:
             last = f"; the last bad one: {source.problem.partition(': ')[2]}" if source.bad else ""
             lines.append(f"  {_source(source)}{last}")
+            if abs(source.clock_off) > MAX_CLOCK_OFF:
+                lines.append(
+                    f"  warning: the times of {source.label} are up to {source.clock_off:+.1f} s off this machine's "
+                    "clock, and its samples lie that far from the frames: set the sender's clock, or send no time"
+                )
     return lines
 
 

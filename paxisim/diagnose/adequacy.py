@@ -160,9 +160,9 @@ def _neighbours(problem: Problem, prediction: FloatArray, residual: NDArray[np.f
             products[side, number] = np.sum(effect**2, axis=(0, 2))
     share = np.clip(others(projections, 1) / (others(products, 1) + 1.0), 0.0, 1.2)
     gain = np.sum(2 * share * projections - share**2 * products, axis=1).max(axis=0) / len(problem.time)
-    where = np.unravel_index(int(gain.argmax()), gain.shape)
-    words = "pad {} taxel ({}, {}) reads the force on a neighbour".format(*where)
-    yield LeftOver(words, float(gain.max()), NEIGHBOUR)
+    pad, row, col = np.unravel_index(int(gain.argmax()), gain.shape)
+    name = problem.pads[pad] if problem.pads else f"pad {pad}"
+    yield LeftOver(f"{name}, taxel ({row}, {col}), reads the force on a neighbour", float(gain.max()), NEIGHBOUR)
 
 
 def _held(problem: Problem) -> Iterator[LeftOver]:

@@ -73,7 +73,7 @@ def correspondence_of(recording: Recording, replayed: bool = False) -> Correspon
         return NO_CORRESPONDENCE
     spans = in_one_piece(recording.time, episode_spans(recording.episode))
     interval = max(float(np.median(np.diff(recording.time[spans[0]]))), MIN_INTERVAL)
-    pairs = []
+    pairs, numbers = [], []
     for span in spans:
         time = recording.time[span]
         step = max(1, round(ACTIVITY_WINDOW / max(float(np.median(np.diff(time))), 1e-9)))
@@ -82,6 +82,7 @@ def correspondence_of(recording: Recording, replayed: bool = False) -> Correspon
         if len(grid) > MIN_STRETCH_SAMPLES:
             both = (_activity(s[span].astype(np.float64), step) for s in (recording.measured, recording.simulated))
             pairs.append(tuple(np.interp(grid, time, activity) for activity in both))
+            numbers.append(int(recording.episode[span.start]))
     if not pairs:
         return NO_CORRESPONDENCE
     shifts, alike = _correlation(pairs, int(MAX_CLOCK_OFFSET / interval))
@@ -97,7 +98,7 @@ def correspondence_of(recording: Recording, replayed: bool = False) -> Correspon
             f"correlation of their activities is at most {alike[best]:.2f})"
         )
     else:
-        why = "" if replayed else _other_order(pairs, int(shifts[best]))
+        why = "" if replayed else _other_order(pairs, numbers, int(shifts[best]))
     return Correspondence(shift, float(alike[best]), float(alike[near].max()), why)
 
 
@@ -173,7 +174,7 @@ def _peak(shifts: NDArray[np.intp], alike: FloatArray, best: int) -> float:
     return float(shifts[best] + (0.5 * (before - after) / bend if bend < 0 else 0.0))
 
 
-def _other_order(pairs: list[tuple[FloatArray, ...]], shift: int) -> str:
+def _other_order(pairs: list[tuple[FloatArray, ...]], numbers: list[int], shift: int) -> str:
     """Message with the worst mismatch if most measured episodes fit another simulated episode better; else empty."""
     pairs = [(m[max(shift, 0) :], s[max(-shift, 0) :]) for m, s in pairs]
     count = len(pairs)
@@ -190,8 +191,8 @@ def _other_order(pairs: list[tuple[FloatArray, ...]], shift: int) -> str:
     misplaced = distance.min(axis=1) < MISPLACED * own
     if misplaced.mean() <= 0.5 or len(np.unique(fits[misplaced])) < 2:
         return ""
-    number = int(np.argmax(misplaced * (own - distance.min(axis=1))))
+    worst = int(np.argmax(misplaced * (own - distance.min(axis=1))))
     return (
-        f"the measured and simulated episodes are not in the same order: measured episode {number + 1} fits simulated "
-        f"episode {fits[number] + 1} best"
+        "the measured and simulated episodes are not in the same order: measured episode "
+        f"{numbers[worst]} fits simulated episode {numbers[fits[worst]]} best"
     )

@@ -24,7 +24,9 @@ FORMAT = "paxisim-diagnosis/1"
 REPORT_FILE, MODEL_FILE = "report.html", "model.json"
 SCENE_FILE = "fitted_scene.toml"  # scene.toml may be the user's own
 
-Verdict = Literal["no_discrepancy", "explained", "ambiguous", "partly_explained", "unexplained", "unrelated"]
+Verdict = Literal[
+    "no_discrepancy", "clocks_differ", "explained", "ambiguous", "partly_explained", "unexplained", "unrelated"
+]
 
 
 @dataclass(frozen=True)
@@ -182,9 +184,10 @@ class Diagnosis:
     """What the simulation gets wrong, why, and how much a correction gains. `print` shows it as text.
 
     Attributes:
-        verdict: "no_discrepancy", "explained", "ambiguous" (rivals that the data cannot separate), "partly_explained"
-            (named causes, plus structure in the residual, near misses or parameters at their bounds), "unexplained"
-            or "unrelated" (the streams do not show the same motion, and nothing was fitted).
+        verdict: "no_discrepancy", "clocks_differ" (once the clocks are aligned there is no discrepancy), "explained",
+            "ambiguous" (rivals that the data cannot separate), "partly_explained" (named causes, plus structure in the
+            residual, near misses or parameters at their bounds), "unexplained" or "unrelated" (the streams do not show
+            the same motion, and nothing was fitted).
         causes: The named causes, largest gain first.
         heldout: Errors on held-out episodes.
         confidence: For each cause, a value from 0 to 1: how often it passes its test when held-out episodes are
@@ -201,6 +204,8 @@ class Diagnosis:
             None if the diagnosis had no scene.
         scene_values: Fitted scene parameters by name, in SI units; see `paxisim.Scene.parameters`.
         streams: Tensors for the pictures of the report; None if the diagnosis was loaded from a file.
+        clock_shift: Time (s) by which the measured stream lagged the simulated one before their clocks were aligned; 0
+            if the clocks agree.
     """
 
     verdict: Verdict
@@ -215,6 +220,7 @@ class Diagnosis:
     scene: Scene | None = field(default=None, repr=False, compare=False)
     scene_values: Mapping[str, float] = field(default_factory=dict)
     streams: Streams | None = field(default=None, repr=False, compare=False)
+    clock_shift: float = 0.0
 
     @property
     def scene_intervals(self) -> dict[str, tuple[float, float]]:
@@ -239,6 +245,7 @@ class Diagnosis:
             "model": json.loads(self.model.to_json()),
             "intervals": _as_lists(self.intervals),
             "scene_values": dict(self.scene_values),
+            "clock_shift": self.clock_shift,
         }
         return json.dumps(finite(document), indent=1, allow_nan=False)
 
@@ -270,6 +277,7 @@ class Diagnosis:
                 model=Chain.from_json(json.dumps(document["model"])),
                 intervals=_as_arrays(document["intervals"]),
                 scene_values=built(dict[str, float], document.get("scene_values", {})),
+                clock_shift=built(float, document.get("clock_shift", 0.0)),
             )
         except PaxisimError:
             raise
@@ -328,10 +336,20 @@ class Diagnosis:
 
     @classmethod
     def load(cls, folder: str | Path) -> Diagnosis:
-        """Read a diagnosis that `save` wrote; raises like `from_json`, and FileNotFoundError if there is no file."""
+        """Read a diagnosis that `save` wrote.
+
+        Raises:
+            InvalidValueError: As for `from_json`; or the MJCF of its scene is not in the folder.
+            FileNotFoundError: There is no file.
+        """
         found = parse_file(Path(folder) / "diagnosis.json", cls.from_json)
-        scene = Path(folder) / SCENE_FILE
-        return replace(found, scene=Scene.load(scene)) if scene.is_file() else found
+        path = Path(folder) / SCENE_FILE
+        if not path.is_file():
+            return found
+        scene = Scene.load(path)
+        if Path(scene.mjcf).resolve().parent != path.resolve().parent:  # type: ignore[arg-type]
+            raise InvalidValueError(f"{path} must name an MJCF in its own folder, got {scene.mjcf}")
+        return replace(found, scene=scene)
 
     def __repr__(self) -> str:
         """Summary on one line."""

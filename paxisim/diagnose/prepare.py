@@ -119,12 +119,22 @@ def _known(recording: Recording, warnings: list[str]) -> Recording:
         usual = np.median(step[1:]) if len(step) > 1 else 0.0
         interrupted = step > _GAP * max(float(usual), 1e-9)
     changes = (np.diff(recording.episode, prepend=recording.episode[0]) != 0) | interrupted[: len(recording)]
-    episode = np.cumsum(changes)
-    sizes = np.bincount(episode)
-    enough = sizes[episode] >= 4
+    piece = np.cumsum(changes)
+    numbers = recording.episode[episode_starts(piece)]
+    first = np.unique(numbers, return_index=True)[1]
+    later = np.setdiff1d(np.arange(len(numbers)), first)  # a part of an interrupted episode has no number of its own
+    names = numbers.copy()
+    names[later] = numbers.max() + 1 + np.arange(len(later))
+    if len(later):
+        at = recording.time[np.searchsorted(piece, later[0])]
+        warnings.append(
+            f"{len(later)} parts after a gap count as episodes of their own: episode {names[later[0]]} is the part of "
+            f"episode {numbers[later[0]]} from {at:.2f} s"
+        )
+    enough = np.bincount(piece)[piece] >= 4
     if not enough.any():
         raise InvalidValueError("no episode has 4 samples with both streams")
-    recording = replace(recording, episode=episode)
+    recording = replace(recording, episode=names[piece])
     return recording if enough.all() else recording[enough]
 
 

@@ -72,6 +72,7 @@ class Problem:
         tolerance: Errors that need no explanation.
         scene: Effects of scene changes on the simulated stream; None if the scene is not known.
         excused: Energy of tolerated replay errors in that scene, per compared value, in units of the noise.
+        pads: Names of the pads, if known.
     """
 
     measured: FloatArray
@@ -99,6 +100,7 @@ class Problem:
     tolerance: Tolerance = field(default_factory=Tolerance)
     scene: Responses | None = None
     excused: float = 0.0
+    pads: tuple[str, ...] = ()
 
     @cached_property
     def weight(self) -> FloatArray:
@@ -458,7 +460,7 @@ def problem_of(recording: Recording, scene: Responses | None = None, tolerance: 
         least=min(float(simulated.min()), 0.0), phase=phase, peaks=_peaks_of(simulated, peak), directions=directions,
         calibrated="readout" in recording.metadata, aligned="clocks_aligned_by" in recording.metadata,
         tolerance=replace(tolerance or Tolerance(), encoder=EncoderError.told_by(recording)),
-        scene=scene,
+        scene=scene, pads=recording.pads,
     )  # fmt: skip
     return with_noise(problem)
 

@@ -87,9 +87,11 @@ def _told(
     doubts = (*done.unsettled, *it.structure, *short.values())
     untestable = {**done.not_searched, **_not_excited(found, done.wanted)}
     untestable = {n: why for n, why in untestable.items() if n not in {item.name for item in named}}
+    shift = float(done.recording.metadata.get("clocks_aligned_by", 0.0))
     warnings = (*done.warnings, *caveats(found, it.dropped, done.recording.pads))
     return Diagnosis(
-        verdict=_verdict(named, bool(doubts or at_bounds(found)), len(raw.episodes) == 1),
+        verdict=_verdict(named, bool(doubts or at_bounds(found)), len(raw.episodes) == 1, bool(shift)),
+        clock_shift=shift,
         causes=named,
         heldout=figures(squares, seed, black, missing),
         confidence=_confidence(found, named, seed),
@@ -148,11 +150,11 @@ def _named(found: Explanation, squares: SquaredErrors, seed: int) -> tuple[tuple
     return tuple(sorted(causes, key=lambda c: -c.gain.value)), short
 
 
-def _verdict(named: Sequence[FoundCause], doubts: bool, one: bool) -> Verdict:
+def _verdict(named: Sequence[FoundCause], doubts: bool, one: bool, shifted: bool) -> Verdict:
     if doubts:
         return "partly_explained" if named else "unexplained"
     if not named:
-        return "no_discrepancy"
+        return "clocks_differ" if shifted else "no_discrepancy"
     return "ambiguous" if one or any(item.rivals for item in named) else "explained"
 
 

@@ -96,6 +96,11 @@ class Board(ABC):
         return 0
 
     @property
+    def lost(self) -> int:
+        """Number of readings that the board numbered, but that never arrived."""
+        return 0
+
+    @property
     def skipped(self) -> int:
         """Number of bytes discarded because they belonged to no frame."""
         return 0

@@ -45,6 +45,7 @@ class ExtraSummary:
         missed: Function calls skipped because the previous call was still running when they were due.
         problem: Reason for the latest bad item; empty if there was none.
         ended: True if the source could deliver nothing more.
+        clock_off: Largest difference (s) of a sample's own time from this machine's clock at its arrival.
     """
 
     label: str
@@ -54,6 +55,7 @@ class ExtraSummary:
     missed: int
     problem: str
     ended: bool
+    clock_off: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -65,6 +67,9 @@ class CaptureSummary:
         frames: Number of frames in the file.
         dropped: Frames that arrived but were not fetched in time, counted from gaps in the sensor's sequence numbers.
             Incomplete frames have no number: see `bad_checksums`, `timeouts` and `reconnects`.
+        uncertain: Frames that waited while the system suspended this program, so that their times may be wrong by up to
+            `longest_stall`.
+        longest_stall: Longest such time (s).
         gaps: Number of intervals of more than half a second in which no frame was measured, including the time before
             the first frame and, once finished, after the last. Frames that only arrived late, for example because the
             system suspended this program, leave no gap.
@@ -99,6 +104,8 @@ class CaptureSummary:
     timeouts: int = 0
     reconnects: int = 0
     zero_in_doubt: bool = False
+    uncertain: int = 0
+    longest_stall: float = 0.0
 
 
 def capture(
@@ -181,7 +188,8 @@ class _Recorder:
         self.heard = self.start
         # faults counted before the start are not part of this recording
         self.before = _damage(sensor)
-        self.frames = self.dropped = self.gaps = self.episode = 0
+        self.frames = self.dropped = self.gaps = self.episode = self.uncertain = 0
+        self.longest_stall = 0.0
         self.longest_gap = 0.0
         self.end: float | None = None
 
@@ -267,7 +275,10 @@ class _Recorder:
             status=frame.status,
             resultant=frame.resultant,
             arrival=self._utc(frame.arrival) * 1e-9,
+            time_error=frame.time_error or None,
         )
+        self.uncertain += frame.time_error > 0
+        self.longest_stall = max(self.longest_stall, frame.time_error)
         self.last = frame
         self.frames += 1
 
@@ -343,12 +354,14 @@ class _Recorder:
             size=self.writer.size,
             episodes=self.episode + bool(self.frames),
             extra=tuple(
-                ExtraSummary(s.label, self.samples[s], s.bad, s.dropped, s.missed, s.problem, s.ended)
+                ExtraSummary(s.label, self.samples[s], s.bad, s.dropped, s.missed, s.problem, s.ended, s.clock_off)
                 for s in self.extra
             ),
             ended=ended,
             error=error,
             zero_in_doubt=self.sensor.zero_in_doubt,
+            uncertain=self.uncertain,
+            longest_stall=self.longest_stall,
             **{name: count - self.before[name] for name, count in _damage(self.sensor).items()},
         )
 

@@ -170,8 +170,8 @@ class TactileSensor:
 
     @property
     def timeouts(self) -> int:
-        """Number of readings that did not arrive in time."""
-        return sum(reader.timeouts for reader in self._readers)
+        """Number of readings that did not arrive, or not in time."""
+        return sum(reader.timeouts + reader.lost for reader in self._readers)
 
     @property
     def bad_checksums(self) -> int:

@@ -26,6 +26,8 @@ from paxisim.hw.clock import Clock
 
 POLL_SECONDS = 0.1  # seconds after which a waiting thread checks whether to end
 MAX_LINE_BYTES = 1 << 16  # bytes; a longer line is rejected
+MAX_NAMES = 500  # streams of one source; a message with every joint of a humanoid has fewer
+MAX_CLOCK_OFF = 1.0  # s; a sender's clock that is further off is said to be
 DAY = 86400.0
 EPISODE_WORD = "episode"
 ENTER_KEY = "Enter"
@@ -63,6 +65,8 @@ class ExtraStream(ABC):
         missed: Function calls skipped because the previous call was still running when they were due.
         problem: Reason for the latest bad item; empty while there is none.
         ended: True once nothing more can arrive.
+        clock_off: Largest difference (s) of a sample's own time from this machine's clock at its arrival; negative if
+            it is earlier.
     """
 
     def __init__(self, label: str) -> None:
@@ -72,6 +76,8 @@ class ExtraStream(ABC):
         self.dropped = 0
         self.missed = 0
         self._sets = 0
+        self.clock_off = 0.0
+        self._names: set[str] = set()
         self.problem = ""
         self.ended = False
         self._lock = threading.Lock()
@@ -118,6 +124,8 @@ class ExtraStream(ABC):
                 return self.complain(
                     f"time must be Unix seconds within a day of this machine's clock, got {_short(values['time'])}"
                 )
+            off = time - self._clock.wall()
+            self.clock_off = off if abs(off) > abs(self.clock_off) else self.clock_off
         for name, value in values.items():
             if name == "time":
                 continue
@@ -126,7 +134,10 @@ class ExtraStream(ABC):
                 self.complain(f"expected a printable name of 1 to 100 characters, got {_short(name)}")
             elif array is None:
                 self.complain(f"{name} must be finite numbers, got {_short(value)}")
+            elif name not in self._names and len(self._names) >= MAX_NAMES:
+                self.complain(f"more than {MAX_NAMES} names of streams came; later ones, such as {name}, are left out")
             else:
+                self._names.add(name)
                 self._put(Sample(self, f"covariate/{name}", array, arrival, time, self._sets))
 
     def _put(self, sample: Sample) -> None:

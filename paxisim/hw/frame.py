@@ -25,6 +25,8 @@ class Frame:
         resultant: ``(pads, 3)`` float32 newtons, the total force that the board reports, which on real sensors is not
             the sum of the taxels; None if the board reports none.
         unit: Unit of `force`: ``"N"``, or ``"uT"`` (microtesla) or ``"counts"`` if the sensor does not measure force.
+        time_error: Largest error (s) of `time`: how long this program was suspended, if the frame waited meanwhile; 0
+            otherwise. On a machine that is not busy the error is far smaller, but that is not known.
     """
 
     force: NDArray[np.float32]
@@ -34,3 +36,4 @@ class Frame:
     status: tuple[int, ...]
     resultant: NDArray[np.float32] | None = None
     unit: str = "N"
+    time_error: float = 0.0

@@ -13,7 +13,8 @@ MAX_AGE = 0.25
 `STALE_STATUS`. The slowest known board sends every 90 ms."""
 
 STALE_STATUS = 0xFE
-"""Status of a pad whose frame is more than `MAX_AGE` away from the pacing frame; no known board reports this code."""
+"""Status of a pad whose frame is more than `MAX_AGE` away from the pacing frame, or that a server sent twice; no known
+board reports this code."""
 
 MAX_KEPT_FRAMES = 256
 """Frames kept per port; enough if the pacing port is a hundred times slower than the others."""
@@ -80,6 +81,7 @@ class FrameJoiner:
             tuple(status),
             np.concatenate(resultants) if len(resultants) == len(parts) else None,
             first.unit,
+            max(part.time_error for part in parts),
         )
         self._sequence += 1
         return [joined]

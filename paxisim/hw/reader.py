@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from collections import deque
 from collections.abc import Callable
@@ -14,17 +15,21 @@ from numpy.typing import NDArray
 
 from paxisim.errors import DeviceError, DeviceTimeoutError, PortNotFoundError, ProtocolError, UnsupportedError
 from paxisim.hw.ask import who_answers
-from paxisim.hw.board import Board
+from paxisim.hw.board import Board, Reading
 from paxisim.hw.calibrated import SensorCalibration
 from paxisim.hw.clock import Clock
 from paxisim.hw.frame import Frame
 from paxisim.hw.sample_time import SampleClock
+from paxisim.logs.schemas import in_error
 
 READ_TIMEOUT = 0.5
 """Maximum time (s) for one reading; a silent board delays commands and `Reader.close` by as much."""
 
 RESTART_AFTER = 1.5
 """Silence (s) after which the board is started again: it may have lost power while its line stayed up."""
+
+STALL = 0.3
+"""Pause (s) before a queue of frames beyond which this program is taken to have been suspended."""
 
 FIRST_RETRY, LAST_RETRY = 0.05, 1.0
 """Delays (s) between attempts to reopen a lost port: the first one doubles up to the last one."""
@@ -79,9 +84,10 @@ class Reader:
         self._connect, self._deliver, self._fail = connect, deliver, fail
         self._reconnect, self._clock, self._calibration = reconnect, clock, calibration
         self._board: Board | None = None
-        self._gone_bad_checksums = self._gone_skipped = 0
+        self._gone_bad_checksums = self._gone_skipped = self._gone_lost = 0
         self._sample_clock = SampleClock()
         self._sequence = 0
+        self._arrived, self._stalled = math.inf, 0.0
         self._zero: Frame | None = None
         self._board_zeroed = False
         self._heard = 0.0
@@ -102,6 +108,12 @@ class Reader:
         """`Board.skipped`, summed over all connections."""
         board = self._board
         return self._gone_skipped + (board.skipped if board else 0)
+
+    @property
+    def lost(self) -> int:
+        """`Board.lost`, summed over all connections."""
+        board = self._board
+        return self._gone_lost + (board.lost if board else 0)
 
     def start(self) -> None:
         """Open the port, start the board, then the thread. If that fails, nothing stays open.
@@ -195,6 +207,7 @@ class Reader:
             return
         self._gone_bad_checksums += board.bad_checksums
         self._gone_skipped += board.skipped
+        self._gone_lost += board.lost
         with suppress(DeviceError):  # a lost board cannot be stopped
             board.stop()
         board.transport.close()
@@ -211,7 +224,8 @@ class Reader:
             resultant = self._calibration.total_force(force)
             force, unit = self._calibration.to_force(force), "N"
         time = self._sample_clock.estimate(reading.time, reading.behind)
-        raw = Frame(force, time, reading.time, self._sequence, reading.status, resultant, unit)
+        error = self._time_error(reading)
+        raw = Frame(force, time, reading.time, self._sequence, reading.status, resultant, unit, error)
         self._sequence += 1
         zero = self._zero
         if zero is None:
@@ -219,8 +233,20 @@ class Reader:
         else:
             resultant = _minus(resultant, zero.resultant)
             force = force - zero.force
-            self._deliver(Frame(force, time, reading.time, raw.sequence, reading.status, resultant, unit))
+            self._deliver(Frame(force, time, reading.time, raw.sequence, reading.status, resultant, unit, error))
         return raw
+
+    def _time_error(self, reading: Reading) -> float:
+        """Return `Frame.time_error`: from a queue after a pause, until a frame comes alone and in its own time.
+
+        How many frames of a pause were lost is not known: the system's queue may have been full, or the sender late.
+        """
+        gap, self._arrived = reading.time - self._arrived, reading.time
+        if reading.behind and gap > STALL:
+            self._stalled = gap
+        elif not reading.behind and gap > 0.5 * (self._sample_clock.period or 0.0):
+            self._stalled = 0.0
+        return self._stalled
 
     def _miss(self, fault: DeviceError) -> None:
         self.timeouts += 1
@@ -302,7 +328,7 @@ class Reader:
                 self._miss(fault)
                 if self._clock.monotonic() - self._heard >= RESTART_AFTER:
                     raise
-        good = [frame for frame in frames if not any(frame.status)]
+        good = [frame for frame in frames if not in_error(frame.status)]
         if not good:
             raise DeviceError(
                 f"{self.port} reported an error with each frame, so none can serve as zero: {frames[-1].status}"

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 from paxisim.errors import InvalidValueError, MissingExtraError, PortNotFoundError, ProtocolError
 
 if TYPE_CHECKING:
+    from websockets.exceptions import ConnectionClosed
     from websockets.sync.client import ClientConnection
 
 OPEN_TIMEOUT = 5.0
 """Maximum time (s) for the server to accept the connection."""
+CLOSE_TIMEOUT = 1.0
+"""Maximum time (s) that closing waits for the server's answer."""
 MAX_MESSAGE_BYTES = 2**18
 """Maximum size of a message in bytes; a longer one ends the connection."""
 MAX_WAITING = 256
@@ -19,6 +22,8 @@ MAX_WAITING = 256
 MAX_DRAIN_READS = 8
 """Maximum number of reads, of up to `MAX_WAITING` messages each, to drain a backlog; a server that never pauses thus
 does not block."""
+
+_TOO_BIG = 1009  # close code for a message that is too big
 
 
 class WebSocketTransport:
@@ -32,6 +37,7 @@ class WebSocketTransport:
         """Take over an open connection and the exit stack that closes it."""
         self.port = port
         self._connection, self._stack = connection, stack
+        self._has_told = False
 
     def read(self, timeout: float) -> bytes:
         """See `Transport.read`. A line break inside a message, which JSON allows between tokens, becomes a space."""
@@ -46,8 +52,16 @@ class WebSocketTransport:
             pass
         except ConnectionClosed as error:
             if not texts:  # otherwise the next call raises
-                raise PortNotFoundError(f"{self.port} went away: {error}") from error
+                self._raise_closed(error)
         return b"".join(texts)
+
+    def _raise_closed(self, error: ConnectionClosed) -> NoReturn:
+        if error.sent is not None and error.sent.code == _TOO_BIG and not self._has_told:
+            self._has_told = True  # the next call says that the port went away, so that it is opened again
+            raise ProtocolError(
+                f"{self.port} sent a message of more than {MAX_MESSAGE_BYTES} bytes, which is no reading"
+            ) from error
+        raise PortNotFoundError(f"{self.port} went away: {error}") from error
 
     def write(self, data: bytes) -> None:
         """See `Transport.write`."""
@@ -98,7 +112,8 @@ def open_websocket(port: str, baud: int) -> WebSocketTransport:
     stack = ExitStack()
     try:
         # the server is on this machine or in the robot's network, which no proxy reaches
-        options = {"proxy": None, "open_timeout": OPEN_TIMEOUT, "max_size": MAX_MESSAGE_BYTES, "max_queue": MAX_WAITING}
+        options = {"proxy": None, "open_timeout": OPEN_TIMEOUT, "close_timeout": CLOSE_TIMEOUT}
+        options |= {"max_size": MAX_MESSAGE_BYTES, "max_queue": MAX_WAITING}
         connection = stack.enter_context(connect(port, **options))
     except InvalidURI as error:
         raise InvalidValueError(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ def about_text(recording: RecordingArrays) -> str:
         "format": schemas.FORMAT,
         "layout": None if recording.layout is None else recording.layout.to_dict(),
         "pads": recording.pads,
+        "covariates": {name: values.shape[1:] for name, values in recording.covariates.items()},
         "metadata": recording.metadata,
     }
     try:
@@ -45,17 +47,28 @@ def checked_metadata(path: Path, metadata: dict[str, Any]) -> None:
             TaxelLayout.from_dict(layout)
         except InvalidValueError as error:
             raise InvalidValueError(f"{path}: layout in its metadata: {error}") from error
-    zeros = metadata.get("time_zero_ns")
-    if zeros is not None and not (
-        isinstance(zeros, list) and all(type(zero) is int and abs(zero) <= schemas.LATEST for zero in zeros)
-    ):
+    zeros, clocks = metadata.get("time_zero_ns"), metadata.get("episode_clocks")
+    if zeros is not None and not _are_times(zeros):
         raise InvalidValueError(f"{path}: time_zero_ns in its metadata must be a list of times, got {zeros!r:.80}")
+    if clocks is not None and not (
+        isinstance(clocks, list)
+        and all(_are_times(clock) and len(clock) == 3 for clock in clocks)
+        and all(before[0] <= after[0] for before, after in itertools.pairwise(clocks))
+    ):
+        raise InvalidValueError(
+            f"{path}: episode_clocks in its metadata must hold the first time, time 0 and number of each episode, in "
+            f"order, got {clocks!r:.80}"
+        )
     unit = metadata.get("unit")
     if unit is not None and not isinstance(unit, str):
         raise InvalidValueError(f"{path}: unit in its metadata must be a text such as N or uT, got {unit!r:.80}")
     start = metadata.get("start")
     if start is not None and not (isinstance(start, (int, float)) and abs(start) < 1e300):
         raise InvalidValueError(f"{path}: start in its metadata must be Unix seconds, got {start!r:.80}")
+
+
+def _are_times(given: Any) -> bool:
+    return isinstance(given, list) and all(type(time) is int and abs(time) <= schemas.LATEST for time in given)
 
 
 def read_about(path: Path, about: Any) -> dict[str, Any]:
@@ -74,3 +87,13 @@ def read_about(path: Path, about: Any) -> dict[str, Any]:
     except InvalidValueError as error:
         raise InvalidValueError(f"{path}: 'layout' in 'about': {error}") from error
     return {"layout": layout, "pads": tuple(pads), "metadata": metadata}
+
+
+def covariate_shapes(about: dict[str, Any]) -> dict[str, tuple[int, ...]]:
+    """Return the shapes of the covariates' samples as stated in the parsed JSON text; empty in older files."""
+    given = about.get("covariates")
+    return {
+        name: tuple(shape)
+        for name, shape in (given.items() if isinstance(given, dict) else ())
+        if isinstance(shape, list) and len(shape) < 32 and all(type(n) is int and 0 < n < 2**31 for n in shape)
+    }

@@ -2,8 +2,9 @@
 
 The added file determines how the two time axes are matched:
 
-- If it numbers its **episodes** (a column ``episode_index`` as in LeRobot, or the demonstrations of an HDF5 file), its
-  time starts anew with each episode, as the recording's does, and episodes with the same number are matched.
+- If it numbers its **episodes** (a column ``episode_index`` as in LeRobot, or the demonstrations of an HDF5 file),
+  episodes with the same number are matched. Its ``timestamp`` starts anew with each episode; a ``time`` is the
+  recording's, or Unix time.
 - Otherwise its times are on the **recording's clock**: Unix time if the recording knows when it started.
 """
 
@@ -11,6 +12,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,12 +23,19 @@ from paxisim.errors import InvalidValueError
 from paxisim.logs import schemas
 from paxisim.logs.columns import streams_from_columns
 from paxisim.logs.mcap_save import log_times
-from paxisim.logs.recording_arrays import Method, RecordingArrays, episode_spans, episode_starts
+from paxisim.logs.recording_arrays import Method, RecordingArrays, episode_spans
 from paxisim.logs.resample import resample
 from paxisim.logs.stream import Stream
 
-# the samples of each stream by episode number, or under None for the whole file
-Streams = dict[str, dict["int | None", Stream]]
+
+class Streams(dict[str, dict["int | None", Stream]]):
+    """Samples of each stream by episode number, or under None for the whole file.
+
+    Attributes:
+        restarts: Whether time counts from the first sample of each episode.
+    """
+
+    restarts = False
 
 
 def read_streams(path: Path) -> Streams:
@@ -39,25 +48,28 @@ def read_streams(path: Path) -> Streams:
     if path.is_dir():
         from paxisim.logs.lerobot_reader import read_lerobot
 
-        return _of_table(path, read_lerobot(path, pads=()))
+        return _of_table(path, read_lerobot(path, pads=()), restarts=True)
     suffix = path.suffix.lower()
     if suffix == ".mcap":
-        return {name: {None: stream} for name, stream in _read_mcap(path).items()}
+        return Streams({name: {None: stream} for name, stream in _read_mcap(path).items()})
     if suffix == ".csv":
         from paxisim.logs.csv import read_csv_columns
 
         columns, is_cut = read_csv_columns(path)
         if is_cut:
             warnings.warn(f"{path} is cut off: its last line is incomplete and was skipped", stacklevel=4)
-        return _of_table(path, _from_columns(path, columns))
+        return _of_table(path, _from_columns(path, columns), restarts="time" not in columns)
     if suffix == ".parquet":
         from paxisim.logs.parquet import read_parquet
 
-        return _of_table(path, _from_columns(path, read_parquet(path)[0]))
+        columns, about = read_parquet(path)
+        table = _from_columns(path, columns)
+        table = replace(table, covariates={**table.covariates, **about.get("covariates", {})})
+        return _of_table(path, table, restarts="time" not in columns)
     if suffix in (".h5", ".hdf5"):
         from paxisim.logs.hdf5 import read_hdf5
 
-        return _of_table(path, read_hdf5(path))
+        return _of_table(path, read_hdf5(path), restarts=True)
     raise InvalidValueError(
         f"streams must come from a .mcap, .csv, .parquet, .h5 or .hdf5 file or a LeRobotDataset folder, got {path}"
     )
@@ -82,9 +94,13 @@ def add_streams(
     if counts_episodes:
         _check_episodes(path, streams, episode)
         spans = [(int(episode[span.start]), span) for span in episode_spans(episode)]
-        first = np.repeat(recording.time[episode_starts(episode)], [span.stop - span.start for _, span in spans])
-        at = np.round((recording.time - first) * 1e9).astype(np.int64)
+        at = _times(path, recording, streams, spans)
     else:
+        if np.any(np.diff(recording.time) < 0):
+            raise InvalidValueError(
+                f"{path} has one clock, but that of the recording starts anew in an episode: number the episodes in a "
+                "column episode_index, or load the streams with each recording before concatenating them"
+            )
         spans = [(None, slice(None))]
         at = log_times(recording)[0]
         _check_overlap(path, streams, at)
@@ -122,8 +138,8 @@ def _from_columns(path: Path, columns: dict[str, NDArray[Any]]) -> RecordingArra
         raise InvalidValueError(f"{path}: {error}") from error
 
 
-def _of_table(path: Path, table: RecordingArrays) -> Streams:
-    """Return the covariates of a table; if it numbers its episodes, time restarts at 0 with each episode."""
+def _of_table(path: Path, table: RecordingArrays, restarts: bool) -> Streams:
+    """Return the covariates of a table; `restarts` says whether time counts anew in numbered episodes."""
     time = table.time
     if not np.all(np.isfinite(time)):
         raise InvalidValueError(f"{path}: every row must have a time; row {int(np.argmin(np.isfinite(time)))} has none")
@@ -133,19 +149,53 @@ def _of_table(path: Path, table: RecordingArrays) -> Streams:
         spans = {int(number): span for number, span in found}
         if len(spans) < len(found):
             raise InvalidValueError(f"{path}: the rows of an episode must be adjacent")
-    streams: Streams = {name: {} for name in table.covariates}
+    streams = Streams({name: {} for name in table.covariates})
+    streams.restarts = restarts and table.episode is not None
     for number, span in spans.items():
         own = time[span]
         if np.any(np.diff(own) < 0):
             raise InvalidValueError(
                 f"{path}: time must not decrease, but does after {own[:-1][np.diff(own) < 0][0]:.9g} s"
             )
-        at = np.round((own if number is None else own - own[0]) * 1e9).astype(np.int64)
+        at = np.round((own - own[0] if streams.restarts else own) * 1e9).astype(np.int64)
         for name, values in table.covariates.items():
             streams[name][number] = Stream(at, np.asarray(values[span], dtype=np.float64))
     if not streams:
         raise InvalidValueError(f"{path} has no numeric stream besides its times")
     return streams
+
+
+def _times(
+    path: Path, recording: RecordingArrays, streams: Streams, spans: list[tuple[int, slice]]
+) -> NDArray[np.int64]:
+    """Return the recording's times (ns) on the clock of streams that number their episodes.
+
+    Raises:
+        InvalidValueError: No episode overlaps in time.
+    """
+    time, start = recording.time, recording.metadata.get("start")
+    if streams.restarts:
+        time = time - np.concatenate([np.full(span.stop - span.start, time[span.start]) for _, span in spans])
+        return np.round(time * 1e9).astype(np.int64)
+    for zero in (0.0, start if isinstance(start, (int, float)) else 0.0):
+        at, apart, common = np.round((time + zero) * 1e9).astype(np.int64), [], 0
+        for number, span in spans:
+            own = [parts[number].nanoseconds for parts in streams.values() if number in parts]
+            if any(one[0] <= at[span][-1] and one[-1] >= at[span][0] for one in own):
+                common += 1
+            elif own:
+                apart.append(number)
+        if common:
+            if apart:
+                text = (
+                    f"{path}: episode {_listed(apart)} shares no time with the recording's; its streams are NaN there"
+                )
+                warnings.warn(text, stacklevel=5)
+            return at
+    raise InvalidValueError(
+        f"{path}: the times of its episodes do not overlap those of the recording: column 'time' must be the "
+        "recording's time or Unix time; name it 'timestamp' if it counts from the start of each episode"
+    )
 
 
 def _check_episodes(path: Path, streams: Streams, episode: NDArray[np.int64]) -> None:

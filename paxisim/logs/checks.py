@@ -12,7 +12,9 @@ from paxisim.layout import TaxelLayout
 from paxisim.logs.recording_arrays import RecordingArrays, episode_starts
 
 # reserved names: files store these as separate fields
-_FIELDS_NOT_METADATA = ("format", "layout", "pads", "time_zero_ns")
+_FIELDS_NOT_METADATA = ("format", "layout", "pads", "time_zero_ns", "episode_clocks")
+# fewer samples than this may share the time of a coarse clock
+_FEW = 8
 
 
 def check_fields(given: RecordingArrays) -> RecordingArrays:
@@ -46,18 +48,28 @@ def check_fields(given: RecordingArrays) -> RecordingArrays:
 
 
 def numbers(name: str, value: Any, dtype: type) -> NDArray[Any]:
-    """Return `value` as an array of the given dtype; error messages call it `name`.
+    """Return `value` as an array of the given dtype, with NaN where it is masked; error messages call it `name`.
 
     Raises:
-        InvalidValueError: The value is not numeric, or its rows differ in length.
+        InvalidValueError: The value is not numeric, its rows differ in length, or a number is infinite or too large
+            for the dtype.
     """
     try:
         array = np.asarray(value)
         if array.dtype.kind not in "biuf":
             raise TypeError(f"dtype {array.dtype}")
-        return np.ascontiguousarray(array, dtype=dtype) if array.ndim else array.astype(dtype)
+        if np.ma.is_masked(value):
+            array = np.where(np.ma.getmaskarray(value), np.nan, array)
+        with np.errstate(over="ignore"):
+            array = np.ascontiguousarray(array, dtype=dtype) if array.ndim else array.astype(dtype)
     except (TypeError, ValueError) as error:
         raise InvalidValueError(f"{name} must be an array of numbers: {error}") from error
+    # without a mask of the array's size, as np.isinf would make
+    if array.size and any(np.isinf(extreme.reduce(array, axis=None)) for extreme in (np.fmax, np.fmin)):
+        raise InvalidValueError(
+            f"{name} holds a number that is infinite or too large for {array.dtype}; use NaN for unknown values"
+        )
+    return array
 
 
 def _tensor(name: str, value: Any, samples: int) -> NDArray[np.float32]:
@@ -103,13 +115,12 @@ def _covariate(name: Any, value: Any, samples: int) -> NDArray[np.float64]:
 def _episode(given: Any, samples: int) -> NDArray[np.int64]:
     if given is None:
         return np.zeros(samples, dtype=np.int64)
-    episode = np.asarray(given)
-    if episode.shape != (samples,):
-        raise InvalidValueError(f"episode must have shape {(samples,)} to match time, got {episode.shape}")
-    whole = numbers("episode", episode, np.float64)
+    whole = numbers("episode", given, np.float64)
+    if whole.shape != (samples,):
+        raise InvalidValueError(f"episode must have shape {(samples,)} to match time, got {whole.shape}")
     if not np.all(np.isfinite(whole)) or np.any(whole != np.round(whole)):
         raise InvalidValueError("episode must hold whole numbers")
-    return episode.astype(np.int64)
+    return np.asarray(given).astype(np.int64)
 
 
 def _check_order(time: NDArray[np.float64], episode: NDArray[np.int64]) -> None:
@@ -120,6 +131,9 @@ def _check_order(time: NDArray[np.float64], episode: NDArray[np.int64]) -> None:
     if counts.max() > 1:
         number = found[counts.argmax()]
         raise InvalidValueError(f"the samples of an episode must be adjacent; those of episode {number} are not")
+    steps = np.delete(np.diff(time), starts[1:] - 1)
+    if len(time) >= _FEW and len(steps) and not steps.any():
+        raise InvalidValueError(f"all {len(time)} samples have one time, {time[0]:.9g} s: time must increase")
     back = np.diff(time) < 0
     back[starts[1:] - 1] = False
     if back.any():

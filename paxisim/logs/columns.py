@@ -9,7 +9,8 @@
 | ``index`` | sample index over all episodes, from 0 |
 | ``tactile.PAD.ROW_COL.AXIS`` | measured force (N), e.g. ``tactile.left.0_9.z`` |
 | ``simulated.PAD.ROW_COL.AXIS`` | simulated force (N) |
-| ``NAME``, ``NAME.0``, ``NAME.0_1`` | a covariate, or its components if it is an array |
+| ``NAME``, ``NAME.0``, ``NAME.0_1`` | a covariate, or its components if it is an array; a Parquet table of paxisim \
+states their shapes |
 
 Column names follow the flat ``thing.part`` names of LeRobot observations, and the names for times and episodes in
 LeRobot datasets.
@@ -59,12 +60,25 @@ def to_columns(recording: RecordingArrays) -> dict[str, NDArray[np.generic]]:
             for pad, row, col, axis in product(range(pads), range(rows), range(cols), range(3)):
                 columns[_name(prefix, recording.pads[pad], row, col, axis)] = tensor[:, pad, axis, row, col]
     for name, values in recording.covariates.items():
-        for at in np.ndindex(values.shape[1:]):
-            column = name + ("." + "_".join(map(str, at)) if at else "")
+        for column, at in _components(name, values.shape[1:]):
             if column in columns:
                 raise InvalidValueError(f"a table cannot hold the covariate {name!r}: {column!r} is already a column")
             columns[column] = values[(slice(None), *at)]
     return columns
+
+
+def take_covariates(columns: dict[str, NDArray[Any]], shapes: Mapping[str, tuple[int, ...]]) -> dict[str, NDArray[Any]]:
+    """Remove the columns of covariates of known shape, and return these; those with a missing column are left out."""
+    found = {}
+    for name, shape in shapes.items():
+        if math.prod(shape) <= len(columns) and all(column in columns for column, _ in _components(name, shape)):
+            parts = [columns.pop(column) for column, _ in _components(name, shape)]
+            found[name] = np.stack(parts, axis=1).reshape(-1, *shape)
+    return found
+
+
+def _components(name: str, shape: tuple[int, ...]) -> list[tuple[str, tuple[int, ...]]]:
+    return [(name + ("." + "_".join(map(str, at)) if at else ""), at) for at in np.ndindex(shape)]
 
 
 def from_columns(columns: Mapping[str, NDArray[Any]]) -> RecordingArrays:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from paxisim.errors import InvalidValueError
 from paxisim.logs.recording_arrays import RecordingArrays, unit_of
+from paxisim.logs.renumber import renumbered
 
 
 def concatenate(parts: Sequence[RecordingArrays]) -> RecordingArrays:
@@ -35,18 +37,32 @@ def concatenate(parts: Sequence[RecordingArrays]) -> RecordingArrays:
         _check_covariates(i, part, first)
     episodes = [part.episode for part in parts if part.episode is not None]
     begins = np.concatenate([np.diff(episode, prepend=episode[0] - 1) != 0 for episode in episodes])
-    episode = np.concatenate(episodes)
-    if len(np.unique(episode[begins])) < begins.sum():
-        episode = np.cumsum(begins) - 1
+    old = np.concatenate(episodes)
+    is_unique = len(np.unique(old[begins])) == begins.sum()
+    episode = old if is_unique else np.cumsum(begins) - 1
+    metadata, begin = [], 0
+    for part in parts:
+        own = begin + np.flatnonzero(begins[begin : begin + len(part.time)])
+        metadata.append(renumbered(part.metadata, zip(old[own].tolist(), episode[own].tolist(), strict=True)))
+        begin += len(part.time)
+        if "task" in part.metadata and any(other.metadata.get("task") != part.metadata["task"] for other in parts):
+            metadata[-1].setdefault("tasks", dict.fromkeys(map(str, episode[own].tolist()), metadata[-1]["task"]))
+    merged = _merged(metadata)
+    merged.pop("start", None)
+    starts = [start for part in parts if isinstance(start := part.metadata.get("start"), (int, float))]
+    if len(starts) == len(parts):
+        merged["start"] = starts[0]  # from which the times of all parts count
+    else:
+        starts = [0.0] * len(parts)
     return RecordingArrays(
-        np.concatenate([part.time for part in parts]),
+        np.concatenate([part.time + (start - starts[0]) for part, start in zip(parts, starts, strict=True)]),
         None if first.measured is None else np.concatenate([p.measured for p in parts if p.measured is not None]),
         None if first.simulated is None else np.concatenate([p.simulated for p in parts if p.simulated is not None]),
         {name: np.concatenate([part.covariates[name] for part in parts]) for name in first.covariates},
         episode,
         first.layout,
         first.pads,
-        _metadata(parts),
+        merged,
     )
 
 
@@ -66,11 +82,26 @@ def _check_covariates(number: int, part: RecordingArrays, first: RecordingArrays
             )
 
 
-def _metadata(parts: Sequence[RecordingArrays]) -> dict[str, object]:
-    """Return the entries that all recordings share, and the first one's start, from which its time counts."""
-    first = parts[0].metadata
-    return {
-        name: value
-        for name, value in first.items()
-        if name == "start" or all(name in part.metadata and part.metadata[name] == value for part in parts[1:])
-    }
+def _merged(parts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Return the entries that all parts share; tables keyed by episode are joined, and the worst encoder error kept."""
+    out = {name: value for name, value in parts[0].items() if all(_same(name, value, part) for part in parts[1:])}
+    if any("tasks" in part for part in parts):
+        out["tasks"] = _joined(parts, "tasks")
+    replays = [replay for part in parts if isinstance(replay := part.get("replay"), Mapping)]
+    if "replay" not in out and len(replays) == len(parts):
+        shared = {name: value for name, value in replays[0].items() if all(_same(name, value, r) for r in replays[1:])}
+        errors = [error for replay in replays if (error := replay.get("encoder_error"))]
+        worst = max(errors, key=lambda error: error.get("newtons", 0) / (error.get("peak") or 1), default=None)
+        notes = [note for replay in replays for note in replay.get("notes", ())]
+        out["replay"] = {**shared, "encoder_error": worst, "notes": notes}
+        if any("closing" in replay for replay in replays):
+            out["replay"]["closing"] = _joined(replays, "closing")
+    return out
+
+
+def _same(name: str, value: object, part: Mapping[str, Any]) -> bool:
+    return name in part and part[name] == value
+
+
+def _joined(parts: Sequence[Mapping[str, Any]], name: str) -> dict[str, Any]:
+    return {key: value for part in parts for key, value in part.get(name, {}).items()}

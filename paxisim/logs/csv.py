@@ -121,7 +121,7 @@ class _Table:
                 f"{error.start} bytes; save the file as UTF-8"
             ) from error
         last_may_be_cut = not text.endswith("\n")
-        lines = [line for line in text.splitlines() if line.strip()]
+        lines = [line for line in re.split("\r\n|\n|\r", text) if line.strip()]
         self.comment: dict[str, Any] = {}
         self.first_row = 2
         if lines and lines[0].startswith("#"):

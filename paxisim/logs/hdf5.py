@@ -11,7 +11,8 @@ measured |
 | ``model_file`` of the first demonstration | ``metadata["scene"]`` |
 
 Demonstration N is episode N, and its time begins at 0. Without ``states``, the sampling interval is one over the
-``control_freq`` in ``data``'s attribute ``env_args`` or ``env_info``. Images and other arrays are skipped.
+``control_freq`` in ``data``'s attribute ``env_args`` or ``env_info``. Images and other arrays are skipped. A file that
+refers to other files, by external links, external storage or virtual datasets, is refused.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError, MissingExtraError
+from paxisim.logs.limits import most_unpacked, refuse_streams, refuse_unpacked
 from paxisim.logs.recording_arrays import RecordingArrays
 
 _DEMO = re.compile(r"demo_(\d+)")
@@ -58,13 +60,23 @@ def read_hdf5(path: Path) -> RecordingArrays:
 
 
 def _read(path: Path, file: Any) -> RecordingArrays:
-    data = file.get("data")
-    demos = sorted((int(match[1]), data[name]) for name in (data or ()) if (match := _DEMO.fullmatch(name)))
+    data = _member(path, file, "data")
+    names = data if hasattr(data, "keys") else ()
+    demos = sorted((int(match[1]), _member(path, data, name)) for name in names if (match := _DEMO.fullmatch(name)))
     if not demos:
         there = ", ".join(sorted(file)[:5]) or "nothing"
         raise InvalidValueError(f"{path} has no demonstrations: expected groups data/demo_N, it holds {there}")
     interval = _interval(data)
-    parts = [_Demo(f"{path}: data/demo_{number}", demo, interval) for number, demo in demos]
+    size = 0
+    for _, demo in demos:
+        counts = [_member(path, demo, name) for name in ("states", "actions")]
+        obs = _member(path, demo, "obs")
+        refuse_streams(path, len(obs) if hasattr(obs, "keys") else 0)
+        counts += [_member(path, obs, name) for name in obs] if hasattr(obs, "keys") else []
+        # as float64, in the demonstration and joined with the others
+        size += 16 * sum(min(one.size, _most_values(one)) for one in counts if _is_read(one))
+    refuse_unpacked(path, size, most_unpacked(path))
+    parts = [_Demo(path, f"{path}: data/demo_{number}", demo, interval) for number, demo in demos]
     for part in parts[1:]:
         differ = sorted({name for name, _ in part.shapes().items() ^ parts[0].shapes().items()})
         if differ:
@@ -81,6 +93,38 @@ def _read(path: Path, file: Any) -> RecordingArrays:
     )
 
 
+def _member(path: Path, group: Any, name: str) -> Any:
+    """Return a group or dataset of the file itself, or None if there is none of this name.
+
+    Raises:
+        InvalidValueError: It is in another file, which may be any file that the user can read.
+    """
+    link = group.get(name, getlink=True)
+    if link is None:
+        return None
+    found = None if hasattr(link, "filename") else group[name]
+    elsewhere = getattr(found, "external", None) or getattr(found, "is_virtual", False)
+    if found is None or elsewhere or found.file != group.file:
+        place = f"{group.name.rstrip('/')}/{name}"
+        raise InvalidValueError(
+            f"{path}: {place[1:]} is not in this file but refers to another one, which may be any file of yours: copy "
+            "its values into the file"
+        )
+    return found
+
+
+def _is_read(dataset: Any) -> bool:
+    """Whether a member holds numbers of a kind that is read: vectors, or a tensor."""
+    shape = getattr(dataset, "shape", None) or ()
+    is_tactile = len(shape) == 5 and shape[2] == 3
+    return bool(shape) and getattr(dataset.dtype, "kind", "") in "biuf" and (len(shape) <= 2 or is_tactile)
+
+
+def _most_values(dataset: Any) -> int:
+    """Return how many values a dataset may have; those that are not stored would read as zeros."""
+    return dataset.id.get_storage_size() * 1024
+
+
 class _Demo:
     """One demonstration.
 
@@ -93,23 +137,23 @@ class _Demo:
         scene: Text of its MJCF, or "".
     """
 
-    def __init__(self, place: str, group: Any, interval: float | None) -> None:
+    def __init__(self, path: Path, place: str, group: Any, interval: float | None) -> None:
         self.place = place
         self.scene = _text(group.attrs.get("model_file", ""))
         self.arrays: dict[str, NDArray[Any]] = {}
         self.tactile = ""
-        self.has_states = "states" in group
-        if self.has_states:
-            states = self._numbers("states", group["states"])
+        found = _member(path, group, "states")
+        self.has_states = found is not None
+        if found is not None:
+            states = self._numbers("states", found)
             if states.ndim != 2 or states.shape[1] < 2:
                 raise InvalidValueError(f"{place}: states must be (T, 1 + nq + nv), got shape {states.shape}")
             self.time = states[:, 0] - states[0, 0]
             self.arrays |= _joints(self.scene, states) or {"states": states}
-        for name in ("actions", "obs"):
-            if name in group:
-                found = {name: group[name]} if name == "actions" else dict(group[name])
-                for key, value in found.items():
-                    self._take(key, value)
+        obs = _member(path, group, "obs")
+        self._take("actions", _member(path, group, "actions"))
+        for name in () if obs is None else obs:
+            self._take(name, _member(path, obs, name))
         if not self.arrays:
             raise InvalidValueError(f"{place} has neither states, actions nor obs")
         count = len(next(iter(self.arrays.values())))
@@ -125,10 +169,9 @@ class _Demo:
         return {name: value.shape[1:] for name, value in self.arrays.items()}
 
     def _take(self, name: str, dataset: Any) -> None:
-        shape = getattr(dataset, "shape", ())
-        is_tactile = len(shape) == 5 and shape[2] == 3
-        if not shape or getattr(dataset.dtype, "kind", "") not in "biuf" or (len(shape) > 2 and not is_tactile):
+        if not _is_read(dataset):
             return
+        is_tactile = len(dataset.shape) == 5
         if name in self.arrays:
             raise InvalidValueError(f"{self.place}: two streams would have the same name {name!r}")
         if is_tactile and self.tactile:
@@ -139,7 +182,7 @@ class _Demo:
         self.arrays[name] = self._numbers(name, dataset)
 
     def _numbers(self, name: str, dataset: Any) -> NDArray[np.float64]:
-        if dataset.size > dataset.id.get_storage_size() * 1024:  # values that are not stored would read as zeros
+        if dataset.size > _most_values(dataset):
             raise InvalidValueError(f"{self.place}: {name} has shape {dataset.shape}, but its values are not stored")
         return np.asarray(dataset[()], dtype=np.float64)
 

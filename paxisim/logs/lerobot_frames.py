@@ -11,13 +11,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError
 from paxisim.logs.recording_arrays import Method, RecordingArrays, episode_spans, episode_starts, rate_of
+from paxisim.logs.renumber import renumbered
 from paxisim.logs.retime import at_rate
 from paxisim.logs.select import known_samples, take
 
@@ -84,15 +84,6 @@ def _without_unknown(frames: RecordingArrays) -> RecordingArrays:
     assert left.episode is not None
     _, episode = np.unique(np.cumsum(begins)[known], return_inverse=True)
     if episode[-1] + 1 > len(np.unique(left.episode)):  # an episode was split: the old numbers would repeat
-        left = replace(left, episode=episode.astype(np.int64), metadata=_renumbered(left, episode))
+        old = [(int(left.episode[i]), int(episode[i])) for i in episode_starts(episode)]
+        left = replace(left, episode=episode.astype(np.int64), metadata=renumbered(left.metadata, old))
     return left
-
-
-def _renumbered(left: RecordingArrays, episode: NDArray[np.integer]) -> dict[str, Any]:
-    """Return the metadata with ``tasks`` keyed by the new episode numbers."""
-    metadata = dict(left.metadata)
-    tasks = metadata.get("tasks")
-    if isinstance(tasks, dict) and left.episode is not None:
-        old = {str(episode[i]): str(left.episode[i]) for i in episode_starts(episode)}
-        metadata["tasks"] = {number: tasks[before] for number, before in old.items() if before in tasks}
-    return metadata

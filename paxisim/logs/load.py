@@ -119,7 +119,7 @@ def _load_parquet(path: Path) -> RecordingArrays:
         is_part = (dataset / "meta/info.json").is_file()
         advice = f"; it is a part of the LeRobotDataset {dataset}, load that folder" if is_part else ""
         raise InvalidValueError(f"{path}: {error}{advice}") from error
-    return replace(found, **about)
+    return replace(found, **about | {"covariates": {**found.covariates, **about.get("covariates", {})}})
 
 
 def _load_hdf5(path: Path) -> RecordingArrays:

@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 import warnings
 from array import array
+from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Message, Schema
 
 from paxisim.errors import InvalidValueError, MissingExtraError
+from paxisim.logs.limits import most_unpacked, refuse_streams, refuse_unpacked
 from paxisim.logs.mcap_records import McapRecords, as_stream
 from paxisim.logs.stream import Stream
 
@@ -75,6 +77,7 @@ class _Reader:
 
     def __init__(self, path: Path) -> None:
         self._path = path
+        self._size, self._most = 0, most_unpacked(path)
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, tuple[str, _Parse]] = {}
         self._samples: dict[tuple[str, str], _Samples] = {}
@@ -92,7 +95,7 @@ class _Reader:
                 self._open(Channel.read(as_stream(body)))
             else:
                 self._message(Message.read(as_stream(body), len(body)))
-        except MissingExtraError:
+        except (MissingExtraError, InvalidValueError):
             raise
         except Exception:  # a damaged message can raise anything in its parser
             self.bad += 1
@@ -103,17 +106,22 @@ class _Reader:
         topic, parse = self._channels[message.channel_id]
         for name, at, value in parse(message.data):
             numbers = np.array(value, dtype=np.float64)  # None becomes NaN
-            samples = self._samples.setdefault((topic.strip("/"), name), _Samples(numbers.shape))
+            samples = self._samples.get((topic.strip("/"), name))
+            if samples is None:
+                samples = self._samples[topic.strip("/"), name] = _Samples(numbers.shape)
+                refuse_streams(self._path, len(self._samples))
+            self._size += numbers.nbytes + 8
+            refuse_unpacked(self._path, self._size, self._most)
             if numbers.shape != samples.shape:
                 raise ValueError(f"{name} has shape {numbers.shape}, previously {samples.shape}")
             samples.time.append(message.log_time if at is None else at)
             samples.values.frombytes(numbers.tobytes())
 
     def streams(self) -> dict[str, Stream]:
-        names = [name for _, name in self._samples]
+        names = Counter(name for _, name in self._samples)
         found = {}
         for (topic, name), samples in self._samples.items():
-            full = f"{topic}/{name.removeprefix('/')}" if name.startswith("/") or names.count(name) > 1 else name
+            full = f"{topic}/{name.removeprefix('/')}" if name.startswith("/") or names[name] > 1 else name
             found[full] = samples.stream()
         return found
 

@@ -16,6 +16,7 @@ from mcap.records import Attachment, Channel, Metadata
 from paxisim.errors import InvalidValueError
 from paxisim.logs import schemas
 from paxisim.logs.about import checked_metadata
+from paxisim.logs.limits import most_unpacked, refuse_streams, refuse_unpacked
 from paxisim.logs.mcap_records import DAMAGE, McapRecords, as_stream
 from paxisim.logs.stream import Log, Stream
 
@@ -69,6 +70,7 @@ class _Reader:
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        self.size, self.most = 0, most_unpacked(path)
         self.damaged = False
         self.metadata: dict[str, Any] | None = None
         self.scene: str | None = None
@@ -103,6 +105,7 @@ class _Reader:
             shape, resultant, status = document["shape"], document.get("resultant"), document.get("status")
             wrong = schemas.in_error((status or ())[: shape[0]])
             samples = self._samples(topic.removeprefix("/tactile/"))
+            self._fit(document["force"])
             samples.add(nanoseconds, document["force"], shape, document.get("sequence"), wrong)
             if status is not None:
                 samples.errors = (samples.errors or 0) + bool(wrong)
@@ -114,16 +117,24 @@ class _Reader:
             value = document["value"]
             samples = self._samples(topic.removeprefix("/"))
             if isinstance(value, list):
+                self._fit(value)
                 samples.add(nanoseconds, value, document["shape"])
             else:
                 samples.add(nanoseconds, [value], [])
         elif topic == "/episode":
             self._samples("episode").add(nanoseconds, [document["episode"]], [])
 
+    def _fit(self, values: Sequence[Any]) -> None:
+        """Check that the numbers, which may have two characters each in the file, fit into the memory."""
+        self.size += 8 * len(values)
+        if self.size > self.most:
+            refuse_unpacked(self.path, self.size, self.most)
+
     def _samples(self, name: str) -> _Samples:
         if name not in self.samples:
             dtype = np.float32 if name in schemas.TACTILE_STREAMS else np.int64 if name == "episode" else np.float64
             self.samples[name] = _Samples(dtype)
+            refuse_streams(self.path, len(self.samples))
         return self.samples[name]
 
     def _describe(self, record: dict[str, str]) -> None:

@@ -20,15 +20,18 @@ def write_mcap(path: Path, recording: RecordingArrays) -> None:
 
     Log time is ``metadata["start"]`` (Unix seconds, default 0) plus the recording's time. An episode that does not
     begin after the end of the previous one, as with a clock that restarts, is shifted to one second after it. The file
-    stores the log time at which each episode's time is 0, so loading restores the original times.
+    describes the clock of each episode before the first sample, so loading restores the original times even if the file
+    is cut off.
 
     Raises:
         InvalidValueError: The file cannot hold a value or the metadata.
     """
     at, starts, zeros = log_times(recording)
-    metadata = {**recording.metadata, "layout": recording.layout, "pads": recording.pads, "time_zero_ns": zeros}
+    numbers = [0] * len(starts) if recording.episode is None else recording.episode[starts].tolist()
+    begins = dict(zip(starts, numbers, strict=True))
+    clocks = [list(clock) for clock in zip(at[starts].tolist(), zeros, numbers, strict=True)]
+    metadata = {**recording.metadata, "layout": recording.layout, "pads": recording.pads, "episode_clocks": clocks}
     tensors = {name: getattr(recording, name) for name in schemas.TACTILE_STREAMS}
-    begins = {} if recording.episode is None else dict(zip(starts, recording.episode[starts].tolist(), strict=True))
     with whole_file(path) as temporary, LogWriter(temporary, metadata, flush_interval=math.inf) as log:
         for i, now in enumerate(at.tolist()):
             if i in begins:

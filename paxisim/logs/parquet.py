@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError, MissingExtraError, UnsupportedError
 from paxisim.files import whole_file
-from paxisim.logs.about import about_text, read_about
-from paxisim.logs.columns import to_columns
+from paxisim.logs.about import about_text, covariate_shapes, read_about
+from paxisim.logs.columns import take_covariates, to_columns
 from paxisim.logs.limits import most_unpacked, refuse_unpacked
 from paxisim.logs.parquet_footer import column_chunks
 from paxisim.logs.recording_arrays import RecordingArrays
@@ -45,7 +45,7 @@ def require_pyarrow() -> None:
 
 
 def write_parquet(path: Path, recording: RecordingArrays) -> None:
-    """Write the table, with layout, pad names and metadata as JSON under ``paxisim`` in its schema.
+    """Write the table; its schema has layout, pad names, shapes of covariates and metadata as JSON under ``paxisim``.
 
     Raises:
         MissingExtraError, UnsupportedError: See `require_pyarrow`.
@@ -67,7 +67,9 @@ def write_parquet(path: Path, recording: RecordingArrays) -> None:
 
 
 def read_parquet(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-    """Return the numeric columns, each ``(T,)`` or ``(T, n)``, and the fields of `paxisim.logs.about`, if present.
+    """Return the numeric columns, each ``(T,)`` or ``(T, n)``, and what paxisim states in the schema, if it does.
+
+    The latter are ``layout``, ``pads``, ``metadata`` and ``covariates``, whose columns are not among those returned.
 
     Raises:
         MissingExtraError, UnsupportedError: See `require_pyarrow`.
@@ -83,11 +85,15 @@ def read_parquet(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
             columns |= {f"{name}.{part}": values[:, i] for i, part in enumerate(names[name])}
         else:
             columns[name] = values
-    about = (table.schema.metadata or {}).get(_ABOUT)
+    text = (table.schema.metadata or {}).get(_ABOUT)
+    if text is None:
+        return columns, {}
     try:
-        return columns, {} if about is None else read_about(path, orjson.loads(about))
+        document = orjson.loads(text)
     except orjson.JSONDecodeError as error:
         raise InvalidValueError(f"{path}: the text under 'paxisim' in its schema is not JSON: {error}") from error
+    about = read_about(path, document)
+    return columns, about | {"covariates": take_covariates(columns, covariate_shapes(document))}
 
 
 def read_table(path: Path, wanted: Callable[[Any], bool]) -> Any:

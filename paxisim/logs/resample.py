@@ -19,6 +19,7 @@ from paxisim.logs.stream import Log, Stream
 GAP_INTERVALS = 5
 # ns; samples closer than this may have been sent together in a burst
 _AT_ONCE = 1_000_000
+_MOST_WARNINGS = 4  # of one kind; more become one
 _BLOCK = 4096  # samples interpolated per block, to limit memory
 
 
@@ -35,7 +36,8 @@ def resample_log(
 
     Returns:
         The arrays. Time counts from the first sample, whose Unix time becomes ``metadata["start"]``, unless the file
-        stores its clock (``time_zero_ns``: the log time at which the time of each episode is 0).
+        describes its clock. ``episode_clocks`` has, for each episode, the log times of its first sample and of its
+        time 0, and its number; ``time_zero_ns`` of older files has only the second.
 
     Raises:
         InvalidValueError: The log has no tensors, or the two tensors do not overlap in time.
@@ -50,20 +52,29 @@ def resample_log(
     marks = streams.pop("episode", None)
     methods = methods_by_name(method, [name for name in streams if name != reference])
     arrays: dict[str, NDArray[Any]] = {reference: streams.pop(reference).values}
+    unknown, bursts = [], []
     for name, stream in streams.items():
         arrays[name] = resample(stream, at, methods[name], max_gap)
         if arrays[name] is stream.values:
             continue
         if np.isnan(arrays[name]).all() and not np.isnan(stream.values).all():
-            _complain_of_nothing_known(name, stream, reference, at, max_gap)
+            unknown.append(_nothing_known(name, stream, reference, at, max_gap))
         if said := describe_bursts(name, stream):
-            warnings.warn(said, stacklevel=2)
+            bursts.append(said)
+    for said in (unknown, bursts):
+        for text in (
+            said if len(said) <= _MOST_WARNINGS else (f"{said[0]}; the same holds for {len(said) - 1} more streams",)
+        ):
+            warnings.warn(text, stacklevel=2)
     metadata = dict(log.metadata)
     layout, pads = metadata.pop("layout", None), metadata.pop("pads", ())
-    zeros = metadata.pop("time_zero_ns", None)
+    zeros, clocks = metadata.pop("time_zero_ns", None), metadata.pop("episode_clocks", None)
+    if clocks:
+        begins, zeros, numbers = np.asarray(clocks, dtype=np.int64).T
+        marks = Stream(begins, numbers)
     episode, mark = _episodes(at, marks)
     if zeros is None or marks is None or len(zeros) != len(marks.values):
-        metadata.setdefault("start", float(at[0] * 1e-9))
+        metadata["start"] = float(at[0] * 1e-9)
         zero: Any = at[0]
     else:
         zero = np.asarray(zeros, dtype=np.int64)[mark]
@@ -196,9 +207,12 @@ def _episodes(at: NDArray[np.int64], marks: Stream | None) -> tuple[NDArray[np.i
     return numbers[mark], mark
 
 
-def _complain_of_nothing_known(
-    name: str, stream: Stream, reference: str, at: NDArray[np.int64], max_gap: float | None
-) -> None:
+def _nothing_known(name: str, stream: Stream, reference: str, at: NDArray[np.int64], max_gap: float | None) -> str:
+    """Return why a stream is known at no time of the reference.
+
+    Raises:
+        InvalidValueError: The stream is a tensor.
+    """
     first, last = ((stream.nanoseconds[i] - at[0]) * 1e-9 for i in (0, -1))
     text = (
         f"{name} is not known at any time of {reference}: it has {len(stream.values)} samples from {first:.3f} s to "
@@ -209,4 +223,4 @@ def _complain_of_nothing_known(
         text += f"; values between samples more than {limit:.3g} s apart are not known (max_gap)"
     if name in schemas.TACTILE_STREAMS:
         raise InvalidValueError(text)
-    warnings.warn(text, stacklevel=2)
+    return text

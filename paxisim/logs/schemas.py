@@ -67,6 +67,7 @@ TACTILE = _message(
     "forces that the object exerts on the taxels (N, or the unit in the file's metadata; pad frame: x right, y down, z "
     "into the pad)",
     sequence={**_INTEGER, "description": "counter of readings; it skips the numbers of missing readings"},
+    time_error={**_NUMBER, "description": "largest error of the time (s), if the recorder was suspended meanwhile"},
     total={
         "type": "array",
         "description": "sum over the taxels of each pad (in the tensor's unit)",

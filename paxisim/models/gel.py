@@ -69,7 +69,7 @@ class Gel:
         friction: Sliding friction coefficient of the surface; it overrides that of the object.
 
     Raises:
-        InvalidValueError: A value is not positive and finite.
+        InvalidValueError: A value is not a positive finite number.
     """
 
     modulus: float = 100e3
@@ -81,7 +81,8 @@ class Gel:
         """Check the values."""
         for item in fields(self):
             value = getattr(self, item.name)
-            if not (np.isfinite(value) and value > 0):
+            is_number = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
+            if not (is_number and np.isfinite(value) and value > 0):
                 raise InvalidValueError(f"a gel's {item.name} must be positive and finite, got {value!r}")
 
     @classmethod

@@ -96,7 +96,7 @@ def compile_spec(spec: mujoco.MjSpec, what: str) -> mujoco.MjModel:
     """
     try:
         return spec.copy().compile()
-    except ValueError as error:
+    except (ValueError, RuntimeError, MemoryError) as error:
         raise InvalidValueError(f"MuJoCo cannot compile {what}: {one_line(error)}") from error
 
 

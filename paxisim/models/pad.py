@@ -157,8 +157,11 @@ class Pad:
         halves = halves if kind == "box" else halves[:, 2:]
         if self.sensors == "touch_grid":
             halves[:, :2] -= touch_grid.CUBE_GAP / 2
+        order = None if layout.vendor_order is None else np.argsort(layout.vendor_order)
         for index in range(layout.taxels):
             row, col = divmod(index, layout.cols)
+            if order is not None:  # read again by find_pads; 0 is MuJoCo's default
+                touched["user"] = str(1 + order[index])
             if not layout.is_grid:
                 touched["quat"] = numbers(quats[index])
             # two shades, so that the taxels can be told apart

@@ -179,10 +179,17 @@ def _describe(
     width, height = 2 * site[:2] - np.ptp(positions[:, :2], axis=0)
     # MuJoCo writes six digits: snap to the original grid
     pitch = (round(float(height), 9), round(float(width), 9))
-    grid = TaxelLayout(rows, cols, pitch)
+    grid = TaxelLayout(rows, cols, pitch, vendor_order=_vendor_order(model, geoms))
     if np.allclose(positions, grid.positions, atol=1e-6) and np.allclose(-inward, grid.normals, atol=1e-4):
         return grid, thickness, geoms
-    return TaxelLayout(rows, cols, pitch, positions, -inward), thickness, geoms
+    return TaxelLayout(rows, cols, pitch, positions, -inward, grid.vendor_order), thickness, geoms
+
+
+def _vendor_order(model: mujoco.MjModel, geoms: NDArray[np.int64]) -> tuple[int, ...] | None:
+    """Return the vendor's order of the taxels, which `Pad` stores as a number from 1 with each geom."""
+    if not model.nuser_geom or sorted(model.geom_user[geoms, 0]) != list(range(1, len(geoms) + 1)):
+        return None
+    return tuple(np.argsort(model.geom_user[geoms, 0]).tolist())
 
 
 def half_thickness(model: mujoco.MjModel, geoms: NDArray[np.int64]) -> NDArray[np.floating]:

@@ -6,13 +6,15 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from paxisim.errors import InvalidValueError
+from paxisim.errors import InvalidValueError, UnsupportedError
 from paxisim.models.contact_checks import warn_of_contacts
 from paxisim.models.gel import is_applied
 from paxisim.models.pads import Pads, check_pads
 
 _ELLIPTIC = int(mujoco.mjtCone.mjCONE_ELLIPTIC)
 _THREE = np.int32(3).tobytes()
+SLEEP = int(getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0))
+"""Flag that lets bodies sleep; 0 in versions of MuJoCo without it."""
 
 
 class TactileReadout:
@@ -74,12 +76,18 @@ class TactileReadout:
 
         Raises:
             InvalidValueError: `out` has another shape or dtype.
+            UnsupportedError: The model lets bodies sleep, which removes their contacts.
         """
         force = self.read_exact(data)
         return force.astype(np.float32) if out is None else self._write(force, out)
 
     def read_exact(self, data: mujoco.MjData) -> NDArray[np.floating]:
         """Return the same forces as `read`, in float64."""
+        if self._model.opt.enableflags & SLEEP:
+            raise UnsupportedError(
+                "the model lets bodies sleep, and MuJoCo removes the contacts of a sleeping body, so its load would "
+                'read as 0 N: remove <flag sleep="enable"/> from <option>'
+            )
         # this runs with cold caches, between milliseconds of physics, so every numpy call counts
         contacts = data.contact
         dim, address = contacts.dim, contacts.efc_address

@@ -19,9 +19,17 @@ from paxisim.layout import TaxelLayout
 _SHARP_EDGE = 30.0  # deg; an edge between triangles of a mesh with a larger angle is sharp, not rounded
 
 
+MAX_HEIGHT = 0.1
+"""Largest thickness of a taxel (m)."""
+
+
 def flat(layout: TaxelLayout, thickness: float = 1e-3) -> NDArray[np.floating]:
-    """Return the heights of a flat surface, ``(rows, cols)``: every cube is `thickness` (m) thick."""
-    return np.full((layout.rows, layout.cols), float(thickness))
+    """Return the heights of a flat surface, ``(rows, cols)``: every cube is `thickness` (m) thick.
+
+    Raises:
+        InvalidValueError: The thickness is not positive and at most `MAX_HEIGHT`.
+    """
+    return check_heights(np.full((layout.rows, layout.cols), float(thickness)), layout)
 
 
 def heights_from_map(layout: TaxelLayout, height_map: ArrayLike, thickness: float = 1e-3) -> NDArray[np.floating]:
@@ -57,13 +65,17 @@ def check_heights(heights: NDArray[np.floating], layout: TaxelLayout) -> NDArray
     """Return `heights` as ``(..., rows, cols)`` floats (m).
 
     Raises:
-        InvalidValueError: The heights have the wrong shape, or are not positive and finite.
+        InvalidValueError: The heights have the wrong shape, or are not positive and at most `MAX_HEIGHT`.
     """
     heights = np.asarray(heights, dtype=np.float64)
     if heights.shape[-2:] != (layout.rows, layout.cols):
         raise InvalidValueError(f"heights must have shape (..., {layout.rows}, {layout.cols}), got {heights.shape}")
     if not np.all(np.isfinite(heights)) or np.any(heights <= 0):
         raise InvalidValueError("heights must be positive and finite: they are the thickness of the cubes in m")
+    if heights.size and heights.max() > MAX_HEIGHT:
+        raise InvalidValueError(
+            f"heights must be in m and at most {MAX_HEIGHT:g}, got {heights.max():g}: were millimetres meant?"
+        )
     return heights
 
 

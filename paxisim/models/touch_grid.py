@@ -24,6 +24,7 @@ from paxisim.layout import TaxelLayout
 from paxisim.models import names
 from paxisim.models.mjcf import numbers
 from paxisim.models.pads import Pads, check_pads
+from paxisim.models.readout import SLEEP
 
 PLUGIN = "mujoco.sensor.touch_grid"
 CUBE_GAP = 50e-6
@@ -148,6 +149,8 @@ class TouchGridReadout:
     def _check_contacts(self, data: mujoco.MjData) -> None:
         if self._model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_SENSOR):
             raise UnsupportedError("this model's sensors are disabled: enable them or use TactileReadout")
+        if self._model.opt.enableflags & SLEEP:
+            raise UnsupportedError("the model lets bodies sleep, and their contacts vanish: disable the flag sleep")
         active = self._pushing(data)
         geoms, points = data.contact.geom[active], data.contact.pos[active]
         if np.any(geoms < 0):

@@ -32,8 +32,8 @@ class PadAgreement:
     Attributes:
         episode: Number of the episode.
         pad: Name of the pad.
-        measured_peak: Highest measured total normal force (N), 0 without contact.
-        simulated_peak: Highest simulated total normal force (N), 0 without contact.
+        measured_peak: Highest measured total normal force (N), 0 without contact, NaN if both streams are never known.
+        simulated_peak: Highest simulated total normal force (N), likewise.
         measured_contact: First and last time of contact in the measured stream.
         simulated_contact: First and last time of contact in the simulated stream.
         measured_slope: Rate of rise of the measured force (N/s): the median, weighted by the rise.
@@ -59,6 +59,8 @@ class PadAgreement:
     def problem(self) -> str:
         """Description of a disagreement, with the numbers needed to correct it; empty if there is none."""
         where = f"episode {self.episode}, {self.pad}"
+        if np.isnan(self.measured_peak):
+            return f"{where}: the streams are never known together"
         measured, simulated = _span(self.measured_contact), _span(self.simulated_contact)
         if self.measured_peak > 0 and not self.simulated_peak > 0:
             return f"{where}: {self.measured_peak:.3g} N were measured ({measured}), but nothing touches in the scene"
@@ -104,7 +106,7 @@ class Agreement:
     def problems(self) -> tuple[str, ...]:
         """Disagreements that put the replay, rather than the sensor, in doubt; empty if there are none."""
         touched = any(max(one.measured_peak, one.simulated_peak) > 0 for one in self.pads)
-        if not touched:
+        if not touched and not any(np.isnan(one.measured_peak) for one in self.pads):
             return ("there is no contact anywhere, neither measured nor simulated",)
         return tuple(one.problem for one in self.pads if one.problem)
 
@@ -202,7 +204,7 @@ def _compare(
     peaks, spans, slopes = [], [], []
     for total, touches in zip(totals, touching, strict=True):
         at = np.flatnonzero(touches)
-        peaks.append(float(total.max()) if len(at) else 0.0)
+        peaks.append(float(total.max()) if len(at) else 0.0 if len(time) else float("nan"))
         spans.append((float(time[at[0]]), float(time[at[-1]])) if len(at) else (float("nan"), float("nan")))
         slopes.append(_slope(time, total, touches))
     return PadAgreement(

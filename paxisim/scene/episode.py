@@ -15,6 +15,8 @@ from paxisim.scene.drive import Drive
 from paxisim.scene.motion import Curve, PoseCurve
 from paxisim.scene.rig import ARMATURE, Rig
 
+MAX_STEPS = 20_000_000
+"""Most steps of an episode."""
 _LONGEST = 3600.0  # s per episode; exceeded if times are in ms by mistake
 _FAR = 0.1  # m; clearances beyond this are not measured
 _BAD = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
@@ -65,6 +67,11 @@ class EpisodeRunner:
         if length > _LONGEST:
             raise InvalidValueError(
                 f"episode {motion.number} lasts {length:.4g} s, more than an hour: are its times in seconds?"
+            )
+        if length > MAX_STEPS * timestep:
+            raise InvalidValueError(
+                f"episode {motion.number} lasts {length:.4g} s, more than {MAX_STEPS} steps of {timestep:g} s: use a "
+                "longer timestep in the MJCF"
             )
         where = (motion.time - motion.time[0]) / timestep
         where = np.where(np.abs(where - np.round(where)) < 1e-5, np.round(where), where)

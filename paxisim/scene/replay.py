@@ -18,7 +18,7 @@ from paxisim.scene.drive import Drive
 from paxisim.scene.encoder import EncoderError
 from paxisim.scene.episode import EpisodeRunner, Motion
 from paxisim.scene.modes import MODES
-from paxisim.scene.motion import Curve, PoseCurve, resolution, smooth_within
+from paxisim.scene.motion import Curve, PoseCurve, smooth_within
 from paxisim.scene.rig import Rig, build_rig
 from paxisim.scene.scene import Scene
 from paxisim.scene.shape import fit_shape
@@ -73,7 +73,9 @@ class Replay:
         self._rig: Rig = build_rig(scene)
         self._pool = _pooling(self._rig, recording)
         streams.check_streams(recording, self._rig)
-        self._resolution = {drive: self._step_of(drive) for drive in (*self._rig.prescribed, *self._rig.followed)}
+        self._resolution = {
+            drive: streams.encoder_step(recording, drive) for drive in (*self._rig.prescribed, *self._rig.followed)
+        }
         self._objects = [
             (self._rig.object_address(start.body), streams.object_poses(recording, start)) for start in scene.start
         ]
@@ -88,13 +90,6 @@ class Replay:
     def episodes(self) -> tuple[int, ...]:
         """Numbers of the recording's episodes."""
         return tuple(int(part.episode[0]) for part in self._recording.episodes())
-
-    def _step_of(self, drive: Drive) -> float:
-        """Return the resolution of the drive's stream in SI units of its target; 0 for a pose."""
-        if drive.body:
-            return 0.0
-        values = streams.raw_values(self._recording, drive)
-        return abs(drive.gain) * (resolution(values) if drive.resolution is None else drive.resolution)
 
     def run(self, number: int, closing: float | None = None) -> SimulatedEpisode:
         """Simulate one episode.

@@ -22,6 +22,7 @@ from paxisim.scene.changed import changed
 from paxisim.scene.parameters import SceneParameter
 from paxisim.scene.resume import begin_worker
 from paxisim.scene.scene import Scene
+from paxisim.scene.streams import encoder_step
 
 Values = Mapping[SceneParameter, float]
 _Key = tuple[tuple[SceneParameter, float], ...]
@@ -192,7 +193,8 @@ class _Maker:
 
         if number not in self._motions:
             part = self._recording.select([number])
-            motion = hashlib.sha256(part.time.tobytes())
+            steps = [encoder_step(self._recording, drive) for drive in scene.drives]  # from all its episodes
+            motion = hashlib.sha256(part.time.tobytes() + repr((part.tensor.shape[1:], steps)).encode())
             for drive in scene.drives:
                 motion.update(np.ascontiguousarray(part.covariates[drive.stream]).tobytes())
             for start in scene.start:

@@ -121,8 +121,8 @@ def _fingerprint(replay: Replay, scene: Scene, recording: Recording, mean: bool)
 
     from paxisim.scene.toml import format_scene
 
-    digest = hashlib.sha256()
-    for text in (__version__, mujoco.__version__, replay.rig.mjcf, format_scene(scene, ""), str(mean)):
+    digest, grid = hashlib.sha256(), recording.tensor.shape[1:]
+    for text in (__version__, mujoco.__version__, replay.rig.mjcf, format_scene(scene, ""), str(mean), str(grid)):
         digest.update(text.encode() + b"\0")
     arrays = {"time": recording.time, "episode": recording.episode, **recording.covariates}
     if scene.mode in CLOSING_FITS and recording.measured is not None:

@@ -201,15 +201,23 @@ class Scene:
         write_scene(self, Path(path))
 
     @classmethod
-    def from_recording(cls, recording: Recording) -> Scene:
+    def from_recording(cls, recording: Recording, *, trusted: bool = False) -> Scene:
         """Return the scene with which `simulate` created a recording's simulated stream.
 
+        Args:
+            recording: The recording.
+            trusted: Accept a model that names files, such as meshes, which MuJoCo would open, or that asks for an
+                unusual amount of memory or time. Do so only for a recording of your own.
+
         Raises:
-            InvalidValueError: The recording was not created by `simulate`.
+            InvalidValueError: The recording was not created by `simulate`, or its model needs trust.
         """
+        from paxisim.models.untrusted import check_untrusted
         from paxisim.scene.toml import parse_scene
 
         replayed, mjcf = recording.metadata.get("replay"), recording.metadata.get("scene")
         if not isinstance(replayed, dict) or not isinstance(mjcf, str) or "toml" not in replayed:
             raise InvalidValueError("the recording holds no scene: it is not from Scene.simulate or paxisim replay")
+        if not trusted:
+            check_untrusted(mjcf, "the recording")
         return replace(parse_scene(str(replayed["toml"])), mjcf=mjcf)

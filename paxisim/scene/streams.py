@@ -12,6 +12,7 @@ from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.recording import Recording
 from paxisim.scene import units
 from paxisim.scene.drive import Drive, ObjectStart
+from paxisim.scene.motion import resolution
 from paxisim.scene.rig import Rig
 
 _SLIDE = int(mujoco.mjtJoint.mjJNT_SLIDE)
@@ -48,6 +49,17 @@ def raw_values(recording: Recording, drive: Drive) -> NDArray[np.float64]:
     if not np.isfinite(values).any():
         raise InvalidValueError(f"stream {drive.source!r} holds no number, so it drives nothing")
     return values
+
+
+def encoder_step(recording: Recording, drive: Drive) -> float:
+    """Return the resolution of the drive's stream in SI units of its target; 0 for a pose.
+
+    Unless the drive states it, it is estimated from all episodes of the recording.
+    """
+    if drive.body:
+        return 0.0
+    values = raw_values(recording, drive)
+    return abs(drive.gain) * (resolution(values) if drive.resolution is None else drive.resolution)
 
 
 def known_samples(values: NDArray[np.float64]) -> NDArray[np.bool_]:

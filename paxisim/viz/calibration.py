@@ -168,7 +168,8 @@ def _draw_channel(
         ax.plot(elapsed[::stride], values[(slice(None), *at)][::stride], color=color, linewidth=1.0, label=label)
     ax.set_xlim(elapsed[0], elapsed[-1])
     ax.set_title(
-        f"the {what} explained channel: pad {pad}, taxel {row},{col}, {AXES[axis]} ({readout.explained[at]:.2%})",
+        f"the {what} explained channel: {applied.pads[pad]}, taxel {row},{col}, {AXES[axis]} "
+        f"({readout.explained[at]:.2%})",
         loc="left",
         fontsize="medium",
     )

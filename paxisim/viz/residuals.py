@@ -48,7 +48,7 @@ def plot_residuals(calibration: Calibration, recording: Recording) -> Figure:
     calibration.check(recording.measured.shape[1:], recording.unit)
     loads = calibration.model.loads
     values = values_of(recording, loads)
-    known = np.isfinite(values).all(axis=1) & np.isfinite(recording.measured).all(axis=(1, 2, 3, 4))
+    known = np.isfinite(values).all(axis=1) & np.isfinite(recording.measured[:, calibration.model.used]).all(axis=1)
     if not known.any():
         raise InvalidValueError("no sample of the recording has both a known load and known channels")
     part = recording[known]

@@ -13,6 +13,7 @@ from paxisim.augment.gains import AxisGain, TaxelGain
 from paxisim.augment.hysteresis import Hysteresis
 from paxisim.augment.latency import Latency
 from paxisim.augment.low_pass import LowPass
+from paxisim.augment.noise import RandomWalk, WhiteNoise
 from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.layout import TaxelLayout
 
@@ -95,6 +96,19 @@ def test_a_batch_is_stepped_each_environment_with_its_own(rng):
     assert out[-1].dtype == np.float32
     assert np.ptp(np.asarray(out) - np.asarray(out)[:, :1], axis=(0, 2, 3, 4, 5))[1:].min() > 0
     np.testing.assert_allclose(out, np.asarray(chain.run(frames, np.arange(8) * 0.02)), atol=1e-5)
+
+
+def test_noise_differs_between_chains_and_environments(rng):
+    model = Chain([WhiteNoise(0.1), RandomWalk(0.1), Latency(0.02, jitter=0.01)])
+    gcs = GCS.around(model, {"latency": {"delay": (0.01, 0.03)}})
+    several = gcs.sample(rng, (3,))
+    seeds = np.concatenate([np.asarray(member.seed) for member in several])
+    assert len(np.unique(seeds)) == 9
+    assert seeds.max() > 2**16
+    x = np.zeros((2, 3, 6, 5)) if isinstance(rng, np.random.Generator) else torch.zeros((2, 3, 6, 5))
+    first, second = (np.asarray(gcs.sample(rng)["white_noise"].run(x[None], np.zeros(1))) for _ in range(2))
+    assert abs(np.corrcoef(first.ravel(), second.ravel())[0, 1]) < 0.5
+    assert Chain.from_json(several.to_json()) is not None
 
 
 def test_one_chain_is_reproducible_and_saves():

@@ -1,6 +1,7 @@
 """Physics of the transforms that mix taxels or axes: worked values, limits, symmetries."""
 
 import math
+from functools import partial
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from paxisim.augment.chain import Chain
 from paxisim.augment.crosstalk import Crosstalk
 from paxisim.augment.gains import AxisGain
 from paxisim.augment.layout_faults import LayoutFault
+from paxisim.augment.poisson import Poisson
 from paxisim.augment.rotation import Rotation, rotation_matrix
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
@@ -65,6 +67,15 @@ class TestCrosstalk:
         by_position = Crosstalk((0.1, 0.05, 0.02), layout=line)(x.reshape(2, 3, 1, 30))
         np.testing.assert_allclose(by_position.reshape(x.shape), on_grid, atol=1e-14)
         np.testing.assert_array_equal(Crosstalk((0.1, 0.05, 0.02), layout=grid)(x), on_grid)
+
+    @pytest.mark.parametrize(
+        "mixing", [partial(Crosstalk, (0.1, 0.05, 0.02)), partial(Poisson, 0.2, 0.1), partial(Poisson, 0.2, 0.1, 1.0)]
+    )
+    def test_a_grid_that_is_off_by_a_nanometre_mixes_as_the_grid(self, mixing):
+        grid = TaxelLayout(6, 5, (6e-3, 2e-3))
+        moved = TaxelLayout(6, 5, (6e-3, 2e-3), grid.positions + 1e-9 * np.arange(30)[:, None] / 30)
+        assert not moved.is_grid
+        np.testing.assert_allclose(mixing(layout=moved)(frame()), mixing(layout=grid)(frame()), atol=1e-4)
 
     def test_taxels_nearer_than_a_pitch_get_no_more_than_a_neighbour(self):
         positions = [[0, 0, 0], [0, 0, 0], [1e-3, 0, 0], [2e-3, 0, 0]]

@@ -80,6 +80,23 @@ def test_eval():
     assert chain_module(at_eval="identity").eval()(X) is X
 
 
+def test_eval_takes_any_batch_and_loading_draws_nothing():
+    module = modules.GCS(at_eval="fixed").eval()
+    one, several = module(X[:1]), module(X)
+    torch.testing.assert_close(several[:1], one)
+    torch.manual_seed(3)
+    expected = torch.rand(4)
+    torch.manual_seed(3)
+    other = modules.GCS(at_eval="fixed").eval()
+    other.load_state_dict(module.state_dict())
+    assert torch.equal(torch.rand(4), expected)
+    assert torch.equal(other(X), several)
+    episodes = modules.GCS(per="episode", at_eval="fixed").eval()
+    episodes(X)
+    assert episodes.train()(X).shape == X.shape
+    assert episodes.kept["poisson"].cx.shape == X.shape[:1]
+
+
 def test_a_chain_draws_only_what_it_is_told():
     torch.manual_seed(0)
     module = chain_module(per="episode")

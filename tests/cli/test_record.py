@@ -308,7 +308,8 @@ def test_ctrl_c_while_it_loads_is_one_line():
 
 
 def test_lines_datagrams_and_a_function_land_beside_the_frames(board, folder):
-    (folder / "robot_for_record.py").write_text("def opening():\n    return 0.04\n")
+    two_hours_late = "import time\n\ndef opening():\n    return {'opening': 0.04, 'time': time.time() - 7200}\n"
+    (folder / "robot_for_record.py").write_text(two_hours_late)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
@@ -337,6 +338,8 @@ def test_lines_datagrams_and_a_function_land_beside_the_frames(board, folder):
     assert set(found["covariate/opening"].values) == {0.04}
     assert "stdin: line 3 must have 2 numbers" in said("err.txt")
     assert "stdin: 1 samples, 1 bad" in said("out.txt")
+    assert "warning: the times of opening are up to -7200.0 s off this machine's clock" in said("out.txt")
+    assert said("out.txt").count("off this machine's clock") == 1
     assert f"UDP {port}: {len(found['covariate/tool'].time)} samples" in said("out.txt")
 
 

@@ -63,6 +63,13 @@ def test_what_no_cause_describes_is_seen(name, words):
     assert any(words in text for text in what), what
 
 
+def test_a_taxel_that_reads_its_neighbour_is_named_by_its_pad():
+    own = recording_of(make(("swapped_neighbours",), seed=5, strength=0.9))
+    pads = tuple(f"pad{i + 2}" for i in range(len(own.pads)))
+    what = said(problem_of(dataclasses.replace(own, pads=pads)))
+    assert any(text.startswith(pads) and "neighbour" in text for text in what), what
+
+
 def test_a_line_is_seen_where_taxels_have_phases_of_their_own():
     given = problem(seed=2, rows=4, cols=3)
     phase = np.random.default_rng(0).uniform(0, 2 * np.pi, given.alive.shape)

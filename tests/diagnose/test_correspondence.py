@@ -1,5 +1,6 @@
 """Streams of different motions are told from streams of one motion, and shifted clocks from a late sensor."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +11,7 @@ from recorded import diagnosed, names, small
 
 from paxisim.cli import main
 from paxisim.diagnose.correspondence import correspondence_of
+from paxisim.diagnose.prepare import prepare
 from paxisim.recording import Recording
 
 STRONG = 0.95
@@ -46,6 +48,30 @@ def late(seconds, *causes, seed=1, **options):
     return replace(recording[kept], measured=recording.measured[then])
 
 
+def test_episodes_keep_the_recordings_own_numbers():
+    at, heights = np.arange(200) / 20, np.random.default_rng(0).uniform(1, 4, (4, 5))
+    knots = [0, 0.7, 2.1, 3, 3.9, 5.2, 5.9, 6.8, 8.2, 8.7, 10]
+    presses = [np.interp(at, knots, [0, *np.ravel([(h, 0) for h in own])]) for own in heights]
+    simulated, measured = (np.concatenate(own) for own in (presses, np.roll(presses, 1, axis=0)))
+    episode = np.repeat([505, 506, 507, 508], 200)
+    ones = np.ones((1, 3, 2, 2))
+    mixed = Recording(
+        np.tile(at, 4), np.multiply.outer(measured, ones), np.multiply.outer(simulated, ones), episode=episode
+    )
+    numbers = re.findall(r"episode (\d+)", correspondence_of(mixed).why)
+    assert len(numbers) == 2
+    assert {int(number) for number in numbers} <= {505, 506, 507, 508}
+    plain = small(seed=0)
+    time = plain.time + np.where(np.arange(len(plain)) >= 30, 5.0, 0.0)  # a gap in the first episode
+    time[plain.episode > 0] = plain.time[plain.episode > 0]
+    measured = plain.measured.copy()
+    measured[30] = np.nan
+    gap, warnings = prepare(replace(plain, time=time, measured=measured, episode=plain.episode + 500))
+    new = 500 + int(plain.episode.max()) + 1
+    assert np.unique(gap.episode).tolist() == [*range(500, new), new]
+    assert f"episode {new} is the part of episode 500 from" in " ".join(warnings)
+
+
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("make", [unrelated, shuffled])
 def test_streams_of_different_motions_are_unrelated(make, seed):
@@ -72,6 +98,15 @@ def test_clocks_that_are_apart_are_aligned_before_anything_is_named(seconds):
     assert names(found) == ["taxel_gain"]
     (warning,) = [w for w in found.symptoms.warnings if "clocks" in w]
     assert f"{seconds:.1f}" in warning
+    assert f"Verdict: {found.verdict}, clocks differ by {seconds:.1f}" in str(found)
+    again = type(found).from_json(found.to_json())
+    assert again.clock_shift == pytest.approx(seconds, abs=0.03)
+
+
+def test_streams_that_agree_once_their_clocks_are_aligned_are_not_without_discrepancy():
+    found = diagnosed(late(0.8), ("axis_gain",))
+    assert found.verdict == "clocks_differ"
+    assert "Verdict: clocks_differ, clocks differ by 0.8" in str(found)
 
 
 @pytest.mark.parametrize("seconds", [0.1, 0.3])

@@ -109,6 +109,13 @@ def test_errors_name_the_file_of_a_diagnosis(rotated, tmp_path):
             Diagnosis.load(tmp_path)
 
 
+def test_the_model_of_a_diagnosis_is_in_its_folder(rotated, tmp_path):
+    rotated.save(tmp_path / "a")
+    (tmp_path / "a" / "fitted_scene.toml").write_text('mjcf = "../b.xml"\n[[drive]]\nstream = "z"\njoint = "z"\n')
+    with pytest.raises(InvalidValueError, match="must name an MJCF in its own folder"):
+        Diagnosis.load(tmp_path / "a")
+
+
 def test_nothing_is_named_where_nothing_is_hidden():
     found = diagnosed(recording(), CAUSES)
     assert (found.verdict, found.causes, len(found.model)) == ("no_discrepancy", (), 0)

@@ -21,6 +21,7 @@ from paxisim.diagnose.report.effect import effects, run
 from paxisim.diagnose.report.kinds import PICTURES, evidence
 from paxisim.diagnose.report.streams import Streams
 from paxisim.diagnose.report.style import binned, drawing, scattered
+from paxisim.diagnose.report.traces import worst_episodes
 from paxisim.diagnose.vocabulary import cause
 from paxisim.layout import TaxelLayout
 from paxisim.recording import Recording
@@ -121,6 +122,17 @@ def test_a_failure_goes_on_from_one_episode_to_the_next(given):
         (effect,) = effects((found_cause("dead_taxels"),), chain, streams_of(given))
         titles = [picture.title for picture in evidence(effect)]
     assert titles[0] == "24 taxels do not respond"
+
+
+def test_pictures_name_episodes_as_the_recording_does(given):
+    renamed = dataclasses.replace(given, episode=given.episode + 500)
+    with drawing():
+        titles = [picture.title for picture in worst_episodes(streams_of(renamed))]
+        chain = augment.Chain([Shaken(np.linspace(0, 1, 72).reshape(2, 3, 4, 3))], ["shaken"])
+        (effect,) = effects((found_cause("shaken"),), chain, streams_of(renamed))
+        alts = [picture.alt for picture in evidence(effect)]
+    assert all(title.startswith("Episode 50") for title in titles), titles
+    assert any("episode 50" in alt for alt in alts), alts
 
 
 def test_a_cause_of_the_users_own_has_the_plain_pictures(given):

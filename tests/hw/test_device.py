@@ -23,6 +23,7 @@ from paxisim.hw.device import TactileSensor, ZeroInDoubtWarning, open_sensor
 from paxisim.hw.frame_joiner import STALE_STATUS
 from paxisim.hw.profile import UnverifiedProfileWarning
 from paxisim.hw.profile_file import profile_toml
+from paxisim.logs.schemas import NO_TAXELS
 
 pytest.importorskip("serial")
 pytest.importorskip("pty", reason="no pseudo-terminals here")
@@ -283,6 +284,10 @@ class TestCommands:
             assert pads.read(PATIENCE).status == (7,)
             with sending(port, 5), pytest.raises(DeviceError, match="error with each frame"):
                 pads.zero(software=True)
+            monkeypatch.setattr(Faulty, "status", NO_TAXELS)  # as of a board at rest: no error
+            with sending(port, 5):
+                pads.zero(software=True)
+                assert abs(pads.read(PATIENCE).force).max() == 0
 
     def test_while_the_port_is_away(self, port: PluggedPort) -> None:
         with open_sensor(port.path, ONE_PAD) as pads:

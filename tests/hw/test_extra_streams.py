@@ -1,5 +1,6 @@
 """Extra streams from real pipes, sockets and functions: samples, their times, and refused and counted input."""
 
+import itertools
 import json
 import os
 import queue
@@ -15,7 +16,15 @@ from hypothesis import strategies as st
 
 import paxisim
 from paxisim.hw.clock import SystemClock
-from paxisim.hw.extra_streams import MAX_LINE_BYTES, CsvLines, EnterKey, PolledFunction, UdpJson, load_function
+from paxisim.hw.extra_streams import (
+    MAX_LINE_BYTES,
+    MAX_NAMES,
+    CsvLines,
+    EnterKey,
+    PolledFunction,
+    UdpJson,
+    load_function,
+)
 
 pytestmark = pytest.mark.real_time
 
@@ -174,6 +183,14 @@ def test_a_function_gives_a_number_an_array_or_a_dict():
         ("covariate/pose", [1.0, 2.0, 3.0]),
         ("covariate/current", 2.0),
     ]
+
+
+def test_names_without_end_are_left_out_and_counted():
+    number = itertools.count()
+    source, samples = polled(lambda: {f"joint{next(number)}": 1.0 for _ in range(350)}, MAX_NAMES)
+    assert len({sample.stream for sample in samples}) == MAX_NAMES
+    assert source.bad >= 200
+    assert f"more than {MAX_NAMES} names of streams came" in source.problem
 
 
 class NoArray:

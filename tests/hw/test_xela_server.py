@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
+import re
 import socket
 import threading
+import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -18,6 +21,7 @@ import paxisim
 from paxisim.cli import main
 from paxisim.errors import DeviceTimeoutError, InvalidValueError, PortNotFoundError, ProtocolError
 from paxisim.hw.faults import Faults
+from paxisim.hw.frame_joiner import STALE_STATUS
 from paxisim.hw.frames.xela_server import (
     COUNTS_MIDDLE,
     MAX_MESSAGE_BYTES,
@@ -39,6 +43,7 @@ from websockets.sync.server import ServerConnection, serve
 
 from paxisim.hw.device import open_sensor
 from paxisim.hw.emulator import Emulator
+from paxisim.hw.websocket import open_websocket
 
 pytestmark = pytest.mark.filterwarnings("ignore::paxisim.hw.profile.UnverifiedProfileWarning")
 
@@ -63,16 +68,19 @@ def line(message: Any) -> bytes:
 
 @contextlib.contextmanager
 def server(*texts: str, rate: float = 50.0) -> Iterator[str]:
-    """Context manager: address of a server that sends the first text once, then the others repeatedly in turn."""
+    """Context manager: address of a server that sends the first text once, then the others repeatedly in turn.
 
-    over = threading.Event()
+    Messages of number 1 are numbered.
+    """
+
+    over, number = threading.Event(), itertools.count(1)
 
     def talk(connection: ServerConnection) -> None:
         with contextlib.suppress(ConnectionClosed):
             connection.send(texts[0])
             while not over.wait(1 / rate):
                 for text in texts[1:]:
-                    connection.send(text)
+                    connection.send(re.sub(r'"message": 1\b', lambda _: f'"message": {next(number)}', text))
 
     with serve(talk, "127.0.0.1", 0, close_timeout=1) as running:
         threading.Thread(target=running.serve_forever, daemon=True).start()
@@ -125,6 +133,10 @@ def test_messages_come_out_of_any_pieces(piece: int) -> None:
         line(routine(**{"1": sensor() | {"taxels": [16]}})),
         line(routine(**{"1": sensor() | {"taxels": 15}})),
         line(routine(**{"1": sensor(model=None)})),
+        line(routine(**{"1": sensor(data="FFFFFF,1,1", taxels=1)})),
+        line(routine(**{"1": sensor(data="0x7_f,1,1", taxels=1)})),
+        line(routine(**{"1": sensor(2)})),
+        line(routine() | {"message": True}),
         line(routine()).replace(b"}", b"\xff}"),
         line(routine())[:-20] + b"\n",
     ],
@@ -145,9 +157,16 @@ def test_a_message_without_end_is_not_kept() -> None:
 
 
 def test_odd_calibrated_values_are_no_forces() -> None:
-    for values in (["a"] * 48, [0.0] * 47, [1e9] * 48, {"0": 1}, [[0.0] * 3] * 16):
+    for values in (["a"] * 48, [0.0] * 47, [1e9] * 48, [True] * 48, {"0": 1}, [[0.0] * 3] * 16):
         (found,) = RoutineDecoder().feed(line(routine(**{"1": sensor(calibrated=values)})))
         assert found.sensors[1].forces is None
+
+
+def test_a_key_with_a_zero_does_not_replace_a_sensor() -> None:
+    (found,) = RoutineDecoder().feed(
+        line(routine(**{"1": sensor(), "01": sensor(sensor="01", data="1,1,1", taxels=1)}))
+    )
+    assert found.sensors[1].taxels == TAXELS
 
 
 def test_what_is_heard_is_named() -> None:
@@ -239,7 +258,7 @@ def test_addresses_that_lead_nowhere_are_named(capsys: pytest.CaptureFixture[str
 def test_a_pad_that_a_message_leaves_out_is_in_error_and_others_are_read_on() -> None:
     both = routine(1, **{"1": sensor(), "2": sensor(2)})
     profile = replace(load_profile("xela-uspa44"), slots=(Slot("left", 2), Slot("right", 1)))
-    broken = [routine(2, **{"1": sensor()}), routine(3, **{"1": sensor(), "2": sensor(2, taxels=3)})]
+    broken = [routine(1, **{"1": sensor()}), routine(1, **{"1": sensor(), "2": sensor(2, taxels=3)})]
     with spoken(both, *broken, rate=1.0) as address, open_sensor(address, profile) as pads:
         frames = [pads.read(PATIENCE) for _ in range(6)]
     assert {frame.status for frame in frames} == {(0, 0), (1, 0)}
@@ -253,9 +272,36 @@ def test_a_pad_that_a_message_leaves_out_is_in_error_and_others_are_read_on() ->
 def test_a_message_too_long_to_be_one_is_not_read() -> None:
     with (
         server('{"message": "Welcome"}', "x" * (MAX_MESSAGE_BYTES + 1)) as address,
-        pytest.raises((ProtocolError, PortNotFoundError, DeviceTimeoutError)),
+        pytest.raises(ProtocolError, match=f"sent a message of more than {MAX_MESSAGE_BYTES} bytes"),
     ):
         open_sensor(address, "xela-uspa44", reconnect=0)
+
+
+@pytest.mark.real_time
+def test_repeated_and_missing_messages_and_other_sensors_are_told() -> None:
+    texts = [routine(n, **{"1": sensor(model=model)}) for n, model in ((2, "uSPa44"), (2, "uSPa44"), (7, "uSPa46"))]
+    with spoken(*texts, rate=2.0) as address, open_sensor(address, "xela-uspa44") as pads:
+        frames = [pads.read(PATIENCE) for _ in range(3)]
+        assert [frame.status for frame in frames] == [(0,), (STALE_STATUS,), (1,)]
+        assert pads.timeouts == 4
+
+
+@pytest.mark.real_time
+def test_a_server_that_does_not_answer_is_not_waited_for() -> None:
+    over = threading.Event()
+
+    def freeze(connection: ServerConnection) -> None:
+        with connection.protocol_mutex:  # no frame is handled meanwhile
+            over.wait(PATIENCE)
+
+    with serve(freeze, "127.0.0.1", 0, close_timeout=1) as running:
+        threading.Thread(target=running.serve_forever, daemon=True).start()
+        transport = open_websocket(f"ws://127.0.0.1:{running.socket.getsockname()[1]}", 0)
+        began = time.monotonic()
+        transport.close()
+        took = time.monotonic() - began
+        over.set()
+    assert took < 5
 
 
 @pytest.mark.real_time

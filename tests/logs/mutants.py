@@ -92,7 +92,7 @@ TOUCH = {
 ARM = {"timestamp": {"sec": 3, "nsec": 4}, "name": ["a", "b"], "position": [1, 2.5], "velocity": [0, 1]}
 ABOUT = {
     "layout": {"rows": 1, "cols": 2, "pitch": [1e-3, 1e-3]},
-    **{"pads": ["a"], "time_zero_ns": [5], "start": 1.5},
+    **{"pads": ["a"], "time_zero_ns": [5], "episode_clocks": [[5, 5, 0]], "start": 1.5},
 }
 RECORDED = {"/tactile/measured": TOUCH, "/covariate/a": {"value": 3}, "/covariate/b": {"shape": [2], "value": [1, 2]}}
 ROBOT = {"/joints": ARM, "/other": {"a": 3, "b": [1, 2], "time": 5.5}}

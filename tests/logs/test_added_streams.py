@@ -7,11 +7,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from log_files import START, counts, write_log
+from log_files import METADATA, START, counts, write_log
 from mcap.writer import Writer
 
 from paxisim.cli import main
 from paxisim.errors import InvalidValueError, UnknownNameError
+from paxisim.logs.mcap_writer import LogWriter
 from paxisim.recording import Recording
 
 MS = 1_000_000
@@ -169,6 +170,28 @@ def test_json_topics(press, tmp_path):
     np.testing.assert_array_equal(covariates["tool/orientation"][5], [1, 0, 0, np.nan])
 
 
+def test_a_file_with_very_many_names_is_refused_and_warnings_are_one(press, tmp_path):
+    path = tmp_path / "joints.mcap"
+    with open(path, "wb") as file:
+        writer = Writer(file)
+        writer.start()
+        channel = writer.register_channel("/joints", "json", 0)
+        for i in range(8):
+            message = {f"joint{300 * i + k}": 1.0 for k in range(300)}
+            writer.add_message(channel, START + i, json.dumps(message).encode(), START + i)
+        writer.finish()
+    with pytest.raises(InvalidValueError, match=r"joints.mcap has more than 2000 streams"):
+        Recording.load(press, streams=path)
+    with LogWriter(tmp_path / "a.mcap", METADATA) as log:
+        for i, sample in enumerate(counts(50)):
+            log.write_at("measured", START + i * 10 * MS, sample)
+        for i in range(300):
+            log.write_at(f"covariate/once{i}", START + 3 * MS, 1.0)
+    with pytest.warns(UserWarning, match="once0 is not known .*the same holds for 299 more") as warned:
+        Recording.load(tmp_path / "a.mcap")
+    assert len(warned) == 1
+
+
 def test_messages_that_cannot_be_read_are_left_out_and_counted(press, tmp_path):
     messages = [("/joints", at, {"name": ["a"], "position": [x]}) for at, x in map(ramp, range(0, 110))]
     messages[30] = ("/joints", ramp(30)[0], {"name": ["a"], "position": [1, 2]})
@@ -233,6 +256,23 @@ def test_csv_that_counts_episodes(tmp_path):
     with pytest.warns(UserWarning, match="one.csv has no episode 1; its streams are NaN there"):
         found = Recording.load(tmp_path / "a.npz", streams=tmp_path / "one.csv").covariates["joint"]
     np.testing.assert_allclose(found, [np.nan, np.nan, np.nan, 1, 1.1])
+
+
+def test_numbered_episodes_on_the_recordings_own_clock(tmp_path):
+    at = np.array([0.0, 0.5, 1.0, 5.0, 5.5, 6.0])
+    recording = Recording(at, np.zeros((6, 1, 3, 1, 1)), episode=[1, 1, 1, 4, 4, 4], metadata={"start": 1000.0})
+    recording.save(tmp_path / "a.npz")
+    for zero in (0.0, 1000.0):  # the recording's time, and Unix time
+        rows = "".join(f"{4 if t > 2 else 1},{zero + t},{10 * t}\n" for t in (0.5, 1.0, 5.0, 6.0))
+        (tmp_path / "u.csv").write_text(f"episode_index,time,u\n{rows}")
+        found = Recording.load(tmp_path / "a.npz", streams=tmp_path / "u.csv").covariates["u"]
+        np.testing.assert_allclose(found, [np.nan, 5, 10, 50, 55, 60])
+    (tmp_path / "u.csv").write_text("episode_index,time,u\n1,0.5,1\n1,1,2\n4,0,3\n")
+    with pytest.warns(UserWarning, match="episode 4 shares no time with the recording's"):
+        Recording.load(tmp_path / "a.npz", streams=tmp_path / "u.csv")
+    (tmp_path / "u.csv").write_text("episode_index,time,u\n1,90,1\n1,91,1\n4,92,1\n")
+    with pytest.raises(InvalidValueError, match="its episodes do not overlap those of the recording"):
+        Recording.load(tmp_path / "a.npz", streams=tmp_path / "u.csv")
 
 
 @pytest.mark.parametrize(

@@ -32,6 +32,37 @@ SCENE = """
 """
 
 
+@pytest.mark.parametrize("how", ["storage", "link", "a group's link", "a link behind a link", "virtual"])
+def test_what_is_in_another_file_is_not_read(tmp_path, how):
+    secret = tmp_path / "secret"
+    secret.write_bytes(b"password" * 100)
+    with h5py.File(tmp_path / "other.hdf5", "w") as file:
+        file["values"] = np.arange(100.0)
+        file["obs/values"] = np.arange(100.0)
+    with h5py.File(tmp_path / "a.hdf5", "w") as file:
+        group = file.create_group("data/demo_0")
+        file["data"].attrs["env_args"] = '{"env_kwargs": {"control_freq": 20}}'
+        group["actions"] = np.zeros(100)
+        if how == "storage":
+            group.create_dataset("obs/x", (100,), "u1", external=[(str(secret), 0, 100)])
+        elif how == "link":
+            group["obs/x"] = h5py.ExternalLink("other.hdf5", "/values")
+        elif how == "a group's link":
+            group["obs"] = h5py.ExternalLink("other.hdf5", "/obs")
+        elif how == "a link behind a link":
+            file["away"] = h5py.ExternalLink("other.hdf5", "/values")
+            group["obs/x"] = h5py.SoftLink("/away")
+        else:
+            layout = h5py.VirtualLayout((100,), "f8")
+            layout[:] = h5py.VirtualSource(str(tmp_path / "other.hdf5"), "values", (100,))
+            group.create_virtual_dataset("obs/x", layout)
+    np.savez(tmp_path / "b.npz", time=np.arange(100) / 20, measured=np.zeros((100, 1, 3, 1, 1)))
+    with pytest.raises(
+        InvalidValueError, match=r"a.hdf5: data/demo_0/obs\S* is not in this file but refers to another"
+    ):
+        Recording.load(tmp_path / "b.npz", streams=tmp_path / "a.hdf5")
+
+
 def demonstration(samples, seed):
     """Return flattened states as in robosuite, the actions, and position and velocity of each joint by name."""
     model = mujoco.MjModel.from_xml_string(SCENE)
@@ -166,6 +197,22 @@ def test_files_that_are_none_are_named(tmp_path):
     write(whole, [(0, states, actions)], tactile=tactile)
     path.write_bytes(whole.read_bytes()[:3000])
     with pytest.raises(InvalidValueError, match=r"a.hdf5 is not a complete HDF5 file"):
+        Recording.load(path)
+
+
+def test_a_small_file_that_becomes_large_or_has_many_names_is_refused(tmp_path):
+    path = tmp_path / "a.hdf5"
+    with h5py.File(path, "w") as file:
+        part = file.create_dataset("data/demo_0/obs/x", (2**18, 600), "u1", chunks=(2**9, 600))
+        part[: 2**9] = 1  # the rest is not stored
+    assert path.stat().st_size < 2**20
+    with pytest.raises(InvalidValueError, match=r"unpacks to \d{10} bytes or more, expected at most 2147483648"):
+        Recording.load(path)
+    with h5py.File(path, "w") as file:
+        file["one"] = np.zeros(3)
+        for number in range(2001):
+            file[f"data/demo_0/obs/{number}"] = file["one"]
+    with pytest.raises(InvalidValueError, match=r"a.hdf5 has more than 2000 streams"):
         Recording.load(path)
 
 

@@ -93,6 +93,22 @@ def test_cut_anywhere_what_is_whole_is_read(tmp_path_factory, whole, part, zeros
     np.testing.assert_array_equal(samples, FORCE[: len(samples)])
 
 
+def test_a_cut_file_keeps_the_times_and_numbers_of_its_episodes(tmp_path):
+    at = np.concatenate([5 + np.arange(400) / 100, np.arange(400) / 100])  # the clock restarts
+    force = np.random.default_rng(0).normal(size=(800, 1, 3, 12, 12))
+    recording = Recording(at, force, episode=np.repeat([7, 3], 400), metadata={"start": 1.7e9})
+    recording.save(tmp_path / "a.mcap")
+    content = (tmp_path / "a.mcap").read_bytes()
+    for part in (0.45, 0.9):
+        (tmp_path / "cut.mcap").write_bytes(content[: int(part * len(content))])
+        with pytest.warns(UserWarning, match="cut off or damaged"):
+            cut = Recording.load(tmp_path / "cut.mcap")
+        assert (len(cut) > 400) == (part == 0.9)
+        np.testing.assert_allclose(cut.time, at[: len(cut)], atol=1e-9)
+        np.testing.assert_array_equal(cut.episode, recording.episode[: len(cut)])
+        assert cut.metadata["start"] == 1.7e9
+
+
 @given(st.data())
 @settings(max_examples=100, deadline=None)
 def test_damaged_anywhere_no_wrong_sample_is_read(tmp_path_factory, whole, data):

@@ -385,7 +385,7 @@ def test_apply_is_for_the_present_time_step_cone_and_impratio():
 # bad input
 
 
-@pytest.mark.parametrize("value", [0, -1.0, float("nan"), float("inf")])
+@pytest.mark.parametrize("value", [0, -1.0, float("nan"), float("inf"), "1e5", True])
 @pytest.mark.parametrize("name", ["modulus", "thickness", "relaxation", "friction"])
 def test_bad_values(name, value):
     with pytest.raises(InvalidValueError, match=f"a gel's {name} must be positive and finite, got"):

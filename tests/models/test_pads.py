@@ -125,6 +125,18 @@ def test_pads_are_found_again_in_a_saved_model(tmp_path):
         assert after.thickness == pytest.approx(before.thickness)
 
 
+def test_the_vendors_order_is_found_again(tmp_path):
+    layout = TaxelLayout(2, 3, (3e-3, 4e-3), vendor_order=(3, 0, 5, 1, 2, 4))
+    curved = TaxelLayout(2, 3, (3e-3, 4e-3), layout.positions + [0, 0, 1e-4], layout.normals, layout.vendor_order)
+    spec = empty("first", "second")
+    place(spec, Pad(layout), "first", "a")
+    place(spec, Pad(curved), "second", "b")
+    spec.compile()
+    (tmp_path / "a.xml").write_text(spec.to_xml())
+    pads = find_pads(mujoco.MjModel.from_xml_path(str(tmp_path / "a.xml")))
+    assert [own.vendor_order for own in pads.layouts] == [layout.vendor_order] * 2
+
+
 def test_two_handles_that_differ_in_shape_cannot_be_made():
     geoms = np.zeros((2, 6), dtype=int)
     layouts = (SMALL, TaxelLayout(3, 2, 2e-3))

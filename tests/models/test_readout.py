@@ -19,14 +19,14 @@ from pressing import (
 )
 from scipy.spatial.transform import Rotation
 
-from paxisim.errors import InvalidValueError
+from paxisim.errors import InvalidValueError, UnsupportedError
 from paxisim.layout import TaxelLayout
 from paxisim.models.attach import attach
 from paxisim.models.gel import Gel
 from paxisim.models.mount import Mount
 from paxisim.models.pad import Pad
 from paxisim.models.pads import find_pads
-from paxisim.models.readout import TactileReadout
+from paxisim.models.readout import SLEEP, TactileReadout
 
 EXACT = 1e-9  # N
 
@@ -491,3 +491,14 @@ def test_reset_forgets():
     np.testing.assert_array_equal(readout.mean(), readout.read(data))
     with pytest.raises(InvalidValueError, match="accumulate"):
         readout.mean()
+
+
+@pytest.mark.skipif(not SLEEP, reason="this MuJoCo has no sleeping bodies")
+def test_a_model_whose_bodies_sleep_is_refused():
+    model, pads, data = scene()
+    push(model, data, pads, [0, 0, 1.0], 5)
+    readout = TactileReadout(model, pads)
+    assert readout.read(data).any()
+    model.opt.enableflags |= SLEEP
+    with pytest.raises(UnsupportedError, match=r'sleep.*would read as 0 N: remove <flag sleep="enable"/>'):
+        readout.read(data)

@@ -24,6 +24,11 @@ repeatable = settings(derandomize=True, deadline=None, max_examples=40)
 def test_flat():
     np.testing.assert_array_equal(flat(POOLED), np.full((6, 5), 1e-3))
     np.testing.assert_array_equal(flat(TaxelLayout(1, 3, 1e-3), 2e-3), np.full((1, 3), 2e-3))
+    for thickness in (-1, 0, float("nan")):
+        with pytest.raises(InvalidValueError, match="heights must be positive and finite"):
+            flat(POOLED, thickness)
+    with pytest.raises(InvalidValueError, match=r"heights must be in m and at most 0.1, got 1: were millimetres meant"):
+        flat(POOLED, 1.0)
 
 
 # the paper's bump

@@ -66,3 +66,6 @@ def test_a_recording_without_both_streams_is_refused():
         paxisim.compare_streams(recording)
     both = replace(recording, simulated=recording.measured)
     assert "peak 1" in str(paxisim.compare_streams(both))
+    unknown = paxisim.compare_streams(replace(both, simulated=np.full_like(recording.measured, np.nan)))
+    assert np.isnan([unknown.pads[0].measured_peak, unknown.pads[0].simulated_peak]).all()
+    assert "the streams are never known together" in str(unknown)

@@ -1,12 +1,15 @@
 """Replays with other values: the same in parallel as alone, cached by content, and failures are reported."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from rigs import LAYOUT, recording
+from rigs import LAYOUT, recording, steps_of
 
 from paxisim.errors import PaxisimError
 from paxisim.scene import ready
 from paxisim.scene.replays import Replays
+from paxisim.scene.resume import simulate_resumable
 
 SCENE = ready.indenter(LAYOUT)
 
@@ -55,6 +58,24 @@ def test_replays_are_kept_by_what_they_depend_on(tmp_path):
     with Replays(SCENE.with_parameters(friction=0.7), motion(), folder=tmp_path) as replays:
         replays.run_each({})
     assert len(list(tmp_path.iterdir())) == 5
+
+
+def test_kept_replays_depend_on_the_grid_and_the_encoder_steps_of_the_whole_recording(tmp_path):
+    whole = motion()
+    depth = steps_of(whole.covariates["depth"], np.where(whole.episode == 0, 1e-4, 5e-5))
+    whole = replace(whole, covariates={**whole.covariates, "depth": depth})
+    for used in (whole, whole.select([0]), whole.pool(2, 1)):
+        with Replays(SCENE, used, folder=tmp_path) as kept, Replays(SCENE, used) as fresh:
+            np.testing.assert_array_equal(kept.run_each({}), fresh.run_each({}))
+    for used in (whole, whole.pool(2, 1)):
+        with pytest.raises(KeyboardInterrupt):
+            simulate_resumable(SCENE, used, tmp_path / "resume", progress=stop_after_one)
+    simulate_resumable(SCENE, whole, tmp_path / "resume")
+
+
+def stop_after_one(done, count, before):
+    if done > before:
+        raise KeyboardInterrupt
 
 
 def test_values_that_cannot_be_simulated_are_said_and_lose_nothing():

@@ -1,15 +1,19 @@
 """Scenes and their TOML files."""
 
 import json
+import re
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
-from scene.rigs import LAYOUT
+from scene.rigs import LAYOUT, recording
 
 import paxisim
 from paxisim import Drive, Gel, InvalidValueError, Mount, ObjectStart, Scene, UnknownNameError
 from paxisim.scene import ready
 from paxisim.scene.modes import MODES
+from paxisim.scene.toml import format_scene
 
 DRIVES = (
     Drive("tip.z", joint="depth", unit="mm", scale=-1.0, offset=0.012, resolution=0.05),
@@ -85,12 +89,47 @@ def test_a_scene_that_is_not_there(tmp_path):
 
 
 def test_a_recording_that_was_not_replayed_holds_no_scene():
-    import numpy as np
-
-    recording = paxisim.Recording(np.arange(3.0), np.zeros((3, 1, 3, 2, 2)), metadata={"scene": "<mujoco/>"})
+    plain = paxisim.Recording(np.arange(3.0), np.zeros((3, 1, 3, 2, 2)), metadata={"scene": "<mujoco/>"})
     with pytest.raises(InvalidValueError, match="holds no scene"):
-        Scene.from_recording(recording)
-    json.dumps(recording.metadata)
+        Scene.from_recording(plain)
+    json.dumps(plain.metadata)
+
+
+@pytest.mark.parametrize(
+    ("mjcf", "says"),
+    [
+        ("/etc/passwd", "must be the text of an MJCF, got '/etc/passwd'"),
+        ("<mujoco><include file='/etc/passwd'/></mujoco>", "names the file '/etc/passwd' in <include>"),
+        ("<mujoco><asset><mesh file='/tmp/fifo.stl'/></asset></mujoco>", "names the file '/tmp/fifo.stl' in <mesh>"),
+        ("<mujoco><asset><texture type='cube' fileup='../a.png'/></asset></mujoco>", "names the file '../a.png'"),
+        ("<mujoco><asset><model name='a' file='b.xml'/></asset></mujoco>", "names the file 'b.xml' in <model>"),
+        ("<mujoco><option timestep='1e-12'/></mujoco>", "a time step of 1e-12 s, below 5e-05 s"),
+        ("<mujoco><option timestep='1e-6'/></mujoco>", "a time step of 1e-6 s"),
+        ("<mujoco><option iterations='100000000'/></mujoco>", "asks for iterations='100000000'"),
+        ("<mujoco><size memory='900G'/></mujoco>", "asks for memory='900G'"),
+        ("<mujoco><asset><hfield nrow='60000' ncol='60000' size='1 1 1 1'/></asset></mujoco>", "a <hfield> of 3.6e"),
+        (
+            "<mujoco><worldbody><replicate count='200000'><geom size='1'/></replicate></worldbody></mujoco>",
+            "makes 4e+05",
+        ),
+        ("<mujoco>" + "<!--" + "x" * (17 << 20) + "--></mujoco>", "more than 16777216 bytes"),
+        ("<html/>", "must be an MJCF, got <html>"),
+        ("<mujoco>", "is not the text of an MJCF"),
+    ],
+)
+def test_the_model_in_somebodys_recording_opens_no_file_and_asks_for_little(mjcf, says):
+    replayed = {"toml": format_scene(Scene("a.xml", DRIVES[:1]), "scene.xml")}
+    given = paxisim.Recording([0.0], np.zeros((1, 1, 3, 2, 2)), metadata={"scene": mjcf, "replay": replayed})
+    with pytest.raises(InvalidValueError, match=re.escape(says)):
+        Scene.from_recording(given)
+    assert Scene.from_recording(given, trusted=True).mjcf == mjcf
+
+
+def test_a_step_so_short_that_an_episode_never_ends_is_refused():
+    tiny = ready.indenter(LAYOUT)
+    tiny = replace(tiny, mjcf=str(tiny.mjcf).replace("<option ", '<option timestep="1e-9" '))
+    with pytest.raises(InvalidValueError, match="more than 20000000 steps of 1e-09 s"):
+        tiny.simulate(recording(np.arange(50) / 50, {name: np.linspace(-1e-3, 0, 50) for name in ("x", "y", "depth")}))
 
 
 def test_the_scene_on_the_page_of_replay_is_one(tmp_path):

@@ -5,6 +5,8 @@ from __future__ import annotations
 from paxisim.diagnose.diagnosis import Diagnosis, HeldOut
 from paxisim.diagnose.report.style import EXTENDED, INK, MUTED, PAPER, SIMULATED, Picture, finish, panel
 
+_MOST_TICKS = 12
+
 
 def gain_pictures(diagnosis: Diagnosis) -> list[Picture]:
     """Return pictures of the improvement by the extended model."""
@@ -12,7 +14,7 @@ def gain_pictures(diagnosis: Diagnosis) -> list[Picture]:
     if diagnosis.causes:
         pictures.append(_causes(diagnosis))
         if len(diagnosis.heldout.gain_per_episode) > 1:
-            pictures.append(_episodes(diagnosis.heldout))
+            pictures.append(_episodes(diagnosis))
     return pictures
 
 
@@ -88,18 +90,19 @@ def _causes(diagnosis: Diagnosis) -> Picture:
     )
 
 
-def _episodes(heldout: HeldOut) -> Picture:
-    from matplotlib.ticker import MaxNLocator
-
-    gains = [100 * gain for gain in heldout.gain_per_episode]
+def _episodes(diagnosis: Diagnosis) -> Picture:
+    gains = [100 * gain for gain in diagnosis.heldout.gain_per_episode]
     figure, axes = panel(2.0)
     shown = [max(gain, -100.0) for gain in gains]
     axes.bar(range(len(gains)), shown, color=[EXTENDED if gain >= 0 else SIMULATED for gain in gains], width=0.7)
     axes.axhline(0, color=INK, linewidth=0.8)
     axes.set_ylim(min(0.0, 1.1 * min(shown)), 100)
-    axes.set_xlabel("episode")
+    # a loaded diagnosis has no streams and so does not know the numbers
+    numbers = range(len(gains)) if diagnosis.streams is None else diagnosis.streams.numbers
+    shown_at = range(0, len(gains), -(-len(gains) // _MOST_TICKS))
+    axes.set_xticks(shown_at, [str(numbers[i]) for i in shown_at])
+    axes.set_xlabel("episode" if diagnosis.streams is not None else "episode, counted from 0")
     axes.set_ylabel("error removed, %")
-    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.grid(axis="x", visible=False)
     better = sum(gain > 0 for gain in gains)
     return finish(

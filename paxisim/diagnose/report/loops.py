@@ -28,7 +28,7 @@ def loops(effect: Effect) -> list[Picture]:
     measured, lacking, model = thin(*(a[span, pad, axis][:, taxels].mean(axis=1, dtype=float) for a in arrays))
     count = int(taxels.sum())
     where = f"mean of {count} taxels" if count > 1 else "one taxel"
-    place = f"{effect.streams.pad(pad)}, {AXES[axis]}, {where}, episode {number}"
+    place = f"{effect.streams.pad(pad)}, {AXES[axis]}, {where}, episode {effect.streams.numbers[number]}"
 
     figure, axes = panel(3.0)
     axes.plot(lacking, measured, color=MEASURED, linewidth=2.2, alpha=0.85, label="measured")

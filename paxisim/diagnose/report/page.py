@@ -27,6 +27,7 @@ from paxisim.errors import MissingExtraError
 
 HEADS = {
     "no_discrepancy": "The simulation agrees with the measurement",
+    "clocks_differ": "The clocks of the two streams differ",
     "explained": "{causes} explain{s} the difference",
     "ambiguous": "{causes} may explain the difference, but other causes fit equally well",
     "partly_explained": "{causes} explain{s} part of the difference",
@@ -35,6 +36,7 @@ HEADS = {
 }
 TAILS = {
     "no_discrepancy": "The residual is within noise and tolerances.",
+    "clocks_differ": "Once they are aligned, the residual is within noise and tolerances.",
     "explained": "The residual shows no further structure.",
     "ambiguous": "This recording cannot separate the rival causes. See What to record next.",
     "partly_explained": "Structure remains, a cause is a near miss, or a parameter is at its bound. See What remains.",

@@ -28,7 +28,7 @@ def plain(effect: Effect) -> list[Picture]:
         figure,
         f"Deviation without {name}, and effect of {name}",
         f"Measured force minus force in the model without {name}, and the effect of {name}, against time, {place}, "
-        f"episode {number}.",
+        f"episode {effect.streams.numbers[number]}.",
     )
 
     measured, lacking, model = effect.at(channel)

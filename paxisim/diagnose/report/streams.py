@@ -38,7 +38,7 @@ class Streams:
 
     Attributes:
         time: ``(T,)`` seconds.
-        episode: ``(T,)`` number of each sample's episode, 0, 1, ...
+        episode: ``(T,)`` the recording's number of each sample's episode.
         measured: ``(T, pads, 3, rows, cols)`` float32 newtons.
         simulated: Simulated stream as recorded, of the same shape.
         extended: Mean reading predicted by the extended model fitted to other episodes, of the same shape.
@@ -68,6 +68,11 @@ class Streams:
     def pad(self, number: int) -> str:
         """Return a pad's name for a title, such as "pad left" or "pad0"."""
         return pad_in_words(self.pads[number])
+
+    @property
+    def numbers(self) -> NDArray[np.int64]:
+        """The recording's number of each of `episodes`."""
+        return self.episode[[span.start for span in self.episodes]]
 
     @property
     def episodes(self) -> tuple[slice, ...]:

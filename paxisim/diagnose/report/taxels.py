@@ -103,7 +103,8 @@ def _moved(effect: Effect) -> Picture:
     return finish(
         figure,
         "One contact: simulated, measured, and with the corrected order of taxels",
-        f"Maps of the normal force {streams.time[at] - streams.time[span.start]:.1f} s into episode {number}: "
+        f"Maps of the normal force {streams.time[at] - streams.time[span.start]:.1f} s into "
+        f"episode {streams.numbers[number]}: "
         "simulated, measured, and simulated with the corrected order, which agrees with the measurement.",
         legend=False,
     )
@@ -120,5 +121,6 @@ def _trace(effect: Effect, channel: tuple[int, int, int, int], number: int, titl
     return finish(
         figure,
         f"{title} ({place})",
-        f"Measured force on {place} in episode {number}, and the model with and without {effect.cause.name}.",
+        f"Measured force on {place} in episode {effect.streams.numbers[number]}, and the model with and without "
+        f"{effect.cause.name}.",
     )

@@ -19,6 +19,7 @@ INDEX = re.compile(r"(_\d+)+$")  # index of an element at the end of a parameter
 
 SENTENCES: Mapping[Verdict, str] = {
     "no_discrepancy": "The simulation agrees with the measurement within noise and tolerances.",
+    "clocks_differ": "The clocks of the two streams differ. Once they are aligned, the simulation agrees.",
     "explained": "The causes below explain the difference; the residual shows no further structure.",
     "ambiguous": "The causes below explain the difference, but so do their rivals. See Record next.",
     "partly_explained": "The causes below explain part of the difference. See What remains.",
@@ -26,6 +27,7 @@ SENTENCES: Mapping[Verdict, str] = {
     "unrelated": "The two streams are not of the same motion, so nothing was fitted. See What remains.",
 }
 
+_AGREES = ("no_discrepancy", "clocks_differ")
 ONE_EPISODE = (
     "The causes below explain the difference, but a single episode cannot confirm them. Record several episodes."
 )
@@ -46,14 +48,15 @@ def is_of_one_episode(diagnosis: Diagnosis) -> bool:
 def text_of(diagnosis: Diagnosis) -> str:
     """Return the diagnosis as text, 80 columns wide."""
     sentence = ONE_EPISODE if is_of_one_episode(diagnosis) else SENTENCES[diagnosis.verdict]
-    lines = [f"Verdict: {diagnosis.verdict}", *_wrap(sentence, "  ")]
+    clocks = f", clocks differ by {abs(diagnosis.clock_shift):.2f} s" if diagnosis.clock_shift else ""
+    lines = [f"Verdict: {diagnosis.verdict}{clocks}", *_wrap(sentence, "  ")]
     lines += [line for warning in diagnosis.symptoms.warnings for line in _wrap(f"Warning: {warning}", "")]
     lines += ["", *_table(diagnosis)] if diagnosis.causes else []
     lines += ["", *_figures(diagnosis.heldout, bool(diagnosis.causes))] if diagnosis.verdict != "unrelated" else []
     if diagnosis.symptoms.left_over:
         lines += ["", "What remains"]
         lines += [line for item in diagnosis.symptoms.left_over for line in _wrap(f"- {item.what}", "  ")]
-    if any((diagnosis.symptoms.axes, diagnosis.symptoms.phases)) and diagnosis.verdict != "no_discrepancy":
+    if any((diagnosis.symptoms.axes, diagnosis.symptoms.phases)) and diagnosis.verdict not in _AGREES:
         compared = ", before -> after" if diagnosis.causes else ""
         lines += ["", f"Where the error is (share of its energy{compared})"]
         lines += _places(diagnosis.symptoms, bool(diagnosis.causes))

@@ -31,7 +31,7 @@ def holds(effect: Effect) -> list[Picture]:
     span = effect.streams.episodes[number]
     time = effect.streams.time[span] - effect.streams.time[span.start]
     t, measured, lacking, model = thin(time, *effect.sums(pad, axis, span))
-    place = f"{effect.streams.pad(pad)}, {AXES[axis]}, all taxels, episode {number}"
+    place = f"{effect.streams.pad(pad)}, {AXES[axis]}, all taxels, episode {effect.streams.numbers[number]}"
     name = effect.cause.name
 
     figure, axes = panel()
@@ -95,7 +95,7 @@ def _edge(effect: Effect, lags: Series, errors: Series, title: str) -> Picture:
     marks.points(axes, time[near], measured[near])
     axes.set_xlabel("time in the episode, s")
     axes.set_ylabel(f"{AXES[channel[1]]} force, N")
-    place = f"{effect.place(channel)}, episode {number}"
+    place = f"{effect.place(channel)}, episode {effect.streams.numbers[number]}"
     alt = f"Force at a fast edge on {place}. The measured points lie on the model with {name}."
     return finish(figure, title, alt)
 

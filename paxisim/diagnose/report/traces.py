@@ -65,15 +65,15 @@ def _trace(streams: Streams, number: int, energy: np.ndarray, with_model: bool) 
     if not with_model:
         return finish(
             figure,
-            f"Episode {number}, {place}: error {before:.2g} N",
-            f"Traces of {place} in episode {number}: measured and simulated force, and the error below. The RMS error "
-            f"is {before:.3g} N.",
+            f"Episode {streams.numbers[number]}, {place}: error {before:.2g} N",
+            f"Traces of {place} in episode {streams.numbers[number]}: measured and simulated force, and the error "
+            f"below. The RMS error is {before:.3g} N.",
         )
     return finish(
         figure,
-        f"Episode {number}, {place}: error {before:.2g} N → {after:.2g} N",
-        f"Traces of {place} in episode {number}: measured, simulated and extended force, and both errors below. The "
-        f"RMS error is {before:.3g} N before and {after:.3g} N after.",
+        f"Episode {streams.numbers[number]}, {place}: error {before:.2g} N → {after:.2g} N",
+        f"Traces of {place} in episode {streams.numbers[number]}: measured, simulated and extended force, and both "
+        f"errors below. The RMS error is {before:.3g} N before and {after:.3g} N after.",
     )
 
 

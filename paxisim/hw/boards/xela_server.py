@@ -12,12 +12,13 @@ from paxisim.errors import ProtocolError
 from paxisim.hw.board import Reading
 from paxisim.hw.boards.listened import ListenedBoard
 from paxisim.hw.clock import Clock
+from paxisim.hw.frame_joiner import STALE_STATUS
 from paxisim.hw.frames.xela_server import COUNTS_MIDDLE, Routine, RoutineDecoder, SensorReading, says_no_reading
 from paxisim.hw.profile import Profile
 from paxisim.hw.transport import Transport
 
 MISSING_STATUS = 1
-"""Status of a pad whose reading is missing from a message."""
+"""Status of a pad whose reading is missing from a message, or is that of another model than at the start."""
 
 
 class XelaServer(ListenedBoard[Routine]):
@@ -40,11 +41,21 @@ class XelaServer(ListenedBoard[Routine]):
             "settings?",
             foreign="expects readings of a XELA server, but received something else",
         )
+        self._models: dict[int, str] = {}
+        self._last: int | None = None
+        self._lost = 0
+
+    @property
+    def lost(self) -> int:
+        """See `Board.lost`."""
+        return self._lost
 
     def start(self) -> None:
         """See `Board.start`."""
         super().start()
+        self._last = None
         sensors = self._waiting[0][-1].sensors
+        self._models = {number: reading.model for number, reading in sensors.items()}
         for slot in self.profile.slots:
             if slot.index not in sensors:
                 raise ProtocolError(
@@ -76,12 +87,18 @@ class XelaServer(ListenedBoard[Routine]):
     def _reading(self, time: float, behind: int, message: Routine) -> Reading:
         taxels = self.profile.wire_layout.taxels
         values = np.zeros((len(self.profile.slots), taxels, 3), dtype=np.float32)
+        is_stale = message.number == self._last
+        if self._last is not None:
+            self._lost += max(message.number - self._last - 1, 0)  # a lower number is that of a restarted server
+        self._last = message.number
         status = []
         for pad, slot in enumerate(self.profile.slots):
             reading = message.sensors.get(slot.index)
-            own = None if reading is None else self._values(reading)
-            status.append(0 if own is not None and len(own) == taxels else MISSING_STATUS)
-            if not status[pad]:
+            is_same = reading is not None and reading.model == self._models.get(slot.index)
+            own = self._values(reading) if reading is not None and is_same else None
+            missing = 0 if own is not None and len(own) == taxels else MISSING_STATUS
+            status.append(missing or (STALE_STATUS if is_stale else 0))
+            if not missing:
                 values[pad] = own
         return Reading(values, None, tuple(status), time, behind)
 

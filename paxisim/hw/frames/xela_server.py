@@ -16,6 +16,7 @@ is lost or damaged in transit; anything that is not such a message is skipped.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -32,6 +33,9 @@ COUNTS_MIDDLE = 2**15
 """Middle of the 16-bit range of counts; public examples show about 32,000 at rest."""
 MAX_MESSAGE_BYTES = 2**18
 """Maximum number of bytes in a message; a message with a hundred sensors of 16 taxels has 25,000."""
+
+_SENSOR = re.compile(r"0|[1-9][0-9]{0,4}")
+_COUNT = re.compile(r"[0-9A-Fa-f]{1,4}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,27 +125,25 @@ def _parse(line: bytes) -> Routine | str | None:
     number = message.get("message")
     if isinstance(number, str):
         return number
-    if not isinstance(number, int) or message.get("type") != "routine":
+    if type(number) is not int or message.get("type") != "routine":
         return None
-    readings = {key: _sensor(value) for key, value in message.items() if key.isdecimal() and len(key) < 6}
+    readings = {key: _sensor(key, value) for key, value in message.items() if _SENSOR.fullmatch(key)}
     sensors = {int(key): reading for key, reading in readings.items() if reading is not None}
     # if none of the readings can be parsed, the message comes from something else
     return Routine(number, sensors) if sensors or not readings else None
 
 
-def _sensor(value: Any) -> SensorReading | None:
-    """Return one sensor's reading; None if the value is not a reading or its numbers are inconsistent."""
-    if not isinstance(value, dict):
+def _sensor(key: str, value: Any) -> SensorReading | None:
+    """Return one sensor's reading; None if the value is not a reading of it or its numbers are inconsistent."""
+    if not isinstance(value, dict) or str(value.get("sensor", key)) != key:
         return None
     taxels, data, model = value.get("taxels"), value.get("data"), value.get("model", "")
     if not isinstance(data, str) or not isinstance(model, str):
         return None
-    try:
-        counts = np.array([int(word, 16) for word in data.split(",")], dtype=np.float32)
-    except (ValueError, OverflowError):
+    words = data.split(",")
+    if len(words) % 3 or taxels != len(words) // 3 or not all(map(_COUNT.fullmatch, words)):
         return None
-    if len(counts) % 3 or taxels != len(counts) // 3 or not np.all((counts >= 0) & (counts < 2**24)):
-        return None
+    counts = np.array([int(word, 16) for word in words], dtype=np.float32)
     return SensorReading(model, counts.reshape(-1, 3), _forces(value.get("calibrated"), len(counts) // 3))
 
 
@@ -149,6 +151,6 @@ def _forces(values: Any, taxels: int) -> NDArray[np.float32] | None:
     """Return the ``(N, 3)`` calibrated values; None if they are missing, invalid or of the wrong number."""
     if not isinstance(values, list) or len(values) != 3 * taxels:
         return None
-    if not all(isinstance(value, (int, float)) and abs(value) < 1e6 for value in values):
+    if not all(type(value) in (int, float) and abs(value) < 1e6 for value in values):
         return None
     return np.array(values, dtype=np.float32).reshape(-1, 3)
