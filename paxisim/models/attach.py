@@ -181,6 +181,7 @@ def attach(
         mounts, report, grips = choose_mounts(
             spec, str(gripper) if is_file else "", fingers=fingers, close=close, under=under
         )
+        mounts = [_with_free_name(mount, spec, pads[0].name) for mount in mounts]
         # chosen mounts have y from the palm to the tip
         if not each and pads[0].layout.normals[:, 1].mean() < -MIN_LEAN:
             mounts = [replace(mount, quat=_turned(mount.quat)) for mount in mounts]
@@ -245,6 +246,12 @@ def _as_pad(sensor: Pad | TaxelLayout | str) -> Pad:
         raise InvalidValueError(f"expected a Pad, a TaxelLayout or the name of a sensor, got {type(sensor).__name__}")
     product = find_sensor(sensor)
     return Pad(product.layout, mass=product.mass)
+
+
+def _with_free_name(mount: Mount, spec: mujoco.MjSpec, pad: str) -> Mount:
+    """Return a chosen mount, under another name if the robot has a body of the pad's name already."""
+    taken = {body.name for body in spec.bodies}
+    return replace(mount, name=f"{mount.name}_tactile") if f"{mount.name}_{pad}" in taken else mount
 
 
 def _turned(quat: tuple[float, float, float, float]) -> tuple[float, float, float, float]:

@@ -33,6 +33,7 @@ WAYS_OUT = (
     "give the mounts by hand (--mount)"
 )
 
+_SERVO = 20.0  # rad/s, natural frequency of the servo of a joint that has no actuator
 _REASONS = 3  # at most so many are listed
 
 
@@ -118,14 +119,13 @@ def find_mounts(
     of_robot = len(spec.actuators)
     actuated = _drive_joints(spec, close)
     model = compile_whole(spec, "the robot")
-    links = Links(model)
     if not np.any(model.geom_contype | model.geom_conaffinity):
         raise InvalidValueError("the robot has no geom that can touch anything (contype, conaffinity)")
     if not model.nu:
-        raise InvalidValueError(
-            "the robot has no actuators, so nothing closes: name the joints that close it (--close), or give the "
-            "mounts by hand (--mount)"
-        )
+        raise InvalidValueError(f"the robot has no actuators, so nothing closes: {_joints_to_name(spec)}")
+    for servo in range(of_robot, model.nu):
+        _tune(model, servo)
+    links = Links(model)
     found = _Search(links, fingers, actuated, under).result()
     # the controls of a grip are those of the robot, without the servos that only this search has
     return found if model.nu == of_robot else replace(found, grips=())
@@ -220,11 +220,31 @@ def _drive_joints(spec: mujoco.MjSpec, close: Sequence[str]) -> tuple[str, ...]:
             names += targets
             continue
         servo = spec.add_actuator(name=f"close_{name}", target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
-        servo.set_to_position(kp=10.0, dampratio=1.0)
+        servo.set_to_position(kp=1.0)
         if joints[name].range[0] < joints[name].range[1]:
             servo.ctrlrange, servo.ctrllimited = joints[name].range, 1
         names.append(servo.name)
     return tuple(names)
+
+
+def _tune(model: mujoco.MjModel, servo: int) -> None:
+    """Give the servo of a joint a stiffness that suits the joint's inertia, critically damped."""
+    inertia = float(model.dof_M0[model.jnt_dofadr[model.actuator_trnid[servo, 0]]])
+    stiffness, damping = inertia * _SERVO**2, 2 * inertia * _SERVO
+    model.actuator_gainprm[servo, 0] = stiffness
+    model.actuator_biasprm[servo, 1:3] = -stiffness, -damping
+
+
+def _joints_to_name(spec: mujoco.MjSpec) -> str:
+    """Return what to do with a robot without actuators: the joints that would close it, if some do."""
+    kinds = (int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE))
+    joints = [joint.name for joint in spec.joints if joint.name and int(joint.type) in kinds]
+    try:
+        report = find_mounts(spec, close=joints).report
+    except InvalidValueError:
+        return "name the joints that close it (--close), or give the mounts by hand (--mount)"
+    closing = [joint for joint in joints if f"  close_{joint}: from " in report]
+    return f"name the joints that close it, such as --close {' '.join(closing)}, or give the mounts by hand (--mount)"
 
 
 class _Search:
@@ -306,10 +326,13 @@ class _Search:
             if palm in self.wanted or len(named) < 2:
                 return named if palm in self.wanted else []
             return sorted({*named, *fingers_on(links, palm, self.taken)})  # the rest of a linkage moves with them
-        dofs = links.dofs(set().union(*(links.below(b) for b in branches)))
-        other = np.setdiff1d(np.arange(self.model.nv), dofs)
-        drives = links.drives[self.close]
-        return branches if drives[:, dofs].any() and not drives[:, other].any() else []
+        for some in (fingers_on(links, palm, self.taken), branches):
+            dofs = links.dofs(set().union(*(links.below(b) for b in some)))
+            other = np.setdiff1d(np.arange(self.model.nv), dofs)
+            drives = links.drives[self.close]
+            if np.any(drives[:, dofs].any(axis=1) & ~drives[:, other].any(axis=1)):
+                return some
+        return []
 
     def _is_jaw(self, palm: int, branch: int) -> bool:
         if self.wanted:

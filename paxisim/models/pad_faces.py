@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from paxisim.models.faces import Face, find_face
 from paxisim.models.hands import Hand, unit
 
-_CURLS = np.radians(40)  # largest angle between a normal and the way its face moves, for a finger that bends
+_CURLS = np.radians(45)  # largest angle between a normal and the way its face moves, for a finger that bends
 _CLOSES = np.radians(50)  # and for one that closes as a whole, perhaps on an arc; also to the direction of its partners
 _OPPOSITE = 0.5  # the normals of faces that close on each other have a cosine below minus this
 _FACING = 0.6  # cosine between a bending finger's normal and the direction of what it bends towards

@@ -226,7 +226,7 @@ def test_a_palm_gets_a_pad_only_when_asked():
 def test_joints_without_actuators_close_by_name():
     bodies, _ = gripper()
     text = model((bodies, ""))
-    with pytest.raises(InvalidValueError, match=r"no actuators.*--close"):
+    with pytest.raises(InvalidValueError, match=r"no actuators.*--close left right,"):
         paxisim.find_mounts(text)
     found = paxisim.find_mounts(text, close=["left", "right"])
     check_pair(found)
