@@ -24,6 +24,7 @@ PUBLIC = [
     "GaussianBump",
     "Gel",
     "GelMemory",
+    "Grip",
     "History",
     "InvalidValueError",
     "MagneticPad",
@@ -53,6 +54,7 @@ PUBLIC = [
     "Sensor",
     "SensorQuality",
     "Slot",
+    "SqueezeResult",
     "TactileGripper",
     "TactileReadout",
     "TactileSensor",
@@ -96,6 +98,7 @@ PUBLIC = [
     "robosuite_gripper_path",
     "sensor",
     "set_surface",
+    "squeeze",
     "view",
     "warp",
 ]
