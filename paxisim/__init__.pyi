@@ -42,6 +42,7 @@ from .models.find_mounts import find_mounts as find_mounts
 from .models.finger_surface import finger_surface as finger_surface
 from .models.finger_surface import skin_distance as skin_distance
 from .models.gel import Gel as Gel
+from .models.grip import Grip as Grip
 from .models.grippers import known_grippers as known_grippers
 from .models.grippers import mounts_for as mounts_for
 from .models.grippers import robosuite_gripper_path as robosuite_gripper_path
@@ -53,6 +54,8 @@ from .models.pads import set_surface as set_surface
 from .models.readout import TactileReadout as TactileReadout
 from .models.sensor_modules import SensorModule as SensorModule
 from .models.sensor_modules import sensor_modules as sensor_modules
+from .models.squeeze import SqueezeResult as SqueezeResult
+from .models.squeeze import squeeze as squeeze
 from .models.surface import conform as conform
 from .models.surface import flat as flat
 from .models.surface import heights_from_map as heights_from_map

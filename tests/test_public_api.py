@@ -24,6 +24,7 @@ PUBLIC = [
     "GaussianBump",
     "Gel",
     "GelMemory",
+    "Grip",
     "History",
     "InvalidValueError",
     "MagneticPad",
@@ -54,6 +55,7 @@ PUBLIC = [
     "SensorModule",
     "SensorQuality",
     "Slot",
+    "SqueezeResult",
     "TactileGripper",
     "TactileReadout",
     "TactileSensor",
@@ -99,6 +101,7 @@ PUBLIC = [
     "sensor_modules",
     "set_surface",
     "skin_distance",
+    "squeeze",
     "view",
     "warp",
 ]

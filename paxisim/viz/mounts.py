@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from typing import TYPE_CHECKING, Any
 
 import mujoco
@@ -10,26 +11,41 @@ from numpy.typing import NDArray
 
 from paxisim.errors import MissingExtraError
 from paxisim.models.attach import TactileGripper
-from paxisim.models.faces import shape_of
+from paxisim.models.load import compile_whole
+from paxisim.models.mount import replaced_in_model
 from paxisim.models.pads import Pads, find_pads
+from paxisim.viz.raster import Picture, render, triangles_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_VIEWS = ((20, -60), (15, 30), (75, -90))  # elevation and azimuth (deg)
-_LIGHT = np.array([0.4, -0.5, 0.77])
-_GREY, _RED = np.array([0.72, 0.74, 0.78]), np.array([0.85, 0.2, 0.18])
-_ARROW, _NUMBER = 0.02, 0.026  # m, length of an arrow and distance of a pad's number from the pad
+_RED = np.array([0.85, 0.2, 0.18])
+_INK = np.array([0.1, 0.12, 0.2])
 _SQUARE = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
 _CIRCLE = np.stack([np.cos(np.linspace(0, 2 * np.pi, 16)), np.sin(np.linspace(0, 2 * np.pi, 16))], axis=1)
 
+_PIXELS = 360  # width and height of each picture
+_ACROSS = 4  # most close-ups in a row
+_TITLE = 26  # letters in a line of a title
+_HAND = 0.25  # m: pads nearer than this belong to one hand
+_AROUND = 0.04  # m: what a picture of a hand shows around its pads
+_SMALL = 1.5  # a robot this many times larger than its hands gets a picture of its own
+_OBLIQUE = np.radians(35)  # angle between the view of a close-up and the pad's normal
+_ASIDE = 0.35  # cosine between the view and the normal of a pad that is just seen well
+_WIDE = 1.5  # half the width of a close-up over the pad's longest side
+_COVER = 1e-3  # m: a taxel this far behind what is drawn is hidden
+
 
 def plot_mounts(gripper: TactileGripper, qpos: NDArray[np.floating] | None = None) -> Figure:
-    """Draw a gripper from three directions: its geoms in grey, its pads in red.
+    """Draw a gripper with its pads: first all of it, then each pad from close by.
 
-    Meshes are drawn as the convex hulls that MuJoCo uses for collisions. Each taxel that faces the viewer is drawn at
-    its position, on top of anything that hides it. A pad that faces away entirely is drawn as a dashed outline. An
-    arrow shows each pad's outward normal; the white taxel is row 0, column 0.
+    The first picture shows the gripper with its pads in red and their numbers, on top of anything that hides them; a
+    pad that faces away is a dashed outline. If the gripper is part of a larger robot, the whole robot is drawn small
+    beside it. The close-ups look obliquely at each pad from outside. There a taxel that something covers is hollow,
+    and what is more than a pad's length in front of the pad is cut away. An arrow shows each pad's outward normal; the
+    white taxel is row 0, column 0.
+
+    Bodies are drawn with their visual meshes, or if they have none, with their collision geoms.
 
     Args:
         gripper: The gripper with pads, from `attach`.
@@ -46,35 +62,40 @@ def plot_mounts(gripper: TactileGripper, qpos: NDArray[np.floating] | None = Non
         from matplotlib.figure import Figure
     except ImportError as error:
         raise MissingExtraError("matplotlib", "viz", "plot_mounts") from error
-    model = gripper.compile()
+    model = compile_whole(gripper.spec, "the gripper with pads")
     data = mujoco.MjData(model)
     data.qpos[:] = _open_pose(gripper) if qpos is None else qpos
     mujoco.mj_kinematics(model, data)
     pads = find_pads(model)
-    triangles = _triangles(model, data, pads)
-    figure = Figure(figsize=(12, 5), layout="constrained")
-    for index, (elevation, azimuth) in enumerate(_VIEWS):
-        ax: Any = figure.add_subplot(1, len(_VIEWS), index + 1)
-        ax.set_axis_off()
-        ax.set_aspect("equal")
-        view = _view(*np.radians([elevation, azimuth]))
-        _draw_gripper(ax, triangles, view)
-        for pad in range(len(pads)):
-            _draw_pad(ax, model, data, pads, pad, view)
-        ax.margins(0.04)
-        ax.autoscale_view()
-    numbered = ", ".join(f"{i + 1} {name}" for i, name in enumerate(pads.names))
-    figure.suptitle(
-        f"{pads.layout.rows}x{pads.layout.cols} taxels on {numbered}", fontsize=9, wrap=True, parse_math=False
+    scene = _Scene(
+        model,
+        data,
+        pads,
+        triangles_of(
+            model,
+            data,
+            without=pads.bodies,
+            replaced=[geom for mount in gripper.mounts for geom in replaced_in_model(model, mount)],
+        ),
     )
+    hands = scene.hands()
+    across = min(len(pads), _ACROSS if len(pads) > 6 else 3)
+    down = -(-len(pads) // across)
+    wide = [1.0] * scene.is_large(hands) + [2.0] * len(hands)
+    height = max(4.4, 2.4 * down)
+    figure = Figure(figsize=(height / 2 * sum(wide) + height / down * across, height), layout="constrained")
+    grid = figure.add_gridspec(down, len(wide) + across, width_ratios=[*wide, *[2 / down] * across])
+    axes = [figure.add_subplot(grid[:, column]) for column in range(len(wide))]
+    if scene.is_large(hands):
+        scene.draw_robot(axes[0])
+    for ax, hand in zip(axes[-len(hands) :], hands, strict=True):
+        scene.draw_hand(ax, hand)
+    for pad in range(len(pads)):
+        scene.draw_close(figure.add_subplot(grid[pad // across, len(wide) + pad % across]), pad)
+    for ax in figure.axes:
+        ax.set_axis_off()
+    figure.suptitle(f"{pads.layout.rows}x{pads.layout.cols} taxels, taxel (0, 0) white", fontsize=9)
     return figure
-
-
-def _view(elevation: float, azimuth: float) -> NDArray[np.floating]:
-    """Return ``(3, 3)`` rows right, up and towards the viewer, in the world frame, for these viewing angles (rad)."""
-    towards = np.array([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)])
-    right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
-    return np.stack([right, np.cross(towards, right), towards])
 
 
 def _open_pose(gripper: TactileGripper) -> NDArray[np.floating]:
@@ -87,60 +108,176 @@ def _open_pose(gripper: TactileGripper) -> NDArray[np.floating]:
     return qpos
 
 
-def _triangles(model: mujoco.MjModel, data: mujoco.MjData, pads: Pads) -> NDArray[np.floating]:
-    """Return the ``(n, 3, 3)`` triangle corners (m, world frame) of everything except the pads."""
-    triangles = [np.zeros((0, 3, 3))]
-    for geom in range(model.ngeom):
-        shape = None if int(model.geom_bodyid[geom]) in pads.bodies else shape_of(model, geom)
-        if shape is not None:
-            vertices, faces = shape
-            triangles.append((vertices @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom])[faces])
-    return np.concatenate(triangles)
+class _Scene:
+    """The gripper in one pose, with a method for each kind of picture."""
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, pads: Pads, triangles: NDArray[np.float64]) -> None:
+        self.model, self.data, self.pads, self.triangles = model, data, pads, triangles
+        self.axes = data.xmat[pads.bodies].reshape(-1, 3, 3)
+        self.middle = data.geom_xpos[pads.geoms].mean(axis=1)
+        self.length = max(max(layout.size) for layout in pads.layouts)
+        self.outward = -self.axes[:, :, 2]
+        self._centers = triangles.mean(axis=1)
+        self._radii = np.linalg.norm(triangles - self._centers[:, None], axis=2).max(axis=1)
+
+    def hands(self) -> list[list[int]]:
+        """Return the pads of each hand: those that lie near one another."""
+        hands: list[list[int]] = []
+        for pad, middle in enumerate(self.middle):
+            near = [h for h in hands if np.linalg.norm(self.middle[h] - middle, axis=1).min() < _HAND]
+            hands = [h for h in hands if h not in near] + [sorted([pad, *(p for h in near for p in h)])]
+        return sorted(hands)
+
+    def is_large(self, hands: list[list[int]]) -> bool:
+        """Tell whether the robot is so large that its hands look small."""
+        if not len(self.triangles):
+            return False
+        return float(np.ptp(self.triangles, axis=(0, 1)).max()) / 2 > _SMALL * max(map(self._reach, hands))
+
+    def _reach(self, hand: list[int]) -> float:
+        middle = self.middle[hand]
+        return float(np.linalg.norm(middle - middle.mean(axis=0), axis=1).max()) + _AROUND + self.length / 2
+
+    def draw_robot(self, ax: Any) -> None:
+        """Draw the whole robot and rings around its pads."""
+        view = _view(np.radians(20), np.radians(-60))
+        self._show(ax, render(self.triangles, view, *self._everything(view), _PIXELS))
+        ax.plot(*(self.middle @ view[:2].T).T, "o", color=_RED, fillstyle="none", markersize=7, zorder=3)
+
+    def draw_hand(self, ax: Any, hand: list[int]) -> None:
+        """Draw one hand from the side from which most of its pads can be seen, with their numbers."""
+        view = self._best_view(hand)
+        whole = self._everything(view)
+        middle = self.middle[hand] @ view[:2].T
+        center, half, triangles = *whole, self.triangles
+        if self.is_large([hand]):
+            center, half = middle.mean(axis=0), self._reach(hand)
+            triangles = self._near(self.middle[hand].mean(axis=0), 2 * half)
+        self._show(ax, render(triangles, view, center, 1.15 * half, _PIXELS))
+        for pad in hand:
+            self._draw_pad(ax, pad, view)
+            self._arrow(ax, pad, view, 0.12 * half)
+        self._number(ax, hand, middle, center, half)
+
+    def draw_close(self, ax: Any, pad: int) -> None:
+        """Draw one pad from close by and obliquely, from the side that hides least of it."""
+        half = _WIDE * max(self.pads.layouts[pad].size)
+        triangles = self._near(self.middle[pad], 2 * half)
+        points = self.data.geom_xpos[self.pads.geoms[pad]]
+        x, y, outward = self.axes[pad, :, 0], self.axes[pad, :, 1], self.outward[pad]
+        best = None
+        for sideways in (x, -x, y, -y):
+            towards = np.cos(_OBLIQUE) * outward + np.sin(_OBLIQUE) * sideways
+            up = y - (y @ towards) * towards
+            up /= np.linalg.norm(up)
+            view = np.stack([np.cross(up, towards), up, towards])
+            center, depth = view[:2] @ self.middle[pad], float(view[2] @ self.middle[pad])
+            picture = render(triangles, view, center, half, _PIXELS, depth + self.length)
+            covered = picture.covered(points, _COVER).mean()
+            if best is None or covered < best[0]:
+                best = covered, picture
+            if covered == 0:
+                break
+        assert best is not None
+        picture = best[1]
+        self._show(ax, picture)
+        self._draw_pad(ax, pad, picture.view, picture)
+        self._arrow(ax, pad, picture.view, 0.6 * half)
+        title = textwrap.fill(f"{pad + 1} {self.pads.names[pad]}", _TITLE)
+        ax.set_title(title, fontsize=8, color=_RED, parse_math=False)
+
+    def _best_view(self, hand: list[int]) -> NDArray[np.float64]:
+        """Return the view, from a little above, from which the pads of a hand are seen best."""
+        views = [_view(np.radians(20), np.radians(azimuth)) for azimuth in range(-60, 300, 15)]
+        views += [_view(np.radians(60), np.radians(azimuth)) for azimuth in range(-60, 300, 30)]
+        facing = np.array([self.outward[hand] @ view[2] for view in views])
+        # of two pads that face each other, one should be seen, but not the back of the other
+        seen = np.clip(facing, 0, _ASIDE) + np.clip(facing + _ASIDE, -1, 0) + 0.2 * facing
+        steep = np.array([view[2, 2] for view in views])
+        return views[int(np.argmax(np.round(seen.mean(axis=1) - 0.1 * steep, 3)))]
+
+    def _everything(self, view: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+        corners = np.concatenate([self.triangles.reshape(-1, 3), self.middle]) @ view[:2].T
+        low, high = corners.min(axis=0), corners.max(axis=0)
+        return (low + high) / 2, 0.53 * float((high - low).max()) + self.length / 2
+
+    def _near(self, point: NDArray[np.float64], reach: float) -> NDArray[np.float64]:
+        """Return the triangles within a distance of a point, to leave out the rest of the robot."""
+        return self.triangles[np.linalg.norm(self._centers - point, axis=1) - self._radii < reach]
+
+    def _show(self, ax: Any, picture: Picture) -> None:
+        (x, y), half = picture.center, picture.half
+        extent = (x - half, x + half, y - half, y + half)
+        ax.imshow(picture.rgba, origin="lower", extent=extent, zorder=1, interpolation="antialiased")
+        ax.set_autoscale_on(False)
+
+    def _draw_pad(self, ax: Any, pad: int, view: NDArray[np.float64], picture: Picture | None = None) -> None:
+        """Draw a pad's taxels; those covered in `picture` hollow, and only an outline if the whole pad faces away."""
+        from matplotlib.collections import PolyCollection
+        from scipy.spatial import ConvexHull
+
+        model, geoms = self.model, self.pads.geoms[pad]
+        size, axes = model.geom_size[geoms], self.data.geom_xmat[geoms].reshape(-1, 3, 3)
+        middles = self.data.geom_xpos[geoms][:, None]
+        if int(model.geom_type[geoms[0]]) == int(mujoco.mjtGeom.mjGEOM_SPHERE):
+            corners = middles + size[:, None, :1] * (_CIRCLE @ view[:2])
+        else:  # the outward face of a cube is at -z
+            face = np.concatenate([_SQUARE, np.full((len(_SQUARE), 1), -1.0)], axis=1) * size[:, None]
+            corners = middles + face @ axes.transpose(0, 2, 1)
+        facing = -axes[:, :, 2] @ view[2]
+        flat = corners @ view[:2].T
+        if facing.max() > 0:
+            seen = np.flatnonzero(facing > 0)
+            seen = seen[np.argsort((corners[seen] @ view[2]).mean(axis=1))]
+            colors = np.tile([*_RED, 1.0], (len(geoms), 1))
+            colors[0, :3] = 1.0
+            edges = np.ones((len(geoms), 4))
+            edges[0, :3] = _RED
+            if picture is not None:
+                covered = picture.covered(corners.mean(axis=1), _COVER)
+                colors[covered, 3] = 0
+                edges[covered, :3] = _RED
+            style = {"facecolors": colors[seen], "edgecolors": edges[seen], "linewidths": 0.4}
+            ax.add_collection(PolyCollection(list(flat[seen]), zorder=2, **style))
+        else:
+            points = flat.reshape(-1, 2)
+            hull = points[ConvexHull(points, qhull_options="QJ").vertices]
+            style = {"facecolors": (0, 0, 0, 0), "edgecolors": [_RED], "linestyles": "dashed", "linewidths": 1}
+            ax.add_collection(PolyCollection([hull], zorder=2, **style))
+
+    def _arrow(self, ax: Any, pad: int, view: NDArray[np.float64], length: float) -> None:
+        ends = np.array([self.middle[pad], self.middle[pad] + length * self.outward[pad]]) @ view[:2].T
+        style = {"arrowstyle": "-|>", "color": _INK, "linewidth": 1.3, "shrinkA": 0, "shrinkB": 0}
+        ax.annotate("", ends[1], ends[0], arrowprops=style, zorder=3)
+
+    def _number(
+        self,
+        ax: Any,
+        hand: list[int],
+        middle: NDArray[np.float64],
+        center: NDArray[np.float64],
+        half: float,
+    ) -> None:
+        """Write the pads' numbers at the left and right edges, apart from one another, with lines to the pads."""
+        order = np.argsort(middle[:, 0], kind="stable")
+        for side, which in ((-1, order[: (len(order) + 1) // 2]), (1, order[(len(order) + 1) // 2 :])):
+            which = which[np.argsort(middle[which, 1], kind="stable")]
+            heights = _apart(middle[which, 1], 0.16 * half)
+            for index, y in zip(which, heights, strict=True):
+                x = center[0] + side * 1.1 * half
+                ax.plot([x - side * 0.05 * half, middle[index, 0]], [y, middle[index, 1]], color=_RED, lw=0.6, zorder=3)
+                ax.text(x, y, str(hand[index] + 1), fontsize=10, color=_RED, ha="center", va="center", zorder=4)
 
 
-def _draw_gripper(ax: Any, triangles: NDArray[np.floating], view: NDArray[np.floating]) -> None:
-    from matplotlib.collections import PolyCollection
-
-    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-20)
-    # skip triangles that face away, and draw the others from far to near
-    seen = np.flatnonzero(normals @ view[2] > 0)
-    seen = seen[np.argsort((triangles[seen] @ view[2]).mean(axis=1))]
-    colors = _GREY * (0.65 + 0.35 * np.clip(normals[seen] @ _LIGHT, 0, 1))[:, None]
-    flat = triangles[seen] @ view[:2].T
-    ax.add_collection(PolyCollection(list(flat), facecolors=colors, edgecolors=colors, linewidths=0.3, zorder=1))
+def _apart(values: NDArray[np.float64], least: float) -> NDArray[np.float64]:
+    """Return sorted values moved until they are at least `least` apart, around the same mean."""
+    steps = np.arange(len(values)) * least
+    moved = np.maximum.accumulate(values - steps) + steps
+    return moved - (moved - values).mean() if len(values) else moved
 
 
-def _draw_pad(
-    ax: Any, model: mujoco.MjModel, data: mujoco.MjData, pads: Pads, pad: int, view: NDArray[np.floating]
-) -> None:
-    from matplotlib.collections import PolyCollection
-    from scipy.spatial import ConvexHull
-
-    geoms = pads.geoms[pad]
-    size, axes = model.geom_size[geoms], data.geom_xmat[geoms].reshape(-1, 3, 3)
-    # the outward face of a cube is at -z; a sphere is drawn as a disc
-    is_sphere = int(model.geom_type[geoms[0]]) == int(mujoco.mjtGeom.mjGEOM_SPHERE)
-    outline, half = (_CIRCLE, size[:, [0, 0, 0]]) if is_sphere else (_SQUARE, size)
-    face = np.concatenate([outline, np.full((len(outline), 1), 0.0 if is_sphere else -1.0)], axis=1) * half[:, None]
-    corners = face @ axes.transpose(0, 2, 1) + data.geom_xpos[geoms][:, None]
-    facing = -axes[:, :, 2] @ view[2]
-    colors = np.tile(_RED, (len(geoms), 1))
-    colors[0] = 1.0
-    flat = corners @ view[:2].T
-    if facing.max() > 0:
-        seen = np.flatnonzero(facing > 0)
-        seen = seen[np.argsort((corners[seen] @ view[2]).mean(axis=1))]
-        style = {"facecolors": colors[seen], "edgecolors": "white", "linewidths": 0.4}
-        taxels = PolyCollection(list(flat[seen]), zorder=2, **style)
-    else:
-        points = flat.reshape(-1, 2)
-        hull = points[ConvexHull(points, qhull_options="QJ").vertices]
-        style = {"facecolors": (0, 0, 0, 0), "edgecolors": [_RED], "linestyles": "dashed", "linewidths": 1}
-        taxels = PolyCollection([hull], zorder=2, **style)
-    ax.add_collection(taxels)
-    outward = -data.xmat[pads.bodies[pad]].reshape(3, 3)[:, 2]
-    middle = corners.mean(axis=(0, 1))
-    arrow, number = np.array([middle, middle + _ARROW * outward]) @ view[:2].T, view[:2] @ (middle + _NUMBER * outward)
-    ax.plot(*arrow.T, color=_RED, linewidth=1.5, zorder=3)
-    ax.text(*number, str(pad + 1), fontsize=9, color=_RED, ha="center", va="center", zorder=4)
+def _view(elevation: float, azimuth: float) -> NDArray[np.float64]:
+    """Return the view for these viewing angles (rad)."""
+    towards = np.array([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)])
+    right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
+    return np.stack([right, np.cross(towards, right), towards])
