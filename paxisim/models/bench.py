@@ -1,7 +1,8 @@
 """Bench: close one end effector of a robot on an object in simulation, everything else locked.
 
-Gravity is off, and the robot touches nothing but the object, which is rigid and floats on soft springs. A plate does
-not move at all. Units: metres, seconds, newtons.
+Gravity is off, and the robot touches nothing but the object, which is rigid. Springs hold it, soft ones along the
+closing direction, so that all pads share the load, and stiff ones across it, so that it does not slip out of jaws that
+are not parallel. A plate does not move at all. Units: metres, seconds, newtons.
 """
 
 from __future__ import annotations
@@ -22,7 +23,8 @@ from paxisim.models.readout import TactileReadout
 _NAME = "paxisim_squeezed_object"
 _LOCKED = 1e9  # kg or kg m^2: armature of a joint that must not move
 _MASS, _INERTIA = 0.2, 1e-4  # kg, kg m^2 of the object
-_SOFT, _TURN, _LEVER = 10e-3, 0.2, 5e-3  # m, rad, m: the full force moves and, on this lever, turns the object so far
+_SOFT, _STIFF = 10e-3, 0.5e-3  # m: the full force moves the object so far along and across the closing direction
+_TURN, _LEVER = 0.02, 5e-3  # rad, m: on this lever the full force turns it so far
 _PUSH = 1e3  # N or N m, enough to overcome friction in the joints
 _STEP = 1e-3  # s, largest time step; light fingers chatter at the usual 2 ms
 _LOOK = 4e-3  # s between two looks
@@ -30,7 +32,7 @@ _SLOW, _RAMP = 20.0, 2.0  # s: to change the controls from open to closed withou
 _RISE = 0.8  # s: to raise the force to its limit, at least
 _LONGEST, _REST = 4.0, 0.08  # s: to wait at most after the controls have changed; of two equal mean forces at rest
 _CONSTANT = 0.02  # largest change of a constant force, as a share of it; hard contacts chatter
-_LOST = 0.5  # share of its largest force that an object which slipped still carries, at most
+_LOST = 0.1  # share of its largest force that an object which slipped still carries, at most
 _SLIPPED = "it slipped out of the grip; these are the largest forces"
 _STATE = int(mujoco.mjtState.mjSTATE_FULLPHYSICS) | int(mujoco.mjtState.mjSTATE_CTRL)
 _QUIET = 1e-3  # speed of a robot at rest, as a share of its largest
@@ -190,10 +192,11 @@ class Bench:
         mujoco.mju_mat2Quat(model.body_quat[self._object], np.ascontiguousarray(placed.axes).reshape(-1))
         dof, joint = int(model.body_dofadr[self._object]), int(model.body_jntadr[self._object])
         floats = placed.shape != "plate"
-        stiffness = force * len(placed.pads) / _SOFT
-        turning = _LEVER * force * len(placed.pads) / _TURN
+        total = force * len(placed.pads)
+        stiffness = np.where(placed.yields, total / _SOFT, total / _STIFF)
+        turning = _LEVER * total / _TURN
         _set_armature(model, dof + np.arange(6), 0.0 if floats else _LOCKED)
-        model.jnt_stiffness[joint : joint + 4] = [*[stiffness] * 3, turning] if floats else 0
+        model.jnt_stiffness[joint : joint + 4] = [*stiffness, turning] if floats else 0
         model.dof_damping[dof : dof + 3] = 2 * np.sqrt(stiffness * _MASS)
         model.dof_damping[dof + 3 : dof + 6] = 2 * np.sqrt(turning * _INERTIA)
         for frame in range(placed.frame, -1, -1):

@@ -125,7 +125,7 @@ def find_mounts(
         raise InvalidValueError(f"the robot has no actuators, so nothing closes: {_joints_to_name(spec)}")
     for servo in range(of_robot, model.nu):
         _tune(model, servo)
-    links = Links(model)
+    links = Links(model, fingers)
     found = _Search(links, fingers, actuated, under).result()
     # the controls of a grip are those of the robot, without the servos that only this search has
     return found if model.nu == of_robot else replace(found, grips=())
@@ -172,8 +172,9 @@ def grips_of(spec: mujoco.MjSpec, mounts: Sequence[Mount]) -> tuple[Grip, ...]:
         mounts: Mounts of its pads.
     """
     model = compile_whole(spec, "the robot")
-    links = Links(model)
-    search = _Search(links, [mount.body for mount in mounts])
+    bodies = [mount.body for mount in mounts]
+    links = Links(model, bodies)
+    search = _Search(links, bodies)
     on = [int(links.of_body[model.body(mount.body).id]) for mount in mounts]
     grips = []
     for hand in search.hands():

@@ -6,7 +6,7 @@ one per robot, and link 0 is the world. Objects that stand beside the robot, in 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import cached_property
 
 import mujoco
@@ -31,11 +31,12 @@ class Links:
         drives: ``(nu, nv)`` True where an actuator acts on a degree of freedom.
     """
 
-    def __init__(self, model: mujoco.MjModel) -> None:
+    def __init__(self, model: mujoco.MjModel, named: Iterable[str] = ()) -> None:
         """Sort the bodies into links.
 
         Args:
             model: The compiled robot, possibly with objects beside it.
+            named: Names of bodies that belong to the robot, even if no actuator moves anything in their trees.
         """
         self.model = model
         self.data = _at_rest(model)
@@ -44,6 +45,7 @@ class Links:
         self.drives = _drives(model, self.data)
         moved = model.dof_bodyid[self.drives.any(axis=0)]
         robots = set((root[moved] if len(moved) else root).tolist())
+        robots |= {int(root[body]) for body in range(model.nbody) if model.body(body).name in set(named)}
         self.geoms: dict[int, tuple[int, ...]] = {}
         collides = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
         for link in np.unique(self.of_body[model.geom_bodyid[collides]]):

@@ -51,6 +51,13 @@ class Placed:
     frame: int
 
     @property
+    def yields(self) -> NDArray[np.bool_]:
+        """``(3,)`` True for the axes along which the pads press: one, or both across a cylinder between several pads."""
+        if self.shape == "cylinder":
+            return np.array([len(self.pads) > 2, True, False])
+        return np.array([False, False, True])
+
+    @property
     def title(self) -> str:
         """Shape and full size in mm, such as ``"box 16 x 12.8 x 9.6"``; the thickness comes first."""
         length = [2e3 * half for half in self.size]

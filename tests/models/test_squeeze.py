@@ -99,6 +99,7 @@ def test_a_pad_between_corners_that_stick_out_does_not_pass_and_the_corners_are_
     assert max(map(len, text.splitlines())) <= 100
 
 
+@pytest.mark.filterwarnings("ignore:pads behind other geoms")
 def test_a_geom_that_the_mount_forgot_to_replace_does_not_pass():
     result = squeezed(two_fingers(), (mount("left", 1, replaces=()), mount("right", -1)), openings=(0.5,))
     assert all("left/0" in one.others for one in result.squeezes)
@@ -257,6 +258,7 @@ def test_the_joints_of_an_arm_hold_still():
     assert all(one.read == pytest.approx([5, 5], rel=0.3) for one in result.squeezes)
 
 
+@pytest.mark.filterwarnings("ignore:pads behind other geoms")
 def test_pads_that_nothing_closes_are_reported():
     mounts = (*PAIR, paxisim.Mount("palm", (0, 0, -0.04), (0, 1, 0, 0)))
     gripper = paxisim.attach(two_fingers(), LAYOUT, mounts)
@@ -292,6 +294,7 @@ def test_public_grippers_with_right_mounts_pass(file):
 
 
 @pytest.mark.skipif(not HANDS.is_dir(), reason="the public hands are not here")
+@pytest.mark.filterwarnings("ignore:pads behind other geoms")
 @pytest.mark.parametrize(("replaces", "passes"), [((3, 4, 5, 6, 7), True), ((3, 4), False)])
 def test_the_panda_passes_only_if_all_boxes_of_its_fingertips_are_replaced(replaces, passes):
     mounts = [
