@@ -33,6 +33,7 @@ def attach(
     under: str = "",
     mount: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
     conform: bool = False,
+    check: bool = False,
     xacro: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,
     link: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
     picture: Path | None = None,
@@ -67,6 +68,8 @@ def attach(
         under: Body that carries the hand, such as the last link of an arm.
         mount: Where to put a pad, once per pad, in the format that this command prints:
             'BODY pos-mm=X,Y,Z quat=W,X,Y,Z replaces=GEOM,GEOM name=NAME'.
+        check: Squeeze objects between the pads, print which share of the load these carry, and end with status 1 if
+            a pad carries less than 95 %.
         conform: Lay each pad onto its finger if that is curved under it.
         xacro: Your copy of the maker's model of the hand with its sensors, .xacro or .urdf, such as XELA's xela_models.
         link: With --xacro, a link of that model and the body of the gripper that it is, if attach asks for it, as
@@ -106,6 +109,9 @@ def attach(
         conform=conform,
     )
     model = tactile.to_xml(output.absolute().parent)
+    if check:
+        progress("squeezing objects between the pads")
+    checked = paxisim.squeeze(tactile) if check else None
     progress("drawing")
     try:
         drawn, missing = png(paxisim.plot_mounts(tactile)), None
@@ -125,11 +131,15 @@ def attach(
         print()
     count, layout = len(tactile.pad_names), tactile.layout
     print(f"{output}: {count} pad{'s' * (count > 1)} of {layout.rows}x{layout.cols} taxels")
-    if missing is not None:
+    if missing is None:
+        write_output(picture, drawn, force)
+        print(f"{picture}: the gripper with its pads, taxel (0, 0) of each pad white")
+    else:
         print(f"no picture: {missing}")
-        return
-    write_output(picture, drawn, force)
-    print(f"{picture}: the gripper with its pads, taxel (0, 0) of each pad white")
+    if checked is not None:
+        print(f"\n{checked}")
+        if not checked.passed:
+            raise SystemExit(1)
 
 
 def _modules(

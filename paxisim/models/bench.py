@@ -21,7 +21,8 @@ from paxisim.models.objects import Placed
 from paxisim.models.readout import TactileReadout
 
 _NAME = "paxisim_squeezed_object"
-_LOCKED = 1e9  # kg or kg m^2: armature of a joint that must not move
+_LOCKED = 1e5  # kg or kg m^2: armature of a joint that must not move; much more spoils the contact solver's accuracy
+_STUCK = 1e6  # N s/m or N m s: its damping
 _MASS, _INERTIA = 0.2, 1e-4  # kg, kg m^2 of the object
 _SOFT, _STIFF = 10e-3, 0.5e-3  # m: the full force moves the object so far along and across the closing direction
 _TURN, _LEVER = 0.02, 5e-3  # rad, m: on this lever the full force turns it so far
@@ -110,6 +111,7 @@ class Bench:
         model, data = self.model, self._data
         free = self._moving[model.dof_bodyid] | (model.dof_bodyid == self._object)
         _set_armature(model, np.flatnonzero(~free), _LOCKED)
+        model.dof_damping[~free] = _STUCK
         mujoco.mj_forward(model, data)
         for actuator in set(range(model.nu)) - set(self.grip.actuators):
             if not np.any(_moment(model, data, actuator)[free]):
@@ -197,8 +199,8 @@ class Bench:
         turning = _LEVER * total / _TURN
         _set_armature(model, dof + np.arange(6), 0.0 if floats else _LOCKED)
         model.jnt_stiffness[joint : joint + 4] = [*stiffness, turning] if floats else 0
-        model.dof_damping[dof : dof + 3] = 2 * np.sqrt(stiffness * _MASS)
-        model.dof_damping[dof + 3 : dof + 6] = 2 * np.sqrt(turning * _INERTIA)
+        model.dof_damping[dof : dof + 3] = 2 * np.sqrt(stiffness * _MASS) if floats else _STUCK
+        model.dof_damping[dof + 3 : dof + 6] = 2 * np.sqrt(turning * _INERTIA) if floats else _STUCK
         for frame in range(placed.frame, -1, -1):
             self._set(closing, frame)
             mujoco.mj_fwdPosition(model, self._data)

@@ -52,7 +52,7 @@ class Placed:
 
     @property
     def yields(self) -> NDArray[np.bool_]:
-        """``(3,)`` True for the axes along which the pads press: one, or both across a cylinder between several pads."""
+        """``(3,)`` True for the axes along which the pads press: one, or two of a cylinder between three or more."""
         if self.shape == "cylinder":
             return np.array([len(self.pads) > 2, True, False])
         return np.array([False, False, True])
