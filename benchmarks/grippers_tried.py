@@ -24,7 +24,7 @@ from typing import Any
 import tyro
 from lxml import etree
 
-from paxisim import Pad, TaxelLayout, attach, plot_mounts
+from paxisim import Pad, TaxelLayout, attach, plot_mounts, squeeze
 from paxisim.cli.mounts import parse_mount
 from paxisim.errors import PaxisimError
 from paxisim.models.attach import TactileGripper
@@ -78,13 +78,7 @@ def share(tactile: TactileGripper) -> float | None:
 
     None if no object could be squeezed.
     """
-    try:
-        from paxisim.models.squeeze import squeeze  # pyright: ignore[reportMissingImports]
-    except ImportError:
-        return None
-    if not tactile.grips:
-        return None
-    return min(squeeze(tactile, tactile.grips).shares.values(), default=None)
+    return min(squeeze(tactile).shares.values(), default=None) if tactile.grips else None
 
 
 def try_gripper(path: Path, pictures: Path) -> Row:

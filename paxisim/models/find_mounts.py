@@ -205,27 +205,27 @@ def _fits(spec: mujoco.MjSpec, mounts: tuple[Mount, ...]) -> bool:
     return {m.body for m in mounts} <= {body.name for body in spec.bodies}
 
 
-def _drive_joints(spec: mujoco.MjSpec, close: Sequence[str]) -> tuple[str, ...]:
-    """Give each named joint that has no actuator of that name a servo, and return the names of the actuators."""
-    actuators = {actuator.name for actuator in spec.actuators if actuator.name}
+def _drive_joints(spec: mujoco.MjSpec, close: Sequence[str]) -> list[int]:
+    """Return the ids of the named actuators and of those of the named joints; a joint without one gets a servo."""
+    actuators = list(spec.actuators)
+    names = [actuator.name for actuator in actuators if actuator.name]
     joints = {joint.name: joint for joint in spec.joints if joint.name}
-    names = []
+    ids: list[int] = []
     for name in close:
-        if name in actuators:
-            names.append(name)
-            continue
-        if name not in joints:
-            raise UnknownNameError("actuator or joint", name, [*actuators, *joints])
-        targets = [a.name for a in spec.actuators if a.target == name and a.name]
-        if targets:
-            names += targets
-            continue
-        servo = spec.add_actuator(name=f"close_{name}", target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
-        servo.set_to_position(kp=1.0)
-        if joints[name].range[0] < joints[name].range[1]:
-            servo.ctrlrange, servo.ctrllimited = joints[name].range, 1
-        names.append(servo.name)
-    return tuple(names)
+        found = [i for i, a in enumerate(actuators) if a.name == name]
+        found = found or [i for i, a in enumerate(actuators) if a.target == name]
+        if not found and name not in joints:
+            raise UnknownNameError("actuator or joint", name, [*names, *joints])
+        if not found:
+            servo = spec.add_actuator(name=f"close_{name}", target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+            servo.set_to_position(kp=1.0)
+            servo.forcelimited = 0  # not what the file's defaults say
+            if joints[name].range[0] < joints[name].range[1]:
+                servo.ctrlrange, servo.ctrllimited = joints[name].range, 1
+            found = [len(actuators)]
+            actuators.append(servo)
+        ids += found
+    return ids
 
 
 def _tune(model: mujoco.MjModel, servo: int) -> None:
@@ -254,7 +254,7 @@ class _Search:
     def __init__(self, links: Links, fingers: Sequence[str] = (), close: Sequence[str] = (), under: str = "") -> None:
         self.links, self.model = links, links.model
         self.wanted = {self._link(name) for name in fingers}
-        self.close = [self.model.actuator(name).id for name in close]
+        self.close = list(close)
         self.under = self._link(under) if under else 0
         self.taken: set[int] = set()
         self.rejected: list[str] = []

@@ -88,7 +88,7 @@ class SqueezeResult:
         """Smallest share of the load that each tested pad and those beside it carried; 0 if it touched nothing."""
         found: dict[str, float] = {}
         for one in self.squeezes:
-            touched = one.read > 0
+            touched = one.read != 0  # negative if an object pulls at the sides of the taxels
             for pad, touches in zip(one.pads, touched, strict=True):
                 found[pad] = min(found.get(pad, 1.0), one.share if touches else 0.0)
         return found
