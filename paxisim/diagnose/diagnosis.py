@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import warnings
 from collections.abc import Mapping
@@ -302,13 +303,29 @@ class Diagnosis:
         With a scene, it also writes ``fitted_scene.toml`` and ``.xml``, the scene with the fitted values. Each file is
         written atomically; `Chain.load` reads ``model.json``. If matplotlib or jinja2 is missing, a warning replaces
         the report. For unrelated streams there is no model. Files of an earlier diagnosis in the folder that are not
-        overwritten are removed.
+        overwritten are removed. After an error, no new file is left.
 
         Raises:
             OSError: The folder or a file in it cannot be written.
         """
         folder = Path(folder)
+        is_new = not folder.exists()
         folder.mkdir(parents=True, exist_ok=True)
+        scene_files = (SCENE_FILE, Path(SCENE_FILE).with_suffix(".xml").name)
+        new = [
+            folder / n for n in ("diagnosis.json", MODEL_FILE, REPORT_FILE, *scene_files) if not (folder / n).exists()
+        ]
+        try:
+            self._save(folder, scene_files)
+        except BaseException:
+            for path in new:
+                path.unlink(missing_ok=True)
+            if is_new:
+                with contextlib.suppress(OSError):
+                    folder.rmdir()
+            raise
+
+    def _save(self, folder: Path, scene_files: tuple[str, ...]) -> None:
         files = self.files()
         for name, text in files.items():
             _write(folder / name, text)
@@ -317,13 +334,13 @@ class Diagnosis:
         if self.scene is not None:
             self.scene.save(folder / SCENE_FILE)
         else:
-            for name in (SCENE_FILE, Path(SCENE_FILE).with_suffix(".xml")):
+            for name in scene_files:
                 (folder / name).unlink(missing_ok=True)
         try:
             page = self.report()
         except MissingExtraError as error:
             (folder / REPORT_FILE).unlink(missing_ok=True)
-            warnings.warn(f"{REPORT_FILE} was not written: {error}", stacklevel=2)
+            warnings.warn(f"{REPORT_FILE} was not written: {error}", stacklevel=3)
         else:
             _write(folder / REPORT_FILE, page)
 
