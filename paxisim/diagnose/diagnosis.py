@@ -17,7 +17,7 @@ from paxisim.diagnose.inside.responses import in_si
 from paxisim.diagnose.report.streams import Streams
 from paxisim.diagnose.report.text import text_of
 from paxisim.errors import InvalidValueError, MissingExtraError, PaxisimError
-from paxisim.files import parse_file, whole_file
+from paxisim.files import all_or_none, parse_file, whole_file
 from paxisim.logs.document import built, finite
 from paxisim.scene.scene import Scene
 
@@ -271,10 +271,10 @@ class Diagnosis:
                 verdict=document["verdict"],
                 causes=built(tuple[FoundCause, ...], document["causes"]),
                 heldout=built(HeldOut, document["heldout"]),
-                confidence=document["confidence"],
-                not_testable=document["not_testable"],
+                confidence=built(dict[str, float], document["confidence"]),
+                not_testable=built(dict[str, str], document["not_testable"]),
                 symptoms=built(Symptoms, document["symptoms"]),
-                advice=tuple(document["advice"]),
+                advice=built(tuple[str, ...], document["advice"]),
                 model=Chain.from_json(json.dumps(document["model"])),
                 intervals=_as_arrays(document["intervals"]),
                 scene_values=built(dict[str, float], document.get("scene_values", {})),
@@ -282,7 +282,7 @@ class Diagnosis:
             )
         except PaxisimError:
             raise
-        except (KeyError, TypeError, AttributeError, ValueError) as error:
+        except (KeyError, TypeError, AttributeError, ValueError, OverflowError) as error:
             raise InvalidValueError(f"the diagnosis has a missing or invalid field: {error}") from error
 
     def report(self) -> str:
@@ -312,14 +312,10 @@ class Diagnosis:
         is_new = not folder.exists()
         folder.mkdir(parents=True, exist_ok=True)
         scene_files = (SCENE_FILE, Path(SCENE_FILE).with_suffix(".xml").name)
-        new = [
-            folder / n for n in ("diagnosis.json", MODEL_FILE, REPORT_FILE, *scene_files) if not (folder / n).exists()
-        ]
         try:
-            self._save(folder, scene_files)
+            with all_or_none([folder / name for name in ("diagnosis.json", MODEL_FILE, REPORT_FILE, *scene_files)]):
+                self._save(folder, scene_files)
         except BaseException:
-            for path in new:
-                path.unlink(missing_ok=True)
             if is_new:
                 with contextlib.suppress(OSError):
                     folder.rmdir()
