@@ -19,7 +19,7 @@ RETRIES = 10
 _SECONDS = 10.0
 """Time for a cluster to accept a connection. Ray itself tries for two minutes and then ends the process."""
 
-_START = "start one with: ray start --head"
+_START = "start one on this machine with: ray start --head --node-ip-address 127.0.0.1"
 
 _Job = TypeVar("_Job")
 _Result = TypeVar("_Result")

@@ -1,7 +1,11 @@
 """Calibration files: the load from all channels together, applied when a sensor is opened."""
 
+import errno
 import json
+import os
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -48,6 +52,24 @@ def test_a_channel_that_is_never_known_is_set_aside(calibration: paxisim.Calibra
     assert not model.used[0, 2, 0, 0]
     assert model.used.sum() == calibration.model.used.sum() - 1
     np.testing.assert_allclose(model.error, calibration.model.error, rtol=0.3)
+
+
+def test_a_full_disk_leaves_no_part_of_a_calibration(tmp_path, capsys, monkeypatch) -> None:
+    pytest.importorskip("matplotlib")
+    rig()[0].save(tmp_path / "a.npz")
+    words = ["calibrate", str(tmp_path / "a.npz"), "--loads", *NAMES, "-o", str(tmp_path / "b.json")]
+
+    def full(self: Path, data: bytes) -> int:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "write_bytes", full)
+        assert main(words) == 2
+    assert re.search(
+        r"paxisim: error: .*b\.png.*[Nn]o space|paxisim: error: [Nn]o space.*b\.png", capsys.readouterr().err
+    )
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.npz"]
+    assert main(words) == 0, "the repeat is not refused"
 
 
 def test_a_quadratic_fit_helps_where_channels_bend_and_is_refused_for_many() -> None:

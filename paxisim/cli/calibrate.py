@@ -10,6 +10,7 @@ import tyro
 
 from paxisim.cli.output import check_output, png, progress, write_output
 from paxisim.errors import InvalidValueError
+from paxisim.files import all_or_none
 
 
 def calibrate(
@@ -72,20 +73,21 @@ def calibrate(
         missing = None
     except MissingExtraError as error:
         drawn, missing = [], error
-    if is_model:
-        calibration.save(output)
-        said = "the calibration, for the option --calibration of record and live"
-    else:
-        calibrated = calibration.readout.apply(raw)
-        calibrated.save(output)
-        said = f"{len(calibrated)} samples in {len(list(calibrated.episodes()))} episodes, in newtons"
+    with all_or_none([output, *pictures]):
+        if is_model:
+            calibration.save(output)
+            said = "the calibration, for the option --calibration of record and live"
+        else:
+            calibrated = calibration.readout.apply(raw)
+            calibrated.save(output)
+            said = f"{len(calibrated)} samples in {len(list(calibrated.episodes()))} episodes, in newtons"
+        for picture, data in zip(pictures if missing is None else [], drawn, strict=True):
+            write_output(picture, data, force)
     print(calibration)
     print(f"\n{output}: {said}")
     if missing is not None:
         print(f"no picture: {missing}")
         return
-    for picture, data in zip(pictures, drawn, strict=True):
-        write_output(picture, data, force)
     print(f"{pictures[0]}: the episodes, and how well the loads explain each channel")
     print(f"{pictures[1]}: errors of the load")
 

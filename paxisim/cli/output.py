@@ -45,7 +45,8 @@ class PrintableOutput(io.TextIOBase):
 
     def flush(self) -> None:
         """Flush the terminal."""
-        self.terminal.flush()
+        if not self.terminal.closed:  # this object may be finalised later than the terminal is closed
+            self.terminal.flush()
 
     def isatty(self) -> bool:
         """Return whether the stream is a terminal."""

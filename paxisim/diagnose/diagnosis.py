@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import warnings
 from collections.abc import Mapping
@@ -16,7 +17,7 @@ from paxisim.diagnose.inside.responses import in_si
 from paxisim.diagnose.report.streams import Streams
 from paxisim.diagnose.report.text import text_of
 from paxisim.errors import InvalidValueError, MissingExtraError, PaxisimError
-from paxisim.files import parse_file, whole_file
+from paxisim.files import all_or_none, parse_file, whole_file
 from paxisim.logs.document import built, finite
 from paxisim.scene.scene import Scene
 
@@ -270,10 +271,10 @@ class Diagnosis:
                 verdict=document["verdict"],
                 causes=built(tuple[FoundCause, ...], document["causes"]),
                 heldout=built(HeldOut, document["heldout"]),
-                confidence=document["confidence"],
-                not_testable=document["not_testable"],
+                confidence=built(dict[str, float], document["confidence"]),
+                not_testable=built(dict[str, str], document["not_testable"]),
                 symptoms=built(Symptoms, document["symptoms"]),
-                advice=tuple(document["advice"]),
+                advice=built(tuple[str, ...], document["advice"]),
                 model=Chain.from_json(json.dumps(document["model"])),
                 intervals=_as_arrays(document["intervals"]),
                 scene_values=built(dict[str, float], document.get("scene_values", {})),
@@ -281,7 +282,7 @@ class Diagnosis:
             )
         except PaxisimError:
             raise
-        except (KeyError, TypeError, AttributeError, ValueError) as error:
+        except (KeyError, TypeError, AttributeError, ValueError, OverflowError) as error:
             raise InvalidValueError(f"the diagnosis has a missing or invalid field: {error}") from error
 
     def report(self) -> str:
@@ -302,13 +303,25 @@ class Diagnosis:
         With a scene, it also writes ``fitted_scene.toml`` and ``.xml``, the scene with the fitted values. Each file is
         written atomically; `Chain.load` reads ``model.json``. If matplotlib or jinja2 is missing, a warning replaces
         the report. For unrelated streams there is no model. Files of an earlier diagnosis in the folder that are not
-        overwritten are removed.
+        overwritten are removed. After an error, no new file is left.
 
         Raises:
             OSError: The folder or a file in it cannot be written.
         """
         folder = Path(folder)
+        is_new = not folder.exists()
         folder.mkdir(parents=True, exist_ok=True)
+        scene_files = (SCENE_FILE, Path(SCENE_FILE).with_suffix(".xml").name)
+        try:
+            with all_or_none([folder / name for name in ("diagnosis.json", MODEL_FILE, REPORT_FILE, *scene_files)]):
+                self._save(folder, scene_files)
+        except BaseException:
+            if is_new:
+                with contextlib.suppress(OSError):
+                    folder.rmdir()
+            raise
+
+    def _save(self, folder: Path, scene_files: tuple[str, ...]) -> None:
         files = self.files()
         for name, text in files.items():
             _write(folder / name, text)
@@ -317,13 +330,13 @@ class Diagnosis:
         if self.scene is not None:
             self.scene.save(folder / SCENE_FILE)
         else:
-            for name in (SCENE_FILE, Path(SCENE_FILE).with_suffix(".xml")):
+            for name in scene_files:
                 (folder / name).unlink(missing_ok=True)
         try:
             page = self.report()
         except MissingExtraError as error:
             (folder / REPORT_FILE).unlink(missing_ok=True)
-            warnings.warn(f"{REPORT_FILE} was not written: {error}", stacklevel=2)
+            warnings.warn(f"{REPORT_FILE} was not written: {error}", stacklevel=3)
         else:
             _write(folder / REPORT_FILE, page)
 

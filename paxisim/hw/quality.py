@@ -106,8 +106,8 @@ class SensorQuality:
         for i, pad in enumerate(self.pads):
             for j, axis in enumerate("xyz"):
                 lines.append(
-                    f"{pad[:11] if j == 0 else '':<12}{axis:<6}{self.total[:, i, j].mean():>+10.2f} {self.unit}"
-                    f"{typical[i, j]:>11.3f} {self.unit}{self.total_noise[i, j]:>11.3f} {self.unit}"
+                    f"{pad[:11] if j == 0 else '':<12}{axis:<5} {self.total[:, i, j].mean():>+9.2f} {self.unit}"
+                    f" {typical[i, j]:>10.3f} {self.unit} {self.total_noise[i, j]:>10.3f} {self.unit}"
                     f"  {self.drift[i, j]:>+8.{_digits(self.drift[i, j])}f}"
                     f" ± {self.drift_error[i, j]:.{_digits(self.drift_error[i, j])}f} {self.unit}/min"
                 )
@@ -126,12 +126,14 @@ class SensorQuality:
                     f"{pad[:11]}: its total changed by {change:.1f} {self.unit}: was it touched? If so, the "
                     "table shows that"
                 )
-        if self.zero.any():
+        if self.zero.any() and self.unit == "N":
             lines += [
                 "A 0 is no fault in a pad at rest: firmware sets small forces to 0. Only a press",
                 "shows whether a taxel is dead.",
             ]
-        if self.constant.any():
+        if self.unit != "N" and (self.zero.any() or self.constant.any()):
+            lines.append("Raw readings are never at rest: one that does not change at all is of a dead taxel.")
+        elif self.constant.any():
             lines.append("A taxel that always reads the same value carries a steady load, or is stuck.")
         return lines
 

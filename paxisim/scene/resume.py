@@ -7,7 +7,6 @@ import hashlib
 import json
 import multiprocessing
 import os
-import shutil
 import signal
 import threading
 from collections.abc import Callable, Iterator
@@ -51,7 +50,19 @@ def simulate_resumable(
     if jobs < 1:
         raise InvalidValueError(f"jobs must be 1 or more, got {jobs}")
     replay = scene.prepare(recording, mean=mean)
-    kept = _open_folder(folder, _fingerprint(replay, scene, recording, mean))
+    with _opened_folder(folder, _fingerprint(replay, scene, recording, mean)) as kept:
+        return _resumed(replay, scene, recording, kept, mean, jobs, progress)
+
+
+def _resumed(
+    replay: Replay,
+    scene: Scene,
+    recording: Recording,
+    kept: Path,
+    mean: bool,
+    jobs: int,
+    progress: Callable[[int, int, int], None] | None,
+) -> Recording:
     done = {number: episode for number in replay.episodes if (episode := _read(kept, number)) is not None}
     before = len(done)
     missing = [number for number in replay.episodes if number not in done]
@@ -132,23 +143,50 @@ def _fingerprint(replay: Replay, scene: Scene, recording: Recording, mean: bool)
     return digest.hexdigest()
 
 
-def _open_folder(folder: Path, fingerprint: str) -> Path:
-    """Create the folder, or keep its contents if they belong to the same replay; other kept episodes are deleted.
+@contextlib.contextmanager
+def _opened_folder(folder: Path, fingerprint: str) -> Iterator[Path]:
+    """Yield the folder, created or with what belongs to the same replay; other kept episodes are deleted.
 
     Raises:
-        InvalidValueError: The path exists but is not a folder of kept episodes.
+        InvalidValueError: The path exists but is not a folder of kept episodes, or another program works in it.
     """
     mark = folder / "replay"
-    if folder.exists():
-        if not mark.is_file():
-            raise InvalidValueError(f"{folder} is not a folder of kept episodes: move it away")
+    if folder.exists() and not mark.is_file():
+        raise InvalidValueError(f"{folder} is not a folder of kept episodes: move it away")
+    folder.mkdir(exist_ok=True)
+    with _locked(folder):
+        said = ""
         with contextlib.suppress(OSError, UnicodeDecodeError):
-            if mark.read_text(encoding="utf-8") == fingerprint:
-                return folder
-        shutil.rmtree(folder)
-    folder.mkdir()
-    mark.write_text(fingerprint, encoding="utf-8")
-    return folder
+            said = mark.read_text(encoding="utf-8")
+        if said != fingerprint:
+            for path in folder.iterdir():
+                path.unlink()
+            mark.write_text(fingerprint, encoding="utf-8")
+        yield folder
+
+
+@contextlib.contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """Keep other programs out of a folder; the system ends this with the process."""
+    try:
+        import fcntl
+    except ImportError:  # Windows
+        yield
+        return
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(descriptor)
+        raise InvalidValueError(
+            f"another program is simulating the same output, in {folder}: wait for it, or choose another output"
+        ) from None
+    except OSError:  # the file system has no locks
+        pass
+    try:
+        yield
+    finally:
+        os.close(descriptor)
 
 
 def _path(folder: Path, number: int) -> Path:

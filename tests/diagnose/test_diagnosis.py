@@ -1,8 +1,10 @@
 """`paxisim.diagnose` from the recording to the files, and its errors for unusable recordings."""
 
 import dataclasses
+import errno
 import json
 import math
+import os
 import sys
 from pathlib import Path
 
@@ -102,11 +104,26 @@ def test_errors_name_the_file_of_a_diagnosis(rotated, tmp_path):
     for content, words in (
         (b"\xff", "expected UTF-8 text"),
         (b"{", "must be JSON"),
-        (unknown.encode(), "verdict must be one of no_discrepancy, explained, .*, got 'guilty'"),
+        (unknown.encode(), "verdict must be one of no_discrepancy, clocks_differ, .*, got 'guilty'"),
     ):
         path.write_bytes(content)
         with pytest.raises(InvalidValueError, match=rf"diagnosis\.json: .*{words}"):
             Diagnosis.load(tmp_path)
+
+
+def test_a_full_disk_leaves_no_part_of_a_diagnosis(rotated, tmp_path, monkeypatch):
+    def full(self, *_, **__):
+        if ".model.json" not in self.name:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return 0
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "write_text", full)
+        patch.setattr(os, "replace", lambda a, b: Path(b).touch())
+        with pytest.raises(OSError, match=r"No space left on device: '.*diagnosis\.json'"):
+            rotated.save(tmp_path / "a")
+    assert not (tmp_path / "a").exists()
+    rotated.save(tmp_path / "a")
 
 
 def test_the_model_of_a_diagnosis_is_in_its_folder(rotated, tmp_path):

@@ -1,5 +1,6 @@
 """Known rate, jitter, noise and drift are recovered; taxels that the firmware sets to zero are no fault."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -111,6 +112,17 @@ def test_the_table_fits_and_says_what_is_known(pads, nominal):
     assert max(map(len, text.splitlines())) <= 80
     assert ("nominally" in text) == (nominal is not None)
     assert text.count("N/min") == 3 * pads
+
+
+def test_a_raw_reading_that_does_not_change_is_of_a_dead_taxel_and_columns_stay_apart():
+    frames = [replace(frame, unit="uT", force=frame.force + np.float32(1e8)) for frame in resting(count=100)]
+    for frame in frames:
+        frame.force[0, :, 0, 0] = 0.0
+    text = str(judge(frames))
+    assert "one that does not change at all is of a dead taxel" in text
+    assert "no fault" not in text
+    rows = [line for line in text.splitlines() if line.endswith("uT/min")]
+    assert all(len(re.findall(r"(?<!\S)[-+]?\d+\.?\d*(?= uT)", row)) == 4 for row in rows), rows
 
 
 def test_too_little_and_nonsense_are_refused():

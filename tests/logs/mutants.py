@@ -19,12 +19,16 @@ import numpy as np
 from mcap.writer import CompressionType, Writer
 
 import paxisim
+import paxisim.diagnose
 from paxisim.errors import PaxisimError
 from paxisim.hw.profile import Profile, load_profile
 from paxisim.logs.lerobot_writer import write_lerobot
 from paxisim.logs.mcap_joints import read_joints
 from paxisim.logs.mcap_reader import is_recording
+from paxisim.logs.parquet import write_parquet
 
+TESTS = Path(__file__).parents[1]
+sys.path += [str(TESTS), str(TESTS / "diagnose")]
 TOKENS = [
     *(
         b"-1",
@@ -236,7 +240,72 @@ def read_lerobot(path: Path) -> object:
         file.write_bytes(whole)
 
 
+def hdf5_bases(folder: Path) -> list[bytes]:
+    import h5py
+
+    with h5py.File(folder / "base.hdf5", "w") as file:
+        file.create_group("data").attrs["env_args"] = '{"env_kwargs": {"control_freq": 20}}'
+        for number in (0, 1):
+            for name, shape in (("actions", (4, 2)), ("obs/opening", (4,)), ("obs/touch", (4, 1, 3, 2, 1))):
+                file[f"data/demo_{number}/{name}"] = np.ones(shape, np.float32)
+    return [(folder / "base.hdf5").read_bytes()]
+
+
+def parquet_bases(folder: Path) -> list[bytes]:
+    write_parquet(folder / "base.parquet", recording().to_arrays())
+    return [(folder / "base.parquet").read_bytes()]
+
+
+def bag_bases(folder: Path) -> list[bytes]:
+    """Return a ROS 2 recording of joint states."""
+    from mcap_ros2.writer import Writer as RosWriter
+
+    stamp = "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n"
+    parts = (
+        ("std_msgs/Header", "builtin_interfaces/Time stamp\nstring frame_id"),
+        (
+            "builtin_interfaces/Time",
+            "int32 sec\nuint32 nanosec",
+        ),
+    )
+    definition = stamp + "".join(f"{'=' * 80}\nMSG: {name}\n{text}\n" for name, text in parts)
+    file = io.BytesIO()
+    with RosWriter(file, compression=CompressionType.NONE, enable_crcs=False) as writer:
+        schema = writer.register_msgdef("sensor_msgs/msg/JointState", definition)
+        for i in range(4):
+            header = {"stamp": {"sec": 1, "nanosec": i}, "frame_id": ""}
+            message = {"header": header, "name": ["a", "b"], "position": [1.0, i], "velocity": [], "effort": [1.0, 2.0]}
+            writer.write_message("/joints", schema, message, log_time=10**9 + i)
+    return [file.getvalue()]
+
+
+def calibration_bases(folder: Path) -> list[bytes]:
+    from load_rig import NAMES, rig
+
+    paxisim.calibrate_sensor(rig(seconds=20.0)[0], dict(zip(NAMES, NAMES, strict=True))).save(folder / "base.json")
+    return [(folder / "base.json").read_bytes()]
+
+
+def diagnosis_bases(folder: Path) -> list[bytes]:
+    from hidden.practice.cases import make
+    from recorded import recording_of
+
+    case = make(("axis_gain",), seed=3, rows=2, cols=2, duration=4.0, rate=20, strength=0.9)
+    return [paxisim.diagnose(recording_of(case), ("axis_gain", "offset")).to_json().encode()]
+
+
+def read_diagnosis(path: Path) -> object:
+    found = paxisim.diagnose.Diagnosis.from_json(path.read_bytes().decode(errors="replace"))
+    assert str(found)
+    return found
+
+
 FORMATS = {
+    "hdf5": (hdf5_bases, any_mutant, paxisim.Recording.load, paxisim.Recording),
+    "parquet": (parquet_bases, any_mutant, paxisim.Recording.load, paxisim.Recording),
+    "bag": (bag_bases, any_mutant, read_joints, dict),
+    "calibration": (calibration_bases, any_mutant, paxisim.Calibration.load, paxisim.Calibration),
+    "diagnosis": (diagnosis_bases, any_mutant, read_diagnosis, paxisim.diagnose.Diagnosis),
     "mcap": (mcap_bases, mcap_mutant, read_mcap, (paxisim.Recording, dict)),
     "npz": (npz_bases, npz_mutant, paxisim.Recording.load, paxisim.Recording),
     "lerobot": (lerobot_bases, lerobot_mutant, read_lerobot, paxisim.Recording),

@@ -73,6 +73,15 @@ def test_kept_replays_depend_on_the_grid_and_the_encoder_steps_of_the_whole_reco
     simulate_resumable(SCENE, whole, tmp_path / "resume")
 
 
+def test_two_replays_to_one_output_are_told_at_the_start(tmp_path):
+    def again(done, count, before):
+        with pytest.raises(PaxisimError, match="another program is simulating the same output"):
+            simulate_resumable(SCENE, motion(), tmp_path / "resume")
+
+    simulate_resumable(SCENE, motion(), tmp_path / "resume", progress=again)
+    simulate_resumable(SCENE, motion(), tmp_path / "resume")
+
+
 def stop_after_one(done, count, before):
     if done > before:
         raise KeyboardInterrupt
