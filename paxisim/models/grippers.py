@@ -1,7 +1,7 @@
 """Grippers: mounts for the pads on the grippers that robosuite 1.5.2 ships.
 
-`find_mounts` proposed the mounts, and pictures confirmed them. The mounts on bd's beak, the hands' thumbs and the
-wiping tool were chosen by hand, since `find_mounts` cannot or need not place them well. y points from the palm to the
+`find_mounts` proposed the mounts, and pictures confirmed them. The mounts on bd's beak, Fourier's thumbs and the wiping
+tool were chosen by hand, since `find_mounts` cannot or need not place them well. y points from the palm to the
 fingertip, z into the finger; lengths in m.
 """
 
@@ -213,9 +213,9 @@ _JACO = KnownGripper(
 
 _INSPIRE_LEFT = KnownGripper(
     "inspire_left_hand.xml",
-    (21.0, 8.0),
+    (13.5, 8.0),
     (
-        _link("l_thumb_distal", (0.0103, -0.0046, 0.0006), (0.008, 0.921, 0.371, -0.122)),
+        _link("l_thumb_distal", (0.0088, -0.0133, -0.006), (0.3658, -0.6051, -0.3657, -0.6052)),
         _link("l_index_distal", (-0.0048, -0.0195, -0.0047), (0.013, 0.72, -0.015, 0.694)),
         _link("l_middle_distal", (-0.0051, -0.0205, -0.0047), (0.023, 0.723, -0.018, 0.69)),
         _link("l_ring_distal", (-0.0048, -0.0195, -0.0047), (0.013, 0.72, -0.015, 0.694)),
@@ -225,9 +225,9 @@ _INSPIRE_LEFT = KnownGripper(
 
 _INSPIRE_RIGHT = KnownGripper(
     "inspire_right_hand.xml",
-    (21.0, 8.0),
+    (13.5, 8.0),
     (
-        _link("r_thumb_distal", (0.0105, 0.0048, 0.0007), (0.119, -0.377, -0.918, 0.0)),
+        _link("r_thumb_distal", (0.0086, 0.0132, -0.006), (0.6053, 0.3654, 0.6055, -0.3653)),
         _link("r_index_distal", (-0.0048, 0.0196, -0.0053), (0.72, -0.015, 0.694, 0.016)),
         _link("r_middle_distal", (-0.0051, 0.0206, -0.0046), (0.692, -0.022, 0.722, 0.018)),
         _link("r_ring_distal", (-0.0048, 0.0196, -0.0053), (0.72, -0.015, 0.694, 0.016)),
