@@ -214,7 +214,7 @@ def agreement(name: str) -> str:
     try:
         found = {mount.name: mount for mount in find_mounts(robosuite_gripper_path(name)).mounts}
     except InvalidValueError:
-        return "nothing closes"
+        return "refused"
     known = known_gripper(name).mounts
     apart = [difference(mount, found[mount.name]) for mount in known if mount.name in found]
     same = sum(distance < 3e-3 and angle < np.radians(10) for distance, angle in apart)
