@@ -89,9 +89,7 @@ class TactileGripper:
         """
         pads = find_pads(model, names=[prefix + name for name in self.pad_names])
         self.gel.apply(model, pads)
-        # a compiled model does not store the vendor order
-        order = self.layout.vendor_order
-        return replace(pads, layouts=tuple(replace(layout, vendor_order=order) for layout in pads.layouts))
+        return pads
 
     def to_xml(self, folder: str | Path | None = None) -> str:
         """Return the gripper as MJCF text.

@@ -240,6 +240,8 @@ def _joints_to_name(spec: mujoco.MjSpec) -> str:
     """Return what to do with a robot without actuators: the joints that would close it, if some do."""
     kinds = (int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE))
     joints = [joint.name for joint in spec.joints if joint.name and int(joint.type) in kinds]
+    if not joints:
+        return "give the mounts by hand (--mount)"
     try:
         report = find_mounts(spec, close=joints).report
     except InvalidValueError:
