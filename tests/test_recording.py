@@ -60,7 +60,7 @@ def test_numbers_of_other_kinds_are_converted():
         ({"measured": FORCE, "time": [0, 1, 3, 2, 4]}, "sample 3 is at 2 s, the one before at 3 s"),
         ({"measured": FORCE, "time": [0, 1, np.nan, 3, 4]}, "time must be finite, sample 2 is not"),
         ({"measured": np.zeros((8, 1, 3, 1, 1)), "time": [2.0] * 8}, "all 8 samples have one time, 2 s: time must"),
-        ({"measured": FORCE.astype(np.float64) * 1e39}, "measured holds a number that is infinite or too large for float32; use NaN"),
+        ({"measured": FORCE.astype(np.float64) * 1e39}, "infinite or too large for float32; use NaN"),
         ({"measured": np.full_like(FORCE, -np.inf)}, "measured holds a number that is infinite"),
         ({"measured": FORCE, "covariates": {"a": [1, 2, 3, np.inf, 5]}}, r"covariates\['a'\] holds .* infinite"),
         ({"measured": FORCE, "time": np.ma.masked_equal([0, 1, 2, 3, 4], 2)}, "time must be finite, sample 2 is not"),

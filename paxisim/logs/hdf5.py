@@ -18,6 +18,7 @@ refers to other files, by external links, external storage or virtual datasets, 
 from __future__ import annotations
 
 import json
+import mmap
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -30,6 +31,7 @@ from paxisim.errors import InvalidValueError, MissingExtraError
 from paxisim.logs.limits import most_unpacked, refuse_streams, refuse_unpacked
 from paxisim.logs.recording_arrays import RecordingArrays
 
+_HEAP = b"GCOL\x01\0\0\0"  # signature, version and reserved bytes of a collection of texts of variable length
 _DEMO = re.compile(r"demo_(\d+)")
 # errors of h5py for damaged data, or for a group in place of a dataset
 _NOT_SUCH = (OSError, LookupError, RuntimeError, TypeError, ValueError, AttributeError, OverflowError, MemoryError)
@@ -48,8 +50,7 @@ def read_hdf5(path: Path) -> RecordingArrays:
         import h5py
     except ModuleNotFoundError as error:
         raise MissingExtraError("h5py", "hdf5", "an HDF5 file") from error
-    with open(path, "rb"):
-        pass  # for a missing file, h5py raises an OSError that does not name it
+    _check_heaps(path)  # and for a missing file, h5py would raise an OSError that does not name it
     try:
         with h5py.File(path, "r") as file:
             return _read(path, file)
@@ -57,6 +58,29 @@ def read_hdf5(path: Path) -> RecordingArrays:
         raise
     except _NOT_SUCH as error:
         raise InvalidValueError(f"{path} is not a complete HDF5 file of robosuite or robomimic: {error}") from error
+
+
+def _check_heaps(path: Path) -> None:
+    """Check that the objects of every heap of texts follow one another: HDF5 would step over one of size 0 forever.
+
+    Raises:
+        InvalidValueError: A heap is damaged.
+        FileNotFoundError: The file does not exist.
+    """
+    with open(path, "rb") as file:
+        if not path.stat().st_size:
+            return
+        with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+            start = data.find(_HEAP)
+            while start >= 0:
+                at, end = start + 16, start + int.from_bytes(data[start + 8 : start + 16], "little")
+                while at + 16 <= min(end, len(data)):
+                    index, size = int.from_bytes(data[at : at + 2], "little"), data[at + 8 : at + 16]
+                    step = int.from_bytes(size, "little")  # that of the free space, index 0, has its own head
+                    if index == 0 and step < 16:
+                        raise InvalidValueError(f"{path} is not a complete HDF5 file: a heap of texts is damaged")
+                    at += step if index == 0 else 16 + -(-step // 8) * 8
+                start = data.find(_HEAP, start + 1)
 
 
 def _read(path: Path, file: Any) -> RecordingArrays:

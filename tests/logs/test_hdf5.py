@@ -216,6 +216,17 @@ def test_a_small_file_that_becomes_large_or_has_many_names_is_refused(tmp_path):
         Recording.load(path)
 
 
+def test_a_damaged_heap_of_texts_does_not_hang(tmp_path):
+    states, actions, _ = demonstration(4, 1)
+    write(tmp_path / "a.hdf5", [(0, states, actions)], {"env_args": '{"a": 1}'}, tactile=tactile)
+    content = bytearray((tmp_path / "a.hdf5").read_bytes())
+    heap = content.index(b"GCOL")
+    content[heap + 16 : heap + 32] = bytes(16)  # an object of size 0
+    (tmp_path / "a.hdf5").write_bytes(content)
+    with pytest.raises(InvalidValueError, match="a heap of texts is damaged"):
+        Recording.load(tmp_path / "a.hdf5")
+
+
 def test_without_h5py_the_error_names_the_extra(tmp_path):
     states, actions, _ = demonstration(4, 1)
     write(tmp_path / "demo.hdf5", [(0, states, actions)], tactile=tactile)
