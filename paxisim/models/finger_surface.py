@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.layout import TaxelLayout
-from paxisim.models.faces import shape_of
 from paxisim.models.load import compile_whole, load_spec
 from paxisim.models.mount import Mount, replaced_in_model
 from paxisim.models.surface import conform
+from paxisim.models.surfaces import shape_of
 
 if TYPE_CHECKING:
     import trimesh

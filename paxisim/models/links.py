@@ -13,8 +13,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from paxisim.models.faces import Surface, surface_of
 from paxisim.models.mount import name_for_replaces
+from paxisim.models.surfaces import Surface, surface_of
 
 _OUTER = 0.6  # the outer part of a jaw begins at this share of its reach
 _HOME = "home"  # usual name of the keyframe in which a robot rests

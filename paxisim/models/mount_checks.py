@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 
 from paxisim.layout import TaxelLayout
 from paxisim.models import names
-from paxisim.models.faces import ROOM, shape_of
+from paxisim.models.faces import ROOM
 from paxisim.models.mount import Mount, name_for_replaces, replaced_in_model
 from paxisim.models.pads import Pads, half_thickness
 from paxisim.models.surface import first_facing
+from paxisim.models.surfaces import shape_of
 
 MAX_PITCH = 0.05
 """Largest plausible pitch of a taxel; a larger pitch suggests a wrong unit."""

@@ -22,10 +22,10 @@ from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.layout import TaxelLayout
-from paxisim.models.faces import shape_of
 from paxisim.models.gel import Gel
 from paxisim.models.load import compile_whole, load_spec
 from paxisim.models.mount import Mount
+from paxisim.models.surfaces import shape_of
 from paxisim.models.xacro import read_robot
 
 MAX_MISFIT = 5e-3

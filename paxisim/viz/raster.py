@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from paxisim.models.faces import shape_of
+from paxisim.models.surfaces import shape_of
 
 _GREY, _INK = np.array([0.80, 0.82, 0.86]), np.array([0.25, 0.27, 0.3])
 _LIGHT = np.array([-0.35, 0.55, 0.76])  # right, up, towards the viewer

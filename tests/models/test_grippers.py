@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from paxisim.errors import InvalidValueError, MissingExtraError, UnknownNameError
-from paxisim.models.faces import shadowing, surface_of
+from paxisim.models.faces import shadowing
 from paxisim.models.find_mounts import choose_mounts, find_mounts
 from paxisim.models.grippers import (
     known_gripper,
@@ -20,6 +20,7 @@ from paxisim.models.grippers import (
 )
 from paxisim.models.links import Links
 from paxisim.models.load import load_spec
+from paxisim.models.surfaces import surface_of
 
 # two of robosuite's files are repaired when read
 pytestmark = pytest.mark.filterwarnings("ignore:.*is not sound MJCF")
