@@ -93,7 +93,7 @@ def find_face(
     distance = np.linalg.norm(part.points - base, axis=1)
     weights = 0.1 + (distance - distance.min()) / max(float(np.ptp(distance)), 1e-9)
     regions = [
-        (region.score(normal @ goal) * (1.0 if k == 0 else 0.8), k, normal, stepped, region)
+        (region.score(float(normal @ goal)) * (1.0 if k == 0 else 0.8), k, normal, stepped, region)
         for k, (normal, stepped) in enumerate(_candidates(part, goal, base if steps else None))
         if (region := _region(part, normal, weights, STEPS if stepped else None)) is not None
     ]
@@ -103,11 +103,11 @@ def find_face(
     for _ in range(0 if stepped else 6):
         mean = _unit(part.normals[region.members].mean(axis=0))
         refined = _region(part, mean, weights, None)
-        if refined is None or refined.score(mean @ goal) < 0.7 * score:
+        if refined is None or refined.score(float(mean @ goal)) < 0.7 * score:
             break
         converged = float(mean @ normal) > np.cos(np.radians(0.05))
         normal, region = mean, refined
-        score = max(score, region.score(mean @ goal))
+        score = max(score, region.score(float(mean @ goal)))
         if converged:
             break
     return _fit(part, normal, region, base, surface, stepped)
@@ -131,7 +131,7 @@ class _Region:
 
     def score(self, cosine: float) -> float:
         """Return how well the region serves as a face, if its normal has this cosine to the wanted one."""
-        return self.area * float(cosine) ** 2 * min(1.0, self.fill / _FILL)
+        return self.area * cosine**2 * min(1.0, self.fill / _FILL)
 
 
 def _part(surface: Surface, keep: NDArray[np.bool_]) -> Surface:
@@ -222,6 +222,7 @@ def _region(
         image = np.zeros(shape)
         image.flat[key[chosen]] = weights[chosen]
         labels, count = ndimage.label(image, structure=np.ones((3, 3)))  # type: ignore[misc]
+        labels = np.asarray(labels, dtype=np.int64)
         winner = int(np.argmax(ndimage.sum_labels(image, labels, np.arange(1, count + 1)))) + 1
         return chosen[np.isin(labels.flat[key[chosen]], _near_patches(labels, winner))]
 

@@ -230,7 +230,7 @@ def _joints_to_name(spec: mujoco.MjSpec) -> str:
 class _Search:
     """The search, with one method per step."""
 
-    def __init__(self, links: Links, fingers: Sequence[str] = (), close: Sequence[str] = (), under: str = "") -> None:
+    def __init__(self, links: Links, fingers: Sequence[str] = (), close: Sequence[int] = (), under: str = "") -> None:
         self.links, self.model = links, links.model
         self.wanted = {self._link(name) for name in fingers}
         self.close = list(close)

@@ -82,7 +82,7 @@ def closing_of(
             signs[a] = np.sign(mean) if abs(mean) > _ABOUT else 0.0
             spreads[a] = abs(mean) <= _ABOUT
         else:
-            score = _approach(links, palm, chain, *ends, rest)
+            score = _approach(links, palm, chain, ends[0], ends[1], rest)
             signs[a] = np.sign(score) if abs(score) >= _SIDEWAYS else 0.0
     # where one actuator flexes a tip about its hinge, another that turns it across the hinge only spreads
     about = np.abs(turned) > _ABOUT
