@@ -206,8 +206,10 @@ def _drive_joints(spec: mujoco.MjSpec, close: Sequence[str]) -> list[int]:
 
 
 def _tune(model: mujoco.MjModel, servo: int) -> None:
-    """Give the servo of a joint a stiffness that suits the joint's inertia, critically damped."""
-    inertia = float(model.dof_M0[model.jnt_dofadr[model.actuator_trnid[servo, 0]]])
+    """Give the servo of a joint a stiffness that suits the joint's inertia, critically damped and without friction."""
+    dof = int(model.jnt_dofadr[model.actuator_trnid[servo, 0]])
+    model.dof_frictionloss[dof] = model.dof_damping[dof] = 0
+    inertia = float(model.dof_M0[dof])
     stiffness, damping = inertia * _SERVO**2, 2 * inertia * _SERVO
     model.actuator_gainprm[servo, 0] = stiffness
     model.actuator_biasprm[servo, 1:3] = -stiffness, -damping

@@ -242,7 +242,7 @@ def _faces_the_hand(hand: Hand, pad: PadFace) -> bool:
         center = stroke.world(pad.link, frame, pad.face.center)
         normal = -stroke.rot[frame, pad.link] @ pad.face.frame[:, 2]
         for other in others:
-            at: NDArray[np.float64] = stroke.geoms[frame, list(links.geoms[other])]
-            if np.max((at - center) @ normal / np.linalg.norm(at - center, axis=1)) > _FACING:
+            apart = stroke.world(other, frame, links.cloud(other)) - center
+            if np.max(apart @ normal / np.maximum(np.linalg.norm(apart, axis=1), 1e-9)) > _FACING:
                 return True
     return False
