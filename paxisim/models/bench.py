@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from paxisim.models.attach import TactileGripper
 from paxisim.models.grip import Grip, below, end_effector
+from paxisim.models.links import moments
 from paxisim.models.load import compile_whole
 from paxisim.models.objects import Placed
 from paxisim.models.readout import TactileReadout
@@ -113,8 +114,9 @@ class Bench:
         _set_armature(model, np.flatnonzero(~free), _LOCKED)
         model.dof_damping[~free] = _STUCK
         mujoco.mj_forward(model, data)
+        moment = moments(model, data)
         for actuator in set(range(model.nu)) - set(self.grip.actuators):
-            if not np.any(_moment(model, data, actuator)[free]):
+            if not np.any(moment[actuator][free]):
                 model.actuator_gainprm[actuator] = model.actuator_biasprm[actuator] = 0
 
     def actuators(self, closing: Closing, index: int) -> list[int]:
@@ -130,10 +132,10 @@ class Bench:
         jacobian = np.zeros((3, model.nv))
         mujoco.mj_jacBody(model, data, jacobian, None, int(self.pads.bodies[placed.pads[0]]))
         # motion passes through linkages and coupled joints, so compare accelerations; both ways, for joints at a limit
-        rest, moved = data.qacc.copy(), dict.fromkeys(own, 0.0)
+        rest, moved, moment = data.qacc.copy(), dict.fromkeys(own, 0.0), moments(model, data)
         for actuator in own:
             for push in (_PUSH, -_PUSH):
-                data.qfrc_applied[:] = push * _moment(model, data, actuator)
+                data.qfrc_applied[:] = push * moment[actuator]
                 mujoco.mj_forward(model, data)
                 change = data.qacc - rest
                 speed = float(np.linalg.norm(jacobian @ change)) / max(float(np.abs(change).max()), 1e-12)
@@ -302,12 +304,3 @@ def _set_armature(model: mujoco.MjModel, dofs: NDArray[np.int64], value: float) 
     # bodies without children take their inertia from dof_M0, which the compiler computes with the armature
     model.dof_M0[dofs] += value - model.dof_armature[dofs]
     model.dof_armature[dofs] = value
-
-
-def _moment(model: mujoco.MjModel, data: mujoco.MjData, actuator: int) -> NDArray[np.float64]:
-    """Return the generalised force of one unit of an actuator's force, ``(nv,)``."""
-    moment = np.zeros(model.nv)
-    start, count = int(data.moment_rowadr[actuator]), int(data.moment_rownnz[actuator])
-    entries = slice(start, start + count)
-    moment[data.moment_colind[entries]] = data.actuator_moment.reshape(-1)[entries]
-    return moment

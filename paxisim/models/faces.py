@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.spatial import ConvexHull
 
-from paxisim.models.surfaces import Surface, hull
+from paxisim.models.surfaces import Surface, hull, unit
 
 FACE_DEPTH = 1e-3
 """Depth (m) within which a curved surface counts as one face."""
@@ -86,7 +86,7 @@ def find_face(
     Returns:
         The face, or None if no part of the surface faces that way.
     """
-    goal = _unit(direction)
+    goal = unit(direction)
     part = surface if where is None else _part(surface, where)
     if not len(part.normals):
         return None
@@ -101,7 +101,7 @@ def find_face(
         return None
     score, _, normal, stepped, region = max(regions, key=lambda r: (r[0], -r[1]))
     for _ in range(0 if stepped else 6):
-        mean = _unit(part.normals[region.members].mean(axis=0))
+        mean = unit(part.normals[region.members].mean(axis=0))
         refined = _region(part, mean, weights, None)
         if refined is None or refined.score(float(mean @ goal)) < 0.7 * score:
             break
@@ -158,7 +158,7 @@ def _candidates(
         facing = cross @ goal > _COS_SEARCH * length
         normals, weights = cross[facing] / length[facing, None], length[facing]
         if stepped and base is not None:
-            aside = _unit(np.cross(goal, surface.points.mean(axis=0) - base))
+            aside = unit(np.cross(goal, surface.points.mean(axis=0) - base))
             normals = normals - np.outer(normals @ aside, aside)
             normals /= np.linalg.norm(normals, axis=1, keepdims=True)
         apart = np.cos(np.radians(3 if stepped else 8))
@@ -170,7 +170,7 @@ def _candidates(
             keys, index = np.unique(np.round(normals, 2), axis=0, return_inverse=True)
             totals = np.bincount(index.ravel(), weights=weights, minlength=len(keys))
             facet = index.ravel() == int(totals.argmax())
-            mean = _unit(np.sum(normals[facet] * weights[facet, None], axis=0))
+            mean = unit(np.sum(normals[facet] * weights[facet, None], axis=0))
             seen.append(mean)
             yield mean, stepped
             normals, weights = _apart(mean, normals, weights, apart)
@@ -183,14 +183,10 @@ def _apart(
     return normals[rest], weights[rest]
 
 
-def _unit(vector: NDArray[np.float64]) -> NDArray[np.float64]:
-    return vector / np.linalg.norm(vector)
-
-
 def _plane_axes(normal: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return two unit vectors that span the plane, ``(3, 2)``."""
     a = np.eye(3)[int(np.abs(normal).argmin())]
-    u = _unit(np.cross(normal, a))
+    u = unit(np.cross(normal, a))
     return np.stack([u, np.cross(normal, u)], axis=1)
 
 

@@ -14,7 +14,6 @@ from itertools import pairwise
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 from paxisim.models.closing import Drive, Stroke
@@ -58,7 +57,7 @@ def closing_of(
         members: All links of the fingers that have collision geoms.
         jaw: The only finger closes on the palm.
     """
-    flexes = {leaf: sense for leaf in leaves if (sense := _sense_of_flexion(links, drive, palm, leaf))}
+    flexes = {leaf: sense for leaf in leaves if (sense := _sense_of_flexion(links, palm, leaf))}
     middle = (drive.low + drive.high) / 2
     rest = drive.reach(middle)
     chain = members if palm not in links.geoms else [palm, *members]
@@ -75,7 +74,7 @@ def closing_of(
         bent = [turned[a, i] * flexes[leaf] for i, leaf in enumerate(leaves) if leaf in flexes]
         bent = [cosine for cosine in bent if np.isfinite(cosine)]
         if jaw:
-            apart = [_distance(links, palm, leaves[0], end) for end in ends]
+            apart = [links.jaw_gap(leaves[0], palm, end.pos[0], end.rot[0]) for end in ends]
             signs[a] = np.sign(apart[0] - apart[1])
         elif bent:
             mean = float(np.mean(bent))
@@ -99,7 +98,7 @@ def closing_of(
     )
 
 
-def _sense_of_flexion(links: Links, drive: Drive, palm: int, leaf: int) -> int:
+def _sense_of_flexion(links: Links, palm: int, leaf: int) -> int:
     """Return the sense in which a finger with several driven joints bends its tip about the tip's hinge, else 0."""
     model, data = links.model, links.data
     own = [k for k in (leaf, *links.ancestors(leaf)) if palm in links.ancestors(k)]
@@ -130,15 +129,13 @@ def _sense_of_flexion(links: Links, drive: Drive, palm: int, leaf: int) -> int:
 
 def _turn(links: Links, rest: Stroke, ends: list[Stroke], leaf: int) -> float:
     """Return the cosine between a leaf's turn from one end to the other and its hinge, or nan if it does not turn."""
-    model, data = links.model, links.data
-    hinges = [j for j in links.joints(leaf) if int(model.jnt_type[j]) == int(mujoco.mjtJoint.mjJNT_HINGE)]
-    if not hinges:
+    hinge = links.hinge(leaf)
+    if hinge is None:
         return np.nan
-    axis = data.xaxis[hinges[-1]] @ data.xmat[leaf].reshape(3, 3)
     low, high = (Rotation.from_matrix(rest.rot[0, leaf].T @ end.rot[0, leaf]).as_rotvec() for end in ends)
     turn = high - low
     length = float(np.linalg.norm(turn))
-    return float(turn @ axis) / length if length > 0.02 else np.nan
+    return float(turn @ hinge[1]) / length if length > 0.02 else np.nan
 
 
 def _approach(links: Links, palm: int, members: list[int], start: Stroke, end: Stroke, rest: Stroke) -> float:
@@ -168,10 +165,3 @@ def _approach(links: Links, palm: int, members: list[int], start: Stroke, end: S
                 total += float(motion @ gap) / distance**2
                 weight += float(np.linalg.norm(motion)) / distance
     return total / weight if weight > 1e-9 else 0.0
-
-
-def _distance(links: Links, palm: int, jaw: int, pose: Stroke) -> float:
-    """Return the mean distance of a jaw's outer half from the palm."""
-    points = links.outer(jaw)
-    own = pose.local(palm, 0, pose.world(jaw, 0, points))
-    return float(KDTree(links.cloud(palm)).query(own)[0].mean())

@@ -9,6 +9,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from paxisim.models.links import bodies_above
+
 _ANGLE, _LENGTH = 0.01, 1e-4  # rad, m: smallest travel of a joint that closes
 
 
@@ -48,20 +50,11 @@ def end_effector(model: mujoco.MjModel, grip: Grip) -> NDArray[np.bool_]:
     travel = np.ptp(grip.qpos, axis=0)
     least = np.where(model.jnt_type == int(mujoco.mjtJoint.mjJNT_SLIDE), _LENGTH, _ANGLE)
     moved = [j for j in range(model.njnt) if np.any(travel[ends[j] : ends[j + 1]] > least[j])]
-    chains = [_ancestors(model, int(model.jnt_bodyid[j])) for j in moved]
+    chains = [[*bodies_above(model, int(model.jnt_bodyid[j])), 0] for j in moved]
     palm = next(body for body in chains[0] if all(body in chain for chain in chains)) if chains else 0
     hanging = below(model, palm)
     hanging[palm] = False
     return hanging
-
-
-def _ancestors(model: mujoco.MjModel, body: int) -> list[int]:
-    """Return the bodies between a body and the world, nearest first, the world included."""
-    found = []
-    while body:
-        body = int(model.body_parentid[body])
-        found.append(body)
-    return found
 
 
 def below(model: mujoco.MjModel, root: int) -> NDArray[np.bool_]:

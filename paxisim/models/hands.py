@@ -20,6 +20,7 @@ from scipy.spatial import KDTree
 from paxisim.models.closing import Drive, Stroke
 from paxisim.models.flexion import Closing, closing_of
 from paxisim.models.links import Links
+from paxisim.models.surfaces import unit
 
 MAX_FINGER_ACTUATORS = 5
 """A branch with more actuators is an arm or a leg; Shadow's thumb has five."""
@@ -77,7 +78,6 @@ class Hand:
         self.links, self.palm, self.is_jaw = links, palm, jaw
         self.members = {b: links.below(b) for b in branches}
         everything = set().union(*self.members.values())
-        self._linkage = _linkages(links)
         self.drive = Drive(links, links.dofs(everything), close)
         leaves = [k for k in sorted(everything & set(links.geoms)) if not self._carries(k)]
         self.closing: Closing = closing_of(links, self.drive, palm, leaves, sorted(everything & set(links.geoms)), jaw)
@@ -103,7 +103,7 @@ class Hand:
         if most < 1e-4:
             return []
         tips = [k for k in leaves if length[k] >= _MOVES * most or (k in self.closing.flexes and length[k] > 1e-4)]
-        linkage = self._linkage
+        linkage = self.links.linkage
         reach = {t: self._reach(t) for t in tips}
 
         def inside(t: int, other: int) -> bool:
@@ -186,7 +186,7 @@ class Hand:
     def _is_driven(self, link: int) -> bool:
         """Tell whether an actuator moves the joints of a link, directly or through a coupling to another joint."""
         direct = bool(self.links.drives[:, self.links.dofs({link})].any())
-        return direct or list(self._linkage.values()).count(self._linkage[link]) > 1
+        return direct or list(self.links.linkage.values()).count(self.links.linkage[link]) > 1
 
     def base(self, link: int) -> NDArray[np.float64]:
         """Return the base of a finger in the link's frame: its hinge, or else the origin of the palm."""
@@ -208,11 +208,6 @@ class Hand:
             return direction
         across = direction - (direction @ hinge[1]) * hinge[1]
         return across if np.linalg.norm(across) > 0.7 * np.linalg.norm(direction) else direction
-
-
-def unit(vector: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Scale a vector to unit length; zero stays zero."""
-    return vector / max(float(np.linalg.norm(vector)), 1e-12)
 
 
 def fingers_on(links: Links, palm: int, taken: set[int]) -> list[int]:
@@ -252,16 +247,14 @@ def closes_on(links: Links, palm: int, jaw: int) -> bool:
     dof = int(model.jnt_dofadr[joints[0]])
     if not links.drives[:, dof].any() or any(k in links.geoms for k in links.below(jaw) - {jaw}):
         return False
-    still, points = KDTree(links.cloud(palm)), links.outer(jaw)
-    size = float(np.linalg.norm(points - links.local(jaw, links.data.xanchor[joints[0]]), axis=1).max())
+    anchor = links.local(jaw, links.data.xanchor[joints[0]])
+    size = float(np.linalg.norm(links.outer(jaw) - anchor, axis=1).max())
     apart = []
     for end in model.jnt_range[joints[0]]:
         data.qpos[:] = links.data.qpos
         data.qpos[model.jnt_qposadr[joints[0]]] = end
         mujoco.mj_kinematics(model, data)
-        world = points @ data.xmat[jaw].reshape(3, 3).T + data.xpos[jaw]
-        own = (world - data.xpos[palm]) @ data.xmat[palm].reshape(3, 3)
-        apart.append(float(still.query(own)[0].mean()))
+        apart.append(links.jaw_gap(jaw, palm, data.xpos, data.xmat.reshape(-1, 3, 3)))
     return min(apart) < _JAW_GAP * size and min(apart) < 0.5 * max(apart)
 
 
@@ -270,33 +263,3 @@ def _rotation(before: NDArray[np.float64], after: NDArray[np.float64]) -> NDArra
     from scipy.spatial.transform import Rotation
 
     return Rotation.from_matrix(before.T @ after).as_rotvec()
-
-
-def _linkages(links: Links) -> dict[int, int]:
-    """Return a label for each link; links coupled by tendons or equalities share one."""
-    model = links.model
-    label = {k: k for k in links.parent}
-
-    def join(bodies: list[int]) -> None:
-        old = {label[int(links.of_body[b])] for b in bodies if model.body_weldid[b]}
-        if old:
-            label.update({k: min(old) for k, own in label.items() if own in old})
-
-    joint = int(mujoco.mjtWrap.mjWRAP_JOINT)
-    of_tendon = []
-    for t in range(model.ntendon):
-        wraps = range(int(model.tendon_adr[t]), int(model.tendon_adr[t] + model.tendon_num[t]))
-        of_tendon.append(
-            [int(model.jnt_bodyid[model.wrap_objid[w]]) for w in wraps if int(model.wrap_type[w]) == joint]
-        )
-        join(of_tendon[-1])
-    kinds, site = mujoco.mjtEq, int(mujoco.mjtObj.mjOBJ_SITE)
-    for e in range(model.neq):
-        kind, ids = int(model.eq_type[e]), [int(i) for i in (model.eq_obj1id[e], model.eq_obj2id[e]) if i >= 0]
-        if kind == int(kinds.mjEQ_JOINT):
-            join([int(model.jnt_bodyid[i]) for i in ids])
-        elif kind == int(kinds.mjEQ_TENDON):
-            join([body for i in ids for body in of_tendon[i]])
-        elif kind in (int(kinds.mjEQ_CONNECT), int(kinds.mjEQ_WELD)):
-            join([int(model.site_bodyid[i]) if int(model.eq_objtype[e]) == site else i for i in ids])
-    return label

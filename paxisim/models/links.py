@@ -12,6 +12,7 @@ from functools import cached_property
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
 from paxisim.models.mount import name_for_replaces
 from paxisim.models.surfaces import Surface, surface_of
@@ -42,7 +43,7 @@ class Links:
         self.data = _at_rest(model)
         weld, root = np.array(model.body_weldid), np.array(model.body_rootid)
         self.of_body = np.where(weld > 0, weld, root).astype(np.int64)
-        self.drives = _drives(model, self.data)
+        self.drives = np.abs(moments(model, self.data)) > 1e-9
         moved = model.dof_bodyid[self.drives.any(axis=0)]
         robots = set((root[moved] if len(moved) else root).tolist())
         robots |= {int(root[body]) for body in range(model.nbody) if model.body(body).name in set(named)}
@@ -80,6 +81,36 @@ class Links:
         """Return the degrees of freedom between `links` and the links that carry them."""
         return np.flatnonzero(np.isin(self.of_body[self.model.dof_bodyid], list(links)))
 
+    @cached_property
+    def linkage(self) -> dict[int, int]:
+        """A label for each link; links coupled by tendons or equalities share one."""
+        model = self.model
+        label = {k: k for k in self.parent}
+
+        def join(bodies: list[int]) -> None:
+            old = {label[int(self.of_body[b])] for b in bodies if model.body_weldid[b]}
+            if old:
+                label.update({k: min(old) for k, own in label.items() if own in old})
+
+        joint = int(mujoco.mjtWrap.mjWRAP_JOINT)
+        of_tendon = []
+        for t in range(model.ntendon):
+            wraps = range(int(model.tendon_adr[t]), int(model.tendon_adr[t] + model.tendon_num[t]))
+            of_tendon.append(
+                [int(model.jnt_bodyid[model.wrap_objid[w]]) for w in wraps if int(model.wrap_type[w]) == joint]
+            )
+            join(of_tendon[-1])
+        kinds, site = mujoco.mjtEq, int(mujoco.mjtObj.mjOBJ_SITE)
+        for e in range(model.neq):
+            kind, ids = int(model.eq_type[e]), [int(i) for i in (model.eq_obj1id[e], model.eq_obj2id[e]) if i >= 0]
+            if kind == int(kinds.mjEQ_JOINT):
+                join([int(model.jnt_bodyid[i]) for i in ids])
+            elif kind == int(kinds.mjEQ_TENDON):
+                join([body for i in ids for body in of_tendon[i]])
+            elif kind in (int(kinds.mjEQ_CONNECT), int(kinds.mjEQ_WELD)):
+                join([int(model.site_bodyid[i]) if int(model.eq_objtype[e]) == site else i for i in ids])
+        return label
+
     def joints(self, link: int) -> list[int]:
         """Return the joints that move `link` on the link that carries it."""
         return np.flatnonzero(self.of_body[self.model.jnt_bodyid] == link).tolist()
@@ -112,6 +143,11 @@ class Links:
         """Return the points of `cloud` on the outer part of a link that has a hinge; all if it has none."""
         points, hinge = self.cloud(link), self.hinge(link)
         return points if hinge is None else points[self.is_outer(link, points, hinge[0])]
+
+    def jaw_gap(self, jaw: int, palm: int, pos: NDArray[np.float64], rot: NDArray[np.float64]) -> float:
+        """Return the mean distance of the outer part of a jaw from its palm, with the bodies at ``pos`` and ``rot``."""
+        world = self.outer(jaw) @ rot[jaw].T + pos[jaw]
+        return float(KDTree(self.cloud(palm)).query((world - pos[palm]) @ rot[palm])[0].mean())
 
     def centre(self, link: int) -> NDArray[np.float64]:
         """Return the mean position of a link's collision geoms in its frame."""
@@ -148,10 +184,19 @@ def _at_rest(model: mujoco.MjModel) -> mujoco.MjData:
     return data
 
 
-def _drives(model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.bool_]:
+def moments(model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.float64]:
+    """Return the generalised force of one unit of each actuator's force, ``(nu, nv)``."""
     moment = np.zeros((model.nu, model.nv))
     if model.nu:
         mujoco.mju_sparse2dense(
             moment, data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind.reshape(-1)
         )
-    return np.abs(moment) > 1e-9
+    return moment
+
+
+def bodies_above(model: mujoco.MjModel, body: int) -> list[int]:
+    """Return the bodies between a body and the world, nearest first, without the world."""
+    found = []
+    while body := int(model.body_parentid[body]):
+        found.append(body)
+    return found

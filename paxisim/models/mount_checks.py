@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from paxisim.layout import TaxelLayout
 from paxisim.models import names
 from paxisim.models.faces import ROOM
+from paxisim.models.links import bodies_above
 from paxisim.models.mount import Mount, name_for_replaces, replaced_in_model
 from paxisim.models.pads import Pads, half_thickness
 from paxisim.models.surface import first_facing
@@ -89,7 +90,7 @@ def _finger(model: mujoco.MjModel, data: mujoco.MjData, pad: int, mount: Mount) 
     They belong to the collision geoms, including those that the pad replaces.
     """
     weld = int(model.body_weldid[pad])
-    welded = np.flatnonzero(model.body_weldid == weld).tolist() if weld else _parents(model, pad)
+    welded = np.flatnonzero(model.body_weldid == weld).tolist() if weld else bodies_above(model, pad)
     touches = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
     touches[replaced_in_model(model, mount)] = True
     own = [body for body in welded if not _is_pad(model, body)]
@@ -105,14 +106,6 @@ def _finger(model: mujoco.MjModel, data: mujoco.MjData, pad: int, mount: Mount) 
 
 def _is_pad(model: mujoco.MjModel, body: int) -> bool:
     return mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, names.gel(model.body(body).name)) >= 0
-
-
-def _parents(model: mujoco.MjModel, body: int) -> list[int]:
-    """Return the ancestors of a body, without the world, to which its neighbours are welded too."""
-    found = []
-    while body := int(model.body_parentid[body]):
-        found.append(body)
-    return found
 
 
 def _on_finger(finger: NDArray[np.float64], layout: TaxelLayout) -> tuple[str, str]:

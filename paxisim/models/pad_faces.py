@@ -1,7 +1,8 @@
 """Pad faces: choose the face of each fingertip of a hand that carries a pad, and check it.
 
 A pad is right if its outward normal is the way its face moves when the finger closes, if it faces its partner or, in a
-hand, the space that the fingers close on, and if nothing stands in front of it.
+hand, the space that the fingers close on. Whatever of its own link lies in front of it is replaced, and
+`paxisim.models.mount_checks` finds what else does.
 """
 
 from __future__ import annotations
@@ -12,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.models.faces import Face, find_face
-from paxisim.models.hands import Hand, unit
+from paxisim.models.hands import Hand
+from paxisim.models.surfaces import unit
 
 _CURLS = np.radians(45)  # largest angle between a normal and the way its face moves, for a finger that bends
 _CLOSES = np.radians(50)  # and for one that closes as a whole, perhaps on an arc; also to the direction of its partners

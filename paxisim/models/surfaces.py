@@ -105,6 +105,11 @@ def shape_of(model: mujoco.MjModel, geom: int) -> tuple[NDArray[np.float64], NDA
     return np.asarray(solid.vertices, dtype=float), np.asarray(solid.faces, dtype=np.int64)
 
 
+def unit(vector: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Scale a vector to unit length; zero stays zero."""
+    return vector / max(float(np.linalg.norm(vector)), 1e-12)
+
+
 def hull(vertices: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Return vertices and outward faces of the convex hull of ``(N, 3)`` points."""
     hull = ConvexHull(vertices, qhull_options="QJ Pp")
