@@ -155,6 +155,8 @@ def grips_of(spec: mujoco.MjSpec, mounts: Sequence[Mount]) -> tuple[Grip, ...]:
     on = [int(links.of_body[model.body(mount.body).id]) for mount in mounts]
     grips = []
     for hand in search.hands():
+        if not len(hand.drive.actuators):
+            continue
         search.take(hand)
         mine = [i for i, link in enumerate(on) if link == hand.palm or any(link in m for m in hand.members.values())]
         across = {i: tuple(j for j in mine if hand.finger(on[i]) != hand.finger(on[j])) for i in mine}

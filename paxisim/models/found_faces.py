@@ -12,7 +12,7 @@ from paxisim.errors import InvalidValueError
 from paxisim.models.closing import Stroke
 from paxisim.models.hands import Hand
 from paxisim.models.links import Links
-from paxisim.models.mount import Mount
+from paxisim.models.mount import Mount, name_for_replaces
 from paxisim.models.pad_faces import PadFace
 
 
@@ -23,7 +23,7 @@ class FoundFace:
     Attributes:
         mount: Proposed mount.
         size: Extent of the face (m) along y and along x.
-        flatness: Largest distance of the face behind its plane (m), at most about 1 mm.
+        flatness: Largest distance of the face behind its plane (m): about 1 mm at most, 2.5 mm if it has steps.
         fill: Share of the rectangle that lies within 1 mm of the plane; below 0.7 the face is round or narrow.
         opposite: Names of the bodies that the face closes against.
         geoms: Names of the geoms that shadow a pad on the face, on its own and on other bodies.
@@ -60,7 +60,8 @@ def found_face(links: Links, pad: PadFace) -> FoundFace:
     replaces: list[str | int] = []
     for geom in sorted(face.geoms):
         own = int(model.geom_bodyid[geom]) == body and not model.geom(geom).name
-        replaces.append(geom - int(model.body_geomadr[body]) if own else links.geom_name(geom))
+        word = geom - int(model.body_geomadr[body]) if own else name_for_replaces(model, geom)
+        replaces += [] if word == "" else [word]  # without any name it stays on, and `_notes` says so
     mount = Mount(
         links.body_name(body),
         tuple((np.round(center, 6) + 0.0).tolist()),
@@ -73,7 +74,7 @@ def found_face(links: Links, pad: PadFace) -> FoundFace:
         face.flatness,
         face.fill,
         tuple(map(links.name, pad.partners)),
-        tuple(links.geom_name(geom) for geom in face.geoms),
+        tuple(name for geom in face.geoms if (name := name_for_replaces(model, geom))),
         pad.off_course,
     )
 
@@ -115,6 +116,8 @@ def _notes(links: Links, pad: PadFace, found: FoundFace) -> list[str]:
     if found.fill < 0.7:
         notes.append("the face is round or narrow: the edges of the pad stand out from it")
     surface, face = links.surface(pad.link), pad.face
+    if len(found.geoms) < len(face.geoms):
+        notes.append("a geom that has no name, nor has its body, takes load from the pad: name it")
     mine = np.isin(np.repeat(surface.geoms, 3), face.geoms)
     local = (surface.triangles.reshape(-1, 3)[mine] - face.center) @ face.frame
     beyond = float(np.max(np.abs(local[:, :2]) - np.array([face.size[1], face.size[0]]) / 2))

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from paxisim.models.mount import name_for_replaces
 from paxisim.models.surfaces import Surface, surface_of
 
 _OUTER = 0.6  # the outer part of a jaw begins at this share of its reach
@@ -165,10 +164,6 @@ class Links:
     def body_name(self, body: int) -> str:
         """Return the name of a body, or its number if it has none."""
         return self.model.body(body).name or f"body {body}"
-
-    def geom_name(self, geom: int) -> str:
-        """Return the name of a geom, or its body and its index among the geoms of that body, ``BODY/3``."""
-        return name_for_replaces(self.model, geom) or f"geom {geom}"
 
     def names(self, links: Sequence[int]) -> str:
         """Return the names of links as a list in a sentence."""

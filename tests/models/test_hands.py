@@ -174,6 +174,15 @@ def test_faces_of_different_length_are_put_in_line():
     np.testing.assert_allclose([m.pos[2] for m in found.mounts], 0.02, atol=1e-3)
 
 
+@pytest.mark.filterwarnings("ignore:pads behind other geoms")
+def test_a_geom_without_any_name_is_noted_and_stays_on():
+    hidden = f"<body>{box(-0.003, 0, 0, 0.005, 0.01, 0.03)}</body>"
+    text = model(gripper(left=f'<geom name="skin" type="box" pos="0.004 0 0" size="0.001 0.01 0.03"/>{hidden}'))
+    tactile = paxisim.attach(text, paxisim.TaxelLayout(3, 2, 4e-3))
+    assert tactile.mounts[0].replaces == ("skin",)
+    assert "no name, nor has its body" in tactile.report
+
+
 def hand(straight="0 1.4", thumb="0 1.2", fingers=2):
     """Return a palm with fingers of two joints that bend towards a thumb below them, like a human hand."""
     bodies, actuators = "", ""
@@ -233,6 +242,7 @@ def test_joints_without_actuators_close_by_name():
     assert found.grips == ()  # the robot has no actuators that would close it
     tactile = paxisim.attach(text, paxisim.TaxelLayout(3, 2, 4e-3), close=["left", "right"])
     assert tactile.compile().nu == 0
+    assert tactile.grips == ()
 
 
 def test_an_arm_without_a_hand_is_refused():
