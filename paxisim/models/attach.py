@@ -169,7 +169,7 @@ def attach(
     spec = load_spec(gripper)
     each = isinstance(sensor, Sequence) and not isinstance(sensor, str)
     pads = [_as_pad(one) for one in sensor] if each else [_as_pad(sensor)]  # type: ignore[arg-type]
-    report, grips = "", ()
+    report, grips, chosen_here = "", (), mounts is None
     if mounts is not None and (fingers or close or under):
         raise InvalidValueError("fingers, close and under choose the mounts: leave them out, or the mounts")
     if mounts is None:
@@ -221,18 +221,22 @@ def attach(
     # `bind` and `find_pads` in a saved file must use the same order, or a policy could get its pads swapped
     order = sorted(range(len(chosen)), key=lambda i: model.body(pad_names[i]).id)
     mounts, pad_names = tuple(chosen[i] for i in order), tuple(pad_names[i] for i in order)
-    _warn_of_mounts(spec, pad_names, mounts)
+    if not _warn_of_mounts(spec, pad_names, mounts) and chosen_here:
+        report += "\nnothing else stands in front of the pads or level with them"
     grips = tuple(grip.reordered(order) for grip in grips)
     first = pads[order[0]]
     return TactileGripper(spec, mounts, pad_names, first.gel, first.layout, report, grips)
 
 
-def _warn_of_mounts(spec: mujoco.MjSpec, pad_names: tuple[str, ...], mounts: tuple[Mount, ...]) -> None:
-    from paxisim.models.mount_checks import doubts
+def _warn_of_mounts(spec: mujoco.MjSpec, pad_names: tuple[str, ...], mounts: tuple[Mount, ...]) -> bool:
+    """Warn of implausible mounts, and return whether something takes the load of a pad."""
+    from paxisim.models.mount_checks import HIDDEN, doubts
 
     model = compile_whole(spec, "the gripper with pads")
-    for doubt in doubts(model, find_pads(model, names=pad_names), mounts):
+    found = doubts(model, find_pads(model, names=pad_names), mounts)
+    for doubt in found:
         warnings.warn(doubt, stacklevel=3)
+    return any(doubt.startswith(HIDDEN) for doubt in found)
 
 
 def _as_pad(sensor: Pad | TaxelLayout | str) -> Pad:
