@@ -157,7 +157,10 @@ def found_in_scene(folder, found):
     """Save a diagnosis that also found a friction and the position of a gripper's second pad."""
     fingers = """<mujoco><worldbody><body name="fixed"/><body name="moves" pos="0 0 0.1"><joint name="z" type="slide"
     axis="0 0 1"/><geom type="box" size="0.02 0.02 0.01" mass="0.1"/></body></worldbody></mujoco>"""
-    mounts = [paxisim.Mount("fixed", name="first"), paxisim.Mount("moves", (0.0, 0.0, 0.01), name="second")]
+    mounts = [
+        paxisim.Mount("fixed", name="first"),
+        paxisim.Mount("moves", (0.0, 0.0, 0.01), replaces=("moves/0",), name="second"),
+    ]
     made = paxisim.attach(fingers, paxisim.TaxelLayout(6, 5, 4e-3), mounts)
     scene = paxisim.Scene(made.to_xml(), (paxisim.Drive("z", joint="z", unit="m"),))
     values = {"friction": 0.6, "mount_offset_x_second_pad": 1e-3}
