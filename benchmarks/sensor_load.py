@@ -1,4 +1,4 @@
-"""Whether the driver keeps up with sensors at the line's full rate, and its CPU load.
+"""Whether the driver keeps up with sensors at the line's full rate, its CPU load and its memory.
 
 The sensors are two pads of 12x10 taxels on two of PaXini's boards, an AnySkin, and four uSkin patches of 4x4 behind
 XELA's server.
@@ -12,6 +12,7 @@ conversion to newtons) and a consumer that takes every frame.
 from __future__ import annotations
 
 import dataclasses
+import resource
 import subprocess
 import sys
 import time
@@ -68,6 +69,13 @@ CASES = {
     "uskin": Case(USKIN, 100.0, 100.0),
 }
 CPU_TARGET = 0.08
+MEMORY_TARGET = 2.0
+"""Largest growth of the peak memory after the first second (MB)."""
+
+
+def peak_memory() -> float:
+    """Return the largest resident memory of this process so far (MB)."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
 def emulate(case: Case) -> None:
@@ -87,7 +95,10 @@ def measure(name: str, seconds: float) -> bool:
     assert process.stdout is not None
     with open_sensor(process.stdout.readline().strip(), case.profile) as sensor:
         sensor.latest(10.0)
-        frames, gaps, worst = 0, 0, 0.0
+        settled = time.monotonic() + 1.0
+        while time.monotonic() < settled:
+            sensor.read(10.0)
+        frames, gaps, worst, memory = 0, 0, 0.0, peak_memory()
         start, cpu = time.monotonic(), time.process_time()
         before = sensor.read(10.0)
         while time.monotonic() - start < seconds:
@@ -107,20 +118,23 @@ def measure(name: str, seconds: float) -> bool:
     print(f"  rate {frames / wall:.1f} Hz, the line's limit {case.limit:.1f} Hz; longest gap {1e3 * worst:.1f} ms")
     verdict = "met" if share < CPU_TARGET else "NOT MET"
     print(f"  driver {100 * share:.1f} % of one core (target {100 * CPU_TARGET:.0f} %: {verdict})", flush=True)
-    return clean and not overruns and share < CPU_TARGET
+    growth = peak_memory() - memory
+    print(f"  peak memory grew by {growth:.2f} MB (target {MEMORY_TARGET:g} MB)", flush=True)
+    return clean and not overruns and share < CPU_TARGET and growth < MEMORY_TARGET
 
 
-def main(seconds: float = 60.0, emulate_case: str = "") -> int:
+def main(seconds: float = 60.0, cases: tuple[str, ...] = tuple(CASES), emulate_case: str = "") -> int:
     """Run all cases.
 
     Args:
         seconds: Duration of each measurement (s).
+        cases: Sensors to measure, of `CASES`.
         emulate_case: Emulate the sensor of this case instead.
     """
     if emulate_case:
         emulate(CASES[emulate_case])
         return 0
-    met = [measure(name, seconds) for name in CASES]
+    met = [measure(name, seconds) for name in cases]
     return 0 if all(met) else 1
 
 

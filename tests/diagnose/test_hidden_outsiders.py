@@ -3,7 +3,7 @@
 import pytest
 from hidden_suite import FOREIGN, LEARNT, SINCE_LEARNT, assert_right
 
-pytestmark = [pytest.mark.rates, pytest.mark.timeout(3600)]
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(3600)]
 
 POOR = 0.6
 FLAGGED = ("partly_explained", "unexplained")

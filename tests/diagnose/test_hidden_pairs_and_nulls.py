@@ -3,7 +3,7 @@
 import pytest
 from hidden_suite import NULLS, PAIRS, assert_right
 
-pytestmark = [pytest.mark.rates, pytest.mark.timeout(3600)]
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(3600)]
 
 POOR = 0.4
 FALSE = 1  # at most this many named causes in ten recordings

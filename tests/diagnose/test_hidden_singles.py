@@ -28,13 +28,13 @@ def test_each_effect_is_hidden_once():
     assert [case.names for case in SINGLES] == [(name,) for name in sorted(EFFECTS)]
 
 
-@pytest.mark.rates
+@pytest.mark.slow
 @pytest.mark.timeout(3600)
 def test_most_effects_are_named():
     assert_right(SINGLES, lambda case: case.exact, POOR)
 
 
-@pytest.mark.rates
+@pytest.mark.slow
 @pytest.mark.timeout(3600)
 def test_what_is_named_rightly_has_its_size():
     errors = {}
@@ -45,7 +45,7 @@ def test_what_is_named_rightly_has_its_size():
     assert np.median(list(errors.values())) < ERROR, errors
 
 
-@pytest.mark.rates
+@pytest.mark.slow
 @pytest.mark.timeout(3600)
 def test_what_is_named_rightly_has_its_gain():
     shares = {}
