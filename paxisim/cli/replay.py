@@ -73,7 +73,8 @@ def replay(
     try:
         paired = simulate_resumable(loaded_scene, loaded, kept, mean=mean, jobs=jobs, progress=_say)
     except BaseException:
-        _forget_if_empty(kept)
+        with contextlib.suppress(OSError):  # there is no folder, or it has finished episodes
+            kept.rmdir()
         raise
     progress(f"writing {output}")
     paired.save(output)
@@ -108,13 +109,6 @@ def _print_peaks(rehearsed, stop_force: float) -> None:
 def _say(done: int, count: int, before: int) -> None:
     kept = f", {before} from an earlier run" if before else ""
     progress(f"simulated {done} of {count} episode{'s' * (count != 1)}{kept}")
-
-
-def _forget_if_empty(folder: Path) -> None:
-    """Remove the folder of finished episodes if it has none."""
-    with contextlib.suppress(OSError):
-        if not any(folder.glob("episode_*.npz")) and (folder / "replay").is_file():
-            shutil.rmtree(folder)
 
 
 def _print_how(paired) -> None:

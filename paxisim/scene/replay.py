@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from types import MappingProxyType
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -120,6 +122,32 @@ class Replay:
             number,
         )
         return SimulatedEpisode(number, _within(part, known, fitted.force), fitted.closing, fitted.notes)
+
+    def inputs(self, number: int, closing: float | None = None) -> Iterator[bytes]:
+        """Yield everything that the result of `run` depends on, apart from the versions of paxisim and MuJoCo."""
+        from paxisim.scene.toml import format_scene
+
+        yield self._model_bytes
+        yield format_scene(self._scene, "").encode()
+        steps = sorted((drive.source, step) for drive, step in self._resolution.items())
+        yield repr((self._mean, closing, self._recording.tensor.shape[1:], steps)).encode()
+        part = self._recording.select([number])
+        arrays: list[np.ndarray] = [part.time]
+        for source in dict.fromkeys(moved.stream for moved in (*self._scene.drives, *self._scene.start)):
+            arrays += [part.covariates[source]] if source in part.covariates else []
+        if part.measured is not None and closing is None:  # a closing is fitted to it, and a missed contact noted
+            arrays.append(part.measured)
+        for array in arrays:
+            yield f"{array.dtype} {array.shape}".encode()
+            yield np.ascontiguousarray(array).tobytes()
+
+    @cached_property
+    def _model_bytes(self) -> bytes:
+        """The compiled model, with all meshes that its files named."""
+        model = self._rig.model
+        buffer = np.zeros(mujoco.mj_sizeModel(model), dtype=np.uint8)
+        mujoco.mj_saveModel(model, None, buffer)
+        return buffer.tobytes()
 
     def _missed(self, part: Recording, force: NDArray[np.float32]) -> tuple[str, ...]:
         """Return a note if contact was measured in an episode but none is simulated."""

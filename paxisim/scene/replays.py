@@ -2,27 +2,24 @@
 
 from __future__ import annotations
 
-import hashlib
 import multiprocessing
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from paxisim._version import __version__
 from paxisim.errors import PaxisimError, UnsupportedError
-from paxisim.files import whole_file
 from paxisim.recording import Recording
+from paxisim.scene.cache import EpisodeCache
 from paxisim.scene.changed import changed
 from paxisim.scene.parameters import SceneParameter
 from paxisim.scene.resume import begin_worker
 from paxisim.scene.scene import Scene
-from paxisim.scene.streams import encoder_step
 
 Values = Mapping[SceneParameter, float]
 _Key = tuple[tuple[SceneParameter, float], ...]
@@ -56,8 +53,7 @@ class Replays:
             recording: Recording with the driving streams among its covariates.
             closings: Constant added to the closing stream of each episode, as found by a mode that fits it.
             jobs: Number of processes.
-            folder: Cache folder, which other programs can share; files are named by a hash of everything that a
-                replay depends on. None: no cache on disk.
+            folder: Folder of an `EpisodeCache`, which other programs can share. None: no cache on disk.
         """
         self.scene, self.recording = scene, recording
         self._jobs = jobs
@@ -147,83 +143,24 @@ class _Maker:
     """Computes replays, in this process or another."""
 
     def __init__(self, scene: Scene, recording: Recording, closings: dict[int, float], folder: Path | None) -> None:
-        self._scene, self._recording, self._closings, self._folder = scene, recording, closings, folder
-        self._motions: dict[int, bytes] = {}
+        self._scene, self._recording, self._closings = scene, recording, closings
+        self._cache = None if folder is None else EpisodeCache(folder)
 
     def __call__(self, task: tuple[_Key, tuple[int, ...]]) -> list[_Force | PaxisimError]:
         """Return the forces of some episodes, or an error in place of each that failed."""
         key, numbers = task
         try:
-            scene = changed(self._scene, dict(key))
+            replay = changed(self._scene, dict(key)).prepare(self._recording)
         except PaxisimError as error:
             return [error] * len(numbers)
-        paths = {number: self._path(scene, number) for number in numbers}
-        out: dict[int, _Force | PaxisimError] = {}
-        for number, path in paths.items():
-            kept = None if path is None else _read(path)
-            if kept is not None:
-                out[number] = kept
-        left = [number for number in numbers if number not in out]
-        if left:
-            out |= self._simulated(scene, left)
-        for number in left:
-            path, made = paths[number], out[number]
-            if path is not None and not isinstance(made, PaxisimError):
-                _write(path, made)
-        return [out[number] for number in numbers]
-
-    def _simulated(self, scene: Scene, numbers: list[int]) -> dict[int, _Force | PaxisimError]:
-        out: dict[int, _Force | PaxisimError] = {}
-        try:
-            replay = scene.prepare(self._recording)
-        except PaxisimError as error:
-            return dict.fromkeys(numbers, error)
+        run = replay.run if self._cache is None else partial(self._cache.run, replay)
+        forces: list[_Force | PaxisimError] = []
         for number in numbers:
             try:
-                out[number] = replay.run(number, self._closings.get(number, 0.0)).force
+                forces.append(run(number, self._closings.get(number, 0.0)).force)
             except PaxisimError as error:
-                out[number] = error
-        return out
-
-    def _path(self, scene: Scene, number: int) -> Path | None:
-        """Return the cache file of an episode's replay, named by a hash of everything that the replay depends on."""
-        if self._folder is None:
-            return None
-        from paxisim.scene.toml import format_scene
-
-        if number not in self._motions:
-            part = self._recording.select([number])
-            steps = [encoder_step(self._recording, drive) for drive in scene.drives]  # from all its episodes
-            motion = hashlib.sha256(part.time.tobytes() + repr((part.tensor.shape[1:], steps)).encode())
-            for drive in scene.drives:
-                motion.update(np.ascontiguousarray(part.covariates[drive.stream]).tobytes())
-            for start in scene.start:
-                motion.update(np.ascontiguousarray(part.covariates.get(start.stream, ())).tobytes())
-            self._motions[number] = motion.digest()
-        is_text = isinstance(scene.mjcf, str) and scene.mjcf.lstrip().startswith("<")
-        mjcf = str(scene.mjcf) if is_text else Path(scene.mjcf).read_text(encoding="utf-8")
-        digest = hashlib.sha256(self._motions[number])
-        closing = self._closings.get(number, 0.0)
-        for text in (__version__, mujoco.__version__, mjcf, format_scene(scene, ""), repr(closing)):
-            digest.update(text.encode() + b"\0")
-        return self._folder / f"{digest.hexdigest()[:32]}.npz"
-
-
-def _read(path: Path) -> _Force | None:
-    """Return a cached replay; None if it is missing or damaged."""
-    try:
-        with np.load(path, allow_pickle=False) as kept:
-            return np.asarray(kept["force"], dtype=np.float32)
-    except FileNotFoundError:
-        return None
-    except Exception:  # zipfile and numpy raise many kinds of errors for a damaged file
-        return None
-
-
-def _write(path: Path, force: _Force) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with whole_file(path) as temporary, temporary.open("wb") as file:
-        np.savez(file, force=force)
+                forces.append(error)
+        return forces
 
 
 _maker: _Maker | None = None  # set in each process of the pool

@@ -47,8 +47,8 @@ def test_replays_are_kept_by_what_they_depend_on(tmp_path):
         first = replays.run_each({})
     files = sorted(tmp_path.iterdir())
     assert len(files) == 2  # one per episode
-    marked = np.load(files[0])["force"] + 1
-    np.savez(files[0], force=marked)
+    with np.load(files[0]) as kept:
+        np.savez(files[0], force=kept["force"] + 1, about=kept["about"])
     files[1].write_bytes(b"damaged")
     with Replays(SCENE, motion(), folder=tmp_path) as replays:
         again = replays.run_each({})
@@ -71,6 +71,23 @@ def test_kept_replays_depend_on_the_grid_and_the_encoder_steps_of_the_whole_reco
         with pytest.raises(KeyboardInterrupt):
             simulate_resumable(SCENE, used, tmp_path / "resume", progress=stop_after_one)
     simulate_resumable(SCENE, whole, tmp_path / "resume")
+
+
+def test_a_file_that_the_scene_includes_counts(tmp_path):
+    model, _, rest = SCENE.mjcf.partition("<worldbody>")
+    world, _, end = rest.rpartition("</worldbody>")
+    (tmp_path / "world.xml").write_text(f"<mujoco><worldbody>{world}</worldbody></mujoco>")
+    (tmp_path / "scene.xml").write_text(f'{model}<include file="world.xml"/>{end}')
+    scene = replace(SCENE, mjcf=tmp_path / "scene.xml")
+    peaks = []
+    for _ in range(2):
+        with Replays(scene, motion(), folder=tmp_path / "kept") as replays:
+            peaks.append(replays.run_each({}).max())
+        peaks.append(simulate_resumable(scene, motion(), tmp_path / "resume").simulated.max())
+        away = world.replace('<body name="bench">', '<body name="bench" pos="0 0 -0.1">')
+        (tmp_path / "world.xml").write_text(f"<mujoco><worldbody>{away}</worldbody></mujoco>")
+    assert min(peaks[:2]) > 0
+    assert peaks[2:] == [0, 0]
 
 
 def test_two_replays_to_one_output_are_told_at_the_start(tmp_path):
