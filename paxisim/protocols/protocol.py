@@ -6,14 +6,14 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.diagnose.advice import MOTIONS
 from paxisim.diagnose.vocabulary import cause, known_causes
+from paxisim.document import DocumentFile
 from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.recording import Recording
 
@@ -63,7 +63,7 @@ class Segment:
 
 
 @dataclass(frozen=True)
-class Protocol:
+class Protocol(DocumentFile):
     """A motion to follow. Between two waypoints it follows a minimum-jerk curve, at rest at both.
 
     Attributes:
@@ -91,6 +91,22 @@ class Protocol:
     stop_force: float
     rate: float
     segments: tuple[Segment, ...]
+
+    FORMAT = "paxisim-protocol/1"
+    ENTRIES = (
+        "name",
+        "about",
+        "scene",
+        "seconds",
+        "units",
+        "frame",
+        "between_waypoints",
+        "max_speed",
+        "stop_at_normal_force_on_a_pad",
+        "record_at_least",
+        "columns",
+        "segments",
+    )
 
     def __post_init__(self) -> None:
         """Check the values."""
@@ -185,32 +201,22 @@ class Protocol:
         """
         return scene.with_parameters(**parameters).simulate(self.unrecorded(scene))
 
-    def save(self, path: str | Path) -> None:
-        """Write the protocol as JSON, completely or not at all.
+    def to_json(self) -> str:
+        """Return the protocol as JSON text with a waypoint a line; times in s, positions in m."""
+        from paxisim.protocols.text import in_lines
 
-        Raises:
-            OSError: The file cannot be written.
-            InvalidValueError: The path is a folder, or its folder does not exist.
-        """
-        from paxisim.files import whole_file
-        from paxisim.protocols.text import format_protocol
+        return in_lines(self.to_document())
 
-        with whole_file(Path(path)) as temporary:
-            temporary.write_text(format_protocol(self), encoding="utf-8")
+    def _entries(self) -> dict[str, Any]:
+        from paxisim.protocols.text import entries_of
+
+        return entries_of(self)
 
     @classmethod
-    def load(cls, path: str | Path) -> Protocol:
-        """Read a protocol from its JSON file.
+    def _from_entries(cls, entries: dict[str, Any]) -> Protocol:
+        from paxisim.protocols.text import from_entries
 
-        Raises:
-            InvalidValueError: The file is not a valid protocol; the message names the error.
-            UnknownNameError: There is no such motion.
-            FileNotFoundError: There is no such file.
-        """
-        from paxisim.files import parse_file
-        from paxisim.protocols.text import parse_protocol
-
-        return parse_file(Path(path), parse_protocol)
+        return from_entries(entries)
 
 
 def peak_forces(recording: Recording) -> dict[str, float]:

@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import json
+import textwrap
+from collections.abc import Iterable
 from typing import Any
 
 from paxisim.errors import InvalidValueError
-from paxisim.logs.text import parse_json
 from paxisim.protocols.protocol import Protocol, Segment
 
-VERSION = 1
 _BETWEEN = "minimum jerk, at rest at each waypoint"
 _PLAIN = {"name": str, "about": str, "scene": str, "frame": str}
 
 
-def format_protocol(protocol: Protocol) -> str:
-    """Return the protocol as JSON; times in s, positions in m."""
-    head: dict[str, Any] = {
-        "version": VERSION,
+def entries_of(protocol: Protocol) -> dict[str, Any]:
+    """Return the entries of a protocol's JSON object; times in s, positions in m."""
+    return {
         **{name: getattr(protocol, name) for name in ("name", "about", "scene")},
         "seconds": protocol.seconds,
         "units": {"time": "s", "position": "m", "speed": "m/s", "force": "N", "rate": "Hz"},
@@ -27,52 +26,51 @@ def format_protocol(protocol: Protocol) -> str:
         "stop_at_normal_force_on_a_pad": protocol.stop_force,
         "record_at_least": protocol.rate,
         "columns": ["time", *protocol.streams],
+        "segments": [_segment(segment) for segment in protocol.segments],
     }
-    lines = [f"  {json.dumps(key)}: {json.dumps(value)}," for key, value in head.items()]
-    segments = ",\n".join(_segment(segment) for segment in protocol.segments)
-    return "{\n" + "\n".join(lines) + '\n  "segments": [\n' + segments + "\n  ]\n}\n"
 
 
-def _segment(segment: Segment) -> str:
-    head = {
+def _segment(segment: Segment) -> dict[str, Any]:
+    return {
         "episode": segment.episode,
         "name": segment.name,
         "does": segment.does,
         "motions": list(segment.motions),
         "excites": list(segment.excites),
+        "waypoints": [list(point) for point in segment.waypoints],
     }
-    lines = [f"      {json.dumps(key)}: {json.dumps(value)}," for key, value in head.items()]
-    points = ",\n".join(f"        {json.dumps(list(point))}" for point in segment.waypoints)
-    return "    {\n" + "\n".join(lines) + '\n      "waypoints": [\n' + points + "\n      ]\n    }"
 
 
-def parse_protocol(text: str) -> Protocol:
-    """Parse a protocol from its JSON.
+def in_lines(document: dict[str, Any]) -> str:
+    """Return a protocol's JSON object as text, with each value and each waypoint on a line."""
+    segments = [_lines(segment, "waypoints", map(json.dumps, segment["waypoints"])) for segment in document["segments"]]
+    return _lines(document, "segments", segments)
 
-    Derived values (``seconds``, ``excites``) are not read.
+
+def _lines(table: dict[str, Any], last: str, items: Iterable[str]) -> str:
+    """Return the entries of a table a line each, and for the list `last` the texts of its items."""
+    lines = [f"{json.dumps(key)}: {json.dumps(value)}," for key, value in table.items() if key != last]
+    listed = textwrap.indent(",\n".join(items), "  ")
+    return "{\n" + textwrap.indent("\n".join([*lines, f"{json.dumps(last)}: [\n{listed}\n]"]), "  ") + "\n}"
+
+
+def from_entries(entries: dict[str, Any]) -> Protocol:
+    """Return the protocol that the entries describe; derived ones (``seconds``, ``excites``) are not read.
 
     Raises:
-        InvalidValueError: The text is not JSON, has another version, or holds a value that cannot be used.
+        InvalidValueError: A value is missing or cannot be used.
         UnknownNameError: There is no such motion.
     """
-    document = parse_json(text)
-    if not isinstance(document, dict) or "segments" not in document:
-        raise InvalidValueError("not a protocol: expected a JSON object with segments, as paxisim protocol writes it")
-    if document.get("version") != VERSION:
-        raise InvalidValueError(
-            f"expected version {VERSION} of a protocol, got {document.get('version')!r}: write it again with paxisim "
-            "protocol"
-        )
-    columns = _value(document, "columns", list)
+    columns = _value(entries, "columns", list)
     if columns[:1] != ["time"] or not all(isinstance(name, str) for name in columns):
         raise InvalidValueError(f'columns must be "time" and the names of the streams, got {columns!r}')
     return Protocol(
-        **{name: _value(document, name, kind) for name, kind in _PLAIN.items()},
+        **{name: _value(entries, name, kind) for name, kind in _PLAIN.items()},
         streams=tuple(columns[1:]),
-        max_speed=_number(document, "max_speed"),
-        stop_force=_number(document, "stop_at_normal_force_on_a_pad"),
-        rate=_number(document, "record_at_least"),
-        segments=tuple(_parsed(segment) for segment in _value(document, "segments", list)),
+        max_speed=_number(entries, "max_speed"),
+        stop_force=_number(entries, "stop_at_normal_force_on_a_pad"),
+        rate=_number(entries, "record_at_least"),
+        segments=tuple(_parsed(segment) for segment in _value(entries, "segments", list)),
     )
 
 

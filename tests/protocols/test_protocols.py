@@ -136,8 +136,8 @@ def test_what_cannot_be_a_protocol_is_said(make, says):
 
 BAD = {
     "not JSON": lambda text: text[:-5],
-    "not a protocol": lambda text: "[]",
-    "expected version 1 of a protocol, got 2": lambda text: text.replace('"version": 1', '"version": 2'),
+    "expected a protocol, a JSON object of format": lambda text: "[]",
+    "expected a protocol.*got 'paxisim-protocol/2'": lambda text: text.replace("protocol/1", "protocol/2"),
     "max_speed must be a number, got 'fast'": lambda text: text.replace('"max_speed": 0.025', '"max_speed": "fast"'),
     "name must be a string, got None": lambda text: text.replace('"name": "press",', ""),
     "columns must be": lambda text: text.replace('["time",', '["t",'),
