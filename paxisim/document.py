@@ -11,8 +11,7 @@ from types import NoneType, UnionType
 from typing import Any, ClassVar, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from paxisim.errors import InvalidValueError, PaxisimError, UnknownNameError
-from paxisim.files import parse_file, whole_file
-from paxisim.logs.text import parse_json
+from paxisim.files import parse_file, parse_json, whole_file
 
 _WORDS = {str: "text", list: "list", dict: "JSON object"}
 _Kind = TypeVar("_Kind", bound="Document")

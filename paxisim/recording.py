@@ -10,7 +10,6 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from paxisim._renamed import warn_renamed
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
 from paxisim.logs.checks import check_fields
@@ -334,8 +333,3 @@ class Recording:
     def to_arrays(self) -> RecordingArrays:
         """Return the plain arrays in the form that `paxisim.logs` uses, without copying."""
         return RecordingArrays(**vars(self))
-
-    def to_aligned(self) -> RecordingArrays:
-        """Old name of `to_arrays`."""
-        warn_renamed("Recording.to_aligned", "Recording.to_arrays")
-        return self.to_arrays()

@@ -32,9 +32,9 @@ HEAVY = OPTIONAL | {"mujoco", "numpy", "scipy", "lxml", "tyro", "mcap", "orjson"
 
 # a part may only import parts with a lower number; parts with the same number do not import each other
 LEVELS = {
-    "_renamed": 0,
     "errors": 0,
     "files": 0.5,
+    "document": 0.7,
     "layout": 0,
     "cluster": 0,
     "parallel": 0,
@@ -56,7 +56,7 @@ LEVELS = {
     "cli": 4,
     "__main__": 5,
 }
-ANYWHERE = {"errors", "_version", "_renamed"}
+ANYWHERE = {"errors", "_version"}
 
 
 def modules_after(code: str) -> set[str]:

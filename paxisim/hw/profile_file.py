@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from paxisim.errors import InvalidValueError, UnknownNameError
+from paxisim.files import parse_toml
 from paxisim.hw.profile import Profile, Slot
 from paxisim.layout import TaxelLayout
-from paxisim.logs.text import parse_toml
 from paxisim.sensors import Sensor
 
 _NUMBER = (int, float)
