@@ -199,10 +199,8 @@ def test_circles_are_found():
 
 # a class or function that calls, inside its methods, what is built on it: to load, save, run or report itself
 FACADES = {
-    "paxisim.augment.gcs": {"paxisim.augment.around"},
     "paxisim.diagnose.diagnosis": {"paxisim.diagnose.report.page"},
     "paxisim.hw.profile": {"paxisim.hw.profile_file"},
-    "paxisim.protocols.protocol": {"paxisim.protocols.text"},
     "paxisim.scene.scene": {"paxisim.scene.changed", "paxisim.scene.replay", "paxisim.scene.rig", "paxisim.scene.toml"},
 }
 

@@ -9,7 +9,8 @@ import pytest
 
 import paxisim
 from paxisim import InvalidValueError, Protocol, UnknownNameError
-from paxisim.protocols.protocol import Segment, peak_forces
+from paxisim.protocols.protocol import peak_forces
+from paxisim.protocols.segment import Segment
 from paxisim.scene import ready
 
 LAYOUT = paxisim.TaxelLayout(3, 3, (7e-3, 7e-3))
