@@ -15,13 +15,17 @@ pytest.importorskip("serial")
 
 from paxisim.cli.device import device_check, device_profiles, device_quality
 from paxisim.errors import InvalidValueError, OutputExistsError, PaxisimError, UnknownNameError
-from paxisim.hw.check import check_steps
-from paxisim.hw.emulator import Emulator
-from paxisim.hw.profile import Profile, Slot, known_profiles, load_profile
-from paxisim.hw.profile_file import profile_toml
-from paxisim.hw.quality import MIN_FRAMES
+from paxisim.hw.commissioning.check import check_steps
+from paxisim.hw.commissioning.quality import MIN_FRAMES
+from paxisim.hw.emulation.emulator import Emulator
+from paxisim.hw.profiles.load import known_profiles, load_profile
+from paxisim.hw.profiles.profile import Profile, Slot
+from paxisim.hw.profiles.write import profile_toml
 
-pytestmark = [pytest.mark.real_time, pytest.mark.filterwarnings("ignore::paxisim.hw.profile.UnverifiedProfileWarning")]
+pytestmark = [
+    pytest.mark.real_time,
+    pytest.mark.filterwarnings("ignore::paxisim.UnverifiedProfileWarning"),
+]
 
 SECONDS = 0.2
 
