@@ -2,8 +2,6 @@
 
 import io
 import re
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -247,10 +245,3 @@ def test_profiles_are_listed_and_one_is_a_file_to_start_from(capsys):
     device_profiles("gen2-box-120")
     Path("copy.toml").write_text(capsys.readouterr().out, encoding="utf-8")
     assert load_profile("copy.toml") == load_profile("gen2-box-120")
-
-
-def test_the_old_verb_works_and_warns():
-    words = [sys.executable, "-m", "paxisim", "sensor", "profiles", "gen2-box-120"]
-    done = subprocess.run(words, capture_output=True, text=True, check=True, timeout=60)
-    assert "`paxisim sensor` is now `paxisim device`" in done.stderr
-    assert 'name = "gen2-box-120"' in done.stdout
