@@ -296,13 +296,13 @@ OTHER_FIRST = {"covariates": {"opening": FORCE[:, 0, :, 0, 0], "resultant": FORC
 )
 def test_what_cannot_be_done_is_named(method, arguments, words):
     recording = two_episodes()
+    calls = {
+        "concatenate": lambda **other: Recording.concatenate([recording, two_episodes(**other)]),
+        "with_covariate": lambda **given: recording.with_covariate(**{"name": "joints", "values": [1, 2], **given}),
+    }
+    call = calls.get(method) or getattr(recording, method)
     with pytest.raises((InvalidValueError, UnknownNameError), match=words):
-        if method == "concatenate":
-            Recording.concatenate([recording, two_episodes(**arguments)])
-        elif method == "with_covariate":
-            recording.with_covariate(**{"name": "joints", "values": [1, 2], **arguments})
-        else:
-            getattr(recording, method)(**arguments)
+        call(**arguments)
 
 
 @pytest.mark.parametrize(
