@@ -5,6 +5,7 @@ import functools
 import os
 import subprocess
 import sys
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -84,106 +85,74 @@ def syntax(path: Path) -> ast.Module:
     return ast.parse(path.read_text(encoding="utf-8"))
 
 
-def files_to_check() -> list[Path]:
-    """Return all files of paxisim but the top-level package, which imports lazily from everywhere."""
-    left_out = {PACKAGE / "__init__.py", PACKAGE / "_version.py"}
-    return [path for path in sorted(PACKAGE.rglob("*.py")) if path not in left_out]
-
-
-def part_of(path: Path) -> str:
-    return path.relative_to(PACKAGE).parts[0].removesuffix(".py")
-
-
-def parts_imported_by(path: Path) -> set[str]:
-    """Return the parts of paxisim that a file imports, including imports in functions and for type checkers."""
-    found = set()
-    for node in ast.walk(syntax(path)):
-        if isinstance(node, ast.Import):
-            names = [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom):
-            assert not node.level, f"{path} has a relative import"
-            # `from paxisim import viz` imports a part; `from paxisim import Pad` imports the top-level package
-            names = [f"paxisim.{alias.name}" for alias in node.names] if node.module == "paxisim" else [node.module]
-        else:
-            continue
-        found |= {(name.split(".") + [""])[1] for name in names if name.split(".")[0] == "paxisim"}
-    return found
-
-
-def test_imports_run_one_way():
-    files = files_to_check()
-    assert parts_imported_by(PACKAGE / "models" / "pad.py") == {"errors", "layout", "models"}
-    assert {part_of(path) for path in files} >= {"errors", "layout", "sensors", "models", "viz", "cli"}
-    for path in files:
-        part = part_of(path)
-        assert part in LEVEL_OF, f"{part} is missing in LEVELS"
-        # the command line may import the top-level package, like any user of the library
-        for other in parts_imported_by(path) - ANYWHERE - {part} - ({""} if part == "cli" else set()):
-            assert other in LEVEL_OF, f"{path} imports paxisim.{other}: import from the part that defines it"
-            assert LEVEL_OF[other] < LEVEL_OF[part], f"{path}: {part} must not import {other}"
-
-
 def module_of(path: Path) -> str:
     parts = path.relative_to(PACKAGE.parent).with_suffix("").parts
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
+def part_of(module: str) -> str:
+    return (module.split(".") + [""])[1]
+
+
+# the top-level package imports lazily from everywhere
+FILES = {
+    module_of(path): path for path in PACKAGE.rglob("*.py") if module_of(path) not in ("paxisim", "paxisim._version")
+}
 # __init__ files import their modules lazily; the modules do not import their package
-MODULES = {module_of(path): path for path in files_to_check() if path.name != "__init__.py"}
-PACKAGES = {module_of(path) for path in files_to_check() if path.name == "__init__.py"}
+MODULES = {name for name, path in FILES.items() if path.name != "__init__.py"}
 
 
-def modules_imported_by(name: str, known: set[str], *, later: bool = False) -> set[str]:
-    """Return the modules of paxisim that a module imports at runtime; with `later` also those in functions."""
-    found, open_ = set(), [syntax(MODULES[name])]
+def imported_by(name: str, *, later: bool = True, typing: bool = False) -> set[str]:
+    """Return the modules and packages of paxisim that a file imports, ``"paxisim"`` for its public names.
+
+    Args:
+        name: Name of the module or package.
+        later: Whether imports in functions count.
+        typing: Whether imports for type checkers count.
+    """
+    found, open_ = set(), [syntax(FILES[name])]
     while open_:
         node = open_.pop()
-        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING" and not typing:
             continue
         if isinstance(node, ast.FunctionDef) and not later:
             continue
         open_ += ast.iter_child_nodes(node)
         if isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names}
+            found |= {alias.name for alias in node.names if alias.name.split(".")[0] == "paxisim"}
         elif isinstance(node, ast.ImportFrom):
-            modules = {f"{node.module}.{alias.name}" for alias in node.names} & known
-            found |= modules | ({node.module} if len(modules) < len(node.names) else set())
-    return found & known - {name}
+            assert not node.level, f"{name} has a relative import"
+            if node.module.split(".")[0] == "paxisim":
+                # `from paxisim import viz` imports a part, `from paxisim import Pad` does not
+                full = [f"{node.module}.{alias.name}" for alias in node.names]
+                found |= {module if module in FILES else node.module for module in full}
+    return found - {name}
 
 
-def circle_in(imports: dict[str, set[str]]) -> list[str]:
-    """Return modules that form an import cycle, in order; empty if there is none."""
-    done: set[str] = set()
-
-    def follow(name: str, way: list[str]) -> list[str]:
-        if name in way:
-            return way[way.index(name) :]
-        if name in done:
-            return []
-        for other in sorted(imports.get(name, ())):
-            if circle := follow(other, [*way, name]):
-                return circle
-        done.add(name)
-        return []
-
-    return next((circle for name in sorted(imports) if (circle := follow(name, []))), [])
+def test_imports_run_one_way():
+    assert {part_of(name) for name in imported_by("paxisim.models.pad")} == {"errors", "layout", "models"}
+    assert {part_of(name) for name in FILES} >= {"errors", "layout", "sensors", "models", "viz", "cli"}
+    for name in FILES:
+        part = part_of(name)
+        assert part in LEVEL_OF, f"{part} is missing in LEVELS"
+        for other in map(part_of, imported_by(name, typing=True)):
+            # the command line may import the top-level package, like any user of the library
+            if other not in ANYWHERE | {part} and (other, part) != ("", "cli"):
+                assert other in LEVEL_OF, f"{name} imports paxisim.{other}: import from the part that defines it"
+                assert LEVEL_OF[other] < LEVEL_OF[part], f"{name}: {part} must not import {other}"
 
 
 def test_no_module_needs_itself_and_no_facade_is_needed_to_be_imported():
     """Imports in functions count, except those of a facade."""
-    assert circle_in({"a": {"b"}, "b": {"c"}, "c": {"b"}}) == ["b", "c"]
-    assert circle_in({"a": {"b", "c"}, "b": {"c"}}) == []
-    known = set(MODULES)
-    later = {name: modules_imported_by(name, known, later=True) - FACADES.get(name, set()) for name in MODULES}
-    assert circle_in(later) == []
-    assert circle_in({name: modules_imported_by(name, known) for name in MODULES}) == []
+    later = {name: imported_by(name) & MODULES - FACADES.get(name, set()) for name in MODULES}
+    for imports in (later, {name: imported_by(name, later=False) & MODULES for name in MODULES}):
+        TopologicalSorter(imports).prepare()  # raises a CycleError that names the modules of a circle
 
 
 def test_modules_of_the_diagnosis_do_not_reach_back_to_their_packages():
     for name in MODULES:
         if name.startswith("paxisim.diagnose."):
-            imported = PACKAGES & modules_imported_by(name, PACKAGES | set(MODULES))
-            assert not {package for package in imported if name.startswith(f"{package}.")}, name
+            assert not [other for other in imported_by(name) - MODULES if name.startswith(f"{other}.")], name
 
 
 @pytest.mark.skipif(not INTEGRATIONS.exists(), reason="no integrations yet")
