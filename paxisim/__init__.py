@@ -6,7 +6,4 @@ neither torch, serial, matplotlib nor trimesh.
 
 import lazy_loader
 
-from paxisim._renamed import with_old_names
-
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
-__getattr__ = with_old_names(__name__, __getattr__, {"Readout": "LinearCalibration", "measured": "heights_from_map"})

@@ -1,16 +1,23 @@
-"""Atomic writing of files and folders, and parsing of files with errors that name the file."""
+"""Atomic writing of files and folders, and parsing of untrusted JSON, TOML and files with paxisim's own errors."""
 
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import secrets
 import shutil
+import sys
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from paxisim.errors import InvalidValueError, OutputExistsError, UnknownNameError
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib  # pyright: ignore[reportMissingImports]
 
 _Parsed = TypeVar("_Parsed")
 
@@ -101,3 +108,31 @@ def parse_file(path: Path, parse: Callable[[str], _Parsed]) -> _Parsed:
         raise InvalidValueError(f"{path}: {error}") from error
     except UnknownNameError as error:
         raise error.advised(f"it is in {path}") from error
+
+
+def parse_json(text: str | bytes) -> Any:
+    """Parse a JSON text.
+
+    Raises:
+        InvalidValueError: The text is not JSON, is nested too deeply, or has a number of thousands of digits.
+    """
+    try:
+        return json.loads(text)
+    except RecursionError:
+        raise InvalidValueError("the JSON cannot be read: it is nested too deeply") from None
+    except ValueError as error:
+        raise InvalidValueError(f"not JSON: {error}") from error
+
+
+def parse_toml(text: str) -> dict[str, Any]:
+    """Parse a TOML text.
+
+    Raises:
+        InvalidValueError: The text is not TOML, is nested too deeply, or has a number of thousands of digits.
+    """
+    try:
+        return tomllib.loads(text)
+    except RecursionError:
+        raise InvalidValueError("the TOML cannot be read: it is nested too deeply") from None
+    except ValueError as error:
+        raise InvalidValueError(f"not TOML: {error}") from error

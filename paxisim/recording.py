@@ -10,7 +10,6 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from paxisim._renamed import warn_renamed
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
 from paxisim.logs.checks import check_fields
@@ -284,7 +283,7 @@ class Recording:
             layout: Layout of the pads' taxels, instead of that of the file. A CSV from a board contains no layout; by
                 default, its taxels form one row in the order of the file.
             pads: Names of the pads to keep, as used in the file and in this order. Default: all.
-            profile: Conversion of the counts in a board's CSV to newtons, from `paxisim.hw.profile.load_profile`. It
+            profile: Conversion of the counts in a board's CSV to newtons, from `paxisim.load_profile`. It
                 also gives the layout. Default: 0.1 N per count, without changing any axis.
             streams: Files whose numeric streams, such as joint positions, are added as covariates: MCAP of ROS 2 or
                 with JSON (`paxisim.logs.mcap_joints`), CSV, Parquet, HDF5, LeRobotDataset. `paxisim.logs.add_streams`
@@ -334,8 +333,3 @@ class Recording:
     def to_arrays(self) -> RecordingArrays:
         """Return the plain arrays in the form that `paxisim.logs` uses, without copying."""
         return RecordingArrays(**vars(self))
-
-    def to_aligned(self) -> RecordingArrays:
-        """Old name of `to_arrays`."""
-        warn_renamed("Recording.to_aligned", "Recording.to_arrays")
-        return self.to_arrays()

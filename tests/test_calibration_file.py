@@ -143,15 +143,13 @@ def test_the_verb_writes_a_calibration_and_two_pictures_or_nothing(recording, tm
 
 
 @pytest.mark.real_time
-@pytest.mark.filterwarnings("ignore::paxisim.hw.profile.UnverifiedProfileWarning")
+@pytest.mark.filterwarnings("ignore::paxisim.UnverifiedProfileWarning")
 def test_a_sensor_is_opened_recorded_and_zeroed_in_newtons(calibration, recording, tmp_path, capsys) -> None:
     pytest.importorskip("serial")
-    from paxisim.hw.emulator import Emulator
-
     path, output = tmp_path / "sensor.json", tmp_path / "newtons.mcap"
     calibration.save(path)
     field = recording.measured[700]
-    with Emulator("anyskin", lambda now: field) as emulator:
+    with paxisim.Emulator("anyskin", lambda now: field) as emulator:
         with paxisim.open_sensor(emulator.port, "anyskin", calibration=paxisim.Calibration.load(path)) as skin:
             frame = skin.read(20)
             assert (skin.unit, frame.unit, frame.force.dtype) == ("N", "N", np.float32)

@@ -17,7 +17,6 @@ from load_rig import rig
 import paxisim
 from paxisim.cli import main, parse
 from paxisim.cli.example import example_recording
-from paxisim.hw.emulator import Emulator
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -205,7 +204,7 @@ def test_the_page_on_calibration_runs_as_printed(tmp_path, monkeypatch):
     run(page, fit, scope)
     assert len(scope["calibrated"]) == len(paxisim.Recording.load("calibrated.mcap"))
     assert Path("calibration.png").exists()
-    with Emulator("anyskin", lambda now: recording.measured[700]) as emulator:
+    with paxisim.Emulator("anyskin", lambda now: recording.measured[700]) as emulator:
         run(page, live.replace("/dev/ttyACM0", emulator.port), scope)
         words = record.replace("/dev/ttyACM0", emulator.port).split()[1:]
         assert main([*words, "--seconds", "0.5"]) == 0

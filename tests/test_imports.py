@@ -22,8 +22,9 @@ HEAVY = OPTIONAL | {"mujoco", "numpy", "scipy", "lxml", "tyro", "mcap", "orjson"
 
 # a part may only import parts with a lower number; parts with the same number do not import each other
 LEVELS = {
-    0: "_renamed errors layout cluster parallel",
+    0: "errors layout cluster parallel",
     0.5: "files",
+    0.7: "document",
     1: "bump sensors logs",
     1.5: "recording",
     1.7: "presses",
@@ -36,14 +37,11 @@ LEVELS = {
     5: "__main__",
 }
 LEVEL_OF = {part: level for level, parts in LEVELS.items() for part in parts.split()}
-ANYWHERE = {"errors", "_version", "_renamed"}
+ANYWHERE = {"errors", "_version"}
 
 # a class or function that calls, inside its methods, what is built on it: to load, save, run or report itself
 FACADES = {
-    "paxisim.augment.gcs": {"paxisim.augment.around"},
     "paxisim.diagnose.diagnosis": {"paxisim.diagnose.report.page"},
-    "paxisim.hw.profile": {"paxisim.hw.profile_file"},
-    "paxisim.protocols.protocol": {"paxisim.protocols.text"},
     "paxisim.scene.scene": {f"paxisim.scene.{name}" for name in ("changed", "replay", "rig", "toml")},
 }
 

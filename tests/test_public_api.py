@@ -5,7 +5,6 @@ import inspect
 import pkgutil
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 import paxisim
@@ -82,34 +81,6 @@ def test_names_do_not_hide_one_another():
     import paxisim.augment.parameter_spec as module
 
     assert paxisim.augment.parameter is module.parameter
-
-
-@pytest.mark.parametrize(
-    ("package", "old", "new"),
-    [
-        (paxisim, "Readout", "LinearCalibration"),
-        (paxisim, "measured", "heights_from_map"),
-        (paxisim.augment, "Memory", "StatefulTransform"),
-    ],
-)
-def test_an_old_name_works_and_warns(package, old, new):
-    with pytest.warns(DeprecationWarning, match=rf"{old} is now called {package.__name__}\.{new}"):
-        assert getattr(package, old) is getattr(package, new)
-    assert old not in dir(package)
-
-
-def test_old_methods_work_and_warn():
-    x = np.ones((1, 3, 2, 2), np.float32)
-    gain = paxisim.augment.AxisGain((1.0, 2.0, 3.0))
-    with pytest.warns(DeprecationWarning, match="broadcast_parameter"):
-        np.testing.assert_array_equal(gain.fit("gain", x), gain.broadcast_parameter("gain", x))
-    with pytest.warns(DeprecationWarning, match="broadcast_covariate"):
-        np.testing.assert_array_equal(
-            gain.fit_covariate("t", {"t": 2.0}, x), gain.broadcast_covariate("t", {"t": 2.0}, x)
-        )
-    recording = paxisim.Recording(np.arange(3.0), np.zeros((3, *x.shape), np.float32))
-    with pytest.warns(DeprecationWarning, match="to_arrays"):
-        assert recording.to_aligned().time is recording.to_arrays().time
 
 
 def test_an_unknown_name():

@@ -5,12 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import paxisim
 from paxisim.cli import main
 from paxisim.errors import InvalidValueError, UnknownNameError
-from paxisim.hw.frame import Frame
-from paxisim.hw.profile import load_profile
-from paxisim.hw.quality import measure_quality
-from paxisim.hw.signals import from_recording
+from paxisim.hw.emulation.signals import from_recording
 from paxisim.layout import TaxelLayout
 from paxisim.recording import Recording
 
@@ -350,12 +348,12 @@ def test_a_file_keeps_the_unit_and_info_prints_it(suffix, tmp_path, capsys):
 
 
 def test_a_field_is_not_felt_as_newtons_and_quality_prints_the_unit_of_its_frames():
-    profile = load_profile("gen1-box-ip-s2516")
+    profile = paxisim.load_profile("gen1-box-ip-s2516")
     with pytest.raises(InvalidValueError, match=r"in uT, but profile 'gen1-box-ip-s2516' feels N"):
         from_recording(two_episodes(metadata={"unit": "uT"}), profile)
     noise = np.random.default_rng(0).normal(0, 1, (100, 1, 3, 1, 5)).astype(np.float32)
-    frames = [Frame(force, i / 100, i / 100, i, (0,), unit="uT") for i, force in enumerate(noise)]
-    table = str(measure_quality(frames, TaxelLayout(1, 5, (1e-2, 1e-2)), ("skin",)))
+    frames = [paxisim.Frame(force, i / 100, i / 100, i, (0,), unit="uT") for i, force in enumerate(noise)]
+    table = str(paxisim.measure_quality(frames, TaxelLayout(1, 5, (1e-2, 1e-2)), ("skin",)))
     assert " uT" in table
     assert "uT/min" in table
     assert " N " not in table

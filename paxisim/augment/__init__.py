@@ -7,10 +7,7 @@ them, `gcs` draws the paper's, `encodings` makes of the tensor what a policy see
 
 import lazy_loader
 
-from paxisim._renamed import with_old_names
-
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
-__getattr__ = with_old_names(__name__, __getattr__, {"Memory": "StatefulTransform"})
 # a star import must not import optional packages
 __all__.remove("gym")  # pyright: ignore[reportUnsupportedDunderAll]
 __all__.remove("torch")  # pyright: ignore[reportUnsupportedDunderAll]

@@ -1,6 +1,5 @@
 from . import gym as gym
 from . import torch as torch
-from .around import FittedGCS as FittedGCS
 from .axis_coupling import AxisCoupling as AxisCoupling
 from .chain import Chain as Chain
 from .channel_curve import ChannelCurve as ChannelCurve
@@ -25,6 +24,7 @@ from .gains import AxisGain as AxisGain
 from .gains import PadAxisGain as PadAxisGain
 from .gains import TaxelGain as TaxelGain
 from .gcs import GCS as GCS
+from .gcs import FittedGCS as FittedGCS
 from .gcs import Ranges as Ranges
 from .history import History as History
 from .hysteresis import Hysteresis as Hysteresis

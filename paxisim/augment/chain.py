@@ -5,29 +5,24 @@ from __future__ import annotations
 import dataclasses
 import importlib
 import itertools
-import json
 import math
 import re
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from paxisim.augment.parameter_spec import is_torch
 from paxisim.augment.transform import STAGES, Covariates, State, Transform
-from paxisim.errors import InvalidValueError, PaxisimError, UnknownNameError
-from paxisim.files import parse_file, whole_file
+from paxisim.document import DocumentFile
+from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.layout import TaxelLayout
-from paxisim.logs.text import parse_json
-
-FORMAT = "paxisim-chain/1"
 
 
 @dataclass(frozen=True, eq=False)
-class Chain(Transform):
+class Chain(DocumentFile, Transform):
     """Transforms applied in order. A chain is itself a transform, with memory if any member has memory.
 
     Access members by position, slice (which gives a chain) or name: ``chain[0]``, ``chain[1:]``, ``chain["poisson"]``.
@@ -44,6 +39,9 @@ class Chain(Transform):
 
     members: tuple[Transform, ...] = ()
     names: tuple[str, ...] = ()
+
+    FORMAT = "paxisim-chain/1"
+    ENTRIES = ("members",)
 
     def __init__(self, members: Iterable[Transform] = (), names: Iterable[str] = ()) -> None:
         """Check the members and name them."""
@@ -137,66 +135,16 @@ class Chain(Transform):
             x, _ = member.step(x, member.initial_state(x, covariates), 0.0, covariates)
         return tuple(states)
 
-    def to_json(self) -> str:
-        """Return the chain as JSON text, which `from_json` restores bit for bit.
-
-        Torch parameters are restored as numpy arrays, and bfloat16, which numpy lacks, as float32.
-
-        Raises:
-            InvalidValueError: A member has a parameter that JSON cannot hold, for example a `paxisim.MagneticSensor`.
-        """
-        members = [_encode(member, name) for name, member in zip(self.names, self.members, strict=True)]
-        try:
-            return json.dumps({"format": FORMAT, "members": members}, indent=1, allow_nan=False)
-        except TypeError as error:
-            raise InvalidValueError(f"Chain: a member cannot be saved, create it anew instead: {error}") from error
+    def _entries(self) -> dict[str, Any]:
+        """Return the members. Torch tensors become numpy arrays, and bfloat16, which numpy lacks, float32."""
+        return {"members": [_encode(member, name) for name, member in zip(self.names, self.members, strict=True)]}
 
     @classmethod
-    def from_json(cls, text: str) -> Chain:
-        """Return the chain that `to_json` wrote.
-
-        Raises:
-            InvalidValueError: The text is not JSON or has another format, or a parameter is not usable.
-            UnknownNameError: This version does not know a transform or parameter.
-        """
-        try:
-            document = parse_json(text)
-        except InvalidValueError as error:
-            raise InvalidValueError(f"Chain: {error}") from error
-        if not isinstance(document, dict) or document.get("format") != FORMAT:
-            raise InvalidValueError(f"Chain: expected a JSON object of format {FORMAT!r}")
-        members = document.get("members")
+    def _from_entries(cls, entries: dict[str, Any]) -> Chain:
+        members = entries["members"]
         if not isinstance(members, list):
             raise InvalidValueError(f"Chain: expected a list of 'members' in the JSON, got {members!r:.40}")
-        try:
-            return cls([_decode(member) for member in members], [member["name"] for member in members])
-        except PaxisimError:
-            raise
-        except (
-            AttributeError,
-            LookupError,
-            OverflowError,
-            RecursionError,
-            SyntaxError,
-            TypeError,
-            ValueError,
-        ) as error:
-            raise InvalidValueError(f"Chain: a member of the JSON lacks or misuses {error}") from error
-
-    def save(self, path: str | Path) -> None:
-        """Write `to_json` to a file; an existing file is replaced atomically.
-
-        Raises:
-            InvalidValueError: The path is a folder, or its folder does not exist.
-            OSError: The file cannot be written.
-        """
-        with whole_file(Path(path)) as temporary:
-            temporary.write_text(self.to_json() + "\n", encoding="utf-8")
-
-    @classmethod
-    def load(cls, path: str | Path) -> Chain:
-        """Read a file that `save` wrote; raises as `from_json` does, and FileNotFoundError if it does not exist."""
-        return parse_file(Path(path), cls.from_json)
+        return cls([_decode(member) for member in members], [member["name"] for member in members])
 
 
 def _default_names(members: tuple[Transform, ...]) -> tuple[str, ...]:
@@ -221,7 +169,7 @@ def _warn_of_order(members: tuple[Transform, ...]) -> None:
 
 def _encode(member: Transform, name: str) -> dict[str, Any]:
     if isinstance(member, Chain):
-        return {"name": name, "type": "Chain", "chain": json.loads(member.to_json())}
+        return {"name": name, "type": "Chain", "chain": member.to_document()}
     values = {f.name: _encode_value(getattr(member, f.name)) for f in dataclasses.fields(member)}  # type: ignore[arg-type]
     return {"name": name, "type": member.name, "parameters": values}
 
@@ -250,7 +198,7 @@ def _encode_number(value: Any) -> Any:
 def _decode(document: Mapping[str, Any]) -> Transform:
     kind = document["type"]
     if kind == "Chain":
-        return Chain.from_json(json.dumps(document["chain"]))
+        return Chain.from_document(document["chain"])
     known = _known_transforms()
     if kind not in known:
         advice = f"if {kind} is a transform of your own, import the module that defines it first"

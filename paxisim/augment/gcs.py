@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from paxisim.augment.around import check_intervals, drawn
 from paxisim.augment.chain import Chain
+from paxisim.augment.draws import normal, uniform
 from paxisim.augment.gains import AxisGain, PadAxisGain, TaxelGain
 from paxisim.augment.offset import Offset
 from paxisim.augment.poisson import Poisson
@@ -18,9 +20,6 @@ from paxisim.augment.transform import Transform
 from paxisim.bump import GaussianBump, bump_heights
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
-
-if TYPE_CHECKING:
-    from paxisim.augment.around import FittedGCS
 
 PAPER_LAYOUT = TaxelLayout(6, 5, (26.1e-3 / 6, 22.6e-3 / 5))
 """The paper's sensor, PX6AX-GEN1-PAP-L4629, pooled to 6x5."""
@@ -126,8 +125,6 @@ class GCS:
             UnknownNameError: There is no such member or parameter.
             InvalidValueError: Bounds are not finite, not in order, or not of the parameter's shape.
         """
-        from paxisim.augment.around import FittedGCS
-
         return FittedGCS(model=model, intervals=intervals)
 
     def sample(
@@ -162,7 +159,7 @@ class GCS:
         axis_gain = uniform(rng, axes, ranges.axis_gain)
         mean, spread = ranges.taxel_gain
         deviation = math.sqrt(spread) if self.taxel_gain_is_variance else spread
-        taxel_gain = (mean + deviation * _normal(rng, taxels_shape)).clip(min=0)
+        taxel_gain = (mean + deviation * normal(rng, taxels_shape)).clip(min=0)
         kept = uniform(rng, taxels_shape, (0.0, 1.0)) >= ranges.dropout
         taxel_gain = taxel_gain * kept if self.dropout_of == "taxel" else taxel_gain * kept + ~kept
         members: list[Transform] = []
@@ -212,27 +209,70 @@ class GCS:
         return bump_heights(model, layout, center, deviation)
 
 
-def uniform(rng: Any, shape: tuple[int, ...], bounds: tuple[float, float]) -> Any:
-    """Draw uniform float32 numbers, in numpy or torch depending on `rng`; see `GCS.sample`."""
-    low, high = bounds
-    if isinstance(rng, np.random.Generator):
-        return np.asarray(low + (high - low) * rng.random(shape), dtype=np.float32)
-    torch, where = torch_of(rng)
-    return low + (high - low) * torch.rand(shape, **where)
+@dataclass(frozen=True)
+class FittedGCS(GCS):
+    """GCS that samples chains around a fitted model, with parameters drawn from their uncertainty intervals.
 
+    The fit determines what the paper's C and S have to guess, so `convolution`, `scaling` and their ranges are ignored.
+    The surfaces (G) are drawn as in `GCS`, because no fit determines them. Each number with an interval is drawn
+    independently from the uniform distribution over it, and each seed of noise or jitter from all seeds; all others
+    keep the model's values. The intervals are meant
+    to be the 90 % intervals of a diagnosis. The distribution is uniform so that a policy sees the ends of an interval
+    as often as its middle.
 
-def _normal(rng: Any, shape: tuple[int, ...]) -> Any:
-    if isinstance(rng, np.random.Generator):
-        return rng.standard_normal(shape, dtype=np.float32)
-    torch, where = torch_of(rng)
-    return torch.randn(shape, **where)
+    Hysteresis weights that sum to more than 1 are shrunk towards their lower bounds until they sum to 1.
 
+    A negative latency describes how the streams of a recording were aligned in time, not the sensor. It is left out, so
+    the chains can be stepped.
 
-def torch_of(rng: Any) -> tuple[Any, dict[str, Any]]:
-    """Return torch, and the arguments of its functions that draw float32 numbers from `rng`; see `GCS.sample`."""
-    if type(rng).__module__.split(".")[0] != "torch":
-        raise InvalidValueError(f"GCS: rng must be a numpy.random.Generator or a torch.Generator, got {rng!r}")
-    import torch
+    Example:
+        ```python
+        found = paxisim.diagnose(recording)
+        gcs = paxisim.GCS.around(found.model, found.intervals)
+        chain = gcs.sample(np.random.default_rng(0), (4096,))  # one for each environment
+        ```
 
-    where = {"device": rng} if isinstance(rng, torch.device) else {"device": rng.device, "generator": rng}
-    return torch, {"dtype": torch.float32, **where}
+    Attributes:
+        model: The fitted chain.
+        intervals: Lower and upper bounds by member and parameter, each with the parameter's own shape:
+            ``{"creep": {"amplitude": ([0.1, 0.0], [0.2, 0.1])}}``. For a member that is itself a chain, a mapping of
+            the same form over its members.
+
+    Raises:
+        UnknownNameError: There is no such member or parameter.
+        InvalidValueError: Bounds are not finite, not in order, or not of the parameter's shape; a parameter with an
+            interval is a whole number; or the lower bounds of hysteresis weights sum to more than 1.
+    """
+
+    model: Chain = field(default_factory=Chain)
+    intervals: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Check the options and the intervals."""
+        super().__post_init__()
+        if not isinstance(self.model, Chain):
+            raise InvalidValueError(f"GCS.around: the model must be a Chain, got {type(self.model).__name__}")
+        check_intervals(self.model, self.intervals)
+
+    def sample(
+        self, rng: Any, batch_shape: tuple[int, ...] = (), *, layout: TaxelLayout = PAPER_LAYOUT, pads: int = 2
+    ) -> Chain:
+        """Draw a chain around the model.
+
+        Args:
+            rng: As for `GCS.sample`.
+            batch_shape: Leading batch dimensions; each element gets its own parameters.
+            layout: Ignored: the model fixes the layout.
+            pads: Ignored.
+
+        Returns:
+            The model's members under their names; drawn parameters are float32 of shape ``(*batch, ...)``, followed by
+            the parameter's own shape.
+        """
+        return drawn(self.model, self.intervals, rng, tuple(batch_shape))
+
+    def sample_taxels(
+        self, rng: Any, batch_shape: tuple[int, ...], taxels: tuple[int, int, int], positions: TaxelLayout | None
+    ) -> Chain:
+        """Draw a chain as `sample` does; called by ``paxisim.augment.torch.GCS``."""
+        return drawn(self.model, self.intervals, rng, tuple(batch_shape))

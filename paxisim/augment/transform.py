@@ -23,7 +23,6 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from paxisim._renamed import warn_renamed
 from paxisim.augment.parameter_spec import (
     AXES,
     Parameter,
@@ -238,16 +237,6 @@ class Transform:
                 f"tensor of shape {tuple(x.shape)}"
             )
         return lifted
-
-    def fit(self, name: str, x: Any) -> Any:
-        """Old name of `broadcast_parameter`."""
-        warn_renamed("Transform.fit", "Transform.broadcast_parameter")
-        return self.broadcast_parameter(name, x)
-
-    def fit_covariate(self, name: str, covariates: Covariates, x: Any) -> Any:
-        """Old name of `broadcast_covariate`."""
-        warn_renamed("Transform.fit_covariate", "Transform.broadcast_covariate")
-        return self.broadcast_covariate(name, covariates, x)
 
     def _covariate(self, name: str, covariates: Covariates) -> Any:
         """Return the values of a covariate, or of one element of it; None if there is no such covariate."""

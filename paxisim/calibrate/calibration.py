@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,18 +14,15 @@ from paxisim.calibrate.fit import calibrate_readout
 from paxisim.calibrate.linear import LinearCalibration
 from paxisim.calibrate.load_model import LoadModel, fit_load_model
 from paxisim.calibrate.loads import COMPONENTS, MAX_LOADS, Excitation, Load
+from paxisim.document import DocumentFile, finite
 from paxisim.errors import InvalidValueError
-from paxisim.files import parse_file, whole_file
-from paxisim.logs.document import finite
-from paxisim.logs.text import parse_json
 from paxisim.recording import Recording
 
-FORMAT = "paxisim-calibration-1"
 _FORCES = COMPONENTS[:3]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Calibration:
+class Calibration(DocumentFile):
     """Calibration of a sensor whose channels are not in newtons, created by `calibrate_sensor`.
 
     Attributes:
@@ -39,6 +34,9 @@ class Calibration:
     readout: LinearCalibration
     model: LoadModel
     profile: str = ""
+
+    FORMAT = "paxisim-calibration/1"
+    ENTRIES = ("profile", "readout", "model")
 
     def to_force(self, channels: NDArray[np.floating]) -> NDArray[np.float32]:
         """Convert ``(..., pads, 3, rows, cols)`` channels to newtons; see `LinearCalibration.to_force`."""
@@ -87,50 +85,13 @@ class Calibration:
                 f"the calibration is of channels in {self.readout.unit}, but this sensor's are in {unit}"
             )
 
-    def to_json(self) -> str:
-        """Return the calibration as JSON text, which `from_json` restores."""
-        document = {
-            "format": FORMAT,
-            "profile": self.profile,
-            "readout": _document(asdict(self.readout)),
-            "model": _document(asdict(self.model)),
-        }
-        return json.dumps(finite(document), indent=1, allow_nan=False)
+    def _entries(self) -> dict[str, Any]:
+        parts = {"readout": asdict(self.readout), "model": asdict(self.model)}
+        return {"profile": self.profile, **{name: finite(_as_lists(part)) for name, part in parts.items()}}
 
     @classmethod
-    def from_json(cls, text: str) -> Calibration:
-        """Return the calibration that `to_json` wrote.
-
-        Raises:
-            InvalidValueError: The text is not a calibration.
-        """
-        try:
-            document = parse_json(text)
-        except InvalidValueError as error:
-            raise InvalidValueError(f"a calibration must be JSON: {error}") from error
-        if not isinstance(document, dict) or document.get("format") != FORMAT:
-            raise InvalidValueError(f"expected a calibration, a JSON object of format {FORMAT!r}")
-        try:
-            return cls(_readout(document["readout"]), _model(document["model"]), str(document.get("profile", "")))
-        except InvalidValueError:
-            raise
-        except (AttributeError, LookupError, OverflowError, TypeError, ValueError) as error:
-            raise InvalidValueError(f"the calibration lacks or misuses {error}") from error
-
-    def save(self, path: str | Path) -> None:
-        """Write `to_json` to a file; an existing file is replaced atomically.
-
-        Raises:
-            InvalidValueError: The path is a folder, or its folder does not exist.
-            OSError: The file cannot be written.
-        """
-        with whole_file(Path(path)) as temporary:
-            temporary.write_text(self.to_json() + "\n", encoding="utf-8")
-
-    @classmethod
-    def load(cls, path: str | Path) -> Calibration:
-        """Read a file that `save` wrote; raises as `from_json` does, and FileNotFoundError if it does not exist."""
-        return parse_file(Path(path), cls.from_json)
+    def _from_entries(cls, entries: dict[str, Any]) -> Calibration:
+        return cls(_readout(entries["readout"]), _model(entries["model"]), str(entries["profile"]))
 
     def __repr__(self) -> str:
         """One-line summary."""
@@ -167,12 +128,12 @@ def calibrate_sensor(
     return Calibration(readout, model, str(recording.metadata.get("profile", "")))
 
 
-def _document(value: Any) -> Any:
+def _as_lists(value: Any) -> Any:
     """Convert arrays to nested lists for JSON."""
     if isinstance(value, dict):
-        return {name: _document(item) for name, item in value.items()}
+        return {name: _as_lists(item) for name, item in value.items()}
     if isinstance(value, (tuple, list)):
-        return [_document(item) for item in value]
+        return [_as_lists(item) for item in value]
     return value.tolist() if isinstance(value, (np.ndarray, np.generic)) else value
 
 
@@ -181,48 +142,50 @@ def _readout(document: dict[str, Any]) -> LinearCalibration:
     offset = _numbers(document, "offset", None)
     if offset.ndim != 4 or offset.shape[1] != 3:
         raise InvalidValueError(f"offset must be (pads, 3, rows, cols) numbers, got shape {offset.shape}")
-    shape, count = offset.shape, len(loads)
-    found = document["excitation"]
-    degree = len(document["coefficients"])
+    shape, count, degree = offset.shape, len(loads), len(document["coefficients"])
     return LinearCalibration(
-        loads,
-        _numbers(document, "coefficients", (degree, count, *shape)),
-        offset,
-        _numbers(document, "gain", (count, *shape)),
-        _numbers(document, "gain_error", (count, *shape), empty=math.inf),
-        _numbers(document, "used", shape).astype(bool),
-        float(document["delay"]),
-        tuple(_numbers(document, "delay_interval", (2,)).tolist()),
-        _numbers(document, "error", shape),
-        _numbers(document, "explained", shape),
-        Excitation(
-            _numbers(found, "spread", (count,)),
-            _numbers(found, "alone", (count,)),
-            _numbers(found, "excited", (count,)).astype(bool),
-            _numbers(found, "separable", (count,)).astype(bool),
-        ),
-        float(document["ridge"]),
-        int(document["blocks"]),
-        str(document["unit"]),
+        loads=loads,
+        coefficients=_numbers(document, "coefficients", (degree, count, *shape)),
+        offset=offset,
+        gain=_numbers(document, "gain", (count, *shape)),
+        gain_error=_numbers(document, "gain_error", (count, *shape), empty=math.inf),
+        used=_numbers(document, "used", shape).astype(bool),
+        delay=float(document["delay"]),
+        delay_interval=tuple(_numbers(document, "delay_interval", (2,)).tolist()),
+        error=_numbers(document, "error", shape),
+        explained=_numbers(document, "explained", shape),
+        excitation=_excitation(document["excitation"], count),
+        ridge=float(document["ridge"]),
+        blocks=int(document["blocks"]),
+        unit=str(document["unit"]),
+    )
+
+
+def _excitation(document: dict[str, Any], count: int) -> Excitation:
+    return Excitation(
+        spread=_numbers(document, "spread", (count,)),
+        alone=_numbers(document, "alone", (count,)),
+        excited=_numbers(document, "excited", (count,)).astype(bool),
+        separable=_numbers(document, "separable", (count,)).astype(bool),
     )
 
 
 def _model(document: dict[str, Any]) -> LoadModel:
     loads = _loads(document["loads"])
     used = _numbers(document, "used", None).astype(bool)
-    count, quadratic = int(used.sum()), bool(document["quadratic"])
-    terms = 1 + count + quadratic * count * (count + 1) // 2
     if used.ndim != 4:
         raise InvalidValueError(f"used must be (pads, 3, rows, cols), got shape {used.shape}")
+    count, quadratic = int(used.sum()), bool(document["quadratic"])
+    terms = 1 + count + quadratic * count * (count + 1) // 2
     return LoadModel(
-        loads,
-        used,
-        quadratic,
-        _numbers(document, "center", (count,)),
-        _numbers(document, "spread", (count,)),
-        _numbers(document, "weights", (terms, len(loads))),
-        _numbers(document, "error", (len(loads),)),
-        _numbers(document, "explained", (len(loads),)),
+        loads=loads,
+        used=used,
+        quadratic=quadratic,
+        center=_numbers(document, "center", (count,)),
+        spread=_numbers(document, "spread", (count,)),
+        weights=_numbers(document, "weights", (terms, len(loads))),
+        error=_numbers(document, "error", (len(loads),)),
+        explained=_numbers(document, "explained", (len(loads),)),
     )
 
 

@@ -60,7 +60,6 @@ GROUPS = {
         "Check a real sensor, measure its quality, list profiles.",
     ),
 }
-OLD_VERBS = {"sensor": "device"}  # old names, which work for one release
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -103,10 +102,6 @@ def parse(arguments: list[str] | None) -> Callable[[], None]:
         SystemExit: With status 0 after printing the requested help, or with an error message if parsing failed.
     """
     words = sys.argv[1:] if arguments is None else arguments
-    if words and words[0] in OLD_VERBS:
-        old, new = words[0], OLD_VERBS[words[0]]
-        warnings.warn(f"`paxisim {old}` is now `paxisim {new}`; the old verb goes with the next release", stacklevel=2)
-        words = [new, *words[1:]]
     said, helped = io.StringIO(), io.StringIO()
     try:
         with contextlib.redirect_stderr(said), contextlib.redirect_stdout(helped):

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import warnings
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -16,12 +15,11 @@ from paxisim.augment.chain import Chain
 from paxisim.diagnose.inside.responses import in_si
 from paxisim.diagnose.report.streams import Streams
 from paxisim.diagnose.report.text import text_of
-from paxisim.errors import InvalidValueError, MissingExtraError, PaxisimError
+from paxisim.document import Document, built, finite
+from paxisim.errors import InvalidValueError, MissingExtraError
 from paxisim.files import all_or_none, parse_file, whole_file
-from paxisim.logs.document import built, finite
 from paxisim.scene.scene import Scene
 
-FORMAT = "paxisim-diagnosis/1"
 REPORT_FILE, MODEL_FILE = "report.html", "model.json"
 SCENE_FILE = "fitted_scene.toml"  # scene.toml may be the user's own
 
@@ -180,8 +178,21 @@ class Symptoms:
     covariates: tuple[Place, ...] = ()
 
 
+_PARTS = {
+    "causes": tuple[FoundCause, ...],
+    "heldout": HeldOut,
+    "confidence": dict[str, float],
+    "not_testable": dict[str, str],
+    "symptoms": Symptoms,
+    "advice": tuple[str, ...],
+    "scene_values": dict[str, float],
+    "clock_shift": float,
+}
+"""Types of those fields of a diagnosis that JSON represents as they are."""
+
+
 @dataclass(frozen=True, repr=False)
-class Diagnosis:
+class Diagnosis(Document):
     """What the simulation gets wrong, why, and how much a correction gains. `print` shows it as text.
 
     Attributes:
@@ -223,6 +234,21 @@ class Diagnosis:
     streams: Streams | None = field(default=None, repr=False, compare=False)
     clock_shift: float = 0.0
 
+    FORMAT = "paxisim-diagnosis/1"
+    ENTRIES = (
+        "verdict",
+        "causes",
+        "heldout",
+        "confidence",
+        "not_testable",
+        "symptoms",
+        "advice",
+        "model",
+        "intervals",
+        "scene_values",
+        "clock_shift",
+    )
+
     @property
     def scene_intervals(self) -> dict[str, tuple[float, float]]:
         """90 % intervals of the scene parameters by name, in SI units, for `paxisim.SceneRanges.around`.
@@ -232,58 +258,25 @@ class Diagnosis:
         fitted = (p for cause in self.causes for p in cause.parameters)
         return {p.name: in_si(p.unit, p.value.ends) for p in fitted if p.name in self.scene_values}
 
-    def to_json(self) -> str:
-        """The diagnosis as JSON; non-finite numbers become null."""
-        document = {
-            "format": FORMAT,
+    def _entries(self) -> dict[str, Any]:
+        return {
             "verdict": self.verdict,
-            "causes": [asdict(cause) for cause in self.causes],
-            "heldout": asdict(self.heldout),
-            "confidence": dict(self.confidence),
-            "not_testable": dict(self.not_testable),
-            "symptoms": asdict(self.symptoms),
-            "advice": list(self.advice),
-            "model": json.loads(self.model.to_json()),
+            **finite({name: getattr(self, name) for name in _PARTS}),
+            "model": self.model.to_document(),
             "intervals": _as_lists(self.intervals),
-            "scene_values": dict(self.scene_values),
-            "clock_shift": self.clock_shift,
         }
-        return json.dumps(finite(document), indent=1, allow_nan=False)
 
     @classmethod
-    def from_json(cls, text: str) -> Diagnosis:
-        """Read the JSON that `to_json` wrote.
-
-        Raises:
-            InvalidValueError: The text is not a valid diagnosis.
-        """
-        try:
-            document = json.loads(text)
-        except (ValueError, RecursionError) as error:
-            raise InvalidValueError(f"a diagnosis must be JSON: {error}") from error
-        if not isinstance(document, dict) or document.get("format") != FORMAT:
-            raise InvalidValueError(f"expected a JSON object of format {FORMAT!r}")
-        if document.get("verdict") not in get_args(Verdict):
+    def _from_entries(cls, entries: dict[str, Any]) -> Diagnosis:
+        if entries.get("verdict") not in get_args(Verdict):
             expected = ", ".join(get_args(Verdict))
-            raise InvalidValueError(f"verdict must be one of {expected}, got {document.get('verdict')!r}")
-        try:
-            return cls(
-                verdict=document["verdict"],
-                causes=built(tuple[FoundCause, ...], document["causes"]),
-                heldout=built(HeldOut, document["heldout"]),
-                confidence=built(dict[str, float], document["confidence"]),
-                not_testable=built(dict[str, str], document["not_testable"]),
-                symptoms=built(Symptoms, document["symptoms"]),
-                advice=built(tuple[str, ...], document["advice"]),
-                model=Chain.from_json(json.dumps(document["model"])),
-                intervals=_as_arrays(document["intervals"]),
-                scene_values=built(dict[str, float], document.get("scene_values", {})),
-                clock_shift=built(float, document.get("clock_shift", 0.0)),
-            )
-        except PaxisimError:
-            raise
-        except (KeyError, TypeError, AttributeError, ValueError, OverflowError) as error:
-            raise InvalidValueError(f"the diagnosis has a missing or invalid field: {error}") from error
+            raise InvalidValueError(f"verdict must be one of {expected}, got {entries.get('verdict')!r}")
+        return cls(
+            verdict=entries["verdict"],
+            model=Chain.from_document(entries["model"]),
+            intervals=_as_arrays(entries["intervals"]),
+            **{name: built(kind, entries[name]) for name, kind in _PARTS.items()},
+        )
 
     def report(self) -> str:
         """The diagnosis as a self-contained HTML page with pictures, without scripts or external resources.

@@ -12,16 +12,12 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError
-from paxisim.logs import schemas
-from paxisim.logs.columns import streams_from_columns
 from paxisim.logs.mcap_save import log_times
 from paxisim.logs.recording_arrays import Method, RecordingArrays, episode_spans
 from paxisim.logs.resample import resample
@@ -38,41 +34,40 @@ class Streams(dict[str, dict["int | None", Stream]]):
     restarts = False
 
 
-def read_streams(path: Path) -> Streams:
-    """Return the numeric streams of a file at their own times.
+def streams_of_table(path: Path, table: RecordingArrays, restarts: bool) -> Streams:
+    """Return the covariates of a table as streams.
+
+    Args:
+        path: File of the table, for messages.
+        table: The table.
+        restarts: Whether time counts anew in numbered episodes.
 
     Raises:
-        InvalidValueError: The file has an unsupported format or no numeric stream.
-        FileNotFoundError: The file does not exist.
+        InvalidValueError: A row has no time, time decreases, the rows of an episode are apart, or there is no stream.
     """
-    if path.is_dir():
-        from paxisim.logs.lerobot_reader import read_lerobot
-
-        return _of_table(path, read_lerobot(path, pads=()), restarts=True)
-    suffix = path.suffix.lower()
-    if suffix == ".mcap":
-        return Streams({name: {None: stream} for name, stream in _read_mcap(path).items()})
-    if suffix == ".csv":
-        from paxisim.logs.csv import read_csv_columns
-
-        columns, is_cut = read_csv_columns(path)
-        if is_cut:
-            warnings.warn(f"{path} is cut off: its last line is incomplete and was skipped", stacklevel=4)
-        return _of_table(path, _from_columns(path, columns), restarts="time" not in columns)
-    if suffix == ".parquet":
-        from paxisim.logs.parquet import read_parquet
-
-        columns, about = read_parquet(path)
-        table = _from_columns(path, columns)
-        table = replace(table, covariates={**table.covariates, **about.get("covariates", {})})
-        return _of_table(path, table, restarts="time" not in columns)
-    if suffix in (".h5", ".hdf5"):
-        from paxisim.logs.hdf5 import read_hdf5
-
-        return _of_table(path, read_hdf5(path), restarts=True)
-    raise InvalidValueError(
-        f"streams must come from a .mcap, .csv, .parquet, .h5 or .hdf5 file or a LeRobotDataset folder, got {path}"
-    )
+    time = table.time
+    if not np.all(np.isfinite(time)):
+        raise InvalidValueError(f"{path}: every row must have a time; row {int(np.argmin(np.isfinite(time)))} has none")
+    spans: dict[int | None, slice] = {None: slice(None)}
+    if table.episode is not None:
+        found = [(table.episode[span.start], span) for span in episode_spans(table.episode)]
+        spans = {int(number): span for number, span in found}
+        if len(spans) < len(found):
+            raise InvalidValueError(f"{path}: the rows of an episode must be adjacent")
+    streams = Streams({name: {} for name in table.covariates})
+    streams.restarts = restarts and table.episode is not None
+    for number, span in spans.items():
+        own = time[span]
+        if np.any(np.diff(own) < 0):
+            raise InvalidValueError(
+                f"{path}: time must not decrease, but does after {own[:-1][np.diff(own) < 0][0]:.9g} s"
+            )
+        at = np.round((own - own[0] if streams.restarts else own) * 1e9).astype(np.int64)
+        for name, values in table.covariates.items():
+            streams[name][number] = Stream(at, np.asarray(values[span], dtype=np.float64))
+    if not streams:
+        raise InvalidValueError(f"{path} has no numeric stream besides its times")
+    return streams
 
 
 def add_streams(
@@ -113,56 +108,6 @@ def add_streams(
                 values[span] = resample(parts[number], at[span], methods[name], max_gap)
         covariates[name] = values
     return RecordingArrays(**{**vars(recording), "covariates": covariates})
-
-
-def _read_mcap(path: Path) -> dict[str, Stream]:
-    from paxisim.logs.mcap_joints import read_joints
-    from paxisim.logs.mcap_reader import is_recording, read_log
-
-    if not is_recording(path):
-        return read_joints(path)
-    log = read_log(path)
-    if not log.complete:
-        warnings.warn(f"{path} is cut off or damaged; the intact part was read", stacklevel=5)
-    prefix = schemas.COVARIATE
-    found = {name.removeprefix(prefix): stream for name, stream in log.streams.items() if name.startswith(prefix)}
-    if not found:
-        raise InvalidValueError(f"{path} is a recording without covariates, so there is no stream to add")
-    return found
-
-
-def _from_columns(path: Path, columns: dict[str, NDArray[Any]]) -> RecordingArrays:
-    try:
-        return streams_from_columns(columns)
-    except InvalidValueError as error:
-        raise InvalidValueError(f"{path}: {error}") from error
-
-
-def _of_table(path: Path, table: RecordingArrays, restarts: bool) -> Streams:
-    """Return the covariates of a table; `restarts` says whether time counts anew in numbered episodes."""
-    time = table.time
-    if not np.all(np.isfinite(time)):
-        raise InvalidValueError(f"{path}: every row must have a time; row {int(np.argmin(np.isfinite(time)))} has none")
-    spans: dict[int | None, slice] = {None: slice(None)}
-    if table.episode is not None:
-        found = [(table.episode[span.start], span) for span in episode_spans(table.episode)]
-        spans = {int(number): span for number, span in found}
-        if len(spans) < len(found):
-            raise InvalidValueError(f"{path}: the rows of an episode must be adjacent")
-    streams = Streams({name: {} for name in table.covariates})
-    streams.restarts = restarts and table.episode is not None
-    for number, span in spans.items():
-        own = time[span]
-        if np.any(np.diff(own) < 0):
-            raise InvalidValueError(
-                f"{path}: time must not decrease, but does after {own[:-1][np.diff(own) < 0][0]:.9g} s"
-            )
-        at = np.round((own - own[0] if streams.restarts else own) * 1e9).astype(np.int64)
-        for name, values in table.covariates.items():
-            streams[name][number] = Stream(at, np.asarray(values[span], dtype=np.float64))
-    if not streams:
-        raise InvalidValueError(f"{path} has no numeric stream besides its times")
-    return streams
 
 
 def _times(

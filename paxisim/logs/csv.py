@@ -27,11 +27,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError, UnknownNameError
+from paxisim.files import parse_json
 from paxisim.layout import TaxelLayout
 from paxisim.logs import schemas
 from paxisim.logs.columns import from_columns
 from paxisim.logs.recording_arrays import CountsToForce, RecordingArrays
-from paxisim.logs.text import parse_json
 
 DEFAULT_RESOLUTION = 0.1  # newtons per count
 _COUNTS = np.iinfo(np.int16)

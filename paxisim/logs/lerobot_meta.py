@@ -13,11 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError
-from paxisim.files import parse_file
+from paxisim.files import parse_file, parse_json
 from paxisim.logs.about import read_about
 from paxisim.logs.parquet import column_values, is_text, read_table
 from paxisim.logs.recording_arrays import episode_starts
-from paxisim.logs.text import parse_json
 
 INFO, ABOUT, TASKS = "meta/info.json", "meta/paxisim.json", "meta/tasks.parquet"
 INDICES = ("timestamp", "frame_index", "episode_index", "index", "task_index")

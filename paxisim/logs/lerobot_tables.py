@@ -1,4 +1,8 @@
-"""lerobot_tables: the Parquet files of a LeRobotDataset, format v3.0, as LeRobot lays them out."""
+"""lerobot_tables: the Parquet files of a LeRobotDataset, format v3.0, as LeRobot lays them out, and their statistics.
+
+The statistics have the same shape as LeRobot's own: one value for each index of the feature's last axis, taken over all
+frames and all other axes. LeRobot can therefore add episodes to the dataset and merge it with others.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +16,6 @@ from numpy.typing import NDArray
 
 from paxisim.logs.lerobot_features import Feature
 from paxisim.logs.lerobot_meta import TASKS
-from paxisim.logs.lerobot_stats import feature_stats
 
 FILE = "chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 """Path of a file within its folder, from its chunk and file index."""
@@ -20,6 +23,7 @@ CHUNK_FILES = 1000
 """Number of files per chunk."""
 FILE_MEGABYTES = 100
 """Maximum size of a file of frames, as in LeRobot; a larger episode is stored in a file of its own."""
+QUANTILES = {"q01": 0.01, "q10": 0.1, "q50": 0.5, "q90": 0.9, "q99": 0.99}
 _ROWS = 8192  # per row group
 
 
@@ -112,3 +116,31 @@ def _write(path: Path, columns: dict[str, list[Any]], about: dict[str, str] | No
 
 def _file(number: int) -> str:
     return FILE.format(chunk_index=number // CHUNK_FILES, file_index=number % CHUNK_FILES)
+
+
+def feature_stats(values: NDArray[Any]) -> dict[str, list[Any]]:
+    """Return minimum, maximum, mean, standard deviation and quantiles of the known values, and the number of frames.
+
+    Args:
+        values: ``(T, *shape)``, or ``(T,)`` for the shape ``(1,)``.
+
+    Returns:
+        Lists by name, each as long as the last axis except ``count``, which has length 1; NaN if no value is known.
+    """
+    flat = values.reshape(-1, values.shape[-1] if values.ndim > 1 else 1)
+    columns = [_column_stats(flat[:, i]) for i in range(flat.shape[1])]
+    return {**{name: [column[name] for column in columns] for name in columns[0]}, "count": [len(values)]}
+
+
+def _column_stats(column: NDArray[Any]) -> dict[str, Any]:
+    known = column[~np.isnan(column)]
+    if not len(known):
+        return dict.fromkeys(("min", "max", "mean", "std", *QUANTILES), float("nan"))
+    exact = known.astype(np.float64)
+    return {
+        "min": known.min().item(),
+        "max": known.max().item(),
+        "mean": float(exact.mean()),
+        "std": float(exact.std()),
+        **dict(zip(QUANTILES, np.quantile(exact, list(QUANTILES.values())).tolist(), strict=True)),
+    }

@@ -3,11 +3,20 @@
 | file | holds |
 |---|---|
 | ``meta/info.json`` | frame rate, counts, the features of `paxisim.logs.lerobot_features` |
-| ``meta/stats.json`` | statistics of each feature over all frames, as in `paxisim.logs.lerobot_stats` |
+| ``meta/stats.json`` | statistics of each feature over all frames, as in `paxisim.logs.lerobot_tables` |
 | ``meta/tasks.parquet`` | the tasks' texts |
 | ``meta/episodes/chunk-000/file-000.parquet`` | location, length, task and statistics of each episode |
 | ``meta/paxisim.json`` | pads and metadata of the recording, and the number and start time (s) of each episode |
 | ``data/chunk-000/file-000.parquet`` ... | the frames; a new file begins where one would exceed 100 MB |
+
+The clock of a dataset is regular, with frame ``k`` of an episode at ``k / fps`` seconds:
+
+- ``fps`` is a whole number: the recording's rounded sampling rate, unless another is given.
+- If the samples of every episode, rounded to the nearest frame, are frames 0, 1, 2 ... with none missing or doubled,
+  they become these frames unchanged. No value changes, and no time changes by more than half a frame.
+- Otherwise all streams are resampled as by `paxisim.Recording.resample`: interpolated between neighbouring samples,
+  and NaN in long gaps.
+- Frames with unknown values can be dropped; the frames after them then form a new episode.
 """
 
 from __future__ import annotations
@@ -15,21 +24,32 @@ from __future__ import annotations
 import json
 import warnings
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError
 from paxisim.files import whole_folder
 from paxisim.logs.about import about_text
 from paxisim.logs.lerobot_features import Feature, features_of
-from paxisim.logs.lerobot_frames import frame_rate, on_frames
 from paxisim.logs.lerobot_meta import ABOUT, INDICES, INFO
-from paxisim.logs.lerobot_stats import feature_stats
-from paxisim.logs.lerobot_tables import CHUNK_FILES, FILE, FILE_MEGABYTES, write_episodes, write_frames, write_tasks
+from paxisim.logs.lerobot_tables import (
+    CHUNK_FILES,
+    FILE,
+    FILE_MEGABYTES,
+    feature_stats,
+    write_episodes,
+    write_frames,
+    write_tasks,
+)
 from paxisim.logs.parquet import require_pyarrow
-from paxisim.logs.recording_arrays import Method, RecordingArrays, episode_spans, rate_of
+from paxisim.logs.recording_arrays import Method, RecordingArrays, episode_spans, episode_starts, rate_of
+from paxisim.logs.renumber import renumbered
+from paxisim.logs.retime import at_rate
+from paxisim.logs.select import known_samples, take
 
 VERSION = "v3.0"
 
@@ -50,7 +70,7 @@ def write_lerobot(
     Args:
         path: Output folder; must not exist yet.
         recording: A recording whose fields were checked, as returned by `paxisim.Recording.to_arrays`.
-        fps: Frame rate (Hz); default: the recording's rounded sampling rate. See `paxisim.logs.lerobot_frames`.
+        fps: Frame rate (Hz); default: the recording's rounded sampling rate. See above.
         task: Description of the task; default: ``task`` or, by episode, ``tasks`` in the metadata, or empty.
         state: Covariates that make up ``observation.state``. See `paxisim.logs.lerobot_features`.
         action: Covariates that make up ``action``.
@@ -99,6 +119,73 @@ def write_lerobot(
     names = " ".join(feature.name for feature in features if feature.name not in INDICES)
     counts = f"{len(spans)} episode{'s' * (len(spans) != 1)}, {len(frames.time)} frames at {fps} Hz{how}"
     return f"LeRobotDataset {VERSION}, {counts}, {names}"
+
+
+def frame_rate(recording: RecordingArrays, fps: int | None) -> int:
+    """Return the frame rate (Hz) of the dataset: `fps` if given, otherwise the recording's rounded sampling rate.
+
+    Raises:
+        InvalidValueError: `fps` is not a whole number from 1 to 1e6, or the recording's rate is undefined or rounds
+            to 0.
+    """
+    if fps is not None:
+        if not 1 <= fps <= 10**6 or fps != int(fps):
+            raise InvalidValueError(f"fps must be a whole number of frames per second from 1 to 1e6, got {fps!r}")
+        return int(fps)
+    assert recording.episode is not None
+    rate = rate_of(recording.time, recording.episode)
+    if np.isnan(rate):
+        raise InvalidValueError(
+            "the recording has no rate, because no episode has two samples at different times; give fps (--fps)"
+        )
+    if round(rate) < 1:
+        raise InvalidValueError(f"the recording's rate must be at least 1 Hz, got {rate:.3g} Hz; give fps (--fps)")
+    return round(rate)
+
+
+def on_frames(
+    recording: RecordingArrays, fps: int, align: Method = "linear", drop: bool = False
+) -> tuple[RecordingArrays, bool]:
+    """Return the recording with one sample per frame, and whether it was resampled.
+
+    Args:
+        recording: The recording; its fields must have been checked.
+        fps: Frame rate (Hz).
+        align: Interpolation method for resampling, as in `paxisim.Recording.resample`.
+        drop: Drop frames with an unknown value, and start a new episode after them.
+
+    Raises:
+        InvalidValueError: No frame is left.
+    """
+    assert recording.episode is not None
+    is_regular = all(_is_regular(recording.time[span], fps) for span in episode_spans(recording.episode))
+    found = recording if is_regular else at_rate(recording, fps, align, None)
+    assert found.episode is not None
+    time = found.time.copy()
+    for span in episode_spans(found.episode):
+        time[span] = time[span.start] + np.arange(span.stop - span.start) / fps
+    found = replace(found, time=time)
+    return (_without_unknown(found) if drop else found), not is_regular
+
+
+def _is_regular(time: NDArray[np.float64], fps: int) -> bool:
+    return np.array_equal(np.round((time - time[0]) * fps), np.arange(len(time)))
+
+
+def _without_unknown(frames: RecordingArrays) -> RecordingArrays:
+    assert frames.episode is not None
+    known = known_samples(frames)
+    if not known.any():
+        raise InvalidValueError("no frame is left: at every frame some stream is unknown")
+    begins = np.diff(frames.episode, prepend=frames.episode[0] - 1) != 0
+    begins[1:] |= ~known[:-1]
+    left = take(frames, known)
+    assert left.episode is not None
+    _, episode = np.unique(np.cumsum(begins)[known], return_inverse=True)
+    if episode[-1] + 1 > len(np.unique(left.episode)):  # an episode was split: the old numbers would repeat
+        old = [(int(left.episode[i]), int(episode[i])) for i in episode_starts(episode)]
+        left = replace(left, episode=episode.astype(np.int64), metadata=renumbered(left.metadata, old))
+    return left
 
 
 def _task(frames: RecordingArrays, episode: int, given: str | None) -> str:

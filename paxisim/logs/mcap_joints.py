@@ -63,7 +63,7 @@ def read_joints(path: Path) -> dict[str, Stream]:
     if not records.is_whole or reader.bad:
         what = "" if records.is_whole else " is cut off or damaged;"
         bad = f" {reader.bad} messages that could not be read were skipped;" if reader.bad else ""
-        warnings.warn(f"{path}:{what}{bad} the intact part was read", stacklevel=6)  # at the caller of Recording.load
+        warnings.warn(f"{path}:{what}{bad} the intact part was read", stacklevel=5)  # at the caller of Recording.load
     return streams
 
 

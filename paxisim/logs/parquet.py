@@ -15,13 +15,12 @@ import orjson
 from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError, MissingExtraError, UnsupportedError
-from paxisim.files import whole_file
+from paxisim.files import parse_json, whole_file
 from paxisim.logs.about import about_text, covariate_shapes, read_about
 from paxisim.logs.columns import take_covariates, to_columns
 from paxisim.logs.limits import most_unpacked, refuse_unpacked
 from paxisim.logs.parquet_footer import column_chunks
 from paxisim.logs.recording_arrays import RecordingArrays
-from paxisim.logs.text import parse_json
 
 _ROWS = 8192  # per row group
 _ABOUT = b"paxisim"

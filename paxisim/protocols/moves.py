@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 
-from paxisim.protocols.protocol import PEAK_TO_MEAN_SPEED, Segment
+from paxisim.protocols.protocol import PEAK_TO_MEAN_SPEED
+from paxisim.protocols.segment import Segment
 
 UNLOADED_SECONDS = 60.0
 """Time without load (s), as recommended in `paxisim.diagnose.advice.MOTIONS`."""

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import itertools
+import json
 import math
-from collections.abc import Sequence
+import textwrap
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from paxisim.diagnose.advice import MOTIONS
-from paxisim.diagnose.vocabulary import cause, known_causes
-from paxisim.errors import InvalidValueError, UnknownNameError
+from paxisim.document import DocumentFile
+from paxisim.errors import InvalidValueError
+from paxisim.protocols.segment import Segment, entries_of, number_of, segment_from, value_of
 from paxisim.recording import Recording
 
 if TYPE_CHECKING:
@@ -22,48 +23,12 @@ if TYPE_CHECKING:
 
 PEAK_TO_MEAN_SPEED = 1.875
 """Peak speed of a minimum-jerk move from rest to rest, divided by its mean speed."""
+_BETWEEN = "minimum jerk, at rest at each waypoint"
+_PLAIN = {"name": str, "about": str, "scene": str, "frame": str}
 
 
 @dataclass(frozen=True)
-class Segment:
-    """A part of a protocol that serves one purpose.
-
-    Attributes:
-        name: Name of the segment.
-        episode: Episode of the recording that the segment belongs to.
-        does: Description of the motion.
-        motions: Motions recommended by a diagnosis that the segment provides: keys of
-            `paxisim.diagnose.advice.MOTIONS`; empty for a move from one place to the next.
-        waypoints: Points where the motion rests, each a time (s, from the beginning of the protocol) and a position of
-            each stream (m).
-
-    Raises:
-        UnknownNameError: There is no such motion.
-        InvalidValueError: The segment has no waypoint.
-    """
-
-    name: str
-    episode: int
-    does: str
-    motions: tuple[str, ...]
-    waypoints: tuple[tuple[float, ...], ...]
-
-    def __post_init__(self) -> None:
-        """Check the motions."""
-        for motion in self.motions:
-            if motion not in MOTIONS:
-                raise UnknownNameError(f"motion of segment {self.name!r}", motion, MOTIONS)
-        if not self.waypoints:
-            raise InvalidValueError(f"segment {self.name!r} of episode {self.episode} needs a waypoint")
-
-    @property
-    def excites(self) -> tuple[str, ...]:
-        """Names of the causes of a diagnosis that these motions excite best."""
-        return tuple(name for name in known_causes() if cause(name).excites in self.motions)
-
-
-@dataclass(frozen=True)
-class Protocol:
+class Protocol(DocumentFile):
     """A motion to follow. Between two waypoints it follows a minimum-jerk curve, at rest at both.
 
     Attributes:
@@ -91,6 +56,22 @@ class Protocol:
     stop_force: float
     rate: float
     segments: tuple[Segment, ...]
+
+    FORMAT = "paxisim-protocol/1"
+    ENTRIES = (
+        "name",
+        "about",
+        "scene",
+        "seconds",
+        "units",
+        "frame",
+        "between_waypoints",
+        "max_speed",
+        "stop_at_normal_force_on_a_pad",
+        "record_at_least",
+        "columns",
+        "segments",
+    )
 
     def __post_init__(self) -> None:
         """Check the values."""
@@ -185,32 +166,48 @@ class Protocol:
         """
         return scene.with_parameters(**parameters).simulate(self.unrecorded(scene))
 
-    def save(self, path: str | Path) -> None:
-        """Write the protocol as JSON, completely or not at all.
+    def to_json(self) -> str:
+        """Return the protocol as JSON text with a waypoint a line; times in s, positions in m."""
+        document = self.to_document()
+        segments = [
+            _in_lines(segment, "waypoints", map(json.dumps, segment["waypoints"])) for segment in document["segments"]
+        ]
+        return _in_lines(document, "segments", segments)
 
-        Raises:
-            OSError: The file cannot be written.
-            InvalidValueError: The path is a folder, or its folder does not exist.
-        """
-        from paxisim.files import whole_file
-        from paxisim.protocols.text import format_protocol
-
-        with whole_file(Path(path)) as temporary:
-            temporary.write_text(format_protocol(self), encoding="utf-8")
+    def _entries(self) -> dict[str, Any]:
+        return {
+            **{name: getattr(self, name) for name in ("name", "about", "scene")},
+            "seconds": self.seconds,
+            "units": {"time": "s", "position": "m", "speed": "m/s", "force": "N", "rate": "Hz"},
+            "frame": self.frame,
+            "between_waypoints": _BETWEEN,
+            "max_speed": self.max_speed,
+            "stop_at_normal_force_on_a_pad": self.stop_force,
+            "record_at_least": self.rate,
+            "columns": ["time", *self.streams],
+            "segments": [entries_of(segment) for segment in self.segments],
+        }
 
     @classmethod
-    def load(cls, path: str | Path) -> Protocol:
-        """Read a protocol from its JSON file.
+    def _from_entries(cls, entries: dict[str, Any]) -> Protocol:
+        columns = value_of(entries, "columns", list)
+        if columns[:1] != ["time"] or not all(isinstance(name, str) for name in columns):
+            raise InvalidValueError(f'columns must be "time" and the names of the streams, got {columns!r}')
+        return cls(
+            **{name: value_of(entries, name, kind) for name, kind in _PLAIN.items()},
+            streams=tuple(columns[1:]),
+            max_speed=number_of(entries, "max_speed"),
+            stop_force=number_of(entries, "stop_at_normal_force_on_a_pad"),
+            rate=number_of(entries, "record_at_least"),
+            segments=tuple(segment_from(segment) for segment in value_of(entries, "segments", list)),
+        )
 
-        Raises:
-            InvalidValueError: The file is not a valid protocol; the message names the error.
-            UnknownNameError: There is no such motion.
-            FileNotFoundError: There is no such file.
-        """
-        from paxisim.files import parse_file
-        from paxisim.protocols.text import parse_protocol
 
-        return parse_file(Path(path), parse_protocol)
+def _in_lines(table: dict[str, Any], last: str, items: Iterable[str]) -> str:
+    """Return the entries of a table a line each, and for the list `last` the texts of its items."""
+    lines = [f"{json.dumps(key)}: {json.dumps(value)}," for key, value in table.items() if key != last]
+    listed = textwrap.indent(",\n".join(items), "  ")
+    return "{\n" + textwrap.indent("\n".join([*lines, f"{json.dumps(last)}: [\n{listed}\n]"]), "  ") + "\n}"
 
 
 def peak_forces(recording: Recording) -> dict[str, float]:

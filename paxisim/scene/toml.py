@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from paxisim.errors import InvalidValueError, UnknownNameError
-from paxisim.files import parse_file, whole_file
-from paxisim.logs.text import parse_toml
+from paxisim.files import parse_file, parse_toml, whole_file
 from paxisim.models.gel import Gel
 from paxisim.models.mount import Mount
 from paxisim.scene.drive import Drive, ObjectStart

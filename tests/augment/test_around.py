@@ -6,10 +6,10 @@ from optional import needs_torch, torch
 from scipy import stats
 
 from paxisim import GCS
-from paxisim.augment.around import FittedGCS
 from paxisim.augment.chain import Chain
 from paxisim.augment.creep import Creep
 from paxisim.augment.gains import AxisGain, TaxelGain
+from paxisim.augment.gcs import FittedGCS
 from paxisim.augment.hysteresis import Hysteresis
 from paxisim.augment.latency import Latency
 from paxisim.augment.low_pass import LowPass

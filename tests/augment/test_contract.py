@@ -322,14 +322,14 @@ def assert_same(ours: Any, theirs: Any) -> None:
     ],
 )
 def test_json_that_is_no_chain_is_refused(member):
-    with pytest.raises(InvalidValueError, match=r"^Chain: a member of the JSON lacks or misuses"):
+    with pytest.raises(InvalidValueError, match="lacks or misuses"):
         Chain.from_json(json.dumps({"format": "paxisim-chain/1", "members": [member]}))
 
 
 @pytest.mark.parametrize(
     ("document", "words"),
     [
-        ({}, "expected a list of 'members'"),
+        ({}, "'members'"),
         ({"members": {}}, "expected a list of 'members'"),
         ({"members": [{"name": "a", "type": "Offset", "parameters": {}}]}, r"'a' \(Offset\) of the JSON lacks 'value'"),
     ],

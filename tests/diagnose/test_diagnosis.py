@@ -103,7 +103,7 @@ def test_errors_name_the_file_of_a_diagnosis(rotated, tmp_path):
     unknown = rotated.to_json().replace(f'"verdict": "{rotated.verdict}"', '"verdict": "guilty"')
     for content, words in (
         (b"\xff", "expected UTF-8 text"),
-        (b"{", "must be JSON"),
+        (b"{", "not JSON"),
         (unknown.encode(), "verdict must be one of no_discrepancy, clocks_differ, .*, got 'guilty'"),
     ):
         path.write_bytes(content)

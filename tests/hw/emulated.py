@@ -4,7 +4,8 @@ import dataclasses
 
 import numpy as np
 
-from paxisim.hw.profile import Profile, Slot, load_profile
+from paxisim.hw.profiles.load import load_profile
+from paxisim.hw.profiles.profile import Profile, Slot
 from paxisim.layout import TaxelLayout
 
 

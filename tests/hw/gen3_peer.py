@@ -9,8 +9,8 @@ import tty
 from hypothesis import settings
 from hypothesis import strategies as st
 
-from paxisim.hw.framing import FrameDecoder
-from paxisim.hw.profile import Profile, Slot
+from paxisim.hw.link.framing import FrameDecoder
+from paxisim.hw.profiles.profile import Profile, Slot
 from paxisim.layout import TaxelLayout
 
 repeatable = settings(derandomize=True, deadline=None, max_examples=150)

@@ -21,13 +21,13 @@ pytest.importorskip("termios")  # the emulator is a pseudo-terminal
 
 from emulated import Numbered, constant, profile
 
-from paxisim.hw.capture import CaptureSummary, capture
-from paxisim.hw.clock import SystemClock
+from paxisim.hw.capture.capture import CaptureSummary, capture
+from paxisim.hw.capture.extra_streams import CsvLines, ExtraStream, PolledFunction, UdpJson
 from paxisim.hw.device import ZeroInDoubtWarning, open_sensor
-from paxisim.hw.emulator import Emulator
-from paxisim.hw.extra_streams import CsvLines, ExtraStream, PolledFunction, UdpJson
-from paxisim.hw.faults import Faults
-from paxisim.hw.profile import Slot
+from paxisim.hw.emulation.emulator import Emulator
+from paxisim.hw.emulation.faults import Faults
+from paxisim.hw.link.clock import SystemClock
+from paxisim.hw.profiles.profile import Slot
 from paxisim.logs.mcap_reader import read_log
 
 pytestmark = pytest.mark.real_time
@@ -243,7 +243,7 @@ class Enter(ExtraStream):
         self.wanted = queue.Queue()
 
     def _run(self):
-        from paxisim.hw.extra_streams import EPISODE_WORD, Sample
+        from paxisim.hw.capture.extra_streams import EPISODE_WORD, Sample
 
         while not self._stop.is_set():
             try:
@@ -273,7 +273,7 @@ def test_episodes_begin_when_they_are_asked_for(sensor, tmp_path):
 def test_a_flood_of_samples_is_dropped_and_counted_and_frames_go_on(sensor, tmp_path):
     class Flood(ExtraStream):
         def _run(self):
-            from paxisim.hw.extra_streams import Sample
+            from paxisim.hw.capture.extra_streams import Sample
 
             for _ in range(30_000):
                 self._put(Sample(self, "covariate/noise", np.ones(()), self._clock.monotonic()))

@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from person import careless_person, person, scan, scans
 
 from paxisim.errors import InvalidValueError
-from paxisim.hw.check import CheckResult, Step, check_steps, conclude, feel, rest_of
-from paxisim.hw.profile import Profile, Slot, load_profile
+from paxisim.hw.commissioning.check import CheckResult, Step, check_steps, conclude, feel, rest_of
+from paxisim.hw.profiles.load import load_profile
+from paxisim.hw.profiles.profile import Profile, Slot
 from paxisim.layout import TaxelLayout
 
 FRAMES = 12

@@ -11,15 +11,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from paxisim.errors import DeviceTimeoutError, InvalidValueError, ProtocolError
-from paxisim.hw.boards.control_box import ControlBox
-from paxisim.hw.clock import SystemClock
-from paxisim.hw.frames import control_box as wire
-from paxisim.hw.frames.control_box import Region, Reply, Request, parse_reply, parse_request, reply_parser
-from paxisim.hw.frames.errors import CONTROL_BOX, error_name
-from paxisim.hw.framing import FrameDecoder
-from paxisim.hw.recognise import describe
-from paxisim.hw.taxels import to_bytes, to_counts
-from paxisim.hw.transport import Transport, open_transport
+from paxisim.hw.families.control_box import wire as wire
+from paxisim.hw.families.control_box.driver import ControlBox
+from paxisim.hw.families.control_box.wire import Region, Reply, Request, parse_reply, parse_request, reply_parser
+from paxisim.hw.families.errors import CONTROL_BOX, error_name
+from paxisim.hw.families.taxels import to_bytes, to_counts
+from paxisim.hw.link.clock import SystemClock
+from paxisim.hw.link.framing import FrameDecoder
+from paxisim.hw.link.recognise import describe
+from paxisim.hw.link.transport import Transport, open_transport
 
 pytest.importorskip("pty", reason="no pseudo-terminals here")
 

@@ -18,11 +18,12 @@ from paxisim.errors import (
     UnknownNameError,
     UnsupportedError,
 )
-from paxisim.hw import device, reader
+from paxisim.hw import device
 from paxisim.hw.device import TactileSensor, ZeroInDoubtWarning, open_sensor
-from paxisim.hw.frame_joiner import STALE_STATUS
-from paxisim.hw.profile import UnverifiedProfileWarning
-from paxisim.hw.profile_file import profile_toml
+from paxisim.hw.link import reader
+from paxisim.hw.link.frame_joiner import STALE_STATUS
+from paxisim.hw.profiles.profile import UnverifiedProfileWarning
+from paxisim.hw.profiles.write import profile_toml
 from paxisim.logs.schemas import NO_TAXELS
 
 pytest.importorskip("serial")

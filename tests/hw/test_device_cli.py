@@ -2,8 +2,6 @@
 
 import io
 import re
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,13 +13,17 @@ pytest.importorskip("serial")
 
 from paxisim.cli.device import device_check, device_profiles, device_quality
 from paxisim.errors import InvalidValueError, OutputExistsError, PaxisimError, UnknownNameError
-from paxisim.hw.check import check_steps
-from paxisim.hw.emulator import Emulator
-from paxisim.hw.profile import Profile, Slot, known_profiles, load_profile
-from paxisim.hw.profile_file import profile_toml
-from paxisim.hw.quality import MIN_FRAMES
+from paxisim.hw.commissioning.check import check_steps
+from paxisim.hw.commissioning.quality import MIN_FRAMES
+from paxisim.hw.emulation.emulator import Emulator
+from paxisim.hw.profiles.load import known_profiles, load_profile
+from paxisim.hw.profiles.profile import Profile, Slot
+from paxisim.hw.profiles.write import profile_toml
 
-pytestmark = [pytest.mark.real_time, pytest.mark.filterwarnings("ignore::paxisim.hw.profile.UnverifiedProfileWarning")]
+pytestmark = [
+    pytest.mark.real_time,
+    pytest.mark.filterwarnings("ignore::paxisim.UnverifiedProfileWarning"),
+]
 
 SECONDS = 0.2
 
@@ -243,10 +245,3 @@ def test_profiles_are_listed_and_one_is_a_file_to_start_from(capsys):
     device_profiles("gen2-box-120")
     Path("copy.toml").write_text(capsys.readouterr().out, encoding="utf-8")
     assert load_profile("copy.toml") == load_profile("gen2-box-120")
-
-
-def test_the_old_verb_works_and_warns():
-    words = [sys.executable, "-m", "paxisim", "sensor", "profiles", "gen2-box-120"]
-    done = subprocess.run(words, capture_output=True, text=True, check=True, timeout=60)
-    assert "`paxisim sensor` is now `paxisim device`" in done.stderr
-    assert 'name = "gen2-box-120"' in done.stdout

@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError, ProtocolError
 from paxisim.hw.device import TactileSensor, open_sensor
-from paxisim.hw.families import FAMILIES, board_class
-from paxisim.hw.profile import Profile, Slot, load_profile
+from paxisim.hw.families.load import board_class
+from paxisim.hw.families.table import FAMILIES
+from paxisim.hw.profiles.load import load_profile
+from paxisim.hw.profiles.profile import Profile, Slot
 from paxisim.layout import TaxelLayout
 
 pytest.importorskip("serial")
@@ -19,7 +21,7 @@ pytest.importorskip("pty", reason="no pseudo-terminals here")
 
 from serial_peers import PATIENCE, reader_threads, wait_for
 
-from paxisim.hw.emulator import Emulator
+from paxisim.hw.emulation.emulator import Emulator
 
 pytestmark = pytest.mark.real_time
 

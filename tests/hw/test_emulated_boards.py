@@ -7,15 +7,17 @@ import pytest
 from emulated import constant, profile, small
 
 from paxisim.errors import InvalidValueError, UnknownNameError
-from paxisim.hw.emulation.control_box import VERSION_WAIT
+from paxisim.hw.emulation.emulator import Emulator, make_board
+from paxisim.hw.emulation.faults import Faults, FaultyLine
 from paxisim.hw.emulation.pads import EmulatedPads
-from paxisim.hw.emulator import Emulator, make_board
-from paxisim.hw.faults import Faults, FaultyLine
-from paxisim.hw.frames import control_box as box
-from paxisim.hw.frames import hand_board, high_speed, serial_converter
-from paxisim.hw.frames.hand_board import RoundDecoder
-from paxisim.hw.framing import FrameDecoder
-from paxisim.hw.signals import press
+from paxisim.hw.emulation.signals import press
+from paxisim.hw.families.control_box import wire as box
+from paxisim.hw.families.control_box.emulated import VERSION_WAIT
+from paxisim.hw.families.hand_board import wire as hand_board
+from paxisim.hw.families.hand_board.wire import RoundDecoder
+from paxisim.hw.families.high_speed import wire as high_speed
+from paxisim.hw.families.serial_converter import wire as serial_converter
+from paxisim.hw.link.framing import FrameDecoder
 
 pytestmark = pytest.mark.real_time
 

@@ -9,12 +9,12 @@ import pytest
 from emulated import Numbered, constant, small
 
 from paxisim.errors import DeviceError, InvalidValueError, OutputExistsError
-from paxisim.hw import registers
+from paxisim.hw.emulation.emulator import Emulator
+from paxisim.hw.emulation.faults import Faults
 from paxisim.hw.emulation.pacing import PacedLine
-from paxisim.hw.emulator import Emulator
-from paxisim.hw.faults import Faults
-from paxisim.hw.frames import high_speed
-from paxisim.hw.framing import FrameDecoder
+from paxisim.hw.families import registers
+from paxisim.hw.families.high_speed import wire as high_speed
+from paxisim.hw.link.framing import FrameDecoder
 
 serial = pytest.importorskip("serial")
 

@@ -2,9 +2,10 @@
 
 import pytest
 
-from paxisim.hw.board import Board
-from paxisim.hw.emulation.board import EmulatedBoard
-from paxisim.hw.families import FAMILIES, board_class, emulated_class
+from paxisim.hw.families.board import Board
+from paxisim.hw.families.emulated_board import EmulatedBoard
+from paxisim.hw.families.load import board_class, emulated_class
+from paxisim.hw.families.table import FAMILIES
 
 
 def test_each_family_has_its_own_driver_and_emulation() -> None:

@@ -5,13 +5,15 @@ import pytest
 from emulated import Numbered, profile
 
 from paxisim.errors import InvalidValueError, UnknownNameError
-from paxisim.hw import registers
+from paxisim.hw.emulation.emulator import make_board
+from paxisim.hw.emulation.faults import Faults, FaultyLine
 from paxisim.hw.emulation.pads import EmulatedPads
-from paxisim.hw.emulator import make_board
-from paxisim.hw.faults import Faults, FaultyLine
-from paxisim.hw.frames import control_box, high_speed, serial_converter
-from paxisim.hw.frames.hand_board import RoundDecoder
-from paxisim.hw.framing import FrameDecoder
+from paxisim.hw.families import registers
+from paxisim.hw.families.control_box import wire as control_box
+from paxisim.hw.families.hand_board.wire import RoundDecoder
+from paxisim.hw.families.high_speed import wire as high_speed
+from paxisim.hw.families.serial_converter import wire as serial_converter
+from paxisim.hw.link.framing import FrameDecoder
 
 MESSAGE = bytes(range(200)) * 50
 

@@ -10,14 +10,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from paxisim.errors import DeviceTimeoutError, InvalidValueError, ProtocolError, UnsupportedError
-from paxisim.hw.boards.hand_board import HandBoard
-from paxisim.hw.clock import SystemClock
-from paxisim.hw.frames import hand_board as wire
-from paxisim.hw.frames.control_box import Reply, parse_request
-from paxisim.hw.frames.hand_board import Block, Round, RoundDecoder
-from paxisim.hw.recognise import describe
-from paxisim.hw.taxels import to_bytes
-from paxisim.hw.transport import Transport, open_transport
+from paxisim.hw.families.control_box.wire import Reply, parse_request
+from paxisim.hw.families.hand_board import wire as wire
+from paxisim.hw.families.hand_board.driver import HandBoard
+from paxisim.hw.families.hand_board.wire import Block, Round, RoundDecoder
+from paxisim.hw.families.taxels import to_bytes
+from paxisim.hw.link.clock import SystemClock
+from paxisim.hw.link.recognise import describe
+from paxisim.hw.link.transport import Transport, open_transport
 
 pytest.importorskip("pty", reason="no pseudo-terminals here")
 

@@ -21,13 +21,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from paxisim.errors import DeviceTimeoutError, InvalidValueError, ProtocolError
-from paxisim.hw.boards.high_speed import HighSpeed
-from paxisim.hw.clock import SystemClock
-from paxisim.hw.frames import high_speed as frames
-from paxisim.hw.frames.high_speed import READ, WRITE, ZERO, Push, Reply, Request
-from paxisim.hw.frames.stream_layout import StreamLayout, active_bitmap, active_modules
-from paxisim.hw.framing import FrameDecoder
-from paxisim.hw.transport import open_transport
+from paxisim.hw.families.high_speed import wire as frames
+from paxisim.hw.families.high_speed.driver import HighSpeed
+from paxisim.hw.families.high_speed.stream_layout import StreamLayout, active_bitmap, active_modules
+from paxisim.hw.families.high_speed.wire import READ, WRITE, ZERO, Push, Reply, Request
+from paxisim.hw.link.clock import SystemClock
+from paxisim.hw.link.framing import FrameDecoder
+from paxisim.hw.link.transport import open_transport
 from paxisim.logs.schemas import NO_TAXELS
 
 REQUESTS = {

@@ -7,9 +7,12 @@ tests try every loss of 1 to 4 bytes at every place of the second of four frames
 import numpy as np
 import pytest
 
-from paxisim.hw.frames import control_box, hand_board, high_speed, serial_converter
-from paxisim.hw.frames.stream_layout import StreamLayout
-from paxisim.hw.framing import FrameDecoder
+from paxisim.hw.families.control_box import wire as control_box
+from paxisim.hw.families.hand_board import wire as hand_board
+from paxisim.hw.families.high_speed import wire as high_speed
+from paxisim.hw.families.high_speed.stream_layout import StreamLayout
+from paxisim.hw.families.serial_converter import wire as serial_converter
+from paxisim.hw.link.framing import FrameDecoder
 
 LOSSES = range(1, 5)
 LOADS = {"at rest": 0.0, "a third pressed": 0.3, "all pressed": 1.0}

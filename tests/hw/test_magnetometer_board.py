@@ -15,19 +15,20 @@ import pytest
 import paxisim
 from paxisim.cli import main
 from paxisim.errors import DeviceTimeoutError, InvalidValueError, ProtocolError
-from paxisim.hw.faults import Faults
-from paxisim.hw.frames.magnetometer_board import Burst, BurstDecoder, TextDecoder
-from paxisim.hw.profile import Slot, load_profile
-from paxisim.hw.recognise import describe
-from paxisim.hw.signals import press
+from paxisim.hw.emulation.faults import Faults
+from paxisim.hw.emulation.signals import press
+from paxisim.hw.families.magnetometer_board.wire import Burst, BurstDecoder, TextDecoder
+from paxisim.hw.link.recognise import describe
+from paxisim.hw.profiles.load import load_profile
+from paxisim.hw.profiles.profile import Slot
 from paxisim.layout import TaxelLayout
 
 pytest.importorskip("serial")
 
 from paxisim.hw.device import open_sensor
-from paxisim.hw.emulator import Emulator
+from paxisim.hw.emulation.emulator import Emulator
 
-pytestmark = pytest.mark.filterwarnings("ignore::paxisim.hw.profile.UnverifiedProfileWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::paxisim.UnverifiedProfileWarning")
 
 CHIPS = 5
 PATIENCE = 20.0

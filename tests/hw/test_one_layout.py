@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 from pressed_pads import LAYOUT, pressed_force
 
-from paxisim.hw.families import FAMILIES
-from paxisim.hw.profile import Profile, Slot
-from paxisim.hw.signals import from_recording
+from paxisim.hw.emulation.signals import from_recording
+from paxisim.hw.families.table import FAMILIES
+from paxisim.hw.profiles.profile import Profile, Slot
 from paxisim.layout import TaxelLayout
 from paxisim.recording import Recording
 
 pytest.importorskip("serial")
 
 from paxisim.hw.device import open_sensor
-from paxisim.hw.emulator import Emulator
+from paxisim.hw.emulation.emulator import Emulator
 
 pytestmark = pytest.mark.real_time
 

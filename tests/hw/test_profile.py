@@ -10,9 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from paxisim.errors import InvalidValueError, MissingExtraError, UnknownNameError
-from paxisim.hw.families import FAMILIES
-from paxisim.hw.profile import Profile, Slot, UnverifiedProfileWarning, known_profiles, load_profile
-from paxisim.hw.profile_file import profile_toml, shipped_entry
+from paxisim.hw.families.table import FAMILIES
+from paxisim.hw.profiles.load import known_profiles, load_profile, shipped_entry
+from paxisim.hw.profiles.profile import Profile, Slot, UnverifiedProfileWarning
+from paxisim.hw.profiles.write import profile_toml
 from paxisim.layout import TaxelLayout
 
 GEN3 = {

@@ -8,9 +8,9 @@ from emulated import constant, profile, small
 
 pytest.importorskip("serial")
 
-from paxisim.hw.emulator import Emulator
-from paxisim.hw.frames import control_box as box
-from paxisim.hw.framing import FrameDecoder
+from paxisim.hw.emulation.emulator import Emulator
+from paxisim.hw.families.control_box import wire as box
+from paxisim.hw.link.framing import FrameDecoder
 
 pytestmark = pytest.mark.real_time
 NO_SDK = "paxini-sdk is not installed: pip install 'paxisim[hw]'"

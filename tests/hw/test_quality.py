@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from paxisim.errors import InvalidValueError
+from paxisim.hw.commissioning.quality import MIN_FRAMES, SensorQuality, measure_quality
 from paxisim.hw.frame import Frame
-from paxisim.hw.quality import MIN_FRAMES, SensorQuality, measure_quality
 from paxisim.layout import TaxelLayout
 
 LAYOUT = TaxelLayout(4, 3, (2e-3, 2e-3))

@@ -20,14 +20,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from paxisim.errors import DeviceTimeoutError, InvalidValueError, ProtocolError
-from paxisim.hw.boards.serial_converter import SerialConverter
-from paxisim.hw.clock import SystemClock
-from paxisim.hw.frames import serial_converter as frames
-from paxisim.hw.frames.errors import SERIAL_CONVERTER, error_name
-from paxisim.hw.frames.serial_converter import READ, WRITE, Reply, Request, answer
-from paxisim.hw.framing import FrameDecoder
-from paxisim.hw.taxels import to_bytes
-from paxisim.hw.transport import open_transport
+from paxisim.hw.families.errors import SERIAL_CONVERTER, error_name
+from paxisim.hw.families.serial_converter import wire as frames
+from paxisim.hw.families.serial_converter.driver import SerialConverter
+from paxisim.hw.families.serial_converter.wire import READ, WRITE, Reply, Request, answer
+from paxisim.hw.families.taxels import to_bytes
+from paxisim.hw.link.clock import SystemClock
+from paxisim.hw.link.framing import FrameDecoder
+from paxisim.hw.link.transport import open_transport
 
 REQUESTS = {
     "55AA09000100FBF0030000030006": frames.read_request(1, 1008, 3),

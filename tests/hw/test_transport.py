@@ -15,7 +15,7 @@ from paxisim.errors import (
     PortNotFoundError,
     UnsupportedError,
 )
-from paxisim.hw.transport import SerialTransport, open_transport
+from paxisim.hw.link.transport import SerialTransport, open_transport
 
 pytest.importorskip("serial")
 pytest.importorskip("pty", reason="no pseudo-terminals here")

@@ -20,9 +20,9 @@ import pytest
 import paxisim
 from paxisim.cli import main
 from paxisim.errors import DeviceTimeoutError, InvalidValueError, PortNotFoundError, ProtocolError
-from paxisim.hw.faults import Faults
-from paxisim.hw.frame_joiner import STALE_STATUS
-from paxisim.hw.frames.xela_server import (
+from paxisim.hw.emulation.faults import Faults
+from paxisim.hw.emulation.signals import press
+from paxisim.hw.families.xela_server.wire import (
     COUNTS_MIDDLE,
     MAX_MESSAGE_BYTES,
     WELCOME,
@@ -30,9 +30,10 @@ from paxisim.hw.frames.xela_server import (
     RoutineDecoder,
     SensorReading,
 )
-from paxisim.hw.profile import Profile, Slot, load_profile
-from paxisim.hw.recognise import describe
-from paxisim.hw.signals import press
+from paxisim.hw.link.frame_joiner import STALE_STATUS
+from paxisim.hw.link.recognise import describe
+from paxisim.hw.profiles.load import load_profile
+from paxisim.hw.profiles.profile import Profile, Slot
 
 pytest.importorskip("websockets", reason="needs the extra websocket")
 
@@ -42,10 +43,10 @@ from websockets.sync.client import connect
 from websockets.sync.server import ServerConnection, serve
 
 from paxisim.hw.device import open_sensor
-from paxisim.hw.emulator import Emulator
-from paxisim.hw.websocket import open_websocket
+from paxisim.hw.emulation.emulator import Emulator
+from paxisim.hw.link.websocket import open_websocket
 
-pytestmark = pytest.mark.filterwarnings("ignore::paxisim.hw.profile.UnverifiedProfileWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::paxisim.UnverifiedProfileWarning")
 
 PATIENCE = 20.0
 TAXELS = 16

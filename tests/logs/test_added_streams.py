@@ -284,7 +284,7 @@ def test_numbered_episodes_on_the_recordings_own_clock(tmp_path):
         ("a.csv", "time,joint\n,2\n0,3\n", "a.csv: every row must have a time; row 0 has none"),
         ("a.csv", "time,joint\n0,idle\n", "line 2, column 'joint': 'idle' is not a number"),
         ("a.csv", "episode_index,time,j\n0,0,1\n1,0,1\n0,1,1\n", "the rows of an episode must be adjacent"),
-        ("a.txt", "", r"streams must come from a .mcap, .csv, .parquet, .h5 or .hdf5 file"),
+        ("a.txt", "", "streams must come from"),
         ("a.mcap", "", "a.mcap is empty"),
     ],
 )

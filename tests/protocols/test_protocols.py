@@ -9,7 +9,8 @@ import pytest
 
 import paxisim
 from paxisim import InvalidValueError, Protocol, UnknownNameError
-from paxisim.protocols.protocol import Segment, peak_forces
+from paxisim.protocols.protocol import peak_forces
+from paxisim.protocols.segment import Segment
 from paxisim.scene import ready
 
 LAYOUT = paxisim.TaxelLayout(3, 3, (7e-3, 7e-3))
@@ -136,8 +137,8 @@ def test_what_cannot_be_a_protocol_is_said(make, says):
 
 BAD = {
     "not JSON": lambda text: text[:-5],
-    "not a protocol": lambda text: "[]",
-    "expected version 1 of a protocol, got 2": lambda text: text.replace('"version": 1', '"version": 2'),
+    "expected a protocol, a JSON object of format": lambda text: "[]",
+    "expected a protocol.*got 'paxisim-protocol/2'": lambda text: text.replace("protocol/1", "protocol/2"),
     "max_speed must be a number, got 'fast'": lambda text: text.replace('"max_speed": 0.025', '"max_speed": "fast"'),
     "name must be a string, got None": lambda text: text.replace('"name": "press",', ""),
     "columns must be": lambda text: text.replace('["time",', '["t",'),

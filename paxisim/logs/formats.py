@@ -1,0 +1,223 @@
+"""The file formats of recordings: how each is recognised, and what reads it.
+
+A new format is a function that reads a `RecordingArrays` from a path, one that reads its streams, and a line in
+`FORMATS`.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from paxisim.errors import InvalidValueError
+from paxisim.layout import TaxelLayout
+from paxisim.logs import schemas
+from paxisim.logs.add_streams import Streams, streams_of_table
+from paxisim.logs.columns import from_columns, streams_from_columns
+from paxisim.logs.recording_arrays import CountsToForce, Method, RecordingArrays
+
+
+@dataclass(frozen=True)
+class Options:
+    """How to read a recording; see `paxisim.Recording.load`."""
+
+    align: Method | Mapping[str, Method] = "linear"
+    max_gap: float | None = None
+    layout: TaxelLayout | None = None
+    pads: tuple[str, ...] | None = None
+    profile: CountsToForce | None = None
+
+
+@dataclass(frozen=True)
+class Format:
+    """A file format.
+
+    Attributes:
+        name: What it is called in messages.
+        is_of: Whether a path has this format, by its name or kind.
+        read: Reads a recording. A result whose fields are not checked yet may hold more than the requested pads.
+        streams: Reads the streams to add to another recording; None if such files have none.
+        has_counts: Whether it may hold a board's counts, which a profile converts.
+    """
+
+    name: str
+    is_of: Callable[[Path], bool]
+    read: Callable[[Path, Options], RecordingArrays]
+    streams: Callable[[Path], Streams] | None
+    has_counts: bool = False
+
+
+def format_of(path: Path, *, streams: bool = False) -> Format:
+    """Return the format of a file or folder.
+
+    Args:
+        path: The file or folder; it need not exist.
+        streams: Whether streams are to be read from it.
+
+    Raises:
+        InvalidValueError: There is no such format.
+    """
+    known = [form for form in FORMATS if form.streams is not None or not streams]
+    found = next((form for form in known if form.is_of(path)), None)
+    if found is None:
+        what = "streams must come from" if streams else "a recording must be"
+        *names, last = (form.name for form in known)
+        raise InvalidValueError(f"{what} a {', '.join(names)} or {last}, got {path}")
+    return found
+
+
+def _with_suffix(*suffixes: str) -> Callable[[Path], bool]:
+    return lambda path: path.suffix.lower() in suffixes
+
+
+def _read_lerobot(path: Path, options: Options) -> RecordingArrays:
+    from paxisim.logs.lerobot_reader import features_in_words, read_lerobot
+
+    found = read_lerobot(path, options.pads)
+    if found.measured is None and found.simulated is None:
+        raise InvalidValueError(
+            f"{path} has no tactile feature{'' if options.pads is None else ' of those pads'}: expected one such as "
+            f"observation.tactile.PAD of shape (3, rows, cols), got {features_in_words(path)}; to add these to a "
+            "recording, use streams (paxisim convert --streams)"
+        )
+    return _laid_out(found, options)
+
+
+def _lerobot_streams(path: Path) -> Streams:
+    from paxisim.logs.lerobot_reader import read_lerobot
+
+    return streams_of_table(path, read_lerobot(path, pads=()), restarts=True)
+
+
+def _read_eflesh(path: Path, options: Options) -> RecordingArrays:
+    from paxisim.logs.eflesh import read_eflesh
+
+    return _laid_out(read_eflesh(path, options.align, options.max_gap), options)
+
+
+def _read_csv(path: Path, options: Options) -> RecordingArrays:
+    from paxisim.logs.csv import read_csv
+
+    found, is_cut = read_csv(path, layout=options.layout, pads=options.pads, profile=options.profile)
+    if is_cut:
+        _warn_of_part(path, "cut off: its last line is incomplete", found)
+    return found
+
+
+def _csv_streams(path: Path) -> Streams:
+    from paxisim.logs.csv import read_csv_columns
+
+    columns, is_cut = read_csv_columns(path)
+    if is_cut:
+        warnings.warn(f"{path} is cut off: its last line is incomplete and was skipped", stacklevel=4)
+    return streams_of_table(path, _table(path, columns), restarts="time" not in columns)
+
+
+def _read_npz(path: Path, options: Options) -> RecordingArrays:
+    from paxisim.logs.npz import read_npz
+
+    return _laid_out(read_npz(path), options)
+
+
+def _read_parquet(path: Path, options: Options) -> RecordingArrays:
+    from paxisim.logs.parquet import read_parquet
+
+    columns, about = read_parquet(path)
+    try:
+        found = from_columns(columns)
+    except InvalidValueError as error:
+        dataset = path.absolute().parent.parent.parent
+        is_part = (dataset / "meta/info.json").is_file()
+        advice = f"; it is a part of the LeRobotDataset {dataset}, load that folder" if is_part else ""
+        raise InvalidValueError(f"{path}: {error}{advice}") from error
+    covariates = {**found.covariates, **about.get("covariates", {})}
+    return _laid_out(replace(found, **about | {"covariates": covariates}), options)
+
+
+def _parquet_streams(path: Path) -> Streams:
+    from paxisim.logs.parquet import read_parquet
+
+    columns, about = read_parquet(path)
+    table = _table(path, columns)
+    table = replace(table, covariates={**table.covariates, **about.get("covariates", {})})
+    return streams_of_table(path, table, restarts="time" not in columns)
+
+
+def _read_hdf5(path: Path, options: Options) -> RecordingArrays:
+    from paxisim.logs.hdf5 import read_hdf5
+
+    found = read_hdf5(path)
+    if found.measured is None and found.simulated is None:
+        raise InvalidValueError(
+            f"{path} has no tensor: expected a dataset of shape (T, pads, 3, rows, cols) in obs; to add the other "
+            "streams to a recording that has one, use streams (paxisim convert --streams)"
+        )
+    return _laid_out(found, options)
+
+
+def _hdf5_streams(path: Path) -> Streams:
+    from paxisim.logs.hdf5 import read_hdf5
+
+    return streams_of_table(path, read_hdf5(path), restarts=True)
+
+
+def _read_mcap(path: Path, options: Options) -> RecordingArrays:
+    from paxisim.logs.mcap_reader import read_log
+    from paxisim.logs.resample import resample_log
+
+    log = read_log(path)
+    found = resample_log(log, options.align, options.max_gap)
+    if not log.complete:
+        _warn_of_part(path, "cut off or damaged", found)
+    return _laid_out(found, options)
+
+
+def _mcap_streams(path: Path) -> Streams:
+    from paxisim.logs.mcap_joints import read_joints
+    from paxisim.logs.mcap_reader import is_recording, read_log
+
+    if not is_recording(path):
+        return Streams({name: {None: stream} for name, stream in read_joints(path).items()})
+    log = read_log(path)
+    if not log.complete:
+        warnings.warn(f"{path} is cut off or damaged; the intact part was read", stacklevel=4)
+    prefix = schemas.COVARIATE
+    found = {name.removeprefix(prefix): stream for name, stream in log.streams.items() if name.startswith(prefix)}
+    if not found:
+        raise InvalidValueError(f"{path} is a recording without covariates, so there is no stream to add")
+    return Streams({name: {None: stream} for name, stream in found.items()})
+
+
+def _laid_out(found: RecordingArrays, options: Options) -> RecordingArrays:
+    return found if options.layout is None else replace(found, layout=options.layout)
+
+
+def _table(path: Path, columns: dict[str, NDArray[np.float64]] | dict[str, NDArray[Any]]) -> RecordingArrays:
+    try:
+        return streams_from_columns(columns)
+    except InvalidValueError as error:
+        raise InvalidValueError(f"{path}: {error}") from error
+
+
+def _warn_of_part(path: Path, what: str, found: RecordingArrays) -> None:
+    samples = f"{len(found.time)} sample{'s' * (len(found.time) != 1)}"
+    text = f"{path} is {what}; the intact part was read: {samples}, the last at {found.time[-1]:.3f} s"
+    warnings.warn(text, stacklevel=5)  # at the caller of Recording.load
+
+
+FORMATS = (
+    Format("LeRobotDataset folder", Path.is_dir, _read_lerobot, _lerobot_streams),
+    Format(".sensor.csv (eFlesh)", lambda path: path.name.endswith(".sensor.csv"), _read_eflesh, None),
+    Format(".csv", _with_suffix(".csv"), _read_csv, _csv_streams, has_counts=True),
+    Format(".npz", _with_suffix(".npz"), _read_npz, None),
+    Format(".parquet", _with_suffix(".parquet"), _read_parquet, _parquet_streams),
+    Format(".hdf5", _with_suffix(".h5", ".hdf5"), _read_hdf5, _hdf5_streams),
+    Format(".mcap file", _with_suffix(".mcap"), _read_mcap, _mcap_streams),
+)
+"""All formats; the first that recognises a path reads it."""
