@@ -4,6 +4,7 @@ import errno
 import json
 import os
 import re
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from load_rig import NAMES, rig
 import paxisim
 from paxisim.cli import main
 from paxisim.errors import InvalidValueError
+from paxisim.logs.columns import to_columns
 
 LOADS = dict(zip(NAMES, NAMES, strict=True))
 
@@ -140,6 +142,18 @@ def test_the_verb_writes_a_calibration_and_two_pictures_or_nothing(recording, tm
     figure = paxisim.plot_residuals(paxisim.Calibration.load(output), paxisim.Recording.load(raw))
     labels = [ax.get_xlabel() for ax in figure.axes]
     assert labels == ["Fx (N)", "temperature", "Fy (N)", "temperature", "Fz (N)", "temperature"]
+
+
+def test_a_table_will_do_and_without_matplotlib_there_is_no_picture_and_a_word(tmp_path, capsys, monkeypatch) -> None:
+    columns = to_columns(rig(seconds=20)[0].to_arrays())
+    rows = np.column_stack(list(columns.values()))
+    np.savetxt(tmp_path / "raw.csv", rows, delimiter=",", header=",".join(columns), comments="")
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    words = [str(tmp_path / "raw.csv"), "--loads", *NAMES, "-o", str(tmp_path / "ready.npz"), "--degree", "2"]
+    assert main(["calibrate", *words]) == 0
+    assert "no picture: plot_calibration needs matplotlib" in capsys.readouterr().out
+    assert paxisim.Recording.load(tmp_path / "ready.npz").simulated is not None
+    assert not (tmp_path / "ready.png").exists()
 
 
 @pytest.mark.real_time

@@ -190,7 +190,7 @@ def test_the_page_that_adds_a_sensor_does_so(tmp_path):
 
 @pytest.mark.real_time
 @pytest.mark.filterwarnings("ignore::paxisim.UnverifiedProfileWarning")
-def test_the_page_on_calibration_runs_as_printed(tmp_path, monkeypatch):
+def test_the_page_on_calibration_runs_as_printed(tmp_path, monkeypatch, capsys):
     pytest.importorskip("termios")  # for the emulator
     monkeypatch.chdir(tmp_path)
     recording = rig(seconds=20)[0]
@@ -199,10 +199,19 @@ def test_the_page_on_calibration_runs_as_printed(tmp_path, monkeypatch):
     (record,) = commands(page, "paxisim record")
     for line in commands(page, "paxisim calibrate"):
         assert main([*line.split()[1:], "--force"]) == 0
+    out = capsys.readouterr().out
+    delay = re.search(r"the channels follow the loads by ([\d.]+) ms, 95% interval ([\d.]+) to ([\d.]+) ms", out)
+    assert [float(word) for word in delay.groups()] == pytest.approx([30, 30, 30], abs=0.5)
+    assert "gains in uT per N" in out
+    assert out.count("\n0: 0,") == 2 * 15
+    assert max(map(len, out.splitlines())) <= 80
+    ready = paxisim.Recording.load("calibrated.mcap")
+    assert (ready.measured - ready.simulated).std() < 0.03 * ready.simulated.std()
+    assert ready.metadata["readout"]["loads"] == {name: name for name in ("Fx", "Fy", "Fz")}
     (_, fit), (_, live) = blocks(page, "python")
     scope: dict = {}
     run(page, fit, scope)
-    assert len(scope["calibrated"]) == len(paxisim.Recording.load("calibrated.mcap"))
+    assert len(scope["calibrated"]) == len(ready)
     assert Path("calibration.png").exists()
     with paxisim.Emulator("anyskin", lambda now: recording.measured[700]) as emulator:
         run(page, live.replace("/dev/ttyACM0", emulator.port), scope)

@@ -184,22 +184,6 @@ def test_the_joints_of_a_simulated_arm_are_recorded_beside_its_sensor(tmp_path):
     assert np.corrcoef(np.clip(depth, 0, None), force)[0, 1] > 0.9
 
 
-def test_the_arm_s_sensor_may_have_an_error_to_be_found():
-    arm = runpy.run_path(str(EXAMPLES / "simulated_arm.py"))["Arm"]
-    error = [paxisim.augment.AxisGain((1.0, 1.0, 0.8)), paxisim.augment.LowPass(0.05)]
-    true, wrong = (arm(paxisim.Chain(members)) for members in ([], error))
-    readings = []
-    for tick in range(160):
-        true.run_until(tick / 100)
-        wrong.run_until(tick / 100)
-        readings.append((true.force[0, 2].sum(), wrong.force[0, 2].sum()))
-    peak = np.max(readings, axis=0)
-    assert peak[0] > 10
-    assert readings[-1][1] == pytest.approx(0.8 * readings[-1][0], rel=0.02), "held for a second"
-    rise = np.argmax(np.array(readings) > 0.5 * peak, axis=0)
-    assert 2 <= rise[1] - rise[0] <= 10, "a low-pass of 50 ms"
-
-
 @pytest.mark.slow
 def test_a_magnetic_unit_is_recorded_and_reads_what_no_simulation_says(printed):
     made = runpy.run_path(str(EXAMPLES / "reference_robot.py"))["recording"]

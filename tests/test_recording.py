@@ -275,6 +275,11 @@ OTHER_FIRST = {"covariates": {"opening": FORCE[:, 0, :, 0, 0], "resultant": FORC
         ("resample", {"rate": float("inf")}, "rate must be a number"),
         ("resample", {"rate": 10, "align": {"comand": "previous"}}, "unknown stream to align 'comand'"),
         ("with_covariate", {"name": "measured", "values": FORCE}, "'measured' is a tensor, not a covariate"),
+        ("at", {"time": [100, 101]}, r"from 100 s to 101 s.* from 0 s to 0.2 s; subtract metadata\['start'\]"),
+        ("at", {"time": [0, 1, 2]}, r"must be \(S, ...\) and their time \(S,\).*\(2,\) and \(3,\)"),
+        ("at", {"time": [0.2, 0.1]}, "must be finite and not run back"),
+        ("at", {"time": [0, 0.1], "max_gap": 0}, "max_gap must be a positive time"),
+        ("at", {"time": [0, 0.1], "align": "cubic"}, "align must be one of"),
         ("with_covariate", {"time": [0, 0.1]}, r"starts anew in an episode.*concatenate"),
         ("concatenate", {"simulated": None}, "must have a simulated tensor, or none: number 1 .from 0. has none"),
         ("concatenate", {"pads": ("l", "r")}, r"different pads .*: the first has \('left', 'right'\)"),
@@ -297,26 +302,11 @@ def test_what_cannot_be_done_is_named(method, arguments, words):
     calls = {
         "concatenate": lambda **other: Recording.concatenate([recording, two_episodes(**other)]),
         "with_covariate": lambda **given: recording.with_covariate(**{"name": "joints", "values": [1, 2], **given}),
+        "at": lambda **given: recording.select([4]).with_covariate("joints", [1, 2], **given),
     }
     call = calls.get(method) or getattr(recording, method)
     with pytest.raises((InvalidValueError, UnknownNameError), match=words):
         call(**arguments)
-
-
-@pytest.mark.parametrize(
-    ("time", "options", "words"),
-    [
-        ([100, 101], {}, r"from 100 s to 101 s.* from 0 s to 0.4 s; subtract metadata\['start'\]"),
-        ([0, 1, 2], {}, r"must be \(S, ...\) and their time \(S,\).*\(2,\) and \(3,\)"),
-        ([0.2, 0.1], {}, "must be finite and not run back"),
-        ([0, 0.1], {"max_gap": 0}, "max_gap must be a positive time"),
-        ([0, 0.1], {"align": "cubic"}, "align must be one of"),
-    ],
-)
-def test_a_clock_that_does_not_fit_is_named(time, options, words):
-    recording = Recording(TIME, FORCE, metadata={"start": 100.0})
-    with pytest.raises(InvalidValueError, match=words):
-        recording.with_covariate("joints", [1, 2], time, **options)
 
 
 def test_without_a_sample_or_a_recording_there_is_none():

@@ -152,17 +152,12 @@ def test_curved_layouts_make_sense(name: str):
     # a fingertip's size, longer than wide, every taxel below the outermost one
     height, width = np.ptp(layout.positions[:, 1]), np.ptp(layout.positions[:, 0])
     assert 10e-3 < width < height < 40e-3
-    assert layout.positions[:, 2].min() == pytest.approx(0.0)
     assert 3e-3 < layout.positions[:, 2].max() < width
     assert 1.5e-3 < layout.pitch[0] < 4e-3
-    # normals: outwards at the apex, up at the tip, to the sides at the sides, smooth, mirror-symmetric in x
+    # normals: outwards at the apex, up at the tip, to the sides at the sides, mirror-symmetric in x
     position, normal = layout.positions, layout.normals
     assert normal[position[:, 2].argmin(), 2] < -0.9
     assert normal[position[:, 1].argmin(), 1] < -0.7
     assert normal[position[:, 0].argmax(), 0] > 0.7
-    assert normal[position[:, 0].argmin(), 0] < -0.7
-    distance = np.linalg.norm(position[:, None] - position[None], axis=-1) + np.diag(np.ones(item.taxels))
-    nearest = distance.argmin(axis=1)
-    assert np.sum(normal * normal[nearest], axis=1).min() > 0.8
     mirror = np.linalg.norm(position[:, None] - (position * [-1, 1, 1])[None], axis=-1).argmin(axis=0)
     assert np.sum(normal[mirror] * normal * [-1, 1, 1], axis=1).min() > 0.99

@@ -1,9 +1,7 @@
 """``paxisim record`` against an emulated board: the file contents, however the recording ends."""
 
 import os
-import random
 import re
-import shutil
 import signal
 import socket
 import subprocess
@@ -18,9 +16,9 @@ import pytest
 pytest.importorskip("serial")
 pytest.importorskip("termios")  # the emulator is a pseudo-terminal
 
+import paxisim
 from paxisim.cli import main
 from paxisim.errors import InvalidValueError
-from paxisim.hw.emulation.emulator import Emulator
 from paxisim.hw.emulation.faults import Faults
 from paxisim.hw.emulation.signals import press
 from paxisim.logs.mcap_reader import read_log
@@ -50,16 +48,16 @@ def folder(tmp_path, monkeypatch):
 
 @pytest.fixture
 def board():
-    with Emulator(PROFILE, press(PROFILE)) as emulator:
+    with paxisim.Emulator(PROFILE, press(PROFILE)) as emulator:
         yield emulator
 
 
 @contextmanager
-def recording(board, *words, output="press.mcap", stdin=subprocess.DEVNULL, command=RECORD):
+def recording(board, *words, stdin=subprocess.DEVNULL, command=RECORD):
     """Run ``paxisim record`` with its outputs in files; kill it at the end if it still runs."""
     with open("out.txt", "w") as out, open("err.txt", "w") as err:
         process = subprocess.Popen(
-            [*command, board.port, "--profile", PROFILE, "-o", output, *words],
+            [*command, board.port, "--profile", PROFILE, "-o", "press.mcap", *words],
             stdin=stdin,
             stdout=out,
             stderr=err,
@@ -100,33 +98,12 @@ def has(stream, count=1):
 # how it ends
 
 
-@contextmanager
-def scheduling():
-    """Measure how late this machine wakes a thread after a 10 ms wait: a list of the intervals (s) meanwhile."""
-    intervals, stop = [0.0], threading.Event()
-
-    def watch():
-        last = time.monotonic()
-        while not stop.wait(0.01):
-            now = time.monotonic()
-            intervals.append(now - last)
-            last = now
-
-    thread = threading.Thread(target=watch)
-    thread.start()
-    yield intervals
-    stop.set()
-    thread.join()
-
-
 @slow
-@pytest.mark.parametrize("attempt", range(2))
-def test_killed_at_any_moment_it_lacks_the_last_second_at_most(board, attempt):
-    seed = random.randrange(1 << 32)
-    print(f"seed {seed}")
-    with scheduling() as intervals, recording(board) as process:
+@pytest.mark.parametrize("delay", [0.2, 1.1])
+def test_killed_at_any_moment_it_lacks_the_last_second_at_most(board, delay):
+    with recording(board) as process:
         wait_for(has("measured"), process, "frame")
-        time.sleep(random.Random(seed).uniform(0, 1.5))
+        time.sleep(delay)
         killed = time.time()
         process.kill()
         process.wait()
@@ -135,9 +112,8 @@ def test_killed_at_any_moment_it_lacks_the_last_second_at_most(board, attempt):
     assert not log.complete
     assert len(measured.time) > 10
     assert np.all(np.diff(measured.sequence) == 1)
-    # a busy machine may also delay the recorder
-    busy = max(intervals) + float(np.diff(measured.time).max())
-    assert killed - measured.time[-1] < 1.0 + busy
+    # a busy machine delays the recorder, too
+    assert killed - measured.time[-1] < 1.0 + 2 * float(np.diff(measured.time).max())
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, pytest.param(signal.SIGHUP, marks=slow)])
@@ -155,17 +131,17 @@ def test_a_signal_is_an_asked_end_and_a_closed_standard_input_is_not(board, numb
     assert "stdin: 0 samples" in said("out.txt")
 
 
-def check_that_it_ended_early(says, path="press.mcap"):
+def check_that_it_ended_early(says):
     """Check that the last line of the errors says why, and that the file holds the frames that it says."""
-    log = read_log(path)
+    log = read_log("press.mcap")
     measured = log.streams["measured"]
     assert log.complete
     assert np.all(np.diff(measured.sequence) == 1)
     last = said("err.txt").splitlines()[-1]
-    match = re.fullmatch(rf"paxisim: error: {says}; {path} is valid and holds (\d+) frames in [\d.]+ s", last)
+    match = re.fullmatch(rf"paxisim: error: {says}; press.mcap is valid and holds (\d+) frames in [\d.]+ s", last)
     assert match, last
     assert int(match[1]) == len(measured.time) > 0
-    assert f"{path}: {match[1]} frames in " in said("out.txt")
+    assert f"press.mcap: {match[1]} frames in " in said("out.txt")
     assert "Traceback" not in said("err.txt")
 
 
@@ -180,6 +156,7 @@ def test_a_port_that_vanishes_is_one_line_and_status_2(board):
 LIMITED = """
 import resource, sys
 resource.setrlimit(resource.RLIMIT_FSIZE, (12_000, 12_000))
+import paxisim
 from paxisim.cli import main
 sys.exit(main(["record", *sys.argv[1:]]))
 """
@@ -192,41 +169,21 @@ def test_a_file_that_takes_no_more_is_kept_and_status_2(board):
     check_that_it_ended_early("the file takes no more: .*File too large.*")
 
 
-@slow
-def test_a_full_disk_is_one_line_and_status_2(board, folder):
-    disk = folder / "disk"
-    disk.mkdir()
-    mount = [shutil.which("mount") or "false", "-t", "tmpfs", "-o", "size=12k", "tmpfs", disk]
-    if subprocess.run(mount, capture_output=True, check=False).returncode:
-        pytest.skip("needs to mount a file system")
-    try:
-        with recording(board, output="disk/press.mcap") as process:
-            assert process.wait(DEADLINE) == 2
-        check_that_it_ended_early("the file takes no more: .*No space left.*", "disk/press.mcap")
-    finally:
-        subprocess.run(["umount", disk], check=True)
-
-
-@pytest.mark.parametrize("what", [pytest.param("deleted", marks=slow), pytest.param("moved", marks=slow), "replaced"])
-def test_a_file_that_is_no_longer_there_is_one_line_and_status_2(board, folder, what):
+@pytest.mark.parametrize("replaced", [True, pytest.param(False, marks=slow)])
+def test_a_file_that_is_no_longer_there_is_one_line_and_status_2(board, folder, replaced):
     with recording(board) as process:
         wait_for(has("measured"), process, "frame")
-        if what == "deleted":
-            (folder / "press.mcap").unlink()
-        else:
-            (folder / "press.mcap").rename("elsewhere.mcap")
-        if what == "replaced":
+        (folder / "press.mcap").rename("elsewhere.mcap")
+        if replaced:
             (folder / "press.mcap").write_text("mine")
         assert process.wait(DEADLINE) == 2
     (line,) = [line for line in said("err.txt").splitlines() if "warning" not in line]
     assert re.match(r"paxisim: error: press.mcap is not there: it was deleted, moved or replaced meanwhile", line), line
     assert said("out.txt") == ""
-    if what == "replaced":
-        assert (folder / "press.mcap").read_text() == "mine"
-    if what != "deleted":
-        log = read_log("elsewhere.mcap")
-        assert log.complete
-        assert len(log.streams["measured"].time) > 0
+    assert not replaced or (folder / "press.mcap").read_text() == "mine"
+    log = read_log("elsewhere.mcap")
+    assert log.complete
+    assert len(log.streams["measured"].time) > 0
 
 
 def test_it_ends_after_the_seconds_asked_for_and_says_what_it_has(board, folder, capsys):
@@ -242,7 +199,7 @@ def test_it_ends_after_the_seconds_asked_for_and_says_what_it_has(board, folder,
 
 
 def test_what_was_damaged_on_the_line_is_said(capsys):
-    with Emulator(PROFILE, press(PROFILE), faults=Faults(garble=0.01), seed=1) as board:
+    with paxisim.Emulator(PROFILE, press(PROFILE), faults=Faults(garble=0.01), seed=1) as board:
         assert main(["record", board.port, "--profile", PROFILE, "-o", "press.mcap", "--seconds", "1"]) == 0
     assert re.search(r"\n  on the line: [1-9]\d* bad checksums", capsys.readouterr().out)
 
