@@ -43,7 +43,7 @@ BAD = {
         ("demo -o /proc/a.png", "cannot write /proc/a.png|folder does not exist"),
         ("example recording -o recording.csv", "mcap"),
         ("example gripper -o gripper.txt", "xml"),
-        ("example gripper -o gripper.xml", "exists"),
+        ("example gripper -o gripper.xml", "gripper.xml exists"),
         ("info none.mcap", NO_FILE),
         ("info text.mcap", "text.mcap"),
         ("live none.mcap --save a.rrd", NO_FILE),

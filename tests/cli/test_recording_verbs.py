@@ -1,7 +1,5 @@
 """``paxisim info`` and ``paxisim convert``."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -132,8 +130,5 @@ def test_convert_between_formats_and_onto_itself_if_asked(capsys):
     first, second = np.bincount(loaded.episode)
     assert table["frame_index"].to_pylist() == [*range(first), *range(second)]
     assert str(table["tactile.right.3_1.z"].type) == "float"
-    before = Path("a.mcap").read_bytes()
-    assert main(["convert", "a.mcap", "a.mcap"]) == 2
-    assert Path("a.mcap").read_bytes() == before
     assert main(["convert", "a.mcap", "a.mcap", "--force"]) == 0
     assert len(Recording.load("a.mcap")) == 100
