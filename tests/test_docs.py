@@ -12,6 +12,7 @@ from importlib.resources import files
 from pathlib import Path
 
 import pytest
+from load_rig import rig
 
 import paxisim
 from paxisim.cli import main, parse
@@ -19,8 +20,8 @@ from paxisim.cli.example import example_recording
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
-PAGES = sorted(DOCS.rglob("*.md"))
-TEXTS = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *PAGES]
+TEXTS = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(DOCS.rglob("*.md"))]
+PACKAGE = Path(paxisim.__file__).parent
 
 # pages whose Python runs in order as printed, with the packages they need; other pages have their own tests
 RUN = {
@@ -36,6 +37,11 @@ RUN = {
     "guides/magnetic-pad.md": (),
     "formats/tables.md": (),
 }
+SLOW = {"guides/diagnose.md", "how-to/add-a-cause.md"}  # a diagnosis; that of the README is not slow
+
+
+def pages(*names):
+    return [pytest.param(name, marks=pytest.mark.slow if name in SLOW else ()) for name in names]
 
 
 def blocks(page, *kinds):
@@ -50,55 +56,41 @@ def commands(page, first):
     return [line for line in lines if line.startswith(f"{first} ")]
 
 
-def reference():
-    """Return the names in the API reference."""
-    pages = [page.read_text(encoding="utf-8") for page in (DOCS / "api").glob("*.md")]
-    names = [name for page in pages for name in re.findall(r"^::: (\S+)$", page, re.MULTILINE)]
-    assert len(names) == len(set(names)), "a name has two entries"
-    return set(names)
+def run(page, text, scope):
+    """Run a block of Python and return what it prints."""
+    with contextlib.redirect_stdout(io.StringIO()) as out:
+        exec(compile(text, str(page), "exec"), scope)
+    return out.getvalue()
 
 
-@pytest.mark.parametrize(
-    ("package", "names"),
-    [
-        ("paxisim", {*paxisim.__all__} - {"__version__", "augment", "diagnose", "warp"}),
-        ("paxisim.augment", {*paxisim.augment.__all__}),
-        ("paxisim.diagnose", {*paxisim.diagnose.__all__}),
-        ("paxisim.warp", {*paxisim.warp.__all__}),
-    ],
-)
-def test_every_public_name_is_in_the_reference(package, names):
-    known = reference()
-    missing = sorted(name for name in names if f"{package}.{name}" not in known)
-    # names that paxisim re-exports from paxisim.augment are documented there
-    assert [n for n in missing if f"paxisim.augment.{n}" not in known] == []
+# what pages name
 
 
-@pytest.mark.parametrize("page", TEXTS, ids=lambda page: str(page.relative_to(ROOT)))
-def test_commands_are_ones_that_there_are(page):
-    for line in commands(page, "paxisim"):
-        words = shlex.split(line.partition(" > ")[0].removesuffix("&"), comments=True)[1:]
-        if not words[0].startswith("--"):
-            assert callable(parse(words)), line
-    for line in commands(page, "python") + commands(page, "pytest"):
-        for word in shlex.split(line, comments=True)[1:]:
-            if re.fullmatch(r"(benchmarks|docs|examples|tests)(/[\w./]+)?", word):
-                assert (ROOT / word).exists(), line
+def test_every_public_name_is_in_the_reference_once():
+    texts = [page.read_text(encoding="utf-8") for page in (DOCS / "api").glob("*.md")]
+    known = [name for text in texts for name in re.findall(r"^::: (\S+)$", text, re.MULTILINE)]
+    assert len(known) == len(set(known)), "a name has two entries"
+    parts = {"__version__", "augment", "diagnose", "warp"}  # of paxisim, with pages of their own
+    for package in (paxisim, paxisim.augment, paxisim.diagnose, paxisim.warp):
+        for name in {*package.__all__} - (parts if package is paxisim else set()):
+            # names that paxisim re-exports from paxisim.augment are documented there
+            assert {f"{package.__name__}.{name}", f"paxisim.augment.{name}"} & {*known}, name
 
 
-@pytest.mark.parametrize("page", TEXTS, ids=lambda page: str(page.relative_to(ROOT)))
-def test_files_of_the_repository_that_a_page_names_exist(page):
-    text = page.read_text(encoding="utf-8")
-    named = re.findall(r"`((?:benchmarks|docs|examples|tests|paxisim|integrations)/[\w./-]+)`", text)
-    assert [name for name in named if not (ROOT / name).exists()] == []
-
-
-@pytest.mark.parametrize("page", [page for page in TEXTS if page.parent == ROOT], ids=lambda page: page.name)
-def test_links_of_the_pages_outside_the_site_lead_somewhere(page):
-    """Links within the site are checked by the build of the site."""
-    targets = re.findall(r"\]\(([^)#\s]+)", page.read_text(encoding="utf-8"))
-    local = [target for target in targets if "://" not in target]
-    assert [target for target in local if not (ROOT / target).exists()] == []
+def test_commands_files_and_links_of_the_pages_exist():
+    for page in TEXTS:
+        for line in commands(page, "paxisim"):
+            words = shlex.split(line.partition(" > ")[0].removesuffix("&"), comments=True)[1:]
+            assert words[0].startswith("--") or callable(parse(words)), line
+        for line in commands(page, "python") + commands(page, "pytest"):
+            for word in shlex.split(line, comments=True)[1:]:
+                if re.fullmatch(r"(benchmarks|docs|examples|tests)(/[\w./]+)?", word):
+                    assert (ROOT / word).exists(), line
+        text = page.read_text(encoding="utf-8")
+        named = re.findall(r"`((?:benchmarks|docs|examples|tests|paxisim|integrations)/[\w./-]+)`", text)
+        if page.parent == ROOT:  # links within the site are checked by the build of the site
+            named += [target for target in re.findall(r"\]\(([^)#\s]+)", text) if "://" not in target]
+        assert [name for name in named if not (ROOT / name).exists()] == [], page
 
 
 def test_the_page_of_examples_shows_those_there_are():
@@ -110,6 +102,21 @@ def test_the_page_of_examples_shows_those_there_are():
     assert named == {path.name for path in (ROOT / "examples").iterdir() if path.suffix in (".py", ".ipynb")}
 
 
+def test_the_page_on_the_architecture_names_every_part():
+    page = (DOCS / "architecture.md").read_text(encoding="utf-8")
+    named = {name.rstrip("/") for name in re.findall(r"^\| `([\w/.]+)`", page, re.M)}
+    parts = {path for folder in ("paxisim", "integrations") for path in (ROOT / folder).iterdir()}
+    there = {
+        path.relative_to(ROOT).as_posix()
+        for path in parts
+        if (path / "__init__.py").exists() or (path.suffix == ".py" and not path.name.startswith("_"))
+    }
+    assert named == there
+
+
+# pages that run
+
+
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -119,7 +126,7 @@ def folder(tmp_path, monkeypatch):
 
 
 @pytest.mark.timeout(300)
-@pytest.mark.parametrize("name", RUN)
+@pytest.mark.parametrize("name", pages(*RUN))
 def test_the_python_of_a_page_prints_what_it_says(name, folder):
     for module in RUN[name]:
         pytest.importorskip(module)
@@ -129,98 +136,111 @@ def test_the_python_of_a_page_prints_what_it_says(name, folder):
     for kind, text in blocks(DOCS / name, "python", "text"):
         if kind == "text":
             assert printed == text
-            continue
-        with contextlib.redirect_stdout(io.StringIO()) as out:
-            exec(compile(text, name, "exec"), scope)
-        printed = out.getvalue()
+        else:
+            printed = run(name, text, scope)
+
+
+def write_files(page, folder):
+    """Write the Python blocks of a page to the files that their first line names; return what each prints."""
+    printed, name = {}, ""
+    for kind, text in blocks(page, "python", "text"):
+        if kind == "text":
+            printed[name] = text
+        elif named := re.match(r"# (\S+)\n", text):
+            name = named[1]
+            (folder / name).write_text(text, encoding="utf-8")
+    return printed
+
+
+def in_process(folder, script, package=PACKAGE.parent):
+    """Run a script with warnings as errors and return what it prints."""
+    path = os.pathsep.join([str(package), *filter(None, [os.environ.get("PYTHONPATH")])])
+    command = [sys.executable, "-W", "error", script]
+    environment = os.environ | {"PYTHONPATH": path}
+    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=170)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.mark.real_time
+@pytest.mark.timeout(180)
+@pytest.mark.parametrize("name", pages("how-to/add-a-board.md", "how-to/add-a-transform.md", "how-to/add-a-cause.md"))
+def test_a_page_that_adds_something_prints_what_it_says(name, tmp_path):
+    pytest.importorskip("serial")
+    printed = write_files(DOCS / name, tmp_path)
+    assert in_process(tmp_path, "try_it.py") == printed["try_it.py"]
+    if name.endswith("cause.md"):
+        assert len((tmp_path / "thermal_gain.py").read_text(encoding="utf-8").strip().splitlines()) < 40
+
+
+def test_the_page_that_adds_a_sensor_does_so(tmp_path):
+    """Run it in a copy of the package with the page's entry added to the catalogue."""
+    page = DOCS / "how-to" / "add-a-sensor.md"
+    printed = write_files(page, tmp_path)
+    assert in_process(tmp_path, "my_sensor.py") == printed["my_sensor.py"]
+    entry, profile = (text for _, text in blocks(page, "toml"))
+    package = tmp_path / "copy" / "paxisim"
+    shutil.copytree(PACKAGE, package, ignore=shutil.ignore_patterns("__pycache__"))
+    with (package / "data" / "sensors.toml").open("a", encoding="utf-8") as catalogue:
+        catalogue.write("\n" + entry)
+    assert in_process(tmp_path, "try_it.py", package.parent) == printed["try_it.py"]
+    (tmp_path / "acme.toml").write_text(profile, encoding="utf-8")
+    assert paxisim.load_profile(tmp_path / "acme.toml").layout.shape == (3, 4, 6)
+
+
+@pytest.mark.real_time
+@pytest.mark.filterwarnings("ignore::paxisim.UnverifiedProfileWarning")
+def test_the_page_on_calibration_runs_as_printed(tmp_path, monkeypatch, capsys):
+    pytest.importorskip("termios")  # for the emulator
+    monkeypatch.chdir(tmp_path)
+    recording = rig(seconds=20)[0]
+    recording.save("raw.mcap")
+    page = DOCS / "guides" / "calibrate.md"
+    (record,) = commands(page, "paxisim record")
+    for line in commands(page, "paxisim calibrate"):
+        assert main([*line.split()[1:], "--force"]) == 0
+    out = capsys.readouterr().out
+    delay = re.search(r"the channels follow the loads by ([\d.]+) ms, 95% interval ([\d.]+) to ([\d.]+) ms", out)
+    assert [float(word) for word in delay.groups()] == pytest.approx([30, 30, 30], abs=0.5)
+    assert "gains in uT per N" in out
+    assert out.count("\n0: 0,") == 2 * 15
+    assert max(map(len, out.splitlines())) <= 80
+    ready = paxisim.Recording.load("calibrated.mcap")
+    assert (ready.measured - ready.simulated).std() < 0.03 * ready.simulated.std()
+    assert ready.metadata["readout"]["loads"] == {name: name for name in ("Fx", "Fy", "Fz")}
+    (_, fit), (_, live) = blocks(page, "python")
+    scope: dict = {}
+    run(page, fit, scope)
+    assert len(scope["calibrated"]) == len(ready)
+    assert Path("calibration.png").exists()
+    with paxisim.Emulator("anyskin", lambda now: recording.measured[700]) as emulator:
+        run(page, live.replace("/dev/ttyACM0", emulator.port), scope)
+        words = record.replace("/dev/ttyACM0", emulator.port).split()[1:]
+        assert main([*words, "--seconds", "0.5"]) == 0
+    assert (scope["frame"].unit, scope["frame"].resultant.shape) == ("N", (1, 3))
+    assert paxisim.Recording.load("newtons.mcap").unit == "N"
 
 
 @pytest.mark.real_time
 @pytest.mark.filterwarnings("ignore::paxisim.UnverifiedProfileWarning")
 @pytest.mark.filterwarnings("ignore:.*hold NaN")  # a busy machine loses frames of a sensor in real time
 def test_the_page_on_the_driver_runs_as_printed(folder):
-    pytest.importorskip("serial")
-    pytest.importorskip("pyarrow")
-    pytest.importorskip("rerun")
+    for module in ("serial", "pyarrow", "rerun"):
+        pytest.importorskip(module)
     page = DOCS / "guides" / "driver.md"
     emulate, *rest = commands(page, "paxisim")
     words = [sys.executable, "-m", "paxisim", *shlex.split(emulate.removesuffix("&"))[1:]]
+    scope: dict = {}
     with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as process:
         try:
             assert process.stdout.readline().strip() == "my-sensor"
             for line in rest:
                 assert main(shlex.split(line)[1:]) == 0, line
-            scope = {}
             for _, text in blocks(page, "python"):
-                exec(compile(text, str(page), "exec"), scope)
+                run(page, text, scope)
         finally:
             process.kill()
     assert scope["frame"].force.shape == (1, 3, 12, 10)
     assert scope["coarse"].measured.shape[1:] == (1, 3, 6, 5)
-    assert (folder / "press.rrd").exists()
-    assert (folder / "press.parquet").exists()
-    assert (folder / "press-dataset" / "meta" / "info.json").exists()
-
-
-PACKAGE = Path(paxisim.__file__).parent
-
-
-def in_process(folder, script, package=PACKAGE.parent):
-    path = os.pathsep.join([str(package), *filter(None, [os.environ.get("PYTHONPATH")])])
-    environment = os.environ | {"PYTHONPATH": path}
-    command = [sys.executable, "-W", "error", script]
-    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=100)
-
-
-def python_files(page):
-    """Return the Python blocks that begin with a comment naming their file, and the printed output of each."""
-    found, name = {}, ""
-    for kind, text in blocks(page, "python", "text"):
-        if kind == "python":
-            name = re.match(r"# (\S+)\n", text)[1]
-            found[name] = (text, "")
-        else:
-            found[name] = (found[name][0], text)
-    return found
-
-
-def test_the_page_that_adds_a_transform_prints_what_it_says(tmp_path):
-    pages = python_files(DOCS / "how-to" / "add-a-transform.md")
-    for name, (code, _) in pages.items():
-        (tmp_path / name).write_text(code, encoding="utf-8")
-    done = in_process(tmp_path, "try_it.py")
-    assert done.returncode == 0, done.stderr
-    assert done.stdout == pages["try_it.py"][1]
-
-
-def test_the_page_that_adds_a_sensor_does_so(tmp_path):
-    """Run it in a copy of the package with the page's entry added to the catalogue."""
-    page = DOCS / "how-to" / "add-a-sensor.md"
-    pages = python_files(page)
-    for name, (code, _) in pages.items():
-        (tmp_path / name).write_text(code, encoding="utf-8")
-    done = in_process(tmp_path, "my_sensor.py")
-    assert (done.returncode, done.stdout) == (0, pages["my_sensor.py"][1]), done.stderr
-
-    entry, profile = (text for _, text in blocks(page, "toml"))
-    package = tmp_path / "copy" / "paxisim"
-    shutil.copytree(PACKAGE, package, ignore=shutil.ignore_patterns("__pycache__"))
-    with (package / "data" / "sensors.toml").open("a", encoding="utf-8") as catalogue:
-        catalogue.write("\n" + entry)
-    done = in_process(tmp_path, "try_it.py", package.parent)
-    assert (done.returncode, done.stdout) == (0, pages["try_it.py"][1]), done.stderr
-
-    (tmp_path / "acme.toml").write_text(profile, encoding="utf-8")
-    assert paxisim.load_profile(tmp_path / "acme.toml").layout.shape == (3, 4, 6)
-
-
-def test_the_page_on_the_architecture_names_every_part():
-    page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
-    named = {name.rstrip("/") for name in re.findall(r"^\| `([\w/.]+)`", page, re.M)}
-    parts = {path for folder in ("paxisim", "integrations") for path in (ROOT / folder).iterdir()}
-    there = {
-        path.relative_to(ROOT).as_posix()
-        for path in parts
-        if (path / "__init__.py").exists() or (path.suffix == ".py" and not path.name.startswith("_"))
-    }
-    assert named == there
+    for name in ("press.rrd", "press.parquet", "press-dataset/meta/info.json"):
+        assert (folder / name).exists()

@@ -39,9 +39,9 @@ def test_only_models_are_tried_and_not_scenes_around_them(tmp_path):
 @pytest.mark.parametrize(
     ("options", "actuated", "placed", "pads"),
     [
-        ("", True, "by itself", 2),
         ("", False, "refused", 0),
         ('close = ["slide_left", "slide_right"]', False, "`--close slide_left slide_right`", 2),
+        pytest.param("", True, "by itself", 2, marks=pytest.mark.slow),
         ('mounts = ["left pos-mm=0,-4,0 quat=0,0,0.7071,0.7071 replaces=0"]', False, "by hand", 1),
     ],
 )

@@ -1,9 +1,11 @@
 """The cost of `import paxisim`, and the allowed imports between parts of paxisim."""
 
 import ast
+import functools
 import os
 import subprocess
 import sys
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -11,85 +13,45 @@ import pytest
 import paxisim
 
 PACKAGE = Path(paxisim.__file__).parent
+INTEGRATIONS = PACKAGE.parent / "integrations"
 # heavy or optional packages, which are imported when a name that needs them is first used
-OPTIONAL = {
-    "torch",
-    "serial",
-    "matplotlib",
-    "trimesh",
-    "robosuite",
-    "pyarrow",
-    "rerun",
-    "paxini_sdk",
-    "jinja2",
-    "h5py",
-    "mcap_ros2",
-    "mujoco_warp",
-    "warp",
-    "ray",
-}
+FORMATS = {"pyarrow", "rerun", "jinja2", "h5py", "mcap_ros2", "matplotlib", "trimesh"}
+DEVICES = {"torch", "serial", "paxini_sdk", "robosuite", "mujoco_warp", "warp", "ray"}
+OPTIONAL = FORMATS | DEVICES
 HEAVY = OPTIONAL | {"mujoco", "numpy", "scipy", "lxml", "tyro", "mcap", "orjson"}
 
 # a part may only import parts with a lower number; parts with the same number do not import each other
 LEVELS = {
-    "errors": 0,
-    "files": 0.5,
-    "document": 0.7,
-    "layout": 0,
-    "cluster": 0,
-    "parallel": 0,
-    "bump": 1,
-    "sensors": 1,
-    "logs": 1,
-    "recording": 1.5,
-    "presses": 1.7,
-    "models": 2,
-    "augment": 2,
-    "reference": 2.2,
-    "hw": 2,
-    "calibrate": 2,
-    "scene": 2.5,
-    "warp": 2.5,
-    "diagnose": 3,
-    "viz": 3,
-    "protocols": 3.5,
-    "cli": 4,
-    "__main__": 5,
+    0: "errors layout cluster parallel",
+    0.5: "files",
+    0.7: "document",
+    1: "bump sensors logs",
+    1.5: "recording",
+    1.7: "presses",
+    2: "models augment hw calibrate",
+    2.2: "reference",
+    2.5: "scene warp",
+    3: "diagnose viz",
+    3.5: "protocols",
+    4: "cli",
+    5: "__main__",
 }
+LEVEL_OF = {part: level for level, parts in LEVELS.items() for part in parts.split()}
 ANYWHERE = {"errors", "_version"}
 
+# a class or function that calls, inside its methods, what is built on it: to load, save, run or report itself
+FACADES = {
+    "paxisim.diagnose.diagnosis": {"paxisim.diagnose.report.page"},
+    "paxisim.scene.scene": {f"paxisim.scene.{name}" for name in ("changed", "replay", "rig", "toml")},
+}
 
-def modules_after(code: str) -> set[str]:
-    """Return the top-level names of the modules that a fresh interpreter imports when it runs `code`."""
-    path = os.pathsep.join([str(PACKAGE.parent), *filter(None, [os.environ.get("PYTHONPATH")])])
-    done = subprocess.run(
-        [sys.executable, "-c", f"{code}\nimport sys\nprint(*sys.modules)"],
-        env=os.environ | {"PYTHONPATH": path},
-        capture_output=True,
-        text=True,
-        check=True,
-        timeout=60,
-    )
-    return {name.split(".")[0] for name in done.stdout.split()}
-
-
-def test_import_paxisim_imports_nothing_heavy():
-    assert modules_after("import paxisim").isdisjoint(HEAVY)
-
-
-def test_the_layout_and_the_catalogue_need_numpy_alone():
-    code = "import paxisim\npaxisim.sensor('paxini-gen1-l4629').layout.pool(2, 2)\npaxisim.known_sensors()"
-    assert modules_after(code).isdisjoint(HEAVY - {"numpy"})
-
-
-def test_every_public_name_can_be_used_without_the_optional_packages():
-    code = "import paxisim\nfor name in paxisim.__all__: getattr(paxisim, name)"
-    assert modules_after(code).isdisjoint(OPTIONAL)
-
-
-def test_pads_are_built_attached_and_read_without_the_optional_packages():
-    code = """
-import mujoco, paxisim
+STAGES = [
+    ("import paxisim", HEAVY),
+    ("paxisim.sensor('paxini-gen1-l4629').layout.pool(2, 2); paxisim.known_sensors()", HEAVY - {"numpy"}),
+    ("for name in paxisim.__all__: getattr(paxisim, name)", OPTIONAL),
+    (
+        """
+import mujoco
 pad = paxisim.Pad(paxisim.TaxelLayout(2, 2, 2e-3))
 gripper = paxisim.attach("<mujoco><worldbody><body name='b'/></worldbody></mujoco>", pad, [paxisim.Mount("b")])
 model = gripper.compile()
@@ -98,50 +60,27 @@ paxisim.set_surface(model, pads, paxisim.GaussianBump((1, 1)).heights(pads.layou
 data = mujoco.MjData(model)
 mujoco.mj_step(model, data)
 paxisim.TactileReadout(model, pads).read(data)
-"""
-    assert modules_after(code).isdisjoint(OPTIONAL)
+""",
+        OPTIONAL,
+    ),
+]
 
 
-def imported_from(path: Path) -> set[str]:
-    """Return the parts of paxisim that a file imports, including imports in functions and for type checkers."""
-    found = set()
-    inside = (path.relative_to(PACKAGE) if path.is_relative_to(PACKAGE) else path).parts
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Import):
-            names = [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom):
-            base = ["paxisim", *inside[: len(inside) - node.level]] if node.level else []
-            module = ".".join([*base, *filter(None, [node.module])])
-            # `from paxisim import viz` imports a part; `from paxisim import Pad` imports the top-level package
-            names = [f"{module}.{alias.name}" for alias in node.names] if module == "paxisim" else [module]
-        else:
-            continue
-        found |= {(name.split(".") + [""])[1] for name in names if name.split(".")[0] == "paxisim"}
-    return found
+def test_packages_are_imported_only_when_they_are_needed():
+    """The layout and the catalogue need numpy alone; pads are built, attached and read without optional packages."""
+    code = "import sys\n" + "".join(f"{stage}\nprint(*sys.modules)\n" for stage, _ in STAGES)
+    path = os.pathsep.join([str(PACKAGE.parent), *filter(None, [os.environ.get("PYTHONPATH")])])
+    environment = os.environ | {"PYTHONPATH": path}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    for (stage, avoided), line in zip(STAGES, done.stdout.splitlines(), strict=True):
+        imported = {name.split(".")[0] for name in line.split()}
+        assert imported.isdisjoint(avoided), stage
 
 
-FILES = sorted(
-    p for p in PACKAGE.rglob("*.py") if p.relative_to(PACKAGE).as_posix() not in ("__init__.py", "_version.py")
-)
-
-
-def part_of(path: Path) -> str:
-    return path.relative_to(PACKAGE).parts[0].removesuffix(".py")
-
-
-def test_the_files_are_found():
-    assert {"errors", "layout", "sensors", "models", "viz", "cli"} <= {part_of(path) for path in FILES}
-    assert imported_from(PACKAGE / "models" / "pad.py") == {"errors", "layout", "models"}
-
-
-@pytest.mark.parametrize("path", FILES, ids=lambda path: path.relative_to(PACKAGE).as_posix())
-def test_imports_run_one_way(path):
-    part = part_of(path)
-    assert part in LEVELS, f"{part} is missing in LEVELS"
-    # the command line may import the top-level package, like any user of the library
-    for other in imported_from(path) - ANYWHERE - {part} - ({""} if part == "cli" else set()):
-        assert other in LEVELS, f"{path.name} imports paxisim.{other}: import from the part that defines it"
-        assert LEVELS[other] < LEVELS[part], f"{part} must not import {other}"
+@functools.cache
+def syntax(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
 
 
 def module_of(path: Path) -> str:
@@ -149,87 +88,75 @@ def module_of(path: Path) -> str:
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
-def modules_imported_by(path: Path, known: set[str], *, later: bool = False) -> set[str]:
-    """Return the modules of paxisim that a file imports at runtime; with `later` also those in functions."""
-    found, open_ = set(), [ast.parse(path.read_text(encoding="utf-8"))]
+def part_of(module: str) -> str:
+    return (module.split(".") + [""])[1]
+
+
+# the top-level package imports lazily from everywhere
+FILES = {
+    module_of(path): path for path in PACKAGE.rglob("*.py") if module_of(path) not in ("paxisim", "paxisim._version")
+}
+# __init__ files import their modules lazily; the modules do not import their package
+MODULES = {name for name, path in FILES.items() if path.name != "__init__.py"}
+
+
+def imported_by(name: str, *, later: bool = True, typing: bool = False) -> set[str]:
+    """Return the modules and packages of paxisim that a file imports, ``"paxisim"`` for its public names.
+
+    Args:
+        name: Name of the module or package.
+        later: Whether imports in functions count.
+        typing: Whether imports for type checkers count.
+    """
+    found, open_ = set(), [syntax(FILES[name])]
     while open_:
         node = open_.pop()
-        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING" and not typing:
             continue
         if isinstance(node, ast.FunctionDef) and not later:
             continue
         open_ += ast.iter_child_nodes(node)
         if isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names}
+            found |= {alias.name for alias in node.names if alias.name.split(".")[0] == "paxisim"}
         elif isinstance(node, ast.ImportFrom):
-            assert not node.level, f"{path.name} has a relative import"
-            names = {f"{node.module}.{alias.name}" for alias in node.names}
-            modules = names & known
-            found |= modules | ({node.module} if len(modules) < len(names) else set())
-    return found & known - {module_of(path)}
+            assert not node.level, f"{name} has a relative import"
+            if node.module.split(".")[0] == "paxisim":
+                # `from paxisim import viz` imports a part, `from paxisim import Pad` does not
+                full = [f"{node.module}.{alias.name}" for alias in node.names]
+                found |= {module if module in FILES else node.module for module in full}
+    return found - {name}
 
 
-# __init__ files import their modules lazily; the modules do not import their package
-MODULES = {module_of(path): path for path in FILES if path.name != "__init__.py"}
-PACKAGES = {module_of(path) for path in FILES if path.name == "__init__.py"}
+def test_imports_run_one_way():
+    assert {part_of(name) for name in imported_by("paxisim.models.pad")} == {"errors", "layout", "models"}
+    assert {part_of(name) for name in FILES} >= {"errors", "layout", "sensors", "models", "viz", "cli"}
+    for name in FILES:
+        part = part_of(name)
+        assert part in LEVEL_OF, f"{part} is missing in LEVELS"
+        for other in map(part_of, imported_by(name, typing=True)):
+            # the command line may import the top-level package, like any user of the library
+            if other not in ANYWHERE | {part} and (other, part) != ("", "cli"):
+                assert other in LEVEL_OF, f"{name} imports paxisim.{other}: import from the part that defines it"
+                assert LEVEL_OF[other] < LEVEL_OF[part], f"{name}: {part} must not import {other}"
 
 
-def circle_in(imports: dict[str, set[str]]) -> list[str]:
-    """Return modules that form an import cycle, in order; empty if there is none."""
-    done: set[str] = set()
-
-    def follow(name: str, way: list[str]) -> list[str]:
-        if name in way:
-            return way[way.index(name) :]
-        if name in done:
-            return []
-        for other in sorted(imports.get(name, ())):
-            if circle := follow(other, [*way, name]):
-                return circle
-        done.add(name)
-        return []
-
-    return next((circle for name in sorted(imports) if (circle := follow(name, []))), [])
-
-
-def test_circles_are_found():
-    assert circle_in({"a": {"b"}, "b": {"c"}, "c": {"b"}}) == ["b", "c"]
-    assert circle_in({"a": {"b", "c"}, "b": {"c"}}) == []
-
-
-# a class or function that calls, inside its methods, what is built on it: to load, save, run or report itself
-FACADES = {
-    "paxisim.diagnose.diagnosis": {"paxisim.diagnose.report.page"},
-    "paxisim.scene.scene": {"paxisim.scene.changed", "paxisim.scene.replay", "paxisim.scene.rig", "paxisim.scene.toml"},
-}
-
-
-def test_no_module_needs_itself():
+def test_no_module_needs_itself_and_no_facade_is_needed_to_be_imported():
     """Imports in functions count, except those of a facade."""
-    known = set(MODULES)
-    imports = {
-        name: modules_imported_by(path, known, later=True) - FACADES.get(name, set()) for name, path in MODULES.items()
-    }
-    assert circle_in(imports) == []
+    later = {name: imported_by(name) & MODULES - FACADES.get(name, set()) for name in MODULES}
+    for imports in (later, {name: imported_by(name, later=False) & MODULES for name in MODULES}):
+        TopologicalSorter(imports).prepare()  # raises a CycleError that names the modules of a circle
 
 
-def test_no_facade_is_needed_to_be_imported():
-    assert circle_in({name: modules_imported_by(path, set(MODULES)) for name, path in MODULES.items()}) == []
-
-
-@pytest.mark.parametrize("name", sorted(n for n in MODULES if n.startswith("paxisim.diagnose.")))
-def test_modules_of_the_diagnosis_do_not_reach_back_to_their_packages(name):
-    imported = modules_imported_by(MODULES[name], PACKAGES | set(MODULES))
-    assert not {package for package in PACKAGES & imported if name.startswith(f"{package}.")}
-
-
-INTEGRATIONS = PACKAGE.parent / "integrations"
+def test_modules_of_the_diagnosis_do_not_reach_back_to_their_packages():
+    for name in MODULES:
+        if name.startswith("paxisim.diagnose."):
+            assert not [other for other in imported_by(name) - MODULES if name.startswith(f"{other}.")], name
 
 
 @pytest.mark.skipif(not INTEGRATIONS.exists(), reason="no integrations yet")
 def test_integrations_see_only_the_public_names():
     for path in INTEGRATIONS.rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in ast.walk(syntax(path)):
             names = []
             if isinstance(node, ast.Import):
                 names = [alias.name for alias in node.names]

@@ -25,6 +25,7 @@ def loop():
     return benchmark.paired(HIDDEN)
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(300)
 def test_gain_and_creep_are_named_and_their_model_predicts_another_motion(loop, monkeypatch):
     for name in ("sklearn", "sklearn.ensemble"):  # skip the black-box model: it is slow and names no causes

@@ -55,26 +55,15 @@ def test_each_press_is_found_and_the_cuts_lie_between(how):
             assert before[1] - 3 <= cut <= after[0] + 3
 
 
-@pytest.mark.parametrize("sign", [1, -1])
-@pytest.mark.parametrize("zero", [-25.0, 0.0, 25.0])
-def test_the_sign_of_the_load_does_not_depend_on_the_zero_of_the_load_cell(sign, zero):
+def test_sign_and_zero_of_the_load_cell_do_not_matter():
     time, load, spans = pressed(0, rest=0.0)
-    found = paxisim.find_presses(time, sign * load + zero)
-    assert len(found.spans) == len(spans)
-    assert found.rest == pytest.approx(sign * zero, abs=0.1)
-    assert (found.load - found.rest).max() == pytest.approx(load.max(), abs=0.1)
-
-
-def test_level_and_noise_at_rest_are_those_of_the_signal():
-    found = [paxisim.find_presses(*pressed(seed)[:2]) for seed in range(10)]
-    assert np.mean([item.rest for item in found]) == pytest.approx(0.7, abs=0.03)
-    assert np.mean([item.noise for item in found]) == pytest.approx(0.1, rel=0.25)
-    assert all(item.low < item.high for item in found)
-
-
-def test_the_sign_of_a_load_cell_does_not_matter():
-    time, load, _ = pressed(0)
-    assert paxisim.find_presses(time, -load).cuts == paxisim.find_presses(time, load).cuts
+    cuts = paxisim.find_presses(time, load).cuts
+    for sign, zero in itertools.product((1, -1), (-25.0, 0.0, 25.0)):
+        found = paxisim.find_presses(time, sign * load + zero)
+        assert len(found.spans) == len(spans)
+        assert found.rest == pytest.approx(sign * zero, abs=0.1)
+        assert (found.load - found.rest).max() == pytest.approx(load.max(), abs=0.1)
+    assert paxisim.find_presses(time, -load).cuts == cuts
 
 
 def test_several_components_count_by_their_distance_from_rest():
@@ -86,6 +75,19 @@ def test_several_components_count_by_their_distance_from_rest():
     assert found.load.max() == pytest.approx(load.max(), rel=0.02)
 
 
+def test_rest_and_noise_are_those_of_the_signal_and_a_still_one_has_no_press():
+    found = [paxisim.find_presses(*pressed(seed)[:2]) for seed in range(10)]
+    assert np.mean([item.rest for item in found]) == pytest.approx(0.7, abs=0.03)
+    assert np.mean([item.noise for item in found]) == pytest.approx(0.1, rel=0.25)
+    assert all(item.low < item.high for item in found)
+    assert np.unique(found[0].episode).tolist() == list(range(8))
+    assert np.all(np.diff(found[0].episode) >= 0)
+    assert repr(found[0]).startswith("8 presses in 8 episodes: rest 0.7")
+    time = found[0].time
+    assert paxisim.find_presses(time, 0.1 * np.random.default_rng(0).normal(size=len(time))).cuts == ()
+    assert paxisim.find_presses(time, np.zeros(len(time))).spans == ()
+
+
 def test_unknown_samples_belong_to_no_press():
     time, load, spans = pressed(2)
     load[spans[3][1] + 5 : spans[4][0] - 5] = np.nan
@@ -94,36 +96,24 @@ def test_unknown_samples_belong_to_no_press():
     assert not any(np.isnan(load[span]).any() for span in found.spans)
 
 
-def test_episodes_are_numbered_and_a_still_signal_has_one():
-    time, load, _ = pressed(0)
-    found = paxisim.find_presses(time, load)
-    assert found.episode.tolist() == sorted(found.episode.tolist())
-    assert len(np.unique(found.episode)) == 8
-    assert repr(found).startswith("8 presses in 8 episodes: rest 0.7")
-    still = paxisim.find_presses(time, 0.1 * np.random.default_rng(0).normal(size=len(time)))
-    assert still.cuts == ()
-    assert paxisim.find_presses(time, np.zeros(len(time))).spans == ()
-
-
 def test_bad_input():
-    with pytest.raises(InvalidValueError, match="at least 8 known samples, got 0"):
-        paxisim.find_presses([], [])
-    with pytest.raises(InvalidValueError, match="load must be"):
-        paxisim.find_presses(np.arange(9), np.zeros(10))
-    with pytest.raises(InvalidValueError, match="at least 8 known samples, got 5"):
-        paxisim.find_presses(np.arange(5), np.zeros(5))
-    with pytest.raises(InvalidValueError, match="run back"):
-        paxisim.find_presses(np.arange(9)[::-1], np.zeros(9))
+    for time, load, words in [
+        ([], [], "at least 8 known samples, got 0"),
+        (np.arange(5), np.zeros(5), "at least 8 known samples, got 5"),
+        (np.arange(9), np.zeros(10), "load must be"),
+        (np.arange(9)[::-1], np.zeros(9), "run back"),
+    ]:
+        with pytest.raises(InvalidValueError, match=words):
+            paxisim.find_presses(time, load)
 
 
 @pytest.mark.skipif(not (EFLESH / "press_1.sensor.csv").exists(), reason="needs the eFlesh recordings")
-@pytest.mark.parametrize("number", [1, 2])
-@pytest.mark.parametrize(("rest", "noise"), [(0.0, 0.0), (0.68, 0.1), (0.68, 0.5)])
-def test_a_real_load_cell_is_cut_into_its_ten_presses(number, rest, noise):
-    recording = paxisim.Recording.load(EFLESH / f"press_{number}.sensor.csv")
-    load = recording.covariates["load"] + rest + noise * np.random.default_rng(0).normal(size=len(recording))
-    found = paxisim.find_presses(recording.time, load)
-    assert len(found.spans) == 10
-    gaps = np.diff(recording.time[list(found.cuts)])
-    assert len(gaps) == 8
-    np.testing.assert_allclose(gaps, 38, atol=2)
+def test_a_real_load_cell_is_cut_into_its_ten_presses():
+    for number, (rest, noise) in itertools.product((1, 2), ((0.0, 0.0), (0.68, 0.1), (0.68, 0.5))):
+        recording = paxisim.Recording.load(EFLESH / f"press_{number}.sensor.csv")
+        load = recording.covariates["load"] + rest + noise * np.random.default_rng(0).normal(size=len(recording))
+        found = paxisim.find_presses(recording.time, load)
+        assert len(found.spans) == 10
+        gaps = np.diff(recording.time[list(found.cuts)])
+        assert len(gaps) == 8
+        np.testing.assert_allclose(gaps, 38, atol=2)

@@ -1,126 +1,19 @@
+"""Recording: its fields and their checks, parts of it, other rates and clocks, and its unit."""
+
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-import paxisim.recording
+import paxisim
+from paxisim.cli import main
 from paxisim.errors import InvalidValueError, UnknownNameError
+from paxisim.hw.emulation.signals import from_recording
 from paxisim.layout import TaxelLayout
+from paxisim.recording import Recording
 
-Recording = paxisim.recording.Recording
 FORCE = np.arange(5 * 2 * 3 * 2 * 3, dtype=np.float32).reshape(5, 2, 3, 2, 3)
 TIME = np.arange(5) * 0.1
-
-
-def test_defaults():
-    recording = Recording(time=TIME, measured=FORCE)
-    assert len(recording) == 5
-    assert recording.layout == TaxelLayout(2, 3, (1e-3, 1e-3))
-    assert recording.pads == ("pad0", "pad1")
-    assert recording.episode.tolist() == [0] * 5
-    assert recording.simulated is None
-    assert recording.measured is not None
-    assert np.shares_memory(recording.measured, FORCE)
-
-
-def test_numbers_of_other_kinds_are_converted():
-    recording = Recording(
-        time=[0, 1, 2, 3, 4],
-        measured=FORCE.astype(int),
-        simulated=FORCE.astype(np.float64),
-        covariates={"closed": [True, False, True, True, False]},
-        episode=[0.0, 0.0, 1.0, 1.0, 1.0],
-    )
-    assert recording.time.dtype == np.float64
-    assert recording.measured.dtype == recording.simulated.dtype == np.float32
-    assert recording.covariates["closed"].tolist() == [1, 0, 1, 1, 0]
-    assert recording.episode.dtype == np.int64
-
-
-@pytest.mark.parametrize(
-    ("fields", "words"),
-    [
-        ({}, "give measured, simulated or both"),
-        ({"measured": FORCE[0]}, r"measured must have shape \(T, pads, 3, rows, cols\)"),
-        ({"measured": FORCE[:, :, :2]}, "measured must have shape"),
-        ({"measured": FORCE[:4]}, "measured has 4 samples, time has 5"),
-        ({"measured": "abc"}, "measured must be an array of numbers"),
-        ({"measured": FORCE, "simulated": FORCE[..., :2]}, "must have one shape"),
-        ({"measured": FORCE, "layout": TaxelLayout(3, 3, (1e-3, 1e-3))}, "layout has 3x3 taxels, the tensors have 2x3"),
-        ({"measured": FORCE, "layout": "paper"}, "layout must be a TaxelLayout"),
-        ({"measured": FORCE, "pads": ("left",)}, "pads must be 2 different names"),
-        ({"measured": FORCE, "pads": ("left", "left")}, "pads must be 2 different names"),
-        ({"measured": FORCE, "pads": "lr"}, "pads must be a sequence of names"),
-        ({"measured": FORCE, "covariates": {"opening": np.zeros(4)}}, r"covariates\['opening'\]"),
-        ({"measured": FORCE, "covariates": {"opening": 1.0}}, r"covariates\['opening'\]"),
-        ({"measured": FORCE, "covariates": {"": np.zeros(5)}}, "covariates must have names"),
-        ({"measured": FORCE, "episode": np.zeros(4)}, "episode must have shape"),
-        ({"measured": FORCE, "episode": [0, 0, 0.5, 1, 1]}, "whole numbers"),
-        ({"measured": FORCE, "episode": [0, 1, 0, 1, 1]}, "those of episode 0 are not"),
-        ({"measured": FORCE, "time": [0, 1, 3, 2, 4]}, "sample 3 is at 2 s, the one before at 3 s"),
-        ({"measured": FORCE, "time": [0, 1, np.nan, 3, 4]}, "time must be finite, sample 2 is not"),
-        ({"measured": np.zeros((8, 1, 3, 1, 1)), "time": [2.0] * 8}, "all 8 samples have one time, 2 s: time must"),
-        ({"measured": FORCE.astype(np.float64) * 1e39}, "infinite or too large for float32; use NaN"),
-        ({"measured": np.full_like(FORCE, -np.inf)}, "measured holds a number that is infinite"),
-        ({"measured": FORCE, "covariates": {"a": [1, 2, 3, np.inf, 5]}}, r"covariates\['a'\] holds .* infinite"),
-        ({"measured": FORCE, "time": np.ma.masked_equal([0, 1, 2, 3, 4], 2)}, "time must be finite, sample 2 is not"),
-        ({"measured": FORCE, "episode": np.ma.masked_equal([0, 0, 1, 1, 1], 1)}, "whole numbers"),
-        ({"measured": FORCE[:0], "time": []}, "at least one sample"),
-        ({"measured": FORCE, "metadata": {"layout": 3}}, "metadata must not hold 'layout'"),
-    ],
-)
-def test_what_does_not_fit_is_named(fields, words):
-    with pytest.raises(InvalidValueError, match=words):
-        Recording(**{"time": TIME, **fields})
-
-
-def test_masked_values_are_unknown():
-    force = np.ma.masked_greater(FORCE, 100)
-    recording = Recording(TIME, force, covariates={"a": np.ma.masked_equal(np.arange(5), 3)})
-    np.testing.assert_array_equal(np.isnan(recording.measured), force.mask)
-    np.testing.assert_array_equal(recording.covariates["a"], [0, 1, 2, np.nan, 4])
-    with pytest.raises(InvalidValueError, match="'measured' is a tensor, not a covariate"):
-        recording.with_covariate("measured", FORCE)
-
-
-def test_time_may_start_anew_with_an_episode():
-    recording = Recording(time=[5, 6, 0, 1, 2], measured=FORCE, episode=[7, 7, 3, 3, 3])
-    assert recording.duration == 3
-    assert recording.rate == 1
-    assert [len(part) for part in recording.episodes()] == [2, 3]
-    assert recording.select([3]).time.tolist() == [0, 1, 2]
-    assert recording.select([3, 7]).episode.tolist() == [7, 7, 3, 3, 3]
-    with pytest.raises(InvalidValueError, match="no episode 5 in the recording; its episodes are 7, 3"):
-        recording.select([5])
-
-
-def test_samples_of_all_streams_are_taken_together():
-    recording = Recording(
-        time=TIME, measured=FORCE, simulated=-FORCE, covariates={"pose": FORCE[:, 0, :, 0, 0]}, pads=("l", "r")
-    )
-    for samples in (slice(1, 4), np.array([1, 2, 3]), np.array([False, True, True, True, False])):
-        part = recording[samples]
-        assert part.time.tolist() == TIME[1:4].tolist()
-        np.testing.assert_array_equal(part.measured, FORCE[1:4])
-        np.testing.assert_array_equal(part.simulated, -FORCE[1:4])
-        np.testing.assert_array_equal(part.covariates["pose"], FORCE[1:4, 0, :, 0, 0])
-        assert part.pads == ("l", "r")
-    assert np.shares_memory(recording[1:].measured, FORCE)
-
-
-@pytest.mark.parametrize("samples", [2, slice(9, 9), [], [9], [True], "a", [0.5]])
-def test_samples_that_are_not_there(samples):
-    with pytest.raises(InvalidValueError):
-        Recording(time=TIME, measured=FORCE)[samples]
-
-
-def test_description():
-    recording = Recording(time=TIME, measured=FORCE, simulated=FORCE, covariates={"opening": TIME})
-    assert repr(recording) == (
-        "Recording(2 pads of 2x3 taxels, 5 samples, 0.4 s at 10.0 Hz, 1 episode, measured, simulated, "
-        "covariates opening)"
-    )
-    assert "1 sample, 0.0 s, 1 episode, simulated" in repr(Recording(time=[1], simulated=FORCE[:1]))
 
 
 def two_episodes(**changes) -> Recording:
@@ -137,13 +30,109 @@ def two_episodes(**changes) -> Recording:
 
 
 def assert_same(a: Recording, b: Recording) -> None:
-    np.testing.assert_array_equal(a.time, b.time)
-    np.testing.assert_array_equal(a.measured, b.measured)
-    np.testing.assert_array_equal(a.episode, b.episode)
+    for name in ("time", "measured", "episode"):
+        np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
     assert a.covariates.keys() == b.covariates.keys()
     for name, values in a.covariates.items():
         np.testing.assert_array_equal(values, b.covariates[name])
     assert (a.layout, a.pads, a.metadata) == (b.layout, b.pads, b.metadata)
+
+
+# the fields
+
+
+def test_defaults_and_conversions():
+    recording = Recording(time=TIME, measured=FORCE)
+    assert recording.layout == TaxelLayout(2, 3, (1e-3, 1e-3))
+    assert recording.pads == ("pad0", "pad1")
+    assert recording.episode.tolist() == [0] * 5
+    assert recording.simulated is None
+    assert np.shares_memory(recording.measured, FORCE)
+    closed = {"closed": [True, False, True, True, False]}
+    other = Recording([0, 1, 2, 3, 4], FORCE.astype(int), FORCE.astype(np.float64), closed, [0.0, 0.0, 1.0, 1.0, 1.0])
+    assert (other.time.dtype, other.episode.dtype) == (np.float64, np.int64)
+    assert other.measured.dtype == other.simulated.dtype == np.float32
+    assert other.covariates["closed"].tolist() == [1, 0, 1, 1, 0]
+
+
+def test_masked_values_are_unknown():
+    force = np.ma.masked_greater(FORCE, 100)
+    recording = Recording(TIME, force, covariates={"a": np.ma.masked_equal(np.arange(5), 3)})
+    np.testing.assert_array_equal(np.isnan(recording.measured), force.mask)
+    np.testing.assert_array_equal(recording.covariates["a"], [0, 1, 2, np.nan, 4])
+
+
+@pytest.mark.parametrize(
+    ("fields", "words"),
+    [
+        ({"measured": None}, "give measured, simulated or both"),
+        ({"measured": FORCE[0]}, r"measured must have shape \(T, pads, 3, rows, cols\)"),
+        ({"measured": FORCE[:, :, :2]}, "measured must have shape"),
+        ({"measured": FORCE[:4]}, "measured has 4 samples, time has 5"),
+        ({"measured": "abc"}, "measured must be an array of numbers"),
+        ({"simulated": FORCE[..., :2]}, "must have one shape"),
+        ({"layout": TaxelLayout(3, 3, (1e-3, 1e-3))}, "layout has 3x3 taxels, the tensors have 2x3"),
+        ({"layout": "paper"}, "layout must be a TaxelLayout"),
+        ({"pads": ("left",)}, "pads must be 2 different names"),
+        ({"pads": ("left", "left")}, "pads must be 2 different names"),
+        ({"pads": "lr"}, "pads must be a sequence of names"),
+        ({"covariates": {"opening": np.zeros(4)}}, r"covariates\['opening'\]"),
+        ({"covariates": {"opening": 1.0}}, r"covariates\['opening'\]"),
+        ({"covariates": {"": np.zeros(5)}}, "covariates must have names"),
+        ({"covariates": {"a": [1, 2, 3, np.inf, 5]}}, r"covariates\['a'\] holds .* infinite"),
+        ({"episode": np.zeros(4)}, "episode must have shape"),
+        ({"episode": [0, 0, 0.5, 1, 1]}, "whole numbers"),
+        ({"episode": [0, 1, 0, 1, 1]}, "those of episode 0 are not"),
+        ({"episode": np.ma.masked_equal([0, 0, 1, 1, 1], 1)}, "whole numbers"),
+        ({"time": [0, 1, 3, 2, 4]}, "sample 3 is at 2 s, the one before at 3 s"),
+        ({"time": [0, 1, np.nan, 3, 4]}, "time must be finite, sample 2 is not"),
+        ({"time": np.ma.masked_equal([0, 1, 2, 3, 4], 2)}, "time must be finite, sample 2 is not"),
+        ({"time": [2.0] * 8, "measured": np.zeros((8, 1, 3, 1, 1))}, "all 8 samples have one time, 2 s: time must"),
+        ({"time": [], "measured": FORCE[:0]}, "at least one sample"),
+        ({"measured": FORCE.astype(np.float64) * 1e39}, "infinite or too large for float32; use NaN"),
+        ({"measured": np.full_like(FORCE, -np.inf)}, "measured holds a number that is infinite"),
+        ({"metadata": {"layout": 3}}, "metadata must not hold 'layout'"),
+    ],
+)
+def test_what_does_not_fit_is_named(fields, words):
+    with pytest.raises(InvalidValueError, match=words):
+        Recording(**{"time": TIME, "measured": FORCE, **fields})
+
+
+def test_description():
+    recording = Recording(time=TIME, measured=FORCE, simulated=FORCE, covariates={"opening": TIME})
+    assert repr(recording) == (
+        "Recording(2 pads of 2x3 taxels, 5 samples, 0.4 s at 10.0 Hz, 1 episode, measured, simulated, "
+        "covariates opening)"
+    )
+    assert "1 sample, 0.0 s, 1 episode, simulated" in repr(Recording(time=[1], simulated=FORCE[:1]))
+
+
+# parts of it
+
+
+def test_samples_of_all_streams_are_taken_together():
+    recording = Recording(TIME, FORCE, -FORCE, {"pose": FORCE[:, 0, :, 0, 0]}, pads=("l", "r"))
+    for samples in (slice(1, 4), np.array([1, 2, 3]), np.array([False, True, True, True, False])):
+        part = recording[samples]
+        assert part.time.tolist() == TIME[1:4].tolist()
+        np.testing.assert_array_equal(part.measured, FORCE[1:4])
+        np.testing.assert_array_equal(part.simulated, -FORCE[1:4])
+        np.testing.assert_array_equal(part.covariates["pose"], FORCE[1:4, 0, :, 0, 0])
+        assert part.pads == ("l", "r")
+    assert np.shares_memory(recording[1:].measured, FORCE)
+    for samples in (2, slice(9, 9), [], [9], [True], "a", [0.5]):
+        with pytest.raises(InvalidValueError):
+            recording[samples]
+
+
+def test_time_may_start_anew_with_an_episode():
+    recording = Recording(time=[5, 6, 0, 1, 2], measured=FORCE, episode=[7, 7, 3, 3, 3])
+    assert recording.duration == 3
+    assert recording.rate == 1
+    assert [len(part) for part in recording.episodes()] == [2, 3]
+    assert recording.select([3]).time.tolist() == [0, 1, 2]
+    assert recording.select([3, 7]).episode.tolist() == [7, 7, 3, 3, 3]
 
 
 def test_select_takes_episodes_pads_covariates_and_what_is_known():
@@ -161,22 +150,7 @@ def test_select_takes_episodes_pads_covariates_and_what_is_known():
     assert_same(holed.select(covariates=[], known=True), holed.select(covariates=[]))
 
 
-@pytest.mark.parametrize(
-    ("chosen", "error", "words"),
-    [
-        ({"episodes": [2, 7]}, InvalidValueError, "no episode 7 in the recording; its episodes are 4, 2"),
-        ({"episodes": []}, InvalidValueError, "episodes must name at least one; its episodes are 4, 2"),
-        ({"pads": ["rigth"]}, UnknownNameError, "unknown pad 'rigth'; did you mean 'right'"),
-        ({"pads": ["left", "left"]}, InvalidValueError, "pads must name different pads"),
-        ({"pads": []}, InvalidValueError, "pads must name different pads, at least one"),
-        ({"covariates": ["openin"]}, UnknownNameError, "unknown covariate 'openin'; did you mean 'opening'"),
-    ],
-)
-def test_select_names_what_is_not_there(chosen, error, words):
-    with pytest.raises(error, match=words):
-        two_episodes().select(**chosen)
-    with pytest.raises(InvalidValueError, match="none at which all streams are known"):
-        two_episodes().with_covariate("a", np.full(5, np.nan)).select(known=True)
+# with something else
 
 
 def test_with_simulated_leaves_the_recording_as_it_was():
@@ -187,37 +161,18 @@ def test_with_simulated_leaves_the_recording_as_it_was():
     assert np.shares_memory(other.measured, FORCE)
     np.testing.assert_array_equal(recording.simulated, -FORCE)
     assert "scene" not in recording.metadata
-    with pytest.raises(InvalidValueError, match="must have one shape"):
-        recording.with_simulated(FORCE[:, :1])
 
 
 def test_with_covariate_of_another_clock():
     recording = Recording(time=TIME, measured=FORCE, metadata={"start": 100.0})
     later = np.arange(0.05, 0.4, 0.01)
-    joints = np.stack([later, -later], axis=1)
-    found = recording.with_covariate("joints", joints, later).covariates["joints"]
+    found = recording.with_covariate("joints", np.stack([later, -later], axis=1), later).covariates["joints"]
     assert np.isnan(found[[0, 4]]).all()  # before the first sample and after the last
-    np.testing.assert_allclose(found[1:4, 0], TIME[1:4], atol=1e-12)
-    np.testing.assert_allclose(found[1:4, 1], -TIME[1:4], atol=1e-12)
+    np.testing.assert_allclose(found[1:4], np.stack([TIME, -TIME], axis=1)[1:4], atol=1e-12)
     held = recording.with_covariate("command", [1, 2], [0.0, 0.25], align="previous", max_gap=1.0)
     np.testing.assert_array_equal(held.covariates["command"], [1, 1, 1, np.nan, np.nan])
     assert recording.covariates == {}
-    replaced = held.with_covariate("command", np.arange(5))
-    assert replaced.covariates["command"].tolist() == [0, 1, 2, 3, 4]
-    with pytest.raises(
-        InvalidValueError, match=r"from 100 s to 101 s.* from 0 s to 0.4 s; subtract metadata\['start'\]"
-    ):
-        recording.with_covariate("joints", [1, 2], [100, 101])
-    with pytest.raises(InvalidValueError, match=r"must be \(S, ...\) and their time \(S,\).*\(2,\) and \(3,\)"):
-        recording.with_covariate("joints", [1, 2], [0, 1, 2])
-    with pytest.raises(InvalidValueError, match="must be finite and not run back"):
-        recording.with_covariate("joints", [1, 2], [0.2, 0.1])
-    with pytest.raises(InvalidValueError, match="max_gap must be a positive time"):
-        recording.with_covariate("joints", [1, 2], [0, 0.1], max_gap=0)
-    with pytest.raises(InvalidValueError, match="align must be one of"):
-        recording.with_covariate("joints", [1, 2], [0, 0.1], align="cubic")
-    with pytest.raises(InvalidValueError, match=r"starts anew in an episode.*concatenate"):
-        two_episodes().with_covariate("joints", [1, 2], [0, 0.1])
+    assert held.with_covariate("command", np.arange(5)).covariates["command"].tolist() == [0, 1, 2, 3, 4]
 
 
 def test_pooling_keeps_the_force():
@@ -228,8 +183,6 @@ def test_pooling_keeps_the_force():
     only_one = Recording(TIME, None, FORCE).pool(1, 3)
     assert only_one.measured is None
     assert only_one.simulated.shape == (5, 2, 3, 2, 1)
-    with pytest.raises(InvalidValueError, match="cannot pool 2x3 taxels in blocks of 2x2"):
-        recording = two_episodes().pool(2, 2)
 
 
 def test_resampling_interpolates_within_each_episode():
@@ -244,11 +197,6 @@ def test_resampling_interpolates_within_each_episode():
     assert found.covariates["command"][-1] == 16
     assert_same(recording.resample(10), recording)
     assert recording.resample(3).time.tolist() == pytest.approx([3, 3 + 1 / 3, 3 + 2 / 3, 4, 0, 1 / 3])
-    for rate in (0, -1, float("nan"), float("inf")):
-        with pytest.raises(InvalidValueError, match="rate must be a number of samples a second, above 0"):
-            recording.resample(rate)
-    with pytest.raises(UnknownNameError, match="unknown stream to align 'comand'"):
-        recording.resample(10, align={"comand": "previous"})
 
 
 def test_resampling_leaves_gaps_open():
@@ -260,6 +208,9 @@ def test_resampling_leaves_gaps_open():
     np.testing.assert_allclose(unknown, [0.25, 0.3, 0.35, *np.arange(0.95, 2.99, 0.05)], atol=1e-9)
     closed = Recording(time, force).resample(20, max_gap=3)
     assert not np.isnan(closed.measured[20:]).any()
+
+
+# several recordings
 
 
 def test_concatenating_the_episodes_gives_the_recording():
@@ -306,24 +257,93 @@ def test_concatenating_keeps_the_clock_and_what_is_keyed_by_episode(tmp_path):
         Recording.load(tmp_path / "part.npz", streams=tmp_path / "joint.csv")
 
 
+OTHER_FIRST = {"covariates": {"opening": FORCE[:, 0, :, 0, 0], "resultant": FORCE.sum((3, 4))}}
+
+
 @pytest.mark.parametrize(
-    ("other", "words"),
+    ("method", "arguments", "words"),
     [
-        ({"simulated": None}, "must have a simulated tensor, or none: number 1 .from 0. has none"),
-        ({"pads": ("l", "r")}, r"different pads cannot be concatenated: the first has \('left', 'right'\)"),
-        ({"layout": TaxelLayout(2, 3, (2e-3, 1e-3))}, "different layout"),
-        ({"covariates": {"opening": TIME}}, r"do not share resultant; keep .* select\(covariates=\['opening'\]\)"),
+        ("select", {"episodes": [2, 7]}, "no episode 7 in the recording; its episodes are 4, 2"),
+        ("select", {"episodes": []}, "episodes must name at least one; its episodes are 4, 2"),
+        ("select", {"pads": ["rigth"]}, "unknown pad 'rigth'; did you mean 'right'"),
+        ("select", {"pads": ["left", "left"]}, "pads must name different pads"),
+        ("select", {"pads": []}, "pads must name different pads, at least one"),
+        ("select", {"covariates": ["openin"]}, "unknown covariate 'openin'; did you mean 'opening'"),
+        ("resample", {"rate": 0}, "rate must be a number of samples a second, above 0"),
+        ("resample", {"rate": -1}, "rate must be a number"),
+        ("resample", {"rate": float("nan")}, "rate must be a number"),
+        ("resample", {"rate": float("inf")}, "rate must be a number"),
+        ("resample", {"rate": 10, "align": {"comand": "previous"}}, "unknown stream to align 'comand'"),
+        ("with_covariate", {"name": "measured", "values": FORCE}, "'measured' is a tensor, not a covariate"),
+        ("at", {"time": [100, 101]}, r"from 100 s to 101 s.* from 0 s to 0.2 s; subtract metadata\['start'\]"),
+        ("at", {"time": [0, 1, 2]}, r"must be \(S, ...\) and their time \(S,\).*\(2,\) and \(3,\)"),
+        ("at", {"time": [0.2, 0.1]}, "must be finite and not run back"),
+        ("at", {"time": [0, 0.1], "max_gap": 0}, "max_gap must be a positive time"),
+        ("at", {"time": [0, 0.1], "align": "cubic"}, "align must be one of"),
+        ("with_covariate", {"time": [0, 0.1]}, r"starts anew in an episode.*concatenate"),
+        ("concatenate", {"simulated": None}, "must have a simulated tensor, or none: number 1 .from 0. has none"),
+        ("concatenate", {"pads": ("l", "r")}, r"different pads .*: the first has \('left', 'right'\)"),
+        ("concatenate", {"layout": TaxelLayout(2, 3, (2e-3, 1e-3))}, "different layout"),
         (
-            {"covariates": {"opening": FORCE[:, 0, :, 0, 0], "resultant": FORCE.sum((3, 4))}},
+            "concatenate",
+            {"covariates": {"opening": TIME}},
+            r"not share resultant; .* select\(covariates=\['opening'\]\)",
+        ),
+        (
+            "concatenate",
+            OTHER_FIRST,
             r"'opening' has samples of shape \(\) in the first recording and of \(3,\) in number 1",
         ),
+        ("concatenate", {"metadata": {"unit": "uT"}}, "different units .* N, number 1 .* in uT"),
     ],
 )
-def test_what_cannot_be_concatenated_is_named(other, words):
-    with pytest.raises(InvalidValueError, match=words):
-        Recording.concatenate([two_episodes(), two_episodes(**other)])
+def test_what_cannot_be_done_is_named(method, arguments, words):
+    recording = two_episodes()
+    calls = {
+        "concatenate": lambda **other: Recording.concatenate([recording, two_episodes(**other)]),
+        "with_covariate": lambda **given: recording.with_covariate(**{"name": "joints", "values": [1, 2], **given}),
+        "at": lambda **given: recording.select([4]).with_covariate("joints", [1, 2], **given),
+    }
+    call = calls.get(method) or getattr(recording, method)
+    with pytest.raises((InvalidValueError, UnknownNameError), match=words):
+        call(**arguments)
 
 
-def test_nothing_to_concatenate():
+def test_without_a_sample_or_a_recording_there_is_none():
+    unknown = two_episodes().with_covariate("a", np.full(5, np.nan))
+    with pytest.raises(InvalidValueError, match="none at which all streams are known"):
+        unknown.select(known=True)
     with pytest.raises(InvalidValueError, match="at least one recording"):
         Recording.concatenate([])
+
+
+# its unit: newtons unless it says otherwise
+
+
+@pytest.mark.parametrize("suffix", [".mcap", ".npz"])
+def test_a_file_keeps_the_unit_and_info_prints_it(suffix, tmp_path, capsys):
+    field = two_episodes(metadata={"unit": "uT"})
+    assert (two_episodes().unit, field.unit) == ("N", "uT")
+    assert "uT" in repr(field)
+    assert "in N" not in repr(two_episodes())
+    assert Recording.concatenate([field, field]).unit == "uT"
+    path = tmp_path / f"field{suffix}"
+    field.save(path)
+    assert Recording.load(path).unit == "uT"
+    assert main(["info", str(path)]) == 0
+    assert "measured (uT a taxel)" in capsys.readouterr().out
+    two_episodes(metadata={"unit": 3}).save(path)
+    with pytest.raises(InvalidValueError, match="unit in its metadata must be a text"):
+        Recording.load(path)
+
+
+def test_a_field_is_not_felt_as_newtons_and_quality_prints_the_unit_of_its_frames():
+    profile = paxisim.load_profile("gen1-box-ip-s2516")
+    with pytest.raises(InvalidValueError, match=r"in uT, but profile 'gen1-box-ip-s2516' feels N"):
+        from_recording(two_episodes(metadata={"unit": "uT"}), profile)
+    noise = np.random.default_rng(0).normal(0, 1, (100, 1, 3, 1, 5)).astype(np.float32)
+    frames = [paxisim.Frame(force, i / 100, i / 100, i, (0,), unit="uT") for i, force in enumerate(noise)]
+    table = str(paxisim.measure_quality(frames, TaxelLayout(1, 5, (1e-2, 1e-2)), ("skin",)))
+    assert " uT" in table
+    assert "uT/min" in table
+    assert " N " not in table

@@ -1,17 +1,11 @@
 """``paxisim info`` and ``paxisim convert``."""
 
-import json
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from paxisim.cli.convert import convert
-from paxisim.cli.info import info
-from paxisim.errors import InvalidValueError, MissingExtraError, OutputExistsError, UnsupportedError
+from paxisim.cli import main
 from paxisim.layout import TaxelLayout
 from paxisim.logs.mcap_writer import LogWriter
-from paxisim.logs.parquet import require_pyarrow
 from paxisim.recording import Recording
 
 START = 1_700_000_000_000_000_000
@@ -21,6 +15,19 @@ START = 1_700_000_000_000_000_000
 def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     return tmp_path
+
+
+@pytest.fixture
+def info(capsys):
+    """Return a function that returns what ``paxisim info`` prints of a file, within the width of a terminal."""
+
+    def run(path):
+        assert main(["info", path]) == 0
+        out = capsys.readouterr().out
+        assert max(map(len, out.splitlines())) <= 80
+        return out
+
+    return run
 
 
 def write(path, **metadata):
@@ -36,11 +43,9 @@ def write(path, **metadata):
                 log.write_at("covariate/temperature", at, 20 + i * 0.01)
 
 
-def test_info_says_what_is_there(capsys):
+def test_info_says_what_is_there_and_whether_it_was_cut_off(info, folder):
     write("a.mcap", scene="<mujoco/>")
-    info(Path("a.mcap"))
-    out = capsys.readouterr().out
-    assert max(map(len, out.splitlines())) <= 80
+    out = info("a.mcap")
     for words in (
         "pads: left, right of 4x3 taxels, 2.2x2.3 mm",
         "start: 2023-11-14 22:13:20 UTC",
@@ -55,50 +60,28 @@ def test_info_says_what_is_there(capsys):
     row = next(line for line in out.splitlines() if line.startswith("measured "))
     assert row.split() == ["measured", "100", "1.3", "100.0", "1", "0.310", "30"]
     assert "CUT" not in out
+    (folder / "a.mcap").write_bytes((folder / "a.mcap").read_bytes()[:-2000])
+    assert "CUT OFF" in info("a.mcap")
 
 
-def test_info_says_the_unit_of_channels_that_are_no_forces(capsys):
-    write("a.mcap", unit="uT")
-    info(Path("a.mcap"))
-    assert "measured (uT a taxel): x 0 to 9.9" in capsys.readouterr().out
-
-
-def test_info_counts_samples_with_a_pad_in_error(capsys):
-    with LogWriter("a.mcap", {}) as log:
+def test_info_of_a_log_with_errors_bursts_or_nothing(info):
+    with LogWriter("errors.mcap", {}) as log:
         for i in range(10):
             log.write_at("measured", START + i * 10_000_000, np.full((2, 3, 4, 3), i), status=(0, i // 7))
-    info(Path("a.mcap"))
-    out = capsys.readouterr().out
-    header, row = [line for line in out.splitlines() if line.startswith(("stream", "measured "))][:2]
+    lines = info("errors.mcap").splitlines()
+    header, row = [line for line in lines if line.startswith(("stream", "measured "))][:2]
     assert row.split()[-2:] == ["0", "3"]
     assert len(row) == len(header)
-
-
-def test_info_says_that_samples_came_in_bursts(capsys):
-    with LogWriter("a.mcap", {}) as log:
+    with LogWriter("bursts.mcap", {}) as log:
         for i in range(400):
             log.write_at("covariate/opening", START + i // 100 * 1_000_000_000 + i % 100 * 20_000, i)
-    info(Path("a.mcap"))
-    out = capsys.readouterr().out
-    assert "opening came in bursts, 1 s apart" in out
-    assert max(map(len, out.splitlines())) <= 80
-
-
-def test_info_of_a_file_that_was_cut_off(folder, capsys):
-    write("a.mcap")
-    content = (folder / "a.mcap").read_bytes()
-    (folder / "a.mcap").write_bytes(content[:-2000])
-    info(Path("a.mcap"))
-    assert "CUT OFF" in capsys.readouterr().out
+    assert "opening came in bursts, 1 s apart" in info("bursts.mcap")
     with LogWriter("empty.mcap", {"note": "word " * 40}):
         pass
-    info(Path("empty.mcap"))
-    out = capsys.readouterr().out
-    assert "no samples" in out
-    assert max(map(len, out.splitlines())) <= 80
+    assert "no samples" in info("empty.mcap")
 
 
-def test_info_of_an_archive(capsys):
+def test_info_of_an_archive(info):
     force = np.zeros((20, 1, 3, 2, 2))
     force[3, 0, 2, 1, 1] = 7.5
     Recording(
@@ -107,94 +90,45 @@ def test_info_of_an_archive(capsys):
         episode=np.repeat([0, 1], 10),
         covariates={"an opening with a name that is longer than any column of the table": np.full(20, np.nan)},
     ).save("a.npz")
-    info(Path("a.npz"))
-    out = capsys.readouterr().out
-    assert max(map(len, out.splitlines())) <= 80
+    out = info("a.npz")
     assert "simulated (N a taxel): x 0 to 0, y 0 to 0, z 0 to 7.5" in out
     assert "of the table: unknown; 20 samples with unknown values" in " ".join(out.split())
     assert "1: from 1.900 s, 10 samples" in out
     assert "start:" not in out  # the archive has no start time
 
 
-def test_info_says_how_many_samples_are_without_a_value(capsys):
+def test_info_of_unknown_values_long_numbers_and_times_that_begin_late(info):
     force = np.zeros((3, 1, 3, 1, 1))
     force[1, 0, 2] = np.nan
     covariates = {"resultant": np.ones((3, 1, 3))}
     Recording(time=np.arange(3), measured=force, covariates=covariates, episode=[0, 0, 1]).save("a.npz")
-    info(Path("a.npz"))
-    out = " ".join(capsys.readouterr().out.split())
+    out = " ".join(info("a.npz").split())
     assert "measured (N a taxel): x 0 to 0, y 0 to 0, z 0 to 0; 1 sample with unknown values" in out
     assert "resultant (N): 1 to 1" in out
     assert out.endswith("s, 1 sample")
-
-
-def test_info_of_numbers_that_are_long_and_times_that_begin_late(capsys):
     force = np.random.default_rng(0).normal(size=(10, 1, 3, 2, 2)) * 1e-5
     Recording(time=np.arange(10) + 5, measured=force, covariates={"a-name" * 20: np.arange(10)}).save("a.npz")
-    info(Path("a.npz"))
-    out = capsys.readouterr().out
-    assert max(map(len, out.splitlines())) <= 80
+    out = info("a.npz")
     z = force[:, :, 2].astype(np.float32)
     assert f"  z {z.min():.4g} to {z.max():.4g}" in out.splitlines()
     assert "start:" not in out
 
 
-def test_convert_to_parquet():
+def test_convert_between_formats_and_onto_itself_if_asked(capsys):
+    parquet = pytest.importorskip("pyarrow.parquet")
     write("a.mcap")
-    try:
-        require_pyarrow()
-    except (MissingExtraError, UnsupportedError) as error:
-        with pytest.raises(type(error), match="pyarrow"):
-            convert(Path("a.mcap"), Path("a.parquet"))
-        pytest.skip(str(error))
-    from pyarrow import parquet
-
-    convert(Path("a.mcap"), Path("a.parquet"))
-    loaded = Recording.load("a.mcap")
-    table = parquet.read_table("a.parquet")
-    assert table.num_rows == 100
-    assert table.column_names[:5] == ["timestamp", "time", "episode_index", "frame_index", "index"]
-    assert table["timestamp"].to_pylist()[49:51] == [pytest.approx(0.49), 0]
-    assert table["frame_index"].to_pylist() == [*range(50), *range(50)]
-    assert table["episode_index"].to_pylist() == [0] * 50 + [1] * 50
-    column = table["tactile.right.3_1.z"].to_pylist()
-    assert str(table.schema.field("tactile.right.3_1.z").type) == "float"
-    np.testing.assert_array_equal(column, loaded.measured[:, 1, 2, 3, 1])
-    np.testing.assert_array_equal(table["temperature"].to_pylist(), loaded.covariates["temperature"])
-    assert len(table.column_names) == 5 + 2 * 3 * 4 * 3 + 1
-    about = json.loads(table.schema.metadata[b"paxisim"])
-    assert TaxelLayout.from_dict(about["layout"]) == loaded.layout
-    assert about["metadata"]["profile"] == "a-profile"
-
-
-def test_convert_between_npz_and_mcap(capsys):
-    write("a.mcap")
-    convert(Path("a.mcap"), Path("b.npz"), missing="drop")
+    assert main(["convert", "a.mcap", "b.npz", "--missing", "drop"]) == 0
     assert "b.npz: Recording(2 pads of 4x3 taxels" in capsys.readouterr().out
-    convert(Path("b.npz"), Path("c.mcap"), pads=("right",))
-    loaded = Recording.load("c.mcap")
-    assert loaded.pads == ("right",)
-    np.testing.assert_array_equal(loaded.measured, Recording.load("b.npz").measured[:, 1:])
-
-
-def test_nothing_is_overwritten_unasked(folder):
-    write("a.mcap")
-    before = (folder / "a.mcap").read_bytes()
-    with pytest.raises(OutputExistsError):
-        convert(Path("a.mcap"), Path("a.mcap"))
-    assert (folder / "a.mcap").read_bytes() == before
-    convert(Path("a.mcap"), Path("a.mcap"), force=True)
+    for output in ("c.mcap", "c.parquet"):
+        assert main(["convert", "b.npz", output, "--pads", "right"]) == 0
+        loaded = Recording.load(output)
+        assert loaded.pads == ("right",)
+        np.testing.assert_array_equal(loaded.measured, Recording.load("b.npz").measured[:, 1:])
+    table = parquet.read_table("c.parquet")
+    assert table.column_names[:5] == ["timestamp", "time", "episode_index", "frame_index", "index"]
+    assert table["episode_index"].to_pylist() == loaded.episode.tolist()
+    first, second = np.bincount(loaded.episode)
+    assert table["frame_index"].to_pylist() == [*range(first), *range(second)]
+    assert str(table["tactile.right.3_1.z"].type) == "float"
+    assert main(["convert", "a.mcap", "a.mcap", "--force"]) == 0
     assert len(Recording.load("a.mcap")) == 100
-
-
-def test_what_cannot_be_converted(folder):
-    write("a.mcap")
-    (folder / "b.mcap").write_text("something else")
-    for source, output in (("a.mcap", "a.h5"), ("b.mcap", "b.npz"), ("a.txt", "b.npz"), ("a.mcap", "no/b.npz")):
-        with pytest.raises(InvalidValueError):
-            convert(Path(source), Path(output))
-    with pytest.raises(InvalidValueError):
-        info(Path("b.mcap"))
-    with pytest.raises(FileNotFoundError):
-        info(Path("none.mcap"))
-    assert sorted(path.name for path in folder.iterdir()) == ["a.mcap", "b.mcap"]
