@@ -23,8 +23,3 @@ def times(kind, end, count=400, seed=0):
         return np.linspace(0, end, count)
     gaps = np.random.default_rng(seed).exponential(size=count - 1) ** 2
     return np.concatenate([[0], np.cumsum(gaps) / gaps.sum() * end])
-
-
-def with_jump(time):
-    """Return the values and times of a step from 0 to 1 at time 0, as two frames at the same time."""
-    return np.concatenate([[0], np.ones(len(time))]), np.concatenate([[0], time])

@@ -1,4 +1,4 @@
-"""One example of every transform, with its properties, for the contract in `test_contract.py`.
+"""One example of every transform, with its properties, and the helpers of the contract in `test_contract*.py`.
 
 A transform without an example fails the contract. An example must change a tensor of 2 pads of 6x5 taxels. Its
 parameters must be float64, lie inside their ranges and have the same shapes at every draw.
@@ -6,11 +6,13 @@ parameters must be float64, lie inside their ranges and have the same shapes at 
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+import pytest
 
 from paxisim.augment import (
     axis_coupling,
@@ -41,7 +43,9 @@ from paxisim.augment import (
     swapped_taxels,
     temperature,
 )
-from paxisim.augment.transform import Transform
+from paxisim.augment.clocked import Clocked
+from paxisim.augment.parameter_spec import parameters
+from paxisim.augment.transform import StatefulTransform, Transform
 
 PADS, ROWS, COLS = 2, 6, 5
 FRAME = (PADS, 3, ROWS, COLS)
@@ -195,3 +199,67 @@ EXAMPLES: dict[str, Example] = {
         random=True,
     ),
 }
+
+KINDS = {
+    name: kind
+    for name, kind in chain._known_transforms().items()
+    if kind.__module__.startswith("paxisim.augment.") and kind not in (StatefulTransform, Clocked)
+}
+NAMES = sorted(KINDS)
+TIME = np.array([0.0, 0.011, 0.011, 0.06, 0.2, 0.213])
+BATCH = 4
+DTYPES = ["float32", "float64"]
+TOLERANCE = {"float32": 1e-5, "float64": 1e-12}
+
+every = pytest.mark.parametrize("name", NAMES)
+
+
+def example(name: str, seed: int = 0) -> Transform:
+    """Draw the example of a transform."""
+    assert name in EXAMPLES, f"add an example of {name} to tests/augment/transform_examples.py"
+    return EXAMPLES[name].make(np.random.default_rng(seed))
+
+
+def frames(*batch: int, seed: int = 1, dtype: str = "float64") -> Any:
+    """Return a sequence of forces ``(time, *batch, ...)``, some of them zero."""
+    force = np.random.default_rng(seed).normal(size=(len(TIME), *batch, *FRAME))
+    return (force * (np.abs(force) > 0.3)).astype(dtype)
+
+
+def covariates(name: str, *batch: int, seed: int = 2) -> dict[str, Any]:
+    """Return a sequence of every covariate that a transform needs."""
+    rng = np.random.default_rng(seed)
+    return {key: rng.uniform(*range_, (len(TIME), *batch)) for key, range_ in EXAMPLES[name].covariates.items()}
+
+
+def at(series: dict[str, Any], index: Any) -> dict[str, Any]:
+    """Return a part of the covariates."""
+    return {key: values[index] for key, values in series.items()}
+
+
+def with_parameters(transform: Transform, change: Any) -> Transform:
+    """Return the transform with ``change(value)`` applied to each of its parameters."""
+    if isinstance(transform, chain.Chain):
+        return chain.Chain([with_parameters(member, change) for member in transform], transform.names)
+    return dataclasses.replace(transform, **{name: change(getattr(transform, name)) for name in parameters(transform)})
+
+
+def stacked(transforms: list[Transform]) -> Transform:
+    """Combine transforms into one whose parameters have a batch axis."""
+    if isinstance(transforms[0], chain.Chain):
+        return chain.Chain([stacked(list(members)) for members in zip(*transforms, strict=True)], transforms[0].names)
+    names = parameters(transforms[0])
+    return dataclasses.replace(transforms[0], **{n: np.stack([getattr(t, n) for t in transforms]) for n in names})
+
+
+def all_parameters(transform: Transform) -> set[str]:
+    """Return the names of the parameters of a transform, or of a chain's members."""
+    members = transform.members if isinstance(transform, chain.Chain) else (transform,)
+    return {name for member in members for name in parameters(member)}
+
+
+def assert_close(ours: Any, theirs: Any, dtype: str = "float64", scale: float | None = None) -> None:
+    """Fail unless two readings agree to rounding."""
+    ours, theirs = np.asarray(ours), np.asarray(theirs)
+    scale = max(1.0, float(np.abs(theirs).max())) if scale is None else scale
+    np.testing.assert_allclose(ours, theirs, rtol=0, atol=TOLERANCE[dtype] * scale)

@@ -1,0 +1,183 @@
+"""Contract of every transform: what it refuses, with its name in the message; and JSON that is no chain."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import os
+from typing import Any
+
+import numpy as np
+import pytest
+from optional import torch
+from transform_examples import (
+    BATCH,
+    EXAMPLES,
+    KINDS,
+    NAMES,
+    TIME,
+    all_parameters,
+    at,
+    covariates,
+    every,
+    example,
+    frames,
+    stacked,
+)
+
+from paxisim.augment.chain import Chain
+from paxisim.augment.parameter_spec import Parameter, parameters
+from paxisim.augment.transform import Transform
+from paxisim.errors import InvalidValueError, UnknownNameError
+
+
+def refused(transform: Transform, words: str) -> Any:
+    """Expect an error that names the transform, or a chain's member."""
+    members = transform.members if isinstance(transform, Chain) else ()
+    names = "|".join([transform.name, *(member.name for member in members)])
+    return pytest.raises(InvalidValueError, match=f"^({names}).*{words}")
+
+
+@every
+def test_what_is_no_force_tensor(name):
+    transform, x, series = example(name), frames(), covariates(name)
+    state = transform.initial_state(x[0], at(series, 0))
+    bad = [(np.ones(shape), r"shape \(\.\.\., pads, 3, rows, cols\)") for shape in [(2, 4, 6, 5), (3, 6, 5), ()]]
+    bad += [(x[0].astype(int), "floating point tensor in newtons, got .*int")]
+    bad += [(torch.as_tensor(x[0]).int(), "floating point tensor in newtons, got .*int")] if torch else []
+    for frame, words in bad:
+        with refused(transform, words):
+            transform.run(frame[None] if frame.ndim else np.ones(len(TIME)), TIME[: 1 if frame.ndim else None], series)
+        with refused(transform, words):
+            transform.step(frame, state, 0.01, at(series, 0))
+        if not transform.has_memory:
+            with refused(transform, words):
+                transform(frame, at(series, 0))
+
+
+def shape_of(about: Parameter) -> list[int]:
+    return [3 if axis in "kj" else 1 for axis in about.core]
+
+
+def bad_values(about: Parameter) -> list[Any]:
+    """Return values that a parameter must refuse."""
+    shape = shape_of(about)
+    inside = max(about.low, 0.5) if about.high > 0.5 else about.high
+    found: list[Any] = [np.full(shape, math.nan), "soft", np.full(shape, 1j), [[1.0], [1.0, 2.0]]]
+    found += [] if about.infinite else [np.full(shape, math.inf)]
+    found += [np.full(shape, about.low - 1 - abs(about.low))] if math.isfinite(about.low) else []
+    found += [np.full(shape, about.high + 1 + abs(about.high))] if math.isfinite(about.high) else []
+    found += [np.full(shape[1:], inside)] if about.core else []
+    found += [np.full([2 if axis == "k" else 1 for axis in about.core], inside)] if "k" in about.core else []
+    return found + ([np.full(shape, 0.5)] if about.whole else [])
+
+
+@every
+def test_parameters_outside_their_range_and_not_those_at_its_ends(name):
+    kind = KINDS[name]
+    for key, about in parameters(kind).items():
+        for value in bad_values(about):
+            numeric = isinstance(value, np.ndarray) and value.dtype.kind == "f"
+            for same in [value, *([torch.as_tensor(value)] if torch is not None and numeric else [])]:
+                with pytest.raises(InvalidValueError, match=f"^{name}: {key} must"):
+                    kind(**{key: same})
+        for bound in (about.low, about.high):
+            for dtype in ("float16", "float32"):
+                if math.isfinite(bound) and key != "seed":  # a seed is an integer
+                    value = np.full(shape_of(about), bound, dtype)
+                    kind(**{key: value})
+                    if torch is not None:
+                        kind(**{key: torch.as_tensor(value)})
+
+
+@every
+def test_parameters_of_another_batch_or_other_taxels(name):
+    several = stacked([example(name, seed) for seed in range(BATCH)])
+    if keys := "|".join(all_parameters(several)):
+        with refused(several, rf"({keys}) of shape .* does not fit a tensor"):
+            several.run(frames(BATCH - 1), TIME, covariates(name, BATCH - 1))
+    for key, about in parameters(KINDS[name]).items():
+        if not set(about.core) & set("prc"):
+            continue
+        value = getattr(example(name), key)
+        more = [value, value[..., :1]] if "c" in about.core else [value, value]
+        changed = dataclasses.replace(example(name), **{key: np.concatenate(more, axis=-1 if "c" in about.core else 0)})
+        for x in (frames(), frames()[:, :1, :, :1, :1]):  # nor is a frame of one taxel broadcast to many
+            with refused(changed, "of shape .* does not fit a tensor"):
+                changed.run(x, TIME, covariates(name))
+
+
+@pytest.mark.parametrize("name", [name for name in NAMES if name in EXAMPLES and EXAMPLES[name].covariates])
+def test_a_missing_or_misshapen_covariate(name):
+    transform = example(name)
+    for key in transform.covariate_names:
+        others = [n for n in transform.covariate_names if n != key]
+        with refused(transform, f"needs the covariate '{key}'; available: {', '.join(others) or 'none'}"):
+            transform.run(frames(), TIME, {"unneeded": TIME, **dict.fromkeys(others, TIME)})
+        with refused(transform, f"the covariate '{key}' of shape"):
+            transform.run(frames(BATCH), TIME, {**covariates(name, BATCH), key: covariates(name, BATCH - 1)[key]})
+
+
+@every
+def test_time_that_runs_backwards_or_is_not_one_for_each_frame(name):
+    transform, x, series = example(name), frames(), covariates(name)
+    for time in (TIME[::-1], TIME * math.nan):
+        with refused(transform, "time must be finite and must not run backw"):
+            transform.run(x, time, series)
+    for time in (TIME[:-1], TIME[:, None]):
+        with refused(transform, "expected one time for each of 6 frames"):
+            transform.run(x, time, series)
+    state = transform.initial_state(x[0], at(series, 0))
+    for dt in (-0.01, math.nan, math.inf, np.float32(-0.01), np.asarray(-0.01)):
+        with refused(transform, "dt"):
+            transform.step(x[1], state, dt, at(series, 1))
+
+
+# chains in JSON
+
+ARRAY = {"dtype": "float32", "shape": [3], "data": [1.0]}
+HUGE = {"dtype": "int64", "shape": [1], "data": [2**70]}
+LACKS = "a member of the JSON lacks or misuses"
+
+
+@pytest.mark.parametrize(
+    ("document", "words"),
+    [
+        ({}, "a list of 'members'"),
+        ({"members": {}}, "a list of 'members'"),
+        ({"members": [{"type": "Offset"}]}, LACKS),
+        ({"members": [{"name": "a", "type": ["Offset"], "parameters": {}}]}, LACKS),
+        ({"members": [{"name": "a", "type": "Offset", "parameters": {}}]}, r"'a' \(Offset\) of the JSON lacks 'value'"),
+        ({"members": [{"name": "a", "type": "Offset", "parameters": None}]}, LACKS),
+        ({"members": [{"name": "a", "type": "Offset", "parameters": [1.0]}]}, LACKS),
+        ({"members": [{"name": "a", "type": "Offset", "parameters": {"value": ARRAY}}]}, LACKS),
+        ({"members": [{"name": "a", "type": "Offset", "parameters": {"value": HUGE}}]}, LACKS),
+        ({"members": [{"name": "a", "type": "LowPass", "parameters": {"tau": {"number": "abc"}}}]}, LACKS),
+        ({"members": [{"name": "a", "type": "Poisson", "parameters": {"layout": {"layout": {"rows": 2}}}}]}, LACKS),
+    ],
+)
+def test_json_that_is_no_chain(document, words):
+    with pytest.raises(InvalidValueError, match=f"^Chain: .*{words}"):
+        Chain.from_json(json.dumps({"format": "paxisim-chain/1", **document}))
+
+
+def test_a_chain_is_saved_whole_and_errors_name_its_file(tmp_path):
+    path = tmp_path / "a.json"
+    chain = Chain([KINDS["Stiffening"]()])
+    chain.save(path)
+    assert Chain.load(path).to_json() == chain.to_json()
+    with pytest.raises(InvalidValueError, match="folder does not exist"):
+        chain.save(tmp_path / "none" / "a.json")
+    for content, words in ((b"\xff", "expected UTF-8 text, got the byte 0xff"), (b"{", "not JSON")):
+        path.write_bytes(content)
+        with pytest.raises(InvalidValueError, match=rf"a\.json: .*{words}"):
+            Chain.load(path)
+    path.write_text(chain.to_json().replace("Stiffening", "Wrinkling"))
+    with pytest.raises(UnknownNameError, match=r"of your own, import the module.*; it is in .*a\.json"):
+        Chain.load(path)
+    path.write_bytes(b"{")
+    os.link(path, tmp_path / "before")
+    chain.save(path)  # writes a new file, which then replaces the old one
+    assert (tmp_path / "before").read_bytes() == b"{"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.json", "before"]
