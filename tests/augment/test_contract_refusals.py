@@ -173,9 +173,12 @@ def test_a_chain_is_saved_whole_and_errors_name_its_file(tmp_path):
         path.write_bytes(content)
         with pytest.raises(InvalidValueError, match=rf"a\.json: .*{words}"):
             Chain.load(path)
-    path.write_text(chain.to_json().replace("Stiffening", "Wrinkling"))
-    with pytest.raises(UnknownNameError, match=r"of your own, import the module.*; it is in .*a\.json"):
+    unknown = chain.to_json().replace("Stiffening", "Stiffning")
+    path.write_text(unknown)
+    with pytest.raises(UnknownNameError, match=r"did you mean 'Stiffening'.*; it is in .*a\.json"):
         Chain.load(path)
+    with pytest.raises(UnknownNameError, match="if Stiffning is a transform of your own, import the module"):
+        Chain.from_json(unknown)
     path.write_bytes(b"{")
     os.link(path, tmp_path / "before")
     chain.save(path)  # writes a new file, which then replaces the old one
