@@ -109,9 +109,7 @@ def test_a_seed_and_the_intervals_in_any_order_give_one_chain_and_the_surfaces_o
     one, other = (GCS.around(MODEL, own).sample(np.random.default_rng(3)) for own in (INTERVALS, backwards))
     assert one.to_json() == other.to_json() != MODEL.to_json()
     assert Chain.from_json(one.to_json()).to_json() == one.to_json()
-    ours, theirs = (
-        gcs.sample_surface(np.random.default_rng(0), (3,)) for gcs in (GCS(), GCS.around(MODEL, INTERVALS))
-    )
+    ours, theirs = (gcs.sample_surface(np.random.default_rng(0), (3,)) for gcs in (GCS(), GCS.around(MODEL, INTERVALS)))
     np.testing.assert_array_equal(ours, theirs)
 
 

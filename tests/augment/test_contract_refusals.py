@@ -13,9 +13,8 @@ import pytest
 from optional import torch
 from transform_examples import (
     BATCH,
-    EXAMPLES,
+    COVARIATES,
     KINDS,
-    NAMES,
     TIME,
     all_parameters,
     at,
@@ -93,10 +92,9 @@ def test_parameters_outside_their_range_and_not_those_at_its_ends(name):
 
 @every
 def test_parameters_of_another_batch_or_other_taxels(name):
-    several = stacked([example(name, seed) for seed in range(BATCH)])
-    if keys := "|".join(all_parameters(several)):
-        with refused(several, rf"({keys}) of shape .* does not fit a tensor"):
-            several.run(frames(BATCH - 1), TIME, covariates(name, BATCH - 1))
+    if keys := "|".join(all_parameters(name)):
+        with refused(stacked(name), rf"({keys}) of shape .* does not fit a tensor"):
+            stacked(name).run(frames(BATCH - 1), TIME, covariates(name, BATCH - 1))
     for key, about in parameters(KINDS[name]).items():
         if not set(about.core) & set("prc"):
             continue
@@ -108,7 +106,7 @@ def test_parameters_of_another_batch_or_other_taxels(name):
                 changed.run(x, TIME, covariates(name))
 
 
-@pytest.mark.parametrize("name", [name for name in NAMES if name in EXAMPLES and EXAMPLES[name].covariates])
+@pytest.mark.parametrize("name", list(COVARIATES))
 def test_a_missing_or_misshapen_covariate(name):
     transform = example(name)
     for key in transform.covariate_names:

@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 from transform_examples import (
     BATCH,
-    DTYPES,
-    EXAMPLES,
     FRAME,
     KINDS,
     NAMES,
+    NO_GRADIENT,
+    NOT_NEUTRAL,
+    STRAIGHT_THROUGH,
     TIME,
+    TOLERANCE,
     assert_close,
     at,
     covariates,
@@ -33,12 +35,12 @@ torch = pytest.importorskip("torch")
 
 
 def to_torch(transform: Transform) -> Transform:
-    return with_parameters(transform, lambda value: torch.as_tensor(np.asarray(value)))
+    return with_parameters(lambda value: torch.as_tensor(np.asarray(value)), transform)
 
 
-def own_parameters(name: str) -> dict[str, Any]:
-    """Return the numeric parameters; a chain has none of its own."""
-    return {} if name == "Chain" else dict(parameters(KINDS[name]))
+def own_parameters(name: str) -> list[str]:
+    """Return the names of the numeric parameters; a chain has none of its own."""
+    return [] if name == "Chain" else list(parameters(KINDS[name]))
 
 
 def torch_inputs(name: str, *batch: int) -> tuple[Any, dict[str, Any]]:
@@ -47,7 +49,7 @@ def torch_inputs(name: str, *batch: int) -> tuple[Any, dict[str, Any]]:
 
 
 @every
-@pytest.mark.parametrize("dtype", DTYPES)
+@pytest.mark.parametrize("dtype", list(TOLERANCE))
 def test_it_agrees_with_numpy(name, dtype):
     transform, x, series = example(name), frames(BATCH, dtype=dtype), covariates(name, BATCH)
     expected = transform.run(x, TIME, series)
@@ -61,7 +63,7 @@ def test_it_agrees_with_numpy(name, dtype):
 @every
 def test_it_maps_over_its_streams_and_parameters(name):
     x, series = torch_inputs(name, BATCH)
-    transform = to_torch(example(name) if name == "Chain" else stacked([example(name, i) for i in range(BATCH)]))
+    transform = to_torch(example(name) if name == "Chain" else stacked(name))
     values = {key: getattr(transform, key) for key in own_parameters(name)}
     state = transform.initial_state(x[0], at(series, 0))
     expected, _ = transform.step(x[1], state, 0.01, at(series, 1))
@@ -91,11 +93,7 @@ def test_it_compiles_in_one_graph(name):
     for transform in (example(name), to_torch(example(name))):
         begin, step, reset = (
             torch.compile(method, fullgraph=True, backend="aot_eager" if transform.has_memory else "eager")
-            for method in (
-                lambda x, series, transform=transform: transform.initial_state(x, series),
-                lambda x, state, dt, series, transform=transform: transform.step(x, state, dt, series),
-                lambda state, mask, x, series, transform=transform: transform.reset(state, mask, x, series),
-            )
+            for method in (transform.initial_state, transform.step, transform.reset)
         )
         expected, state = transform.run(x, TIME, series), begin(x[0], at(series, 0))
         for i, dt in enumerate(np.diff(TIME, prepend=0.0)):
@@ -107,11 +105,11 @@ def test_it_compiles_in_one_graph(name):
         assert_close(y[mask], expected[0][mask])
 
 
-@pytest.mark.parametrize("name", [name for name in NAMES if name in EXAMPLES and EXAMPLES[name].differentiable])
+@pytest.mark.parametrize("name", [name for name in NAMES if name not in STRAIGHT_THROUGH])
 def test_its_gradients(name):
     x, series = torch_inputs(name)
     transform = to_torch(example(name))
-    fitted = [key for key in own_parameters(name) if key not in EXAMPLES[name].no_gradient]
+    fitted = [key for key in own_parameters(name) if key not in NO_GRADIENT]
 
     def run(x, *values):
         changed = dataclasses.replace(transform, **dict(zip(fitted, values, strict=True)))
@@ -127,10 +125,10 @@ def test_gradients_are_finite_at_rest_and_pass_at_neutral_parameters(name):
     at_rest = torch.zeros((len(TIME), *FRAME), dtype=torch.float64, requires_grad=True)
     to_torch(example(name)).run(at_rest, TIME, series).sum().backward()
     assert torch.isfinite(at_rest.grad).all()
-    fitted = [key for key in own_parameters(name) if key not in EXAMPLES[name].no_gradient]
+    fitted = [key for key in own_parameters(name) if key not in NO_GRADIENT]
     values = {key: torch.tensor(np.asarray(getattr(KINDS[name](), key), float), requires_grad=True) for key in fitted}
     KINDS[name](**values).run(x.requires_grad_(), TIME, series).sum().backward()
-    if not EXAMPLES[name].not_neutral:
+    if name not in NOT_NEUTRAL:
         assert_close(x.grad, np.ones(x.shape))
     for key, value in values.items():
         assert value.grad is None or torch.isfinite(value.grad).all(), key

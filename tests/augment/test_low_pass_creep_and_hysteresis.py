@@ -70,7 +70,10 @@ def test_a_long_sequence_runs_as_it_steps(transform):
 @pytest.mark.parametrize(("kind", "names"), [(Creep, ("amplitude", "tau")), (Hysteresis, ("weight", "radius"))])
 def test_the_number_of_modes(kind, names):
     x, time = np.random.default_rng(0).normal(size=(9, *FRAME)), times("irregular", 1.0, 9)
-    for short, long in (((0.1,), (0.1, 0.2)), ((0.1, 0.1), (0.1, 0.2))), (((0.1, 0.2), (0.1,)), ((0.1, 0.2), (0.1, 0.1))):
+    for short, long in (
+        (((0.1,), (0.1, 0.2)), ((0.1, 0.1), (0.1, 0.2))),
+        (((0.1, 0.2), (0.1,)), ((0.1, 0.2), (0.1, 0.1))),
+    ):
         np.testing.assert_array_equal(kind(*short).run(x, time), kind(*long).run(x, time))
     for bad, words in (
         (((0.1, 0.1), (0.1, 0.2, 0.3)), f"got 2 in {names[0]}, 3 in {names[1]}"),
@@ -132,7 +135,9 @@ def test_what_hysteresis_keeps_and_forgets():
     detour = respond(hysteresis, [0, 2.0, 1.2, 1.7, 1.2, 2.0, 3.0], np.arange(7))
     np.testing.assert_allclose(straight[1:], detour[5:], atol=1e-14, err_msg="an inner loop is wiped out")
     small = np.array([0, 0.2, -0.3, 0.4])  # within all radii
-    np.testing.assert_allclose(respond(Hysteresis((0.1, 0.3), (0.5, 1.0)), small, np.arange(4)), 0.6 * small, atol=1e-14)
+    np.testing.assert_allclose(
+        respond(Hysteresis((0.1, 0.3), (0.5, 1.0)), small, np.arange(4)), 0.6 * small, atol=1e-14
+    )
 
 
 def test_weights_that_sum_to_more_than_one_are_refused():

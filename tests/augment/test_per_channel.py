@@ -220,8 +220,10 @@ class TestCovariates:
         expected = frame() + np.tensordot([*u, *(u**2 - 1)], amounts, axes=1)
         np.testing.assert_allclose(field(frame(), {"a": 0.5, "b": 0.3}), expected, atol=1e-13)
         for wrong in ({"middle": (0.0,)}, {"directions": ((1.0,), (1.0, 2.0))}, {"directions": ((1.0, 2.0),)}):
-            with pytest.raises(InvalidValueError, match="^CovariateField: .* must "):
-                CovariateField(amounts, ("a", "b"), **{"middle": (0.0, 0.0), "directions": ((1.0, 0), (0, 1.0))} | wrong)
+            with pytest.raises(InvalidValueError, match=r"^CovariateField: .* must "):
+                CovariateField(
+                    amounts, ("a", "b"), **{"middle": (0.0, 0.0), "directions": ((1.0, 0), (0, 1.0))} | wrong
+                )
 
 
 class TestFirmware:
