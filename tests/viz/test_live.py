@@ -39,15 +39,15 @@ def save(path, forces, simulated=None, layout=GRID, pads=PADS, **options):
 
 
 def test_every_reading_is_in_the_file_with_its_colors_arrows_and_totals(tmp_path):
-    forces = press(300)
+    forces = press(600)
     view = save(tmp_path / "view.rrd", forces, vmax=4.0, shear_max=1.0)
-    assert (view.shown, view.drawn, view.dropped) == (300, 300, 0)
+    assert (view.shown, view.drawn, view.dropped) == (600, 600, 0)
     found = read_rrd(tmp_path / "view.rrd")
     for i, pad in enumerate(("left", r"right\ of\ 2\/3")):
         times, colors = found[f"/pads/measured/{pad}/taxels", "color"]
-        np.testing.assert_allclose(times, 0.01 * np.arange(300), atol=1e-6)
+        np.testing.assert_allclose(times, 0.01 * np.arange(600), atol=1e-6)
         _, vectors = found[f"/pads/measured/{pad}/shear", "vector"]
-        for at in (0, 117, 299):
+        for at in (0, 317, 599):
             expected = np.rint(255 * taxel_colors(forces[at, i], 4.0)).reshape(-1, 4)
             np.testing.assert_array_equal(rgba(colors[at]), expected)
             # an arrow of 1 N is 2 mm long; the first column has no shear and so no arrow
@@ -172,7 +172,10 @@ def test_readings_that_cannot_be_shown(tmp_path):
 
 
 def test_without_rerun_or_with_another_package_of_that_name_it_says_what_to_install(monkeypatch):
-    for module, error, words in ((None, MissingExtraError, r"paxisim\[live\]"), (sys, UnsupportedError, r"rerun-sdk 0\.")):
+    for module, error, words in (
+        (None, MissingExtraError, r"paxisim\[live\]"),
+        (sys, UnsupportedError, r"rerun-sdk 0\."),
+    ):
         monkeypatch.setitem(sys.modules, "rerun", module)
         with pytest.raises(error, match=words):
             import_rerun()
