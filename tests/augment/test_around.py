@@ -6,14 +6,18 @@ from optional import needs_torch, torch
 from scipy import stats
 
 from paxisim import GCS
-from paxisim.augment.around import FittedGCS
-from paxisim.augment.chain import Chain
-from paxisim.augment.creep import Creep
-from paxisim.augment.gains import AxisGain, TaxelGain
-from paxisim.augment.hysteresis import Hysteresis
-from paxisim.augment.latency import Latency
-from paxisim.augment.low_pass import LowPass
-from paxisim.augment.noise import RandomWalk, WhiteNoise
+from paxisim.augment import (
+    AxisGain,
+    Chain,
+    Creep,
+    FittedGCS,
+    Hysteresis,
+    Latency,
+    LowPass,
+    RandomWalk,
+    TaxelGain,
+    WhiteNoise,
+)
 from paxisim.errors import InvalidValueError, UnknownNameError
 
 GAINS = np.linspace(0.9, 1.1, 60).reshape(2, 6, 5)

@@ -7,13 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from paxisim.augment.chain import Chain
-from paxisim.augment.creep import Creep
-from paxisim.augment.gains import AxisGain
-from paxisim.augment.gcs import GCS
-from paxisim.augment.low_pass import LowPass
-from paxisim.augment.temperature import TemperatureDrift
-from paxisim.augment.transform import Transform
+from paxisim.augment import GCS, AxisGain, Chain, Creep, LowPass, TemperatureDrift, Transform
 from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.layout import TaxelLayout
 

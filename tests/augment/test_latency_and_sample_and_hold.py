@@ -7,10 +7,7 @@ from responses import both, respond, times
 from scipy import stats
 from transform_examples import FRAME
 
-from paxisim.augment.chain import Chain
-from paxisim.augment.latency import Latency
-from paxisim.augment.low_pass import LowPass
-from paxisim.augment.sample_and_hold import SampleAndHold
+from paxisim.augment import Chain, Latency, LowPass, SampleAndHold
 from paxisim.errors import InvalidValueError
 
 

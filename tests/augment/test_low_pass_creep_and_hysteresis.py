@@ -10,9 +10,7 @@ from optional import torch
 from responses import both, respond, times
 from transform_examples import FRAME
 
-from paxisim.augment.creep import Creep
-from paxisim.augment.hysteresis import Hysteresis
-from paxisim.augment.low_pass import LowPass
+from paxisim.augment import Creep, Hysteresis, LowPass
 from paxisim.errors import InvalidValueError
 
 AMPLITUDE, TAU = np.array([0.1, 0.2, -0.05]), np.array([0.05, 1.5, 40.0])

@@ -9,14 +9,8 @@ from forces import frame, press, taxel
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from paxisim.augment.axis_coupling import AxisCoupling
-from paxisim.augment.chain import Chain
-from paxisim.augment.crosstalk import Crosstalk
-from paxisim.augment.gains import AxisGain
-from paxisim.augment.layout_faults import LayoutFault
-from paxisim.augment.poisson import Poisson
-from paxisim.augment.rotation import Rotation, rotation_matrix
-from paxisim.augment.swapped_taxels import SwappedTaxels
+from paxisim.augment import AxisCoupling, AxisGain, Chain, Crosstalk, LayoutFault, Poisson, Rotation, SwappedTaxels
+from paxisim.augment.rotation import rotation_matrix
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
 

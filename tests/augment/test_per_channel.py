@@ -8,18 +8,8 @@ from forces import frame, taxel
 from hypothesis import given
 from hypothesis import strategies as st
 
-from paxisim.augment.chain import Chain
-from paxisim.augment.channel_curve import ChannelCurve
-from paxisim.augment.covariate_field import CovariateField
-from paxisim.augment.dead_band import DeadBand
-from paxisim.augment.dead_taxels import DeadTaxels
-from paxisim.augment.firmware import Firmware
-from paxisim.augment.interference import Interference
-from paxisim.augment.offset import Offset
-from paxisim.augment.quantisation import Quantisation
-from paxisim.augment.rotation import Rotation
-from paxisim.augment.saturation import Saturation
-from paxisim.augment.stiffening import Stiffening
+from paxisim import augment
+from paxisim.augment import Chain, ChannelCurve, DeadBand, Firmware, Quantisation, Saturation, Stiffening
 from paxisim.errors import InvalidValueError
 
 
@@ -44,7 +34,7 @@ ONE_SIDED = Saturation(limit_high=(2.0, math.inf, math.inf), softness=1.0)
     ("transform", "force", "reading"),
     [
         (CURVE, (0.5, 1, 3), (0.7, 1.4, 3.2)),
-        (Offset(column([0.1, -0.2, 0.3])), (0, 0, 1), (0.1, -0.2, 1.3)),
+        (augment.Offset(column([0.1, -0.2, 0.3])), (0, 0, 1), (0.1, -0.2, 1.3)),
         (Stiffening(0.7, 2.0), (0, 1.2, 1.6), (0, 1.2, 1.6)),  # the load of the calibration reads right
         (Stiffening(2 / 3, 1.0, 1e-3), (0, 0, 8.0), (0, 0, 4.0)),  # a power law above the knee
         (Stiffening(1.5, 2.0, 1e-3), (0, 0, 0.5), (0, 0, 2 * 0.25**1.5)),
@@ -110,7 +100,7 @@ class TestStiffening:
         y = Stiffening(1.4)(x)
         np.testing.assert_allclose(np.cross(x, y, axis=1), 0, atol=1e-13)
         assert np.all((x * y).sum(1) > 0)
-        turn = Rotation(((0.3, -0.5, 1.0),))
+        turn = augment.Rotation(((0.3, -0.5, 1.0),))
         np.testing.assert_allclose(Stiffening(1.4)(turn(x)), turn(y), atol=1e-13)
 
     @given(st.floats(0.1, 5), st.floats(0, 50), st.floats(1e-3, 50))
@@ -193,21 +183,21 @@ def test_dead_and_stuck_taxels():
     expected[0, :, 1, 2] = expected[1, :, 0, 0] = 0  # both: dead wins
     expected[1, :, 3, 4] = 1, 2, 3
     for kind in (float, bool):
-        y = DeadTaxels(dead.astype(kind), stuck.astype(kind), column([1.0, 2.0, 3.0]))(x)
+        y = augment.DeadTaxels(dead.astype(kind), stuck.astype(kind), column([1.0, 2.0, 3.0]))(x)
         np.testing.assert_array_equal(y, expected)
 
 
 class TestCovariates:
     def test_interference_is_the_same_at_all_taxels_and_follows_its_covariate(self):
-        field = Interference(((1.0, 0, 2.0), (0, 0, -1.0)), ((0, 50.0, 0), (0, 0, 0)))
+        field = augment.Interference(((1.0, 0, 2.0), (0, 0, -1.0)), ((0, 50.0, 0), (0, 0, 0)))
         x, opening = frame(0, 5), np.linspace(0, 0.08, 5)
         added = field.run(x, np.arange(5.0), {"gripper_opening": opening}) - x
         expected = np.stack([opening, 50 * opening**2, 2 * opening, 0 * opening, 0 * opening, -opening], axis=1)
         np.testing.assert_allclose(added, np.broadcast_to(expected.reshape(5, 2, 3, 1, 1), x.shape), atol=1e-14)
 
     def test_another_covariate_and_two_of_them(self):
-        one = Interference(((0.0, 0.0, 1.0),), covariate="wrist")
-        chain = Chain([one, Interference(((0.0, 0.0, 1.0),))])
+        one = augment.Interference(((0.0, 0.0, 1.0),), covariate="wrist")
+        chain = Chain([one, augment.Interference(((0.0, 0.0, 1.0),))])
         assert chain.covariate_names == ("wrist", "gripper_opening")
         y = chain(np.zeros((1, 3, 2, 2)), {"wrist": 1.0, "gripper_opening": 0.25})
         np.testing.assert_allclose(y[0, 2], 1.25)
@@ -215,13 +205,13 @@ class TestCovariates:
     def test_a_field_of_two_covariates_is_linear_and_quadratic_in_their_projections(self):
         amounts = np.random.default_rng(0).normal(size=(4, 2, 3, 6, 5))
         directions, middle = np.array([[2.0, 0.5], [-0.5, 2.0]]), np.array([0.2, -0.1])
-        field = CovariateField(amounts, ("a", "b"), tuple(middle), tuple(map(tuple, directions)))
+        field = augment.CovariateField(amounts, ("a", "b"), tuple(middle), tuple(map(tuple, directions)))
         u = directions @ ([0.5, 0.3] - middle)
         expected = frame() + np.tensordot([*u, *(u**2 - 1)], amounts, axes=1)
         np.testing.assert_allclose(field(frame(), {"a": 0.5, "b": 0.3}), expected, atol=1e-13)
         for wrong in ({"middle": (0.0,)}, {"directions": ((1.0,), (1.0, 2.0))}, {"directions": ((1.0, 2.0),)}):
             with pytest.raises(InvalidValueError, match=r"^CovariateField: .* must "):
-                CovariateField(
+                augment.CovariateField(
                     amounts, ("a", "b"), **{"middle": (0.0, 0.0), "directions": ((1.0, 0), (0, 1.0))} | wrong
                 )
 

@@ -7,11 +7,9 @@ import pickle
 import numpy as np
 import pytest
 
+from paxisim.augment import AxisGain, LowPass, Poisson, TaxelGain
 from paxisim.augment import chain as chains
-from paxisim.augment.gains import AxisGain, TaxelGain
 from paxisim.augment.gcs import GCS as Paper
-from paxisim.augment.low_pass import LowPass
-from paxisim.augment.poisson import Poisson
 from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.layout import TaxelLayout
 
