@@ -23,28 +23,19 @@ FRAME = (PADS, 3, ROWS, COLS)
 TAXELS = (PADS, ROWS, COLS)
 TIME = np.array([0.0, 0.011, 0.011, 0.06, 0.2, 0.213])
 BATCH = 4
-TOLERANCE = {"float32": 1e-5, "float64": 1e-12}
 
 KINDS = {
     name: kind
     for name, kind in _known_transforms().items()
     if kind.__module__.startswith("paxisim.augment.") and name not in ("StatefulTransform", "Clocked")
 }
-NAMES = sorted(KINDS)
-LINEAR = [
-    *("AxisCoupling", "AxisGain", "Chain", "Creep", "Crosstalk", "Latency", "LayoutFault", "LowPass"),
-    *("PadAxisGain", "Poisson", "Rotation", "SampleAndHold", "SwappedTaxels", "TaxelGain"),
-]
-NOT_NEUTRAL = ("Firmware",)  # by default it models the real firmware
-STRAIGHT_THROUGH = ("Firmware", "Quantisation")  # their gradient is not that of the function
-NO_GRADIENT = ("dead", "stuck", "since", "seed")  # parameters
 COVARIATES = {
     "CovariateField": {"gripper_opening": (0.0, 1.0), "wrist": (-0.5, 0.5)},
     "Interference": {"gripper_opening": (0.0, 0.08)},
     "TemperatureDrift": {"temperature": (10.0, 40.0)},
 }
 
-every = pytest.mark.parametrize("name", NAMES)
+every = pytest.mark.parametrize("name", sorted(KINDS))
 
 
 @functools.cache
@@ -107,16 +98,12 @@ def example(name: str, seed: int = 0) -> Transform:
     return examples(seed)[name]
 
 
-def frames(*batch: int, seed: int = 1, dtype: str = "float64") -> Any:
-    """Return a sequence of forces ``(time, *batch, ...)``, some of them zero."""
-    force = np.random.default_rng(seed).normal(size=(len(TIME), *batch, *FRAME))
-    return (force * (np.abs(force) > 0.3)).astype(dtype)
-
-
-def covariates(name: str, *batch: int, seed: int = 2) -> dict[str, Any]:
-    """Return a sequence of every covariate that a transform needs."""
+def inputs(name: str, *batch: int, seed: int = 1, dtype: str = "float64") -> tuple[Any, dict[str, Any]]:
+    """Return forces ``(time, *batch, ...)``, some of them zero, and every covariate that a transform needs."""
     rng = np.random.default_rng(seed)
-    return {key: rng.uniform(*ends, (len(TIME), *batch)) for key, ends in COVARIATES.get(name, {}).items()}
+    force = rng.normal(size=(len(TIME), *batch, *FRAME))
+    series = {key: rng.uniform(*ends, (len(TIME), *batch)) for key, ends in COVARIATES.get(name, {}).items()}
+    return (force * (np.abs(force) > 0.3)).astype(dtype), series
 
 
 def at(series: dict[str, Any], index: Any) -> dict[str, Any]:
@@ -137,14 +124,13 @@ def stacked(name: str) -> Transform:
     return with_parameters(lambda *values: np.stack(values), *(example(name, seed) for seed in range(BATCH)))
 
 
-def all_parameters(name: str) -> set[str]:
+def keys_of(name: str) -> set[str]:
     """Return the names of the parameters of a transform, or of a chain's members."""
     members = example(name).members if name == "Chain" else (example(name),)
     return {key for member in members for key in parameters(member)}
 
 
-def assert_close(ours: Any, theirs: Any, dtype: str = "float64", scale: float | None = None) -> None:
+def assert_close(ours: Any, theirs: Any, tolerance: float = 1e-12) -> None:
     """Fail unless two readings agree to rounding."""
     ours, theirs = np.asarray(ours), np.asarray(theirs)
-    scale = max(1.0, float(np.abs(theirs).max())) if scale is None else scale
-    np.testing.assert_allclose(ours, theirs, rtol=0, atol=TOLERANCE[dtype] * scale)
+    np.testing.assert_allclose(ours, theirs, rtol=0, atol=tolerance * max(1.0, float(np.abs(theirs).max())))
