@@ -87,15 +87,6 @@ def test_weights_of_a_hysteresis_sum_to_1_at_most(rng, radius):
     np.testing.assert_allclose(np.asarray(one.sample(rng, (4000,))["hysteresis"].weight).max(), 1 / 3, rtol=1e-6)
 
 
-def test_a_batch_is_stepped_each_environment_with_its_own(rng):
-    chain = GCS.around(MODEL, INTERVALS).sample(rng, (4,))
-    x = np.random.default_rng(1).uniform(0, 5, (8, 1, 2, 3, 6, 5)).astype(np.float32).repeat(4, axis=1)
-    frames = x if isinstance(rng, np.random.Generator) else torch.as_tensor(x)
-    y = np.asarray(chain.run(frames, np.arange(8) * 0.02))
-    assert y.dtype == np.float32
-    assert np.ptp(y, axis=1)[1:].min() > 0
-
-
 def test_noise_differs_between_chains_and_environments(rng):
     model = Chain([WhiteNoise(0.1), RandomWalk(0.1), Latency(0.02, jitter=0.01)])
     gcs = GCS.around(model, {"latency": {"delay": (0.01, 0.03)}})

@@ -40,26 +40,28 @@ def save(path, forces, simulated=None, layout=GRID, pads=PADS, **options):
 
 def test_every_reading_is_in_the_file_with_its_colors_arrows_and_totals(tmp_path):
     forces = press(600)
+    forces[317, 0, :, 1, 2] = np.nan
     view = save(tmp_path / "view.rrd", forces, vmax=4.0, shear_max=1.0)
     assert (view.shown, view.drawn, view.dropped) == (600, 600, 0)
     found = read_rrd(tmp_path / "view.rrd")
     for i, pad in enumerate(("left", r"right\ of\ 2\/3")):
         times, colors = found[f"/pads/measured/{pad}/taxels", "color"]
         np.testing.assert_allclose(times, 0.01 * np.arange(600), atol=1e-6)
-        _, vectors = found[f"/pads/measured/{pad}/shear", "vector"]
-        for at in (0, 317, 599):
-            expected = np.rint(255 * taxel_colors(forces[at, i], 4.0)).reshape(-1, 4)
-            np.testing.assert_array_equal(rgba(colors[at]), expected)
-            # an arrow of 1 N is 2 mm long; the first column has no shear and so no arrow
-            shear = 2.0 * forces[at, i, :2].reshape(2, -1).T
-            shear = shear[np.linalg.norm(shear, axis=1) > 0.02 * 2.0]
-            np.testing.assert_allclose(vectors[at], shear, rtol=1e-6)
-        _, totals = found[f"/force/{pad}/measured", "scalar"]
-        np.testing.assert_allclose(totals, forces[:, i].sum(axis=(-2, -1)), rtol=1e-5, atol=1e-5)
         _, (positions,) = found[f"/pads/measured/{pad}/taxels", "position"]
         distances = np.linalg.norm(np.array(positions) - positions[0], axis=1)
         expected = 1e3 * np.linalg.norm(GRID.positions - GRID.positions[0], axis=1)
         np.testing.assert_allclose(distances, expected, atol=1e-5)
+        (_, tails), (_, vectors) = (found[f"/pads/measured/{pad}/shear", what] for what in ("position", "vector"))
+        for at in (0, 317, 599):
+            expected = np.rint(255 * taxel_colors(forces[at, i], 4.0)).reshape(-1, 4)
+            np.testing.assert_array_equal(rgba(colors[at]), expected)
+            # an arrow of 1 N is 2 mm long, x to the right and y down; the first column has no shear and so no arrow
+            shear = 2.0 * forces[at, i, :2].reshape(2, -1).T
+            seen = np.linalg.norm(shear, axis=1) > 0.02 * 2.0
+            np.testing.assert_allclose(vectors[at], shear[seen], rtol=1e-6)
+            np.testing.assert_allclose(tails[at], np.array(positions)[seen], atol=1e-5)
+        _, totals = found[f"/force/{pad}/measured", "scalar"]
+        np.testing.assert_allclose(totals, forces[:, i].sum(axis=(-2, -1)), rtol=1e-5, atol=1e-5)
     assert found["/pads/names", "label"][1][0] == [*PADS, "measured"]
     _, rates = found["/rate", "scalar"]
     np.testing.assert_allclose(np.array(rates)[:, 0].mean(), 100, rtol=0.5)

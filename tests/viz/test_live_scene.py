@@ -5,8 +5,7 @@ import pytest
 
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
-from paxisim.viz.colors import taxel_colors
-from paxisim.viz.live_scene import Moment, Scale, Scene
+from paxisim.viz.live_scene import Scale, Scene
 
 GRID = TaxelLayout(3, 2, (2e-3, 4e-3))
 
@@ -32,25 +31,6 @@ def test_pads_stand_side_by_side_and_lines_below_each_other_without_touching():
     assert np.all(scene.bounds[1] > drawn.max(axis=0))
 
 
-def test_a_flat_pad_has_the_colors_of_every_picture_and_its_shear_as_arrows():
-    scene = Scene([GRID, GRID], ["left", "right"], ["measured"])
-    assert scene.flat
-    force = np.zeros((2, 3, 3, 2), dtype=np.float32)
-    force[0, :, 2, 1] = 1.0, -0.5, 2.0
-    force[1, :, 0, 0] = np.nan
-    normal, shear = scene.split(force)
-    np.testing.assert_array_equal(scene.colors(normal, 4.0), np.rint(255 * taxel_colors(force, 4.0)).reshape(2, 6, 4))
-    scale = Scale()
-    scale.update(0.0, normal, shear)
-    assert scale.vmax == 2.0, "what is not a number has no say"
-    (counts, tails, vectors), (none, *_) = scene.arrows(shear[None], 2.0)
-    assert (counts.tolist(), none.tolist()) == ([1], [0])
-    # at full shear an arrow is one pitch long, x to the right and y down
-    np.testing.assert_allclose(vectors, [[1.0, -0.5, 0.0]])
-    np.testing.assert_allclose(tails[0, :2], scene.positions[0, 5, :2])
-    assert tails[0, 2] < 0  # in front of the taxel
-
-
 def test_on_a_curved_pad_the_surface_says_what_presses_and_what_drags():
     """Three taxels on an arc; the outer ones face 60 degrees to the left and right."""
     x, z = np.sin(np.pi / 3), np.cos(np.pi / 3)
@@ -65,24 +45,11 @@ def test_on_a_curved_pad_the_surface_says_what_presses_and_what_drags():
     normal, shear = scene.split(force)
     np.testing.assert_allclose(normal, [[3.0, 2.0, 0.0]], atol=1e-12)
     np.testing.assert_allclose(shear[0], [[0, 0, 0], [0, 1, 0], 0.5 * layout.frames[2, :, 0]], atol=1e-12)
-
-
-def test_arrows_of_several_moments_follow_one_another():
-    scene = Scene([GRID], ["a"], ["measured"])
-    shear = np.zeros((3, 1, 6, 3))
-    shear[0, 0, 1, 0] = shear[0, 0, 4, 1] = shear[2, 0, 0, 0] = 1.0
-    shear[1, 0, 2, 0] = 1e-3  # too short to be seen
-    shear[1, 0, 3, 0] = np.nan
-    ((counts, tails, vectors),) = scene.arrows(shear, 1.0)
-    assert counts.tolist() == [2, 0, 1]
-    np.testing.assert_allclose(tails[:, :2], scene.positions[0, [1, 4, 0], :2])
-    np.testing.assert_allclose(vectors, 2.0 * np.array([[1, 0, 0], [0, 1, 0], [1, 0, 0]]))
-
-
-def test_the_residual_is_measured_minus_simulated():
-    tensors = Moment(0.0, np.full((1, 3, 3, 2), 3.0), np.full((1, 3, 3, 2), 1.0)).tensors()
-    assert {name: tensor.max() for name, tensor in tensors.items()} == {"measured": 3, "simulated": 1, "residual": 2}
-    assert list(Moment(0.0, simulated=tensors["residual"]).tensors()) == ["simulated"]
+    ((_, tails, _),) = scene.arrows(shear[None], 2.0)
+    assert np.all(np.sum((tails - scene.positions[0, 1:]) * layout.normals[1:], axis=1) > 0), "in front of the taxels"
+    scale = Scale()
+    scale.update(0.0, np.where(normal > 2, np.nan, normal), shear)
+    assert scale.vmax == pytest.approx(2.0), "what is not a number has no say"
 
 
 def test_the_scale_follows_a_peak_at_once_and_forgets_it_in_time():
