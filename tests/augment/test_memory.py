@@ -7,17 +7,8 @@ import pytest
 from responses import both, everywhere, respond, times
 from transform_examples import FRAME
 
-from paxisim.augment import (
-    Creep,
-    DeadTaxels,
-    Drift,
-    FailingTaxels,
-    Hysteresis,
-    Latency,
-    LowPass,
-    SampleAndHold,
-    TemperatureDrift,
-)
+from paxisim import augment
+from paxisim.augment import Creep, Drift, FailingTaxels, Hysteresis, Latency, LowPass, SampleAndHold
 
 DETERMINISTIC = [
     LowPass(0.05),
@@ -92,7 +83,7 @@ def test_time_is_kept_over_a_day_in_float32():
 def test_temperature():
     x, rng = np.random.default_rng(0).normal(size=(4, *FRAME)), np.random.default_rng(1)
     offset, temperature = rng.normal(size=FRAME), np.array([25.0, 26.0, 35.0, 5.0])
-    drift = TemperatureDrift(-1e-3, offset, 25.0)
+    drift = augment.TemperatureDrift(-1e-3, offset, 25.0)
     expected = np.stack([x[i] * (1 - 1e-3 * t) + offset * t for i, t in enumerate(temperature - 25)])
     np.testing.assert_allclose(drift.run(x, np.arange(4), {"temperature": temperature}), expected, atol=1e-12)
     other = dataclasses.replace(drift, covariate="motor_temperature")
@@ -107,7 +98,7 @@ def test_failing_taxels_fail_each_at_its_own_moment_as_dead_taxels_do():
     rng = np.random.default_rng(1)
     faults = (rng.random((2, 6, 5)) < 0.3, rng.random((2, 6, 5)) < 0.3, rng.normal(size=FRAME))
     x, time = rng.normal(size=(5, *FRAME)), np.arange(5.0)
-    np.testing.assert_array_equal(FailingTaxels(*faults, since=-1.0).run(x, time), DeadTaxels(*faults)(x))
+    np.testing.assert_array_equal(FailingTaxels(*faults, since=-1.0).run(x, time), augment.DeadTaxels(*faults)(x))
     since = np.reshape([1.0, np.inf, 3.0], (1, 3, 1, 1))
     y = FailingTaxels(dead=np.ones((1, 1, 1)), since=since).run(x, time)
     gone = time[:, None] >= since.ravel()
