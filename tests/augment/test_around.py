@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from optional import needs_torch, torch
+from forces import needs_torch, torch
 from scipy import stats
 
 from paxisim import GCS

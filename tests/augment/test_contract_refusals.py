@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from optional import torch
+from forces import torch
 from transform_examples import BATCH, COVARIATES, KINDS, TIME, at, every, example, inputs, keys_of, stacked
 
 from paxisim.augment.chain import Chain

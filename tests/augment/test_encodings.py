@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from optional import needs_torch, torch
+from forces import needs_torch, torch
 
 from paxisim.augment import CentreOfPressure, History, TaxelBinarization, TaxelDirection, encoding
 from paxisim.augment.encodings import ENCODINGS

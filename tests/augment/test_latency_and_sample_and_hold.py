@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from optional import torch
-from responses import both, respond, times
+from forces import both, respond, times, torch
 from scipy import stats
 from transform_examples import FRAME
 
@@ -36,14 +35,6 @@ def test_any_signal_is_moved_exactly_if_the_frames_suffice(kind):
     (again,) = Chain.from_json(Chain([ahead]).to_json())
     np.testing.assert_array_equal(respond(again, x, time), respond(ahead, x, time))
     np.testing.assert_array_equal(respond(ahead, [3.0], [0.0]), [3.0])
-
-
-def test_a_delay_of_whole_frames_is_a_shift():
-    x, time = np.random.default_rng(0).normal(size=100), np.arange(100) * 0.02
-    for frames in (1, 5, 14):
-        for dtype, tolerance in ((np.float64, 1e-12), (np.float32, 5e-5)):
-            y = respond(Latency(frames * 0.02, capacity=16), x, time, dtype)
-            np.testing.assert_allclose(y[frames:], x[:-frames], atol=tolerance)
 
 
 @pytest.mark.parametrize("rate", [100, 1000])

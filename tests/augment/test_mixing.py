@@ -32,16 +32,10 @@ class TestCrosstalk:
         x = frame()
         total = x.sum(axis=(-2, -1))
         gained = Crosstalk((0.1, 0.05, -0.02), taken=0.0)(x).sum(axis=(-2, -1)) - total
-        y = Crosstalk((0.1, 0.05, -0.02), taken=taken)(x)
-        np.testing.assert_allclose(y.sum(axis=(-2, -1)), total + (1 - taken) * gained, atol=1e-12)
-
-    @settings(max_examples=10)
-    @given(st.floats(-0.5, 0.5), st.floats(0.05, 20), st.floats(0, 10), st.integers(0, 100))
-    def test_force_and_uniform_loads_are_conserved(self, strength, length, far, seed):
-        t = Crosstalk(np.full(3, strength), length, far)
-        x = frame(seed)
-        np.testing.assert_allclose(t(x).sum((-2, -1)), x.sum((-2, -1)), atol=1e-9)
-        np.testing.assert_allclose(t(np.full((2, 3, 6, 5), 2.5)), 2.5, atol=1e-9)
+        crosstalk = Crosstalk((0.1, 0.05, -0.02), taken=taken)
+        np.testing.assert_allclose(crosstalk(x).sum(axis=(-2, -1)), total + (1 - taken) * gained, atol=1e-12)
+        if taken == 1:
+            np.testing.assert_allclose(crosstalk(np.full((2, 3, 6, 5), 2.5)), 2.5, err_msg="a uniform load stays")
 
     @pytest.mark.parametrize(
         "mixing", [partial(Crosstalk, (0.1, 0.05, 0.02)), partial(Poisson, 0.2, 0.1), partial(Poisson, 0.2, 0.1, 1.0)]

@@ -4,8 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from optional import needs_torch, torch
-from responses import both, everywhere, times
+from forces import both, everywhere, needs_torch, times, torch
 from scipy import stats
 from transform_examples import FRAME
 
@@ -54,13 +53,6 @@ def test_one_bit_of_seed_or_count_changes_half_of_the_bits():
         for key in ((seeds ^ (1 << bit), counts), (seeds, counts ^ (1 << bit))):
             flips = ((_words(*key, frames(2000), 1, 1) ^ before) >> np.arange(32)) & 1
             assert np.all(np.abs(flips.mean(0) - 0.5) < 5 * 0.5 / np.sqrt(2000))
-
-
-def test_no_key_comes_twice():
-    """Seeds and counts in the range of a training run give distinct keys; 63 bits of two words are compared."""
-    seeds, counts = np.meshgrid(np.arange(500), np.arange(2000))
-    words = _words(seeds.reshape(-1), counts.reshape(-1, 1, 1, 1, 1), np.zeros((seeds.size, 1, 1, 1, 1)), 2, 1)
-    assert len(np.unique(words[:, 0] * 2**31 + words[:, 1] // 2)) == len(words)
 
 
 def test_elements_frames_seeds_streams_and_environments_do_not_correlate():

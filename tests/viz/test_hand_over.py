@@ -73,16 +73,6 @@ def test_beyond_the_rate_values_are_left_out_evenly():
     assert queue.taken + queue.dropped == queue.given == 1001
 
 
-def test_values_within_the_rate_are_all_taken_though_they_come_together():
-    consumer = Consumer()
-    queue = HandOver(consumer, size=100, period=0.05, rate=100.0)
-    for value in range(50):
-        queue.put(value)
-    queue.close()
-    assert [*itertools.chain(*consumer.batches)] == list(range(50))
-    assert queue.dropped == 0
-
-
 def fail(values, given):
     raise OSError("no room")
 
