@@ -95,8 +95,7 @@ def test_centre_of_pressure_of_positions_off_the_grid():
 
 
 @needs_torch
-@pytest.mark.slow
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", ["CoP", *(pytest.param(n, marks=pytest.mark.slow) for n in NAMES[:-1])])
 def test_encodings_compile(name):
     x = torch.as_tensor(force(4))
     encode = encoding(name, LAYOUT).encode

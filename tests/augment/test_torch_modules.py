@@ -128,8 +128,10 @@ def test_nothing_waits_for_the_device(build):
 TIP = TaxelLayout(6, 5, 2e-3, TaxelLayout(6, 5, 2e-3).positions, [[0, 0.1 * i, -1] for i in range(30)])
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("options", [{}, {"per": "episode"}, {"per": "episode", "layout": TIP}])
+SLOW = [pytest.param(options, marks=pytest.mark.slow) for options in ({}, {"per": "episode", "layout": TIP})]
+
+
+@pytest.mark.parametrize("options", [{"per": "episode"}, *SLOW])
 def test_they_compile_in_one_graph(options, build):
     if "layout" in options and build is chain_module:
         return
