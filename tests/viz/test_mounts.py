@@ -1,7 +1,6 @@
 """Pictures of a gripper with its pads: what a person must be able to tell from them."""
 
 import io
-import sys
 from importlib.resources import files
 
 import numpy as np
@@ -89,13 +88,6 @@ def test_taxels_that_something_covers_are_hollow():
         hollow.append(36 - faces(pad)[1])
     assert hollow[0] == 0
     assert 6 <= hollow[1] <= 18
-
-
-def test_without_matplotlib_the_extra_is_named(monkeypatch):
-    gripper = paxisim.attach(TOOL, GRID, [ON_TOOL])
-    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
-    with pytest.raises(paxisim.MissingExtraError, match=r"paxisim\[viz\]"):
-        paxisim.plot_mounts(gripper)
 
 
 @pytest.mark.robosuite

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.quiver import Quiver, QuiverKey
 from matplotlib.text import Text
 
+import paxisim
 from paxisim.diagnose.report.style import drawing
 from paxisim.errors import InvalidValueError, MissingExtraError
 from paxisim.layout import TaxelLayout
@@ -207,10 +208,17 @@ def test_what_is_refused(draw, force, options, words):
 
 
 def test_without_matplotlib_the_extra_is_named(monkeypatch):
-    monkeypatch.setitem(sys.modules, "matplotlib", None)
-    for draw, force in ((plot_tactile, PAIR[0]), (plot_pads, PAIR)):
+    for name in ("matplotlib", "matplotlib.figure"):
+        monkeypatch.setitem(sys.modules, name, None)
+    for draw, given in (
+        (plot_tactile, (PAIR[0], LAYOUT)),
+        (plot_pads, (PAIR, LAYOUT)),
+        (paxisim.plot_mounts, (None,)),
+        (paxisim.plot_presses, (None,)),
+        (paxisim.plot_calibration, (None, None)),
+    ):
         with pytest.raises(MissingExtraError, match=rf"{draw.__name__} needs matplotlib.*paxisim\[viz\]"):
-            draw(force, LAYOUT)
+            draw(*given)
 
 
 def test_pyplot_and_its_backend_are_left_alone():
