@@ -13,10 +13,12 @@ import pytest
 from forces import torch
 from transform_examples import BATCH, COVARIATES, KINDS, TIME, at, every, example, inputs, keys_of, stacked
 
+from paxisim import augment
 from paxisim.augment.chain import Chain
 from paxisim.augment.parameter_spec import Parameter, parameters
 from paxisim.augment.transform import Transform
 from paxisim.errors import InvalidValueError, UnknownNameError
+from paxisim.layout import TaxelLayout
 
 
 def refused(transform: Transform, words: str) -> Any:
@@ -121,6 +123,92 @@ def test_time_that_runs_backwards_or_is_not_one_for_each_frame(name):
     for dt in (-0.01, math.nan, math.inf, np.float32(-0.01), np.asarray(-0.01)):
         with refused(transform, "dt"):
             transform.step(x[1], state, dt, at(series, 1))
+
+
+# what some of them refuse beyond that
+
+WEIGHT = r"the sum of weight must lie in \[0, 1\]"
+FAR = augment.Latency(-0.04)
+OTHER = TaxelLayout(2, 2, 1e-3)
+POSES = {"covariates": ("a", "b"), "middle": (0.0, 0.0), "directions": ((1.0, 0.0), (0.0, 1.0))}
+
+
+def frame():
+    return inputs("Offset")[0][0]
+
+
+@pytest.mark.parametrize(
+    ("name", "make", "words"),
+    [
+        ("ChannelCurve", lambda: augment.ChannelCurve(low=2.0, high=0.0), "high - low must lie in"),
+        ("ChannelCurve", lambda: augment.ChannelCurve(low=np.array([-1.0, 2.0]), high=0.0), "high - low must lie in"),
+        ("CovariateField", lambda: augment.CovariateField(**POSES | {"middle": (0.0,)}), "one number for each of 2"),
+        ("CovariateField", lambda: augment.CovariateField(**POSES | {"directions": ((1.0,),)}), "one number for each"),
+        ("CovariateField", lambda: augment.CovariateField(**POSES), "for 2 directions, got 2 modes"),
+        ("Creep", lambda: augment.Creep((0.1, 0.1), (0.1, 0.2, 0.3)), "got 2 in amplitude, 3 in tau"),
+        ("Creep", lambda: augment.Creep((), (0.1,)), "0 in amplitude"),
+        ("Creep", lambda: augment.Creep(0.1, (0.1,)), r"amplitude must have shape \(..., modes\)"),
+        ("Crosstalk", lambda: augment.Crosstalk(layout=OTHER)(frame()), "layout has 2x2 taxels, the tensor 6x5"),
+        ("Hysteresis", lambda: augment.Hysteresis((0.1, 0.1), (1, 2, 3)), "got 2 in weight, 3 in radius"),
+        ("Hysteresis", lambda: augment.Hysteresis((0.7, 0.4), (1.0, 1.0)), WEIGHT),
+        ("Hysteresis", lambda: augment.Hysteresis((0.4,), (1.0, 2.0, 3.0)), WEIGHT),
+        ("Latency", lambda: FAR.initial_state(frame()), r"a delay of -0\.04 s .* delay the simulated stream"),
+        ("Latency", lambda: Chain([augment.LowPass(0.1), FAR]).initial_state(frame()), "delay the simulated stream"),
+        ("Latency", lambda: augment.Latency(np.array([-0.01, 0.02])), "must be one number, without jitter"),
+        ("Latency", lambda: augment.Latency(-0.02, 0.01), "must be one number, without jitter"),
+        ("Latency", lambda: augment.Latency(capacity=2), "capacity must be a whole number of at least 3"),
+        ("Latency", lambda: augment.Latency(capacity="16"), "capacity must be a whole number of at least 3"),
+        ("LayoutFault", lambda: augment.LayoutFault(pad_order=(0, 2)), "pad_order must be a permutation"),
+        ("LayoutFault", lambda: augment.LayoutFault(axis_order=(0, 1, 1)), "axis_order must be a permutation"),
+        ("LayoutFault", lambda: augment.LayoutFault(axis_signs=(1, 1, 0)), "axis_signs must be three of 1 and -1"),
+        ("LayoutFault", lambda: augment.LayoutFault(axis_signs=(1, 1)), "axis_signs must be three of 1 and -1"),
+        ("LayoutFault", lambda: augment.LayoutFault(axis_signs=1), "axis_signs must be whole numbers"),
+        ("LayoutFault", lambda: augment.LayoutFault(pad_order=(0, 0.5)), "pad_order must be whole numbers"),
+        ("LayoutFault", lambda: augment.LayoutFault(flip_rows="yes"), "flip_rows must be true or false"),
+        ("LayoutFault", lambda: augment.LayoutFault(transpose=True)(frame()), "transpose needs as many rows"),
+        ("LayoutFault", lambda: augment.LayoutFault(pad_order=(2, 0, 1))(frame()), "pad_order names 3 pads"),
+        ("Poisson", lambda: augment.Poisson(reach=0.5), "reach must be at least 1 pitch"),
+        ("Poisson", lambda: augment.Poisson(reach=np.inf), "reach must be at least 1 pitch"),
+        ("Poisson", lambda: augment.Poisson(falloff=0.0), "falloff must be positive"),
+        ("Poisson", lambda: augment.Poisson(layout=OTHER)(frame()), "layout has 2x2 taxels, the tensor 6x5"),
+        ("SwappedTaxels", lambda: augment.SwappedTaxels([(0, 1, 1, 2)]), "must be .*each"),
+        ("SwappedTaxels", lambda: augment.SwappedTaxels([(0, 1, 1, 2, -1)]), "must be .*each"),
+        ("SwappedTaxels", lambda: augment.SwappedTaxels([(0, 1, 1, 2, 0.5)]), "must be .*each"),
+        ("SwappedTaxels", lambda: augment.SwappedTaxels(3), "must be .*each"),
+        ("SwappedTaxels", lambda: augment.SwappedTaxels([(0, 1, 1, 1, 1)]), r"\(1, 1\) of pad 0 twice"),
+        (
+            "SwappedTaxels",
+            lambda: augment.SwappedTaxels([(1, 1, 1, 2, 1), (1, 0, 0, 1, 1)]),
+            r"\(1, 1\) of pad 1 twice",
+        ),
+        ("SwappedTaxels", lambda: augment.SwappedTaxels([(2, 0, 0, 1, 1)])(frame()), "not both in a tensor"),
+        ("SwappedTaxels", lambda: augment.SwappedTaxels([(0, 6, 0, 1, 1)])(frame()), "not both in a tensor"),
+        ("SwappedTaxels", lambda: augment.SwappedTaxels([(0, 0, 0, 1, 5)])(frame()), "not both in a tensor"),
+        ("GCS", lambda: augment.Ranges(axis_gain=(1.5, 0.5)), "axis_gain must be finite bounds, at least 0"),
+        ("GCS", lambda: augment.Ranges(convolution=(0.1, np.inf)), "convolution must be finite bounds"),
+        ("GCS", lambda: augment.Ranges(deviation=(0.0, 1.0)), "deviation must be finite bounds, above 0"),
+        ("GCS", lambda: augment.Ranges(taxel_gain=(1.0, -0.25)), "taxel_gain"),
+        ("GCS", lambda: augment.Ranges(dropout=1.2), "dropout must be a probability"),
+        ("GCS", lambda: augment.Ranges(offset=-0.1), "offset must be finite and at least 0 N"),
+        ("GCS", lambda: augment.GCS(dropout_of="pad"), "dropout_of must be"),
+        ("Poisson", lambda: augment.GCS(reach=0), "reach"),
+        ("GCS", lambda: augment.GCS().sample(3), r"numpy\.random\.Generator or a torch\.Generator, got 3"),
+        ("TaxelBinarization", lambda: augment.TaxelBinarization(OTHER, of="z"), "of must be"),
+        ("TotalForce", lambda: augment.TotalForce(OTHER).encode(np.zeros((3, 2, 2))), "expected a floating point"),
+        ("TotalForce", lambda: augment.TotalForce(OTHER).encode(np.zeros((2, 3, 2, 2), int)), "expected a floating"),
+        ("History", lambda: augment.History(augment.TotalForce(OTHER), 0), "k must be"),
+        ("History", lambda: augment.History(augment.TotalForce(OTHER), 1.5), "k must be"),
+        ("History", lambda: augment.History(augment.TotalForce(OTHER), fill="ones"), "fill must be"),
+    ],
+)
+def test_what_is_refused(name, make, words):
+    with pytest.raises(InvalidValueError, match=f"^{name}: .*{words}|^{name} .*{words}"):
+        make()
+
+
+def test_an_encoding_that_is_not_there():
+    with pytest.raises(UnknownNameError, match="unknown encoding 'COP'; did you mean 'CoP'"):
+        augment.encoding("COP", OTHER)
 
 
 # chains in JSON

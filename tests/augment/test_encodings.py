@@ -6,7 +6,7 @@ from forces import needs_torch, torch
 
 from paxisim.augment import CentreOfPressure, History, TaxelBinarization, TaxelDirection, encoding
 from paxisim.augment.encodings import ENCODINGS
-from paxisim.errors import InvalidValueError, UnknownNameError
+from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
 
 LAYOUT = TaxelLayout(6, 5, (4.35e-3, 4.52e-3))
@@ -160,20 +160,3 @@ def test_history_waits_for_no_device():
         history.append(torch.empty(4, 2, 3, 6, 5, device="meta"))
         history.reset(torch.empty(4, dtype=torch.bool, device="meta"))
     assert history.read().shape == (4, 18, 6, 5)
-
-
-@pytest.mark.parametrize(
-    ("make", "words"),
-    [
-        (lambda: encoding("COP", LAYOUT), "unknown encoding 'COP'; did you mean 'CoP'"),
-        (lambda: TaxelBinarization(LAYOUT, of="z"), "of must be"),
-        (lambda: encoding("TF", LAYOUT).encode(np.zeros((3, 6, 5))), "expected a"),
-        (lambda: encoding("TF", LAYOUT).encode(np.zeros((2, 3, 6, 5), int)), "expected a"),
-        (lambda: History(encoding("GCS", LAYOUT), 0), "k must be"),
-        (lambda: History(encoding("GCS", LAYOUT), 1.5), "k must be"),
-        (lambda: History(encoding("GCS", LAYOUT), fill="ones"), "fill must be"),
-    ],
-)
-def test_what_is_refused(make, words):
-    with pytest.raises((InvalidValueError, UnknownNameError), match=words):
-        make()

@@ -8,7 +8,6 @@ from scipy import stats
 from paxisim.augment import AxisGain, Poisson, TaxelGain
 from paxisim.augment.gcs import GCS, PAPER_LAYOUT, Ranges
 from paxisim.bump import GaussianBump
-from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
 from paxisim.sensors import sensor
 
@@ -163,22 +162,3 @@ def test_layouts():
     paper = sensor("paxini-gen1-l4629").layout.pool(2, 2)
     assert (PAPER_LAYOUT.rows, PAPER_LAYOUT.cols) == (paper.rows, paper.cols)
     np.testing.assert_allclose(PAPER_LAYOUT.pitch, paper.pitch)
-
-
-@pytest.mark.parametrize(
-    ("make", "words"),
-    [
-        (lambda: Ranges(axis_gain=(1.5, 0.5)), "GCS: axis_gain"),
-        (lambda: Ranges(convolution=(0.1, np.inf)), "GCS: convolution"),
-        (lambda: Ranges(deviation=(0.0, 1.0)), "GCS: deviation must be finite bounds, above 0"),
-        (lambda: Ranges(taxel_gain=(1.0, -0.25)), "GCS: taxel_gain"),
-        (lambda: Ranges(dropout=1.2), "GCS: dropout must be a probability"),
-        (lambda: Ranges(offset=-0.1), "GCS: offset must be finite and at least 0 N"),
-        (lambda: GCS(dropout_of="pad"), "dropout_of"),
-        (lambda: GCS(reach=0), "reach"),
-        (lambda: GCS().sample(3), r"numpy\.random\.Generator or a torch\.Generator, got 3"),
-    ],
-)
-def test_what_is_refused(make, words):
-    with pytest.raises(InvalidValueError, match=words):
-        make()

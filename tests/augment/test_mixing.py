@@ -140,24 +140,6 @@ class TestLayoutFault:
         y = LayoutFault(axis_order=(1, 2, 0), axis_signs=(1, -1, -1))(x)
         np.testing.assert_array_equal(y, np.stack([x[:, 1], -x[:, 2], -x[:, 0]], axis=1))
 
-    @pytest.mark.parametrize(
-        ("fault", "words"),
-        [
-            ({"pad_order": (0, 2)}, "pad_order must be a permutation"),
-            ({"axis_order": (0, 1, 1)}, "axis_order must be a permutation"),
-            ({"axis_signs": (1, 1, 0)}, "axis_signs must be three of 1 and -1"),
-            ({"axis_signs": (1, 1)}, "axis_signs must be three of 1 and -1"),
-            ({"axis_signs": 1}, "axis_signs must be whole numbers"),
-            ({"pad_order": (0, 0.5)}, "pad_order must be whole numbers"),
-            ({"flip_rows": "yes"}, "flip_rows must be true or false"),
-            ({"transpose": True}, "transpose needs as many rows as columns"),
-            ({"pad_order": (2, 0, 1)}, "pad_order names 3 pads"),
-        ],
-    )
-    def test_what_is_no_fault_or_does_not_fit_the_tensor(self, fault, words):
-        with pytest.raises(InvalidValueError, match=f"^LayoutFault: {words}"):
-            LayoutFault(**fault)(frame())
-
 
 class TestSwappedTaxels:
     def test_each_of_a_pair_reads_the_other(self):
@@ -169,17 +151,3 @@ class TestSwappedTaxels:
         np.testing.assert_array_equal(swapped(x), expected)
         (again,) = Chain.from_json(Chain([swapped]).to_json())
         assert again.pairs == ((1, 0, 2, 5, 4), (0, 1, 1, 1, 2))
-
-    @pytest.mark.parametrize(
-        ("pairs", "words"),
-        [
-            *(([pair], "must be .*each") for pair in [(0, 1, 1, 2), (0, 1, 1, 2, -1), (0, 1, 1, 2, 0.5), ("a",) * 5]),
-            (3, "must be .*each"),
-            ([(0, 1, 1, 1, 1)], r"name the taxel \(1, 1\) of pad 0 twice"),
-            ([(1, 1, 1, 2, 1), (1, 0, 0, 1, 1)], r"name the taxel \(1, 1\) of pad 1 twice"),
-            *(([pair], "not both in a tensor") for pair in [(2, 0, 0, 1, 1), (0, 6, 0, 1, 1), (0, 0, 0, 1, 5)]),
-        ],
-    )
-    def test_what_is_no_pair_or_does_not_fit_the_tensor(self, pairs, words):
-        with pytest.raises(InvalidValueError, match=f"^SwappedTaxels: .*{words}"):
-            SwappedTaxels(pairs)(frame())

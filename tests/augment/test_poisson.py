@@ -5,7 +5,6 @@ import pytest
 from forces import frame, needs_torch, press, torch
 
 from paxisim.augment.poisson import Poisson
-from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
 
 
@@ -86,17 +85,3 @@ def test_a_constant_made_in_inference_mode_serves_gradients():
     Poisson(cx)(x.requires_grad_()).sum().backward()
     assert x.grad is not None
     assert cx.grad is not None
-
-
-@pytest.mark.parametrize(
-    ("wrong", "words"),
-    [
-        ({"reach": 0.5}, "reach must be at least 1 pitch"),
-        ({"reach": np.inf}, "reach"),
-        ({"falloff": 0.0}, "falloff must be positive"),
-        ({"layout": TaxelLayout(2, 2, 1e-3)}, "layout has 2x2 taxels, the tensor 6x5"),
-    ],
-)
-def test_what_is_refused(wrong, words):
-    with pytest.raises(InvalidValueError, match=f"^Poisson: {words}"):
-        Poisson(**wrong)(frame())
