@@ -28,6 +28,7 @@ from transform_examples import (
     inputs,
     keys_of,
     stacked,
+    with_parameters,
 )
 
 from paxisim.augment.chain import Chain
@@ -163,7 +164,8 @@ def test_a_reset_restarts_some_streams(name):
 
 @every
 def test_it_returns_from_json_bit_for_bit(name):
-    for transform in (example(name), stacked(name), KINDS[name]()):
+    neutral = KINDS[name]()
+    for transform in (example(name), stacked(name), neutral, with_parameters(np.asarray, neutral)):  # some are infinite
         text = Chain([transform]).to_json()
         json.loads(text, parse_constant=pytest.fail)  # strict: no NaN, no Infinity
         (again,) = Chain.from_json(text)

@@ -141,6 +141,13 @@ def test_gradients(transform, force, gradient):
     assert x.grad.ravel().tolist() == pytest.approx(gradient)
 
 
+def test_gradients_with_one_infinite_limit():
+    torch = pytest.importorskip("torch")
+    limits = [torch.tensor(value, requires_grad=True) for value in ([-math.inf], [2.0], 0.5)]
+    Saturation(*limits)(torch.as_tensor(taxel(-5, 5, 0))).sum().backward()
+    assert all(torch.isfinite(value.grad).all() for value in limits)
+
+
 class TestQuantisation:
     def test_readings_are_whole_steps_at_most_half_a_step_away(self):
         step, x = column([0.1, 0.25, 0.0]), frame()
