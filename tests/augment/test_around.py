@@ -124,7 +124,7 @@ def test_the_torch_module_takes_it_where_there_is_no_memory():
     [
         ({"krep": {}}, UnknownNameError, "creep"),
         ({"creep": {"amplitud": (0, 1)}}, UnknownNameError, "amplitude"),
-        ({"creep": {"amplitude": (0.0, 1.0)}}, InvalidValueError, r"must have its shape \(2,\)"),
+        ({"creep": {"amplitude": ([0.0, 0.0], 1.0)}}, InvalidValueError, r"must have its shape \(2,\)"),
         ({"latency": {"delay": (0.1, 0.0)}}, InvalidValueError, "latency.delay must be finite and in order"),
         ({"latency": {"delay": (0.1, np.inf)}}, InvalidValueError, "must be finite"),
         ({"latency": {"delay": 0.1}}, InvalidValueError, r"latency.delay must be \(low, high\)"),

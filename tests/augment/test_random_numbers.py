@@ -9,7 +9,7 @@ from scipy import stats
 from transform_examples import FRAME
 
 from paxisim.augment import Chain, Latency, RandomWalk, WhiteNoise
-from paxisim.augment.random_numbers import SEEDS, _words, check_seed, no_draws, normal, uniform
+from paxisim.augment.random_numbers import SEEDS, _to_unit, _words, check_seed, no_draws, normal, uniform
 from paxisim.errors import InvalidValueError
 
 
@@ -95,6 +95,7 @@ def test_extremes_dtypes_and_an_odd_number_of_elements():
             n = normal(seed, no_draws(frames()) + count, frames(), 2**40)
             assert np.all(np.isfinite(n))
             assert np.unique(n).size == n.size
+    assert 0 < _to_unit(np.array(0), np) < _to_unit(np.array(SEEDS - 1), np) < 1, "their logarithm is finite"
     odd, single = np.zeros((1, 3, 1, 1)), frames(2, dtype="float32")
     assert normal(1, no_draws(odd), odd, 1).shape == odd.shape
     for draw in (normal, uniform):
