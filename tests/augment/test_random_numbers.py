@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import array_api_compat.numpy as xp
 import numpy as np
 import pytest
 from forces import both, everywhere, needs_torch, times, torch
@@ -95,7 +96,7 @@ def test_extremes_dtypes_and_an_odd_number_of_elements():
             n = normal(seed, no_draws(frames()) + count, frames(), 2**40)
             assert np.all(np.isfinite(n))
             assert np.unique(n).size == n.size
-    assert 0 < _to_unit(np.array(0), np) < _to_unit(np.array(SEEDS - 1), np) < 1, "their logarithm is finite"
+    assert 0 < _to_unit(np.array(0), xp) < _to_unit(np.array(SEEDS - 1), xp) < 1, "their logarithm is finite"
     odd, single = np.zeros((1, 3, 1, 1)), frames(2, dtype="float32")
     assert normal(1, no_draws(odd), odd, 1).shape == odd.shape
     for draw in (normal, uniform):
