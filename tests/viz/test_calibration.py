@@ -22,7 +22,9 @@ def test_presses_are_drawn_with_their_cuts_and_thresholds():
     for ax in axes:
         cuts = [line.get_xdata()[0] for line in ax.lines if line.get_color() == RED and len(line.get_xdata()) == 2]
         np.testing.assert_allclose(sorted(cuts), recording.time[list(presses.cuts)])
-        assert len(ax.patches) == len(presses.spans)
+        shaded = [ax.transData.inverted().transform(patch.get_window_extent())[:, 0] for patch in ax.patches]
+        expected = [(recording.time[span.start], recording.time[span.stop - 1]) for span in presses.spans]
+        np.testing.assert_allclose(shaded, expected, atol=1e-6)
     assert axes[1].get_ylim()[1] < 0.5 * presses.load.max()  # magnifies the signal at rest
 
 

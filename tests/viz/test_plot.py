@@ -184,6 +184,7 @@ def test_no_name_is_under_the_reference_arrow(layout, name):
     key = keys_of(figure.axes[1])[0].text.get_window_extent(renderer)
     places = [title.get_window_extent(renderer) for title in titles]
     assert not places[1].overlaps(key)
+    assert key.y1 < figure.bbox.height, "the arrow is in the picture"
     assert places[0].y0 == pytest.approx(places[1].y0, abs=1.0)
 
 
