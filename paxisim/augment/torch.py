@@ -29,7 +29,10 @@ from typing import Any, Literal
 
 from paxisim.augment import chain as chains
 from paxisim.augment import gcs as paper
+from paxisim.augment.gains import AxisGain, PadAxisGain, TaxelGain
+from paxisim.augment.offset import Offset
 from paxisim.augment.parameter_spec import parameters
+from paxisim.augment.poisson import Poisson
 from paxisim.errors import InvalidValueError, MissingExtraError, UnknownNameError
 from paxisim.layout import TaxelLayout
 
@@ -160,6 +163,8 @@ class GCS(Randomised):
         self.layout, self.pads = layout, pads
         self._taxels = (pads, layout.rows, layout.cols)
         self._positions = None if layout.is_grid else layout
+        for kind in (Poisson, AxisGain, PadAxisGain, TaxelGain, Offset):
+            parameters(kind)  # cached, because torch.compile cannot trace dataclasses.fields
 
     def draw(self, batch_shape: tuple[int, ...], device: torch.device) -> chains.Chain:
         """See `Randomised.draw`."""

@@ -1,26 +1,25 @@
-"""Random numbers: identical everywhere and statistically sound."""
+"""Random numbers: the same everywhere and statistically sound; white noise and random walk made of them."""
 
+import dataclasses
+
+import array_api_compat.numpy as xp
 import numpy as np
 import pytest
-from optional import needs_torch, torch
+from forces import both, everywhere, needs_torch, times, torch
 from scipy import stats
 from transform_examples import FRAME
 
-from paxisim.augment.noise import WhiteNoise
-from paxisim.augment.random_numbers import SEEDS, _mix, _words, check_seed, no_draws, normal, uniform
+from paxisim.augment import Chain, Latency, RandomWalk, WhiteNoise
+from paxisim.augment.random_numbers import SEEDS, _to_unit, _words, check_seed, no_draws, normal, uniform
 from paxisim.errors import InvalidValueError
-
-SIZE = 180
 
 
 def frames(*batch, dtype="float64"):
     return np.zeros((*batch, *FRAME), dtype)
 
 
-def many(count, draw, *args):
-    """Return ``count`` consecutive frames of numbers, ``(count, 180)``."""
-    x = frames(count)
-    return draw(np.full(count, 7), np.arange(count).reshape(count, 1, 1, 1, 1), x, 1, *args).reshape(count, -1)
+def counting(count):
+    return np.arange(count).reshape(count, 1, 1, 1, 1)
 
 
 def correlation(a, b):
@@ -30,178 +29,131 @@ def correlation(a, b):
 
 
 def test_normal_numbers_are_normal():
-    n = many(5000, normal).reshape(-1)
-    size = len(n)
-    assert abs(n.mean()) < 4 / np.sqrt(size)
-    assert abs(n.var() - 1) < 4 * np.sqrt(2 / size)
-    assert abs(stats.skew(n)) < 4 * np.sqrt(6 / size)
-    assert abs(stats.kurtosis(n)) < 4 * np.sqrt(24 / size)
+    n = normal(np.full(5000, 7), counting(5000), frames(5000), 1).reshape(-1)
     assert stats.kstest(n, "norm").pvalue > 0.01
+    assert abs(n.mean()) < 4 / np.sqrt(n.size)
+    assert abs(n.var() - 1) < 4 * np.sqrt(2 / n.size)
     for limit in (2, 3, 4):
         share = 2 * stats.norm.sf(limit)
-        assert abs((np.abs(n) > limit).mean() - share) < 4 * np.sqrt(share / size)
+        assert abs((np.abs(n) > limit).mean() - share) < 4 * np.sqrt(share / n.size)
 
 
-def test_normal_frames_are_normal_each_and_each_element_over_time():
-    n = many(2000, normal)
-    for axis, count in ((1, SIZE), (0, 2000)):
-        p = stats.kstest(n, "norm", axis=axis).pvalue
-        assert stats.kstest(p, "uniform").pvalue > 0.01
-        means = n.mean(axis) * np.sqrt(count)
-        assert stats.kstest(means, "norm").pvalue > 0.01
-
-
-def test_uniform_numbers_are_uniform():
-    u = uniform(7, no_draws(frames(500_000)), frames(500_000), 1).reshape(-1)
-    assert 0 < u.min() < 1e-5 < 1 - 1e-5 < u.max() < 1
-    assert stats.kstest(u, "uniform").pvalue > 0.01
-    assert stats.chisquare(np.histogram(u, 1000, (0, 1))[0]).pvalue > 0.01
-    # one environment over time
-    counts = np.arange(100_000).reshape(-1, 1, 1, 1, 1)
-    u = uniform(np.full(100_000, 7), counts, frames(100_000), 1).reshape(-1)
-    assert stats.kstest(u, "uniform").pvalue > 0.01
-
-
-def test_words_have_fair_bits_in_every_place():
-    words = _words(0, no_draws(frames()), frames(), 200_000, 1).reshape(-1)
-    ones = ((words[:, None] >> np.arange(32)) & 1).mean(0)
-    assert np.all(np.abs(ones - 0.5) < 4 * 0.5 / np.sqrt(len(words)))
-    pairs = np.histogram2d(words[:-1] >> 24, words[1:] >> 24, bins=[np.arange(0, 257, 8)] * 2)[0]
-    assert stats.chisquare(pairs.reshape(-1)).pvalue > 0.01
+def test_uniform_numbers_are_uniform_over_environments_and_over_time():
+    zeros = frames(100_000)
+    for u in (uniform(7, no_draws(zeros), zeros, 1), uniform(np.full(100_000, 7), counting(100_000), zeros, 1)):
+        assert 0 < u.min() < 1e-4 < 1 - 1e-4 < u.max() < 1
+        assert stats.kstest(u.reshape(-1), "uniform").pvalue > 0.01
+        assert stats.chisquare(np.histogram(u, 1000, (0, 1))[0]).pvalue > 0.01
 
 
 def test_one_bit_of_seed_or_count_changes_half_of_the_bits():
     rng = np.random.default_rng(0)
-    seeds, counts = rng.integers(SEEDS, size=2000), rng.integers(100_000, size=2000)
-
-    def words(seeds, counts):
-        return _words(seeds, counts.reshape(-1, 1, 1, 1, 1), frames(2000), 1, 1).reshape(-1)
-
+    seeds, counts = rng.integers(SEEDS, size=2000), rng.integers(100_000, size=(2000, 1, 1, 1, 1))
+    before = _words(seeds, counts, frames(2000), 1, 1)
     for bit in range(32):
-        for changed in (words(seeds ^ (1 << bit), counts), words(seeds, counts ^ (1 << bit))):
-            flips = ((changed ^ words(seeds, counts))[:, None] >> np.arange(32)) & 1
+        for key in ((seeds ^ (1 << bit), counts), (seeds, counts ^ (1 << bit))):
+            flips = ((_words(*key, frames(2000), 1, 1) ^ before) >> np.arange(32)) & 1
             assert np.all(np.abs(flips.mean(0) - 0.5) < 5 * 0.5 / np.sqrt(2000))
 
 
-def test_the_hash_is_a_bijection_where_it_can_be_seen():
-    some = np.arange(1 << 20)
-    for step in (1, 4096, 12345):
-        assert len(np.unique(_mix((some * step) & (SEEDS - 1)))) == len(np.unique((some * step) & (SEEDS - 1)))
-
-
-def test_numbers_do_not_correlate():
-    n = many(1000, normal)
+def test_elements_frames_seeds_streams_and_environments_do_not_correlate():
+    x, zero, seeds = frames(1000), no_draws(frames(1000)), np.arange(1000)
+    n = normal(np.full(1000, 7), counting(1000), x, 1).reshape(1000, -1)
     for lag in (1, 2, 5, 30, 60, 90):
         assert correlation(n[:, lag:], n[:, :-lag]) < 4, "elements"
-    for lag in (1, 2, 3, 10, 100):
         assert correlation(n[lag:], n[:-lag]) < 4, "frames"
         assert correlation(n[lag:, lag:], n[:-lag, :-lag]) < 4, "both"
-    for values in (n**2, np.abs(n), np.sign(n)):
+    for values in (n**2, np.sign(n)):
         assert correlation(values[:, 90:], values[:, :90]) < 4, "the two numbers of one radius and angle"
-        assert correlation(values[1:], values[:-1]) < 4
-    matrix = np.corrcoef(n.T) - np.eye(SIZE)
-    assert np.abs(matrix).max() * np.sqrt(1000) < 5
-
-
-def test_seeds_streams_and_environments_do_not_correlate():
-    x, zero = frames(1000), no_draws(frames(1000))
-    first = normal(np.arange(1000), zero, x, 1)
+    first = normal(seeds, zero, x, 1)
     for other in (
-        normal(np.arange(1000) + 1, zero, x, 1),
-        normal(np.arange(1000) ^ (1 << 31), zero, x, 1),
-        normal(np.arange(1000), zero + 1, x, 1),
-        normal(np.arange(1000), zero, x, 2),
-        normal(np.arange(1000) + 1, zero - 1, x, 1),
-        normal(np.zeros(1000, int), np.arange(1000).reshape(-1, 1, 1, 1, 1), x, 1),
+        normal(seeds + 1, zero, x, 1),
+        normal(seeds ^ (1 << 31), zero, x, 1),
+        normal(seeds, zero + 1, x, 1),
+        normal(seeds, zero, x, 2),
+        normal(seeds + 1, zero - 1, x, 1),
+        normal(np.zeros(1000, int), counting(1000), x, 1),
         normal(7, zero, x, 1),
     ):
         assert correlation(first, other) < 4
-    one_seed = normal(7, zero, x, 1)
-    for values in (first, one_seed):
-        assert correlation(values[1:], values[:-1]) < 4
-        assert len(np.unique(values)) == values.size
+        assert correlation(other[1:], other[:-1]) < 4
+        assert len(np.unique(other)) == other.size
 
 
-def test_no_key_comes_twice():
-    # seeds and counts in the range of a training run give distinct keys; 63 bits of two words are compared
-    seeds, counts = np.meshgrid(np.arange(500), np.arange(2000))
-    x = np.zeros((seeds.size, 1, 1, 1, 1))
-    words = _words(seeds.reshape(-1), counts.reshape(-1, 1, 1, 1, 1), x, 2, 1)
-    assert len(np.unique(words[:, 0] * 2**31 + words[:, 1] // 2)) == len(words)
-
-
-def test_a_seed_each_makes_an_environment_the_same_wherever_it_is():
-    seeds = np.array([3, 14, 3, 0])
-    n = normal(seeds, no_draws(frames(4)), frames(4), 1)
-    np.testing.assert_array_equal(n[0], n[2])
-    for i, seed in enumerate(seeds):
-        np.testing.assert_array_equal(n[i], normal(seed, no_draws(frames()), frames(), 1))
-
-
-def test_environments_that_share_a_seed_draw_their_own():
+def test_an_environment_with_a_seed_of_its_own_is_the_same_wherever_it_is_and_others_draw_their_own():
     n = normal(np.array([[1], [2]]), no_draws(frames(2, 3)), frames(2, 3), 1)
     assert n.shape == (2, 3, *FRAME)
     assert len(np.unique(n)) == n.size
     np.testing.assert_array_equal(n[1], normal(2, no_draws(frames(3)), frames(3), 1))
+    seeds = np.array([3, 14, 3, 0])
+    alone = [normal(seed, no_draws(frames()), frames(), 1) for seed in seeds]
+    np.testing.assert_array_equal(normal(seeds, no_draws(frames(4)), frames(4), 1), alone)
 
 
-def test_an_odd_number_of_elements():
-    x = np.zeros((1, 3, 1, 1))
-    assert normal(1, no_draws(x), x, 1).shape == x.shape
-
-
-def test_extremes():
+def test_extremes_dtypes_and_an_odd_number_of_elements():
     for seed in (0, SEEDS - 1):
         for count in (0, SEEDS - 1, SEEDS + 5, 2**62):
             n = normal(seed, no_draws(frames()) + count, frames(), 2**40)
             assert np.all(np.isfinite(n))
             assert np.unique(n).size == n.size
-    # the smallest word gives the largest normal number
-    assert np.sqrt(-2 * np.log(0.5 / SEEDS)) < 6.77
+    assert 0 < _to_unit(np.array(0), xp) < _to_unit(np.array(SEEDS - 1), xp) < 1, "their logarithm is finite"
+    odd, single = np.zeros((1, 3, 1, 1)), frames(2, dtype="float32")
+    assert normal(1, no_draws(odd), odd, 1).shape == odd.shape
+    for draw in (normal, uniform):
+        double = draw(1, no_draws(single), frames(2), 1)
+        np.testing.assert_array_equal(draw(1, no_draws(single), single, 1), double.astype("float32"), strict=True)
 
 
-@pytest.mark.parametrize("seed", [0.0, np.array([1.0]), 1j, "1"])
-def test_a_seed_that_is_no_integer_is_refused(seed):
-    with pytest.raises(InvalidValueError, match=r"^Someone: seed must be integers, got"):
-        check_seed("Someone", seed)
-
-
-@needs_torch
-def test_a_torch_seed_that_is_no_integer_is_refused():
-    with pytest.raises(InvalidValueError, match="seed must be integers"):
-        WhiteNoise(seed=torch.tensor(1.0))
-
-
-# numpy and torch
+def test_a_seed_that_is_no_integer_is_refused():
+    for seed in (0.0, np.array([1.0]), 1j, "1", *([torch.tensor(1.0)] if torch else [])):
+        with pytest.raises(InvalidValueError, match=r"^Someone: seed must be integers, got"):
+            check_seed("Someone", seed)
+    for kind in (WhiteNoise, RandomWalk, Latency):
+        with pytest.raises(InvalidValueError, match=f"^{kind.__name__}: seed must be integers"):
+            kind(seed=1.0)
 
 
 @needs_torch
 @pytest.mark.parametrize("seed", [7, SEEDS - 1, np.arange(4) + SEEDS - 4])
 def test_torch_gives_the_same_bits_and_numbers(seed):
-    x, count = frames(4), np.arange(4).reshape(4, 1, 1, 1, 1)
+    x, count = frames(4), counting(4)
     tensor, counts = torch.as_tensor(x), torch.as_tensor(count)
     for each in (seed, torch.as_tensor(seed)):
-        np.testing.assert_array_equal(_words(each, counts, tensor, SIZE, 1), _words(seed, count, x, SIZE, 1))
         np.testing.assert_array_equal(uniform(each, counts, tensor, 1), uniform(seed, count, x, 1))
         np.testing.assert_allclose(normal(each, counts, tensor, 1), normal(seed, count, x, 1), rtol=0, atol=1e-14)
 
 
-@pytest.mark.parametrize("dtype", ["float32", "float64"])
-def test_the_dtype_is_that_of_the_frames(dtype):
-    x = frames(2, dtype=dtype)
-    for draw in (normal, uniform):
-        assert draw(1, no_draws(x), x, 1).dtype == dtype
-        double = draw(1, no_draws(x), frames(2), 1)
-        np.testing.assert_array_equal(draw(1, no_draws(x), x, 1), double.astype(dtype))
+def test_white_noise_has_the_deviation_it_should_and_no_memory():
+    sigma = np.random.default_rng(0).uniform(0.01, 1, FRAME)
+    x = np.random.default_rng(1).normal(size=(1500, *FRAME))
+    noise = WhiteNoise(sigma, 3).run(x, np.arange(1500)) - x
+    n = noise / sigma
+    assert stats.kstest(n.reshape(-1), "norm").pvalue > 0.01
+    assert np.abs(n.std(0) - 1).max() < 5 / np.sqrt(2 * 1500)
+    assert correlation(n[1:], n[:-1]) < 4
+    assert correlation(n, x) < 4
+    at_once = WhiteNoise(sigma, 3).run(x, np.zeros(1500)) - x
+    np.testing.assert_array_equal(at_once, noise, "it depends on the frames, not on time")
 
 
-@needs_torch
-def test_under_compile_and_vmap():
-    x, seeds = torch.zeros(4, *FRAME), torch.arange(4)
-    expected = normal(seeds, no_draws(x), x, 1)
+def test_every_seed_of_a_chain_counts():
+    chain = Chain([WhiteNoise(everywhere(0.1), 3), RandomWalk(everywhere(0.1), 2**32 - 1), Latency(0.02, 0.01, 5)])
+    x, time = np.random.default_rng(0).normal(size=(20, *FRAME)), times("irregular", 1.0, 20)
+    for name, member in zip(chain.names, chain, strict=True):
+        other = chain.replace(**{name: dataclasses.replace(member, seed=100)})
+        assert not np.allclose(other.run(x, time), chain.run(x, time))
+    white, walk = (kind(everywhere(1.0), 3).run(frames(2), [0.0, 1.0])[1] for kind in (WhiteNoise, RandomWalk))
+    assert correlation(white, walk) < 4
 
-    def draw(seed, x):
-        return normal(seed, no_draws(x), x, 1)
 
-    torch.testing.assert_close(torch.compile(draw, fullgraph=True, backend="aot_eager")(seeds, x), expected)
-    torch.testing.assert_close(torch.vmap(draw)(seeds, x), expected)
+@both
+def test_a_walk_has_the_variance_it_should_and_stands_still_in_no_time(kind):
+    time, sigma = times(kind, 9.0, 30), 0.3
+    b = RandomWalk(everywhere(sigma), 3).run(frames(30, 40), time).reshape(30, -1)
+    np.testing.assert_array_equal(b[0], 0)
+    assert np.all(np.abs(b[1:].var(1) / (sigma**2 * time[1:]) - 1) < 5 * np.sqrt(2 / b.shape[1]))
+    steps = np.diff(b, axis=0) / (sigma * np.sqrt(np.diff(time)))[:, None]
+    assert stats.kstest(steps.reshape(-1), "norm").pvalue > 0.01
+    assert correlation(steps[1:], steps[:-1]) < 4
+    still = RandomWalk(everywhere(0.3), 3).run(frames(3), [0.0, 1.0, 1.0])
+    np.testing.assert_array_equal(still[2], still[1])

@@ -15,24 +15,26 @@ import paxisim
 RED = "#c2030f"
 
 
-def cuts_drawn(ax):
-    return sorted(line.get_xdata()[0] for line in ax.lines if line.get_color() == RED and len(line.get_xdata()) == 2)
-
-
-def test_presses_are_drawn_with_their_cuts_and_thresholds(tmp_path):
+def test_presses_are_drawn_with_their_cuts_and_thresholds():
     recording, _ = rig(seconds=20)
     presses = paxisim.find_presses(recording.time, recording.covariates["Fz"])
-    figure = paxisim.plot_presses(presses)
-    for ax in figure.axes:
-        np.testing.assert_allclose(cuts_drawn(ax), recording.time[list(presses.cuts)])
-        assert len(ax.patches) == len(presses.spans)
-    assert figure.axes[1].get_ylim()[1] < 0.5 * presses.load.max()  # magnifies the signal at rest
-    figure.savefig(tmp_path / "presses.png")
+    axes = paxisim.plot_presses(presses).axes
+    for ax in axes:
+        cuts = [line.get_xdata()[0] for line in ax.lines if line.get_color() == RED and len(line.get_xdata()) == 2]
+        np.testing.assert_allclose(sorted(cuts), recording.time[list(presses.cuts)])
+        shaded = [ax.transData.inverted().transform(patch.get_window_extent())[:, 0] for patch in ax.patches]
+        expected = [(recording.time[span.start], recording.time[span.stop - 1]) for span in presses.spans]
+        np.testing.assert_allclose(shaded, expected, atol=1e-6)
+    assert axes[1].get_ylim()[1] < 0.5 * presses.load.max()  # magnifies the signal at rest
 
 
 def test_a_calibration_shows_the_error_of_each_channel_and_marks_the_unused():
     recording, _ = rig(seconds=20)
     recording.measured[:, 0, 1, 0, 2] = np.random.default_rng(0).normal(size=len(recording))
+    # episodes whose clocks begin anew are drawn one after another
+    half = len(recording) // 2
+    time, episode = np.concatenate([recording.time[:half]] * 2), np.repeat([0, 1], half)
+    recording = paxisim.Recording(time, recording.measured, None, recording.covariates, episode)
     readout = paxisim.calibrate_readout(recording, NAMES)
     figure = paxisim.plot_calibration(readout, recording)
     errors = next(ax for ax in figure.axes if "do not explain" in ax.get_title("left"))
@@ -40,22 +42,7 @@ def test_a_calibration_shows_the_error_of_each_channel_and_marks_the_unused():
     np.testing.assert_allclose(heights, np.sort(1 - readout.explained[readout.used]))
     assert "set to zero (1)" in errors.get_title("left")
     titles = [ax.get_title("left") for ax in figure.axes]
-    assert any(title.startswith("the least explained channel") for title in titles)
+    for what, share in (("least", readout.explained[readout.used].min()), ("best", readout.explained.max())):
+        assert any(title.startswith(f"the {what} explained") and f"({share:.2%})" in title for title in titles)
     assert f"14 channels from Fx, Fy, Fz, delay {1e3 * readout.delay:.1f} ms" in figure.get_suptitle()
-
-
-def test_episodes_whose_clocks_begin_anew_are_drawn_one_after_another():
-    recording, _ = rig(seconds=20)
-    episode = np.repeat([0, 1], len(recording) // 2)
-    time = np.concatenate([recording.time[: len(recording) // 2]] * 2)
-    twice = paxisim.Recording(time, recording.measured, None, recording.covariates, episode)
-    figure = paxisim.plot_calibration(paxisim.calibrate_readout(twice, NAMES), twice)
     assert figure.axes[0].get_xlim()[1] == pytest.approx(20, abs=0.1)
-
-
-def test_without_matplotlib_the_extra_is_named(monkeypatch):
-    recording, _ = rig(seconds=10)
-    presses = paxisim.find_presses(recording.time, recording.covariates["Fz"])
-    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
-    with pytest.raises(paxisim.MissingExtraError, match=r"plot_presses needs matplotlib.*paxisim\[viz\]"):
-        paxisim.plot_presses(presses)

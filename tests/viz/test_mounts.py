@@ -1,4 +1,4 @@
-"""Pictures of a gripper with its pads."""
+"""Pictures of a gripper with its pads: what a person must be able to tell from them."""
 
 import io
 from importlib.resources import files
@@ -10,7 +10,9 @@ from matplotlib.collections import PolyCollection
 import paxisim
 
 GRIPPER = files("paxisim").joinpath("data/two_finger_gripper.xml").read_text(encoding="utf-8")
-ALWAYS_FLAT = "<mujoco><worldbody><body name='tool'><geom size='.02 .02 .01' type='box'/></body></worldbody></mujoco>"
+GRID = paxisim.TaxelLayout(4, 3, 0.005)
+TOOL = "<mujoco><worldbody><body name='tool'><geom size='.02 .02 .01' type='box'/></body></worldbody></mujoco>"
+ON_TOOL = paxisim.Mount("tool", pos=(0, 0, 0.01), quat=(0, 1, 0, 0), replaces=(0,))
 
 
 def pads_drawn(ax):
@@ -24,12 +26,16 @@ def faces(pad):
     return len(colors), int(np.count_nonzero(colors[:, 3]))
 
 
+def texts_of(ax):
+    return sorted(text.get_text() for text in ax.texts if text.get_text())
+
+
 def test_one_picture_shows_all_pads_with_numbers_and_one_close_up_each_has_its_name():
-    gripper = paxisim.attach(GRIPPER, paxisim.TaxelLayout(4, 3, 0.005))
-    figure = paxisim.plot_mounts(gripper)
-    overview, *close_ups = figure.axes
-    assert len(pads_drawn(overview)) == 2
-    assert sorted(text.get_text() for text in overview.texts if text.get_text()) == ["1", "2"]
+    gripper = paxisim.attach(GRIPPER, GRID)
+    overview, *close_ups = paxisim.plot_mounts(gripper).axes
+    # of two opposing pads, one shows its taxels and the other an outline
+    assert sorted(faces(pad) for pad in pads_drawn(overview)) == [(1, 0), (12, 12)]
+    assert texts_of(overview) == ["1", "2"]
     assert [ax.get_title() for ax in close_ups] == [f"{i + 1} {name}" for i, name in enumerate(gripper.pad_names)]
     for ax in close_ups:
         (pad,) = pads_drawn(ax)
@@ -37,12 +43,6 @@ def test_one_picture_shows_all_pads_with_numbers_and_one_close_up_each_has_its_n
         assert pad.get_facecolor()[:, :3].min(axis=1).tolist().count(1.0) == 1, "one taxel should be white"
 
 
-def test_of_two_opposing_pads_one_shows_its_taxels_and_the_other_an_outline():
-    figure = paxisim.plot_mounts(paxisim.attach(GRIPPER, paxisim.TaxelLayout(4, 3, 0.005)))
-    assert sorted(faces(pad) for pad in pads_drawn(figure.axes[0])) == [(1, 0), (12, 12)]
-
-
-TWO_ARMS = """<mujoco><worldbody>{}</worldbody></mujoco>"""
 ARM = """<body name="{name}_arm" pos="0 {y} 0">
   <geom type="capsule" size="0.05" fromto="0 0 0 0 0 0.6"/>
   <geom type="capsule" size="0.05" fromto="0 0 0.6 0.5 0 0.6"/>
@@ -52,15 +52,16 @@ ARM = """<body name="{name}_arm" pos="0 {y} 0">
 
 
 def test_the_hands_of_a_large_robot_get_pictures_of_their_own():
-    xml = TWO_ARMS.format(ARM.format(name="left", y=0.4) + ARM.format(name="right", y=-0.4))
+    arms = ARM.format(name="left", y=0.4) + ARM.format(name="right", y=-0.4)
     mounts = [paxisim.Mount(f"{s}_hand", pos=(0, 0, -0.06), replaces=(f"{s}_tip",)) for s in ("left", "right")]
-    figure = paxisim.plot_mounts(paxisim.attach(xml, paxisim.TaxelLayout(4, 3, 0.005), mounts))
+    xml = f"<mujoco><worldbody>{arms}</worldbody></mujoco>"
+    figure = paxisim.plot_mounts(paxisim.attach(xml, GRID, mounts))
     robot, *hands = figure.axes[:3]
     assert len(figure.axes) == 5
     assert np.ptp(robot.get_xlim()) > 0.8
     for ax, number in zip(hands, "12", strict=True):
         assert np.ptp(ax.get_xlim()) < 0.3
-        assert [text.get_text() for text in ax.texts if text.get_text()] == [number]
+        assert texts_of(ax) == [number]
 
 
 def test_numbers_do_not_overlap():
@@ -69,9 +70,8 @@ def test_numbers_do_not_overlap():
         for i in range(8)
     )
     mounts = [paxisim.Mount(f"f{i}", (0, -0.006, 0), (2**-0.5, -(2**-0.5), 0, 0), (0,)) for i in range(8)]
-    figure = paxisim.plot_mounts(
-        paxisim.attach(f"<mujoco><worldbody>{fingers}</worldbody></mujoco>", paxisim.TaxelLayout(4, 3, 3e-3), mounts)
-    )
+    xml = f"<mujoco><worldbody>{fingers}</worldbody></mujoco>"
+    figure = paxisim.plot_mounts(paxisim.attach(xml, paxisim.TaxelLayout(4, 3, 3e-3), mounts))
     figure.savefig(io.BytesIO())  # computes the figure layout
     texts = [text for ax in figure.axes for text in (*ax.texts, ax.title) if text.get_text()]
     assert len(texts) == 16
@@ -81,36 +81,23 @@ def test_numbers_do_not_overlap():
 
 def test_taxels_that_something_covers_are_hollow():
     lid = '<geom type="box" size=".02 .005 .002" pos="0 0 .02" contype="0" conaffinity="0"/>'
-    tool = ALWAYS_FLAT.replace("</body>", lid + "</body>")
-    mount = paxisim.Mount("tool", pos=(0, 0, 0.01), quat=(0, 1, 0, 0), replaces=(0,))
     hollow = []
-    for xml in (ALWAYS_FLAT, tool):
-        (pad,) = pads_drawn(paxisim.plot_mounts(paxisim.attach(xml, paxisim.TaxelLayout(6, 6, 5e-3), [mount])).axes[1])
+    for xml in (TOOL, TOOL.replace("</body>", lid + "</body>")):
+        gripper = paxisim.attach(xml, paxisim.TaxelLayout(6, 6, 5e-3), [ON_TOOL])
+        (pad,) = pads_drawn(paxisim.plot_mounts(gripper).axes[1])
         hollow.append(36 - faces(pad)[1])
     assert hollow[0] == 0
     assert 6 <= hollow[1] <= 18
 
 
-def test_a_tool_that_does_not_close_is_drawn_as_it_is():
-    mount = paxisim.Mount("tool", pos=(0, 0, 0.01), quat=(0, 1, 0, 0), replaces=(0,))
-    figure = paxisim.plot_mounts(paxisim.attach(ALWAYS_FLAT, paxisim.TaxelLayout(2, 2, 0.01), [mount]))
-    assert len(pads_drawn(figure.axes[0])) == 1
-
-
-def test_without_matplotlib_the_extra_is_named(monkeypatch):
-    monkeypatch.setitem(__import__("sys").modules, "matplotlib.figure", None)
-    gripper = paxisim.attach(GRIPPER, paxisim.TaxelLayout(4, 3, 0.005))
-    with pytest.raises(paxisim.MissingExtraError, match=r"paxisim\[viz\]"):
-        paxisim.plot_mounts(gripper)
-
-
 @pytest.mark.robosuite
 @pytest.mark.filterwarnings("ignore:.*is not sound MJCF")
-@pytest.mark.parametrize("name", ["inspire_right", "robotiq_s", "panda"])
+@pytest.mark.parametrize(
+    "name", ["panda", *(pytest.param(n, marks=pytest.mark.slow) for n in ("inspire_right", "robotiq_s"))]
+)
 def test_the_whole_hand_is_in_the_picture(name):
     gripper = paxisim.attach(paxisim.robosuite_gripper_path(name), paxisim.TaxelLayout(4, 3, 4e-3))
-    figure = paxisim.plot_mounts(gripper)
-    alpha = figure.axes[0].get_images()[0].get_array()[:, :, 3]
+    alpha = paxisim.plot_mounts(gripper).axes[0].get_images()[0].get_array()[:, :, 3]
     assert not alpha[[0, -1]].any()
     assert not alpha[:, [0, -1]].any()
     rows, columns = (np.flatnonzero(alpha.any(axis=axis)) for axis in (1, 0))
@@ -124,16 +111,14 @@ def test_a_curved_pad_is_drawn_taxel_by_taxel():
     mount = paxisim.Mount("finger", (0, 0, 0.02), (0, 1, 0, 0), ("tip",))
     curved = paxisim.conform(paxisim.TaxelLayout(4, 6, (6e-3, 6e-3)), paxisim.finger_surface(finger, mount))
     as_list = paxisim.TaxelLayout(1, 24, (6e-3, 6e-3), curved.positions, curved.normals)  # like PaXini's fingertips
-    for layout in (curved, as_list):
-        (above,) = pads_drawn(paxisim.plot_mounts(paxisim.attach(finger, layout, [mount])).axes[1])
-        heights = np.array([np.ptp(path.vertices, axis=0).min() for path in above.get_paths()])
-        assert len(heights) == 24, "all taxels should face a viewer above"
-        assert heights.max() > 1.3 * heights.min(), "taxels at the rim should appear foreshortened"
+    (above,) = pads_drawn(paxisim.plot_mounts(paxisim.attach(finger, as_list, [mount])).axes[1])
+    heights = np.array([np.ptp(path.vertices, axis=0).min() for path in above.get_paths()])
+    assert len(heights) == 24, "all taxels should face a viewer above"
+    assert heights.max() > 1.3 * heights.min(), "taxels at the rim should appear foreshortened"
 
 
 def test_spheres_are_drawn_as_large_as_they_are():
     pad = paxisim.Pad(paxisim.TaxelLayout(2, 2, 0.01), thickness=4e-3, taxels="spheres")
-    mount = paxisim.Mount("tool", pos=(0, 0, 0.01), quat=(0, 1, 0, 0), replaces=(0,))
-    (taxels,) = pads_drawn(paxisim.plot_mounts(paxisim.attach(ALWAYS_FLAT, pad, [mount])).axes[1])
+    (taxels,) = pads_drawn(paxisim.plot_mounts(paxisim.attach(TOOL, pad, [ON_TOOL])).axes[1])
     widths = [np.ptp(path.vertices[:, 0]) for path in taxels.get_paths()]
     assert widths == pytest.approx([4e-3] * 4, rel=0.02)

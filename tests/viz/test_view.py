@@ -1,3 +1,5 @@
+"""The live view of a simulation: colours in the model, forces in the corner, and a window or an explanation."""
+
 import os
 import subprocess
 import sys
@@ -13,13 +15,12 @@ from paxisim.layout import TaxelLayout
 from paxisim.models.pad import Pad
 from paxisim.models.pads import find_pads
 from paxisim.viz import view as live
-from paxisim.viz.colors import STOPS, UNKNOWN_COLOR, taxel_colors
 
 LAYOUT = TaxelLayout(3, 4, 4e-3)
 BALL = '<body pos="0 0 -0.0101"><freejoint/><geom type="sphere" size="0.01" mass="0.05"/></body>'
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def model():
     """Two pads; gravity pulls a ball into the first."""
     spec = mujoco.MjSpec.from_string(f'<mujoco><option gravity="0 0 9.81"/><worldbody>{BALL}</worldbody></mujoco>')
@@ -62,57 +63,28 @@ def viewer(monkeypatch):
     return opened
 
 
-def test_colors_go_from_blue_over_grey_to_red():
-    force = np.zeros((3, 1, 7))
-    force[:2] = 99.0  # shear does not count
-    force[2, 0] = -4, -2, -1, 0, 1, 2, 4
-    rgba = taxel_colors(force, 2.0)
-    assert rgba.shape == (1, 7, 4)
-    np.testing.assert_array_equal(rgba[0, [0, 1, 3, 5, 6], :3], [dict(STOPS)[level] for level in (-1, -1, 0, 1, 1)])
-    assert rgba[0, 4, 0] > rgba[0, 4, 2]
-    assert rgba[0, 2, 0] < rgba[0, 2, 2]
-    np.testing.assert_array_equal(rgba[..., 3], 1)
-    assert np.all((rgba >= 0) & (rgba <= 1))
-
-
-def test_colors_of_a_batch_and_of_what_is_not_a_number():
-    force = np.random.default_rng(0).normal(size=(2, 5, 3, 4, 3))
-    force[1, 2, 2, 3, 0] = np.nan
-    rgba = taxel_colors(force, 1.0)
-    assert rgba.shape == (2, 5, 4, 3, 4)
-    np.testing.assert_array_equal(rgba[1, 2, 3, 0], [*UNKNOWN_COLOR, 1])
-    np.testing.assert_array_equal(rgba[0, 3], taxel_colors(force[0, 3], 1.0))
-
-
 def test_the_pressed_taxel_is_the_red_one(model):
     pads = find_pads(model)
-    others = np.setdiff1d(np.arange(model.ngeom), pads.geoms)
-    before = model.geom_rgba[others].copy()
+    before = model.geom_rgba.copy()
     force = np.zeros(pads.shape)
     force[1, 2, 2, 1] = 0.5
     live.color_taxels(model, pads, force, vmax=0.5)
-    saturation = np.ptp(model.geom_rgba[:, :3], axis=1)
+    after, model.geom_rgba[:] = model.geom_rgba.copy(), before
     pressed = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, "right_pad_taxel_2_1")
-    assert saturation[pads.geoms].argmax() == np.flatnonzero(pads.geoms.reshape(-1) == pressed)
-    assert np.sum(saturation[pads.geoms] > 0.1) == 1
-    np.testing.assert_array_equal(model.geom_rgba[others], before)
-    at_rest = model.geom_rgba[pads.geoms[0], 0]
+    saturation = np.ptp(after[pads.geoms, :3], axis=-1)
+    assert pads.geoms[saturation > 0.1].tolist() == [pressed]
+    others = np.setdiff1d(np.arange(model.ngeom), pads.geoms)
+    np.testing.assert_array_equal(after[others], before[others])
+    at_rest = after[pads.geoms[0], 0]
     assert at_rest[0] > at_rest[1] == at_rest[4]  # the grid of taxels is visible
-
-
-def test_colouring_checks_the_shape(model):
-    with pytest.raises(InvalidValueError, match=r"\(2, 3, 3, 4\), got \(3, 3, 4\)"):
-        live.color_taxels(model, find_pads(model), np.zeros((3, 3, 4)), vmax=1.0)
 
 
 def test_the_view_shows_the_forces_in_real_time_and_puts_the_colours_back(model, viewer):
     before = model.geom_rgba.copy()
-    data = mujoco.MjData(model)
-    live.view(model, data)
+    live.view(model, mujoco.MjData(model))
     (shown,) = viewer
     np.testing.assert_array_equal(model.geom_rgba, before)
-    pads = find_pads(model)
-    left, right = (np.ptp(shown.colors[-1][geoms, :3], axis=1) for geoms in pads.geoms)
+    left, right = (np.ptp(shown.colors[-1][geoms, :3], axis=1) for geoms in find_pads(model).geoms)
     assert left.max() > 0.5
     assert right.max() < 0.1
     # it never runs ahead of the clock; on a busy machine it may fall behind
@@ -123,18 +95,16 @@ def test_the_view_shows_the_forces_in_real_time_and_puts_the_colours_back(model,
     assert values.split("\n")[2].split() == ["0.00", "0.00", "0.00"]
 
 
-def test_the_view_starts_by_itself_and_keeps_a_given_scale(model, viewer):
+def test_a_given_scale_stays_and_an_interruption_puts_the_colours_back(model, viewer, monkeypatch):
+    before = model.geom_rgba.copy()
     live.view(model, pads=find_pads(model, names=["right_pad"]), vmax=3.0)
     assert viewer[0].texts[-1][3].split()[-1] == "3.00"
     assert viewer[0].data.time > 0
 
-
-def test_the_colours_come_back_when_the_view_is_interrupted(model, viewer, monkeypatch):
     def interrupt(self):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(FakeViewer, "sync", interrupt)
-    before = model.geom_rgba.copy()
     with pytest.raises(KeyboardInterrupt):
         live.view(model)
     np.testing.assert_array_equal(model.geom_rgba, before)
@@ -145,6 +115,8 @@ def test_wrong_input_is_refused_before_a_window_opens(model, viewer):
         live.view(mujoco.MjModel.from_xml_string("<mujoco/>"))
     with pytest.raises(InvalidValueError, match="vmax must be"):
         live.view(model, vmax=0.0)
+    with pytest.raises(InvalidValueError, match=r"\(2, 3, 3, 4\), got \(3, 3, 4\)"):
+        live.color_taxels(model, find_pads(model), np.zeros((3, 3, 4)), vmax=1.0)
     assert not viewer
 
 
