@@ -12,7 +12,7 @@ from types import TracebackType
 from paxisim.errors import DeviceError, DeviceTimeoutError, InvalidValueError
 from paxisim.hw.calibrated import SensorCalibration
 from paxisim.hw.families.board import Board
-from paxisim.hw.families.table.load import board_class, open_port
+from paxisim.hw.families.load import board_class, open_port
 from paxisim.hw.frame import Frame
 from paxisim.hw.link.clock import Clock, SystemClock
 from paxisim.hw.link.frame_joiner import FrameJoiner

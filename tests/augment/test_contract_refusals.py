@@ -234,7 +234,7 @@ LACKS = "lacks or misuses"
     ],
 )
 def test_json_that_is_no_chain(document, words):
-    with pytest.raises(InvalidValueError, match=f"^Chain: .*{words}"):
+    with pytest.raises(InvalidValueError, match=words):
         Chain.from_json(json.dumps({"format": "paxisim-chain/1", **document}))
 
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from paxisim.hw.families.table.control_box import wire as wire
 
 from paxisim.errors import DeviceTimeoutError, InvalidValueError, ProtocolError
+from paxisim.hw.families.control_box import wire as wire
 from paxisim.hw.families.control_box.driver import ControlBox
 from paxisim.hw.families.control_box.wire import Region, Reply, Request, parse_reply, parse_request, reply_parser
 from paxisim.hw.families.errors import CONTROL_BOX, error_name

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from paxisim.hw.families.table.load import board_class
 
 from paxisim.errors import InvalidValueError, ProtocolError
 from paxisim.hw.device import TactileSensor, open_sensor
+from paxisim.hw.families.load import board_class
 from paxisim.hw.families.table import FAMILIES
 from paxisim.hw.profiles.load import load_profile
 from paxisim.hw.profiles.profile import Profile, Slot

@@ -7,19 +7,18 @@ from collections import deque
 import numpy as np
 import pytest
 from emulated import Numbered, constant, profile, small
-from paxisim.hw.families.table.control_box import wire as box
-from paxisim.hw.families.table.high_speed import wire as high_speed
 
 from paxisim.errors import DeviceTimeoutError, PortNotFoundError
 from paxisim.hw.emulation.faults import Faults
+from paxisim.hw.families.control_box import wire as box
+from paxisim.hw.families.high_speed import wire as high_speed
 from paxisim.hw.link.framing import FrameDecoder
 
 pytest.importorskip("serial")
 
-from paxisim.hw.families.table.control_box import driver as box_driver
-
 from paxisim.hw.device import open_sensor
 from paxisim.hw.emulation.emulator import Emulator
+from paxisim.hw.families.control_box import driver as box_driver
 
 pytestmark = pytest.mark.real_time
 

@@ -5,18 +5,18 @@ import dataclasses
 import numpy as np
 import pytest
 from emulated import constant, profile, small
-from paxisim.hw.families.table.control_box import wire as box
-from paxisim.hw.families.table.hand_board import wire as hand_board
-from paxisim.hw.families.table.high_speed import wire as high_speed
-from paxisim.hw.families.table.serial_converter import wire as serial_converter
 
 from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.hw.emulation.emulator import Emulator, make_board
 from paxisim.hw.emulation.faults import Faults, FaultyLine
 from paxisim.hw.emulation.pads import EmulatedPads
 from paxisim.hw.emulation.signals import press
+from paxisim.hw.families.control_box import wire as box
 from paxisim.hw.families.control_box.emulated import VERSION_WAIT
+from paxisim.hw.families.hand_board import wire as hand_board
 from paxisim.hw.families.hand_board.wire import RoundDecoder
+from paxisim.hw.families.high_speed import wire as high_speed
+from paxisim.hw.families.serial_converter import wire as serial_converter
 from paxisim.hw.link.framing import FrameDecoder
 
 pytestmark = pytest.mark.real_time

@@ -7,13 +7,13 @@ import time
 import numpy as np
 import pytest
 from emulated import Numbered, constant, small
-from paxisim.hw.families.table.high_speed import wire as high_speed
 
 from paxisim.errors import DeviceError, InvalidValueError, OutputExistsError
 from paxisim.hw.emulation.emulator import Emulator
 from paxisim.hw.emulation.faults import Faults
 from paxisim.hw.emulation.pacing import PacedLine
-from paxisim.hw.families.table import registers
+from paxisim.hw.families import registers
+from paxisim.hw.families.high_speed import wire as high_speed
 from paxisim.hw.link.framing import FrameDecoder
 
 serial = pytest.importorskip("serial")

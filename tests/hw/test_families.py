@@ -1,10 +1,10 @@
 """The table of families: every row has its own classes, and no unknown name resolves to a family."""
 
 import pytest
-from paxisim.hw.families.table.load import board_class, emulated_class
 
 from paxisim.hw.families.board import Board
 from paxisim.hw.families.emulated_board import EmulatedBoard
+from paxisim.hw.families.load import board_class, emulated_class
 from paxisim.hw.families.table import FAMILIES
 
 

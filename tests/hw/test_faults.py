@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 from emulated import Numbered, profile
-from paxisim.hw.families.table.control_box import wire as control_box
-from paxisim.hw.families.table.high_speed import wire as high_speed
-from paxisim.hw.families.table.serial_converter import wire as serial_converter
 
 from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.hw.emulation.emulator import make_board
 from paxisim.hw.emulation.faults import Faults, FaultyLine
 from paxisim.hw.emulation.pads import EmulatedPads
+from paxisim.hw.families import registers
+from paxisim.hw.families.control_box import wire as control_box
 from paxisim.hw.families.hand_board.wire import RoundDecoder
-from paxisim.hw.families.table import registers
+from paxisim.hw.families.high_speed import wire as high_speed
+from paxisim.hw.families.serial_converter import wire as serial_converter
 from paxisim.hw.link.framing import FrameDecoder
 
 MESSAGE = bytes(range(200)) * 50

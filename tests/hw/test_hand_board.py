@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from paxisim.hw.families.table.hand_board import wire as wire
 
 from paxisim.errors import DeviceTimeoutError, InvalidValueError, ProtocolError, UnsupportedError
 from paxisim.hw.families.control_box.wire import Reply, parse_request
+from paxisim.hw.families.hand_board import wire as wire
 from paxisim.hw.families.hand_board.driver import HandBoard
 from paxisim.hw.families.hand_board.wire import Block, Round, RoundDecoder
 from paxisim.hw.families.taxels import to_bytes

@@ -19,9 +19,9 @@ from gen3_peer import (
 )
 from hypothesis import given
 from hypothesis import strategies as st
-from paxisim.hw.families.table.high_speed import wire as frames
 
 from paxisim.errors import DeviceTimeoutError, InvalidValueError, ProtocolError
+from paxisim.hw.families.high_speed import wire as frames
 from paxisim.hw.families.high_speed.driver import HighSpeed
 from paxisim.hw.families.high_speed.stream_layout import StreamLayout, active_bitmap, active_modules
 from paxisim.hw.families.high_speed.wire import READ, WRITE, ZERO, Push, Reply, Request

@@ -6,12 +6,12 @@ tests try every loss of 1 to 4 bytes at every place of the second of four frames
 
 import numpy as np
 import pytest
-from paxisim.hw.families.table.control_box import wire as control_box
-from paxisim.hw.families.table.hand_board import wire as hand_board
-from paxisim.hw.families.table.high_speed import wire as high_speed
-from paxisim.hw.families.table.serial_converter import wire as serial_converter
 
+from paxisim.hw.families.control_box import wire as control_box
+from paxisim.hw.families.hand_board import wire as hand_board
+from paxisim.hw.families.high_speed import wire as high_speed
 from paxisim.hw.families.high_speed.stream_layout import StreamLayout
+from paxisim.hw.families.serial_converter import wire as serial_converter
 from paxisim.hw.link.framing import FrameDecoder
 
 LOSSES = range(1, 5)

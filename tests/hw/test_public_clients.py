@@ -8,9 +8,8 @@ from emulated import constant, profile, small
 
 pytest.importorskip("serial")
 
-from paxisim.hw.families.table.control_box import wire as box
-
 from paxisim.hw.emulation.emulator import Emulator
+from paxisim.hw.families.control_box import wire as box
 from paxisim.hw.link.framing import FrameDecoder
 
 pytestmark = pytest.mark.real_time

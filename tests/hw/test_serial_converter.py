@@ -18,10 +18,10 @@ from gen3_peer import (
 )
 from hypothesis import given
 from hypothesis import strategies as st
-from paxisim.hw.families.table.serial_converter import wire as frames
 
 from paxisim.errors import DeviceTimeoutError, InvalidValueError, ProtocolError
 from paxisim.hw.families.errors import SERIAL_CONVERTER, error_name
+from paxisim.hw.families.serial_converter import wire as frames
 from paxisim.hw.families.serial_converter.driver import SerialConverter
 from paxisim.hw.families.serial_converter.wire import READ, WRITE, Reply, Request, answer
 from paxisim.hw.families.taxels import to_bytes

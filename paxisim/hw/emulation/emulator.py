@@ -19,7 +19,7 @@ from paxisim.hw.emulation.pacing import GRAIN, PacedLine
 from paxisim.hw.emulation.pads import EmulatedPads, Resultant, Signal
 from paxisim.hw.emulation.port import Port
 from paxisim.hw.families.emulated_board import EmulatedBoard
-from paxisim.hw.families.table.load import emulated_class, emulated_port
+from paxisim.hw.families.load import emulated_class, emulated_port
 from paxisim.hw.profiles.load import as_profile
 from paxisim.hw.profiles.profile import Profile
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from paxisim.hw.families.load import board_class
 from paxisim.hw.families.table import FAMILIES
-from paxisim.hw.families.table.load import board_class
 from paxisim.hw.link.clock import Clock
 from paxisim.hw.link.transport import Transport
 

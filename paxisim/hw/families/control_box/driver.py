@@ -9,11 +9,11 @@ from typing import ClassVar, NoReturn
 import numpy as np
 
 from paxisim.errors import DeviceTimeoutError, InvalidValueError, ProtocolError
+from paxisim.hw.families import registers, taxels
 from paxisim.hw.families.board import Reading
+from paxisim.hw.families.control_box import wire as wire
 from paxisim.hw.families.errors import CONTROL_BOX, error_name
 from paxisim.hw.families.line import SUSPENDED_AFTER, Line, LineBoard
-from paxisim.hw.families.table import registers, taxels
-from paxisim.hw.families.table.control_box import wire as wire
 from paxisim.hw.link.clock import Clock
 from paxisim.hw.link.framing import FrameDecoder
 from paxisim.hw.link.transport import Transport

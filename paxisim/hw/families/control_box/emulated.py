@@ -7,8 +7,8 @@ from collections import deque
 from collections.abc import Callable
 
 from paxisim.hw.emulation.pads import EmulatedPads
+from paxisim.hw.families.control_box import wire as wire
 from paxisim.hw.families.emulated_board import EmulatedBoard
-from paxisim.hw.families.table.control_box import wire as wire
 from paxisim.hw.link.framing import FrameDecoder
 from paxisim.hw.profiles.profile import Profile
 

@@ -7,10 +7,10 @@ from typing import ClassVar
 import numpy as np
 
 from paxisim.errors import InvalidValueError
+from paxisim.hw.families import taxels
 from paxisim.hw.families.board import Reading
 from paxisim.hw.families.hand_board.wire import BLOCKS_PER_ROUND, TAXELS_PER_BLOCK, VALID, Round, RoundDecoder
 from paxisim.hw.families.listened import ListenedBoard
-from paxisim.hw.families.table import taxels
 from paxisim.hw.link.clock import Clock
 from paxisim.hw.link.transport import Transport
 from paxisim.hw.profiles.profile import Profile

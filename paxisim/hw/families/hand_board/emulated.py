@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from paxisim.hw.emulation.pads import EmulatedPads
+from paxisim.hw.families import taxels
+from paxisim.hw.families.hand_board import wire as wire
 from paxisim.hw.families.streaming import StreamingBoard
-from paxisim.hw.families.table import taxels
-from paxisim.hw.families.table.hand_board import wire as wire
 
 DEFAULT_RATE = 100.0
 """Default rate of rounds (Hz) if the profile states none; no source states the board's rate."""

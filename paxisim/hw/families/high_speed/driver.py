@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.errors import DeviceError, DeviceTimeoutError, InvalidValueError, ProtocolError
+from paxisim.hw.families import registers, taxels
 from paxisim.hw.families.board import Reading
 from paxisim.hw.families.high_speed.stream_layout import RESULTANTS, TAXELS, StreamLayout, active_modules
 from paxisim.hw.families.high_speed.wire import (
@@ -31,7 +32,6 @@ from paxisim.hw.families.high_speed.wire import (
     zero_request,
 )
 from paxisim.hw.families.line import Line, LineBoard, with_behind
-from paxisim.hw.families.table import registers, taxels
 from paxisim.hw.link.clock import Clock
 from paxisim.hw.link.framing import FrameDecoder
 from paxisim.hw.link.transport import Transport

@@ -8,11 +8,11 @@ from collections.abc import Callable
 import numpy as np
 
 from paxisim.hw.emulation.pads import GEN3_GATE, EmulatedPads
+from paxisim.hw.families import registers, taxels
 from paxisim.hw.families.control_box.emulated import region
+from paxisim.hw.families.high_speed import stream_layout
+from paxisim.hw.families.high_speed import wire as wire
 from paxisim.hw.families.streaming import StreamingBoard
-from paxisim.hw.families.table import registers, taxels
-from paxisim.hw.families.table.high_speed import stream_layout
-from paxisim.hw.families.table.high_speed import wire as wire
 from paxisim.hw.link.framing import FrameDecoder
 
 DEFAULT_RATE = 83.0

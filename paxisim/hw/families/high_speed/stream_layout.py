@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from paxisim.hw.families.table import registers, taxels
+from paxisim.hw.families import registers, taxels
 
 RESULTANT_BYTES = 6
 RESULTANTS, TAXELS = 1, 2

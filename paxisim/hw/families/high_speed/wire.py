@@ -36,7 +36,7 @@ from collections.abc import Container
 from dataclasses import dataclass
 
 from paxisim.errors import InvalidValueError
-from paxisim.hw.families.table import registers
+from paxisim.hw.families import registers
 from paxisim.hw.link.framing import BAD_CHECKSUM, INCOMPLETE, NO_FRAME, Incomplete, Invalid, Parser, lrc
 
 READ = 0x03

@@ -9,6 +9,7 @@ from typing import ClassVar, NoReturn
 import numpy as np
 
 from paxisim.errors import DeviceTimeoutError, InvalidValueError, ProtocolError
+from paxisim.hw.families import registers, taxels
 from paxisim.hw.families.board import Reading
 from paxisim.hw.families.errors import SERIAL_CONVERTER, error_name
 from paxisim.hw.families.line import Line, LineBoard
@@ -25,7 +26,6 @@ from paxisim.hw.families.serial_converter.wire import (
     version_request,
     zero_request,
 )
-from paxisim.hw.families.table import registers, taxels
 from paxisim.hw.link.clock import Clock
 from paxisim.hw.link.framing import FrameDecoder
 from paxisim.hw.link.transport import Transport

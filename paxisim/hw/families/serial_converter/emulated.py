@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from paxisim.hw.emulation.pads import GEN3_GATE, EmulatedPads
+from paxisim.hw.families import registers
 from paxisim.hw.families.control_box.emulated import RESULTANT_BLOCK, region, version_of
 from paxisim.hw.families.emulated_board import EmulatedBoard
-from paxisim.hw.families.table import registers
-from paxisim.hw.families.table.serial_converter import wire as wire
+from paxisim.hw.families.serial_converter import wire as wire
 from paxisim.hw.link.framing import FrameDecoder
 
 _PARAMETER, _OTHERS = 6, 0x0D
