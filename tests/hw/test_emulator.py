@@ -7,11 +7,11 @@ import time
 import numpy as np
 import pytest
 from emulated import Numbered, constant, small
+from serial_peers import wait_for
 
-from paxisim.errors import DeviceError, InvalidValueError, OutputExistsError
+from paxisim import DeviceError, Emulator, InvalidValueError, OutputExistsError
 from paxisim.hw import registers
 from paxisim.hw.emulation.pacing import PacedLine
-from paxisim.hw.emulator import Emulator
 from paxisim.hw.faults import Faults
 from paxisim.hw.frames import high_speed
 from paxisim.hw.framing import FrameDecoder
@@ -33,13 +33,6 @@ def read_until(port, enough, data=b""):
     return data
 
 
-def wait_for(condition):
-    deadline = time.monotonic() + DEADLINE
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
-
-
 def pushes_in(data):
     return FrameDecoder(high_speed.parse_push).feed(data)
 
@@ -49,7 +42,7 @@ def test_what_leaves_is_what_comes_byte_for_byte():
         with serial.Serial(emulator.port, 115200, timeout=0.2) as port:
             port.write(high_speed.push_request(True).encode())
             # enough data to contain every byte value, so a terminal that translates some bytes is detected
-            data = read_until(port, lambda data: len(data) > 100_000)
+            data = read_until(port, lambda data: len(data) > 50_000)
         sent = b"".join(item.message for item in list(emulator.sent))
     assert set(data) == set(range(256))
     assert data == sent[: len(data)]
@@ -61,34 +54,23 @@ def test_a_stream_keeps_to_its_rate_and_its_line():
     start = time.monotonic()
     with Emulator(PACED, Numbered(PACED)) as emulator, serial.Serial(emulator.port, 115200, timeout=0.2) as port:
         port.write(high_speed.push_request(True).encode())
-        data = read_until(port, lambda data: len(pushes_in(data)) > 100)
+        data = read_until(port, lambda data: len(pushes_in(data)) > 60)
         seconds = time.monotonic() - start
-    # check the upper bound only; a slow machine may fall short of it
+    # a slow machine may fall short of the rate
     assert len(data) <= 11520 * seconds
     assert len(pushes_in(data)) - 2 <= 200 * seconds
 
 
 def test_a_host_that_does_not_read_loses_bytes_and_gets_fresh_ones():
-    with Emulator(PACED, Numbered(PACED), rate=1e6) as emulator, serial.Serial(emulator.port, 115200) as port:
-        fast = dataclasses.replace(PACED, baud=50_000_000)
-        with Emulator(fast, Numbered(fast), rate=1e6) as quick, serial.Serial(quick.port, 115200) as unread:
-            unread.write(high_speed.push_request(True).encode())
-            wait_for(lambda: quick.overruns > 0)
-        port.timeout = 0.2
+    fast = dataclasses.replace(PACED, baud=50_000_000)
+    with Emulator(fast, Numbered(fast), rate=1e6) as quick, serial.Serial(quick.port, 115200, timeout=0.2) as port:
         port.write(high_speed.push_request(True).encode())
-        read_until(port, lambda data: len(pushes_in(data)) > 3)
-        assert emulator.overruns == 0
+        wait_for(lambda: quick.overruns > 0)
+        sent = quick.messages
+        read_until(port, lambda data: len(pushes_in(data)) > 3 and quick.messages > sent)
 
 
-def test_a_port_is_closed_and_opened_again():
-    with Emulator(PACED, Numbered(PACED), pace=False) as emulator:
-        for _ in range(3):
-            with serial.Serial(emulator.port, 115200, timeout=0.2) as port:
-                port.write(high_speed.version_request().encode())
-                read_until(port, lambda data: FrameDecoder(high_speed.parse_reply).feed(data))
-
-
-def test_a_link_follows_the_port(tmp_path):
+def test_a_link_follows_the_port_and_replaces_no_file(tmp_path):
     link = tmp_path / "sensor"
     with Emulator(PACED, Numbered(PACED), link=link) as emulator:
         assert emulator.port == str(link)
@@ -111,14 +93,10 @@ def test_a_link_follows_the_port(tmp_path):
             port.write(high_speed.version_request().encode())
             read_until(port, lambda data: len(data) > 15)
     assert not link.is_symlink()
-
-
-def test_a_link_does_not_replace_a_file(tmp_path):
-    (tmp_path / "sensor").write_text("precious")
-    emulator = Emulator(PACED, Numbered(PACED), link=tmp_path / "sensor")
+    link.write_text("precious")
     with pytest.raises(OutputExistsError, match="no link"):
-        emulator.start()
-    assert (tmp_path / "sensor").read_text() == "precious"
+        Emulator(PACED, Numbered(PACED), link=link).start()
+    assert link.read_text() == "precious"
 
 
 def test_unplugging_after_so_many_messages_and_power_on_again():
