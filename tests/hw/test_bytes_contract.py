@@ -143,9 +143,9 @@ answers = (
     | st.builds(high_speed.Reply, st.sampled_from([high_speed.WRITE, high_speed.ZERO]), WORD, st.binary(max_size=2))
     | st.builds(high_speed.Reply, st.integers(0x81, 0xFF), WORD)
 )
-high_speed_requests = st.builds(
-    high_speed.Request, st.just(high_speed.READ), WORD, st.integers(1, 512)
-) | st.binary(min_size=1, max_size=10).flatmap(
+high_speed_requests = st.builds(high_speed.Request, st.just(high_speed.READ), WORD, st.integers(1, 512)) | st.binary(
+    min_size=1, max_size=10
+).flatmap(
     lambda data: st.builds(
         high_speed.Request,
         st.sampled_from([high_speed.WRITE, high_speed.ZERO]),

@@ -11,8 +11,16 @@ from person import person
 
 pytest.importorskip("serial")
 
-from paxisim import Emulator, InvalidValueError, OutputExistsError, PaxisimError, Slot, UnknownNameError
-from paxisim import known_profiles, load_profile
+from paxisim import (
+    Emulator,
+    InvalidValueError,
+    OutputExistsError,
+    PaxisimError,
+    Slot,
+    UnknownNameError,
+    known_profiles,
+    load_profile,
+)
 from paxisim.cli.device import device_check, device_profiles, device_quality
 from paxisim.hw.check import check_steps
 from paxisim.hw.profile_file import profile_toml

@@ -207,8 +207,8 @@ def damaging(cycle):
 @pytest.mark.parametrize(
     "script",
     [
-        Box(damaging("good lost short flipped noisy late good good late good good".split())),
-        Converter(damaging("good lost flipped cut noisy".split())),
+        Box(damaging(["good", "lost", "short", "flipped", "noisy", "late", "good", "good", "late", "good", "good"])),
+        Converter(damaging(["good", "lost", "flipped", "cut", "noisy"])),
     ],
     ids=lambda script: script.family,
 )
@@ -276,7 +276,9 @@ def converter_strangers(request, reply):
     return b"".join(other.encode() for other in (*others, reply))
 
 
-@pytest.mark.parametrize("script", [Box(box_strangers), Converter(converter_strangers)], ids=lambda script: script.family)
+@pytest.mark.parametrize(
+    "script", [Box(box_strangers), Converter(converter_strangers)], ids=lambda script: script.family
+)
 def test_a_reply_to_something_else_is_not_taken(script):
     with Conversation(script) as board:
         board.start()

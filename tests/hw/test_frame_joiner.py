@@ -1,8 +1,10 @@
+"""Frames of several ports joined to one: those nearest in time go together, and none waits for a silent port."""
+
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from paxisim.hw.frame import Frame
+from paxisim import Frame
 from paxisim.hw.frame_joiner import MAX_AGE, MAX_KEPT_FRAMES, STALE_STATUS, FrameJoiner
 
 
@@ -76,15 +78,10 @@ def test_a_port_that_fell_silent_is_marked_and_its_last_frame_kept() -> None:
     assert back.status == (1, 0)
 
 
-def test_a_resultant_that_one_port_lacks() -> None:
+def test_a_resultant_that_one_port_lacks_and_clear() -> None:
     joiner = FrameJoiner(2)
     joiner.push(1, frame(1.0, resultant=False))
     assert joiner.push(0, frame(1.0))[0].resultant is None
-
-
-def test_clear() -> None:
-    joiner = FrameJoiner(2)
-    joiner.push(1, frame(1.0))
     joiner.push(0, frame(1.1))
     joiner.clear()
     assert joiner.push(0, frame(1.2)) == []
@@ -100,7 +97,7 @@ def test_a_silent_first_port_makes_nothing_grow() -> None:
     assert abs(values(joined)[1] / 100 - joined.time) < 0.01
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(
     periods=st.lists(st.floats(0.005, 0.05), min_size=2, max_size=4),
     phases=st.lists(st.floats(0, 0.05), min_size=4, max_size=4),

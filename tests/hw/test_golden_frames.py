@@ -47,9 +47,7 @@ GOLDEN = {
     },
     converter.parse_reply: {
         "AA550A000300790300000001000077": converter.Reply(3, converter.WRITE, 3, 1),
-        "AA550D000100FBF00300000300000AFE1FDB": converter.Reply(
-            1, converter.READ, 1008, 3, 0, bytes([10, 254, 31])
-        ),
+        "AA550D000100FBF00300000300000AFE1FDB": converter.Reply(1, converter.READ, 1008, 3, 0, bytes([10, 254, 31])),
     },
     high_speed.parse_request: {
         "55AA000300000F00EF": high_speed.version_request(),
@@ -142,7 +140,12 @@ READ, WRITE, ZERO = high_speed.READ, high_speed.WRITE, high_speed.ZERO
         (high_speed.Request(WRITE, 0, 11, bytes(11)), r"count|data"),
         (high_speed.Request(WRITE, 0, 2, b"\0"), r"count|data"),
         (high_speed.Request(WRITE, 0, 0), r"count|data"),
-        (hand_board.Round((*[hand_board.Block(bytes(45))] * 2, hand_board.Block(bytes(44)), hand_board.Block(bytes(45)))), "block 2"),
+        (
+            hand_board.Round(
+                (*[hand_board.Block(bytes(45))] * 2, hand_board.Block(bytes(44)), hand_board.Block(bytes(45)))
+            ),
+            "block 2",
+        ),
         (hand_board.Round((hand_board.Block(bytes(45)),)), "4 blocks"),
     ],
 )

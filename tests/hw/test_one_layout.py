@@ -24,7 +24,9 @@ OBJECT = """<body name="object{0}" pos="0 0 0"><joint name="object{0}" type="fre
 DEVICE = Profile(
     "device",
     "high-speed",
-    TaxelLayout(LAYOUT.rows, LAYOUT.cols, LAYOUT.pitch, vendor_order=(4, 9, 14, 3, 8, 13, 2, 7, 12, 1, 6, 11, 0, 5, 10)),
+    TaxelLayout(
+        LAYOUT.rows, LAYOUT.cols, LAYOUT.pitch, vendor_order=(4, 9, 14, 3, 8, 13, 2, 7, 12, 1, 6, 11, 0, 5, 10)
+    ),
     (Slot("left", 3), Slot("right", 1)),
     ("-y", "+x", "+z"),
     rate=50.0,

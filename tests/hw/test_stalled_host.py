@@ -18,7 +18,6 @@ pytest.importorskip("serial")
 from paxisim.hw.boards.control_box import ControlBox
 from paxisim.hw.boards.serial_converter import SerialConverter
 from paxisim.hw.emulation.pads import EmulatedPads
-
 from paxisim.hw.emulator import Emulator, make_board
 from paxisim.hw.faults import Faults, FaultyLine
 from paxisim.logs.mcap_records import McapRecords
@@ -132,7 +131,7 @@ LONG = [(0.8, 0.3), (2.0, 0.6), (0.7, 1.6)]
 @pytest.mark.parametrize(
     ("name", "stalls", "seconds"),
     [
-        ("high-speed", [(0.6, 0.3), (1.0, 1.2)], 3.6),
+        ("high-speed", [(0.8, 0.3), (2.0, 1.2)], 5.0),
         *(pytest.param(name, LONG, 6.8, marks=SLOW, id=f"{name} at length") for name in PROFILES),
     ],
 )
