@@ -6,6 +6,7 @@ import select
 import threading
 import time
 import tty
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -65,11 +66,11 @@ class Peer:
 class Script:
     """A scripted board; `change(request, reply)`, if given, returns the bytes to send in place of a reply."""
 
-    family = ""
-    slots: dict[str, int] = {}
-    taxels = 0
-    settings: dict[str, object] = {}
-    idle = None
+    family: str = ""
+    slots: ClassVar[dict[str, int]] = {}
+    taxels: int = 0
+    settings: ClassVar[dict[str, object]] = {}
+    idle: Any = None
 
     def __init__(self, change=None):
         self.change = change or (lambda request, reply: reply.encode())
@@ -89,11 +90,11 @@ class Box(Script):
     """A control box with pads on ports 2 and 5; it takes its mode after `slow` questions."""
 
     family, slots, taxels, settings = "control-box", {"left": 2, "right": 5}, 20, {"mode": 5}
-    pads = {
+    pads: ClassVar = {
         2: np.array([[i - 4, 4 - i, 12 * i] for i in range(20)], dtype=np.int16),
         5: np.array([[-i, i, 255 - i] for i in range(20)], dtype=np.int16),
     }
-    totals = {2: [[-7, 8, 200]], 5: [[1, -2, 3]]}
+    totals: ClassVar = {2: [[-7, 8, 200]], 5: [[1, -2, 3]]}
 
     def __init__(self, change=None, slow=0):
         super().__init__(change)
@@ -214,7 +215,7 @@ def numbered_round(number):
 
 
 class HandBoard(Script):
-    """A hand board that sends rounds 0, 1, 2 ... in pieces that are not whole rounds; `make(number)` makes the bytes."""
+    """A hand board that sends rounds 0, 1, 2 ... in pieces that are not whole; `make(number)` makes their bytes."""
 
     family, slots, taxels = "hand-board", {"tip": 1, "pulp": 0}, 15
 

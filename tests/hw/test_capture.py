@@ -54,7 +54,7 @@ def sensor(board):
 
 @pytest.fixture
 def replugged(tmp_path):
-    """A board behind a link, because the system soon reuses the number of a closed port, and its sensor, which waits."""
+    """A board behind a link, as the system soon reuses the number of a closed port, and its sensor, which waits."""
     with (
         Emulator(PROFILE, constant(PROFILE), link=tmp_path / "port") as board,
         open_sensor(board.port, PROFILE, reconnect=60) as sensor,

@@ -168,21 +168,18 @@ def test_bytes_take_their_time():
     assert line.take(100.0) == b""
 
 
-def test_a_fast_line_lets_all_pass_at_once():
+def test_no_byte_is_lost_or_early_on_a_paced_line_and_a_fast_one_lets_all_pass_at_once():
+    for sizes in ((1, 7, 300), (5000,)):
+        line, now, came = PacedLine(46080.0), 0.0, b""
+        sent = b"".join(bytes([i]) * size for i, size in enumerate(sizes))
+        line.put([(0.0, bytes([i]) * size) for i, size in enumerate(sizes)], now)
+        while line.next < np.inf:
+            now = line.next
+            came += line.take(now)
+            assert len(came) <= 46080 * now + 1e-6
+        assert came == sent
+        assert now == pytest.approx(len(sent) / 46080)
     line = PacedLine()
     line.put([(0.0, b"abc"), (1.0, b"def")], 0.0)
     assert line.take(0.0) == b"abc"
     assert line.take(1.0) == b"def"
-
-
-@pytest.mark.parametrize("sizes", [(1, 7, 300), (5000,)])
-def test_no_byte_is_lost_or_early_on_a_paced_line(sizes):
-    line, now, came = PacedLine(46080.0), 0.0, b""
-    sent = b"".join(bytes([i]) * size for i, size in enumerate(sizes))
-    line.put([(0.0, bytes([i]) * size) for i, size in enumerate(sizes)], now)
-    while line.next < np.inf:
-        now = line.next
-        came += line.take(now)
-        assert len(came) <= 46080 * now + 1e-6
-    assert came == sent
-    assert now == pytest.approx(len(sent) / 46080)

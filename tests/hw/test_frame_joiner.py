@@ -38,15 +38,6 @@ def test_frames_nearest_in_time_go_together() -> None:
     assert joined.sequence == 1
 
 
-def test_nothing_is_joined_before_every_port_has_sent() -> None:
-    joiner = FrameJoiner(3)
-    assert joiner.push(1, frame(0.9)) == []
-    assert [joiner.push(0, frame(1 + i / 10)) for i in range(5)] == [[]] * 5
-    assert [j.time for j in joiner.push(2, frame(2.0))] == []  # port 1 may still send a nearer one
-    (joined,) = joiner.push(1, frame(2.0))
-    assert joined.time == 1.4
-
-
 def test_a_frame_waits_no_longer_than_until_the_next_one() -> None:
     joiner = FrameJoiner(2)
     joiner.push(1, frame(1.0, 7))

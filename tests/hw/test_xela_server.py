@@ -163,18 +163,6 @@ def test_counts_are_read_from_the_middle_and_zeroed_in_software():
 
 
 @pytest.mark.real_time
-def test_calibrated_forces_are_newtons():
-    profile = load_profile("xela-uspa44-calibrated")
-    with Emulator(profile, lambda now: FORCE) as emulator, open_sensor(emulator.port, profile) as pads:
-        frame = pads.read(PATIENCE)
-        assert frame.unit == profile.unit == "N"
-        np.testing.assert_allclose(frame.force, FORCE, atol=1e-4)
-        # the same server also provides raw counts
-        with open_sensor(emulator.port, "xela-uspa44") as raw:
-            assert raw.read(PATIENCE).unit == "counts"
-
-
-@pytest.mark.real_time
 @pytest.mark.parametrize(
     ("messages", "profile", "error", "says"),
     [
@@ -319,6 +307,13 @@ def test_four_pads_at_100_hz_without_a_drop():
 @pytest.mark.real_time
 def test_several_hosts_and_the_verbs_read_one_server(tmp_path, capsys):
     profile, path = load_profile("xela-uspa44"), tmp_path / "uskin.mcap"
+    calibrated = load_profile("xela-uspa44-calibrated")
+    with Emulator(calibrated, lambda now: FORCE) as emulator, open_sensor(emulator.port, profile) as raw:
+        assert raw.read(PATIENCE).unit == "counts"
+        with open_sensor(emulator.port, calibrated) as pads:
+            frame = pads.read(PATIENCE)
+        assert frame.unit == "N"
+        np.testing.assert_allclose(frame.force, FORCE, atol=1e-4)
     with Emulator(profile, press(profile)) as emulator, connect(emulator.port, proxy=None) as one:
         assert json.loads(one.recv(PATIENCE)) == {"message": "Welcome"}
         message = json.loads(one.recv(PATIENCE))
