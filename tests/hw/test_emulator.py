@@ -142,16 +142,6 @@ def test_a_signal_that_fails_later_ends_the_emulator_with_its_words():
     emulator.stop()
 
 
-@pytest.mark.parametrize("faults", [Faults(split=0.5), Faults(merge=0.5), Faults(stall=0.05, stall_seconds=0.02)])
-def test_split_merged_and_late_messages_still_arrive(faults):
-    with Emulator(PACED, Numbered(PACED), faults=faults, pace=False, record_sent=True) as emulator:
-        with serial.Serial(emulator.port, 115200, timeout=0.2) as port:
-            port.write(high_speed.push_request(True).encode())
-            data = read_until(port, lambda data: len(data) > 20_000)
-        sent = b"".join(item.message for item in list(emulator.sent))
-    assert data == sent[: len(data)]
-
-
 def test_bytes_take_their_time():
     line = PacedLine(1000.0)
     line.put([(0.0, b"a" * 100), (0.5, b"b" * 100)], 10.0)

@@ -30,13 +30,6 @@ def rounds_in(data, sizes=()):
 # ---- joining, garbage and loss
 
 
-def test_calm_rounds_come_at_once():
-    decoder = RoundDecoder()
-    for one in SENT:
-        assert decoder.feed(one.encode()) == [one]
-    assert (decoder.pending, decoder.skipped, decoder.frames) == (0, 0, len(SENT))
-
-
 def test_a_stream_met_in_the_middle():
     for start in range(1, 200):
         decoder = RoundDecoder()

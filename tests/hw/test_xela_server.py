@@ -8,6 +8,7 @@ import socket
 import threading
 import time
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -44,7 +45,7 @@ def sensor(number=1, taxels=TAXELS, **other):
     return {"time": 1.7e9, "sensor": str(number), "model": "uSPa44", "taxels": taxels, "data": data} | other
 
 
-def routine(number=1, **sensors):
+def routine(number: int = 1, **sensors: Any):
     return {"message": number, "type": "routine"} | (sensors or {"1": sensor()})
 
 
