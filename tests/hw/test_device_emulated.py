@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from emulated import small
 from numpy.typing import NDArray
 
 from paxisim import InvalidValueError, Profile, ProtocolError, Slot, TactileSensor, TaxelLayout, load_profile
@@ -38,58 +39,32 @@ def shuffled(rows: int, cols: int) -> TaxelLayout:
     return TaxelLayout(rows, cols, (2e-3, 3e-3), vendor_order=tuple(order.tolist()))
 
 
-AXES = ("-y", "+x", "+z")
 PROFILES = {
-    "control-box": replace(
-        load_profile("gen2-box-120"),
+    "control-box": small(
+        "control-box",
+        [("left", 2), ("right", 5)],
         wire_layout=shuffled(12, 10),
-        slots=(Slot("left", 2), Slot("right", 5)),
-        axes=AXES,
         pool=(2, 2),
-        verified="emulated",
+        settings={"mode": 5, "resultant_address": 1008},
     ),
-    "hand-board": replace(
-        load_profile("gen1-stream"),
-        wire_layout=shuffled(5, 3),
-        slots=(Slot("tip", 1), Slot("pulp", 0)),
-        axes=AXES,
-        verified="emulated",
+    "hand-board": small("hand-board", [("tip", 1), ("pulp", 0)], wire_layout=shuffled(5, 3)),
+    "serial-converter": small("serial-converter", [("pad", 3)], wire_layout=shuffled(4, 13), baud=921600),
+    "high-speed": small(
+        "high-speed", [("thumb", 9), ("index", 2)], wire_layout=shuffled(4, 13), baud=921600, rate=83.0
     ),
-    "serial-converter": Profile(
-        "converter",
-        "serial-converter",
-        shuffled(4, 13),
-        (Slot("pad", 3),),
-        axes=AXES,
-        baud=921600,
-        settings={"address": 1038, "resultant_address": 1008},
-        verified="emulated",
-    ),
-    "high-speed": Profile(
-        "modules",
-        "high-speed",
-        shuffled(4, 13),
-        (Slot("thumb", 9), Slot("index", 2)),
-        axes=AXES,
-        baud=921600,
-        rate=83.0,
-        verified="emulated",
-    ),
-    "magnetometer-board": Profile(
-        "chips", "magnetometer-board", shuffled(1, 5), (Slot("skin", 0),), axes=AXES, baud=115200, verified="emulated"
-    ),
+    "magnetometer-board": small("magnetometer-board", [("skin", 0)], wire_layout=shuffled(1, 5), baud=115200),
     "xela-counts": replace(
         load_profile("xela-uspa44"),
         wire_layout=shuffled(4, 4),
         slots=(Slot("left", 2), Slot("right", 1)),
-        axes=AXES,
+        axes=("-y", "+x", "+z"),
         verified="emulated",
     ),
     "xela-forces": replace(
         load_profile("xela-uspa44-calibrated"),
         wire_layout=shuffled(4, 4),
         slots=(Slot("left", 7),),
-        axes=AXES,
+        axes=("-y", "+x", "+z"),
         verified="emulated",
     ),
 }
