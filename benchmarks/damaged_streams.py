@@ -33,8 +33,12 @@ import numpy as np
 import tyro
 from numpy.typing import NDArray
 
-from paxisim.hw.frames import control_box, hand_board, high_speed, magnetometer_board, serial_converter
-from paxisim.hw.framing import Decoder, FrameDecoder
+from paxisim.hw.families.control_box import wire as control_box
+from paxisim.hw.families.hand_board import wire as hand_board
+from paxisim.hw.families.high_speed import wire as high_speed
+from paxisim.hw.families.magnetometer_board import wire as magnetometer_board
+from paxisim.hw.families.serial_converter import wire as serial_converter
+from paxisim.hw.link.framing import Decoder, FrameDecoder
 
 TAXELS = 52
 PIECE = 4096

@@ -20,10 +20,11 @@ import time
 import tyro
 
 from paxisim.hw.device import open_sensor
-from paxisim.hw.emulation.control_box import USB_SPEED
-from paxisim.hw.emulator import Emulator
-from paxisim.hw.profile import Profile, Slot, load_profile
-from paxisim.hw.signals import press
+from paxisim.hw.emulation.emulator import Emulator
+from paxisim.hw.emulation.signals import press
+from paxisim.hw.families.control_box.emulated import USB_SPEED
+from paxisim.hw.profiles.load import load_profile
+from paxisim.hw.profiles.profile import Profile, Slot
 
 PAPER = dataclasses.replace(
     load_profile("gen1-pap-l4629"), verified="on the emulator", slots=(Slot("left", 0), Slot("right", 3))

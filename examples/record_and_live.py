@@ -14,7 +14,7 @@ import numpy as np
 
 import paxisim
 from paxisim.cli import main as paxisim_command
-from paxisim.hw.capture import capture
+from paxisim.hw.capture.capture import capture
 
 PROFILE = "gen2-box-120"  # 12x10 taxels
 SECONDS = 3.0

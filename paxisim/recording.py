@@ -283,7 +283,7 @@ class Recording:
             layout: Layout of the pads' taxels, instead of that of the file. A CSV from a board contains no layout; by
                 default, its taxels form one row in the order of the file.
             pads: Names of the pads to keep, as used in the file and in this order. Default: all.
-            profile: Conversion of the counts in a board's CSV to newtons, from `paxisim.hw.profile.load_profile`. It
+            profile: Conversion of the counts in a board's CSV to newtons, from `paxisim.load_profile`. It
                 also gives the layout. Default: 0.1 N per count, without changing any axis.
             streams: Files whose numeric streams, such as joint positions, are added as covariates: MCAP of ROS 2 or
                 with JSON (`paxisim.logs.mcap_joints`), CSV, Parquet, HDF5, LeRobotDataset. `paxisim.logs.add_streams`

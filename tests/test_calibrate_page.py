@@ -7,14 +7,14 @@ import pytest
 from load_rig import rig
 
 from paxisim.cli import main
-from paxisim.hw.emulator import Emulator
+from paxisim.hw.emulation.emulator import Emulator
 from paxisim.recording import Recording
 
 PAGE = Path(__file__).parents[1] / "docs" / "guides" / "calibrate.md"
 
 
 @pytest.mark.real_time
-@pytest.mark.filterwarnings("ignore::paxisim.hw.profile.UnverifiedProfileWarning")
+@pytest.mark.filterwarnings("ignore::paxisim.UnverifiedProfileWarning")
 def test_the_page_runs_as_printed(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     rig(seconds=20)[0].save("raw.mcap")

@@ -173,10 +173,10 @@ def test_the_verb_writes_a_calibration_and_two_pictures(tmp_path, capsys) -> Non
 
 
 @pytest.mark.real_time
-@pytest.mark.filterwarnings("ignore::paxisim.hw.profile.UnverifiedProfileWarning")
+@pytest.mark.filterwarnings("ignore::paxisim.UnverifiedProfileWarning")
 def test_a_sensor_is_opened_recorded_and_zeroed_in_newtons(calibration: paxisim.Calibration, tmp_path, capsys) -> None:
     pytest.importorskip("serial")
-    from paxisim.hw.emulator import Emulator
+    from paxisim.hw.emulation.emulator import Emulator
 
     path, output = tmp_path / "sensor.json", tmp_path / "newtons.mcap"
     calibration.save(path)

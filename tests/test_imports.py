@@ -200,7 +200,6 @@ def test_circles_are_found():
 # a class or function that calls, inside its methods, what is built on it: to load, save, run or report itself
 FACADES = {
     "paxisim.diagnose.diagnosis": {"paxisim.diagnose.report.page"},
-    "paxisim.hw.profile": {"paxisim.hw.profile_file"},
     "paxisim.scene.scene": {"paxisim.scene.changed", "paxisim.scene.replay", "paxisim.scene.rig", "paxisim.scene.toml"},
 }
 

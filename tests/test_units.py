@@ -5,10 +5,10 @@ import pytest
 
 import paxisim
 from paxisim.cli import main
+from paxisim.hw.commissioning.quality import measure_quality
+from paxisim.hw.emulation.signals import from_recording
 from paxisim.hw.frame import Frame
-from paxisim.hw.profile import load_profile
-from paxisim.hw.quality import measure_quality
-from paxisim.hw.signals import from_recording
+from paxisim.hw.profiles.load import load_profile
 
 
 def field(unit="uT", **metadata):

@@ -82,7 +82,7 @@ def convert(
         _check_dataset(lerobot)
     known: Any = None
     if profile is not None:
-        from paxisim.hw.profile import load_profile
+        from paxisim.hw.profiles.load import load_profile
 
         known = load_profile(profile)
     progress(f"reading {recording}")

@@ -17,10 +17,10 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from paxisim.hw.check import CheckResult, Step, Touch
+    from paxisim.hw.commissioning.check import CheckResult, Step, Touch
     from paxisim.hw.device import TactileSensor
     from paxisim.hw.frame import Frame
-    from paxisim.hw.profile import Profile
+    from paxisim.hw.profiles.profile import Profile
 
 _LATE = 0.1  # s; frames from before the start of a step may arrive this late
 _PATIENCE = 5.0  # s; longest wait for a frame
@@ -57,8 +57,9 @@ def device_check(
     from datetime import datetime
 
     from paxisim.hw.device import open_sensor
-    from paxisim.hw.profile import UnverifiedProfileWarning, load_profile
-    from paxisim.hw.profile_file import profile_toml
+    from paxisim.hw.profiles.load import load_profile
+    from paxisim.hw.profiles.profile import UnverifiedProfileWarning
+    from paxisim.hw.profiles.write import profile_toml
 
     if output.suffix != ".toml":
         raise InvalidValueError(f"the output must be a .toml file, so that it can be used as a profile, got {output}")
@@ -113,7 +114,7 @@ class _Check(NamedTuple):
 
 
 def _force_check() -> _Check:
-    from paxisim.hw.check import check_steps, conclude, feel, rest_of
+    from paxisim.hw.commissioning.check import check_steps, conclude, feel, rest_of
 
     def say(believed: Profile, touch: Touch) -> str:
         x, y, z = touch.total
@@ -124,7 +125,7 @@ def _force_check() -> _Check:
 
 
 def _field_check() -> _Check:
-    from paxisim.hw.check_field import conclude_field, field_at_rest, field_steps, responses
+    from paxisim.hw.commissioning.check_field import conclude_field, field_at_rest, field_steps, responses
 
     def say(believed: Profile, ratio: NDArray[np.float64]) -> str:
         return "the chips' fields changed by " + ", ".join(f"{value:.0f}" for value in ratio) + " times their noise"
@@ -187,9 +188,9 @@ def device_quality(
         seconds: Duration in seconds. Drift shows only after minutes.
         force: Overwrite the output if it exists.
     """
+    from paxisim.hw.commissioning.quality import measure_quality
     from paxisim.hw.device import open_sensor
-    from paxisim.hw.profile import load_profile
-    from paxisim.hw.quality import measure_quality
+    from paxisim.hw.profiles.load import load_profile
 
     if output is not None:
         check_output(output, force, ".png")
@@ -220,8 +221,8 @@ def device_profiles(name: Annotated[str | None, tyro.conf.Positional] = None) ->
     Args:
         name: Name of the profile to print; default: list all.
     """
-    from paxisim.hw.profile import load_profile
-    from paxisim.hw.profile_file import format_profiles, profile_toml
+    from paxisim.hw.profiles.load import format_profiles, load_profile
+    from paxisim.hw.profiles.write import profile_toml
 
     print(format_profiles() if name is None else profile_toml(load_profile(name)).rstrip())
 

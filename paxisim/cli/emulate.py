@@ -60,10 +60,10 @@ def emulate(
         seconds: Duration in seconds.
     """
     import paxisim
-    from paxisim.hw.emulator import Emulator
-    from paxisim.hw.end_signals import end_signals
-    from paxisim.hw.faults import Faults
-    from paxisim.hw.profile import load_profile
+    from paxisim.hw.capture.end_signals import end_signals
+    from paxisim.hw.emulation.emulator import Emulator
+    from paxisim.hw.emulation.faults import Faults
+    from paxisim.hw.profiles.load import load_profile
 
     if not seconds >= 0:
         raise paxisim.InvalidValueError(f"--seconds must be 0 or more, got {seconds:g}")
@@ -119,7 +119,7 @@ def make_signal(text: str, profile) -> Callable[[float], Any]:
         OSError: The file cannot be read.
     """
     import paxisim
-    from paxisim.hw.signals import from_recording, press
+    from paxisim.hw.emulation.signals import from_recording, press
 
     suffix = Path(text).suffix.lower()
     if text == "demo":

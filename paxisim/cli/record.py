@@ -13,10 +13,10 @@ import tyro
 
 from paxisim.cli.output import check_output, load_calibration, printable, size_text
 from paxisim.errors import InvalidValueError, PaxisimError
-from paxisim.hw.extra_streams import ENTER_KEY, MAX_CLOCK_OFF
+from paxisim.hw.capture.extra_streams import ENTER_KEY, MAX_CLOCK_OFF
 
 if TYPE_CHECKING:
-    from paxisim.hw.capture import CaptureSummary
+    from paxisim.hw.capture.capture import CaptureSummary
 
 
 def record(
@@ -58,7 +58,7 @@ def record(
         stream: Python function to call at a fixed rate and record, as module:function@HZ.
         force: Overwrite the output if it exists. Nothing is overwritten until the sensor is open.
     """
-    from paxisim.hw.capture import capture
+    from paxisim.hw.capture.capture import capture
     from paxisim.hw.device import open_sensor
 
     if not port:
@@ -101,7 +101,7 @@ def record(
 
 def _sources(csv: bool, udp: tuple[int, ...], stream: tuple[str, ...]):
     """Open the extra streams one by one, so that the caller can close the open ones if a later one fails."""
-    from paxisim.hw.extra_streams import CsvLines, EnterKey, UdpJson, load_function
+    from paxisim.hw.capture.extra_streams import CsvLines, EnterKey, UdpJson, load_function
 
     if csv:
         yield CsvLines()

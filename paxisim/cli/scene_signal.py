@@ -24,7 +24,7 @@ class SceneSignal:
 
         Args:
             scene: MJCF file with pads, as `paxisim attach` writes it.
-            profile: The `paxisim.hw.profile.Profile` of the emulated sensor; the pads of the scene have its wire
+            profile: The `paxisim.Profile` of the emulated sensor; the pads of the scene have its wire
                 layout or its pooled layout.
 
         Raises:
@@ -33,7 +33,7 @@ class SceneSignal:
         """
         import mujoco
 
-        from paxisim.hw.signals import spread
+        from paxisim.hw.emulation.signals import spread
         from paxisim.models.load import compile_spec, load_spec
         from paxisim.models.pads import find_pads
         from paxisim.models.readout import TactileReadout

@@ -10,15 +10,16 @@ from collections.abc import Callable, Iterator, Sequence
 from types import TracebackType
 
 from paxisim.errors import DeviceError, DeviceTimeoutError, InvalidValueError
-from paxisim.hw.board import Board
 from paxisim.hw.calibrated import SensorCalibration
-from paxisim.hw.clock import Clock, SystemClock
-from paxisim.hw.families import board_class, open_port
+from paxisim.hw.families.board import Board
+from paxisim.hw.families.load import board_class, open_port
 from paxisim.hw.frame import Frame
-from paxisim.hw.frame_joiner import FrameJoiner
-from paxisim.hw.frame_queue import FrameQueue
-from paxisim.hw.profile import Profile, as_profile
-from paxisim.hw.reader import Reader
+from paxisim.hw.link.clock import Clock, SystemClock
+from paxisim.hw.link.frame_joiner import FrameJoiner
+from paxisim.hw.link.frame_queue import FrameQueue
+from paxisim.hw.link.reader import Reader
+from paxisim.hw.profiles.load import as_profile
+from paxisim.hw.profiles.profile import Profile
 from paxisim.layout import TaxelLayout
 
 
@@ -98,7 +99,7 @@ class TactileSensor:
     A sensor without references is closed with a ResourceWarning, as a file is. Do not rely on this: a traceback or the
     output of a notebook may still hold a reference, and with it the port.
 
-    Several ports form one tensor: see `paxisim.hw.frame_joiner.FrameJoiner` for how frames are matched.
+    Several ports form one tensor: see `paxisim.hw.link.frame_joiner.FrameJoiner` for how frames are matched.
 
     Attributes:
         profile: Profile that says which part it is and how its bytes become the tensor.

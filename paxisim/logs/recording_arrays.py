@@ -35,7 +35,7 @@ def unit_of(metadata: Mapping[str, Any]) -> str:
 
 
 class CountsToForce(Protocol):
-    """Interface for converting a board's raw counts; `paxisim.hw.profile.Profile` implements it."""
+    """Interface for converting a board's raw counts; `paxisim.Profile` implements it."""
 
     @property
     def layout(self) -> TaxelLayout:

@@ -81,7 +81,7 @@ def open_source(
     elif Path(source).is_file():
         raise InvalidValueError(f"expected a recording ({', '.join(RECORDINGS)}), a scene (.xml) or a port: {source}")
     elif profile is None:
-        from paxisim.hw.profile import known_profiles
+        from paxisim.hw.profiles.load import known_profiles
 
         known = ", ".join(known_profiles())
         raise InvalidValueError(f"{source} is treated as a port, which needs --profile NAME; known: {known}")

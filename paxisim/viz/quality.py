@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.errors import MissingExtraError
-from paxisim.hw.quality import SensorQuality
+from paxisim.hw.commissioning.quality import SensorQuality
 from paxisim.layout import TaxelLayout
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ _MAX_POINTS = 4000  # of a line; more would only overlap
 
 
 def plot_quality(quality: SensorQuality) -> Figure:
-    """Plot the result of `paxisim.hw.quality.measure_quality`.
+    """Plot the result of `paxisim.hw.commissioning.quality.measure_quality`.
 
     Args:
         quality: The result.

@@ -15,7 +15,7 @@ import paxisim
 from paxisim.cli import main
 from paxisim.cli.emulate import make_signal
 from paxisim.cli.scene_signal import LONGEST_CATCH_UP, SceneSignal
-from paxisim.hw.profile import load_profile
+from paxisim.hw.profiles.load import load_profile
 from paxisim.recording import Recording
 
 pytestmark = pytest.mark.real_time

@@ -20,9 +20,9 @@ pytest.importorskip("termios")  # the emulator is a pseudo-terminal
 
 from paxisim.cli import main
 from paxisim.errors import InvalidValueError
-from paxisim.hw.emulator import Emulator
-from paxisim.hw.faults import Faults
-from paxisim.hw.signals import press
+from paxisim.hw.emulation.emulator import Emulator
+from paxisim.hw.emulation.faults import Faults
+from paxisim.hw.emulation.signals import press
 from paxisim.logs.mcap_reader import read_log
 from paxisim.logs.mcap_writer import LogWriter
 

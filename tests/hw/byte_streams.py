@@ -1,6 +1,6 @@
 """Helpers for the tests of decoders: bytes in pieces, and what a decoder accepts of them."""
 
-from paxisim.hw.framing import FrameDecoder
+from paxisim.hw.link.framing import FrameDecoder
 
 
 def hexed(text):

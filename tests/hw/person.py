@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from paxisim.hw.check import Step
+from paxisim.hw.commissioning.check import Step
 from paxisim.layout import TaxelLayout
 
 

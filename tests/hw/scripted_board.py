@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from paxisim.errors import DeviceTimeoutError
-from paxisim.hw.board import Board, Reading
-from paxisim.hw.profile import Profile, Slot
+from paxisim.hw.families.board import Board, Reading
+from paxisim.hw.profiles.profile import Profile, Slot
 from paxisim.layout import TaxelLayout
 
 ONE_PAD = Profile("scripted", "control-box", TaxelLayout(2, 2, (1e-3, 1e-3)), (Slot("pad", 0),), verified="here")

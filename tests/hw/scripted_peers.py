@@ -12,16 +12,16 @@ import numpy as np
 import pytest
 
 from paxisim import Profile, Slot, TaxelLayout
-from paxisim.hw.clock import SystemClock
-from paxisim.hw.families import board_class
-from paxisim.hw.frames import control_box as box
-from paxisim.hw.frames import high_speed
-from paxisim.hw.frames import serial_converter as converter
-from paxisim.hw.frames.hand_board import Block, Round
-from paxisim.hw.frames.stream_layout import StreamLayout, active_bitmap
-from paxisim.hw.framing import FrameDecoder
-from paxisim.hw.taxels import to_bytes
-from paxisim.hw.transport import open_transport
+from paxisim.hw.families.control_box import wire as box
+from paxisim.hw.families.hand_board.wire import Block, Round
+from paxisim.hw.families.high_speed import wire as high_speed
+from paxisim.hw.families.high_speed.stream_layout import StreamLayout, active_bitmap
+from paxisim.hw.families.load import board_class
+from paxisim.hw.families.serial_converter import wire as converter
+from paxisim.hw.families.taxels import to_bytes
+from paxisim.hw.link.clock import SystemClock
+from paxisim.hw.link.framing import FrameDecoder
+from paxisim.hw.link.transport import open_transport
 
 
 class Peer:

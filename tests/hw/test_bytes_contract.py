@@ -17,8 +17,13 @@ from byte_streams import accepted, box_checks, decoded, hexed, sums_to_zero
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from paxisim.hw.frames import control_box, hand_board, high_speed, magnetometer_board, serial_converter, xela_server
-from paxisim.hw.framing import Decoder, FrameDecoder, Parser
+from paxisim.hw.families.control_box import wire as control_box
+from paxisim.hw.families.hand_board import wire as hand_board
+from paxisim.hw.families.high_speed import wire as high_speed
+from paxisim.hw.families.magnetometer_board import wire as magnetometer_board
+from paxisim.hw.families.serial_converter import wire as serial_converter
+from paxisim.hw.families.xela_server import wire as xela_server
+from paxisim.hw.link.framing import Decoder, FrameDecoder, Parser
 
 BYTE, WORD, ADDRESS = st.integers(0, 255), st.integers(0, 65535), st.integers(0, 2**32 - 1)
 CUTS = st.lists(st.integers(1, 40), max_size=30)

@@ -23,11 +23,11 @@ pytest.importorskip("termios")  # the emulator is a pseudo-terminal
 from emulated import Numbered, constant, profile
 
 from paxisim import Emulator, open_sensor
-from paxisim.hw.capture import capture
-from paxisim.hw.clock import SystemClock
+from paxisim.hw.capture.capture import capture
+from paxisim.hw.capture.extra_streams import EPISODE_WORD, CsvLines, ExtraStream, PolledFunction, Sample, UdpJson
 from paxisim.hw.device import ZeroInDoubtWarning
-from paxisim.hw.extra_streams import EPISODE_WORD, CsvLines, ExtraStream, PolledFunction, Sample, UdpJson
-from paxisim.hw.faults import Faults
+from paxisim.hw.emulation.faults import Faults
+from paxisim.hw.link.clock import SystemClock
 from paxisim.logs.mcap_reader import read_log
 
 pytestmark = pytest.mark.real_time

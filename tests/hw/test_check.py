@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from person import careless_person, person, scan, scans
 
 from paxisim import InvalidValueError, Profile, Slot, load_profile
-from paxisim.hw.check import check_steps, conclude, feel, rest_of
+from paxisim.hw.commissioning.check import check_steps, conclude, feel, rest_of
 
 FRAMES = 12
 HELD = np.sin(np.linspace(0.3, np.pi - 0.3, FRAMES))[:, None, None, None]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from paxisim import ProtocolError
-from paxisim.hw.frames import control_box as wire
+from paxisim.hw.families.control_box import wire
 
 pytest.importorskip("pty", reason="no pseudo-terminals here")
 

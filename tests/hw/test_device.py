@@ -20,10 +20,11 @@ from paxisim import (
     UnsupportedError,
     UnverifiedProfileWarning,
 )
-from paxisim.hw import device, reader
+from paxisim.hw import device
 from paxisim.hw.device import ZeroInDoubtWarning, open_sensor
-from paxisim.hw.frame_joiner import STALE_STATUS
-from paxisim.hw.profile_file import profile_toml
+from paxisim.hw.link import reader
+from paxisim.hw.link.frame_joiner import STALE_STATUS
+from paxisim.hw.profiles.write import profile_toml
 from paxisim.logs.schemas import NO_TAXELS
 
 pytest.importorskip("serial")

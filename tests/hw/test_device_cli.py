@@ -22,9 +22,9 @@ from paxisim import (
     load_profile,
 )
 from paxisim.cli.device import device_check, device_profiles, device_quality
-from paxisim.hw.check import check_steps
-from paxisim.hw.profile_file import profile_toml
-from paxisim.hw.quality import MIN_FRAMES
+from paxisim.hw.commissioning.check import check_steps
+from paxisim.hw.commissioning.quality import MIN_FRAMES
+from paxisim.hw.profiles.write import profile_toml
 
 pytestmark = [pytest.mark.real_time, pytest.mark.filterwarnings("ignore::paxisim.UnverifiedProfileWarning")]
 

@@ -13,9 +13,10 @@ from emulated import small
 from numpy.typing import NDArray
 
 from paxisim import InvalidValueError, Profile, ProtocolError, Slot, TactileSensor, TaxelLayout, load_profile
-from paxisim.hw.board import Board
-from paxisim.hw.emulation.board import EmulatedBoard
-from paxisim.hw.families import FAMILIES, board_class, emulated_class
+from paxisim.hw.families.board import Board
+from paxisim.hw.families.emulated_board import EmulatedBoard
+from paxisim.hw.families.load import board_class, emulated_class
+from paxisim.hw.families.table import FAMILIES
 
 pytest.importorskip("serial")
 pytest.importorskip("pty", reason="no pseudo-terminals here")

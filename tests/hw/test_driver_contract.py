@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from paxisim import DeviceTimeoutError, InvalidValueError, ProtocolError, UnsupportedError
-from paxisim.hw.clock import SystemClock
-from paxisim.hw.families import board_class
-from paxisim.hw.frames import control_box as box
-from paxisim.hw.frames import high_speed
-from paxisim.hw.frames import serial_converter as converter
-from paxisim.hw.transport import Transport
+from paxisim.hw.families.control_box import wire as box
+from paxisim.hw.families.high_speed import wire as high_speed
+from paxisim.hw.families.load import board_class
+from paxisim.hw.families.serial_converter import wire as converter
+from paxisim.hw.link.clock import SystemClock
+from paxisim.hw.link.transport import Transport
 
 pytest.importorskip("pty", reason="no pseudo-terminals here")
 

@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 from emulated import Numbered, constant, profile, small
 
-from paxisim.hw.faults import Faults
-from paxisim.hw.frames import control_box as box
-from paxisim.hw.frames import high_speed
-from paxisim.hw.framing import FrameDecoder
+from paxisim.hw.emulation.faults import Faults
+from paxisim.hw.families.control_box import wire as box
+from paxisim.hw.families.high_speed import wire as high_speed
+from paxisim.hw.link.framing import FrameDecoder
 
 pytest.importorskip("serial")
 
 from paxisim import Emulator, open_sensor
-from paxisim.hw.boards import control_box as box_driver
+from paxisim.hw.families.control_box import driver as box_driver
 
 pytestmark = pytest.mark.real_time
 

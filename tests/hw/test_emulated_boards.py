@@ -1,22 +1,24 @@
 """Emulated boards: state machines that answer bytes as the protocols specify, without a port."""
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 import pytest
 from emulated import constant, profile, small
 
 from paxisim import Emulator, InvalidValueError, UnknownNameError
-from paxisim.hw.emulation.control_box import VERSION_WAIT
+from paxisim.hw.emulation.emulator import make_board
+from paxisim.hw.emulation.faults import Faults, FaultyLine
 from paxisim.hw.emulation.pads import EmulatedPads
-from paxisim.hw.emulator import make_board
-from paxisim.hw.faults import Faults, FaultyLine
-from paxisim.hw.frames import control_box as box
-from paxisim.hw.frames import hand_board, high_speed
-from paxisim.hw.frames import serial_converter as converter
-from paxisim.hw.frames.hand_board import RoundDecoder
-from paxisim.hw.framing import FrameDecoder
-from paxisim.hw.signals import press
+from paxisim.hw.emulation.signals import press
+from paxisim.hw.families.control_box import wire as box
+from paxisim.hw.families.control_box.emulated import VERSION_WAIT
+from paxisim.hw.families.hand_board import wire as hand_board
+from paxisim.hw.families.hand_board.wire import RoundDecoder
+from paxisim.hw.families.high_speed import wire as high_speed
+from paxisim.hw.families.serial_converter import wire as converter
+from paxisim.hw.link.framing import FrameDecoder
 
 BOX = small("control-box", [("left", 0), ("right", 3)], settings={"mode": 5})
 CONVERTER = small("serial-converter")
@@ -33,7 +35,7 @@ def board_of(profile, signal=None, faults=None, **options):
     return make_board(pads, profile.rate, True, FaultyLine(faults or Faults()))
 
 
-def ask(board, request, now=0.0):
+def ask(board, request, now=0.0) -> Any:
     """Send a request to a board and return its only reply, None if there is none."""
     replies = FrameDecoder(PARSERS[board.pads.profile.family]).feed(board.receive(request.encode(), now))
     assert len(replies) < 2

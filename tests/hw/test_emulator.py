@@ -10,11 +10,11 @@ from emulated import Numbered, constant, small
 from serial_peers import wait_for
 
 from paxisim import DeviceError, Emulator, InvalidValueError, OutputExistsError
-from paxisim.hw import registers
+from paxisim.hw.emulation.faults import Faults
 from paxisim.hw.emulation.pacing import PacedLine
-from paxisim.hw.faults import Faults
-from paxisim.hw.frames import high_speed
-from paxisim.hw.framing import FrameDecoder
+from paxisim.hw.families import registers
+from paxisim.hw.families.high_speed import wire as high_speed
+from paxisim.hw.link.framing import FrameDecoder
 
 serial = pytest.importorskip("serial")
 

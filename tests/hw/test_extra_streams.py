@@ -16,8 +16,7 @@ from hypothesis import strategies as st
 from serial_peers import wait_for
 
 import paxisim
-from paxisim.hw.clock import SystemClock
-from paxisim.hw.extra_streams import (
+from paxisim.hw.capture.extra_streams import (
     MAX_LINE_BYTES,
     MAX_NAMES,
     CsvLines,
@@ -26,6 +25,7 @@ from paxisim.hw.extra_streams import (
     UdpJson,
     load_function,
 )
+from paxisim.hw.link.clock import SystemClock
 
 pytestmark = pytest.mark.real_time
 

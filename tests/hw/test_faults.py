@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from paxisim import InvalidValueError, UnknownNameError
-from paxisim.hw.faults import Faults, FaultyLine
+from paxisim.hw.emulation.faults import Faults, FaultyLine
 
 MESSAGE = bytes(range(200)) * 50
 

@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from paxisim import Frame
-from paxisim.hw.frame_joiner import MAX_AGE, MAX_KEPT_FRAMES, STALE_STATUS, FrameJoiner
+from paxisim.hw.link.frame_joiner import MAX_AGE, MAX_KEPT_FRAMES, STALE_STATUS, FrameJoiner
 
 
 def frame(time: float, value: float = 0.0, *, status: int = 0, resultant: bool = True, late: float = 0.0) -> Frame:

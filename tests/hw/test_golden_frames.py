@@ -8,13 +8,14 @@ import pytest
 from byte_streams import hexed, parsed, sums_to_zero
 
 from paxisim import InvalidValueError
-from paxisim.hw.frames import control_box as box
-from paxisim.hw.frames import hand_board, high_speed
-from paxisim.hw.frames import serial_converter as converter
-from paxisim.hw.frames.errors import CONTROL_BOX, SERIAL_CONVERTER, error_name
-from paxisim.hw.frames.stream_layout import active_bitmap, active_modules
-from paxisim.hw.recognise import describe
-from paxisim.hw.taxels import to_bytes, to_counts
+from paxisim.hw.families.control_box import wire as box
+from paxisim.hw.families.errors import CONTROL_BOX, SERIAL_CONVERTER, error_name
+from paxisim.hw.families.hand_board import wire as hand_board
+from paxisim.hw.families.high_speed import wire as high_speed
+from paxisim.hw.families.high_speed.stream_layout import active_bitmap, active_modules
+from paxisim.hw.families.serial_converter import wire as converter
+from paxisim.hw.families.taxels import to_bytes, to_counts
+from paxisim.hw.link.recognise import describe
 
 # example frames from the vendor's documents, and frames derived from them
 GOLDEN = {

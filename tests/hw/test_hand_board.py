@@ -6,9 +6,9 @@ from byte_streams import decoded
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from paxisim.hw.frames import hand_board as wire
-from paxisim.hw.frames.hand_board import Block, Round, RoundDecoder
-from paxisim.hw.taxels import to_bytes
+from paxisim.hw.families.hand_board import wire
+from paxisim.hw.families.hand_board.wire import Block, Round, RoundDecoder
+from paxisim.hw.families.taxels import to_bytes
 
 pytest.importorskip("pty", reason="no pseudo-terminals here")
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from paxisim import DeviceTimeoutError
-from paxisim.hw.frames.high_speed import Push
-from paxisim.hw.frames.stream_layout import StreamLayout
+from paxisim.hw.families.high_speed.stream_layout import StreamLayout
+from paxisim.hw.families.high_speed.wire import Push
 from paxisim.logs.schemas import NO_TAXELS
 
 pytest.importorskip("pty", reason="no pseudo-terminals here")

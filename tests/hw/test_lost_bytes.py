@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from byte_streams import decoded
 
-from paxisim.hw.frames import high_speed
-from paxisim.hw.framing import FrameDecoder
+from paxisim.hw.families.high_speed import wire as high_speed
+from paxisim.hw.link.framing import FrameDecoder
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 

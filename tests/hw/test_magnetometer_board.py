@@ -12,10 +12,10 @@ import pytest
 import paxisim
 from paxisim import DeviceTimeoutError, InvalidValueError, ProtocolError, Slot, TaxelLayout, load_profile
 from paxisim.cli import main
-from paxisim.hw.faults import Faults
-from paxisim.hw.frames.magnetometer_board import Burst, BurstDecoder, TextDecoder
-from paxisim.hw.recognise import describe
-from paxisim.hw.signals import press
+from paxisim.hw.emulation.faults import Faults
+from paxisim.hw.emulation.signals import press
+from paxisim.hw.families.magnetometer_board.wire import Burst, BurstDecoder, TextDecoder
+from paxisim.hw.link.recognise import describe
 
 pytest.importorskip("serial")
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from paxisim import Gel, Mount, Pad, Profile, Recording, Slot, TactileReadout, TaxelLayout, attach
-from paxisim.hw.signals import from_recording
+from paxisim.hw.emulation.signals import from_recording
 
 pytest.importorskip("serial")
 

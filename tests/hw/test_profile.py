@@ -19,8 +19,9 @@ from paxisim import (
     known_profiles,
     load_profile,
 )
-from paxisim.hw.families import FAMILIES
-from paxisim.hw.profile_file import profile_toml, shipped_entry
+from paxisim.hw.families.table import FAMILIES
+from paxisim.hw.profiles.load import shipped_entry
+from paxisim.hw.profiles.write import profile_toml
 
 GEN3 = {
     **{"mc-m2020": 9, "ip-s1610": 25, "dp-s1813-elite": 31, "dp-s1813-core": 51, "dp-s2015": 52, "ip-m2324": 68},

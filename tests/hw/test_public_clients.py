@@ -9,11 +9,11 @@ from emulated import constant, profile, small
 pytest.importorskip("serial")
 
 from paxisim import Emulator
-from paxisim.hw.frames import control_box as box
-from paxisim.hw.frames import high_speed
-from paxisim.hw.frames import serial_converter as converter
-from paxisim.hw.frames.stream_layout import StreamLayout
-from paxisim.hw.framing import FrameDecoder
+from paxisim.hw.families.control_box import wire as box
+from paxisim.hw.families.high_speed import wire as high_speed
+from paxisim.hw.families.high_speed.stream_layout import StreamLayout
+from paxisim.hw.families.serial_converter import wire as converter
+from paxisim.hw.link.framing import FrameDecoder
 
 pytestmark = pytest.mark.real_time
 NO_SDK = "paxini-sdk is not installed: pip install 'paxisim[hw]'"

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from paxisim import Frame, InvalidValueError, SensorQuality, TaxelLayout, measure_quality, plot_quality
-from paxisim.hw.quality import MIN_FRAMES
+from paxisim.hw.commissioning.quality import MIN_FRAMES
 
 LAYOUT = TaxelLayout(4, 3, (2e-3, 2e-3))
 RATE = 100.0

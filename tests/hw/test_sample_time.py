@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from paxisim.hw.sample_time import LEARNING_FRAMES, SampleClock
+from paxisim.hw.link.sample_time import LEARNING_FRAMES, SampleClock
 
 START = 1e5  # a machine that has been up for a day
 SETTLED = 2 * LEARNING_FRAMES

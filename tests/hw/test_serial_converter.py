@@ -2,7 +2,7 @@
 
 import pytest
 
-from paxisim.hw.frames import serial_converter as frames
+from paxisim.hw.families.serial_converter import wire as frames
 
 pytest.importorskip("pty", reason="no pseudo-terminals here")
 

@@ -5,8 +5,8 @@ import pytest
 from emulated import profile
 
 from paxisim.errors import InvalidValueError
-from paxisim.hw.emulator import Emulator
-from paxisim.hw.signals import from_arrays, from_recording, press, spread
+from paxisim.hw.emulation.emulator import Emulator
+from paxisim.hw.emulation.signals import from_arrays, from_recording, press, spread
 from paxisim.recording import Recording
 
 

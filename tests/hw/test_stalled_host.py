@@ -15,11 +15,11 @@ from emulated import profile, small
 
 pytest.importorskip("serial")
 
-from paxisim.hw.boards.control_box import ControlBox
-from paxisim.hw.boards.serial_converter import SerialConverter
+from paxisim.hw.emulation.emulator import Emulator, make_board
+from paxisim.hw.emulation.faults import Faults, FaultyLine
 from paxisim.hw.emulation.pads import EmulatedPads
-from paxisim.hw.emulator import Emulator, make_board
-from paxisim.hw.faults import Faults, FaultyLine
+from paxisim.hw.families.control_box.driver import ControlBox
+from paxisim.hw.families.serial_converter.driver import SerialConverter
 from paxisim.logs.mcap_records import McapRecords
 
 pytestmark = [
@@ -46,7 +46,7 @@ print(json.dumps([said, numbers, flagged]))
 """
 RECORDER = """
 import json, sys
-from paxisim.hw.capture import capture
+from paxisim.hw.capture.capture import capture
 from paxisim.hw.device import open_sensor
 import test_stalled_host
 with open_sensor(sys.argv[1], test_stalled_host.PROFILES[sys.argv[2]]()) as sensor:

@@ -15,7 +15,7 @@ from paxisim import (
     PortNotFoundError,
     UnsupportedError,
 )
-from paxisim.hw.transport import open_transport
+from paxisim.hw.link.transport import open_transport
 
 pytest.importorskip("serial")
 pytest.importorskip("pty", reason="no pseudo-terminals here")

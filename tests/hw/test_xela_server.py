@@ -16,11 +16,11 @@ import pytest
 import paxisim
 from paxisim import DeviceTimeoutError, InvalidValueError, PortNotFoundError, ProtocolError, Slot, load_profile
 from paxisim.cli import main
-from paxisim.hw.faults import Faults
-from paxisim.hw.frame_joiner import STALE_STATUS
-from paxisim.hw.frames.xela_server import COUNTS_MIDDLE, MAX_MESSAGE_BYTES, WELCOME, RoutineDecoder
-from paxisim.hw.recognise import describe
-from paxisim.hw.signals import press
+from paxisim.hw.emulation.faults import Faults
+from paxisim.hw.emulation.signals import press
+from paxisim.hw.families.xela_server.wire import COUNTS_MIDDLE, MAX_MESSAGE_BYTES, WELCOME, RoutineDecoder
+from paxisim.hw.link.frame_joiner import STALE_STATUS
+from paxisim.hw.link.recognise import describe
 
 pytest.importorskip("websockets", reason="needs the extra websocket")
 
@@ -30,7 +30,7 @@ from websockets.sync.client import connect
 from websockets.sync.server import serve
 
 from paxisim import Emulator, open_sensor
-from paxisim.hw.websocket import open_websocket
+from paxisim.hw.link.websocket import open_websocket
 
 pytestmark = pytest.mark.filterwarnings("ignore::paxisim.UnverifiedProfileWarning")
 

@@ -21,7 +21,8 @@ from mcap.writer import CompressionType, Writer
 import paxisim
 import paxisim.diagnose
 from paxisim.errors import PaxisimError
-from paxisim.hw.profile import Profile, load_profile
+from paxisim.hw.profiles.load import load_profile
+from paxisim.hw.profiles.profile import Profile
 from paxisim.logs.lerobot_writer import write_lerobot
 from paxisim.logs.mcap_joints import read_joints
 from paxisim.logs.mcap_reader import is_recording

@@ -9,7 +9,7 @@ import pytest
 from log_files import LAYOUT, recording
 
 from paxisim.errors import InvalidValueError, UnknownNameError
-from paxisim.hw.profile import load_profile
+from paxisim.hw.profiles.load import load_profile
 from paxisim.layout import TaxelLayout
 from paxisim.logs.columns import to_columns
 from paxisim.recording import Recording

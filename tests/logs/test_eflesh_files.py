@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from paxisim.errors import InvalidValueError
-from paxisim.hw.profile import load_profile
+from paxisim.hw.profiles.load import load_profile
 from paxisim.layout import TaxelLayout
 from paxisim.logs.eflesh import NEWTONS
 from paxisim.recording import Recording

@@ -14,7 +14,7 @@ from mcap.writer import CompressionType, Writer
 
 import paxisim
 from paxisim.errors import InvalidValueError
-from paxisim.hw.profile import load_profile
+from paxisim.hw.profiles.load import load_profile
 from paxisim.logs.limits import VARIABLE
 from paxisim.logs.mcap_writer import LogWriter
 from paxisim.recording import Recording

@@ -125,8 +125,8 @@ def test_its_windows_stay_within_the_episodes(tmp_path, looked):
 def test_its_loader_opens_a_recording_of_a_board(tmp_path, looked):
     pytest.importorskip("serial")
     pytest.importorskip("termios")
-    from paxisim.hw.emulator import Emulator
-    from paxisim.hw.signals import press as pressing
+    from paxisim.hw.emulation.emulator import Emulator
+    from paxisim.hw.emulation.signals import press as pressing
 
     with Emulator(PROFILE, pressing(PROFILE)) as board:
         words = ["record", board.port, "--profile", PROFILE, "--seconds", "2", "-o", str(tmp_path / "board.mcap")]

@@ -66,7 +66,7 @@ def test_a_name_makes_the_sensor():
 
 
 @pytest.mark.real_time
-@pytest.mark.filterwarnings("ignore::paxisim.hw.profile.UnverifiedProfileWarning")
+@pytest.mark.filterwarnings("ignore::paxisim.UnverifiedProfileWarning")
 def test_the_emulator_is_a_unit(tmp_path, capsys):
     pytest.importorskip("serial")
     layout = paxisim.load_profile("gen2-box-120").wire_layout

@@ -114,8 +114,8 @@ def test_a_scene_in_real_time_goes_no_faster(scene):
 def test_a_sensor_is_read_until_the_seconds_are_over(capsys):
     pytest.importorskip("serial")
     pytest.importorskip("pty", reason="no pseudo-terminals here")
-    from paxisim.hw.emulator import Emulator
-    from paxisim.hw.profile import load_profile
+    from paxisim.hw.emulation.emulator import Emulator
+    from paxisim.hw.profiles.load import load_profile
 
     profile = load_profile("gen3-highspeed-mc-m2020")
     pressed = np.zeros((1, *profile.wire_layout.shape))
@@ -134,9 +134,9 @@ def test_a_sensor_is_read_until_the_seconds_are_over(capsys):
 def test_a_pad_in_error_is_drawn_as_unknown():
     pytest.importorskip("serial")
     pytest.importorskip("pty", reason="no pseudo-terminals here")
-    from paxisim.hw.emulator import Emulator
-    from paxisim.hw.faults import Faults
-    from paxisim.hw.profile import load_profile
+    from paxisim.hw.emulation.emulator import Emulator
+    from paxisim.hw.emulation.faults import Faults
+    from paxisim.hw.profiles.load import load_profile
 
     profile = load_profile("gen1-stream")
     pressed = np.full((len(profile.slots), *profile.wire_layout.shape), 5.0)
@@ -182,8 +182,8 @@ def test_ctrl_c_ends_an_endless_source_cleanly_with_a_whole_file(scene, folder):
 def test_a_sensor_that_goes_away_leaves_what_was_seen(capsys, monkeypatch):
     pytest.importorskip("serial")
     pytest.importorskip("pty", reason="no pseudo-terminals here")
-    from paxisim.hw.emulator import Emulator
-    from paxisim.hw.profile import load_profile
+    from paxisim.hw.emulation.emulator import Emulator
+    from paxisim.hw.profiles.load import load_profile
     from paxisim.viz import live_sources
 
     monkeypatch.setattr(live_sources, "_RECONNECT", 0.2)

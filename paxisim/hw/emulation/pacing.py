@@ -6,7 +6,7 @@ import math
 from collections import deque
 from collections.abc import Sequence
 
-from paxisim.hw.faults import Piece
+from paxisim.hw.emulation.faults import Piece
 
 GRAIN = 2e-3
 """Seconds of line time that are delivered as one piece, as a USB adapter does."""

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError, PaxisimError
-from paxisim.hw import taxels
-from paxisim.hw.families import BYTES
-from paxisim.hw.profile import Profile
+from paxisim.hw.families import taxels
+from paxisim.hw.families.table import BYTES
+from paxisim.hw.profiles.profile import Profile
 
 # seconds since the emulator started -> (pads, 3, rows, cols) newtons in the profile's wire layout
 Signal = Callable[[float], NDArray[np.floating]]

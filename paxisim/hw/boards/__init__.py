@@ -1,1 +1,0 @@
-"""The host's side of the protocol of each family of boards."""

@@ -1,0 +1,1 @@
+"""Capture: frames and extra streams written to a file as they arrive."""

@@ -1,0 +1,1 @@
+"""Commissioning: check a new sensor, and measure its quality."""

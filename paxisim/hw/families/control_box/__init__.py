@@ -1,0 +1,1 @@
+"""PaXini's control box."""

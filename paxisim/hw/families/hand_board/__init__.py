@@ -1,0 +1,1 @@
+"""PaXini's older GEN1 hand board."""

@@ -1,0 +1,1 @@
+"""PaXini's GEN3 high-speed board."""

@@ -1,0 +1,1 @@
+"""Magnetometer boards: AnySkin, ReSkin and kin."""

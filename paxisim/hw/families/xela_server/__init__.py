@@ -1,0 +1,1 @@
+"""XELA's server."""

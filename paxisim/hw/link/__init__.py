@@ -1,0 +1,1 @@
+"""Link: from a port to a queue of frames."""

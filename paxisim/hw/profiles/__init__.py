@@ -1,0 +1,1 @@
+"""Profiles: which part is connected, as data."""
