@@ -4,9 +4,7 @@ import dataclasses
 
 import numpy as np
 
-from paxisim.hw.profiles.load import load_profile
-from paxisim.hw.profiles.profile import Profile, Slot
-from paxisim.layout import TaxelLayout
+from paxisim import Profile, Slot, TaxelLayout, load_profile
 
 
 def profile(name: str = "gen3-highspeed-mc-m2020", **changes) -> Profile:

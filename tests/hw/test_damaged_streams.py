@@ -9,17 +9,15 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 
 import damaged_streams
 
-SIZE = 2_000_000
+CASES = [(name, kind) for name, family in damaged_streams.FAMILIES.items() for kind in family.kinds]
 
 
-@pytest.mark.parametrize(
-    ("family", "kind"), [(name, kind) for name, family in damaged_streams.FAMILIES.items() for kind in family.kinds]
-)
-def test_a_damaged_stream_gives_no_wrong_frame_and_loses_no_good_one(family, kind):
-    result = damaged_streams.measure(family, kind, SIZE, seed=1)
+def check(family, kind, size):
+    """Check that the decoder makes no wrong frame, loses no undamaged one and keeps up with a fast line."""
+    result = damaged_streams.measure(family, kind, size, seed=1)
     assert result.faults == 0
     if family not in ("hand-board", "magnetometer-board"):  # these two have no check byte
-        assert result.collisions <= result.damaged / 100
+        assert result.collisions <= max(2, result.damaged / 100)
         assert result.undecidable == 0
     if family == "magnetometer-board":  # a burst is recognised by the bursts next to it
         assert result.missed_undecidable <= result.damaged / 20
@@ -28,3 +26,14 @@ def test_a_damaged_stream_gives_no_wrong_frame_and_loses_no_good_one(family, kin
     assert result.most_held < 1200
     # an idle machine is ten times as fast
     assert result.bytes / result.seconds > 1e6
+
+
+@pytest.mark.parametrize(("family", "kind"), CASES)
+def test_a_damaged_stream_gives_no_wrong_frame_and_loses_no_good_one(family, kind):
+    check(family, kind, 300_000)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("family", "kind"), CASES)
+def test_a_long_damaged_stream(family, kind):
+    check(family, kind, 2_000_000)

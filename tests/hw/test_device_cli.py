@@ -11,19 +11,22 @@ from person import person
 
 pytest.importorskip("serial")
 
+from paxisim import (
+    Emulator,
+    InvalidValueError,
+    OutputExistsError,
+    PaxisimError,
+    Slot,
+    UnknownNameError,
+    known_profiles,
+    load_profile,
+)
 from paxisim.cli.device import device_check, device_profiles, device_quality
-from paxisim.errors import InvalidValueError, OutputExistsError, PaxisimError, UnknownNameError
 from paxisim.hw.commissioning.check import check_steps
 from paxisim.hw.commissioning.quality import MIN_FRAMES
-from paxisim.hw.emulation.emulator import Emulator
-from paxisim.hw.profiles.load import known_profiles, load_profile
-from paxisim.hw.profiles.profile import Profile, Slot
 from paxisim.hw.profiles.write import profile_toml
 
-pytestmark = [
-    pytest.mark.real_time,
-    pytest.mark.filterwarnings("ignore::paxisim.UnverifiedProfileWarning"),
-]
+pytestmark = [pytest.mark.real_time, pytest.mark.filterwarnings("ignore::paxisim.UnverifiedProfileWarning")]
 
 SECONDS = 0.2
 
@@ -38,17 +41,13 @@ class User(io.StringIO):
     """Standard input of a user who presses the emulated sensor as the check asks, each time just before Enter.
 
     `mistakes` maps a step's name to the step that the user does in its place the first time. After `patience` answers
-    the input ends.
+    the input ends, or `stop` is raised.
     """
 
-    def __init__(self, true: Profile, believed: Profile, mistakes=None, patience=100):
+    def __init__(self, true, believed, mistakes=None, patience=100, stop=None):
         super().__init__()
-        self.true, self.steps, self.mistakes, self.patience = (
-            true,
-            list(check_steps(believed)),
-            mistakes or {},
-            patience,
-        )
+        self.true, self.steps = true, list(check_steps(believed))
+        self.mistakes, self.patience, self.stop = mistakes or {}, patience, stop
         self.asked = 0
         self.force = np.zeros((len(true.slots), *true.wire_layout.shape))
 
@@ -58,6 +57,8 @@ class User(io.StringIO):
     def readline(self, size=-1):
         self.asked += 1
         if self.asked > self.patience:
+            if self.stop is not None:
+                raise self.stop
             return ""
         step = self.steps[0]
         done = self.mistakes.pop(step.name, None)
@@ -70,11 +71,11 @@ class User(io.StringIO):
         return "\n"
 
 
-def two_pads(like: str, indices=(0, 3)) -> Profile:
+def two_pads(like, indices=(0, 3)):
     return replace(load_profile(like), slots=(Slot("left", indices[0]), Slot("right", indices[1])))
 
 
-def mirrored(profile: Profile) -> Profile:
+def mirrored(profile):
     """The profile with other axes, swapped pads, and the bytes of a grid mirrored from right to left."""
     layout, slots = profile.wire_layout, profile.slots
     if profile.has_positions:
@@ -86,22 +87,27 @@ def mirrored(profile: Profile) -> Profile:
     return replace(profile, wire_layout=layout, axes=("-y", "+x", "+z"), slots=slots)
 
 
-def run_check(monkeypatch, user: User, believed: Profile, output="mine.toml", **options):
+def run_check(monkeypatch, user, believed, output="mine.toml"):
     Path("believed.toml").write_text(profile_toml(believed), encoding="utf-8")
     monkeypatch.setattr("sys.stdin", user)
     with Emulator(user.true, user.feel) as emulator:
-        device_check(emulator.port, "believed.toml", Path(output), seconds=SECONDS, **options)
+        device_check(emulator.port, "believed.toml", Path(output), seconds=SECONDS)
 
 
-BELIEVED = [
-    two_pads("gen3-highspeed-mc-m2020"),
-    load_profile("gen3-serial-mc-m2020"),
-    two_pads("gen2-box-120", (2, 5)),
-    load_profile("gen1-stream-pulp"),
-]
+HIGH_SPEED = two_pads("gen3-highspeed-mc-m2020")
+SLOW = pytest.mark.slow
 
 
-@pytest.mark.parametrize("believed", BELIEVED, ids=lambda profile: profile.family)
+@pytest.mark.parametrize(
+    "believed",
+    [
+        HIGH_SPEED,
+        load_profile("gen1-stream-pulp"),
+        pytest.param(load_profile("gen3-serial-mc-m2020"), marks=SLOW),
+        pytest.param(two_pads("gen2-box-120", (2, 5)), marks=SLOW),
+    ],
+    ids=lambda profile: profile.family,
+)
 def test_the_check_writes_the_profile_of_the_sensor_that_is_there(monkeypatch, capsys, believed):
     true = mirrored(believed)
     run_check(monkeypatch, User(true, believed), believed)
@@ -117,26 +123,17 @@ def test_the_check_writes_the_profile_of_the_sensor_that_is_there(monkeypatch, c
     assert max(map(len, said.splitlines())) <= 120
 
 
-def test_a_profile_that_is_right_is_found_right_and_keeps_its_pooling(monkeypatch, capsys):
-    believed = replace(BELIEVED[0], pool=(3, 1))
-    run_check(monkeypatch, User(replace(believed, pool=(1, 1)), believed), believed)
-    found = load_profile("mine.toml")
-    assert (found.layout, found.pool, found.axes) == (believed.layout, (3, 1), believed.axes)
-    assert "right; wrote mine.toml" in capsys.readouterr().out
-
-
-def test_counts_are_checked_against_the_noise_at_rest(monkeypatch, capsys):
-    pytest.importorskip("websockets")
-    believed = replace(load_profile("xela-uspa44"), slots=(Slot("left", 1), Slot("right", 2)))
-    true = replace(believed, axes=("-y", "+x", "-z"), slots=(Slot("left", 2), Slot("right", 1)))
-    user = User(true, believed)
-    rng = np.random.default_rng(0)
-    noisy = lambda now: 1500 * user.force + rng.normal(0, 20, user.force.shape)  # noqa: E731
-    user.feel = noisy
+def test_a_right_profile_keeps_its_pooling_and_what_was_not_felt_is_asked_for_again(monkeypatch, capsys):
+    believed = replace(HIGH_SPEED, pool=(3, 1))
+    free = check_steps(believed)[0]
+    user = User(replace(believed, pool=(1, 1)), believed, mistakes={"top-left": free, "drag-right": free})
     run_check(monkeypatch, user, believed)
-    found = load_profile("mine.toml")
-    assert (found.axes, found.slots, found.wire_layout) == (true.axes, true.slots, true.wire_layout)
-    assert "counts of normal force" in capsys.readouterr().out
+    found, said = load_profile("mine.toml"), capsys.readouterr().out
+    assert (found.layout, found.pool, found.axes) == (believed.layout, (3, 1), believed.axes)
+    assert "right; wrote mine.toml" in said
+    assert user.asked == len(check_steps(believed)) + 2
+    # on a busy machine the second mistake may be refused because it still includes the end of the previous press
+    assert said.count("Again:") == 2
 
 
 def test_a_field_sensor_is_checked_for_chips_that_respond(monkeypatch, capsys):
@@ -168,55 +165,30 @@ def test_a_field_sensor_is_checked_for_chips_that_respond(monkeypatch, capsys):
     assert not Path("dead.toml").exists()
 
 
-def test_what_was_not_felt_is_asked_for_again(monkeypatch, capsys):
-    believed = BELIEVED[0]
-    free = check_steps(believed)[0]
-    user = User(believed, believed, mistakes={"top-left": free, "drag-right": free})
-    run_check(monkeypatch, user, believed)
-    assert user.asked == len(check_steps(believed)) + 2
-    # on a busy machine the second mistake may be refused because it still includes the end of the previous press
-    assert capsys.readouterr().out.count("Again:") == 2
-    assert Path("mine.toml").exists()
-
-
-def test_answers_that_contradict_write_nothing(monkeypatch, folder):
-    believed = BELIEVED[0]
-    user = User(believed, believed)
-    user.steps = [replace(s, corner=None) if s.name == "top-right" else s for s in user.steps]
-    with pytest.raises(InvalidValueError, match="contradict"):
-        run_check(monkeypatch, user, believed)
-    assert [path.name for path in folder.iterdir()] == ["believed.toml"]
-
-
-@pytest.mark.parametrize("stop", [KeyboardInterrupt, None])
-def test_stopping_half_way_leaves_nothing_behind(monkeypatch, folder, stop):
-    believed = BELIEVED[0]
-    user = User(believed, believed, patience=3)
-    if stop:
-        usual = user.readline
-
-        def readline(size=-1):
-            return usual(size) or (_ for _ in ()).throw(stop)
-
-        user.readline = readline
-    with pytest.raises(stop or InvalidValueError, match=None if stop else "nothing was written"):
-        run_check(monkeypatch, user, believed)
+@pytest.mark.parametrize(
+    ("stop", "error", "says"),
+    [(KeyboardInterrupt(), KeyboardInterrupt, None), (None, InvalidValueError, "nothing was written")],
+    ids=["Ctrl-C", "end of input"],
+)
+def test_a_check_that_is_stopped_leaves_nothing_behind(monkeypatch, folder, stop, error, says):
+    with pytest.raises(error, match=says):
+        run_check(monkeypatch, User(HIGH_SPEED, HIGH_SPEED, patience=3, stop=stop), HIGH_SPEED)
     assert [path.name for path in folder.iterdir()] == ["believed.toml"]
 
 
 def test_bad_arguments_are_refused_before_anything_is_opened():
-    with pytest.raises(InvalidValueError, match=r"must be a \.toml file"):
-        device_check("nowhere", "gen2-box-120", Path("mine.txt"))
     Path("mine.toml").write_text("precious")
-    with pytest.raises(OutputExistsError):
-        device_check("nowhere", "gen2-box-120", Path("mine.toml"))
-    assert Path("mine.toml").read_text() == "precious"
-    with pytest.raises(UnknownNameError):
-        device_check("nowhere", "gen2-box-121", Path("new.toml"))
-    with pytest.raises(PaxisimError, match="nowhere"):
-        device_check("nowhere", "gen2-box-120", Path("new.toml"))
+    for profile, output, error, says in (
+        ("gen2-box-120", "mine.txt", InvalidValueError, r"must be a \.toml file"),
+        ("gen2-box-120", "mine.toml", OutputExistsError, None),
+        ("gen2-box-121", "new.toml", UnknownNameError, None),
+        ("gen2-box-120", "new.toml", PaxisimError, "nowhere"),
+    ):
+        with pytest.raises(error, match=says):
+            device_check("nowhere", profile, Path(output))
     with pytest.raises(InvalidValueError, match="--seconds"):
         device_quality("nowhere", "gen2-box-120", seconds=0)
+    assert Path("mine.toml").read_text() == "precious"
     assert not Path("new.toml").exists()
 
 

@@ -7,9 +7,9 @@ import time
 import numpy as np
 import pytest
 from emulated import Numbered, constant, small
+from serial_peers import wait_for
 
-from paxisim.errors import DeviceError, InvalidValueError, OutputExistsError
-from paxisim.hw.emulation.emulator import Emulator
+from paxisim import DeviceError, Emulator, InvalidValueError, OutputExistsError
 from paxisim.hw.emulation.faults import Faults
 from paxisim.hw.emulation.pacing import PacedLine
 from paxisim.hw.families import registers
@@ -33,13 +33,6 @@ def read_until(port, enough, data=b""):
     return data
 
 
-def wait_for(condition):
-    deadline = time.monotonic() + DEADLINE
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
-
-
 def pushes_in(data):
     return FrameDecoder(high_speed.parse_push).feed(data)
 
@@ -49,7 +42,7 @@ def test_what_leaves_is_what_comes_byte_for_byte():
         with serial.Serial(emulator.port, 115200, timeout=0.2) as port:
             port.write(high_speed.push_request(True).encode())
             # enough data to contain every byte value, so a terminal that translates some bytes is detected
-            data = read_until(port, lambda data: len(data) > 100_000)
+            data = read_until(port, lambda data: len(data) > 50_000)
         sent = b"".join(item.message for item in list(emulator.sent))
     assert set(data) == set(range(256))
     assert data == sent[: len(data)]
@@ -61,34 +54,23 @@ def test_a_stream_keeps_to_its_rate_and_its_line():
     start = time.monotonic()
     with Emulator(PACED, Numbered(PACED)) as emulator, serial.Serial(emulator.port, 115200, timeout=0.2) as port:
         port.write(high_speed.push_request(True).encode())
-        data = read_until(port, lambda data: len(pushes_in(data)) > 100)
+        data = read_until(port, lambda data: len(pushes_in(data)) > 60)
         seconds = time.monotonic() - start
-    # check the upper bound only; a slow machine may fall short of it
+    # a slow machine may fall short of the rate
     assert len(data) <= 11520 * seconds
     assert len(pushes_in(data)) - 2 <= 200 * seconds
 
 
 def test_a_host_that_does_not_read_loses_bytes_and_gets_fresh_ones():
-    with Emulator(PACED, Numbered(PACED), rate=1e6) as emulator, serial.Serial(emulator.port, 115200) as port:
-        fast = dataclasses.replace(PACED, baud=50_000_000)
-        with Emulator(fast, Numbered(fast), rate=1e6) as quick, serial.Serial(quick.port, 115200) as unread:
-            unread.write(high_speed.push_request(True).encode())
-            wait_for(lambda: quick.overruns > 0)
-        port.timeout = 0.2
+    fast = dataclasses.replace(PACED, baud=50_000_000)
+    with Emulator(fast, Numbered(fast), rate=1e6) as quick, serial.Serial(quick.port, 115200, timeout=0.2) as port:
         port.write(high_speed.push_request(True).encode())
-        read_until(port, lambda data: len(pushes_in(data)) > 3)
-        assert emulator.overruns == 0
+        wait_for(lambda: quick.overruns > 0)
+        sent = quick.messages
+        read_until(port, lambda data: len(pushes_in(data)) > 3 and quick.messages > sent)
 
 
-def test_a_port_is_closed_and_opened_again():
-    with Emulator(PACED, Numbered(PACED), pace=False) as emulator:
-        for _ in range(3):
-            with serial.Serial(emulator.port, 115200, timeout=0.2) as port:
-                port.write(high_speed.version_request().encode())
-                read_until(port, lambda data: FrameDecoder(high_speed.parse_reply).feed(data))
-
-
-def test_a_link_follows_the_port(tmp_path):
+def test_a_link_follows_the_port_and_replaces_no_file(tmp_path):
     link = tmp_path / "sensor"
     with Emulator(PACED, Numbered(PACED), link=link) as emulator:
         assert emulator.port == str(link)
@@ -111,14 +93,10 @@ def test_a_link_follows_the_port(tmp_path):
             port.write(high_speed.version_request().encode())
             read_until(port, lambda data: len(data) > 15)
     assert not link.is_symlink()
-
-
-def test_a_link_does_not_replace_a_file(tmp_path):
-    (tmp_path / "sensor").write_text("precious")
-    emulator = Emulator(PACED, Numbered(PACED), link=tmp_path / "sensor")
+    link.write_text("precious")
     with pytest.raises(OutputExistsError, match="no link"):
-        emulator.start()
-    assert (tmp_path / "sensor").read_text() == "precious"
+        Emulator(PACED, Numbered(PACED), link=link).start()
+    assert link.read_text() == "precious"
 
 
 def test_unplugging_after_so_many_messages_and_power_on_again():
@@ -164,16 +142,6 @@ def test_a_signal_that_fails_later_ends_the_emulator_with_its_words():
     emulator.stop()
 
 
-@pytest.mark.parametrize("faults", [Faults(split=0.5), Faults(merge=0.5), Faults(stall=0.05, stall_seconds=0.02)])
-def test_split_merged_and_late_messages_still_arrive(faults):
-    with Emulator(PACED, Numbered(PACED), faults=faults, pace=False, record_sent=True) as emulator:
-        with serial.Serial(emulator.port, 115200, timeout=0.2) as port:
-            port.write(high_speed.push_request(True).encode())
-            data = read_until(port, lambda data: len(data) > 20_000)
-        sent = b"".join(item.message for item in list(emulator.sent))
-    assert data == sent[: len(data)]
-
-
 def test_bytes_take_their_time():
     line = PacedLine(1000.0)
     line.put([(0.0, b"a" * 100), (0.5, b"b" * 100)], 10.0)
@@ -190,21 +158,18 @@ def test_bytes_take_their_time():
     assert line.take(100.0) == b""
 
 
-def test_a_fast_line_lets_all_pass_at_once():
+def test_no_byte_is_lost_or_early_on_a_paced_line_and_a_fast_one_lets_all_pass_at_once():
+    for sizes in ((1, 7, 300), (5000,)):
+        line, now, came = PacedLine(46080.0), 0.0, b""
+        sent = b"".join(bytes([i]) * size for i, size in enumerate(sizes))
+        line.put([(0.0, bytes([i]) * size) for i, size in enumerate(sizes)], now)
+        while line.next < np.inf:
+            now = line.next
+            came += line.take(now)
+            assert len(came) <= 46080 * now + 1e-6
+        assert came == sent
+        assert now == pytest.approx(len(sent) / 46080)
     line = PacedLine()
     line.put([(0.0, b"abc"), (1.0, b"def")], 0.0)
     assert line.take(0.0) == b"abc"
     assert line.take(1.0) == b"def"
-
-
-@pytest.mark.parametrize("sizes", [(1, 7, 300), (5000,)])
-def test_no_byte_is_lost_or_early_on_a_paced_line(sizes):
-    line, now, came = PacedLine(46080.0), 0.0, b""
-    sent = b"".join(bytes([i]) * size for i, size in enumerate(sizes))
-    line.put([(0.0, bytes([i]) * size) for i, size in enumerate(sizes)], now)
-    while line.next < np.inf:
-        now = line.next
-        came += line.take(now)
-        assert len(came) <= 46080 * now + 1e-6
-    assert came == sent
-    assert now == pytest.approx(len(sent) / 46080)

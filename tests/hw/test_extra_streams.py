@@ -11,8 +11,9 @@ import time
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
+from serial_peers import wait_for
 
 import paxisim
 from paxisim.hw.capture.extra_streams import (
@@ -27,13 +28,6 @@ from paxisim.hw.capture.extra_streams import (
 from paxisim.hw.link.clock import SystemClock
 
 pytestmark = pytest.mark.real_time
-
-
-def wait_for(condition, what, seconds=30.0):
-    deadline = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < deadline, f"timed out after {seconds} s waiting for {what}"
-        time.sleep(0.005)
 
 
 def drain(inbox):
@@ -53,7 +47,7 @@ def lines(data, pieces=1):
         for part in np.array_split(np.frombuffer(data, np.uint8), pieces):
             os.write(writer, part.tobytes())
         os.close(writer)
-        wait_for(lambda: source.ended, "the end")
+        wait_for(lambda: source.ended)
     finally:
         source.close()
         os.close(reader)
@@ -67,7 +61,7 @@ def udp():
     source.close()
 
 
-def test_lines_become_one_stream_a_column_at_their_arrival():
+def test_lines_become_one_stream_a_column_at_their_arrival_or_own_time():
     before = time.monotonic()
     source, samples = lines(b"gripper, motor current (A)\r\n0.04,1.5\r\n\r\n0.03,-2e-3\n")
     assert [(s.stream, float(s.value)) for s in samples] == [
@@ -78,37 +72,36 @@ def test_lines_become_one_stream_a_column_at_their_arrival():
     ]
     assert all(before <= s.arrival <= time.monotonic() and s.time is None for s in samples)
     assert (source.bad, source.dropped, source.ended, source.problem) == (0, 0, True, "")
-
-
-def test_lines_with_a_time_keep_it():
     now = time.time()
     _, samples = lines(f"\ufefftime,gripper\n{now:.6f},0.04\n".encode())
     assert [(s.stream, s.time) for s in samples] == [("covariate/gripper", pytest.approx(now, abs=1e-6))]
 
 
-@pytest.mark.parametrize(
-    ("text", "good", "bad", "says"),
-    [
-        (b"a,b\n1,2\n1\n3,4\n", 4, 1, r"stdin: line 3 must have 2 numbers \(a, b\), got '1'"),
-        (b"a\n1\ntwo\nnan\n\ninf\n2\n", 2, 3, "line 6 must hold finite numbers, got 'inf'"),
-        (b"1,2\na,b\n3,4\n", 2, 1, "line 1 must name the columns, each once, got '1,2'"),
-        (b"a,a\na,b\n3,4\n", 2, 1, "each once"),
-        (b"time\n1\n", 0, 2, "must name the columns"),
-        (b"a\n1\n2.34", 1, 1, "line 3 has no end: '2.34'"),
-        (b"time,a\n12.5,1\n", 0, 1, "Unix seconds within a day of this machine's clock, got 12.5"),
-        (b"a\n\xff\xfe\n1\n", 1, 1, "line 2 must hold finite numbers"),
-        (b"a\n" + b"1" * (3 * MAX_LINE_BYTES) + b"\n1\n", 1, 1, "line 2 has no end"),
-        (b'"a"\n"1"\n2\n', 2, 0, ""),
-        (b"a\n1\r2\x00\n2\n", 1, 1, "line 2 must hold finite numbers"),
-        (b"", 0, 0, ""),
-    ],
-)
-def test_a_bad_line_is_counted_and_said_and_the_next_one_used(text, good, bad, says):
-    source, samples = lines(text)
-    assert (len(samples), source.bad) == (good, bad)
-    assert re.search(says, source.problem)
+# text, good samples, bad lines, what is said of the last bad one
+LINES = [
+    (b"a,b\n1,2\n1\n3,4\n", 4, 1, r"stdin: line 3 must have 2 numbers \(a, b\), got '1'"),
+    (b"a\n1\ntwo\nnan\n\ninf\n2\n", 2, 3, "line 6 must hold finite numbers, got 'inf'"),
+    (b"1,2\na,b\n3,4\n", 2, 1, "line 1 must name the columns, each once, got '1,2'"),
+    (b"a,a\na,b\n3,4\n", 2, 1, "each once"),
+    (b"time\n1\n", 0, 2, "must name the columns"),
+    (b"a\n1\n2.34", 1, 1, "line 3 has no end: '2.34'"),
+    (b"time,a\n12.5,1\n", 0, 1, "Unix seconds within a day of this machine's clock, got 12.5"),
+    (b"a\n\xff\xfe\n1\n", 1, 1, "line 2 must hold finite numbers"),
+    (b"a\n" + b"1" * (3 * MAX_LINE_BYTES) + b"\n1\n", 1, 1, "line 2 has no end"),
+    (b'"a"\n"1"\n2\n', 2, 0, ""),
+    (b"a\n1\r2\x00\n2\n", 1, 1, "line 2 must hold finite numbers"),
+    (b"", 0, 0, ""),
+]
 
 
+def test_a_bad_line_is_counted_and_said_and_the_next_one_used():
+    for text, good, bad, says in LINES:
+        source, samples = lines(text)
+        assert (len(samples), source.bad) == (good, bad), text[:40]
+        assert re.search(says, source.problem), text[:40]
+
+
+@settings(max_examples=30, deadline=None)
 @given(st.lists(st.binary(max_size=30), max_size=8), st.integers(1, 9))
 def test_any_bytes_never_end_the_lines_after_them(garbage, pieces):
     noise = b"".join(part.replace(b"\n", b"") + b"\n" for part in garbage)
@@ -143,7 +136,7 @@ def test_datagrams_land_with_their_time_and_bad_values_are_counted(udp):
             b'{"": 1, "last": 7}',
         ):
             sender.sendto(data, ("127.0.0.1", udp.port))
-        wait_for(lambda: inbox.qsize() == 3, "the last datagram")
+        wait_for(lambda: inbox.qsize() == 3)
     samples = drain(inbox)
     assert [(s.stream, float(s.value), s.time) for s in samples] == [
         ("covariate/gripper", 0.04, now),
@@ -166,7 +159,7 @@ def polled(function, wanted, rate=200.0):
     source = PolledFunction(function, rate, "opening")
     source.start(inbox, SystemClock())
     try:
-        wait_for(lambda: inbox.qsize() >= wanted or source.bad >= wanted, "enough calls")
+        wait_for(lambda: inbox.qsize() >= wanted or source.bad >= wanted)
     finally:
         source.close()
     return source, drain(inbox)
@@ -215,11 +208,11 @@ def test_an_odd_value_does_not_end_the_stream(value):
     assert [float(s.value) for s in samples if s.stream == "covariate/current"] == [1.0] * isinstance(value, dict)
 
 
-@pytest.mark.parametrize("value", [None, "0.04", float("nan"), True, [], [1, "a"], [[1], [2, 3]], {"pose": None}])
-def test_what_is_no_number_is_counted(value):
-    source, samples = polled(lambda: value, 2)
-    assert samples == []
-    assert "must be finite numbers" in source.problem
+def test_what_is_no_number_is_counted():
+    for value in (None, "0.04", float("nan"), True, [], [1, "a"], [[1], [2, 3]], {"pose": None}):
+        source, samples = polled(lambda value=value: value, 2)
+        assert samples == [], value
+        assert "must be finite numbers" in source.problem, value
 
 
 def test_a_function_that_fails_is_called_again():
@@ -240,26 +233,22 @@ def test_a_full_queue_drops_and_counts():
     inbox = queue.Queue(3)
     source = PolledFunction(lambda: 1.0, 1000, "opening")
     source.start(inbox, SystemClock())
-    wait_for(lambda: source.dropped >= 5, "drops")
+    wait_for(lambda: source.dropped >= 5)
     source.close()
     assert inbox.qsize() == 3
 
 
-def test_calls_for_which_a_slow_function_leaves_no_time_are_counted():
+def test_calls_for_which_a_slow_function_leaves_no_time_are_counted_and_one_that_hangs_is_left_behind():
     source, _ = polled(lambda: time.sleep(0.05) or 1.0, 4, rate=100.0)
     assert source.missed >= 3 * 4  # of five calls due while one runs, only one starts
     source, _ = polled(lambda: 1.0, 4, rate=20.0)
     assert source.missed <= 1  # one is tolerated on a busy machine
-
-
-def test_a_function_that_hangs_is_left_behind():
     release = threading.Event()
-    inbox = queue.Queue()
     source = PolledFunction(lambda: release.wait(60), 100, "opening")
-    source.start(inbox, SystemClock())
+    source.start(queue.Queue(), SystemClock())
     source.close()
     release.set()
-    wait_for(lambda: source.ended, "the end")
+    wait_for(lambda: source.ended)
 
 
 def test_functions_by_name(tmp_path, monkeypatch):

@@ -1,84 +1,51 @@
-"""Lost bytes in four families: no wrong frame, and no frame lost except the damaged one.
+"""Lost bytes in the families with a check byte or tags: no wrong frame, and none lost except the damaged one.
 
 A check byte is a sum, so it does not detect a loss of bytes that have the same sum as those that take their place. The
 tests try every loss of 1 to 4 bytes at every place of the second of four frames, on pads at rest and on pressed pads.
 """
 
+import sys
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
+from byte_streams import decoded
 
-from paxisim.hw.families.control_box import wire as control_box
-from paxisim.hw.families.hand_board import wire as hand_board
 from paxisim.hw.families.high_speed import wire as high_speed
-from paxisim.hw.families.high_speed.stream_layout import StreamLayout
-from paxisim.hw.families.serial_converter import wire as serial_converter
 from paxisim.hw.link.framing import FrameDecoder
 
-LOSSES = range(1, 5)
+sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
+
+import damaged_streams
+
 LOADS = {"at rest": 0.0, "a third pressed": 0.3, "all pressed": 1.0}
+FAMILIES = {name: family for name, family in damaged_streams.FAMILIES.items() if not family.by_neighbours}
 
 
-def counts(rng, load, taxels):
-    """``(taxels, 3)`` counts; each taxel is nonzero with probability `load`."""
-    values = rng.integers([-128, -128, 0], [128, 128, 256], (taxels, 3)).astype(np.int16)
-    return values * (rng.random((taxels, 1)) < load)
+def push_decoder(size):
+    return FrameDecoder(high_speed.push_parser({0, size}))
 
 
-def as_bytes(values):
-    return values.astype(np.uint8).tobytes()
+# boards with few taxels and with two pads
+SMALL, TWO = 6 + 3 * 9, 2 * (6 + 3 * 52)
+FAMILIES["high-speed, small"] = replace(FAMILIES["high-speed"], size=SMALL, decoder=lambda: push_decoder(SMALL))
+FAMILIES["high-speed, two pads"] = replace(FAMILIES["high-speed"], size=TWO, decoder=lambda: push_decoder(TWO))
 
 
-def pushes(rng, load, taxels, modules=1):
-    layout = StreamLayout(tuple(range(modules)), (taxels,) * modules)
-    readings = [counts(rng, load, taxels) for _ in range(modules)]
-    resultants = [counts(rng, load > 0, 1)[0] for _ in range(modules)]
-    return high_speed.Push(0, layout.encode(resultants, readings))
+def frames_of(family, rng, load):
+    """Four frames; each taxel is nonzero with probability `load`."""
+    shape = (4, family.size // 3)
+    taxels = rng.integers(0, 256, (*shape, 3)) * (rng.random((*shape, 1)) < load)
+    return [family.make(one.astype(np.uint8).tobytes()) for one in taxels]
 
 
-def converter_replies(rng, load, taxels):
-    data = as_bytes(counts(rng, load, 1)) + bytes(27) + as_bytes(counts(rng, load, taxels))
-    return serial_converter.Reply(1, serial_converter.READ, 1008, len(data), 0, data)
-
-
-def box_replies(rng, load, taxels):
-    data = as_bytes(counts(rng, load, 1)) + bytes(27) + as_bytes(counts(rng, load, taxels))
-    return control_box.Reply(*control_box.READ_REGISTERS, control_box.Region(1008, data).encode())
-
-
-def rounds(rng, load, _):
-    return hand_board.Round(tuple(hand_board.Block(as_bytes(counts(rng, load, 15))) for _ in range(4)))
-
-
-def push_decoder(taxels, modules=1):
-    return FrameDecoder(high_speed.push_parser({0, modules * (6 + 3 * taxels)}))
-
-
-def converter_decoder(taxels):
-    return FrameDecoder(serial_converter.reply_parser({0, 3, 100, 30 + 3 * taxels}))
-
-
-def box_decoder(taxels):
-    return FrameDecoder(control_box.reply_parser({*range(129), 36 + 3 * taxels}))
-
-
-FAMILIES = {
-    "high-speed": (pushes, push_decoder, (9, 31, 52, 116)),
-    "high-speed, two pads": (lambda *a: pushes(*a, 2), lambda taxels: push_decoder(taxels, 2), (52,)),
-    "serial-converter": (converter_replies, converter_decoder, (9, 52, 72)),
-    "control-box": (box_replies, box_decoder, (60, 120)),
-    "hand-board": (rounds, lambda _: hand_board.RoundDecoder(), (15,)),
-}
-CASES = [(name, taxels) for name, (_, _, sizes) in FAMILIES.items() for taxels in sizes]
-
-
-def check(make_decoder, sent, at, lost, pieces=1):
+def check(family, sent, at, lost, sizes=()):
     """Remove `lost` bytes at offset `at` of the stream, decode the rest, and compare the result with what was sent."""
     frames = [message.encode() for message in sent]
     stream = b"".join(frames)
     damaged = stream[:at] + stream[at + lost :]
-    decoder = make_decoder()
-    step = -(-len(damaged) // pieces)
-    found = [m for i in range(0, len(damaged), step) for m in decoder.feed(damaged[i : i + step])] + decoder.flush()
+    found = decoded(family.decoder(), damaged, sizes)
     # another loss may leave the same bytes; the damaged frame is then ambiguous
     ends = np.cumsum([len(frame) for frame in frames])
     same = [i for i in range(at - 4, at + 5) if i >= 0 and stream[:i] + stream[i + lost :] == damaged]
@@ -87,61 +54,54 @@ def check(make_decoder, sent, at, lost, pieces=1):
     assert found in allowed, (at, lost, [sent.index(m) if m in sent else m for m in found])
 
 
-@pytest.mark.parametrize("load", LOADS)
-@pytest.mark.parametrize(("family", "taxels"), CASES)
-def test_one_loss_costs_one_frame_and_makes_no_wrong_one(family, taxels, load):
-    make, decoder, _ = FAMILIES[family]
-    rng = np.random.default_rng(taxels)
-    for _ in range(3):
-        sent = [make(rng, LOADS[load], taxels) for _ in range(4)]
-        first, second = len(sent[0].encode()), len(sent[1].encode())
-        for lost in LOSSES:
-            for at in range(first, first + second - lost + 1):
-                check(lambda: decoder(taxels), sent, at, lost)
+def check_every_loss(name, load, turns):
+    family, rng = FAMILIES[name], np.random.default_rng(1)
+    for _ in range(turns):
+        sent = frames_of(family, rng, LOADS[load])
+        length = len(sent[0].encode())
+        for lost in range(1, 5):
+            for at in range(length, 2 * length - lost + 1):
+                check(family, sent, at, lost)
+        for _ in range(100):
+            check(family, sent, int(rng.integers(length, 2 * length - 3)), 4, rng.integers(1, 200, 20).tolist())
 
 
+@pytest.mark.parametrize("load", ["at rest", "a third pressed"])
+@pytest.mark.parametrize("name", FAMILIES)
+def test_one_loss_costs_one_frame_and_makes_no_wrong_one(name, load):
+    check_every_loss(name, load, turns=1)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("load", LOADS)
-@pytest.mark.parametrize("family", FAMILIES)
-def test_the_same_in_pieces_of_any_size(family, load):
-    make, decoder, (taxels, *_) = FAMILIES[family]
-    rng = np.random.default_rng(1)
-    sent = [make(rng, LOADS[load], taxels) for _ in range(4)]
-    first, second = len(sent[0].encode()), len(sent[1].encode())
-    for _ in range(300):
-        lost = int(rng.integers(1, 5))
-        at = int(rng.integers(first, first + second - lost + 1))
-        check(lambda: decoder(taxels), sent, at, lost, pieces=int(rng.integers(1, 400)))
+@pytest.mark.parametrize("name", FAMILIES)
+def test_many_losses(name, load):
+    check_every_loss(name, load, turns=5)
+
+
+PUSH = high_speed.Push(0, bytes(162))
 
 
 def test_a_loss_is_noticed_where_the_next_frame_is_damaged_as_well():
-    push = high_speed.Push(0, bytes(162)).encode()
+    push = PUSH.encode()
     short = push[:20] + push[22:]
-    for at in range(2, len(push)):  # damage anywhere after the two bytes of the head
+    for at in range(2, len(push), 3):  # damage anywhere after the two bytes of the head
         for damaged in (push[:at] + push[at + 1 :], push[:at] + bytes([push[at] ^ 0x40]) + push[at + 1 :]):
-            decoder = push_decoder(52)
-            assert decoder.feed(push + short + damaged + push) + decoder.flush() == [high_speed.Push(0, bytes(162))] * 2
+            decoder = push_decoder(162)
+            assert decoded(decoder, push + short + damaged + push) == [PUSH] * 2
             assert decoder.bad_checksums > 0
 
 
-def ending_in_a_head():
-    """A push whose check byte is the first byte of a head."""
-    data = bytes(160)
-    rest = -(sum(high_speed.Push(0, data + b"\0\0").encode()[:-1]) + 0xAA) & 0xFF
-    return high_speed.Push(0, data + bytes([rest // 2, rest - rest // 2]))
-
-
 def test_a_frame_that_ends_like_a_head_waits_for_one_byte_and_keeps_its_time():
-    push = ending_in_a_head()
+    rest = -(sum(PUSH.encode()[:-1]) + 0xAA) & 0xFF
+    push = high_speed.Push(0, bytes(160) + bytes([rest // 2, rest - rest // 2]))
     assert push.encode()[-1:] == b"\xaa"
     for following in (b"\xaa", b"\x00", b"\x57"):  # the next frame, and noise
-        decoder = push_decoder(52)
+        decoder = push_decoder(162)
         assert decoder.feed_at(push.encode(), 1.0) == []
         assert decoder.feed_at(following, 2.0) == [(1.0, push)]
-    decoder = push_decoder(52)
+    decoder = push_decoder(162)
     assert decoder.feed_at(push.encode(), 1.0) == []
     assert decoder.flush_at() == [(1.0, push)]
-
-
-def test_an_answer_does_not_wait_for_what_nobody_asked_for():
-    decoder = FrameDecoder(high_speed.push_parser({162}), stream=False)
-    assert decoder.feed(ending_in_a_head().encode()) == [ending_in_a_head()]
+    # an answer does not wait for what nobody asked for
+    assert FrameDecoder(high_speed.push_parser({162}), stream=False).feed(push.encode()) == [push]

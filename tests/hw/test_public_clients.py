@@ -8,8 +8,11 @@ from emulated import constant, profile, small
 
 pytest.importorskip("serial")
 
-from paxisim.hw.emulation.emulator import Emulator
+from paxisim import Emulator
 from paxisim.hw.families.control_box import wire as box
+from paxisim.hw.families.high_speed import wire as high_speed
+from paxisim.hw.families.high_speed.stream_layout import StreamLayout
+from paxisim.hw.families.serial_converter import wire as converter
 from paxisim.hw.link.framing import FrameDecoder
 
 pytestmark = pytest.mark.real_time
@@ -22,6 +25,71 @@ def counts_of(chosen, signal):
 
 
 # paxini-sdk
+
+
+def test_paxini_sdk_makes_the_same_requests_and_reads_the_same_answers():
+    sdk = pytest.importorskip("paxini_sdk.protocol", reason=NO_SDK)
+    errors = pytest.importorskip("paxini_sdk.exceptions", reason=NO_SDK)
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        id, count, data = int(rng.integers(256)), int(rng.integers(1, 512)), rng.bytes(int(rng.integers(1, 11)))
+        address, register = int(rng.integers(2**32)), int(rng.integers(65536))
+        pairs = [
+            (
+                converter.read_request(id, address, count),
+                sdk.build_fin_request(sdk.FIN_FUNC_FORCE, address, read=True, data_len=count, device_id=id),
+            ),
+            (
+                converter.Request(id, converter.WRITE, address, len(data), data),
+                sdk.build_fin_request(sdk.FIN_FUNC_CALIBRATION, address, read=False, data=data, device_id=id),
+            ),
+            (
+                high_speed.read_request(register, count),
+                sdk.build_simple_request(high_speed.READ, register, data_len=count),
+            ),
+            (
+                high_speed.write_request(register, data),
+                sdk.build_simple_request(high_speed.WRITE, register, data=data),
+            ),
+        ]
+        for mine, theirs in pairs:
+            assert mine.encode() == theirs
+        status, error = int(rng.choice([0, 1, 7])), int(rng.integers(1, 128))
+        reply = converter.Reply(id, converter.READ, address, len(data), status, data)
+        read = sdk.parse_fin_response(reply.encode())
+        assert (read.device_id, read.func_code, read.addr) == (id, converter.READ, address)
+        assert (read.data_len, read.status, read.data) == (len(data), status, data)
+        read = sdk.parse_simple_response(high_speed.Reply(high_speed.READ, register, data).encode())
+        assert (read.func_code, read.reg_addr, read.data) == (high_speed.READ, register, data)
+        read = sdk.parse_auto_push(high_speed.Push(error, data).encode())
+        assert (read.error_code, read.valid_data) == (error, data)
+        with pytest.raises(errors.DeviceError) as caught:
+            sdk.parse_simple_response(high_speed.Reply(0x80 | error, register).encode())
+        assert caught.value.code == error
+
+
+@pytest.mark.parametrize("data_type", [1, 2, 3])
+def test_paxini_sdk_reads_the_same_from_a_push(data_type):
+    sdk = pytest.importorskip("paxini_sdk.boards.high_speed", reason=NO_SDK)
+    names = pytest.importorskip("paxini_sdk.registers", reason=NO_SDK).MODULE_NAMES
+    taxels = {0: 9, 5: 31, 20: 25, 27: 9}
+    rng = np.random.default_rng(data_type)
+    counts = [rng.integers([-128, -128, 0], [128, 128, 256], (n + 1, 3)).astype(np.int16) for n in taxels.values()]
+    layout = StreamLayout(tuple(taxels), tuple(taxels.values()), data_type)
+    data = layout.encode([one[0] for one in counts], [one[1:] for one in counts])
+    assert len(data) == layout.size
+    config = sdk.AutoPushConfig(
+        active_modules=list(taxels),
+        has_resultant=bool(data_type & 1),
+        has_distributed=bool(data_type & 2),
+        point_counts=taxels,
+    )
+    frame = sdk.AutoPushFrame(config=config, error_code=0, valid_data=data, raw=b"")
+    for module, (resultant, *points) in zip(taxels, counts, strict=True):
+        if data_type & 1:
+            assert frame.resultant_forces[names[module]] == tuple(resultant.tolist())
+        if data_type & 2:
+            assert frame.distributed_forces[names[module]] == [tuple(point.tolist()) for point in points]
 
 
 def test_paxini_sdk_polls_a_serial_converter():
@@ -96,23 +164,11 @@ class BoxClient:
         return reply
 
 
-def test_a_client_of_the_box_that_waits_10_ms_for_the_version_and_reads_at_once():
-    chosen = profile("gen2-box-dp-m2826")
-    signal = constant(chosen)
-    with Emulator(chosen, signal) as board, BoxClient(board.port) as client:
-        assert b"DP-M2826" in client.ask(box.version_request(), 10e-3).data
-        client.ask(box.set_mode_request(5), 10e-3)
-        client.ask(box.select_port_request(chosen.slots[0].index), 10e-3)
-        region = box.parse_region(client.read(box.read_request(1038, 360), 360 + 23).data)
-        assert np.frombuffer(region.payload, np.uint8).tolist() == (
-            counts_of(chosen, signal)[0].astype(np.uint8).ravel().tolist()
-        )
-
-
-def test_a_client_of_the_box_uses_ports_15_and_20_as_fast_as_usb_is():
+def test_a_client_of_the_box_waits_10_ms_for_the_version_and_reads_as_fast_as_usb_is():
     chosen = small("control-box", [("left", 15), ("right", 20)], wire_layout=profile("gen2-box-120").wire_layout)
     signal = constant(chosen)
     with Emulator(chosen, signal) as board, BoxClient(board.port) as client:
+        assert b"SMALL" in client.ask(box.version_request(), 10e-3).data
         client.ask(box.set_mode_request(5), 10e-3)
         sent = counts_of(chosen, signal).astype(np.uint8).reshape(2, -1)
         start = time.monotonic()

@@ -6,10 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from paxisim.errors import InvalidValueError
-from paxisim.hw.commissioning.quality import MIN_FRAMES, SensorQuality, measure_quality
-from paxisim.hw.frame import Frame
-from paxisim.layout import TaxelLayout
+from paxisim import Frame, InvalidValueError, SensorQuality, TaxelLayout, measure_quality, plot_quality
+from paxisim.hw.commissioning.quality import MIN_FRAMES
 
 LAYOUT = TaxelLayout(4, 3, (2e-3, 2e-3))
 RATE = 100.0
@@ -71,9 +69,8 @@ def test_noise_is_that_from_frame_to_frame_even_when_it_drifts():
     assert not quiet.touched.any()
 
 
-def test_pads_of_zeros_are_no_fault_and_said_carefully():
-    frames = [replace(f, force=np.zeros_like(f.force)) for f in resting(count=50)]
-    quality = judge(frames)
+def test_taxels_that_always_read_zero_are_no_fault_and_others_that_do_not_change_are_named():
+    quality = judge([replace(f, force=np.zeros_like(f.force)) for f in resting(count=50)])
     assert quality.zero.all()
     assert not quality.constant.any()
     assert np.all(quality.noise == 0)
@@ -82,9 +79,6 @@ def test_pads_of_zeros_are_no_fault_and_said_carefully():
     assert "left: 12 of 12 taxels always read 0\n" in text
     assert "no fault in a pad at rest" in text
     assert "stuck" not in text
-
-
-def test_a_taxel_that_always_reads_the_same_is_named():
     frames = resting(count=50)
     for frame in frames:
         frame.force[1, :, 2, 1] = 1.5
@@ -105,8 +99,7 @@ def test_a_touch_is_noticed():
     assert "left: its total changed by" in str(quality)
 
 
-@pytest.mark.parametrize("pads", [1, 2])
-@pytest.mark.parametrize("nominal", [None, 83.0])
+@pytest.mark.parametrize(("pads", "nominal"), [(1, None), (2, 83.0)])
 def test_the_table_fits_and_says_what_is_known(pads, nominal):
     text = str(judge(resting(count=100, pads=pads, drift=30.0), nominal))
     assert max(map(len, text.splitlines())) <= 80
@@ -142,8 +135,6 @@ def test_the_picture_shows_intervals_totals_and_one_map_a_pad(pads):
     pytest.importorskip("matplotlib")
     from matplotlib.collections import PolyCollection
 
-    from paxisim.viz.quality import plot_quality
-
     quality = judge(resting(count=300, pads=pads, lost=0.05))
     figure = plot_quality(quality)
     figure.canvas.draw()
@@ -155,11 +146,5 @@ def test_the_picture_shows_intervals_totals_and_one_map_a_pad(pads):
     bars = sum(patch.get_height() for patch in figure.axes[0].patches)
     assert bars == len(quality.intervals)
     assert [len(ax.lines) for ax in figure.axes[1:4]] == [pads] * 3
-
-
-def test_a_sensor_of_zeros_can_be_drawn():
-    pytest.importorskip("matplotlib")
-    from paxisim.viz.quality import plot_quality
-
-    frames = [replace(f, force=np.zeros_like(f.force)) for f in resting(count=50)]
-    plot_quality(judge(frames)).canvas.draw()
+    still = [replace(f, force=np.zeros_like(f.force)) for f in resting(count=50)]
+    plot_quality(judge(still)).canvas.draw()

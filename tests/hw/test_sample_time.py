@@ -1,3 +1,7 @@
+"""The estimated time of each frame: free of jitter, in order, and right after the host was suspended."""
+
+import itertools
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -11,10 +15,16 @@ SETTLED = 2 * LEARNING_FRAMES
 LATEST = 0.008  # s; a longer delay, close to a period, is indistinguishable from a lost frame
 
 
-def estimates(arrivals: NDArray[np.float64], clock: SampleClock | None = None) -> NDArray[np.float64]:
-    """Estimate the times of all arrivals and check that they are in order and not after the arrivals."""
+def estimates(
+    arrivals: NDArray[np.float64], clock: SampleClock | None = None, behind: NDArray[np.intp] | None = None
+) -> NDArray[np.float64]:
+    """Estimate the times of all arrivals and check that they are in order and not after the arrivals.
+
+    `behind` is the number of frames that were queued behind each arrival.
+    """
     clock = clock or SampleClock()
-    times = np.array([clock.estimate(arrival) for arrival in arrivals.tolist()])
+    queued = np.zeros(len(arrivals), dtype=int) if behind is None else behind
+    times = np.array([clock.estimate(*item) for item in zip(arrivals.tolist(), queued.tolist(), strict=True)])
     assert np.all(times <= arrivals)
     assert np.all(np.diff(times) >= 0)
     return times
@@ -60,25 +70,10 @@ def test_a_steady_clock_is_freed_of_jitter(
 
 
 @settings(max_examples=100, deadline=None)
-@given(st.lists(st.floats(0, 2, allow_subnormal=False), min_size=1, max_size=400))
-def test_any_arrivals_give_times_in_order_and_not_after_them(intervals: list[float]) -> None:
-    estimates(START + np.cumsum(intervals))
-
-
-@settings(max_examples=100, deadline=None)
 @given(st.lists(st.tuples(st.floats(0, 0.5), st.integers(1, 60)), min_size=1, max_size=40))
 def test_any_queues_give_times_in_order_and_not_after_them(reads: list[tuple[float, int]]) -> None:
     arrivals = START + np.repeat(np.cumsum([interval for interval, _ in reads]), [count for _, count in reads])
-    estimates_of_queues(arrivals, np.concatenate([np.arange(count)[::-1] for _, count in reads]))
-
-
-@settings(max_examples=30, deadline=None)
-@given(st.integers(0, 2**32 - 1), st.floats(0, 0.3), st.floats(0, 0.1), st.floats(0, 0.2))
-def test_a_disturbed_clock_gives_times_in_order(seed: int, jitter: float, lost: float, stall: float) -> None:
-    rng = np.random.default_rng(seed)
-    measured = ticks(1000, 83)
-    delay = rng.exponential(jitter / 83, 1000) + stall * (rng.random(1000) < 0.02)
-    estimates(delayed(measured, delay)[rng.random(1000) >= lost])
+    estimates(arrivals, behind=np.concatenate([np.arange(count)[::-1] for _, count in reads]))
 
 
 def test_slow_drift_is_followed() -> None:
@@ -132,13 +127,6 @@ def test_where_no_steady_clock_is_the_time_is_the_arrival(case: str) -> None:
     np.testing.assert_array_equal(estimates(arrivals), arrivals)
 
 
-def test_bursts_give_no_nonsense() -> None:
-    measured = ticks(4000, 83)
-    arrivals = START + np.ceil((measured - START) / 0.1) * 0.1  # a port that delivers ten times a second
-    times = estimates(arrivals)
-    assert np.all(times > measured - 0.1)
-
-
 def test_first_frames_are_the_arrivals() -> None:
     clock = SampleClock()
     arrivals = delayed(ticks(LEARNING_FRAMES, 83), np.random.default_rng(5).exponential(1e-3, LEARNING_FRAMES))
@@ -181,28 +169,16 @@ def stalled(
     return arrivals[came], behind[came], came
 
 
-def estimates_of_queues(arrivals: NDArray[np.float64], behind: NDArray[np.intp]) -> NDArray[np.float64]:
-    clock = SampleClock()
-    times = np.array([clock.estimate(*item) for item in zip(arrivals.tolist(), behind.tolist(), strict=True)])
-    assert np.all(times <= arrivals)
-    assert np.all(np.diff(times) >= 0)
-    return times
-
-
-@pytest.mark.parametrize("length", [0.05, 0.3, 0.6, 1.6])
-@pytest.mark.parametrize("begin", [0.5, 3.0, 10.0])
-@pytest.mark.parametrize("rate", [83.0, 91.0, 125.0])
-def test_frames_that_waited_for_a_stalled_host_are_dated_back(rate: float, begin: float, length: float) -> None:
+def test_frames_that_waited_for_a_stalled_host_are_dated_back() -> None:
     rng = np.random.default_rng(6)
-    measured = ticks(2000, rate)
-    stalls = [(START + begin, length), (START + begin + 4.0, length)]
-    arrivals, behind, _ = stalled(measured, stalls, rng.exponential(3e-4, 2000))
-    error = estimates_of_queues(arrivals, behind) - measured
-    assert np.abs(error).max() < 0.015
-    # once the rate is known, the estimates are accurate
-    settled = arrivals > START + 3.0
-    if begin > 3.0:
-        assert np.abs(error[settled]).max() < 2e-3
+    for rate, begin, length in itertools.product((83.0, 91.0, 125.0), (0.5, 3.0, 10.0), (0.05, 0.3, 0.6, 1.6)):
+        measured = ticks(1500, rate)
+        stalls = [(START + begin, length), (START + begin + 4.0, length)]
+        arrivals, behind, _ = stalled(measured, stalls, rng.exponential(3e-4, len(measured)))
+        error = np.abs(estimates(arrivals, behind=behind) - measured)
+        assert error.max() < 0.015, (rate, begin, length)
+        # once the rate is known, the estimates are accurate
+        assert begin <= 3.0 or error[arrivals > START + 3.0].max() < 2e-3, (rate, begin, length)
 
 
 def test_what_did_not_fit_into_the_queue_was_lost_behind_it() -> None:
@@ -210,7 +186,7 @@ def test_what_did_not_fit_into_the_queue_was_lost_behind_it() -> None:
     measured = ticks(2000, 125)
     arrivals, behind, came = stalled(measured, [(START + 8.0, 1.6)], rng.exponential(3e-4, 2000), kept=90)
     assert came.sum() < 2000 - 100
-    error = estimates_of_queues(arrivals, behind) - measured[came]
+    error = estimates(arrivals, behind=behind) - measured[came]
     assert np.abs(error[SETTLED:]).max() < 2e-3
 
 
@@ -220,6 +196,6 @@ def test_a_port_that_always_brings_several_frames_gives_no_nonsense() -> None:
     for every in (0.016, 0.1):
         arrivals = START + np.ceil((measured - START) / every) * every
         behind = np.array([np.searchsorted(arrivals, at, "right") - i - 1 for i, at in enumerate(arrivals)])
-        error = estimates_of_queues(arrivals + rng.uniform(0, 1e-4), behind) - measured
+        error = estimates(arrivals + rng.uniform(0, 1e-4), behind=behind) - measured
         assert np.all(error[SETTLED:] > -0.03)
         assert np.all(error[SETTLED:] < 0.03)

@@ -122,16 +122,28 @@ def watch(name, stalls, seconds):
     return said, frames[:, 1], frames[:, :1] - measured, np.array(flagged)
 
 
-@pytest.mark.parametrize("name", PROFILES)
-def test_after_a_stall_nothing_is_dated_wrongly_or_said_to_be_missing(name):
-    said, numbers, errors, flagged = watch(name, [(0.8, 0.3), (2.0, 0.6), (0.7, 1.6)], 6.8)
+SLOW = pytest.mark.slow
+
+
+LONG = [(0.8, 0.3), (2.0, 0.6), (0.7, 1.6)]
+
+
+@pytest.mark.parametrize(
+    ("name", "stalls", "seconds"),
+    [
+        ("high-speed", [(0.8, 0.3), (2.0, 1.2)], 5.0),
+        *(pytest.param(name, LONG, 6.8, marks=SLOW, id=f"{name} at length") for name in PROFILES),
+    ],
+)
+def test_after_a_stall_nothing_is_dated_wrongly_or_said_to_be_missing(name, stalls, seconds):
+    said, numbers, errors, flagged = watch(name, stalls, seconds)
     assert np.all((np.abs(errors).max(axis=1) < 0.1) | (np.abs(errors).max(axis=1) <= flagged + 0.1))
     assert np.abs(errors).max() <= 0.02
     assert said == [0, 0, 0, 0, 0]
     assert np.all(np.diff(numbers) == 1)
 
 
-@pytest.mark.parametrize("name", ["high-speed", "hand-board"])
+@pytest.mark.parametrize("name", ["hand-board", pytest.param("high-speed", marks=SLOW)])
 def test_a_recorder_that_was_stopped_says_no_gap_where_no_frame_is_missing(name, tmp_path):
     chosen = PROFILES[name]()
     with Emulator(chosen, Ticking(chosen)) as board:

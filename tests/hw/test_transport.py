@@ -1,13 +1,13 @@
+"""A serial port as bytes: reading, writing, unplugging, and the words of what cannot be opened."""
+
 import os
 import socket
 import threading
-from collections.abc import Iterator
 from contextlib import closing
-from pathlib import Path
 
 import pytest
 
-from paxisim.errors import (
+from paxisim import (
     DeviceTimeoutError,
     InvalidValueError,
     MissingExtraError,
@@ -15,28 +15,28 @@ from paxisim.errors import (
     PortNotFoundError,
     UnsupportedError,
 )
-from paxisim.hw.link.transport import SerialTransport, open_transport
+from paxisim.hw.link.transport import open_transport
 
 pytest.importorskip("serial")
 pytest.importorskip("pty", reason="no pseudo-terminals here")
 
 from serial.tools.list_ports_common import ListPortInfo
-from serial_peers import PATIENCE, PluggedPort, plugged_port, wait_for
+from serial_peers import PATIENCE, plugged_port, wait_for
 
 
 @pytest.fixture
-def port(tmp_path: Path) -> Iterator[PluggedPort]:
+def port(tmp_path):
     with plugged_port(tmp_path) as port:
         yield port
 
 
 @pytest.fixture
-def transport(port: PluggedPort) -> Iterator[SerialTransport]:
+def transport(port):
     with closing(open_transport(port.path, 921600)) as transport:
         yield transport
 
 
-def read(transport: SerialTransport, count: int) -> bytes:
+def read(transport, count):
     got = b""
     while len(got) < count:
         more = transport.read(PATIENCE)
@@ -45,34 +45,22 @@ def read(transport: SerialTransport, count: int) -> bytes:
     return got
 
 
-def test_bytes_go_both_ways_unchanged(port: PluggedPort, transport: SerialTransport) -> None:
+# ---- bytes
+
+
+def test_bytes_go_both_ways_unchanged(port, transport):
     data = bytes(range(256)) * 3
     port.send(data)
-    assert read(transport, len(data)) == data
+    wait_for(lambda: transport._serial.in_waiting == len(data))
+    assert transport.read(PATIENCE) == data  # all that is there at once
     transport.write(data)
     assert port.receive(len(data)) == data
-
-
-def test_read_returns_all_that_is_there_at_once(port: PluggedPort, transport: SerialTransport) -> None:
-    port.send(b"x" * 1000)
-    wait_for(lambda: transport._serial.in_waiting == 1000)
-    assert transport.read(PATIENCE) == b"x" * 1000
-
-
-def test_read_waits_for_bytes(port: PluggedPort, transport: SerialTransport) -> None:
     later = threading.Timer(0.1, port.send, [b"late"])
     later.start()
     assert read(transport, 4) == b"late"
     later.join()
-
-
-def test_read_returns_nothing_where_nothing_comes(transport: SerialTransport) -> None:
-    assert transport.read(0.02) == b""
-    assert transport.read(0) == b""
-    assert transport.read(-1) == b""
-
-
-def test_discard_input(port: PluggedPort, transport: SerialTransport) -> None:
+    for timeout in (0.02, 0, -1):
+        assert transport.read(timeout) == b""
     port.send(b"old")
     wait_for(lambda: transport._serial.in_waiting == 3)
     transport.discard_input()
@@ -80,25 +68,26 @@ def test_discard_input(port: PluggedPort, transport: SerialTransport) -> None:
     assert read(transport, 3) == b"new"
 
 
-@pytest.mark.parametrize(
-    "use",
-    [
-        lambda transport: transport.read(PATIENCE),
-        lambda transport: transport.write(b"x"),
-        lambda transport: transport.discard_input(),
-    ],
-    ids=["read", "write", "discard_input"],
-)
-def test_unplugged(port: PluggedPort, transport: SerialTransport, use) -> None:
+def test_what_is_stuck_times_out(port, transport):
+    with pytest.raises(DeviceTimeoutError, match="did not take"):
+        transport.write(bytes(1_000_000))  # more than the system buffers
+
+
+@pytest.mark.parametrize("use", ["read", "write", "discard_input"])
+def test_unplugged_and_closed(port, transport, use):
+    arguments = {"read": (PATIENCE,), "write": (b"x",), "discard_input": ()}[use]
     port.unplug()
     with pytest.raises(PortNotFoundError, match="went away"):
-        use(transport)
+        getattr(transport, use)(*arguments)
+    assert "open" in repr(transport)
     transport.close()
+    transport.close()
+    assert "closed" in repr(transport)
     with pytest.raises(PortNotFoundError, match="is closed"):
-        use(transport)
+        getattr(transport, use)(*arguments)
 
 
-def test_unplugged_while_it_waits(port: PluggedPort, transport: SerialTransport) -> None:
+def test_unplugged_while_it_waits(port, transport):
     later = threading.Timer(0.1, port.unplug)
     later.start()
     with pytest.raises(PortNotFoundError, match=port.path):
@@ -106,74 +95,7 @@ def test_unplugged_while_it_waits(port: PluggedPort, transport: SerialTransport)
     later.join()
 
 
-def test_what_is_stuck_times_out(port: PluggedPort, transport: SerialTransport) -> None:
-    with pytest.raises(DeviceTimeoutError, match="did not take"):
-        transport.write(bytes(1_000_000))  # more than the system buffers
-
-
-def test_close_twice_and_open_again(port: PluggedPort) -> None:
-    for _ in range(2):
-        transport = open_transport(port.path, 460800)
-        assert "open" in repr(transport)
-        transport.close()
-        transport.close()
-        assert "closed" in repr(transport)
-
-
-def test_no_such_port_names_those_there_are(monkeypatch: pytest.MonkeyPatch) -> None:
-    found = []
-    monkeypatch.setattr("serial.tools.list_ports.comports", lambda: found)
-    with pytest.raises(PortNotFoundError, match="plugged in"):
-        open_transport("/dev/ttyACM97", 9600)
-    for name in ("/dev/ttyACM98", "/dev/modem"):
-        info = ListPortInfo(name)
-        info.description = "tactile box"
-        found.append(info)
-    with pytest.raises(
-        PortNotFoundError, match=r"no port '/dev/ttyACM97'; did you mean /dev/ttyACM98 \(tactile box\)\?$"
-    ):
-        open_transport("/dev/ttyACM97", 9600)
-    with pytest.raises(PortNotFoundError, match=r"there are: /dev/modem \(tactile box\), /dev/ttyACM98"):
-        open_transport("COM3", 9600)
-
-
-def test_a_link_to_nowhere_a_file_and_a_folder_are_no_ports(tmp_path: Path) -> None:
-    (tmp_path / "link").symlink_to(tmp_path / "nothing")
-    (tmp_path / "file").write_text("no port")
-    with pytest.raises(PortNotFoundError, match="no port"):
-        open_transport(str(tmp_path / "link"), 9600)
-    for name in ("file", ""):
-        with pytest.raises(PortNotFoundError, match="not a serial port"):
-            open_transport(str(tmp_path / name), 9600)
-
-
-def test_a_port_that_another_has(port: PluggedPort, transport: SerialTransport) -> None:
-    with pytest.raises(PortAccessError, match="in use"):
-        open_transport(port.path, 921600)
-
-
-def test_no_permission_says_how_to_get_it(port: PluggedPort, monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(*_: object) -> int:
-        raise PermissionError(13, "Permission denied")
-
-    monkeypatch.setattr("serial.serialposix.os.open", refuse)  # patched, because root may open any port
-    with pytest.raises(PortAccessError, match=r"dialout.*udev"):
-        open_transport(port.path, 9600)
-
-
-@pytest.mark.parametrize("baud", [0, -9600, 9600.0, "9600", True])
-def test_what_is_no_baud_rate(port: PluggedPort, baud) -> None:
-    with pytest.raises(InvalidValueError, match="baud"):
-        open_transport(port.path, baud)
-
-
-def test_a_baud_rate_that_the_port_refuses(port: PluggedPort) -> None:
-    with pytest.raises(UnsupportedError, match=f"{10**12} baud"):
-        open_transport(port.path, 10**12)
-    open_transport(port.path, 9600).close()  # the failed attempt left the port closed
-
-
-def test_loop() -> None:
+def test_urls():
     with closing(open_transport("loop://", 460800)) as transport:
         assert transport.read(0.01) == b""
         transport.write(b"there and back")
@@ -181,9 +103,6 @@ def test_loop() -> None:
         transport.write(b"old")
         transport.discard_input()
         assert transport.read(0) == b""
-
-
-def test_socket() -> None:
     with closing(socket.create_server(("127.0.0.1", 0))) as server:
         name = f"socket://127.0.0.1:{server.getsockname()[1]}"
         with closing(open_transport(name, 460800)) as transport:
@@ -200,24 +119,74 @@ def test_socket() -> None:
         open_transport(name, 460800)
 
 
-@pytest.mark.parametrize("url", ["serial2000://x", "nothing://"])
-def test_unknown_url(url: str) -> None:
-    with pytest.raises(InvalidValueError, match=f"port '{url}'"):
-        open_transport(url, 9600)
+# ---- what cannot be opened
 
 
-def test_pattern_that_fits_no_port() -> None:
-    with pytest.raises(PortNotFoundError, match="no ports found"):
-        open_transport("hwgrep://no such device", 9600)
+def test_no_such_port_names_those_there_are(monkeypatch):
+    found = []
+    monkeypatch.setattr("serial.tools.list_ports.comports", lambda: found)
+    with pytest.raises(PortNotFoundError, match="plugged in"):
+        open_transport("/dev/ttyACM97", 9600)
+    for name in ("/dev/ttyACM98", "/dev/modem"):
+        info = ListPortInfo(name)
+        info.description = "tactile box"
+        found.append(info)
+    near = r"no port '/dev/ttyACM97'; did you mean /dev/ttyACM98 \(tactile box\)\?$"
+    with pytest.raises(PortNotFoundError, match=near):
+        open_transport("/dev/ttyACM97", 9600)
+    with pytest.raises(PortNotFoundError, match=r"there are: /dev/modem \(tactile box\), /dev/ttyACM98"):
+        open_transport("COM3", 9600)
 
 
-def test_without_pyserial(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("name", "error", "says"),
+    [
+        ("link", PortNotFoundError, "no port"),
+        ("file", PortNotFoundError, "not a serial port"),
+        (".", PortNotFoundError, "not a serial port"),
+        ("hwgrep://no such device", PortNotFoundError, "no ports found"),
+        ("serial2000://x", InvalidValueError, "port 'serial2000://x'"),
+        ("nothing://", InvalidValueError, "port 'nothing://'"),
+    ],
+)
+def test_what_is_no_port(tmp_path, name, error, says):
+    (tmp_path / "link").symlink_to(tmp_path / "nothing")
+    (tmp_path / "file").write_text("no port")
+    with pytest.raises(error, match=says):
+        open_transport(name if "://" in name else str(tmp_path / name), 9600)
+
+
+def test_what_is_no_baud_rate_and_what_the_port_refuses(port):
+    for baud in (0, -9600, 9600.0, "9600", True):
+        with pytest.raises(InvalidValueError, match="baud"):
+            open_transport(port.path, baud)
+    with pytest.raises(UnsupportedError, match=f"{10**12} baud"):
+        open_transport(port.path, 10**12)
+    open_transport(port.path, 9600).close()  # the failed attempt left the port closed
+
+
+def test_a_port_that_another_has_or_that_may_not_be_opened(port, transport, monkeypatch):
+    with pytest.raises(PortAccessError, match="in use"):
+        open_transport(port.path, 921600)
+
+    def refuse(*_):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("serial.serialposix.os.open", refuse)  # patched, because root may open any port
+    with pytest.raises(PortAccessError, match=r"dialout.*udev"):
+        open_transport(port.path, 9600)
+
+
+def test_without_pyserial(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "serial", None)
     with pytest.raises(MissingExtraError, match=r"paxisim\[hw\]"):
         open_transport("/dev/ttyACM0", 9600)
 
 
-def test_a_port_beyond_a_thousand_files_is_refused_in_words(port: PluggedPort) -> None:
+# ---- files of the process
+
+
+def test_a_port_beyond_a_thousand_files_is_refused_in_words(port):
     resource = pytest.importorskip("resource")
     before = resource.getrlimit(resource.RLIMIT_NOFILE)
     if 0 <= before[1] < 2048:
@@ -235,14 +204,14 @@ def test_a_port_beyond_a_thousand_files_is_refused_in_words(port: PluggedPort) -
         resource.setrlimit(resource.RLIMIT_NOFILE, before)
 
 
-def test_no_file_stays_open(port: PluggedPort, tmp_path: Path) -> None:
+@pytest.mark.skipif(not os.path.isdir("/proc/self/fd"), reason="this system does not list open files")
+def test_no_file_stays_open(port, tmp_path):
     (tmp_path / "file").write_text("no port")
-    before = os.listdir("/proc/self/fd") if os.path.isdir("/proc/self/fd") else []
-    for name in (port.path, "file"):
+    before = os.listdir("/proc/self/fd")
+    for name in (port.path, str(tmp_path / "file")):
         for baud in (9600, 10**12):
             try:
-                open_transport(str(tmp_path / name), baud).close()
+                open_transport(name, baud).close()
             except (PortNotFoundError, UnsupportedError):
                 continue
-    if before:
-        assert len(os.listdir("/proc/self/fd")) == len(before)
+    assert len(os.listdir("/proc/self/fd")) == len(before)

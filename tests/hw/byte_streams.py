@@ -1,0 +1,51 @@
+"""Helpers for the tests of decoders: bytes in pieces, and what a decoder accepts of them."""
+
+from paxisim.hw.link.framing import FrameDecoder
+
+
+def hexed(text):
+    """Bytes from hexadecimal digits with spaces."""
+    return bytes.fromhex(text.replace(" ", ""))
+
+
+def in_pieces(data, sizes):
+    """`data` cut into pieces of the given sizes, the rest last."""
+    at = 0
+    for size in sizes:
+        yield data[at : at + size]
+        at += size
+    yield data[at:]
+
+
+def decoded(decoder, data, sizes=()):
+    """The messages that `decoder` finds in `data`, which comes in pieces and then stops."""
+    found = [message for piece in in_pieces(data, sizes) for message in decoder.feed(piece)]
+    return found + decoder.flush()
+
+
+def parsed(parse, data):
+    """The messages that a parser finds in `data`."""
+    return decoded(FrameDecoder(parse, stream=False), data)
+
+
+def accepted(parse, data, stream=True):
+    """``{(start, end): message}`` of everything that a decoder accepts as a frame in `data`."""
+
+    def watched(buffer, at):
+        result = parse(buffer, at)
+        if not isinstance(result, tuple):
+            return result
+        start = len(data) - len(buffer) + at
+        return result[0], ((start, start + result[0]), result[1])
+
+    return dict(decoded(FrameDecoder(watched, stream), data))
+
+
+def sums_to_zero(frame):
+    """Whether the check byte of a GEN3 frame is right by its definition, independent of the code under test."""
+    return sum(frame) % 256 == 0
+
+
+def box_checks(frame):
+    """Whether head, tail and check byte of a control box's frame are right by their definition."""
+    return frame[:4] == hexed("55AA7B7B") and frame[-4:] == hexed("55AA7D7D") and sum(frame[4:-4]) % 256 == 0
