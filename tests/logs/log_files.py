@@ -1,9 +1,13 @@
 """Recordings and files for the log tests."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
+import pytest
 
+from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
 from paxisim.logs.mcap_writer import LogWriter
 from paxisim.recording import Recording
@@ -54,3 +58,21 @@ def write_log(path: Path, force: np.ndarray, interval_ns: int = 10_000_000, **op
         log.write_at("episode", START, 0)
         for i, sample in enumerate(force):
             log.write_at("measured", START + i * interval_ns, sample, sequence=i, status=(0, 0))
+
+
+@contextmanager
+def full_disk(limit: int) -> Iterator[None]:
+    """Let no file become larger than `limit` bytes meanwhile, like on a disk that is full."""
+    resource = pytest.importorskip("resource")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+def refused(path: Path, word: str, **options) -> None:
+    """Assert that loading a file fails with an error of ours in which `word` is found."""
+    with pytest.raises(InvalidValueError, match=word):
+        Recording.load(path, **options)
