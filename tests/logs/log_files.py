@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,6 +14,21 @@ from paxisim.logs.mcap_writer import LogWriter
 from paxisim.recording import Recording
 
 START = 1_700_000_000_000_000_000
+MS = 1_000_000
+JOINT_STATE = """std_msgs/Header header
+string[] name
+float64[] position
+float64[] velocity
+float64[] effort
+================================================================================
+MSG: std_msgs/Header
+builtin_interfaces/Time stamp
+string frame_id
+================================================================================
+MSG: builtin_interfaces/Time
+int32 sec
+uint32 nanosec
+"""
 LAYOUT = TaxelLayout(4, 3, (0.002, 0.003), vendor_order=(3, 4, 5, 0, 1, 2, 6, 7, 8, 11, 10, 9))
 METADATA = {"layout": LAYOUT, "pads": ("left", "right"), "sensor": "a sensor", "versions": {"paxisim": "1"}}
 
@@ -76,3 +92,23 @@ def refused(path: Path, word: str, **options) -> None:
     """Assert that loading a file fails with an error of ours in which `word` is found."""
     with pytest.raises(InvalidValueError, match=word):
         Recording.load(path, **options)
+
+
+def joint_state(at, names, position, velocity=(), effort=()):
+    stamp = SimpleNamespace(sec=at // 10**9, nanosec=at % 10**9)
+    return SimpleNamespace(
+        header=SimpleNamespace(stamp=stamp, frame_id=""),
+        name=names,
+        position=position,
+        velocity=velocity,
+        effort=effort,
+    )
+
+
+def write_ros2(path, messages, schema="sensor_msgs/msg/JointState", definition=JOINT_STATE):
+    """Write a file like ``ros2 bag record``, which logs each message 3 ms after its stamp."""
+    writer_of = pytest.importorskip("mcap_ros2.writer").Writer
+    with open(path, "wb") as file, writer_of(file) as writer:
+        registered = writer.register_msgdef(schema, definition)
+        for topic, at, message in messages:
+            writer.write_message(topic, registered, message, log_time=at + 3 * MS)

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from log_files import METADATA, START, counts, refused, write_log
+from log_files import METADATA, MS, START, counts, joint_state, refused, write_log, write_ros2
 from mcap.writer import Writer
 
 from paxisim.cli import main
@@ -14,48 +14,12 @@ from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.logs.mcap_writer import LogWriter
 from paxisim.recording import Recording
 
-MS = 1_000_000
-JOINT_STATE = """std_msgs/Header header
-string[] name
-float64[] position
-float64[] velocity
-float64[] effort
-================================================================================
-MSG: std_msgs/Header
-builtin_interfaces/Time stamp
-string frame_id
-================================================================================
-MSG: builtin_interfaces/Time
-int32 sec
-uint32 nanosec
-"""
-
 
 @pytest.fixture
 def press(tmp_path):
     """A live recording of 50 samples at 100 Hz from `START`."""
     write_log(tmp_path / "press.mcap", counts(50))
     return tmp_path / "press.mcap"
-
-
-def joint_state(at, names, position, velocity=(), effort=()):
-    stamp = SimpleNamespace(sec=at // 10**9, nanosec=at % 10**9)
-    return SimpleNamespace(
-        header=SimpleNamespace(stamp=stamp, frame_id=""),
-        name=names,
-        position=position,
-        velocity=velocity,
-        effort=effort,
-    )
-
-
-def write_ros2(path, messages, schema="sensor_msgs/msg/JointState", definition=JOINT_STATE):
-    """Write a file like ``ros2 bag record``, which logs each message 3 ms after its stamp."""
-    writer_of = pytest.importorskip("mcap_ros2.writer").Writer
-    with open(path, "wb") as file, writer_of(file) as writer:
-        registered = writer.register_msgdef(schema, definition)
-        for topic, at, message in messages:
-            writer.write_message(topic, registered, message, log_time=at + 3 * MS)
 
 
 def write_json(path, messages):

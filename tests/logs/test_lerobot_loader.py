@@ -85,7 +85,7 @@ def written(folder, recording, *words):
     return folder / "set"
 
 
-def test_its_loader_opens_what_paxisim_writes(tmp_path, looked):
+def test_its_loader_opens_what_paxisim_writes_and_its_windows_stay_within_the_episodes(tmp_path, looked):
     recording = press()
     said, found = looked(written(tmp_path, recording))
     assert said["fps"] == 50
@@ -103,11 +103,6 @@ def test_its_loader_opens_what_paxisim_writes(tmp_path, looked):
     np.testing.assert_array_equal(found["episode_index"], recording.episode)
     np.testing.assert_array_equal(found["last"], np.arange(31, 51))
     np.testing.assert_allclose(found["stats/action"], recording.covariates["action"].mean(axis=0), rtol=1e-5)
-
-
-def test_its_windows_stay_within_the_episodes(tmp_path, looked):
-    recording = press()
-    _, found = looked(written(tmp_path, recording))
     begins, ends = np.array([0, 30, 31]), np.array([29, 30, 50])
     for key, values, steps in (
         ("observation.tactile.left", recording.measured[:, 0], (-2, -1, 0)),
