@@ -56,8 +56,9 @@ def recording(samples: int = 50, **changes) -> Recording:
     return Recording(**{**fields, **changes})
 
 
-def assert_equal(a: Recording, b: Recording) -> None:
-    np.testing.assert_allclose(a.time, b.time, rtol=0, atol=1e-9)
+def assert_equal(a: Recording, b: Recording, atol: float = 1e-9) -> None:
+    """Assert that two recordings are equal but for their metadata, with times that differ by at most `atol` (s)."""
+    np.testing.assert_allclose(a.time, b.time, rtol=0, atol=atol)
     for name in ("measured", "simulated", "episode"):
         assert (getattr(a, name) is None) == (getattr(b, name) is None)
         if getattr(a, name) is not None:
@@ -105,10 +106,10 @@ def joint_state(at, names, position, velocity=(), effort=()):
     )
 
 
-def write_ros2(path, messages, schema="sensor_msgs/msg/JointState", definition=JOINT_STATE):
+def write_ros2(path, messages, schema="sensor_msgs/msg/JointState", definition=JOINT_STATE, **options):
     """Write a file like ``ros2 bag record``, which logs each message 3 ms after its stamp."""
     writer_of = pytest.importorskip("mcap_ros2.writer").Writer
-    with open(path, "wb") as file, writer_of(file) as writer:
+    with open(path, "wb") as file, writer_of(file, **options) as writer:
         registered = writer.register_msgdef(schema, definition)
         for topic, at, message in messages:
             writer.write_message(topic, registered, message, log_time=at + 3 * MS)

@@ -257,7 +257,8 @@ def parquet_bases(folder: Path) -> list[bytes]:
 def bag_bases(folder: Path) -> list[bytes]:
     """Return a ROS 2 recording of joint states."""
     states = [(10**9 + i, joint_state(10**9 + i, ["a", "b"], [1.0, i], effort=[1.0, 2.0])) for i in range(4)]
-    write_ros2(folder / "base.mcap", [("/joints", at, state) for at, state in states])
+    messages = [("/joints", at, state) for at, state in states]
+    write_ros2(folder / "base.mcap", messages, compression=CompressionType.NONE, enable_crcs=False)
     return [(folder / "base.mcap").read_bytes()]
 
 

@@ -160,9 +160,10 @@ def test_pads_that_differ(tmp_path):
     np.testing.assert_allclose(found.covariates["gripper"], values()[:3], atol=1e-6)
 
 
-def test_a_dataset_without_tactile_features_gives_streams(tmp_path):
+@pytest.mark.parametrize("names", [NAMES, {"motors": NAMES}])
+def test_a_dataset_without_tactile_features_gives_streams(tmp_path, names):
     state = values(2)
-    features = {"observation.state": (state, {"names": NAMES}), "touch": values(3, 6, 5)}
+    features = {"observation.state": (state, {"names": names}), "touch": values(3, 6, 5)}
     path = dataset(tmp_path / "set", features, files=2)
     refused(path, r"(?s)no tactile feature.*observation.tactile.PAD of shape \(3, rows, cols\)")
     refused(path, r"touch \[3, 6, 5\]")
@@ -170,6 +171,7 @@ def test_a_dataset_without_tactile_features_gives_streams(tmp_path):
     time = np.concatenate([np.arange(5), np.arange(7)]) * 0.05
     Recording(time, np.zeros((12, 1, 3, 1, 1)), episode=[0] * 5 + [1] * 7).save(tmp_path / "press.npz")
     found = Recording.load(tmp_path / "press.npz", streams=path).covariates
+    assert "observation.state" not in found
     np.testing.assert_allclose(found["observation.state.pan.pos"][[0, 2, 4, 5, 7, 9, 11]], state[:, 0], atol=1e-6)
     assert found["touch"].shape == (12, 3, 6, 5)
 

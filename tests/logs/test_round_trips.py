@@ -48,7 +48,7 @@ ODD = {
     "clocks that overlap": {"time": np.concatenate([TIME[:4], TIME[:4] - 0.5]), "episode": EPISODES},
     "a late clock": {"time": TIME + 1e9, "covariates": {"x": of()}},
     "Unix start": {"metadata": {"start": 1.7e9, "tasks": {"7": "pick", "3": "place"}}, "episode": EPISODES},
-    "negative time": {"time": TIME - 100},
+    "negative time": {"time": TIME - 100, "episode": EPISODES - 5},
     "unknown values": {
         "covariates": {"x.1": np.where(TIME > 1, of(), np.nan), "y": np.where(of(2) < 1, of(2), np.nan)}
     },
