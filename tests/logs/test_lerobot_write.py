@@ -210,7 +210,10 @@ def test_what_is_not_known(tmp_path):
     assert sorted(os.listdir(tmp_path)) == ["a", "b"]
 
 
-def test_episodes_of_one_frame(tmp_path):
+def test_episodes_of_one_frame_and_any_rate(tmp_path):
+    for rate in (1, 7, 30, 997):
+        write(tmp_path / f"{rate}", press((4, 3), rate=rate), fps=rate)
+        assert_back(Recording.load(tmp_path / f"{rate}"), press((4, 3), rate=rate))
     write(tmp_path / "a", press((1, 5, 1)))
     assert_back(Recording.load(tmp_path / "a"), press((1, 5, 1)))
     with pytest.raises(InvalidValueError, match=r"no rate, because no episode has two samples.*; give fps"):

@@ -2,15 +2,13 @@
 
 import numpy as np
 import pytest
-from log_files import START, counts, refused
+from log_files import MS, START, counts, refused
 
 from paxisim.errors import UnknownNameError
 from paxisim.logs.mcap_writer import LogWriter
 from paxisim.logs.resample import resample, resample_log
 from paxisim.logs.stream import Log, Stream
 from paxisim.recording import Recording
-
-MS = 1_000_000
 
 
 def stream(times_ms, values) -> Stream:
