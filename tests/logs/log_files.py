@@ -1,14 +1,34 @@
 """Recordings and files for the log tests."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
+from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
 from paxisim.logs.mcap_writer import LogWriter
 from paxisim.recording import Recording
 
 START = 1_700_000_000_000_000_000
+MS = 1_000_000
+JOINT_STATE = """std_msgs/Header header
+string[] name
+float64[] position
+float64[] velocity
+float64[] effort
+================================================================================
+MSG: std_msgs/Header
+builtin_interfaces/Time stamp
+string frame_id
+================================================================================
+MSG: builtin_interfaces/Time
+int32 sec
+uint32 nanosec
+"""
 LAYOUT = TaxelLayout(4, 3, (0.002, 0.003), vendor_order=(3, 4, 5, 0, 1, 2, 6, 7, 8, 11, 10, 9))
 METADATA = {"layout": LAYOUT, "pads": ("left", "right"), "sensor": "a sensor", "versions": {"paxisim": "1"}}
 
@@ -36,8 +56,9 @@ def recording(samples: int = 50, **changes) -> Recording:
     return Recording(**{**fields, **changes})
 
 
-def assert_equal(a: Recording, b: Recording) -> None:
-    np.testing.assert_allclose(a.time, b.time, rtol=0, atol=1e-9)
+def assert_equal(a: Recording, b: Recording, atol: float = 1e-9) -> None:
+    """Assert that two recordings are equal but for their metadata, with times that differ by at most `atol` (s)."""
+    np.testing.assert_allclose(a.time, b.time, rtol=0, atol=atol)
     for name in ("measured", "simulated", "episode"):
         assert (getattr(a, name) is None) == (getattr(b, name) is None)
         if getattr(a, name) is not None:
@@ -54,3 +75,41 @@ def write_log(path: Path, force: np.ndarray, interval_ns: int = 10_000_000, **op
         log.write_at("episode", START, 0)
         for i, sample in enumerate(force):
             log.write_at("measured", START + i * interval_ns, sample, sequence=i, status=(0, 0))
+
+
+@contextmanager
+def full_disk(limit: int) -> Iterator[None]:
+    """Let no file become larger than `limit` bytes meanwhile, like on a disk that is full."""
+    resource = pytest.importorskip("resource")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+def refused(path: Path, word: str, **options) -> None:
+    """Assert that loading a file fails with an error of ours in which `word` is found."""
+    with pytest.raises(InvalidValueError, match=word):
+        Recording.load(path, **options)
+
+
+def joint_state(at, names, position, velocity=(), effort=()):
+    stamp = SimpleNamespace(sec=at // 10**9, nanosec=at % 10**9)
+    return SimpleNamespace(
+        header=SimpleNamespace(stamp=stamp, frame_id=""),
+        name=names,
+        position=position,
+        velocity=velocity,
+        effort=effort,
+    )
+
+
+def write_ros2(path, messages, schema="sensor_msgs/msg/JointState", definition=JOINT_STATE, **options):
+    """Write a file like ``ros2 bag record``, which logs each message 3 ms after its stamp."""
+    writer_of = pytest.importorskip("mcap_ros2.writer").Writer
+    with open(path, "wb") as file, writer_of(file, **options) as writer:
+        registered = writer.register_msgdef(schema, definition)
+        for topic, at, message in messages:
+            writer.write_message(topic, registered, message, log_time=at + 3 * MS)

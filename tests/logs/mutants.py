@@ -1,8 +1,8 @@
-"""python mutants.py FORMAT COUNT SEED FOLDER: load randomly changed files; each gives an object or a `PaxisimError`.
+"""Randomly changed files of each format; each must load as an object or give a `PaxisimError`.
 
-Runs as a separate process because the peak memory of a process can be queried at no cost. Prints the number of readable
-and unreadable files, the growth of peak memory and the largest file (bytes). At the first other error, the program
-prints the number of the mutant and ends with a traceback.
+``python mutants.py FORMAT COUNT SEED FOLDER`` runs as a separate process because the peak memory of a process can be
+queried at no cost. Prints the number of readable and unreadable files, the growth of peak memory and the largest file
+(bytes). At the first other error, it prints the number of the mutant and ends with a traceback.
 """
 
 import io
@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from log_files import joint_state, write_ros2
 from mcap.writer import CompressionType, Writer
 
 import paxisim
@@ -31,21 +32,10 @@ from paxisim.logs.parquet import write_parquet
 TESTS = Path(__file__).parents[1]
 sys.path += [str(TESTS), str(TESTS / "diagnose")]
 TOKENS = [
-    *(
-        b"-1",
-        b"0",
-        b"1e999",
-        b"1e308",
-        b"-0.5",
-        b"NaN",
-        b"1" * 5000,
-        b"9999999",
-        b"4294967296",
-        b"1000000",
-        b"-9223372036854775809",
-    ),
-    *(b"null", b"true", b"[]", b"{}", b'""', b"[" * 2000, b'{"a":' * 500, b'"x"', b"[[1]]", b"5"),
-    *(b"\x1b[2J", b"\x00", b"\xff", b"\\ud800", "\u202e".encode(), b"\n", b",", b"#", b"'", b"0_0.z", b"time", b"\r"),
+    *(b"-1", b"0", b"1e999", b"1e308", b"-0.5", b"NaN", b"1" * 5000, b"9999999", b"4294967296", b"1000000"),
+    *(b"-9223372036854775809", b"null", b"true", b"[]", b"{}", b'""', b"[" * 2000, b'{"a":' * 500, b'"x"'),
+    *(b"[[1]]", b"5", b"\x1b[2J", b"\x00", b"\xff", b"\\ud800", "\u202e".encode(), b"\n", b",", b"#", b"'"),
+    *(b"0_0.z", b"time", b"\r"),
 ]
 
 
@@ -201,7 +191,14 @@ def json_bases(folder: Path) -> list[bytes]:
     )
     chain.save(folder / "base.json")
     protocol = {
-        **{"version": 1, "name": "a", "about": "b", "scene": "press", "frame": "f", "columns": ["time", "z"]},
+        **{
+            "format": "paxisim-protocol/1",
+            "name": "a",
+            "about": "b",
+            "scene": "press",
+            "frame": "f",
+            "columns": ["time", "z"],
+        },
         **{"max_speed": 0.1, "stop_at_normal_force_on_a_pad": 5, "record_at_least": 50},
         "segments": [{"episode": 0, "name": "a", "does": "b", "motions": ["probe"], "waypoints": [[0, 0], [1, 0.01]]}],
     }
@@ -259,25 +256,10 @@ def parquet_bases(folder: Path) -> list[bytes]:
 
 def bag_bases(folder: Path) -> list[bytes]:
     """Return a ROS 2 recording of joint states."""
-    from mcap_ros2.writer import Writer as RosWriter
-
-    stamp = "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n"
-    parts = (
-        ("std_msgs/Header", "builtin_interfaces/Time stamp\nstring frame_id"),
-        (
-            "builtin_interfaces/Time",
-            "int32 sec\nuint32 nanosec",
-        ),
-    )
-    definition = stamp + "".join(f"{'=' * 80}\nMSG: {name}\n{text}\n" for name, text in parts)
-    file = io.BytesIO()
-    with RosWriter(file, compression=CompressionType.NONE, enable_crcs=False) as writer:
-        schema = writer.register_msgdef("sensor_msgs/msg/JointState", definition)
-        for i in range(4):
-            header = {"stamp": {"sec": 1, "nanosec": i}, "frame_id": ""}
-            message = {"header": header, "name": ["a", "b"], "position": [1.0, i], "velocity": [], "effort": [1.0, 2.0]}
-            writer.write_message("/joints", schema, message, log_time=10**9 + i)
-    return [file.getvalue()]
+    states = [(10**9 + i, joint_state(10**9 + i, ["a", "b"], [1.0, i], effort=[1.0, 2.0])) for i in range(4)]
+    messages = [("/joints", at, state) for at, state in states]
+    write_ros2(folder / "base.mcap", messages, compression=CompressionType.NONE, enable_crcs=False)
+    return [(folder / "base.mcap").read_bytes()]
 
 
 def calibration_bases(folder: Path) -> list[bytes]:
@@ -318,11 +300,12 @@ FORMATS = {
 
 def peak() -> int:
     """Return the peak memory of this process (bytes)."""
-    status = Path("/proc/self/status").read_text()
-    return 1024 * int(status.split("VmHWM:")[1].split()[0])
+    status = Path("/proc/self/status")
+    return 1024 * int(status.read_text().split("VmHWM:")[1].split()[0]) if status.exists() else 0
 
 
-def main(name: str, count: int, seed: int, folder: Path) -> None:
+def run(name: str, count: int, seed: int, folder: Path) -> dict[str, int]:
+    """Load `count` changed files and return how many were good and bad, the growth of memory and the largest file."""
     bases_of, mutant_of, read, kinds = FORMATS[name]
     bases = bases_of(folder)
     path = folder / f"mutant.{name}"
@@ -342,9 +325,9 @@ def main(name: str, count: int, seed: int, folder: Path) -> None:
         except BaseException:
             print(f"mutant {number}", file=sys.stderr)
             raise
-    print(json.dumps({"good": good, "bad": count - good, "grown": peak() - before, "largest": largest}))
+    return {"good": good, "bad": count - good, "grown": peak() - before, "largest": largest}
 
 
 if __name__ == "__main__":
     warnings.simplefilter("ignore")
-    main(sys.argv[1], int(sys.argv[2]), int(sys.argv[3]), Path(sys.argv[4]))
+    print(json.dumps(run(sys.argv[1], int(sys.argv[2]), int(sys.argv[3]), Path(sys.argv[4]))))

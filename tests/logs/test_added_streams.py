@@ -1,13 +1,12 @@
 """Joint streams of other programs as covariates of a recording: ROS 2 MCAP, JSON MCAP and CSV."""
 
 import json
-import subprocess
 import sys
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from log_files import METADATA, START, counts, write_log
+from log_files import METADATA, MS, START, counts, joint_state, refused, write_log, write_ros2
 from mcap.writer import Writer
 
 from paxisim.cli import main
@@ -15,48 +14,12 @@ from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.logs.mcap_writer import LogWriter
 from paxisim.recording import Recording
 
-MS = 1_000_000
-JOINT_STATE = """std_msgs/Header header
-string[] name
-float64[] position
-float64[] velocity
-float64[] effort
-================================================================================
-MSG: std_msgs/Header
-builtin_interfaces/Time stamp
-string frame_id
-================================================================================
-MSG: builtin_interfaces/Time
-int32 sec
-uint32 nanosec
-"""
-
 
 @pytest.fixture
 def press(tmp_path):
     """A live recording of 50 samples at 100 Hz from `START`."""
     write_log(tmp_path / "press.mcap", counts(50))
     return tmp_path / "press.mcap"
-
-
-def joint_state(at, names, position, velocity=(), effort=()):
-    stamp = SimpleNamespace(sec=at // 10**9, nanosec=at % 10**9)
-    return SimpleNamespace(
-        header=SimpleNamespace(stamp=stamp, frame_id=""),
-        name=names,
-        position=position,
-        velocity=velocity,
-        effort=effort,
-    )
-
-
-def write_ros2(path, messages, schema="sensor_msgs/msg/JointState", definition=JOINT_STATE):
-    """Write a file like ``ros2 bag record``, which logs each message 3 ms after its stamp."""
-    writer_of = pytest.importorskip("mcap_ros2.writer").Writer
-    with open(path, "wb") as file, writer_of(file) as writer:
-        registered = writer.register_msgdef(schema, definition)
-        for topic, at, message in messages:
-            writer.write_message(topic, registered, message, log_time=at + 3 * MS)
 
 
 def write_json(path, messages):
@@ -115,9 +78,10 @@ def test_topics_with_the_same_joint_and_messages_of_some_joints(press, tmp_path)
 
 def test_a_ros_2_file_that_is_cut_off_gives_what_is_whole(press, tmp_path):
     path = tmp_path / "arm.mcap"
+    names = [f"joint{j}" for j in range(7)]
     messages = [
-        ("/joint_states", at, joint_state(at, [f"joint{j}" for j in range(7)], list(np.sin(x * np.arange(7)))))
-        for at, x in map(ramp, range(0, 12000))
+        ("/joint_states", at, joint_state(at, names, list(np.sin(x * np.arange(7)))))
+        for at, x in map(ramp, range(12000))
     ]
     write_ros2(path, messages)
     path.write_bytes(path.read_bytes()[: int(0.9 * path.stat().st_size)])
@@ -134,19 +98,15 @@ def test_a_ros_2_file_without_joint_states_names_its_topics(press, tmp_path):
         Recording.load(press, streams=tmp_path / "talk.mcap")
 
 
-def test_without_the_package_the_error_names_the_extra(press, tmp_path):
+def test_without_the_package_the_error_names_the_extra(press, tmp_path, monkeypatch, capsys):
     at, x = ramp(0)
     write_ros2(tmp_path / "arm.mcap", [("/joint_states", at, joint_state(at, ["joint1"], [x]))])
-    code = f"""
-import sys
-sys.modules["mcap_ros2"] = None  # as if it were not installed
-from paxisim.cli import main
-sys.exit(main(["convert", {str(press)!r}, {str(tmp_path / "out.npz")!r}, "--streams", {str(tmp_path / "arm.mcap")!r}]))
-"""
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)
-    assert done.returncode == 2
-    assert "needs mcap_ros2, which is not installed: pip install 'paxisim[ros2]'" in done.stderr
-    assert "Traceback" not in done.stderr
+    for name in [name for name in sys.modules if name.startswith("mcap_ros2")]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "mcap_ros2", None)  # as if it were not installed
+    words = ["convert", str(press), str(tmp_path / "out.npz"), "--streams", str(tmp_path / "arm.mcap")]
+    assert main(words) == 2
+    assert "needs mcap_ros2, which is not installed: pip install 'paxisim[ros2]'" in capsys.readouterr().err
     assert not (tmp_path / "out.npz").exists()
 
 
@@ -170,18 +130,10 @@ def test_json_topics(press, tmp_path):
     np.testing.assert_array_equal(covariates["tool/orientation"][5], [1, 0, 0, np.nan])
 
 
-def test_a_file_with_very_many_names_is_refused_and_warnings_are_one(press, tmp_path):
-    path = tmp_path / "joints.mcap"
-    with open(path, "wb") as file:
-        writer = Writer(file)
-        writer.start()
-        channel = writer.register_channel("/joints", "json", 0)
-        for i in range(8):
-            message = {f"joint{300 * i + k}": 1.0 for k in range(300)}
-            writer.add_message(channel, START + i, json.dumps(message).encode(), START + i)
-        writer.finish()
-    with pytest.raises(InvalidValueError, match=r"joints.mcap has more than 2000 streams"):
-        Recording.load(press, streams=path)
+def test_very_many_names_are_refused_and_very_many_warnings_are_one(press, tmp_path):
+    messages = [("/joints", START + i, {f"joint{300 * i + k}": 1.0 for k in range(300)}) for i in range(8)]
+    write_json(tmp_path / "joints.mcap", messages)
+    refused(press, r"joints.mcap has more than 2000 streams", streams=tmp_path / "joints.mcap")
     with LogWriter(tmp_path / "a.mcap", METADATA) as log:
         for i, sample in enumerate(counts(50)):
             log.write_at("measured", START + i * 10 * MS, sample)
@@ -202,30 +154,17 @@ def test_messages_that_cannot_be_read_are_left_out_and_counted(press, tmp_path):
     np.testing.assert_allclose(covariates["a"], np.arange(50) * 0.01, atol=1e-6)
 
 
-def test_covariates_of_another_recording(press, tmp_path):
-    other = Recording(np.arange(60) * 0.01, np.zeros((60, 1, 3, 1, 1)), covariates={"force": np.arange(60)})
-    other.with_simulated(other.measured, start=START * 1e-9).save(tmp_path / "other.mcap")
-    covariates = Recording.load(press, streams=tmp_path / "other.mcap").covariates
-    np.testing.assert_allclose(covariates["force"], np.arange(50), atol=1e-4)
-
-
-def test_convert_adds_streams(press, tmp_path, monkeypatch):
+def test_convert_adds_streams_and_covariates_of_another_recording(press, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write_json(tmp_path / "arm.mcap", [("/arm", at, {"joint": x}) for at, x in map(ramp, range(0, 110))])
     other = Recording(np.arange(60) * 0.01, np.zeros((60, 1, 3, 1, 1)), metadata={"start": START * 1e-9})
     other.with_covariate("force", np.arange(60)).save("other.mcap")
     assert main(["convert", "press.mcap", "both.npz", "--streams", "arm.mcap", "other.mcap"]) == 0
-    assert list(Recording.load("both.npz").covariates) == ["arm/joint", "force"]
+    both = Recording.load("both.npz").covariates
+    assert list(both) == ["arm/joint", "force"]
+    np.testing.assert_allclose(both["force"], np.arange(50), atol=1e-4)
     other.save("other.mcap")
-    with pytest.raises(InvalidValueError, match=r"other.mcap is a recording without covariates"):
-        Recording.load("press.mcap", streams="other.mcap")
-
-
-def test_a_recording_that_is_wrong_is_named_first(tmp_path):
-    np.savez(tmp_path / "a.npz", time=np.zeros((2, 2)), measured=np.zeros((2, 1, 3, 1, 1)))
-    (tmp_path / "joints.csv").write_text("time,joint\n0,1\n1,2\n")
-    with pytest.raises(InvalidValueError, match=r"a.npz: time must be \(T,\)"):
-        Recording.load(tmp_path / "a.npz", streams=tmp_path / "joints.csv")
+    refused(press, r"other.mcap is a recording without covariates", streams="other.mcap")
 
 
 def test_csv_on_the_recordings_clock(press, tmp_path):
@@ -233,68 +172,54 @@ def test_csv_on_the_recordings_clock(press, tmp_path):
     (tmp_path / "joints.csv").write_text("\n".join(["time,joint.0,joint.1", *lines, ""]))
     joint = Recording.load(press, streams=tmp_path / "joints.csv").covariates["joint"]
     np.testing.assert_allclose(joint, np.outer(np.arange(50) * 0.01, [1, -1]), atol=1e-5)
-    (tmp_path / "late.csv").write_text("time,joint\n0,1\n1,2\n")
-    with pytest.raises(InvalidValueError, match=r"late.csv does not overlap the recording: it spans 0.000 s to"):
-        Recording.load(press, streams=tmp_path / "late.csv")
+    twice = [tmp_path / "joints.csv", tmp_path / ".." / tmp_path.name / "joints.csv"]
+    refused(press, "already has a covariate 'joint'", streams=twice)
+    np.savez(tmp_path / "a.npz", time=np.zeros((2, 2)), measured=np.zeros((2, 1, 3, 1, 1)))
+    refused(tmp_path / "a.npz", r"a.npz: time must be \(T,\)", streams=tmp_path / "joints.csv")
 
 
 def test_csv_that_counts_episodes(tmp_path):
-    time = np.array([3.0, 3.1, 3.2, 9.0, 9.1])
-    recording = Recording(time, np.zeros((5, 1, 3, 1, 1)), episode=[1, 1, 1, 4, 4])
-    recording.save(tmp_path / "a.npz")
+    """Episodes count from 0 or go on with the recording's clock or Unix time."""
+    path, table = tmp_path / "a.npz", tmp_path / "u.csv"
+
+    def added(rows, clock="time"):
+        table.write_text(f"episode_index,{clock},u\n" + "".join(f"{e},{at},{x}\n" for e, at, x in rows))
+        return Recording.load(path, streams=table).covariates["u"]
+
+    time, episode = np.array([3.0, 3.1, 3.2, 9.0, 9.1]), [1, 1, 1, 4, 4]
+    Recording(time, np.zeros((5, 1, 3, 1, 1)), episode=episode).save(path)
     rows = [(4, 0.0, 40), (4, 0.2, 42), (1, 7.0, 10), (1, 7.4, 14)]
-    text = "\n".join(f"{episode},{at},{x}" for episode, at, x in rows)
-    (tmp_path / "joints.csv").write_text(f"episode_index,timestamp,joint\n{text}\n")
-    found = Recording.load(tmp_path / "a.npz", streams=tmp_path / "joints.csv").covariates["joint"]
-    np.testing.assert_allclose(found, [10, 11, 12, 40, 41])
-    (tmp_path / "other.csv").write_text("episode_index,timestamp,joint\n2,0,1\n3,0,1\n")
-    with pytest.raises(
-        InvalidValueError, match="none of the recording's episodes: it has episodes 2, 3, the recording has 1, 4"
-    ):
-        Recording.load(tmp_path / "a.npz", streams=tmp_path / "other.csv")
-    (tmp_path / "one.csv").write_text("episode_index,timestamp,joint\n4,0,1\n4,1,2\n")
-    with pytest.warns(UserWarning, match="one.csv has no episode 1; its streams are NaN there"):
-        found = Recording.load(tmp_path / "a.npz", streams=tmp_path / "one.csv").covariates["joint"]
+    np.testing.assert_allclose(added(rows, "timestamp"), [10, 11, 12, 40, 41])
+    with pytest.raises(InvalidValueError, match="it has episodes 2, 3, the recording has 1, 4"):
+        added([(2, 0, 1), (3, 0, 1)], "timestamp")
+    with pytest.warns(UserWarning, match="u.csv has no episode 1; its streams are NaN there"):
+        found = added([(4, 0, 1), (4, 1, 2)], "timestamp")
     np.testing.assert_allclose(found, [np.nan, np.nan, np.nan, 1, 1.1])
-
-
-def test_numbered_episodes_on_the_recordings_own_clock(tmp_path):
-    at = np.array([0.0, 0.5, 1.0, 5.0, 5.5, 6.0])
-    recording = Recording(at, np.zeros((6, 1, 3, 1, 1)), episode=[1, 1, 1, 4, 4, 4], metadata={"start": 1000.0})
-    recording.save(tmp_path / "a.npz")
+    time, episode = np.array([0.0, 0.5, 1.0, 5.0, 5.5, 6.0]), [1, 1, 1, 4, 4, 4]
+    Recording(time, np.zeros((6, 1, 3, 1, 1)), episode=episode, metadata={"start": 1000.0}).save(path)
     for zero in (0.0, 1000.0):  # the recording's time, and Unix time
-        rows = "".join(f"{4 if t > 2 else 1},{zero + t},{10 * t}\n" for t in (0.5, 1.0, 5.0, 6.0))
-        (tmp_path / "u.csv").write_text(f"episode_index,time,u\n{rows}")
-        found = Recording.load(tmp_path / "a.npz", streams=tmp_path / "u.csv").covariates["u"]
+        found = added([(4 if at > 2 else 1, zero + at, 10 * at) for at in (0.5, 1.0, 5.0, 6.0)])
         np.testing.assert_allclose(found, [np.nan, 5, 10, 50, 55, 60])
-    (tmp_path / "u.csv").write_text("episode_index,time,u\n1,0.5,1\n1,1,2\n4,0,3\n")
     with pytest.warns(UserWarning, match="episode 4 shares no time with the recording's"):
-        Recording.load(tmp_path / "a.npz", streams=tmp_path / "u.csv")
-    (tmp_path / "u.csv").write_text("episode_index,time,u\n1,90,1\n1,91,1\n4,92,1\n")
+        added([(1, 0.5, 1), (1, 1, 2), (4, 0, 3)])
     with pytest.raises(InvalidValueError, match="its episodes do not overlap those of the recording"):
-        Recording.load(tmp_path / "a.npz", streams=tmp_path / "u.csv")
+        added([(1, 90, 1), (1, 91, 1), (4, 92, 1)])
 
 
-@pytest.mark.parametrize(
-    ("name", "text", "words"),
-    [
-        ("a.csv", "joint\n1\n", "a.csv: the table must have a column 'time' or 'timestamp'"),
-        ("a.csv", "time\n1\n", "a.csv has no numeric stream besides its times"),
-        ("a.csv", "time,joint\n1,2\n0,3\n", "a.csv: time must not decrease, but does after 1 s"),
-        ("a.csv", "time,joint\n,2\n0,3\n", "a.csv: every row must have a time; row 0 has none"),
-        ("a.csv", "time,joint\n0,idle\n", "line 2, column 'joint': 'idle' is not a number"),
-        ("a.csv", "episode_index,time,j\n0,0,1\n1,0,1\n0,1,1\n", "the rows of an episode must be adjacent"),
-        ("a.txt", "", "streams must come from"),
-        ("a.mcap", "", "a.mcap is empty"),
-    ],
-)
-def test_bad_files_are_named(press, tmp_path, name, text, words):
-    (tmp_path / name).write_text(text)
-    with pytest.raises(InvalidValueError, match=words):
-        Recording.load(press, streams=tmp_path / name)
+BAD = [
+    ("a.csv", "joint\n1\n", "a.csv: the table must have a column 'time' or 'timestamp'"),
+    ("a.csv", "time\n1\n", "a.csv has no numeric stream besides its times"),
+    ("a.csv", "time,joint\n1,2\n0,3\n", "a.csv: time must not decrease, but does after 1 s"),
+    ("a.csv", "time,joint\n,2\n0,3\n", "a.csv: every row must have a time; row 0 has none"),
+    ("a.csv", "time,joint\n0,idle\n", "line 2, column 'joint': 'idle' is not a number"),
+    ("a.csv", "time,joint\n0,1\n1,2\n", "a.csv does not overlap the recording: it spans 0.000 s to"),
+    ("a.csv", "episode_index,time,j\n0,0,1\n1,0,1\n0,1,1\n", "the rows of an episode must be adjacent"),
+    ("a.txt", "", "streams must come from"),
+    ("a.mcap", "", "a.mcap is empty"),
+]
 
 
-def test_a_name_that_is_taken(press, tmp_path):
-    (tmp_path / "a.csv").write_text(f"time,joint\n{START * 1e-9},1\n{START * 1e-9 + 1},2\n")
-    with pytest.raises(InvalidValueError, match="the recording already has a covariate 'joint'"):
-        Recording.load(press, streams=[tmp_path / "a.csv", tmp_path / "../" / tmp_path.name / "a.csv"])
+def test_bad_files_are_named(press, tmp_path):
+    for name, text, word in BAD:
+        (tmp_path / name).write_text(text)
+        refused(press, word, streams=tmp_path / name)

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from log_files import refused
 
-from paxisim.errors import InvalidValueError
 from paxisim.hw.profiles.load import load_profile
 from paxisim.layout import TaxelLayout
 from paxisim.logs.eflesh import NEWTONS
@@ -41,75 +41,50 @@ def test_magnetometers_are_taxels_in_microtesla_beside_the_load_in_newtons(tmp_p
     np.testing.assert_allclose(recording.covariates["robot_z"][1:], 0.288 - 1e-3 * (np.arange(1, 20) - 0.5), rtol=1e-5)
 
 
-def test_minus_one_is_no_reading_and_long_gaps_are_not_bridged(tmp_path):
+def test_minus_one_is_no_reading_and_gaps_are_bridged_as_far_as_asked_for(tmp_path):
     sensor, states = tables(60)
-    states[3:5, 4] = -1
     states[20:45, 4] = -1  # 2.6 s between two readings
-    load = Recording.load(write(tmp_path, sensor, states)).covariates["load"]
-    np.testing.assert_allclose(load[4], 350 * NEWTONS, rtol=1e-5)
-    assert np.isnan(load[21:45]).all()
-    assert np.isfinite(load[1:20]).all()
-
-
-def test_gaps_and_the_way_between_readings_are_as_asked_for(tmp_path):
-    sensor, states = tables(60)
-    states[20:45, 4] = -1
     path = write(tmp_path, sensor, states)
     load = Recording.load(path, max_gap=3.0, align={"load": "previous"}).covariates["load"]
     np.testing.assert_allclose(load[20:45], 1900 * NEWTONS, rtol=1e-5)
     states[3:5, 4] = -1
-    load = Recording.load(write(tmp_path, sensor, states), max_gap=0.2).covariates["load"]
+    write(tmp_path, sensor, states)
+    load = Recording.load(path).covariates["load"]
+    np.testing.assert_allclose(load[4], 350 * NEWTONS, rtol=1e-5)
+    assert np.isnan(load[21:45]).all()
+    assert np.isfinite(load[1:20]).all()
+    load = Recording.load(path, max_gap=0.2).covariates["load"]
     np.testing.assert_array_equal(np.flatnonzero(np.isnan(load[:10])), [0, 3, 4, 5])
-
-
-def test_any_number_of_magnetometers_and_pads_by_name(tmp_path):
-    path = write(tmp_path, *tables(magnetometers=2))
-    recording = Recording.load(path, pads=["eflesh"])
-    assert recording.measured.shape[1:] == (1, 3, 1, 2)
-    with pytest.raises(LookupError, match="eflesh"):
-        Recording.load(path, pads=["left"])
 
 
 def test_a_layout_says_where_the_magnetometers_are_and_a_profile_does_not_apply(tmp_path):
     path = write(tmp_path, *tables(magnetometers=2))
     layout = TaxelLayout(1, 2, (3e-3, 4e-3))
-    assert Recording.load(path, layout=layout).layout == layout
-    with pytest.raises(InvalidValueError, match="layout has 1x3 taxels, the tensors have 1x2"):
-        Recording.load(path, layout=TaxelLayout(1, 3, (3e-3, 4e-3)))
-    with pytest.raises(InvalidValueError, match="profile is for the counts of a board's CSV file"):
-        Recording.load(path, profile=load_profile("gen2-box-120"))
+    recording = Recording.load(path, layout=layout, pads=["eflesh"])
+    assert recording.measured.shape[1:] == (1, 3, 1, 2)
+    assert recording.layout == layout
+    with pytest.raises(LookupError, match="eflesh"):
+        Recording.load(path, pads=["left"])
+    refused(path, "layout has 1x3 taxels, the tensors have 1x2", layout=TaxelLayout(1, 3, (3e-3, 4e-3)))
+    refused(path, "for the counts of a board's CSV file", profile=load_profile("gen2-box-120"))
 
 
-@pytest.mark.parametrize(
-    ("spoil", "match"),
-    [
-        (
-            lambda sensor, states: (sensor[:, :-1], states),
-            "every row must hold a time and x, y, z of each magnetometer",
-        ),
-        (lambda sensor, states: (sensor, states[:, :-1]), "every row must hold time, x, y, z and force"),
-        (lambda sensor, states: (sensor, states * [1, 1, 1, 1, 0] - [0, 0, 0, 0, 1]), "the load cell has no readings"),
-        (lambda sensor, states: (sensor[::-1], states), "time decreases in line 2"),
-        (lambda sensor, states: (sensor * np.nan, states), "line 1 is not finite"),
-    ],
-)
-def test_other_files_are_refused(tmp_path, spoil, match):
-    with pytest.raises(InvalidValueError, match=match):
-        Recording.load(write(tmp_path, *spoil(*tables())))
-
-
-def test_the_other_file_is_needed(tmp_path):
-    path = write(tmp_path, *tables())
+def test_other_files_are_refused(tmp_path):
+    sensor, states = tables()
+    dead = states.copy()
+    dead[:, 4] = -1
+    for wrong, word in (
+        ((sensor[:, :-1], states), "every row must hold a time and x, y, z of each magnetometer"),
+        ((sensor, states[:, :-1]), "every row must hold time, x, y, z and force"),
+        ((sensor, dead), "the load cell has no readings"),
+        ((sensor[::-1], states), "time decreases in line 2"),
+        ((sensor * np.nan, states), "line 1 is not finite"),
+    ):
+        refused(write(tmp_path, *wrong), word)
+    path = write(tmp_path, sensor, states)
+    for text, word in (("time,a,b,c\n1,2,3,4\n", "without a header"), ("", "is empty")):
+        path.write_text(text, encoding="utf-8")
+        refused(path, word)
     (tmp_path / "press.states.csv").unlink()
     with pytest.raises(FileNotFoundError, match=r"there is no .*press\.states\.csv"):
-        Recording.load(path)
-
-
-def test_text_is_refused(tmp_path):
-    path = write(tmp_path, *tables())
-    path.write_text("time,a,b,c\n1,2,3,4\n", encoding="utf-8")
-    with pytest.raises(InvalidValueError, match="without a header"):
-        Recording.load(path)
-    path.write_text("", encoding="utf-8")
-    with pytest.raises(InvalidValueError, match="is empty"):
         Recording.load(path)

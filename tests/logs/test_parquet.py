@@ -1,15 +1,13 @@
-"""Parquet tables: round trips of paxisim's own tables, and columns of LeRobot datasets."""
+"""Parquet tables: columns of LeRobot datasets, the end of a file, and tables that are none."""
 
-import json
 import subprocess
 import sys
 
 import numpy as np
 import pytest
-from log_files import assert_equal, recording
+from log_files import refused
 
-from paxisim.cli.convert import convert
-from paxisim.errors import InvalidValueError, MissingExtraError, UnsupportedError
+from paxisim.errors import MissingExtraError, UnsupportedError
 from paxisim.logs.parquet import require_pyarrow
 from paxisim.logs.parquet_footer import column_chunks
 from paxisim.recording import Recording
@@ -22,44 +20,26 @@ except (MissingExtraError, UnsupportedError) as error:
 import pyarrow as pa
 from pyarrow import parquet
 
-
-def test_what_convert_writes_comes_back(tmp_path):
-    original = recording()
-    original.save(tmp_path / "a.npz")
-    convert(tmp_path / "a.npz", tmp_path / "a.parquet")
-    loaded = Recording.load(tmp_path / "a.parquet")
-    assert_equal(loaded, original)
-    assert loaded.metadata == original.metadata
+FRAMES = [(episode, frame) for episode, count in ((0, 3), (1, 4)) for frame in range(count)]
+STATE = np.array([[episode + frame / 10, -frame] for episode, frame in FRAMES], np.float32)
 
 
-def lerobot(folder, fixed, names=None, extra=()):
-    """Write two episodes of 3 and 4 frames at 10 Hz in LeRobot's layout; return the table's path and the state."""
-    frames = [(episode, frame) for episode, count in ((0, 3), (1, 4)) for frame in range(count)]
-    state = np.array([[episode + frame / 10, -frame] for episode, frame in frames], np.float32)
-    kind = pa.list_(pa.float32(), 2) if fixed else pa.list_(pa.float32())
+def lerobot(path, kind, **extra):
+    """Write two episodes of 3 and 4 frames at 10 Hz with the columns of a LeRobotDataset, vectors as `kind` of list."""
     columns = {
-        "observation.state": pa.array(state.tolist(), kind),
-        "action": pa.array((2 * state).tolist(), kind),
-        "timestamp": pa.array([frame / 10 for _, frame in frames], pa.float32()),
-        "frame_index": pa.array([frame for _, frame in frames]),
-        "episode_index": pa.array([episode for episode, _ in frames]),
+        "observation.state": pa.array(STATE.tolist(), kind),
+        "action": pa.array((2 * STATE).tolist(), kind),
+        "timestamp": pa.array([frame / 10 for _, frame in FRAMES], pa.float32()),
+        "frame_index": pa.array([frame for _, frame in FRAMES]),
+        "episode_index": pa.array([episode for episode, _ in FRAMES]),
         "index": pa.array(range(7)),
         "task_index": pa.array([0] * 7),
         "next.done": pa.array([False] * 7),
         "observation.image": pa.array([{"path": "a.png"}] * 7),
         "task": pa.array(["press"] * 7),
-        **dict(extra),
     }
-    path = folder / "data" / "chunk-000" / "file-000.parquet"
-    path.parent.mkdir(parents=True)
-    parquet.write_table(pa.table(columns), path)
-    if names is not None:
-        (folder / "meta").mkdir()
-        features = {
-            name: {"dtype": "float32", "shape": [2], "names": names} for name in ("observation.state", "action")
-        }
-        (folder / "meta" / "info.json").write_text(json.dumps({"fps": 10, "features": features}))
-    return path, state
+    parquet.write_table(pa.table({**columns, **extra}), path)
+    return path
 
 
 @pytest.fixture
@@ -71,32 +51,19 @@ def press(tmp_path):
     return tmp_path / "press.npz"
 
 
-@pytest.mark.parametrize("fixed", [True, False])
-def test_the_vectors_of_lerobot_are_added(tmp_path, press, fixed):
-    path, state = lerobot(tmp_path / "set", fixed)
+@pytest.mark.parametrize("kind", [pa.list_(pa.float32(), 2), pa.list_(pa.float32())])
+def test_the_vectors_of_lerobot_are_added_and_with_taxels_are_a_recording(tmp_path, press, kind):
+    path = lerobot(tmp_path / "a.parquet", kind)
     found = Recording.load(press, streams=path)
     assert sorted(found.covariates) == ["action", "next.done", "observation.state"]
-    np.testing.assert_allclose(found.covariates["observation.state"][[0, 2, 4, 5, 7, 9, 11]], state, rtol=1e-6)
-    np.testing.assert_allclose(found.covariates["action"][1], state[0] + state[1], rtol=1e-6)
-
-
-@pytest.mark.parametrize("names", [["pan.pos", "gripper.pos"], {"motors": ["pan.pos", "gripper.pos"]}])
-def test_named_components_become_streams_of_their_own(tmp_path, press, names):
-    path, state = lerobot(tmp_path / "set", True, names)
-    found = Recording.load(press, streams=path)
-    np.testing.assert_allclose(found.covariates["observation.state.gripper.pos"][[0, 2, 4]], state[:3, 1], atol=1e-6)
-    np.testing.assert_allclose(found.covariates["action.pan.pos"][[5, 7, 9, 11]], 2 * state[3:, 0], rtol=1e-6)
-    assert "observation.state" not in found.covariates
-
-
-def test_a_lerobot_table_with_taxels_is_a_recording(tmp_path):
+    np.testing.assert_allclose(found.covariates["observation.state"][[0, 2, 4, 5, 7, 9, 11]], STATE, rtol=1e-6)
+    np.testing.assert_allclose(found.covariates["action"][1], STATE[0] + STATE[1], rtol=1e-6)
     taxels = {f"tactile.left.0_{col}.{axis}": pa.array(np.arange(7.0) + col) for col in range(2) for axis in "xyz"}
-    path, state = lerobot(tmp_path / "set", True, extra=taxels)
-    found = Recording.load(path)
+    found = Recording.load(lerobot(path, kind, **taxels))
     assert found.measured.shape == (7, 1, 3, 1, 2)
     assert found.episode.tolist() == [0, 0, 0, 1, 1, 1, 1]
     np.testing.assert_allclose(found.time, [0, 0.1, 0.2, 0, 0.1, 0.2, 0.3], atol=1e-7)
-    np.testing.assert_array_equal(found.covariates["observation.state"], state)
+    np.testing.assert_array_equal(found.covariates["observation.state"], STATE)
 
 
 @pytest.mark.parametrize("compression", ["none", "snappy", "zstd"])
@@ -128,16 +95,11 @@ def test_a_process_that_ends_at_once_ends_with_our_status(tmp_path):
 
 
 def test_tables_that_are_none_are_named(tmp_path, press):
-    (tmp_path / "a.parquet").write_bytes(b"PAR1 and no more")
-    with pytest.raises(InvalidValueError, match=r"a.parquet is not a complete Parquet file"):
-        Recording.load(tmp_path / "a.parquet")
-    parquet.write_table(pa.table({"timestamp": [0.0, 0.1]}), tmp_path / "b.parquet")
-    with pytest.raises(InvalidValueError, match=r"b.parquet: the table must have columns tactile.PAD"):
-        Recording.load(tmp_path / "b.parquet")
-    with pytest.raises(InvalidValueError, match=r"b.parquet has no numeric stream besides its times"):
-        Recording.load(press, streams=tmp_path / "b.parquet")
-    parquet.write_table(pa.table({"timestamp": [0.0, 0.1], "state": [[1.0], [1.0, 2.0]]}), tmp_path / "c.parquet")
-    with pytest.raises(InvalidValueError, match="column 'state': every row must hold a vector of the same length"):
-        Recording.load(press, streams=tmp_path / "c.parquet")
-    with pytest.raises(FileNotFoundError):
-        Recording.load(tmp_path / "none.parquet")
+    path = tmp_path / "a.parquet"
+    path.write_bytes(b"PAR1 and no more")
+    refused(path, "a.parquet is not a complete Parquet file")
+    parquet.write_table(pa.table({"timestamp": [0.0, 0.1]}), path)
+    refused(path, "a.parquet: the table must have columns tactile.PAD")
+    refused(press, "a.parquet has no numeric stream besides its times", streams=path)
+    parquet.write_table(pa.table({"timestamp": [0.0, 0.1], "state": [[1.0], [1.0, 2.0]]}), path)
+    refused(press, "column 'state': every row must hold a vector of the same length", streams=path)

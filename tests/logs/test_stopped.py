@@ -38,11 +38,9 @@ def stopped(recording, name, begin, end):
 @pytest.mark.parametrize("name", ["measured", "simulated"])
 @pytest.mark.parametrize(("begin", "end"), [(21.0, 41.0), (11.2, 22.0)])
 def test_a_stream_that_stops_is_refused_with_the_time(name, begin, end):
-    recording = stopped(presses(), name, begin, end)
-    with pytest.raises(
-        InvalidValueError, match=f"^{name} does not change from {begin:.2f} to .*leave these samples out"
-    ):
-        diagnose(recording)
+    words = f"^{name} does not change from {begin:.2f} to .*leave these samples out"
+    with pytest.raises(InvalidValueError, match=words):
+        diagnose(stopped(presses(), name, begin, end))
 
 
 def test_a_short_stop_is_reported():
@@ -51,20 +49,13 @@ def test_a_short_stop_is_reported():
     assert share == pytest.approx(2.8 / 40, abs=0.005)
 
 
-@pytest.mark.parametrize("options", [{}, {"noise": 0.0}, {"step": 0.1}, {"step": 0.5, "noise": 0.0}])
-def test_rest_and_coarse_counts_are_no_stop(options):
-    assert stopped_in_words(presses(**options)) == ("", 0.0)
-
-
-def test_a_simulation_without_contact_is_no_stop():
+def test_rest_coarse_counts_a_free_simulation_and_a_held_load_are_no_stop():
+    for options in ({}, {"noise": 0.0}, {"step": 0.1}, {"step": 0.5, "noise": 0.0}):
+        assert stopped_in_words(presses(**options)) == ("", 0.0), options
     recording = presses()
-    simulated = recording.simulated.copy()
-    simulated[TIME > 20] = 0
-    assert stopped_in_words(replace(recording, simulated=simulated)) == ("", 0.0)
-
-
-def test_a_load_that_is_held_is_no_stop():
-    recording = presses()
+    free = recording.simulated.copy()
+    free[TIME > 20] = 0
+    assert stopped_in_words(replace(recording, simulated=free)) == ("", 0.0)
     held, other = recording.simulated.copy(), recording.measured.copy()
     held[1000:1400] = held[60]
     noise = np.random.default_rng(1).standard_normal(other[1000:1400].shape) * 0.01

@@ -38,14 +38,12 @@ def test_turning_rates_are_in_the_frame_of_the_body():
     np.testing.assert_allclose((velocity_later - velocity)[:, 3:] / dt, acceleration[:, 3:], atol=1e-3)
 
 
-@pytest.mark.parametrize("step", [ENCODER, 1.7e-4])
-@pytest.mark.parametrize("shift", [0.0, 3.21e-5])
-def test_the_steps_of_an_encoder_are_found(step, shift):
-    assert resolution(steps_of(TRUE, step) + shift) == pytest.approx(step, rel=1e-6)
-    assert resolution((steps_of(TRUE, step) + shift).astype(np.float32).astype(float)) == pytest.approx(step, rel=1e-3)
-
-
-def test_a_stream_without_steps_has_no_resolution():
+def test_the_steps_of_an_encoder_are_found_and_a_stream_without_steps_has_none():
+    for step in (ENCODER, 1.7e-4):
+        for shift in (0.0, 3.21e-5):
+            read = steps_of(TRUE, step) + shift
+            assert resolution(read) == pytest.approx(step, rel=1e-6)
+            assert resolution(read.astype(np.float32).astype(float)) == pytest.approx(step, rel=1e-3)
     assert resolution(TRUE) == 0  # it rests for half of the time, at values that are not multiples of a step
     assert resolution(np.ones(100)) == 0
     assert resolution(np.full(5, np.nan)) == 0

@@ -44,7 +44,14 @@ def place(normal):
     return LAYOUT.positions[:, :2].T @ normal / normal.sum()
 
 
-def test_an_indenter_has_these_numbers():
+@pytest.fixture(scope="module")
+def pressed():
+    """The bench, a press that is held, and its forces with the scene's own values."""
+    scene, motion = bench(), held()
+    return scene, motion, force(scene, motion)
+
+
+def test_a_scene_has_these_numbers():
     found = bench().parameters()
     assert {item.group for item in found.values()} == {
         "friction", "gel_stiffness", "mount_offset", "mount_tilt", "surface", "object_size", "object_pose",
@@ -54,13 +61,13 @@ def test_an_indenter_has_these_numbers():
     assert found["friction"].nominal == bench().gel.friction
     assert "joint_offset_depth" in found
     assert "joint_offset_x" not in found  # equivalent to the mount's offset along x
-
-
-def test_each_pad_of_a_gripper_has_its_own_and_names_tell_them_apart():
-    found = ready.gripper(LAYOUT, peg=True).parameters()
-    for side in ("left", "right"):
-        assert any(name.startswith("mount_tilt_x_") and side in name for name in found)
-    assert found["object_size"].target == "peg"
+    gripper = ready.gripper(LAYOUT, peg=True).parameters()
+    for side in ("left", "right"):  # each pad has its own
+        assert any(name.startswith("mount_tilt_x_") and side in name for name in gripper)
+    assert gripper["object_size"].target == "peg"
+    for name, value, error in (("frction", 1.0, LookupError), ("mount_tilt_x", 1.0, ValueError)):
+        with pytest.raises(error, match=name):
+            bench().with_parameters(**{name: value})
 
 
 @pytest.mark.parametrize("radius", [5e-3, 20e-3])
@@ -70,35 +77,38 @@ def test_a_step_of_an_object_s_size_moves_its_surface_as_far_as_a_step_of_a_join
     assert found["object_size"].material * radius == pytest.approx(found["joint_offset_depth"].material)
 
 
-def test_forces_change_as_the_numbers_say():
-    scene, motion = bench(), held()
-    plain = force(scene, motion)
-    assert total(force(scene, motion, gel_stiffness=1.3)[None])[0] == pytest.approx(
-        1.3 * total(plain[None])[0], rel=0.02
-    )
-    deeper = held(depth=DEPTH + 1e-4)
-    np.testing.assert_allclose(force(scene, motion, joint_offset_depth=1e-4), force(scene, deeper), atol=2e-3)
-    np.testing.assert_allclose(force(scene, motion, object_pose_z=-1e-4), force(scene, deeper), atol=2e-3)
+def test_forces_change_as_the_numbers_say(pressed):
+    scene, motion, plain = pressed
+    stiff = force(scene, motion, gel_stiffness=1.3)
+    assert total(stiff[None])[0] == pytest.approx(1.3 * total(plain[None])[0], rel=0.02)
+    deeper = force(scene, held(depth=DEPTH + 1e-4))
+    np.testing.assert_allclose(force(scene, motion, joint_offset_depth=1e-4), deeper, atol=2e-3)
+    np.testing.assert_allclose(force(scene, motion, object_pose_z=-1e-4), deeper, atol=2e-3)
+    # the ball grows about its centre, so it also reaches deeper
+    assert total(force(scene, motion, object_size=1.02)[None])[0] > 1.2 * total(plain[None])[0]
+    bowl = force(scene, motion, surface_20=2e-4, surface_02=2e-4)  # is pressed at its rim
+    assert bowl[0, 2, 2:4, 2].sum() < 0.8 * plain[0, 2, 2:4, 2].sum()
+    finer = bench(paxisim.TaxelLayout(12, 10, (26.1e-3 / 12, 22.6e-3 / 10))).simulate(motion).simulated
+    assert finer.shape[1:] == (1, 3, 6, 5)  # adds up to the sensor's taxels
+    assert total(finer)[-1] == pytest.approx(total(plain[None])[0], rel=0.05)
 
 
-def test_a_slide_tells_the_friction():
-    scene, motion = bench(), held(slide=4e-3, seconds=1.2)
-    for friction in (0.4, 0.8):
-        x, _, normal = force(scene, motion, friction=friction)[0].sum(axis=(1, 2))
-        assert abs(x) == pytest.approx(friction * normal, rel=0.1)
+def test_a_pad_off_its_place_reads_the_press_elsewhere(pressed):
+    scene, motion, plain = pressed
+
+    def shift(**values):
+        return place(force(scene, motion, **values)[0, 2]) - place(plain[0, 2])
+
+    np.testing.assert_allclose(shift(mount_offset_x=1e-3, mount_offset_y=-5e-4), [-1e-3, 5e-4], atol=3e-4)
+    np.testing.assert_allclose(shift(object_pose_x=1e-3), [1e-3, 0], atol=3e-4)
+    tilted, back = shift(mount_tilt_y=np.radians(2)), shift(mount_tilt_y=-np.radians(2))
+    assert abs(tilted[0]) > 2e-4  # it is pressed on its raised side
+    assert np.sign(tilted[0]) == -np.sign(back[0])
+    assert abs(tilted[1]) < 1e-4
 
 
-def test_a_pad_off_its_place_reads_the_press_elsewhere():
-    scene, motion = bench(), held()
-    there = place(force(scene, motion)[0, 2])
-    moved = place(force(scene, motion, mount_offset_x=1e-3, mount_offset_y=-5e-4)[0, 2])
-    np.testing.assert_allclose(moved - there, [-1e-3, 5e-4], atol=3e-4)
-    other = place(force(scene, motion, object_pose_x=1e-3)[0, 2])
-    np.testing.assert_allclose(other - there, [1e-3, 0], atol=3e-4)
-
-
-def test_objects_and_pads_in_frames_move_like_others():
-    plain, motion = bench(), held()
+def test_objects_and_pads_in_frames_move_like_others(pressed):
+    plain, motion, _ = pressed
     text = str(plain.mjcf)
     ball = re.search(r"<geom name=.ball.[^>]*/>", text)[0]
     turned = f'<frame pos="1e-3 0 0" quat="0 0 0 1"><frame pos="1e-3 0 0">{ball}</frame></frame>'  # ends where it was
@@ -109,26 +119,11 @@ def test_objects_and_pads_in_frames_move_like_others():
         assert own.any()
 
 
-def test_a_tilted_pad_is_pressed_on_its_raised_side():
-    scene, motion = bench(), held()
-    tilted = place(force(scene, motion, mount_tilt_y=np.radians(2))[0, 2])
-    back = place(force(scene, motion, mount_tilt_y=-np.radians(2))[0, 2])
-    assert abs(tilted[0]) > 2e-4
-    assert np.sign(tilted[0]) == -np.sign(back[0])
-    assert abs(tilted[1]) < 1e-4
-
-
-def test_a_larger_ball_presses_more_taxels():
-    scene, motion = bench(), held()
-    # the ball grows about its centre, so it also reaches deeper
-    larger = force(scene, motion, object_size=1.02)
-    assert total(larger[None])[0] > 1.2 * total(force(scene, motion)[None])[0]
-
-
-def test_a_bowl_is_pressed_at_its_rim():
-    scene, motion = bench(), held()
-    plain, bowl = force(scene, motion)[0, 2], force(scene, motion, surface_20=2e-4, surface_02=2e-4)[0, 2]
-    assert bowl[2:4, 2].sum() < 0.8 * plain[2:4, 2].sum()
+def test_a_slide_tells_the_friction():
+    scene, motion = bench(), held(slide=4e-3, seconds=1.2)
+    for friction in (0.4, 0.8):
+        x, _, normal = force(scene, motion, friction=friction)[0].sum(axis=(1, 2))
+        assert abs(x) == pytest.approx(friction * normal, rel=0.1)
 
 
 def test_a_motor_exerts_what_it_is_told_times_the_grip_force():
@@ -146,34 +141,17 @@ def test_a_motor_exerts_what_it_is_told_times_the_grip_force():
     assert "grip_force" not in bench().parameters()
 
 
-def test_the_changed_scene_is_saved_with_its_values(tmp_path):
-    scene, motion = bench(), held()
+def test_the_changed_scene_and_its_bounds_are_saved(tmp_path):
+    scene, motion = replace(bench(), bounds={"friction": (0.5, 1.5)}), held(seconds=0.8)
     changed = scene.with_parameters(mount_offset_x=1e-3, friction=0.7, joint_offset_depth=1e-4)
     changed.save(tmp_path / "scene.toml")
     again = paxisim.Scene.load(tmp_path / "scene.toml")
     np.testing.assert_allclose(again.simulate(motion).simulated, changed.simulate(motion).simulated, atol=2e-3)
     assert again.gel.friction == 0.7
-
-
-def test_bounds_are_the_scenes_own_and_survive_a_file(tmp_path):
-    scene = replace(bench(), bounds={"friction": (0.5, 1.5)})
-    assert scene.parameters()["friction"].high == 1.5
     scene.save(tmp_path / "scene.toml")
-    assert paxisim.Scene.load(tmp_path / "scene.toml").parameters()["friction"].low == 0.5
+    friction = paxisim.Scene.load(tmp_path / "scene.toml").parameters()["friction"]
+    assert (friction.low, friction.high) == (0.5, 1.5)
     with pytest.raises(ValueError, match="exclude its value in the scene, 1"):
         replace(scene, bounds={"friction": (0.1, 0.9)}).parameters()
     with pytest.raises(LookupError, match="gel_stiffness"):
         replace(scene, bounds={"gel_stifness": (0.5, 2)}).parameters()
-
-
-@pytest.mark.parametrize(("name", "value", "error"), [("frction", 1.0, LookupError), ("mount_tilt_x", 1.0, ValueError)])
-def test_wrong_names_and_values_are_named(name, value, error):
-    with pytest.raises(error, match=name):
-        bench().with_parameters(**{name: value})
-
-
-def test_a_finer_pad_adds_up_to_the_sensors_taxels():
-    motion = held()
-    finer = bench(paxisim.TaxelLayout(12, 10, (26.1e-3 / 12, 22.6e-3 / 10))).simulate(motion).simulated
-    assert finer.shape[1:] == (1, 3, 6, 5)
-    assert total(finer)[-1] == pytest.approx(total(bench().simulate(motion).simulated)[-1], rel=0.05)

@@ -20,25 +20,24 @@ def motion():
     return recording(time, {"x": 0 * time, "y": 0 * time, "depth": depth}, episode=np.repeat([0, 1], 30))
 
 
-def test_processes_give_what_one_gives_and_the_scene_itself():
-    known = SCENE.parameters()
-    sets = [{number: {known["gel_stiffness"]: value} for number in (0, 1)} for value in (1.0, 1.2)]
+def stop_after_one(done, count, before):
+    if done > before:
+        raise KeyboardInterrupt
+
+
+def test_processes_give_what_one_gives_and_the_scene_itself_and_each_episode_its_own_values():
+    stiffness = SCENE.parameters()["gel_stiffness"]
+    sets = [{number: {stiffness: value} for number in (0, 1)} for value in (1.0, 1.2)]
     with Replays(SCENE, motion(), jobs=2) as several, Replays(SCENE, motion()) as one:
-        for a, b, value in zip(several.run_sets(sets), one.run_sets(sets), (1.0, 1.2), strict=True):
+        alone = one.run_sets(sets)
+        for a, b, value in zip(several.run_sets(sets), alone, (1.0, 1.2), strict=True):
             np.testing.assert_array_equal(a, b)
-            own = SCENE.simulate(motion(), gel_stiffness=value).simulated
-            np.testing.assert_allclose(a, own, atol=1e-3)
+            np.testing.assert_allclose(a, SCENE.simulate(motion(), gel_stiffness=value).simulated, atol=1e-3)
             assert a.any()
-
-
-def test_each_episode_may_have_its_own_values():
-    known = SCENE.parameters()
-    with Replays(SCENE, motion()) as replays:
-        mixed = replays.run_each({1: {known["gel_stiffness"]: 1.5}})
-        plain, stiff = replays.run_sets([{}, {n: {known["gel_stiffness"]: 1.5} for n in (0, 1)}])
-    np.testing.assert_array_equal(mixed[:30], plain[:30])
-    np.testing.assert_array_equal(mixed[30:], stiff[30:])
-    assert not np.array_equal(plain[30:], stiff[30:])
+        mixed = one.run_each({1: {stiffness: 1.2}})
+    np.testing.assert_array_equal(mixed[:30], alone[0][:30])
+    np.testing.assert_array_equal(mixed[30:], alone[1][30:])
+    assert not np.array_equal(alone[0][30:], alone[1][30:])
 
 
 def test_replays_are_kept_by_what_they_depend_on(tmp_path):
@@ -97,11 +96,6 @@ def test_two_replays_to_one_output_are_told_at_the_start(tmp_path):
 
     simulate_resumable(SCENE, motion(), tmp_path / "resume", progress=again)
     simulate_resumable(SCENE, motion(), tmp_path / "resume")
-
-
-def stop_after_one(done, count, before):
-    if done > before:
-        raise KeyboardInterrupt
 
 
 def test_values_that_cannot_be_simulated_are_said_and_lose_nothing():

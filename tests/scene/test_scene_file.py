@@ -1,6 +1,5 @@
 """Scenes and their TOML files."""
 
-import json
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -9,8 +8,7 @@ import numpy as np
 import pytest
 from scene.rigs import LAYOUT, recording
 
-import paxisim
-from paxisim import Drive, Gel, InvalidValueError, Mount, ObjectStart, Scene, UnknownNameError
+from paxisim import Drive, Gel, InvalidValueError, Mount, ObjectStart, Recording, Scene, UnknownNameError
 from paxisim.scene import ready
 from paxisim.scene.modes import MODES
 from paxisim.scene.toml import format_scene
@@ -74,55 +72,46 @@ BAD = {
 }
 
 
-@pytest.mark.parametrize("text", BAD)
-def test_a_file_that_is_no_scene_is_refused_in_one_line_that_names_it(tmp_path, text):
-    (tmp_path / "bad.toml").write_text(text)
-    with pytest.raises((InvalidValueError, UnknownNameError), match=BAD[text]) as caught:
-        Scene.load(tmp_path / "bad.toml")
-    assert "bad.toml" in str(caught.value)
-    assert "\n" not in str(caught.value).strip()
-
-
-def test_a_scene_that_is_not_there(tmp_path):
+def test_a_file_that_is_no_scene_is_refused_in_one_line_that_names_it(tmp_path):
+    path = tmp_path / "bad.toml"
+    for text, word in BAD.items():
+        path.write_text(text)
+        with pytest.raises((InvalidValueError, UnknownNameError), match=word) as caught:
+            Scene.load(path)
+        assert "bad.toml" in str(caught.value)
+        assert "\n" not in str(caught.value).strip()
     with pytest.raises(FileNotFoundError):
         Scene.load(tmp_path / "none.toml")
 
 
-def test_a_recording_that_was_not_replayed_holds_no_scene():
-    plain = paxisim.Recording(np.arange(3.0), np.zeros((3, 1, 3, 2, 2)), metadata={"scene": "<mujoco/>"})
-    with pytest.raises(InvalidValueError, match="holds no scene"):
+HOSTILE = {
+    "/etc/passwd": "must be the text of an MJCF, got '/etc/passwd'",
+    "<mujoco><include file='/etc/passwd'/></mujoco>": "names the file '/etc/passwd' in <include>",
+    "<mujoco><asset><mesh file='/tmp/fifo.stl'/></asset></mujoco>": "names the file '/tmp/fifo.stl' in <mesh>",
+    "<mujoco><asset><texture type='cube' fileup='../a.png'/></asset></mujoco>": "names the file '../a.png'",
+    "<mujoco><asset><model name='a' file='b.xml'/></asset></mujoco>": "names the file 'b.xml' in <model>",
+    "<mujoco><option timestep='1e-12'/></mujoco>": "a time step of 1e-12 s, below 5e-05 s",
+    "<mujoco><option timestep='1e-6'/></mujoco>": "a time step of 1e-6 s",
+    "<mujoco><option iterations='100000000'/></mujoco>": "asks for iterations='100000000'",
+    "<mujoco><size memory='900G'/></mujoco>": "asks for memory='900G'",
+    "<mujoco><asset><hfield nrow='60000' ncol='60000' size='1 1 1 1'/></asset></mujoco>": "a <hfield> of 3.6e",
+    "<mujoco><worldbody><replicate count='200000'><geom size='1'/></replicate></worldbody></mujoco>": "makes 4e+05",
+    "<mujoco>" + "<!--" + "x" * (17 << 20) + "--></mujoco>": "more than 16777216 bytes",
+    "<html/>": "must be an MJCF, got <html>",
+    "<mujoco>": "is not the text of an MJCF",
+}
+
+
+def test_the_model_in_somebodys_recording_opens_no_file_and_asks_for_little():
+    toml = format_scene(Scene("a.xml", DRIVES[:1]), "scene.xml")
+    for mjcf, word in HOSTILE.items():
+        given = Recording([0.0], np.zeros((1, 1, 3, 2, 2)), metadata={"scene": mjcf, "replay": {"toml": toml}})
+        with pytest.raises(InvalidValueError, match=re.escape(word)):
+            Scene.from_recording(given)
+        assert Scene.from_recording(given, trusted=True).mjcf == mjcf
+    plain = Recording(np.arange(3.0), np.zeros((3, 1, 3, 2, 2)), metadata={"scene": "<mujoco/>"})
+    with pytest.raises(InvalidValueError, match="holds no scene"):  # it was not replayed
         Scene.from_recording(plain)
-    json.dumps(plain.metadata)
-
-
-@pytest.mark.parametrize(
-    ("mjcf", "says"),
-    [
-        ("/etc/passwd", "must be the text of an MJCF, got '/etc/passwd'"),
-        ("<mujoco><include file='/etc/passwd'/></mujoco>", "names the file '/etc/passwd' in <include>"),
-        ("<mujoco><asset><mesh file='/tmp/fifo.stl'/></asset></mujoco>", "names the file '/tmp/fifo.stl' in <mesh>"),
-        ("<mujoco><asset><texture type='cube' fileup='../a.png'/></asset></mujoco>", "names the file '../a.png'"),
-        ("<mujoco><asset><model name='a' file='b.xml'/></asset></mujoco>", "names the file 'b.xml' in <model>"),
-        ("<mujoco><option timestep='1e-12'/></mujoco>", "a time step of 1e-12 s, below 5e-05 s"),
-        ("<mujoco><option timestep='1e-6'/></mujoco>", "a time step of 1e-6 s"),
-        ("<mujoco><option iterations='100000000'/></mujoco>", "asks for iterations='100000000'"),
-        ("<mujoco><size memory='900G'/></mujoco>", "asks for memory='900G'"),
-        ("<mujoco><asset><hfield nrow='60000' ncol='60000' size='1 1 1 1'/></asset></mujoco>", "a <hfield> of 3.6e"),
-        (
-            "<mujoco><worldbody><replicate count='200000'><geom size='1'/></replicate></worldbody></mujoco>",
-            "makes 4e+05",
-        ),
-        ("<mujoco>" + "<!--" + "x" * (17 << 20) + "--></mujoco>", "more than 16777216 bytes"),
-        ("<html/>", "must be an MJCF, got <html>"),
-        ("<mujoco>", "is not the text of an MJCF"),
-    ],
-)
-def test_the_model_in_somebodys_recording_opens_no_file_and_asks_for_little(mjcf, says):
-    replayed = {"toml": format_scene(Scene("a.xml", DRIVES[:1]), "scene.xml")}
-    given = paxisim.Recording([0.0], np.zeros((1, 1, 3, 2, 2)), metadata={"scene": mjcf, "replay": replayed})
-    with pytest.raises(InvalidValueError, match=re.escape(says)):
-        Scene.from_recording(given)
-    assert Scene.from_recording(given, trusted=True).mjcf == mjcf
 
 
 def test_a_step_so_short_that_an_episode_never_ends_is_refused():
@@ -132,17 +121,13 @@ def test_a_step_so_short_that_an_episode_never_ends_is_refused():
         tiny.simulate(recording(np.arange(50) / 50, {name: np.linspace(-1e-3, 0, 50) for name in ("x", "y", "depth")}))
 
 
-def test_the_scene_on_the_page_of_replay_is_one(tmp_path):
+def test_the_scene_and_the_table_of_modes_on_the_page_of_replay(tmp_path):
     page = (Path(__file__).parents[2] / "docs" / "guides" / "replay.md").read_text(encoding="utf-8")
     path = tmp_path / "squeeze.toml"
     path.write_text(page.split("```toml\n")[1].split("```")[0], encoding="utf-8")
     scene = Scene.load(path)
     assert [(drive.stream, drive.joint, drive.unit) for drive in scene.drives] == [("opening", "left_slide", "mm")]
     assert scene.start[0].pos == (0.0, 0.0, 0.125)
-
-
-def test_the_table_of_modes_on_the_page_is_that_of_the_code():
-    page = (Path(__file__).parents[2] / "docs" / "guides" / "replay.md").read_text(encoding="utf-8")
     for name, mode in MODES.items():
         row = page.split(f"| `{name}` |")[1].splitlines()[0]
         assert row.strip(" |").endswith(", ".join(f"`{cause}`" for cause in mode.not_testable))
