@@ -17,7 +17,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy is imported: one t
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 import numpy as np
-from hidden.practice.cases import make
+from hidden.cases import make
 from scipy.optimize import least_squares
 
 from paxisim.diagnose.fitting import Fitter

@@ -21,8 +21,8 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy is imported: one t
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 import numpy as np
-from hidden.practice.cases import make
-from hidden.practice.effects import EFFECTS
+from hidden.cases import make
+from hidden.effects import EFFECTS
 from hidden_table.solve import recording
 
 from paxisim.diagnose.fitting import Fitter

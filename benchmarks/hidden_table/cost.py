@@ -10,7 +10,7 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from hidden.practice.cases import again, make
+from hidden.cases import again, make
 
 SIZES = ((6, 5, 1), (6, 5, 2), (6, 5, 5), (6, 5, 20), (8, 6, 2), (12, 10, 2), (12, 10, 5), (12, 10, 20))
 """Rows, columns and minutes; two pads at 100 Hz."""

@@ -8,8 +8,8 @@ import time
 import traceback
 
 import numpy as np
-from hidden.practice.cases import Case, again, joined
-from hidden.practice.compare import LITTLE, compare, headroom_share
+from hidden.cases import Case, again, joined
+from hidden.compare import LITTLE, compare, headroom_share
 
 import paxisim
 from hidden_table.patience import patience

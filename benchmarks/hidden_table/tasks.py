@@ -194,8 +194,8 @@ def practice(counts: Mapping[str, int], seed: int, family: str) -> list[Task]:
 
     Singles, poor motions and outsiders cycle through the effects; pairs and triples are drawn at random.
     """
-    from hidden.practice.effects import EFFECTS
-    from hidden.practice.outsiders import LEARNT, OUTSIDERS
+    from hidden.effects import EFFECTS
+    from hidden.outsiders import LEARNT, OUTSIDERS
 
     families = ["development", "final"] if family == "both" else [family]
     names, foreign = list(EFFECTS), [name for name in OUTSIDERS if name not in LEARNT]

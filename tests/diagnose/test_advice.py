@@ -8,8 +8,8 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from hidden.practice.advised import ADVISED
-from hidden.practice.cases import make
+from hidden.advised import ADVISED
+from hidden.cases import make
 from recorded import recording_of
 
 from paxisim.diagnose.advice import MOTIONS, advice, motions_of

@@ -9,8 +9,8 @@ from scipy.stats import binom
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from hidden.practice.compare import compare, headroom_share
-from hidden.practice.effects import EFFECTS
+from hidden.compare import compare, headroom_share
+from hidden.effects import EFFECTS
 from hidden_suite import CHANCE, SINGLES, assert_right, bound
 
 POOR = 0.6

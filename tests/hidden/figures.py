@@ -2,14 +2,14 @@
 
 import numpy as np
 
-from hidden.practice.experiments import read
+from hidden.experiments import read
 
 
 def _pressed_gains(case, fitted):
     """Return the gains of the pressed taxels, including the scatter that calibration has not removed."""
     load = np.sum(case.simulated[:, :, 2].astype(float) ** 2, axis=0)
     scatter = case.sensor.nuisance.scatter[:, 2].reshape(load.shape)
-    gain = case.truth["taxel_gain"]["gain"][:, 0].reshape(load.shape) * scatter
+    gain = case.truth["taxel_gain"]["gain"][:, -1].reshape(load.shape) * scatter
     pressed = (load > 0.05 * load.max()).ravel()
     return {name: g for (name, g), told in zip(_places("gain", gain).items(), pressed, strict=True) if told}
 
@@ -46,13 +46,13 @@ def _amplitudes(case, fitted):
 def _limit(case, fitted):
     """Return the limit, unless there is a gain beside it or no force reaches it."""
     truth = case.truth["saturation"]
-    return {"limit": truth["limit"]} if truth["right_at"] == "small" and truth["form"] != "slow" else {}
+    return {"limit": truth["limit"]} if truth["right_at"] == "small" and truth["form"] in ("knee", "clip") else {}
 
 
 def _width(case, fitted):
-    """Return the width, unless all forces shrink."""
+    """Return the width, unless it is taken off larger forces too."""
     truth = case.truth["dead_band"]
-    return {} if truth["form"] == "shrink" else {"width": truth["width"]}
+    return {} if truth["form"] in ("shrink", "gradual") else {"width": truth["width"]}
 
 
 TRUE_PARAMETERS = {

@@ -2,17 +2,18 @@
 
 import numpy as np
 
-from hidden.practice.effects.common import COUNT, DT, between, forms, sign
+from hidden.effects.common import COUNT, DT, between, forms, sign
 
 TRAVEL = 0.04  # travel of the gripper, m
 
 
-@forms("dipole", "two_dipoles", "quadratic")
+@forms("dipole", "two_dipoles", "quadratic", further=("passing",))
 def interference(rng, pad, strength, form):
     """A field that depends on the opening, zeroed at one opening within the travel.
 
     `two_dipoles`: opposite dipoles at a larger distance, whose field varies strongly over the pad. `quadratic`: a
-    polynomial in the opening for each pad and axis, with a gradient over the pad.
+    polynomial in the opening for each pad and axis, with a gradient over the pad. `passing`: a magnet that passes behind
+    the pad as the gripper opens.
     """
     size = between(0.2, 5.0, strength) * COUNT
     moment = rng.standard_normal(3)
@@ -29,7 +30,10 @@ def interference(rng, pad, strength, form):
         for p in range(pad.pads):
             side = 1.0 if p % 2 == 0 else -1.0  # every other pad faces the opposite direction
             across = 0.004 * side + aside + 0 * opening
-            away = np.stack([across, 0.003 + 0 * opening, -(height + further + opening)], axis=-1)
+            depth = height + further + opening
+            if form == "passing":
+                across, depth = across + side * (opening - TRAVEL / 2), height + 0 * opening
+            away = np.stack([across, 0.003 + 0 * opening, -depth], axis=-1)
             r = here[None] - away[:, None]
             d = np.linalg.norm(r, axis=-1, keepdims=True)
             b = 3 * r * (r @ moment)[..., None] / d**5 - moment / d**3
@@ -37,7 +41,7 @@ def interference(rng, pad, strength, form):
         return out
 
     def raw(opening):
-        if form == "dipole":
+        if form in ("dipole", "passing"):
             return dipole(opening)
         if form == "two_dipoles":
             return dipole(opening, 0.01, apart) - dipole(opening, 0.01, -apart)
@@ -50,7 +54,7 @@ def interference(rng, pad, strength, form):
     return lambda f, e: f + scale * (raw(e.opening) - home), {"size": size, "zeroed_at": at}
 
 
-@forms("curve_and_walk", "linear", "temperature")
+@forms("curve_and_walk", "linear", "temperature", further=("logarithmic",))
 def drift(rng, pad, strength, form):
     """Drift, zeroed at the start of the recording or minutes before.
 
@@ -66,6 +70,8 @@ def drift(rng, pad, strength, form):
     def course(t):
         if form == "linear":
             return t / 600
+        if form == "logarithmic":
+            return np.log1p(t / tau * 3)
         if form == "curve_and_walk":
             return -np.expm1(-t / tau)
         return -0.5 * np.expm1(-t / quick) - 0.5 * np.expm1(-t / 900) + 0.08 * (1 - np.cos(2 * np.pi * t / period))

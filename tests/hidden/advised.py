@@ -5,7 +5,7 @@ They have the names that the diagnosis uses and follow only its descriptions.
 
 import numpy as np
 
-from hidden.practice.motions import KINDS, RATE, Motion, episode, path
+from hidden.motions import KINDS, RATE, Motion, episode, path
 
 LIGHT, USUAL, HARD = 6.0, 12.0, 25.0  # N: a careful press, a usual one, over-range
 WIDTH = 6e-3

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hidden.practice.experiments import EXPERIMENTS, Bench
-from hidden.practice.figures import TRUE_PARAMETERS
+from hidden.experiments import EXPERIMENTS, Bench
+from hidden.figures import TRUE_PARAMETERS
 
 LITTLE = 0.02  # smallest headroom, relative to the floor, for which a share is computed
 

@@ -4,9 +4,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from hidden.practice import advised, contact, motions, sensor
-from hidden.practice.effects import EFFECTS, Episode, Pad
-from hidden.practice.outsiders import OUTSIDERS
+from hidden import advised, broad, contact, motions, sensor
+from hidden.effects import EFFECTS, Episode, Pad
+from hidden.outsiders import FURTHER, OUTSIDERS
 
 
 @dataclass
@@ -72,9 +72,10 @@ def make(causes=(), *, seed, family="development", rows=6, cols=5, pads=2, stren
     """Make a recording with hidden causes.
 
     Args:
-        causes: names of EFFECTS or OUTSIDERS.
+        causes: names of EFFECTS, OUTSIDERS or FURTHER.
         seed: random seed; it determines the recording bit for bit.
-        family: family of motions and indenters, see `motions`.
+        family: family of motions and indenters, see `motions`. "broad" also draws the further forms of the effects,
+            and other imperfections of the sensor.
         rows, cols, pads: numbers of rows, columns and pads.
         strength: 0 to 1 for all causes; default: drawn for each.
         duration: duration of an episode, s.
@@ -92,18 +93,24 @@ def make(causes=(), *, seed, family="development", rows=6, cols=5, pads=2, stren
     size = (rows * pitch[0], cols * pitch[1])
     step = 0.1 if coarse or rng.random() < 0.5 else 0.01
     nuisance = sensor.draw(rng, pads, len(where), step, rho, strong_noise)
+    if family == "broad":
+        nuisance = sensor.broad(rng, nuisance, rho)
     if rate is not None:
         nuisance.rate = float(rate)
 
-    moves = [motions.episode(kind, family, rng, size, pads, duration) for kind in (*motions.KINDS[family], *more)]
+    moves = broad.episodes(rng, size, pads, duration) if family == "broad" else []
+    moves += [motions.episode(kind, family, rng, size, pads, duration) for kind in (*motions.KINDS[family], *more)]
     loads = np.concatenate([np.abs(contact.field(move, where)).max(axis=(1, 2, 3)) for move in moves])
     pad = Pad(where, rows, cols, pads, float(np.quantile(loads, 0.995)))
-    known = {**EFFECTS, **OUTSIDERS}
+    known = {**EFFECTS, **OUTSIDERS, **FURTHER}
     order = [name for name in known if name in causes]
     if len(order) != len(set(causes)):
         raise ValueError(f"unknown cause among {causes}")
     effects, truth, forms = {}, {}, dict(forms)
     for name in order:
+        if family == "broad" and name in EFFECTS:
+            some = [form for form in EFFECTS[name].forms if form != "transposed" or rows == cols]
+            forms = {name: some[rng.integers(len(some))], **forms}
         own = {"form": forms[name]} if name in forms else {}
         size = rng.random() if strength is None else strength
         effects[name], truth[name] = known[name](rng, pad, size, **own)
@@ -112,8 +119,9 @@ def make(causes=(), *, seed, family="development", rows=6, cols=5, pads=2, stren
         nuisance.step, nuisance.rounding = truth["quantisation"]["step"], truth["quantisation"]["form"]
     pauses = rng.uniform(20, 60, len(moves))
     starts = np.cumsum(pauses) + duration * np.arange(len(moves))
-    device = Sensor(pad, nuisance, effects, own_step, rng.uniform(-0.5, 0.5))
-    case = _recorded(device, moves, starts, rng, ideal and not set(order) & set(OUTSIDERS))
+    warm = rng.uniform(2, 8) * (-1) ** rng.integers(2) if family == "broad" else rng.uniform(-0.5, 0.5)
+    device = Sensor(pad, nuisance, effects, own_step, warm)
+    case = _recorded(device, moves, starts, rng, ideal and set(order) <= set(EFFECTS))
     return replace(case, pitch=pitch, causes=tuple(order), truth=truth, seed=seed)
 
 

@@ -9,10 +9,10 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from hidden.practice.advised import ADVISED
-from hidden.practice.cases import again, joined, make
-from hidden.practice.compare import EXPERIMENTS, TRUE_PARAMETERS, compare, headroom_share
-from hidden.practice.effects import EFFECTS, FORMS, Episode
+from hidden.advised import ADVISED
+from hidden.cases import again, joined, make
+from hidden.compare import EXPERIMENTS, TRUE_PARAMETERS, compare, headroom_share
+from hidden.effects import EFFECTS, FORMS, Episode
 
 SMALL = {"rows": 4, "cols": 3, "duration": 5.0}
 WITHOUT = {("saturation", "slow"), ("dead_band", "shrink"), ("drift", "linear"), ("drift", "temperature")}

@@ -26,7 +26,7 @@ are relative to another reading, and fields and drifts are changes.
 
 import numpy as np
 
-from hidden.practice.effects import DT, Episode
+from hidden.effects import DT, Episode
 
 
 def read(case, name, x, opening, start):

@@ -10,9 +10,9 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from hidden.practice.cases import make
-from hidden.practice.effects import EFFECTS, FORMS
-from hidden.practice.outsiders import OUTSIDERS
+from hidden.cases import make
+from hidden.effects import EFFECTS, FORMS
+from hidden.outsiders import OUTSIDERS
 
 HERE = Path(__file__).parent
 MODULES = sorted(path for path in HERE.rglob("*.py") if not path.name.startswith("test_"))
@@ -38,7 +38,7 @@ def test_the_generator_shares_nothing_with_what_it_tests(path):
 
 def test_making_a_case_loads_nothing_of_paxisim():
     code = (
-        f"import sys; sys.path.insert(0, {str(HERE.parents[1])!r}); from hidden.practice.cases import make; "
+        f"import sys; sys.path.insert(0, {str(HERE.parents[1])!r}); from hidden.cases import make; "
         "make(('creep',), seed=1, rows=3, cols=2, duration=2.0); "
         "print([m for m in sys.modules if m.startswith('paxisim')])"
     )

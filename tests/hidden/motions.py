@@ -1,9 +1,9 @@
 """Motions of a tactile gripper at 500 Hz: normal force, shear, contact position and gripper opening.
 
-There are three families, which differ in the shapes of the ramps, the order of events and the indenters:
+There are four families, which differ in the shapes of the ramps, the order of events and the indenters:
 ``development`` (to build a diagnosis), ``final`` (to evaluate it: linear ramps become smooth ones, sines become
-triangles, and a ball becomes an edge or a flat punch), and ``poor`` (one slow speed and one depth only, as a careless
-user records).
+triangles, and a ball becomes an edge or a flat punch), ``poor`` (one slow speed and one depth only, as a careless
+user records), and ``broad``, see `broad`.
 """
 
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 RATE = 500.0
-FAMILIES = ("development", "final", "poor")
+FAMILIES = ("development", "final", "poor", "broad")
 
 
 @dataclass
@@ -24,8 +24,9 @@ class Motion:
         centre: (T, pads, 2) position of the indenter's middle, m, x and y of the pad.
         opening: (T,) gripper opening, m.
         width: radius of the contact, m.
-        indenter: "ball", "edge" or "flat".
+        indenter: "ball", "edge", "flat", "tilted", "egg" or "ring".
         angle: angle of the edge, rad.
+        twist: shear around the middle of the contact, as a ratio to the normal force: a number or (T, 1, 1, 1).
     """
 
     normal: np.ndarray
@@ -35,6 +36,7 @@ class Motion:
     width: float
     indenter: str
     angle: float
+    twist: float | np.ndarray = 0.03
 
 
 def path(points, shape):
@@ -50,7 +52,7 @@ def path(points, shape):
     return np.concatenate(pieces)
 
 
-def _fit(curve, length):
+def fit(curve, length):
     return np.pad(curve, (0, max(0, length - len(curve))), mode="edge")[:length]
 
 
@@ -101,7 +103,7 @@ def episode(kind, family, rng, size, pads=2, duration=9.0):
         curve = path(free, shape)
     else:
         curve = path([(1.0, 0.0), (3.2, 12.0), (0.6, 12.0), (3.2, 0.0), (1.0, 0.0)], "linear")
-    curve = _fit(curve, length)
+    curve = fit(curve, length)
 
     contact = curve > 0
     sway = np.stack([_swing(length, rng, shape) for _ in range(2)], axis=-1)
@@ -121,10 +123,10 @@ def episode(kind, family, rng, size, pads=2, duration=9.0):
     centre = np.clip(middle + travel * mirror, -0.8 * half, 0.8 * half)
 
     opening = 0.02 + 0.012 * path([(0.5, 0.0), (0.4, 0.6), (0.5, -0.4), (0.4, 0.0)], shape)
-    opening = _fit(opening, length)
+    opening = fit(opening, length)
     opening = np.where(contact, opening[np.argmax(contact)] - 2e-5 * curve, opening)
     if kind == "gripper":
-        opening = 0.04 * (0.5 + 0.5 * _fit(_swing(length, rng, shape, 0.1, 0.4), length))
+        opening = 0.04 * (0.5 + 0.5 * fit(_swing(length, rng, shape, 0.1, 0.4), length))
     elif kind == "slow":
         opening = np.full(length, 0.02)
     indenter = "ball" if family != "final" else ("edge", "flat")[rng.integers(2)]
@@ -136,4 +138,5 @@ KINDS = {
     "development": ("press", "slide", "reverse", "press", "taps", "slide", "gripper", "reverse"),
     "final": ("reverse", "press", "taps", "slide", "press", "gripper", "slide", "press"),
     "poor": ("slow",) * 6,
+    "broad": (),
 }

@@ -63,19 +63,22 @@ def smooth(rng, pad, *shape):
     return values / values.std(axis=-1, keepdims=True).clip(1e-9)
 
 
-def forms(*names):
-    """Decorate an effect that has several forms: one is drawn or requested, and stored in its truth."""
+def forms(*usual, further=()):
+    """Decorate an effect that has several forms: one is drawn or requested, and stored in its truth.
+
+    Only `usual` forms are drawn: drawing a form that was written later would change the recordings of all seeds.
+    """
 
     def given(effect):
         @functools.wraps(effect)
         def drawn(rng, pad, strength, form=None):
-            own = names[rng.integers(len(names))]  # always drawn, so that later draws do not depend on `form`
-            if form is not None and form not in names:
-                raise ValueError(f"{effect.__name__} has the forms {names}, got {form!r}")
+            own = usual[rng.integers(len(usual))]  # always drawn, so that later draws do not depend on `form`
+            if form is not None and form not in drawn.forms:
+                raise ValueError(f"{effect.__name__} has the forms {drawn.forms}, got {form!r}")
             apply, truth = effect(rng, pad, strength, form or own)
             return apply, {"form": form or own, **truth}
 
-        drawn.forms = names
+        drawn.usual, drawn.forms = usual, (*usual, *further)
         return drawn
 
     return given

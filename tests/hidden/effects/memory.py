@@ -1,30 +1,48 @@
 """Effects with memory: creep, hysteresis, low-pass and latency."""
 
 import numpy as np
-from scipy.signal import lfilter
+from scipy.optimize import nnls
+from scipy.signal import bessel, lfilter, sosfilt
 
-from hidden.practice.effects.common import DT, between, forms
+from hidden.effects.common import DT, between, forms
 
 
-@forms("two_modes", "one_mode", "many_modes")
+@forms("two_modes", "one_mode", "many_modes", further=("power_law", "stretched"))
 def creep(rng, pad, strength, form):
     """Creep, calibrated at once (`held` 0), under held loads (`held` 1), or in between."""
     total = between(0.02, 0.25, strength)
     tau = float(np.exp(rng.uniform(np.log(0.25), np.log(8.0))))
-    spread = {"two_modes": [1 / 1.8, 1.8], "one_mode": [1.0], "many_modes": np.geomspace(1 / 6, 6, 9)}[form]
+    spread = {"two_modes": [1 / 1.8, 1.8], "one_mode": [1.0], "many_modes": np.geomspace(1 / 6, 6, 9)}
+    spread = np.asarray(spread.get(form, np.geomspace(0.02, 20, 11)))
+    parts = np.full(len(spread), len(spread))
     held = (0.0, 1.0, rng.uniform(0.2, 0.8))[rng.integers(3)]
+    if form in ("power_law", "stretched"):
+        weights = (_power_law if form == "power_law" else _stretched)(spread, rng.uniform(0.4, 0.85))
+        spread, parts = spread[weights > 1e-3], weights.sum() / weights[weights > 1e-3]
 
     def apply(f, e):
         relaxed = np.zeros_like(f)
-        for t in tau * np.asarray(spread):
+        for t, part in zip(tau * spread, parts, strict=True):
             a = np.exp(-DT / t)
-            relaxed += lfilter([1 - a], [1, -a], f, axis=0) / len(spread)
+            relaxed += lfilter([1 - a], [1, -a], f, axis=0) / part
         return f + total * (relaxed - held * f)
 
     return apply, {"amount": total, "tau": tau, "held": held}
 
 
-@forms("bouc_wen", "play", "return_curves")
+def _power_law(times, order):
+    """Return the weights of relaxation `times` in 1 - E(-t^order), where E is the Mittag-Leffler function."""
+    s = times**-order
+    return s * np.sin(order * np.pi) / (s**2 + 2 * s * np.cos(order * np.pi) + 1)
+
+
+def _stretched(times, order):
+    """Return the weights of relaxation `times` that come closest to 1 - exp(-t^order)."""
+    t = np.geomspace(1e-3, 100, 120)
+    return nnls(np.exp(-t[:, None] / times), np.exp(-(t**order)))[0]
+
+
+@forms("bouc_wen", "play", "return_curves", further=("dahl", "preisach"))
 def hysteresis(rng, pad, strength, form):
     """A loop of given width, with a gain that calibrates small signals, the full load or the middle of the loop.
 
@@ -37,7 +55,8 @@ def hysteresis(rng, pad, strength, form):
     thresholds = np.linspace(0.05, 2.0, 12) * scale
     weights = np.exp(-thresholds / rng.uniform(0.5, 1.5) / scale)
     right_at = ("small", "full", "middle")[rng.integers(3)]
-    state = {"bouc_wen": _bouc_wen, "play": _play, "return_curves": _return_curves}[form]
+    operators = (_bouc_wen, _play, _return_curves, _dahl, _preisach)
+    state = {operator.__name__[1:]: operator for operator in operators}[form]
 
     def loop(f):
         return state(f, scale, beta, n, thresholds, weights, pad.peak)
@@ -83,15 +102,48 @@ def _return_curves(f, scale, beta, n, thresholds, weights, peak):
     return out
 
 
-@forms("two_poles", "one_pole", "moving_average")
+def _dahl(f, scale, beta, n, thresholds, weights, peak):
+    """Return Dahl's friction with a quadratic approach to its limit."""
+    z, out = np.zeros(f.shape[1:]), np.empty_like(f)
+    step = np.diff(f, axis=0, prepend=f[:1])
+    way, far = np.sign(step), np.abs(step) / scale
+    for i in range(len(f)):
+        left = 1 - z * way[i]
+        z = np.where(way[i] == 0, z, way[i] * (1 - left / (1 + left * far[i])))
+        out[i] = z
+    return out
+
+
+def _preisach(f, scale, beta, n, thresholds, weights, peak):
+    """Return the lag of relays with ramps: on as the force rises past one level, off as it falls below a lower one."""
+    levels = np.arange(4) / 4
+    up, down = (grid[np.tril_indices(4)].reshape(-1, *(1,) * (f.ndim - 1)) for grid in np.meshgrid(
+        levels, levels, indexing="ij"))  # fmt: skip
+    density = np.exp(-(((up - down) / 0.5) ** 2))
+    density /= density.sum()
+    on, out = np.zeros((len(up), *f.shape[1:])), np.empty_like(f)
+    size = np.abs(f) / peak
+    for i in range(len(f)):
+        on = np.minimum(np.maximum(on, np.clip((size[i] - up) * 4, 0, 1)), np.maximum((size[i] - down) * 4, 0))
+        out[i] = (density * on).sum(axis=0)
+    return f / peak - np.sign(f) * out
+
+
+@forms("two_poles", "one_pole", "moving_average", further=("bessel", "hann"))
 def low_pass(rng, pad, strength, form):
     """Low-pass with 3 dB attenuation at the cut-off."""
     cutoff = between(15.0, 1.0, strength)
     poles = 2 if form == "two_poles" else 1
     a = np.exp(-2 * np.pi * cutoff * (1.55 if poles == 2 else 1.0) * DT)
-    length = max(2, round(0.443 / cutoff / DT))
+    length = max(2, round((0.72 if form == "hann" else 0.443) / cutoff / DT))
+    kernel = np.hanning(length + 2)[1:-1] if form == "hann" else np.ones(length)
+    sections = bessel(3, cutoff, fs=1 / DT, norm="mag", output="sos")
 
     def apply(f, e):
+        if form == "bessel":
+            return f[:1] + sosfilt(sections, f - f[:1], axis=0)
+        if form == "hann":
+            return f[:1] + lfilter(kernel / kernel.sum(), [1], f - f[:1], axis=0)
         if form == "moving_average":
             return f[:1] + lfilter(np.full(length, 1 / length), [1], f - f[:1], axis=0)
         out = f - f[:1]
@@ -99,7 +151,10 @@ def low_pass(rng, pad, strength, form):
             out = lfilter([1 - a], [1, -a], out, axis=0)
         return f[:1] + out
 
-    lag = (length - 1) / 2 if form == "moving_average" else poles * a / (1 - a)
+    lag = (length - 1) / 2 if form in ("moving_average", "hann") else poles * a / (1 - a)
+    if form == "bessel":  # the delay at low frequencies
+        ramp = np.arange(2000.0)
+        lag = ramp[-1] - sosfilt(sections, ramp)[-1]
     return apply, {"cutoff": cutoff, "lag": lag * DT}
 
 

@@ -8,8 +8,8 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from hidden.practice.cases import make
-from hidden.practice.effects import EFFECTS, FORMS, Episode
+from hidden.cases import make
+from hidden.effects import EFFECTS, FORMS, Episode
 
 PAD = make((), seed=3, rows=4, cols=3, duration=5.0).sensor.pad
 

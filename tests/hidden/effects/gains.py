@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from hidden.practice.effects.common import COUNT, between, forms, sign, smooth
+from hidden.effects.common import COUNT, between, forms, sign, smooth
 
 
 @forms("independent", "one_axis", "common")
@@ -17,13 +17,15 @@ def axis_gain(rng, pad, strength, form):
     return lambda f, e: f * gain[:, None], {"gain": gain}
 
 
-@forms("lognormal", "smooth", "not_mean_one")
+@forms("lognormal", "smooth", "not_mean_one", further=("one_sided", "by_channel"))
 def taxel_gain(rng, pad, strength, form):
     sigma = between(0.03, 0.20, strength)
-    shape = (pad.pads, 1, len(pad.where))
+    shape = (pad.pads, 3 if form == "by_channel" else 1, len(pad.where))
     own = smooth(rng, pad, pad.pads, 1) if form == "smooth" else rng.standard_normal(shape)
     mean = sigma * sign(rng) * rng.uniform(0.5, 1.5) if form == "not_mean_one" else 0.0
     gain = np.exp(sigma * own + mean)
+    if form == "one_sided":  # magnets that have lost strength
+        gain = np.maximum(1 - 1.66 * sigma * np.abs(own), 0.1)
     return lambda f, e: f * gain, {"sigma": sigma, "gain": gain}
 
 
@@ -42,9 +44,12 @@ def offset(rng, pad, strength, form):
     return lambda f, e: f + value, {"offset": value}
 
 
-@forms("round", "floor")
+@forms("round", "floor", further=("by_axis",))
 def quantisation(rng, pad, strength, form):
-    """Rounding; `floor` reads the middle of the step that contains the force, half a step off the grid of `round`."""
+    """Rounding; `floor` reads the middle of the step that contains the force, half a step off the grid of `round`.
+
+    `by_axis`: the field is rounded, so that the steps of x and y are finer and coarser than that of z.
+    """
     step = between(0.15, 0.6, strength)
     return lambda f, e: f, {"step": step}  # applied by the electronics, after the noise
 

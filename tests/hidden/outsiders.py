@@ -1,8 +1,9 @@
 """Effects outside the vocabulary: a diagnosis must report that something is left, not name a similar cause."""
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
-from hidden.practice.effects import COUNT, DT, between, sign
+from hidden.effects import COUNT, DT, between, sign
 
 
 def mullins(rng, pad, strength):
@@ -106,7 +107,7 @@ def rate_gain(rng, pad, strength):
 
 def loose_wire(rng, pad, strength):
     """A row with an intermittent connection."""
-    row = int(rng.integers(1, pad.rows - 1))
+    row = int(rng.integers(1, pad.rows - 1)) if pad.rows > 2 else 0
     share = between(0.15, 0.6, strength)
     seed = int(rng.integers(2**31))
 
@@ -135,12 +136,98 @@ def shear_softening(rng, pad, strength):
     return apply, {"limit": limit}
 
 
+def warm_gain(rng, pad, strength):
+    """A gain that follows the temperature."""
+    share = between(0.02, 0.08, strength) * sign(rng)
+    return lambda f, e: f * (1 + share * (e.temperature - 25))[:, None, None, None], {"per_degree": share}
+
+
+def other_pad(rng, pad, strength):
+    """Crosstalk from one pad to the next."""
+    share = between(0.05, 0.2, strength)
+    given = (np.arange(pad.pads) == rng.integers(pad.pads))[:, None, None]
+    return lambda f, e: f + share * np.roll(f * given, 1, axis=1), {"share": share}
+
+
+def wear(rng, pad, strength):
+    """A gain that falls with the load carried so far."""
+    share = between(0.15, 0.4, strength)
+    carried = np.zeros(pad.pads)
+
+    def apply(f, e):
+        nonlocal carried
+        so_far = carried + np.cumsum(np.abs(f[:, :, 2]).sum(axis=-1), axis=0) * DT / (50 * pad.peak)
+        carried = so_far[-1]
+        return f * (1 - share * -np.expm1(-so_far))[:, :, None, None]
+
+    return apply, {"share": share}
+
+
+def held_pad(rng, pad, strength):
+    """A pad that freezes for some tenths of a second now and then, while the other goes on."""
+    often, one = between(0.4, 1.5, strength), int(rng.integers(pad.pads))
+    seed = int(rng.integers(2**31))
+
+    def apply(f, e):
+        own = np.random.default_rng([seed, round(e.start)])
+        at = np.arange(len(f))
+        for begin in np.flatnonzero(own.random(len(f)) < often * DT):
+            at[begin : begin + int(own.uniform(0.1, 0.6) / DT)] = at[begin]
+        out = f.copy()
+        out[:, one] = f[at, one]
+        return out
+
+    return apply, {"per_second": often, "pad": one}
+
+
+def auto_zero(rng, pad, strength):
+    """A sensor that takes steady readings for its zero."""
+    tau, steady = between(15.0, 3.0, strength), rng.uniform(0.1, 0.3) * pad.peak
+
+    def apply(f, e):
+        slow = np.abs(np.gradient(f, DT, axis=0)) < steady
+        zero, out = np.zeros_like(f[0]), np.empty_like(f)
+        for i in range(len(f)):
+            zero = zero + slow[i] * (f[i] - zero) * DT / tau
+            out[i] = f[i] - zero
+        return out
+
+    return apply, {"tau": tau}
+
+
+def product(rng, pad, strength):
+    """Shear that turns with the normal force, and a normal force from both shears."""
+    share = between(0.6, 1.5, strength) * sign(rng)
+
+    def apply(f, e):
+        x, y, z = np.moveaxis(f, 2, 0)
+        bent = np.stack([z * y, -z * x, x * y], axis=2)
+        return f + share * bent / pad.peak
+
+    return apply, {"share": share}
+
+
+def ranges(rng, pad, strength):
+    """Two ranges with different gains, switched by the load of the pad."""
+    share = between(0.08, 0.25, strength) * sign(rng)
+    level = rng.uniform(1.0, 2.0) * pad.peak
+
+    def apply(f, e):
+        high = uniform_filter1d(np.abs(f[:, :, 2]).sum(axis=-1), 20, axis=0) > level
+        return f * (1 + share * high)[:, :, None, None]
+
+    return apply, {"share": share, "level": level}
+
+
 OUTSIDERS = {
     f.__name__: f
     for f in (
         mullins, hum, gain_control, row_scan, swapped_neighbours, bursts, rate_gain, loose_wire, shear_softening,
     )
 }  # fmt: skip
+
+FURTHER = {f.__name__: f for f in (warm_gain, other_pad, wear, held_pad, auto_zero, product, ranges)}
+"""Outsiders that came later; fixed sets of recordings, which take `OUTSIDERS` in turn, do not contain them."""
 
 LEARNT = {"swapped_neighbours": "swapped_taxels"}
 """Outsiders that were added to the vocabulary later, with the names of their causes."""

@@ -8,12 +8,12 @@ An effect is a function ``(rng, pad, strength, form=None) -> (apply, truth)``: `
 `strength` in [0, 1] goes from barely there to strong, log-uniformly over the published or plausible magnitudes.
 """
 
-from hidden.practice.effects.common import COUNT, DT, Episode, Pad, between, sign
-from hidden.practice.effects.curves import dead_band, saturation, stiffening
-from hidden.practice.effects.gains import axis_gain, dead_taxels, offset, quantisation, taxel_gain
-from hidden.practice.effects.memory import creep, hysteresis, latency, low_pass
-from hidden.practice.effects.mixing import axis_coupling, crosstalk, layout, poisson, rotation
-from hidden.practice.effects.wander import drift, interference
+from hidden.effects.common import COUNT, DT, Episode, Pad, between, sign
+from hidden.effects.curves import dead_band, saturation, stiffening
+from hidden.effects.gains import axis_gain, dead_taxels, offset, quantisation, taxel_gain
+from hidden.effects.memory import creep, hysteresis, latency, low_pass
+from hidden.effects.mixing import axis_coupling, crosstalk, layout, poisson, rotation
+from hidden.effects.wander import drift, interference
 
 __all__ = ["COUNT", "DT", "EFFECTS", "FORMS", "Episode", "Pad", "between", "sign"]
 
@@ -27,4 +27,4 @@ EFFECTS = {
 """By the name a diagnosis should give, in the order in which a sensor applies them (`layout`: to what comes in)."""
 
 FORMS = {name: effect.forms for name, effect in EFFECTS.items()}
-"""By effect, the names of its forms."""
+"""By effect, the names of its forms: those that are drawn, then those that only the family "broad" draws as well."""
