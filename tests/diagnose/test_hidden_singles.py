@@ -41,7 +41,7 @@ def test_what_is_named_rightly_has_its_size():
     for case in SINGLES:
         if case.exact:
             model = case.diagnosis().model[case.names[0]]
-            errors[str(case)] = compare(case.names[0], case.recorded(), model.run, {}).error
+            errors[str(case)] = compare(case.names[0], case.recorded(), model.run)
     assert np.median(list(errors.values())) < ERROR, errors
 
 

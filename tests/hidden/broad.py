@@ -57,13 +57,6 @@ def double_taps(rng, t):
     return {"normal": _steps(*taps)}
 
 
-def stairs(rng, t):
-    """Steps to the peak and back."""
-    count = int(rng.integers(3, 6))
-    levels = np.concatenate([np.arange(1, count + 1), np.arange(count)[::-1]]) / count
-    return {"normal": _steps(*[p for level in levels for p in ((0.2, level), (t[-1] / len(levels) - 0.2, level))])}
-
-
 def wander(rng, t):
     """A smooth random force in all directions."""
     low = butter(2, rng.uniform(0.6, 2.5), fs=RATE, output="sos")
@@ -75,12 +68,22 @@ def wander(rng, t):
 def drags(rng, t):
     """A firm grip pulled along one axis, along the other, turned, and pulled along both, without a slide."""
     x, y, turn = rng.uniform(0.5, 0.9, 3) * rng.choice([-1, 1], 3)
-    each = [(0, 0, 0), (x, 0, 0), (0, 0, 0), (0, y, 0), (0, 0, 0), (0, 0, turn), (0, 0, 0), (-x / 2, -y / 2, 0), (0, 0, 0)]
+    each = [
+        (0, 0, 0),
+        (x, 0, 0),
+        (0, 0, 0),
+        (0, y, 0),
+        (0, 0, 0),
+        (0, 0, turn),
+        (0, 0, 0),
+        (-x / 2, -y / 2, 0),
+        (0, 0, 0),
+    ]
     curves = [fit(_steps(*[(t[-1] / 9, value) for value in values]), len(t)) for values in zip(*each, strict=True)]
     return {"normal": np.ones(len(t)), "shear": np.stack(curves[:2], axis=-1), "twist": 0.3 * curves[2]}
 
 
-CONTACT = (sweep, presses, rocking, strokes, double_taps, stairs, wander, drags)
+CONTACT = (sweep, presses, rocking, strokes, double_taps, wander, drags)
 
 
 def episodes(rng, size, pads, duration):
@@ -94,7 +97,9 @@ def _episode(rng, kind, size, pads, duration):
     length = round(duration * RATE)
     if kind is None:
         stops = [0.0, TRAVEL, *rng.uniform(0, TRAVEL, 2)]
-        opening = fit(path([(0.0, stops[-1]), *[p for s in stops for p in ((duration / 6, s), (0.2, s))]], "smooth"), length)
+        opening = fit(
+            path([(0.0, stops[-1]), *[p for s in stops for p in ((duration / 6, s), (0.2, s))]], "smooth"), length
+        )
         nothing = np.zeros((length, pads, 2))
         return Motion(nothing[..., 0], nothing, nothing, opening, 6e-3, "flat", 0.0)
     before, after = rng.uniform(0.4, 0.8, 2)

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from hidden import advised, broad, contact, motions, sensor
+from hidden import broad, contact, motions, sensor
 from hidden.effects import EFFECTS, Episode, Pad
 from hidden.outsiders import FURTHER, OUTSIDERS
 
@@ -48,7 +48,7 @@ class Case:
         truth: true parameters by cause.
         signal: energy of the effects over the energy of the noise, both in the measured reading.
         signals: the same by cause, for the change that it adds to the other effects; only if requested.
-        sensor: the sensor, for further recordings or experiments.
+        sensor: the sensor, for another recording or an experiment.
         ideal: (T, pads, 3, rows, cols) N, the simulation with the true effects applied, or None.
     """
 
@@ -125,32 +125,16 @@ def make(causes=(), *, seed, family="development", rows=6, cols=5, pads=2, stren
     return replace(case, pitch=pitch, causes=tuple(order), truth=truth, seed=seed)
 
 
-def again(case, kinds, *, seed):
-    """Record the same sensor with requested motions, after the first recording and on the same clock.
-
-    Args:
-        case: the first recording.
-        kinds: names of `advised.ADVISED`.
-        seed: random seed of the motions and the noise.
-    """
+def again(case, *, seed, family="development"):
+    """Record the same sensor with the motions of a family, after the first recording and on the same clock."""
     rng = np.random.default_rng(seed)
     rows, cols = case.measured.shape[3:]
     size = (rows * case.pitch[0], cols * case.pitch[1])
-    moves = [move for kind in kinds for move in advised.ADVISED[kind](rng, size, case.sensor.pad.pads)]
+    moves = [motions.episode(kind, family, rng, size, case.sensor.pad.pads) for kind in motions.KINDS[family]]
     lengths = np.array([len(move.normal) for move in moves]) / motions.RATE
-    pauses = rng.uniform(20, 60, len(moves))
-    starts = case.time[-1] + np.cumsum(pauses) + np.concatenate([[0.0], np.cumsum(lengths)[:-1]])
+    starts = case.time[-1] + np.cumsum(rng.uniform(20, 60, len(moves))) + np.cumsum(lengths) - lengths
     new = _recorded(case.sensor, moves, starts, rng, False)
     return replace(new, pitch=case.pitch, causes=case.causes, truth=case.truth, seed=seed)
-
-
-def joined(first, second):
-    """Concatenate two recordings of the same sensor."""
-    both = {name: np.concatenate([getattr(first, name), getattr(second, name)]) for name in (
-        "time", "measured", "simulated")}  # fmt: skip
-    covariates = {n: np.concatenate([first.covariates[n], second.covariates[n]]) for n in first.covariates}
-    episode = np.concatenate([first.episode, second.episode + first.episode[-1] + 1])
-    return replace(first, **both, covariates=covariates, episode=episode, ideal=None)
 
 
 def _recorded(device, moves, starts, rng, ideal):

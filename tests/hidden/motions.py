@@ -11,7 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 
 RATE = 500.0
-FAMILIES = ("development", "final", "poor", "broad")
 
 
 @dataclass

@@ -1,7 +1,6 @@
 """Effects outside the vocabulary: a diagnosis must report that something is left, not name a similar cause."""
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
 from hidden.effects import COUNT, DT, between, sign
 
@@ -149,20 +148,6 @@ def other_pad(rng, pad, strength):
     return lambda f, e: f + share * np.roll(f * given, 1, axis=1), {"share": share}
 
 
-def wear(rng, pad, strength):
-    """A gain that falls with the load carried so far."""
-    share = between(0.15, 0.4, strength)
-    carried = np.zeros(pad.pads)
-
-    def apply(f, e):
-        nonlocal carried
-        so_far = carried + np.cumsum(np.abs(f[:, :, 2]).sum(axis=-1), axis=0) * DT / (50 * pad.peak)
-        carried = so_far[-1]
-        return f * (1 - share * -np.expm1(-so_far))[:, :, None, None]
-
-    return apply, {"share": share}
-
-
 def held_pad(rng, pad, strength):
     """A pad that freezes for some tenths of a second now and then, while the other goes on."""
     often, one = between(0.4, 1.5, strength), int(rng.integers(pad.pads))
@@ -195,30 +180,6 @@ def auto_zero(rng, pad, strength):
     return apply, {"tau": tau}
 
 
-def product(rng, pad, strength):
-    """Shear that turns with the normal force, and a normal force from both shears."""
-    share = between(0.6, 1.5, strength) * sign(rng)
-
-    def apply(f, e):
-        x, y, z = np.moveaxis(f, 2, 0)
-        bent = np.stack([z * y, -z * x, x * y], axis=2)
-        return f + share * bent / pad.peak
-
-    return apply, {"share": share}
-
-
-def ranges(rng, pad, strength):
-    """Two ranges with different gains, switched by the load of the pad."""
-    share = between(0.08, 0.25, strength) * sign(rng)
-    level = rng.uniform(1.0, 2.0) * pad.peak
-
-    def apply(f, e):
-        high = uniform_filter1d(np.abs(f[:, :, 2]).sum(axis=-1), 20, axis=0) > level
-        return f * (1 + share * high)[:, :, None, None]
-
-    return apply, {"share": share, "level": level}
-
-
 OUTSIDERS = {
     f.__name__: f
     for f in (
@@ -226,7 +187,7 @@ OUTSIDERS = {
     )
 }  # fmt: skip
 
-FURTHER = {f.__name__: f for f in (warm_gain, other_pad, wear, held_pad, auto_zero, product, ranges)}
+FURTHER = {f.__name__: f for f in (warm_gain, other_pad, held_pad, auto_zero)}
 """Outsiders that came later; fixed sets of recordings, which take `OUTSIDERS` in turn, do not contain them."""
 
 LEARNT = {"swapped_neighbours": "swapped_taxels"}

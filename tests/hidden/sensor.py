@@ -55,7 +55,7 @@ def draw(rng, pads, taxels, step=COUNT, rho=None, strong=False):
 
 
 def broad(rng, nuisance, rho=None):
-    """Draw what differs in the family "broad": other rates and noise, and samples that average and begin at any time."""
+    """Draw what differs in the family "broad": rates and noise, and samples that average and begin at any time."""
     rate = float(rng.choice([25.0, 40.0, 60.0, 90.0]))
     share = rng.uniform(0.2, 1.0)
     return replace(

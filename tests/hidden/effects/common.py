@@ -11,7 +11,7 @@ COUNT = 0.1
 
 @dataclass
 class Pad:
-    """The sensor: (N, 2) taxel centres (m), rows, cols, number of pads, and the largest force of a taxel (N)."""
+    """The sensor: (N, 2) taxel centres (m), rows, columns and pads, and the largest force of a taxel (N)."""
 
     where: np.ndarray
     rows: int

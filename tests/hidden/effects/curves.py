@@ -1,14 +1,8 @@
 """Memoryless curves from force to reading: stiffening, saturation and dead band."""
 
 import numpy as np
-from scipy.optimize import brentq
 
 from hidden.effects.common import COUNT, between, forms, sign
-
-
-def ogden(stretch, power):
-    """Return the nominal stress of one Ogden term in simple tension or compression."""
-    return stretch ** (power - 1) - stretch ** (-power / 2 - 1)
 
 
 def bent(form, bend):
@@ -16,25 +10,17 @@ def bent(form, bend):
     if form == "rational":
         q = (1 + bend) / (1 - bend)
         return lambda u: q * u / (1 + (q - 1) * u)
-    if form == "exponential":
-        b = -2 * np.log((1 + bend) / (1 - bend))  # the value in the middle is the logistic function of -b / 2
-        return lambda u: np.expm1(b * u) / np.expm1(b)
-    side, power, most = (1, 1.0, 4.0) if bend > 0 else (-1, 3.5, 0.75)  # stretched rubber softens, pressed rubber stiffens
-
-    def curve(u, strain):
-        return ogden(1 + side * strain * u, power) / ogden(1 + side * strain, power)
-
-    strain = brentq(lambda e: curve(0.5, e) - (1 + bend) / 2, 1e-4, most)
-    return lambda u: curve(u, strain)
+    b = -2 * np.log((1 + bend) / (1 - bend))  # the value in the middle is the logistic function of -b / 2
+    return lambda u: np.expm1(b * u) / np.expm1(b)
 
 
-@forms("cubic", "power", "hardening", further=("exponential", "rational", "ogden"))
+@forms("cubic", "power", "hardening", further=("exponential", "rational"))
 def stiffening(rng, pad, strength, form):
     """Stiffening with a calibration force drawn up to the peak."""
     side, right_at = sign(rng), rng.uniform(0.05, 1.0)
     if form == "power":
         bend = between(0.03, 0.5 if side > 0 else 0.3, strength) * side
-    elif form in ("exponential", "rational", "ogden"):
+    elif form in ("exponential", "rational"):
         bend = between(0.03, 0.28, strength) * side
         curve = bent(form, bend)
     else:
@@ -82,7 +68,7 @@ def saturation(rng, pad, strength, form):
 
 @forms("logistic", "gate", "shrink", further=("gradual",))
 def dead_band(rng, pad, strength, form):
-    """Dead band; `shrink` and `gradual` also take the width off larger forces, with or without a gain that fits the peak."""
+    """Dead band; `shrink` and `gradual` take the width off all forces, with or without a gain that fits the peak."""
     width = between(0.5, 3.0, strength) * COUNT
     soft = 0.12 * width
     right_at = ("edge", "peak")[rng.integers(2)] if form in ("shrink", "gradual") else "above"

@@ -1,13 +1,12 @@
 """Effects with memory: creep, hysteresis, low-pass and latency."""
 
 import numpy as np
-from scipy.optimize import nnls
 from scipy.signal import bessel, lfilter, sosfilt
 
 from hidden.effects.common import DT, between, forms
 
 
-@forms("two_modes", "one_mode", "many_modes", further=("power_law", "stretched"))
+@forms("two_modes", "one_mode", "many_modes", further=("power_law",))
 def creep(rng, pad, strength, form):
     """Creep, calibrated at once (`held` 0), under held loads (`held` 1), or in between."""
     total = between(0.02, 0.25, strength)
@@ -16,9 +15,11 @@ def creep(rng, pad, strength, form):
     spread = np.asarray(spread.get(form, np.geomspace(0.02, 20, 11)))
     parts = np.full(len(spread), len(spread))
     held = (0.0, 1.0, rng.uniform(0.2, 0.8))[rng.integers(3)]
-    if form in ("power_law", "stretched"):
-        weights = (_power_law if form == "power_law" else _stretched)(spread, rng.uniform(0.4, 0.85))
-        spread, parts = spread[weights > 1e-3], weights.sum() / weights[weights > 1e-3]
+    if form == "power_law":  # of a fractional model, whose relaxation is the Mittag-Leffler function
+        order = rng.uniform(0.4, 0.85)
+        s = spread**-order
+        weights = s / (s**2 + 2 * s * np.cos(order * np.pi) + 1)
+        parts = weights.sum() / weights
 
     def apply(f, e):
         relaxed = np.zeros_like(f)
@@ -30,19 +31,7 @@ def creep(rng, pad, strength, form):
     return apply, {"amount": total, "tau": tau, "held": held}
 
 
-def _power_law(times, order):
-    """Return the weights of relaxation `times` in 1 - E(-t^order), where E is the Mittag-Leffler function."""
-    s = times**-order
-    return s * np.sin(order * np.pi) / (s**2 + 2 * s * np.cos(order * np.pi) + 1)
-
-
-def _stretched(times, order):
-    """Return the weights of relaxation `times` that come closest to 1 - exp(-t^order)."""
-    t = np.geomspace(1e-3, 100, 120)
-    return nnls(np.exp(-t[:, None] / times), np.exp(-(t**order)))[0]
-
-
-@forms("bouc_wen", "play", "return_curves", further=("dahl", "preisach"))
+@forms("bouc_wen", "play", "return_curves", further=("preisach",))
 def hysteresis(rng, pad, strength, form):
     """A loop of given width, with a gain that calibrates small signals, the full load or the middle of the loop.
 
@@ -55,7 +44,7 @@ def hysteresis(rng, pad, strength, form):
     thresholds = np.linspace(0.05, 2.0, 12) * scale
     weights = np.exp(-thresholds / rng.uniform(0.5, 1.5) / scale)
     right_at = ("small", "full", "middle")[rng.integers(3)]
-    operators = (_bouc_wen, _play, _return_curves, _dahl, _preisach)
+    operators = (_bouc_wen, _play, _return_curves, _preisach)
     state = {operator.__name__[1:]: operator for operator in operators}[form]
 
     def loop(f):
@@ -98,18 +87,6 @@ def _return_curves(f, scale, beta, n, thresholds, weights, peak):
     envelope = np.sign(step) * (0.4 + 0.6 * np.sqrt(np.abs(f) / peak))
     for i in range(len(f)):
         z = envelope[i] + (z - envelope[i]) * left[i]
-        out[i] = z
-    return out
-
-
-def _dahl(f, scale, beta, n, thresholds, weights, peak):
-    """Return Dahl's friction with a quadratic approach to its limit."""
-    z, out = np.zeros(f.shape[1:]), np.empty_like(f)
-    step = np.diff(f, axis=0, prepend=f[:1])
-    way, far = np.sign(step), np.abs(step) / scale
-    for i in range(len(f)):
-        left = 1 - z * way[i]
-        z = np.where(way[i] == 0, z, way[i] * (1 - left / (1 + left * far[i])))
         out[i] = z
     return out
 

@@ -6,12 +6,9 @@ from scipy.spatial.transform import Rotation
 from hidden.effects.common import between, forms, sign
 
 
-@forms("push", "gradient", "bell", further=("half_space", "screened"))
+@forms("push", "gradient", "bell", further=("half_space",))
 def poisson(rng, pad, strength, form):
-    """Poisson shear: a `push` away from the load, the `gradient` of the normal force, or the slope of a `bell`.
-
-    `half_space`: as of a deep elastic gel; `screened`: as of a thin one.
-    """
+    """Poisson shear: a `push` away from the load, the `gradient` of the normal force, or the slope of a `bell`."""
     amount = between(0.02, 0.15, strength) * rng.uniform(0.8, 1.2, 2)
     r, d = pad.distance, pad.away
     if form == "push":
@@ -20,8 +17,6 @@ def poisson(rng, pad, strength, form):
         push = d * np.exp(-((r / rng.uniform(0.7, 1.3)) ** 2) / 2)[..., None]
     elif form == "half_space":
         push = d * ((r**2 + rng.uniform(0.8, 1.6) ** 2) ** -1.5)[..., None]
-    elif form == "screened":
-        push = d * (np.exp(-r / rng.uniform(0.8, 1.6)) / np.maximum(r, 0.5))[..., None]
     else:
         unit = np.eye(len(pad.where)).reshape(-1, pad.rows, pad.cols)
         slopes = [np.gradient(unit, axis=axis) if unit.shape[axis] > 1 else 0 * unit for axis in (2, 1)]
@@ -62,9 +57,7 @@ def crosstalk(rng, pad, strength, form):
     return lambda f, e: np.einsum("kij,tpkj->tpki", mix, f), {"amount": amount, "kernel": kernel, "loses": loses}
 
 
-@forms(
-    "both_ways", "normal_to_shear", "with_shear", further=("shear_to_normal", "x_with_y", "scattered")
-)
+@forms("both_ways", "normal_to_shear", "with_shear", further=("shear_to_normal", "x_with_y", "scattered"))
 def axis_coupling(rng, pad, strength, form):
     """Axis coupling; `with_shear` also mixes x and y symmetrically, which no rotation does.
 

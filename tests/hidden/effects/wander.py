@@ -12,8 +12,8 @@ def interference(rng, pad, strength, form):
     """A field that depends on the opening, zeroed at one opening within the travel.
 
     `two_dipoles`: opposite dipoles at a larger distance, whose field varies strongly over the pad. `quadratic`: a
-    polynomial in the opening for each pad and axis, with a gradient over the pad. `passing`: a magnet that passes behind
-    the pad as the gripper opens.
+    polynomial in the opening for each pad and axis, with a gradient over the pad. `passing`: a magnet that passes
+    behind the pad as the gripper opens.
     """
     size = between(0.2, 5.0, strength) * COUNT
     moment = rng.standard_normal(3)
