@@ -10,7 +10,7 @@ leave the interval that they have with the unchanged constants.
 
 The rows of a case share their fits, except for rows whose constants decide what is held out. A row therefore shows how
 the decision changes, but not where the fits of a different search would end. ``--only material consistency`` computes
-only some rows; ``--list`` prints their names.
+only some rows.
 """
 
 from __future__ import annotations
@@ -127,12 +127,8 @@ def main() -> None:
     parser.add_argument(
         "--only", nargs="+", metavar="WORD", help="compute only rows whose names begin with one of these words"
     )
-    parser.add_argument("--list", action="store_true", help="print the names of the rows and exit")
     arguments = parser.parse_args()
     rows = [row for row in changes() if row.name == BASELINE or row.name.startswith(tuple(arguments.only or ("",)))]
-    if arguments.list:
-        print("\n".join(row.name for row in rows))
-        return
     counts = {"single": arguments.singles, "pair": arguments.pairs, "null": arguments.nulls}
     cases = [replace(task, options=(*task.options, *SMALL.items())) for task in tasks(counts, arguments.seed)]
     if not cases:

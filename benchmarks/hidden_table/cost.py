@@ -8,7 +8,9 @@ import sys
 import tempfile
 from pathlib import Path
 
+import harness  # noqa: F401  # makes the generator importable
 import numpy as np
+from hidden.cases import again, make
 
 from paxisim.recording import Recording
 
@@ -46,8 +48,6 @@ def costs(seed: int, jobs: int, sizes: tuple[tuple[int, int, int], ...] = SIZES)
 
 def recorded(rows: int, cols: int, minutes: int, seed: int) -> Recording:
     """Return a recording, made eight episodes at a time: at the generator's 500 Hz, all of it exceeds the memory."""
-    from hidden.cases import again, make
-
     parts = [make(CAUSES, seed=seed, rows=rows, cols=cols, strength=0.7, rate=RATE)]
     while sum(len(part.time) for part in parts) < minutes * 60 * RATE:
         parts.append(again(parts[-1], seed=seed + len(parts)))
