@@ -104,14 +104,14 @@ class Outcome:
 
 
 @contextmanager
-def patience() -> Iterator[None]:
-    """Raise TimeoutError after `PATIENCE`, so that an endless search does not block the other cases."""
+def patience(limit: float) -> Iterator[None]:
+    """Raise TimeoutError after `limit` seconds of processor time, 0 for never: an endless search blocks no other case."""
 
     def give_up(number: int, frame: object) -> None:
-        raise TimeoutError(f"no answer after {PATIENCE:.0f} s of processor time")
+        raise TimeoutError(f"no answer after {limit:.0f} s of processor time")
 
     signal.signal(signal.SIGVTALRM, give_up)
-    signal.setitimer(signal.ITIMER_VIRTUAL, PATIENCE)
+    signal.setitimer(signal.ITIMER_VIRTUAL, limit)
     try:
         yield
     finally:
@@ -119,7 +119,7 @@ def patience() -> Iterator[None]:
 
 
 def diagnosed(
-    name: str, kind: str, true: tuple[str, ...], recording: paxisim.Recording, **options: Any
+    name: str, kind: str, true: tuple[str, ...], recording: paxisim.Recording, limit: float = PATIENCE, **options: Any
 ) -> tuple[Outcome, Diagnosis | None]:
     """Diagnose a recording; one that is refused and one that crashes the diagnosis have an outcome too."""
     begin = time.perf_counter()
@@ -129,7 +129,7 @@ def diagnosed(
         return Outcome(name, kind, true, verdict, named, tuple(said), time.perf_counter() - begin, memory, **more)
 
     try:
-        with patience():
+        with patience(limit):
             found = paxisim.diagnose(recording, **options)
     except paxisim.InvalidValueError as error:
         return outcome("refused", {}, [str(error)]), None

@@ -57,7 +57,9 @@ def solve(task: Task) -> Outcome:
     kind = "one in the scene, one in the sensor" if task.beside else task.cause or "nothing"
     with TemporaryDirectory() as own:  # no two cases share a replay
         least = fit(drawn.recording, drawn.scene, Path(own))
-        outcome, found = diagnosed(task.name, kind, drawn.causes, drawn.recording, scene=drawn.scene, replays=Path(own))
+        outcome, found = diagnosed(
+            task.name, kind, drawn.causes, drawn.recording, limit=0.0, scene=drawn.scene, replays=Path(own)
+        )
     parameters = drawn.scene.parameters()
     values = {p.name: p.value for c in found.causes for p in c.parameters} if found else {}
     known = [(values[n], v * SHOWN[parameters[n].unit][1]) for n, v in drawn.values.items() if n in values]
