@@ -105,7 +105,7 @@ class Outcome:
 
 @contextmanager
 def patience(limit: float) -> Iterator[None]:
-    """Raise TimeoutError after `limit` seconds of processor time, 0 for never: an endless search blocks no other case."""
+    """Raise TimeoutError after `limit` seconds of processor time, 0 for never: no search blocks the other cases."""
 
     def give_up(number: int, frame: object) -> None:
         raise TimeoutError(f"no answer after {limit:.0f} s of processor time")
